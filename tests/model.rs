@@ -39,8 +39,8 @@ fn report(times: impl Fn(u32) -> [f64; 3], (cullers, schedule): Cullers) -> Repo
 }
 
 /// Pictures a second of a simulated session whose roles take what the report says, on a network that takes no
-/// time.
-fn simulated(report: &Report, (cullers, schedule): Cullers) -> f64 {
+/// time, and the median latency in milliseconds.
+fn simulated(report: &Report, (cullers, schedule): Cullers) -> (f64, f64) {
     let folder = tempfile::tempdir().unwrap();
     let [network, walk] = ["ideal.toml", "report.json"].map(|name| folder.path().join(name));
     fs::write(&network, "about = \"takes no time\"\nsources = []\n[up]\n").unwrap();
@@ -57,7 +57,11 @@ fn simulated(report: &Report, (cullers, schedule): Cullers) -> f64 {
         workload: Workload::recorded(&walk).unwrap(),
         knobs: Knobs::default(),
     };
-    simulate(&scenario).unwrap().frames_per_second
+    let outcome = simulate(&scenario).unwrap();
+    let ages = outcome.times.iter().map(|frame| frame.shown.since(frame.published).as_secs_f64() * 1e3);
+    let mut ages: Vec<f64> = ages.collect();
+    ages.sort_by(f64::total_cmp);
+    (outcome.frames_per_second, ages[(ages.len() - 1) / 2])
 }
 
 /// A number from 0 to 1 that depends on the frame and `salt` alone.
@@ -86,11 +90,15 @@ fn the_model_is_what_the_simulator_gives_on_a_network_that_takes_no_time() {
         for (name, times) in walks {
             let report = report(times, cullers);
             let model = report.summary.model.unwrap();
-            let simulated = simulated(&report, cullers);
+            let (simulated, latency) = simulated(&report, cullers);
             let off = model.fps / simulated - 1.0;
             // In the schedule `switch` ids come in batches, of which the report knows nothing.
             let bound = if cullers.1 == Schedule::Switch { 0.03 } else { 1e-6 };
             assert!(off.abs() < bound, "{name}, {cullers:?}: {} and {simulated}", model.fps);
+            if cullers.1 == Schedule::Independent {
+                let later = model.latency_ms / latency - 1.0;
+                assert!(later.abs() < bound, "{name}, {cullers:?}: {} and {latency} ms", model.latency_ms);
+            }
             let unaccounted = model.fps_at_least / model.fps - 1.0;
             assert!(unaccounted.abs() < 1e-6, "{name}, {cullers:?}: all time is accounted for");
         }

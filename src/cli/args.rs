@@ -15,7 +15,7 @@ pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName}
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Up};
 pub(crate) use sim::{SimArgs, SimLink};
 pub(crate) use walks::{
-    DemoArgs, LinkKind, OcclusionTestArg, RunArgs, ScheduleArg, Size, SweepArgs, WalkArgs,
+    CullerArgs, DemoArgs, LinkKind, OcclusionTestArg, RunArgs, ScheduleArg, Size, SweepArgs, WalkArgs,
 };
 
 /// Walk through CAD models of process plants with tens of millions of triangles.

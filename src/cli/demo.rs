@@ -6,7 +6,7 @@ use trimaran_gpu::GpuOptions;
 
 use super::{
     Failure,
-    args::{Coding, DemoArgs, OcclusionTestArg, RunArgs, ScheduleArg, Size, WalkArgs},
+    args::{Coding, DemoArgs, OcclusionTestArg, RunArgs, Size, WalkArgs},
     cooking, run,
 };
 
@@ -29,8 +29,6 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         path: "auto".to_owned(),
         seed: 1,
         size: Size { width: 1024, height: 1024 },
-        cullers: 2,
-        schedule: ScheduleArg::Independent,
         batch: 1024,
         coding: Coding::Changes,
         occlusion_test: OcclusionTestArg::Hzb,

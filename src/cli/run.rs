@@ -40,10 +40,14 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     walk(args, &open(&args.scene)?, None)?.conclude(&args.out, args.json)
 }
 
-/// Opens the devices of a display and its cullers in this process.
-pub(super) fn open_devices(file: &SceneFile, walk: &WalkArgs) -> Result<SceneOnDevices, Failure> {
+/// Opens the devices of a display and so many cullers in this process.
+pub(super) fn open_devices(
+    file: &SceneFile,
+    cullers: usize,
+    walk: &WalkArgs,
+) -> Result<SceneOnDevices, Failure> {
     let options = gpu_options(walk.device.as_deref(), walk.device_timeout);
-    SceneOnDevices::open(&file.scene, walk.cullers.into(), &options).map_err(Failure::broken)
+    SceneOnDevices::open(&file.scene, cullers, &options).map_err(Failure::broken)
 }
 
 /// Walks and reports. Roles of one process use `devices`, or open their own.
@@ -53,12 +57,12 @@ pub(super) fn walk(
     devices: Option<&SceneOnDevices>,
 ) -> Result<Outcome, Failure> {
     let RunArgs { walk, link, .. } = args;
-    let plan = walking::plan(walk, args.epsilon, args.visible, walking::pace(args.live))?;
+    let plan = walking::plan(walk, args.cullers, args.epsilon, args.visible, walking::pace(args.live))?;
     let path = walking::path(walk, &plan, &file.scene, args.state.as_deref())?;
     check_trace(args.record.as_deref())?;
     let folder = open_folder(&args.out)?;
     let opened = match (link, devices) {
-        (LinkKind::Inproc, None) => Some(open_devices(file, walk)?),
+        (LinkKind::Inproc, None) => Some(open_devices(file, args.cullers.cullers.into(), walk)?),
         _ => None,
     };
     let devices = devices.or(opened.as_ref());
@@ -72,7 +76,7 @@ pub(super) fn walk(
     };
     let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
     let way = Walk { file, drawn: &drawn, plan: &plan, path: &path };
-    let cullers = CullerId::first(walk.cullers.into());
+    let cullers = CullerId::first(args.cullers.cullers.into());
     let machines = cullers.clone().map(Some).chain([None]);
     let drawn_by = |culler| devices.map_or(&drawn, |devices| devices.drawn_by(culler));
     let roles = machines.map(|culler| role_info(Machine::of(culler), drawn_by(culler)));

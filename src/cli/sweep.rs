@@ -1,26 +1,43 @@
-//! `trimaran sweep`: the same path at several error bounds, speed against error.
+//! `trimaran sweep`: the same path at several error bounds, and with several numbers of cullers.
 
-use trimaran::report::{SweepPoint, text, write};
+use std::sync::Arc;
+
+use trimaran::{
+    report::{SweepPoint, text, write},
+    walkthrough::SceneOnDevices,
+};
 
 use super::{
     Failure,
-    args::{RunArgs, SweepArgs},
+    args::{CullerArgs, RunArgs, ScheduleArg, SweepArgs},
     print_json,
     run::{open_devices, walk},
     walking::open,
 };
 
 pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
+    let shared = shares(args);
+    if shared.is_empty() {
+        return Err(Failure::bad_input("--schedule switch takes two cullers: add --cullers 2"));
+    }
     let file = open(&args.scene)?;
-    let devices = open_devices(&file, &args.walk)?;
+    let most = shared.iter().map(|at| at.cullers).max().unwrap_or(0);
+    let devices = open_devices(&file, most.into(), &args.walk)?;
     let mut points = Vec::new();
     let mut last = None;
-    for &epsilon in &args.epsilons {
-        let out = args.out.join(format!("epsilon-{epsilon}"));
-        let at = RunArgs { epsilon, ..RunArgs::of(args.scene.clone(), args.walk.clone(), out) };
-        let report = walk(&at, &file, Some(&devices))?.whole()?;
-        points.push(SweepPoint::of(&report));
-        last = Some(report);
+    for &cullers in &shared {
+        let devices = SceneOnDevices {
+            scene: Arc::clone(&devices.scene),
+            cullers: devices.cullers.iter().take(cullers.cullers.into()).map(Arc::clone).collect(),
+            display: Arc::clone(&devices.display),
+        };
+        for &epsilon in &args.epsilons {
+            let out = args.out.join(folder(&shared, cullers, epsilon));
+            let at = RunArgs { epsilon, cullers, ..RunArgs::of(args.scene.clone(), args.walk.clone(), out) };
+            let report = walk(&at, &file, Some(&devices))?.whole()?;
+            points.push(SweepPoint::of(&report));
+            last = Some(report);
+        }
     }
     if let Some(report) = last {
         write(&args.out, report.with_sweep(points.clone()), []).map_err(Failure::broken)?;
@@ -31,4 +48,20 @@ pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
     print!("{}", text::sweep(&points));
     println!("report: {}", args.out.join("report.html").display());
     Ok(())
+}
+
+/// Every number of cullers with every schedule that it can have.
+fn shares(args: &SweepArgs) -> Vec<CullerArgs> {
+    let of = |&cullers: &u8| args.schedule.iter().map(move |&schedule| CullerArgs { cullers, schedule });
+    let all = args.cullers.iter().flat_map(of);
+    all.filter(|at| at.schedule != ScheduleArg::Switch || at.cullers == 2).collect()
+}
+
+/// Where a run's own report goes.
+fn folder(shared: &[CullerArgs], at: CullerArgs, epsilon: f64) -> String {
+    match (shared, at.schedule) {
+        ([_], _) => format!("epsilon-{epsilon}"),
+        (_, ScheduleArg::Independent) => format!("cullers-{}-epsilon-{epsilon}", at.cullers),
+        (_, ScheduleArg::Switch) => format!("switch-epsilon-{epsilon}"),
+    }
 }

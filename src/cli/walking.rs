@@ -25,16 +25,22 @@ use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
-    args::{OcclusionTestArg, ScheduleArg, WalkArgs},
+    args::{CullerArgs, OcclusionTestArg, ScheduleArg, WalkArgs},
 };
 
 /// The plan that the flags ask for.
-pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) -> Result<Plan, Failure> {
+pub(super) fn plan(
+    walk: &WalkArgs,
+    cullers: CullerArgs,
+    epsilon_px: f64,
+    visible: bool,
+    pace: Pace,
+) -> Result<Plan, Failure> {
     if walk.few_pixels && walk.occlusion_test == OcclusionTestArg::Hzb {
         let why = "--few-pixels needs an occlusion test that counts pixels: add --occlusion-test raster or --occlusion-test query";
         return Err(Failure::bad_input(why));
     }
-    if walk.schedule == ScheduleArg::Switch && walk.cullers != 2 {
+    if cullers.schedule == ScheduleArg::Switch && cullers.cullers != 2 {
         return Err(Failure::bad_input("--schedule switch takes two cullers: add --cullers 2"));
     }
     Ok(Plan {
@@ -48,7 +54,7 @@ pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) 
             OcclusionTestArg::Hzb => OcclusionTestKind::Hzb,
         },
         pace,
-        schedule: walk.schedule.into(),
+        schedule: cullers.schedule.into(),
         audit_every: walk.audit_every,
         visible,
         alone: walk.alone,

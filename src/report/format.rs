@@ -53,7 +53,28 @@ pub(super) fn plural(count: u64, one: &str, many: &str) -> String {
     format!("{} {}", grouped(count as f64), if count == 1 { one } else { many })
 }
 
-/// A point of a sweep, in the columns of its tables; `none` where a figure was not measured.
+/// Whether a sweep's runs differ in who culls.
+pub(super) fn cullers_differ(points: &[SweepPoint]) -> bool {
+    let who = |point: &SweepPoint| (point.cullers, point.schedule.clone());
+    points.windows(2).any(|pair| matches!(pair, [a, b] if who(a) != who(b)))
+}
+
+/// A point of a sweep over cullers, in the columns of its tables; `none` where a figure was not measured.
+pub(super) fn culler_cells(point: &SweepPoint, none: &str) -> Vec<String> {
+    let value = |v: Option<f64>| with_unit(v, "", none);
+    vec![
+        grouped(f64::from(point.cullers)),
+        if point.cullers == 0 { none.to_owned() } else { point.schedule.clone() },
+        figure(point.epsilon_px),
+        value(point.fps()),
+        value(point.latency_ms),
+        value(point.object_tightness),
+        value(point.triangle_tightness),
+        value(point.bytes),
+    ]
+}
+
+/// A point of a sweep over epsilon, in the columns of its tables; `none` where a figure was not measured.
 pub(super) fn sweep_cells(point: &SweepPoint, none: &str) -> Vec<String> {
     let value = |v: Option<f64>| with_unit(v, "", none);
     vec![

@@ -1,6 +1,6 @@
 //! What is printed at the end of a run.
 
-use super::format::{figure, grouped, plural, sweep_cells, with_unit};
+use super::format::{culler_cells, cullers_differ, figure, grouped, plural, sweep_cells, with_unit};
 use super::schema::{METRICS, Report, Run, SweepPoint};
 
 /// The metrics that the printed summary shows; `report.json` has all.
@@ -144,11 +144,14 @@ fn culling(report: &Report) -> String {
     text
 }
 
-/// The table of a sweep: one line a setting of epsilon, ending in a line break.
+/// The tables of a sweep: one line a run, ending in a line break.
 #[must_use]
 pub fn sweep(points: &[SweepPoint]) -> String {
-    let rows: Vec<Vec<String>> = points.iter().map(|point| sweep_cells(point, "-")).collect();
     let modelled = points.iter().any(|point| point.modelled_fps.is_some());
+    if cullers_differ(points) {
+        return by_cullers(points, modelled);
+    }
+    let rows: Vec<Vec<String>> = points.iter().map(|point| sweep_cells(point, "-")).collect();
     let head = [
         "epsilon",
         if modelled { "MODEL fps" } else { "fps" },
@@ -161,8 +164,27 @@ pub fn sweep(points: &[SweepPoint]) -> String {
         "FLIP",
         "silhouette px",
     ];
-    let model = if modelled { "MODEL: a machine for each role, no network. " } else { "" };
-    table(&head, &rows) + model + "changed px: by culling, must be 0.\n"
+    table(&head, &rows) + modelled_how(modelled) + "changed px: by culling, must be 0.\n"
+}
+
+fn by_cullers(points: &[SweepPoint], modelled: bool) -> String {
+    let head = [
+        "cullers",
+        "schedule",
+        "epsilon",
+        if modelled { "MODEL fps" } else { "fps" },
+        "latency ms",
+        "objects",
+        "triangles",
+        "bytes",
+    ];
+    let rows: Vec<Vec<String>> = points.iter().map(|point| culler_cells(point, "-")).collect();
+    let what = "objects, triangles: drawn over exactly visible. bytes: a frame.\n";
+    table(&head, &rows) + modelled_how(modelled) + what
+}
+
+const fn modelled_how(modelled: bool) -> &'static str {
+    if modelled { "MODEL: a machine for each role, no network. " } else { "" }
 }
 
 /// Aligned columns: the first to the left, the others to the right.

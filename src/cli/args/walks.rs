@@ -71,17 +71,6 @@ pub(crate) struct WalkArgs {
     /// The picture's size in pixels.
     #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
     pub(crate) size: Size,
-    /// How many cullers there are. Without any the display culls for itself, as on a machine with one GPU.
-    #[arg(
-        long,
-        value_name = "K",
-        default_value_t = 2,
-        value_parser = clap::value_parser!(u8).range(0..=8)
-    )]
-    pub(crate) cullers: u8,
-    /// Which visible set cullers draw their occluders from.
-    #[arg(long, value_enum, default_value = "independent")]
-    pub(crate) schedule: ScheduleArg,
     /// How many ids travel in one batch.
     #[arg(
         long,
@@ -115,6 +104,22 @@ pub(crate) struct WalkArgs {
     pub(crate) audit_every: u32,
 }
 
+/// Who culls.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct CullerArgs {
+    /// How many cullers there are. Without any the display culls for itself, as on a machine with one GPU.
+    #[arg(
+        long,
+        value_name = "K",
+        default_value_t = 2,
+        value_parser = clap::value_parser!(u8).range(0..=8)
+    )]
+    pub(crate) cullers: u8,
+    /// Which visible set cullers draw their occluders from.
+    #[arg(long, value_enum, default_value = "independent")]
+    pub(crate) schedule: ScheduleArg,
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct RunArgs {
     /// The scene.
@@ -133,6 +138,8 @@ pub(crate) struct RunArgs {
         allow_negative_numbers = true
     )]
     pub(crate) epsilon: f64,
+    #[command(flatten)]
+    pub(crate) cullers: CullerArgs,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
     /// Show what this process's links carry on this address while it walks, unless they are within it:
@@ -171,6 +178,7 @@ impl RunArgs {
             link: LinkKind::Inproc,
             links: LinkFlags::default(),
             epsilon: 2.0,
+            cullers: CullerArgs { cullers: 2, schedule: ScheduleArg::Independent },
             walk,
             metrics: None,
             live: None,
@@ -197,6 +205,18 @@ pub(crate) struct SweepArgs {
         allow_negative_numbers = true
     )]
     pub(crate) epsilons: Vec<f64>,
+    /// The numbers of cullers to walk with; without any the display culls for itself.
+    #[arg(
+        long,
+        value_name = "K,..",
+        value_delimiter = ',',
+        default_value = "2",
+        value_parser = clap::value_parser!(u8).range(0..=8)
+    )]
+    pub(crate) cullers: Vec<u8>,
+    /// The schedules to walk by; `switch` takes two cullers, and is left out for other numbers.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "independent")]
+    pub(crate) schedule: Vec<ScheduleArg>,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
     /// Where to write report.json and report.html.

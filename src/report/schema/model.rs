@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use trimaran_actors::Schedule;
 
-use super::{Frame, Run};
+use super::{Frame, Run, Stat};
 
 /// Pictures a second that a machine for each culler and one for the display would show. Each is like the one
 /// that the times were taken on, and the network between them takes no time.
@@ -14,6 +14,8 @@ pub struct Model {
     pub fps: f64,
     /// The error, as far as it can be measured: `fps` if all of `unaccounted_ms` came on top of each frame.
     pub fps_at_least: f64,
+    /// Time from handing a camera out to its picture, median, milliseconds.
+    pub latency_ms: f64,
     /// The walk's time that is in no role's busy time, a frame: taking messages, waking threads, noting what
     /// was shown.
     pub unaccounted_ms: f64,
@@ -37,8 +39,11 @@ impl Model {
         let whole = wall_ms? + frames.first()?.latency_ms?;
         let unaccounted_ms = (whole - busy).max(0.0) / frames.len() as f64;
         let switch = run.schedule == Schedule::Switch.name();
-        let fps = fps(&times, run.cullers as usize, switch)?;
-        Some(Self { fps, fps_at_least: 1000.0 / (1000.0 / fps + unaccounted_ms), unaccounted_ms })
+        let frames = frames_of(&times, run.cullers as usize, switch);
+        let fps = fps(&frames)?;
+        let latency_ms = Stat::of(frames.iter().map(|frame| frame.shown - frame.dealt))?.median;
+        let fps_at_least = 1000.0 / (1000.0 / fps + unaccounted_ms);
+        Some(Self { fps, fps_at_least, latency_ms, unaccounted_ms })
     }
 }
 
@@ -48,47 +53,55 @@ impl Times {
     }
 }
 
-fn fps(times: &[Times], cullers: usize, switch: bool) -> Option<f64> {
-    let shown = shown(times, cullers, switch);
-    let [first, .., last] = *shown else { return None };
-    (last > first).then(|| 1000.0 * (shown.len() - 1) as f64 / (last - first))
+/// When what happens to a frame, milliseconds after the first camera.
+#[derive(Debug, Clone, Copy)]
+struct Modelled {
+    /// Its camera is handed out.
+    dealt: f64,
+    /// HC begins.
+    began: f64,
+    culled: f64,
+    /// RVG begins.
+    drawing: f64,
+    shown: f64,
 }
 
-/// When each picture is shown, milliseconds after the first camera, in lockstep.
+fn fps(frames: &[Modelled]) -> Option<f64> {
+    let [first, .., last] = frames else { return None };
+    (last.shown > first.shown).then(|| 1000.0 * (frames.len() - 1) as f64 / (last.shown - first.shown))
+}
+
+/// What happens to each frame in lockstep.
 ///
 /// A culler has the camera of its next frame while it culls one, but none is as much as twice the number of
 /// cullers ahead of the last picture. The display deals between two pictures, and not while it draws one. In
 /// the schedule `switch` OR draws what HC of the frame before finds while it does, so it is complete no
 /// sooner.
-fn shown(times: &[Times], cullers: usize, switch: bool) -> Vec<f64> {
-    let mut began: Vec<f64> = Vec::with_capacity(times.len());
-    let mut culled: Vec<f64> = Vec::with_capacity(times.len());
-    let mut drawing: Vec<f64> = Vec::with_capacity(times.len());
-    let mut shown: Vec<f64> = Vec::with_capacity(times.len());
-    let before = |done: &[f64], frame: usize, by: usize| {
-        frame.checked_sub(by).and_then(|earlier| done.get(earlier)).copied().unwrap_or(0.0)
-    };
+fn frames_of(times: &[Times], cullers: usize, switch: bool) -> Vec<Modelled> {
+    let mut frames: Vec<Modelled> = Vec::with_capacity(times.len());
     for (frame, &Times { or, hc, rvg }) in times.iter().enumerate() {
-        let last = before(&shown, frame, 1);
-        let occluded = if cullers == 0 {
-            last + or
-        } else {
-            let wanted = before(&began, frame, cullers).max(before(&shown, frame, 2 * cullers));
-            let pictures = drawing.iter().zip(&shown).rev();
-            let drawn_then =
-                pictures.take_while(|(_, end)| **end > wanted).find(|(start, _)| **start < wanted);
-            let dealt = drawn_then.map_or(wanted, |(_, end)| *end);
-            let free = before(&culled, frame, cullers).max(dealt);
-            let (fed, complete) =
-                if switch { (before(&began, frame, 1), before(&culled, frame, 1)) } else { (0.0, 0.0) };
-            (free.max(fed) + or).max(complete)
+        let before = |by: usize, when: fn(&Modelled) -> f64| {
+            frame.checked_sub(by).and_then(|earlier| frames.get(earlier)).map_or(0.0, when)
         };
-        began.push(occluded);
-        culled.push(occluded + hc);
-        drawing.push((occluded + hc).max(last));
-        shown.push((occluded + hc).max(last) + rvg);
+        let last = before(1, |frame| frame.shown);
+        let (dealt, began) = if cullers == 0 {
+            (last, last + or)
+        } else {
+            let wanted = before(cullers, |frame| frame.began).max(before(2 * cullers, |frame| frame.shown));
+            let mut pictures = frames.iter().rev().take_while(|frame| frame.shown > wanted);
+            let dealt = pictures.find(|frame| frame.drawing < wanted).map_or(wanted, |frame| frame.shown);
+            let free = before(cullers, |frame| frame.culled).max(dealt);
+            let (fed, complete) = match switch {
+                true => (before(1, |frame| frame.began), before(1, |frame| frame.culled)),
+                false => (0.0, 0.0),
+            };
+            (dealt, (free.max(fed) + or).max(complete))
+        };
+        let culled = began + hc;
+        let drawing = culled.max(last);
+        frames.push(Modelled { dealt, began, culled, drawing, shown: drawing + rvg });
     }
-    shown
+    frames
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Speed against error: one point a setting of epsilon.
+//! Speed against error and number of cullers: one point a run.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,11 +10,20 @@ use super::Report;
 pub struct SweepPoint {
     /// The bound on the level-of-detail error, pixels.
     pub epsilon_px: f64,
+    /// How many cullers the walk had.
+    #[serde(default)]
+    pub cullers: u32,
+    /// Which visible set cullers drew their occluders from.
+    #[serde(default)]
+    pub schedule: String,
     /// Frames a second as measured.
     pub measured_fps: Option<f64>,
-    /// Frames a second that three machines would show: a model, of runs whose roles computed one after
-    /// another.
+    /// Frames a second that a machine for each role would show: a model, of runs whose roles computed one
+    /// after another.
     pub modelled_fps: Option<f64>,
+    /// From handing a camera out to its picture, median, milliseconds: modelled where the rate is.
+    #[serde(default)]
+    pub latency_ms: Option<f64>,
     /// OR busy, median, milliseconds.
     pub or_ms: Option<f64>,
     /// HC busy, median, milliseconds.
@@ -25,6 +34,12 @@ pub struct SweepPoint {
     pub nodes_drawn: Option<f64>,
     /// Triangles drawn, median.
     pub triangles_drawn: Option<f64>,
+    /// Objects drawn over objects exactly visible at the same LOD cut, median.
+    #[serde(default)]
+    pub object_tightness: Option<f64>,
+    /// Triangles drawn over triangles exactly visible at the same LOD cut, median.
+    #[serde(default)]
+    pub triangle_tightness: Option<f64>,
     /// Bytes sent a frame, median.
     pub bytes: Option<f64>,
     /// Frames audited.
@@ -56,13 +71,18 @@ impl SweepPoint {
         let median = |key: &str| summary.metrics.get(key).map(|s| s.median);
         Self {
             epsilon_px: report.run.epsilon_px,
+            cullers: report.run.cullers,
+            schedule: report.run.schedule.clone(),
             measured_fps: summary.measured_fps,
             modelled_fps: summary.model.map(|model| model.fps),
+            latency_ms: summary.model.map(|model| model.latency_ms).or_else(|| median("latency_ms")),
             or_ms: median("or_ms"),
             hc_ms: median("hc_ms"),
             rvg_ms: median("rvg_ms"),
             nodes_drawn: median("nodes_drawn"),
             triangles_drawn: median("triangles_drawn"),
+            object_tightness: summary.tightness.objects,
+            triangle_tightness: summary.tightness.triangles,
             bytes: median("bytes"),
             audited_frames: summary.audited_frames,
             false_culled_pixels: summary.false_culled_pixels_total,

@@ -102,7 +102,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         match &mut self.mapper {
             Some(mapper) => mapper.begin(view, &self.rule),
             None => {
-                self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, &self.rule))
+                self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, &self.rule));
             }
         }
         self.device.begin_occluders(&view).map_err(RoleError::device("clearing the depth"))?;

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::report::format::{figure, grouped, sweep_cells};
+use crate::report::format::{culler_cells, cullers_differ, figure, grouped, sweep_cells};
 use crate::report::html::table;
 use crate::report::schema::{
     METRICS, Machine, Metric, Mode, Report, RoleInfo, Run, SceneInfo, SweepPoint, ViewStateInfo,
@@ -113,6 +113,9 @@ pub(super) fn bandwidth(report: &Report) -> Markup {
 }
 
 fn sweep(points: &[SweepPoint]) -> Markup {
+    if cullers_differ(points) {
+        return by_cullers(points);
+    }
     let rows: Vec<_> = points.iter().map(|point| sweep_cells(point, "–")).collect();
     let modelled = points.iter().any(|point| point.modelled_fps.is_some());
     let head = [
@@ -128,6 +131,23 @@ fn sweep(points: &[SweepPoint]) -> Markup {
         "silhouette px",
     ];
     let caption = "Speed against error (medians; changed pixels are sums, silhouette is the largest)";
+    table("all", caption, &head, &rows)
+}
+
+fn by_cullers(points: &[SweepPoint]) -> Markup {
+    let rows: Vec<_> = points.iter().map(|point| culler_cells(point, "–")).collect();
+    let modelled = points.iter().any(|point| point.modelled_fps.is_some());
+    let head = [
+        "cullers",
+        "schedule",
+        "ε (px)",
+        if modelled { "frames/s, modelled" } else { "frames/s" },
+        if modelled { "latency ms, modelled" } else { "latency ms" },
+        "objects",
+        "triangles",
+        "bytes a frame",
+    ];
+    let caption = "Speed by cullers (medians; objects and triangles drawn over exactly visible)";
     table("all", caption, &head, &rows)
 }
 
