@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use trimaran::{
     config,
-    report::schema::Machine,
+    report::{Writer, schema::Machine},
     vulkan::VulkanCuller,
     walkthrough::{SceneFile, SceneOnDevices, Walk},
 };
@@ -51,7 +51,7 @@ pub(super) fn walk(
     let plan = walking::plan(walk, args.epsilon, args.visible, walking::pace(args.live))?;
     let path = walking::path(walk, &plan, &file.scene)?;
     check_trace(args.record.as_deref())?;
-    let folder = open_folder(&args.out)?;
+    let folder = open_folder(Writer::create, &args.out)?;
     let opened = match (link, devices) {
         (LinkKind::Inproc, None) => Some(open_devices(file, walk)?),
         _ => None,
@@ -79,6 +79,7 @@ pub(super) fn walk(
         metrics: Metrics::show(args.metrics, &runtime)?,
         trace: args.record.clone(),
         key: SessionKey(net.random().map_err(Failure::broken)?),
+        progress: None,
         net,
         cullers: Vec::new(),
         listener: None,

@@ -19,6 +19,7 @@ mod path;
 mod plan;
 mod record;
 mod reporting;
+mod resume;
 
 pub use attribution::AttributionError;
 pub use audit::{AuditError, AuditPictures, Auditor};
@@ -31,3 +32,4 @@ pub use path::{CameraPath, CameraPathError, PathChoice};
 pub use plan::{Pace, Plan};
 pub use record::Recorder;
 pub use reporting::{SceneFile, Walk, Written, begin, how_ended, write_report};
+pub use resume::Progress;
