@@ -8,8 +8,9 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 use trimaran_actors::CullerId;
-use trimaran_cull::{View, draw_order};
+use trimaran_cull::{View, Viewport, draw_order};
 use trimaran_proto::{DrawableId, FrameNumber, FrameStats, SentBytes, SessionKey};
+use trimaran_scene::Scene;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::{compose::FrameRecord, path::CameraPath, reporting::Walk};
@@ -93,10 +94,13 @@ impl Progress {
         for line in &left.lines {
             match line {
                 Line { note: Some(note), .. } => notes.push(note.clone()),
-                Line { state: Some(state), .. } => match state.record(walk, records.len(), &mut last) {
-                    Some(record) => records.push(record),
-                    None => return Ok(None),
-                },
+                Line { state: Some(state), .. } => {
+                    let (scene, size) = (&walk.file.scene, walk.plan.viewport);
+                    match state.record(scene, walk.path, size, records.len(), &mut last) {
+                        Some(record) => records.push(record),
+                        None => return Ok(None),
+                    }
+                }
                 Line { note: None, state: None } => return Ok(None),
             }
         }
@@ -193,7 +197,9 @@ impl FrameState {
     /// What was kept of this frame of the walk, after one with the ids `last`; none where it cannot be.
     fn record(
         &self,
-        Walk { file, plan, path, .. }: Walk<'_>,
+        scene: &Scene,
+        path: &CameraPath,
+        size: Viewport,
         number: usize,
         last: &mut BTreeSet<DrawableId>,
     ) -> Option<FrameRecord> {
@@ -203,14 +209,14 @@ impl FrameState {
         for gap in &self.changes {
             id = id.checked_add(*gap)?;
             let changed = DrawableId(id);
-            file.scene.drawables().get(changed.index())?;
+            scene.drawables().get(changed.index())?;
             if !last.remove(&changed) {
                 last.insert(changed);
             }
         }
         let mut ids: Vec<_> = last.iter().copied().collect();
         // As the display drew them.
-        draw_order(&file.scene, &View::new(camera, plan.viewport), &mut ids);
+        draw_order(scene, &View::new(camera, size), &mut ids);
         Some(FrameRecord {
             camera,
             culler: self.culler.and_then(CullerId::of),
@@ -225,5 +231,66 @@ impl FrameState {
             arrivals: self.arrivals.clone(),
             stats: self.stats,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_cook::{
+        CookOptions, cook,
+        generate::{PlantOptions, plant},
+    };
+    use trimaran_cull::{LodRule, lod_cut};
+
+    use super::*;
+    use crate::walkthrough::PathChoice;
+
+    #[test]
+    fn a_frame_is_kept_to_the_last_bit_and_takes_few_bytes() {
+        let model = plant(&PlantOptions { objects: 300, triangles: 60_000, ..PlantOptions::small(5) });
+        let scene = cook(&model, &CookOptions::default(), &()).unwrap();
+        let size = Viewport::new(200, 100).unwrap();
+        let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, size, Some(30)).unwrap();
+        let frame = |number: usize| {
+            // By the clock some poses are not shown, and others twice.
+            let camera = path.all()[number * 3 / 2].for_frame(FrameNumber(number as u32));
+            let view = View::new(camera, size);
+            let mut ids = lod_cut(&scene, &view, LodRule::new(2.0).unwrap());
+            draw_order(&scene, &view, &mut ids);
+            FrameRecord {
+                camera,
+                culler: CullerId::of(number % 2),
+                ids,
+                for_loss: 3,
+                picture: Some(u64::MAX - 5),
+                published: Duration::from_nanos(1_000_000_007),
+                begun: Duration::from_nanos(2),
+                drawing: Duration::from_nanos(3),
+                shown: Duration::from_nanos(4),
+                traffic: SentBytes { ids: 12, ..SentBytes::default() },
+                arrivals: vec![(5, Duration::from_nanos(6))],
+                stats: (number > 0).then(FrameStats::default),
+            }
+        };
+        let frames: Vec<_> = (0..20).map(frame).collect();
+        let (before, after) = frames.split_at(10);
+        let (mut first, mut second) = (Keeper::after(&[], &path), Keeper::after(before, &path));
+        let kept = before.iter().map(|record| first.keep(record)).collect::<Vec<_>>();
+        let kept = kept.into_iter().chain(after.iter().map(|record| second.keep(record)));
+        let mut last = BTreeSet::new();
+        let (mut bytes, mut ids) = (0, 0);
+        for (number, state) in kept.enumerate() {
+            let line = serde_json::to_string(&state).unwrap();
+            (bytes, ids) = (bytes + line.len(), ids + frames[number].ids.len());
+            let state: FrameState = serde_json::from_str(&line).unwrap();
+            let back = state.record(&scene, &path, size, number, &mut last).unwrap();
+            assert_eq!(format!("{back:?}"), format!("{:?}", frames[number]));
+        }
+        let ids_alone = ids * 4 / frames.len();
+        println!("{} bytes a frame, where the ids alone would take {ids_alone}", bytes / frames.len());
+        let nobody = FrameState { changes: vec![u32::MAX], ..Keeper::after(&[], &path).keep(&frames[0]) };
+        assert!(nobody.record(&scene, &path, size, 0, &mut BTreeSet::new()).is_none(), "no such id");
+        let nowhere = FrameState { pose: 30, ..Keeper::after(&[], &path).keep(&frames[0]) };
+        assert!(nowhere.record(&scene, &path, size, 0, &mut BTreeSet::new()).is_none(), "no such camera");
     }
 }
