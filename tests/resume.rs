@@ -22,7 +22,9 @@ use program::Process;
 use serde_json::Value;
 
 const FRAMES: usize = 150;
-const WALK: [&str; 6] = ["--frames", "150", "--width=200", "--height=200", "--audit-every", "1"];
+const WALK: [&str; 4] = ["--frames", "150", "--width=200", "--height=200"];
+const AUDITED: [&str; 2] = ["--audit-every", "1"];
+const LIVE: [&str; 2] = ["--live", "30"];
 /// Longer than a test may wait: only the display's key frees its place, and there is one.
 const ONE_PLACE: [&str; 4] = ["-o", "link.idle_timeout_s=600", "-o", "limits.peers=1"];
 const WENT_ON: &str = "was killed before frame";
@@ -62,16 +64,16 @@ fn a_display_that_is_killed_goes_on_where_it_was() {
     for transport in ["tcp", "quic", "udp"] {
         let deployment = deploy(transport);
         let _cullers = deployment.start_cullers(&ONE_PLACE);
-        killed_after(&deployment, 30, &[]);
+        killed_after(&deployment, 30, &AUDITED);
         let journal = deployment.path("walk/unfinished/walk.jsonl");
         // As when the power goes while a line is being written.
         let mut torn = File::options().append(true).open(&journal).unwrap();
         torn.write_all(b"{\"frame\":31,\"eye\":[0.0,").unwrap();
         drop(torn);
-        killed_after(&deployment, 30, &[]);
+        killed_after(&deployment, 30, &AUDITED);
 
         let started = Instant::now();
-        let mut display = start(&deployment, &[]);
+        let mut display = start(&deployment, &AUDITED);
         display.says_all(&[WENT_ON]);
         display.says("has come");
         display.says("has come");
@@ -89,7 +91,7 @@ fn a_display_that_is_killed_goes_on_where_it_was() {
             assert!(frame["latency_ms"].as_f64().unwrap() >= 0.0 && frame["nodes_drawn"] != 0, "{frame}");
         }
 
-        start(&deployment, &["--out", "whole"]).ends(0);
+        start(&deployment, &[&AUDITED[..], &["--out", "whole"]].concat()).ends(0);
         let killed = pictures(&deployment.path("walk"));
         assert!(killed == pictures(&deployment.path("whole")), "{transport}: other pictures");
     }
@@ -99,7 +101,7 @@ fn a_display_that_is_killed_goes_on_where_it_was() {
 #[test]
 fn another_walk_does_not_go_on() {
     let deployment = deploy("tcp");
-    let _cullers = deployment.start_cullers(&[]);
+    let _cullers = deployment.start_cullers(&ONE_PLACE);
     killed_after(&deployment, 10, &[]);
     let mut display = start(&deployment, &["--seed", "2"]);
     display.says_all(&["the unfinished walk is another one"]);
@@ -115,10 +117,10 @@ fn another_walk_does_not_go_on() {
 #[test]
 fn a_display_that_is_killed_while_it_reports_reports_again() {
     let deployment = deploy("tcp");
-    let cullers = deployment.start_cullers(&[]);
-    killed_after(&deployment, FRAMES, &[]);
+    let cullers = deployment.start_cullers(&ONE_PLACE);
+    killed_after(&deployment, FRAMES, &AUDITED);
     drop(cullers);
-    let said = start(&deployment, &["--join-timeout", "600"]).ends(0);
+    let said = start(&deployment, &[&AUDITED[..], &["--join-timeout", "600"]].concat()).ends(0);
     assert!(said.contains(WENT_ON), "{said}");
     assert_eq!(deployment.whole_report()["summary"]["audited_frames"], FRAMES);
 }
@@ -126,13 +128,12 @@ fn a_display_that_is_killed_while_it_reports_reports_again() {
 #[test]
 fn a_walk_by_the_clock_goes_on_at_its_time() {
     let deployment = deploy("tcp");
-    let _cullers = deployment.start_cullers(&[]);
+    let _cullers = deployment.start_cullers(&ONE_PLACE);
     start(&deployment, &["--out", "whole"]).ends(0);
     let path = deployment.report("whole");
-    let live = ["--live", "30"];
-    killed_after(&deployment, 20, &live);
+    killed_after(&deployment, 20, &LIVE);
     let killed = deployment.shown();
-    start(&deployment, &live).ends(0);
+    start(&deployment, &LIVE).ends(0);
     let report = deployment.whole_report();
     assert!(notes(&report, &[WENT_ON]), "{}", report["run"]["notes"]);
     let path = eyes(&path);
