@@ -49,8 +49,8 @@ pub fn write<'a>(
 /// All goes to a folder `unfinished` within the target first, and is moved into place by
 /// [`finish`](Self::finish). A writer that is dropped before leaves what was recorded there: `walk.jsonl`,
 /// whose first line says what was run and whose other lines are frames and remarks, and `frames/`. Where
-/// nothing was recorded it leaves nothing. While it takes frames it keeps room for the report, so that a full disk has
-/// room for that.
+/// nothing was recorded it leaves nothing. While it takes frames it keeps room for the report, so that a full
+/// disk has room for that.
 #[derive(Debug)]
 pub struct Writer {
     out: PathBuf,
