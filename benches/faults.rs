@@ -232,7 +232,7 @@ fn walk(
         let clock = turns.clock();
         let (cullers, began) = (&mut cullers, &began);
         let breaking = scope.spawn(move || break_cullers(cullers, fault, clock, began));
-        runtime.block_on(role.run(&mut *path.cameras(plan.pace), &mut recorder, &stop))?;
+        runtime.block_on(role.run(&mut *path.cameras(plan.pace, Duration::ZERO), &mut recorder, &stop))?;
         breaking.join().map_err(|_| "the thread that breaks cullers panicked")?
     })?;
     Ok(Walked { frames: recorder.into_frames(), faults })

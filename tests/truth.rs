@@ -29,7 +29,7 @@ use trimaran::walkthrough::Auditor;
 use trimaran_cook::Model;
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::{GpuScene, ItemImage};
-use trimaran_proto::{Camera, FrameNumber};
+use trimaran_proto::{Camera, FrameNumber, Settings};
 use trimaran_scene::{Scene, path::Pose};
 
 /// An object that shows at no more pixels than this, here or there, may be missing from the other.

@@ -5,7 +5,7 @@ use trimaran_wire::{BatchDecoder, BatchEncoder, Batching, Delivery, Protocol, Re
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Camera, DrawableId, FrameNumber, FrameStats, IdCoding, IdDecoder, IdEncoder, Identity, SessionKey,
+    Camera, DrawableId, FrameNumber, FrameStats, IdCoding, IdDecoder, IdEncoder, Identity, Role, SessionKey,
     ViewVersion, coding,
 };
 
@@ -85,6 +85,12 @@ impl Protocol for Walkthrough {
 
     fn role(hello: &Identity) -> Option<String> {
         Some(hello.role.to_string())
+    }
+
+    /// A display that is started again goes on with its session.
+    fn place(hello: &Identity) -> Option<u64> {
+        let (key, _) = hello.session.filter(|_| hello.role == Role::Display)?;
+        Some(key.0)
     }
 
     /// The display's settings decide.

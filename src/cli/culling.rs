@@ -40,9 +40,9 @@ impl Host<'_> {
                     };
                     let session = session?;
                     let (stopper, over) = Stop::new();
-                    // A display that comes again has no use for its old session.
+                    // A display that comes again has no use for its old session, and does not hear its end.
                     for (_, old) in sessions.extract_if(.., |(key, _)| *key == session.key) {
-                        old.stop();
+                        old.insist();
                     }
                     sessions.push((session.key, stopper));
                     let (turns, failed) = (turns.clone(), failed.clone());

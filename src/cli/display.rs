@@ -12,7 +12,7 @@ use trimaran::{
         schema::{Machine, RoleInfo, timestamp},
     },
     vulkan::{VulkanCuller, VulkanDisplay},
-    walkthrough::{CameraPath, Recorder, SceneFile, Walk, begin, how_ended},
+    walkthrough::{CameraPath, Progress, Recorder, SceneFile, Walk, begin, how_ended},
 };
 use trimaran_actors::{
     Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers,
@@ -44,6 +44,8 @@ pub(super) struct DisplaySession<'s> {
     pub(super) net: Arc<dyn Net>,
     /// How cullers know the session.
     pub(super) key: SessionKey,
+    /// How far the walk is, if it goes on where it was when its process was killed.
+    pub(super) progress: Option<Progress>,
     /// Where its cullers are.
     pub(super) cullers: Vec<PeerEndpoint>,
     /// Where others come to.
@@ -92,22 +94,16 @@ impl DisplaySession<'_> {
         (self.about.link, self.about.transport) = transports(&self.cullers, self.listener.as_ref());
         self.about.cullers = u32::try_from(self.cullers.len()).unwrap_or(u32::MAX);
         let bar = progress::walk(self.walk.plan.pace, self.walk.path);
-        let mut advance = |_| bar.inc(1);
-        let mut watched = Watched {
-            recorder: Recorder::new(self.walk.plan.audit_every, &mut advance),
-            links: self.metrics.links(),
-            bar: &bar,
-            notes: Vec::new(),
-        };
+        let mut advance = |frame: FrameNumber| bar.set_position(u64::from(frame.0) + 1);
+        let recorder = Recorder::new(self.walk.plan.audit_every, &mut advance);
+        let mut watched = Watched { recorder, links: self.metrics.links(), bar: &bar };
         let mut no_cullers = Box::pin(no_cullers);
         let mut walk = || runtime.block_on(self.walk(&mut watched, stop, no_cullers.as_mut()));
         // What was walked before a failure is worth a report.
         let early = beside(&mut walk).err();
         bar.finish_and_clear();
-        let Watched { recorder, notes, .. } = watched;
-        let Self { walk, mut about, folder, trace, .. } = self;
-        about.notes.extend(notes);
-        report_on(recorder, folder, early, trace.as_deref(), walk, about, stop)
+        let Self { walk, about, folder, trace, .. } = self;
+        report_on(watched.recorder, folder, early, trace.as_deref(), walk, about, stop)
     }
 
     /// The same with cullers that are elsewhere, and come by themselves.
@@ -124,6 +120,12 @@ impl DisplaySession<'_> {
     ) -> Result<(), Early> {
         let Walk { file, drawn, plan, path } = self.walk;
         let settings = plan.settings();
+        let (first, walked) =
+            self.progress.as_ref().map(|so_far| (so_far.first(), so_far.walked())).unwrap_or_default();
+        if plan.frames_due(path.frames()) == Some(first.0) {
+            // Only the report is missing.
+            self.cullers.clear();
+        }
         let cullers = tokio::select! {
             biased;
             cullers = stop.unless_requested(self.find_cullers(settings)) => match cullers {
@@ -133,14 +135,18 @@ impl DisplaySession<'_> {
             failure = no_cullers => return Err(Early::failed(failure)),
         };
         let mut prepare = || {
-            if let Some(folder) = self.folder.take() {
-                let journal = begin(folder, self.walk, self.about.clone());
-                watched.recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
-            }
             let open = RoleError::device;
             let display = VulkanDisplay::new(drawn, settings.viewport).map_err(open("opening it"))?;
             let culler = VulkanCuller::new(drawn, settings.viewport, settings.occlusion_test);
-            Ok((display, culler.map_err(open("opening it"))?))
+            let culler = culler.map_err(open("opening it"))?;
+            if let Some(folder) = self.folder.take() {
+                let journal = begin(folder, self.walk, self.about.clone(), self.progress.as_ref());
+                watched.recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
+            }
+            if let Some(so_far) = self.progress.take() {
+                watched.recorder.go_on(so_far);
+            }
+            Ok((display, culler))
         };
         let (display, culler) = prepare().map_err(SessionError::Role)?;
         let role = DisplayRole {
@@ -151,13 +157,13 @@ impl DisplaySession<'_> {
             settings,
             schedule: plan.schedule,
             pace: plan.frames(path.frames()),
-            first: FrameNumber(0),
+            first,
             patience: Duration::ZERO,
             drawables: max_frame(&file.scene),
             net: Arc::clone(&self.net),
             turns: self.turns.clone(),
         };
-        let mut cameras = path.cameras(plan.pace);
+        let mut cameras = path.cameras(plan.pace, walked);
         Ok(role.run(&mut *cameras, watched, stop).await.map_err(SessionError::from)?)
     }
 
@@ -198,7 +204,6 @@ struct Watched<'w, 'p> {
     recorder: Recorder<'p>,
     links: LinkMetrics,
     bar: &'w ProgressBar,
-    notes: Vec<String>,
 }
 
 impl Observer for Watched<'_, '_> {
@@ -231,7 +236,7 @@ impl Observer for Watched<'_, '_> {
         };
         if let Some(said) = said {
             self.bar.suspend(|| eprintln!("trimaran: {said}"));
-            self.notes.push(said);
+            self.recorder.note(said);
         }
     }
 }

@@ -5,7 +5,7 @@ use std::{ops::ControlFlow, path::Path};
 
 use trimaran::{
     report::{
-        Report, Run, Writer,
+        Report, ReportError, Run, Writer,
         schema::{Ended, HowEnded},
         text,
     },
@@ -39,9 +39,13 @@ pub(super) struct Outcome {
     missing: Option<Failure>,
 }
 
-/// Opens the folder of a report, before anything is done that it is to hold.
-pub(super) fn open_folder(out: &Path) -> Result<Writer, Failure> {
-    Writer::create(out)
+/// Opens the folder of a report with [`Writer::create`] or [`Writer::open`], before anything is done that it
+/// is to hold.
+pub(super) fn open_folder(
+    open: fn(&Path) -> Result<Writer, ReportError>,
+    out: &Path,
+) -> Result<Writer, Failure> {
+    open(out)
         .map_err(|error| if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) })
 }
 
@@ -59,18 +63,23 @@ pub(super) fn report_on(
     early: Option<Early>,
     trace: Option<&Path>,
     walk: Walk<'_>,
-    run: Run,
+    mut run: Run,
     stop: &Stop,
 ) -> Result<Outcome, Failure> {
-    let (records, journal) = recorder.into_parts();
+    let nothing_new = !recorder.has_shown();
+    let (records, notes, journal) = recorder.into_parts();
+    run.notes.extend(notes);
     let (writer, full) = match journal.map(trimaran::walkthrough::Journal::finish) {
         Some((writer, full)) => (Some(writer), full),
         None => (unused, None),
     };
     let due = walk.plan.frames_due(walk.path.frames());
     let ended = ended(early.as_ref(), full.as_ref(), stop, records.len(), due);
-    let (Some(writer), false) = (writer, records.is_empty()) else {
-        let nothing = || Failure::stopped("interrupted before the first frame: there is nothing to report");
+    // What was recorded by a process before stays for the next one.
+    let nothing = nothing_new && (records.is_empty() || ended.early());
+    let (Some(writer), false) = (writer, nothing) else {
+        let nothing =
+            || Failure::stopped("interrupted before the first frame: there is nothing new to report");
         return Err(early.map_or_else(nothing, |early| early.why));
     };
     let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);

@@ -5,8 +5,8 @@ use std::time::Duration;
 use tokio::runtime::Runtime;
 use trimaran::{
     config::{CullerConfig, CullerPeers, DisplayConfig, PeerFiles, RoleConfig, SessionConfig, security},
-    report::schema::Machine,
-    walkthrough::{CameraPath, PathChoice, Plan, Walk},
+    report::{Run, Writer, schema::Machine},
+    walkthrough::{CameraPath, PathChoice, Plan, Progress, Walk},
 };
 use trimaran_actors::{CullerService, Listener, PeerEndpoint, ServiceEndpoints, Turns, max_frame};
 use trimaran_proto::{BatchSize, LodRule, Role, SessionKey, Viewport};
@@ -115,7 +115,9 @@ fn display(
     check_trace(config.record.as_deref())?;
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
     let start = Start::new(runtime, config.join_timeout_s, until_input_ends);
-    let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
+    let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
+        return Ok(());
+    };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let views = walking::view_states(config.session.state.as_deref(), &plan, &file.scene)?;
@@ -125,8 +127,15 @@ fn display(
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
     let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
+    let progress = match Progress::resume(&mut folder, walk, walking::date()).map_err(Failure::broken)? {
+        Some(progress) => progress,
+        None => Progress::new(SessionKey(start.net.random().map_err(Failure::broken)?)),
+    };
+    if let Some(went_on) = progress.went_on() {
+        eprintln!("trimaran: {went_on}");
+    }
     // Cullers that come by themselves learn the session from the handshake.
-    let key = SessionKey(start.net.random().map_err(Failure::broken)?);
+    let key = progress.session;
     let listening = async || match &config.listen {
         Some(at) => {
             let identity = identity(&file, key, plan.settings());
@@ -143,17 +152,19 @@ fn display(
         eprintln!("trimaran: the display listens on {}", listener.local_endpoints());
     }
     let roles = vec![role_info(Machine::Display, &drawn)];
+    let about = about(walk, &config.session.path, config.session.seed, roles);
     // Who walks by the clock does not wait.
     let patience = if config.session.live_hz.is_some() { Duration::ZERO } else { start.patience };
     let session = DisplaySession {
         walk,
-        about: about(walk, &config.session.path, config.session.seed, roles),
+        about: Run { started: progress.started.clone().unwrap_or(about.started), ..about },
         folder: Some(folder),
         patience,
         metrics,
         trace: config.record.clone(),
         net: start.net,
         key,
+        progress: Some(progress),
         cullers: config.cullers.iter().flat_map(Endpoints::iter).map(peer).collect(),
         listener,
         turns: Turns::at_once(),

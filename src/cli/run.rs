@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use trimaran::{
     config,
-    report::schema::Machine,
+    report::{Writer, schema::Machine},
     vulkan::VulkanCuller,
     walkthrough::{SceneFile, SceneOnDevices, Walk},
 };
@@ -60,7 +60,7 @@ pub(super) fn walk(
     let plan = walking::plan(walk, args.cullers, args.epsilon, args.visible, walking::pace(args.live))?;
     let path = walking::path(walk, &plan, &file.scene, args.state.as_deref())?;
     check_trace(args.record.as_deref())?;
-    let folder = open_folder(&args.out)?;
+    let folder = open_folder(Writer::create, &args.out)?;
     let opened = match (link, devices) {
         (LinkKind::Inproc, None) => Some(open_devices(file, args.cullers.cullers.into(), walk)?),
         _ => None,
@@ -88,6 +88,7 @@ pub(super) fn walk(
         metrics: Metrics::show(args.metrics, &runtime)?,
         trace: args.record.clone(),
         key: SessionKey(net.random().map_err(Failure::broken)?),
+        progress: None,
         net,
         cullers: Vec::new(),
         listener: None,

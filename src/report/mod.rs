@@ -8,6 +8,7 @@ mod bandwidth;
 mod error;
 mod format;
 mod html;
+mod left;
 mod pictures;
 mod png;
 #[cfg(test)]
@@ -20,6 +21,7 @@ mod write;
 
 pub use bandwidth::FrameLoad;
 pub use error::ReportError;
+pub use left::Left;
 pub use pictures::PictureKind;
 pub use schema::{Frame, Projection, Report, Run, Summary, SweepPoint};
 pub use write::{Paths, Writer, write};

@@ -1,6 +1,8 @@
 //! PNG files to and from memory.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{self, Cursor, Read, Seek, SeekFrom};
+use std::path::Path;
 
 use trimaran_audit::metrics::ImageRef;
 
@@ -35,6 +37,19 @@ impl Rgb {
         let mut pixels = vec![[0; 3]; width as usize * height as usize];
         reader.next_frame(pixels.as_flattened_mut())?;
         Ok(Self { width, height, pixels })
+    }
+
+    /// Whether there is such a file, with its end: one that was being written may lack it.
+    pub(super) fn is_whole(path: &Path) -> bool {
+        const END: [u8; 8] = *b"IEND\xaeB`\x82";
+        let end = || {
+            let mut end = [0; END.len()];
+            let mut file = File::open(path)?;
+            file.seek(SeekFrom::End(-(END.len() as i64)))?;
+            file.read_exact(&mut end)?;
+            io::Result::Ok(end)
+        };
+        end().is_ok_and(|end| end == END)
     }
 
     /// The image made smaller by a whole factor. `of_block` makes one pixel of a block's.

@@ -1,16 +1,18 @@
 //! The folder in which a report comes to be: `unfinished`, within the folder that will hold the report.
 //!
 //! It is there before anything is recorded, so that a folder that cannot be written to is known at once. What
-//! is recorded goes into it as it comes. A process that is killed leaves it behind; the next one moves it
-//! aside.
+//! is recorded goes into it as it comes. A process that is killed leaves it behind; the next one goes on with
+//! it, or moves it aside.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use super::error::{ReportError, io_error};
+use super::left;
 
 const NAME: &str = "unfinished";
+const JOURNAL: &str = "walk.jsonl";
 /// What a process that was killed left behind, until the next one does.
 const ASIDE: &str = "unfinished.before";
 /// Room for a page with its pictures and for the settings of a run, bytes.
@@ -28,19 +30,49 @@ pub(super) struct Unfinished {
 }
 
 impl Unfinished {
-    /// Creates the folder `out` if need be, and this one within it.
-    pub(super) fn create(out: &Path) -> Result<Self, ReportError> {
+    /// Creates the folder `out` if need be, and this one within it. What a process before recorded stays.
+    pub(super) fn open(out: &Path) -> Result<Self, ReportError> {
         fs::create_dir_all(out).map_err(io_error("creating the folder", out))?;
         let lock = lock(out)?;
         let path = out.join(NAME);
-        move_aside(&path, &out.join(ASIDE))?;
-        let frames = path.join("frames");
-        fs::create_dir_all(&frames).map_err(io_error("writing into the folder", out))?;
-        let mut unfinished = Self { path, reserve: None, _lock: lock, recorded: false };
-        let reserve = unfinished.path.join("reserve");
-        unfinished.reserve = Some(File::create(&reserve).map_err(io_error("writing into the folder", out))?);
-        unfinished.reserve(ROOM).map_err(io_error("writing into the folder", out))?;
+        let recorded = left::has_records(&path.join(JOURNAL));
+        let mut unfinished = Self { path, reserve: None, _lock: lock, recorded };
+        if !recorded {
+            remove_folder(&unfinished.path)?;
+        }
+        unfinished.prepare()?;
         Ok(unfinished)
+    }
+
+    /// Moves aside what a process before recorded.
+    pub(super) fn clear(&mut self) -> Result<(), ReportError> {
+        if !self.recorded {
+            return Ok(());
+        }
+        self.release();
+        move_aside(&self.path)?;
+        self.recorded = false;
+        self.prepare()
+    }
+
+    /// Sees to it that there is a folder to record into, and room: at least for the report so far.
+    fn prepare(&mut self) -> Result<(), ReportError> {
+        let begin = || {
+            fs::create_dir_all(self.path.join("frames"))?;
+            let recorded = fs::metadata(self.journal()).map_or(0, |journal| journal.len());
+            let reserve = File::options().create(true).append(true).open(self.path.join("reserve"))?;
+            // A killed process left its room as well.
+            let kept = reserve.metadata()?.len();
+            Ok((reserve, (ROOM as u64 + 4 * recorded).saturating_sub(kept)))
+        };
+        let failed = |cause| io_error("writing into the folder", &self.path)(cause);
+        let (reserve, wanted) = begin().map_err(failed)?;
+        self.reserve = Some(reserve);
+        self.reserve(wanted as usize).map_err(io_error("writing into the folder", &self.path))
+    }
+
+    pub(super) fn journal(&self) -> PathBuf {
+        self.path.join(JOURNAL)
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -98,17 +130,20 @@ fn lock(out: &Path) -> Result<Option<File>, ReportError> {
     }
 }
 
-fn move_aside(left: &Path, aside: &Path) -> Result<(), ReportError> {
-    if !left.try_exists().map_err(io_error("reading", left))? {
-        return Ok(());
-    }
-    match fs::remove_dir_all(aside) {
-        Err(cause) if cause.kind() != ErrorKind::NotFound => {
-            return Err(io_error("removing the older folder", aside)(cause));
-        }
-        _ => {}
-    }
-    fs::rename(left, aside).map_err(io_error("moving aside", left))?;
+fn move_aside(left: &Path) -> Result<(), ReportError> {
+    let aside = left.with_file_name(ASIDE);
+    remove_folder(&aside)?;
+    fs::rename(left, &aside).map_err(io_error("moving aside", left))?;
     tracing::warn!("a walk before this one left no report; what it recorded is in {}", aside.display());
     Ok(())
+}
+
+/// Removes a folder, if it is there.
+fn remove_folder(path: &Path) -> Result<(), ReportError> {
+    match fs::remove_dir_all(path) {
+        Err(cause) if cause.kind() != ErrorKind::NotFound => {
+            Err(io_error("removing the folder", path)(cause))
+        }
+        _ => Ok(()),
+    }
 }

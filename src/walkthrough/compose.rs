@@ -51,9 +51,16 @@ pub(super) struct Composer {
 }
 
 impl Composer {
-    pub(super) fn new(scene: &Arc<Scene>, path: &CameraPath, one_clock: bool) -> Self {
+    /// Comes after the frames `before`.
+    pub(super) fn new(
+        scene: &Arc<Scene>,
+        path: &CameraPath,
+        one_clock: bool,
+        before: &[FrameRecord],
+    ) -> Self {
         let objects = ObjectCounts::new(scene);
-        Self { scene: Arc::clone(scene), path: path.clone(), objects, one_clock, shown: Vec::new() }
+        let shown = before.iter().map(|record| record.shown).collect();
+        Self { scene: Arc::clone(scene), path: path.clone(), objects, one_clock, shown }
     }
 
     /// The next frame, in the order shown.

@@ -1,6 +1,6 @@
 //! A walkthrough with all roles in this process.
 
-use std::{sync::Arc, thread};
+use std::{sync::Arc, thread, time::Duration};
 
 use thiserror::Error;
 use tokio::runtime::Handle;
@@ -85,7 +85,7 @@ impl SceneOnDevices {
         let display = VulkanDisplay::new(&self.display, plan.viewport)?;
         let device =
             |culler| Ok(VulkanCuller::new(self.drawn_by(culler), plan.viewport, plan.occlusion_test)?);
-        let mut cameras = path.cameras(plan.pace);
+        let mut cameras = path.cameras(plan.pace, Duration::ZERO);
         session.run(device, display, &mut *cameras, observer, runtime, stop)?;
         Ok(())
     }

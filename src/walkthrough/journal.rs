@@ -12,6 +12,7 @@ use trimaran_cull::Image;
 use super::{
     compose::{Composer, FrameRecord},
     error::ReportingError,
+    resume::Keeper,
 };
 use crate::report::{PictureKind, Writer};
 
@@ -29,6 +30,7 @@ pub struct Journal {
 #[derive(Debug)]
 pub(super) enum Entry {
     Frame(Box<FrameRecord>),
+    Note(String),
     Picture { frame: u32, picture: Image },
 }
 
@@ -38,15 +40,16 @@ pub(super) enum Entry {
 pub struct JournalStopped;
 
 impl Journal {
-    /// Begins to write into a folder in which the walk's head is noted already.
+    /// Begins to write into a folder in which the walk's head is noted already. With a `keeper` the walk can
+    /// go on.
     ///
     /// # Errors
     /// When the system gives no thread.
-    pub(super) fn start(writer: Writer, composer: Composer) -> io::Result<Self> {
+    pub(super) fn start(writer: Writer, composer: Composer, keeper: Option<Keeper>) -> io::Result<Self> {
         let (entries, coming) = sync_channel(WAITING);
         let thread = thread::Builder::new()
             .name("journal".to_owned())
-            .spawn(move || write(writer, composer, &coming))?;
+            .spawn(move || write(writer, composer, keeper, &coming))?;
         Ok(Self { entries, thread })
     }
 
@@ -69,11 +72,16 @@ impl Journal {
 fn write(
     mut writer: Writer,
     mut composer: Composer,
+    mut keeper: Option<Keeper>,
     coming: &Receiver<Entry>,
 ) -> (Writer, Result<(), ReportingError>) {
     let mut one = |entry: Entry| -> Result<(), ReportingError> {
         match entry {
-            Entry::Frame(record) => writer.frame(&composer.frame(&record))?,
+            Entry::Frame(record) => {
+                let state = keeper.as_mut().map(|keeper| keeper.keep(&record));
+                writer.frame(&composer.frame(&record), state.as_ref())?;
+            }
+            Entry::Note(note) => writer.note(&note)?,
             Entry::Picture { frame, picture } => {
                 writer.picture(frame, PictureKind::Shown, &ImageRef::of(&picture)?)?;
             }

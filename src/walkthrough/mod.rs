@@ -19,6 +19,7 @@ mod path;
 mod plan;
 mod record;
 mod reporting;
+mod resume;
 mod view_file;
 mod view_states;
 
@@ -33,5 +34,6 @@ pub use path::{CameraPath, CameraPathError, PathChoice};
 pub use plan::{Pace, Plan};
 pub use record::Recorder;
 pub use reporting::{SceneFile, Walk, Written, begin, how_ended, write_report};
+pub use resume::Progress;
 pub use view_file::{ViewChangeError, ViewFileError};
 pub use view_states::{ViewChange, ViewStates};

@@ -144,29 +144,39 @@ impl CameraPath {
         self.near
     }
 
-    /// The pose that a camera of this path has, as the path has it: eye, forward and up.
-    #[must_use]
-    pub fn pose_of(&self, camera: &Camera) -> Option<&Pose> {
+    /// The cameras in order, each of the frame that it is in lockstep.
+    pub(super) fn all(&self) -> &[Camera] {
+        &self.cameras
+    }
+
+    /// Which of its cameras this is, of whatever frame: the first one that is the same.
+    pub(super) fn index_of(&self, camera: &Camera) -> Option<usize> {
         let same = |other: &Camera| other.for_frame(camera.frame()) == *camera;
         // In lockstep the frame's number is its index.
         let index = camera.frame().0 as usize;
-        let index = if self.cameras.get(index).is_some_and(same) {
-            index
+        if self.cameras.get(index).is_some_and(same) {
+            Some(index)
         } else {
-            self.cameras.iter().position(same)?
-        };
+            self.cameras.iter().position(same)
+        }
+    }
+
+    /// The pose that a camera of this path has, as the path has it: eye, forward and up.
+    #[must_use]
+    pub fn pose_of(&self, camera: &Camera) -> Option<&Pose> {
+        let index = self.index_of(camera)?;
         let count = self.poses.frames().len();
         self.poses.frames().get(index % count.max(1))
     }
 
-    /// The cameras of a session that walks it at this pace.
+    /// The cameras of a session that walks it at this pace, and has walked so long before.
     #[must_use]
-    pub fn cameras(&self, pace: Pace) -> Box<dyn Cameras> {
+    pub fn cameras(&self, pace: Pace, walked: Duration) -> Box<dyn Cameras> {
         match pace {
             Pace::Lockstep => Box::new(self.clone()),
             Pace::Live { hz } => {
                 let clock = Stopwatch::start();
-                Box::new(LivePath::new(self.clone(), hz, move || clock.elapsed()))
+                Box::new(LivePath::new(self.clone(), hz, move || clock.elapsed(), walked))
             }
         }
     }
@@ -203,25 +213,28 @@ fn default_near(scene: &Scene) -> f32 {
     ((diagonal * 1e-4) as f32).max(1e-6)
 }
 
-/// The poses of a path at so many a second, from the moment the first one is asked for.
+/// The poses of a path at so many a second. The time goes on from the moment the first one is asked for.
 struct LivePath<C> {
     path: CameraPath,
     hz: f64,
     /// Time since some origin.
     clock: C,
     start: Option<Duration>,
+    /// How long it was walked before.
+    before: Duration,
 }
 
 impl<C: Fn() -> Duration> LivePath<C> {
-    const fn new(path: CameraPath, hz: f64, clock: C) -> Self {
-        Self { path, hz, clock, start: None }
+    const fn new(path: CameraPath, hz: f64, clock: C, before: Duration) -> Self {
+        Self { path, hz, clock, start: None, before }
     }
 
     /// How many poses have been walked past.
     fn walked(&self) -> usize {
         let start = self.start.unwrap_or_default();
+        let time = self.before.saturating_add((self.clock)().saturating_sub(start));
         // Rounded down, and saturating for a walk of that many poses.
-        ((self.clock)().saturating_sub(start).as_secs_f64() * self.hz) as usize
+        (time.as_secs_f64() * self.hz) as usize
     }
 }
 
@@ -268,7 +281,7 @@ mod tests {
     #[test]
     fn the_newest_pose_is_handed_out_until_the_walk_is_over() {
         let now = Cell::new(Duration::from_secs(5));
-        let mut live = LivePath::new(path(), 2.0, || now.get());
+        let mut live = LivePath::new(path(), 2.0, || now.get(), Duration::ZERO);
         assert!(!live.is_over(), "the clock starts with the first camera");
         let mut poses = Vec::new();
         for ms in [5000, 5400, 5500, 6100, 6499, 6500] {
@@ -278,5 +291,15 @@ mod tests {
         let expected = [(0.0, false), (0.0, false), (1.0, false), (2.0, false), (2.0, false), (2.0, true)];
         assert_eq!(poses, expected);
         assert_eq!(live.camera(FrameNumber(9)).frame(), FrameNumber(9));
+    }
+    #[test]
+    fn a_walk_that_goes_on_begins_where_it_was() {
+        let now = Cell::new(Duration::from_secs(5));
+        let mut live = LivePath::new(path(), 2.0, || now.get(), Duration::from_millis(700));
+        assert_eq!(live.camera(FrameNumber(9)).eye()[0], 1.0);
+        now.set(Duration::from_millis(5300));
+        assert_eq!((live.camera(FrameNumber(9)).eye()[0], live.is_over()), (2.0, false));
+        now.set(Duration::from_millis(5800));
+        assert!(live.is_over());
     }
 }

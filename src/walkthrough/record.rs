@@ -1,5 +1,7 @@
 //! What happened in a session, frame by frame.
 
+use std::time::Duration;
+
 use trimaran_actors::{BoxedError, Observer, ShownFrame};
 use trimaran_proto::{FrameNumber, FrameStats};
 use xxhash_rust::xxh3::xxh3_64;
@@ -7,6 +9,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::{
     compose::FrameRecord,
     journal::{Entry, Journal, JournalStopped},
+    resume::Progress,
 };
 
 /// How many frames later the culler's figures of a frame are there at the latest. A frame is written without
@@ -16,17 +19,50 @@ const STATS_LAG: usize = 4;
 /// Notes every frame of a session, and writes them into a report's folder as they come if it is given one.
 pub struct Recorder<'p> {
     frames: Vec<FrameRecord>,
+    notes: Vec<String>,
     picture_every: u32,
     progress: &'p mut dyn FnMut(FrameNumber),
+    /// How long the walk had gone on before this session.
+    walked: Duration,
+    /// How many frames it had then.
+    before: usize,
     journal: Option<Journal>,
-    /// How many frames the journal has.
+    /// How many frames and notes the journal has.
     written: usize,
+    noted: usize,
 }
 
 impl<'p> Recorder<'p> {
     /// Reads back every `picture_every`-th picture, none if 0, and calls `progress` after each frame.
     pub fn new(picture_every: u32, progress: &'p mut dyn FnMut(FrameNumber)) -> Self {
-        Self { frames: Vec::new(), picture_every, progress, journal: None, written: 0 }
+        Self {
+            frames: Vec::new(),
+            notes: Vec::new(),
+            picture_every,
+            progress,
+            walked: Duration::ZERO,
+            before: 0,
+            journal: None,
+            written: 0,
+            noted: 0,
+        }
+    }
+
+    /// Goes on after what was recorded before, and says so. The time of the frames goes on as well.
+    pub fn go_on(&mut self, before: Progress) {
+        self.walked = before.walked();
+        let went_on = before.went_on();
+        let Progress { records, notes, .. } = before;
+        (self.written, self.noted) = (records.len(), notes.len());
+        (self.frames, self.notes) = (records, notes);
+        self.before = self.frames.len();
+        self.notes.extend(went_on);
+    }
+
+    /// Whether a frame was shown in this session.
+    #[must_use]
+    pub const fn has_shown(&self) -> bool {
+        self.frames.len() > self.before
     }
 
     /// Writes what comes from now on into `journal` as well.
@@ -38,6 +74,12 @@ impl<'p> Recorder<'p> {
     #[must_use]
     pub const fn writes(&self) -> bool {
         self.journal.is_some()
+    }
+
+    /// A remark on the walk. It is written with the next frame, so that who is killed again and again before
+    /// that fills no disk.
+    pub fn note(&mut self, note: String) {
+        self.notes.push(note);
     }
 
     /// The frame after the last one shown.
@@ -52,18 +94,22 @@ impl<'p> Recorder<'p> {
         self.frames
     }
 
-    /// The frames, in the order shown, and the journal that has them all, if there was one.
+    /// The frames, in the order shown, the remarks, and the journal that has them all, if there was one.
     #[must_use]
-    pub fn into_parts(mut self) -> (Vec<FrameRecord>, Option<Journal>) {
+    pub fn into_parts(mut self) -> (Vec<FrameRecord>, Vec<String>, Option<Journal>) {
         // A journal that takes no more says why when it is finished.
         let _stopped = self.write(self.frames.len());
-        (self.frames, self.journal)
+        (self.frames, self.notes, self.journal)
     }
 
-    /// Writes the frames before `end`.
+    /// Writes the frames before `end`, and before them what was remarked.
     fn write(&mut self, end: usize) -> Result<(), JournalStopped> {
         let Some(journal) = &self.journal else { return Ok(()) };
         for record in self.frames.get(self.written..end).unwrap_or_default() {
+            for note in self.notes.get(self.noted..).unwrap_or_default() {
+                journal.note(Entry::Note(note.clone()))?;
+                self.noted += 1;
+            }
             journal.note(Entry::Frame(Box::new(record.clone())))?;
             self.written += 1;
         }
@@ -89,10 +135,10 @@ impl Observer for Recorder<'_> {
             ids: frame.ids.to_vec(),
             for_loss: frame.for_loss,
             picture: frame.picture.map(|picture| xxh3_64(&picture.rgba)),
-            published: frame.published,
-            begun: frame.begun,
-            drawing: frame.drawing,
-            shown: frame.shown,
+            published: self.walked + frame.published,
+            begun: self.walked + frame.begun,
+            drawing: self.walked + frame.drawing,
+            shown: self.walked + frame.shown,
             traffic: frame.traffic,
             arrivals: frame.arrivals.to_vec(),
             stats: None,

@@ -16,6 +16,7 @@ use super::{
     journal::Journal,
     path::CameraPath,
     plan::{Pace, Plan},
+    resume::{Keeper, Progress},
     view_states::{ViewChange, ViewStates},
 };
 use crate::report::{
@@ -46,13 +47,24 @@ pub struct Walk<'w> {
     pub path: &'w CameraPath,
 }
 
-/// Begins to record a walk into a report's folder.
+/// Begins to record a walk into a report's folder, or goes on. With `progress` it goes on if this process is
+/// killed.
 ///
 /// # Errors
 /// When it cannot be written to, or the system gives no thread.
-pub fn begin(mut writer: Writer, walk: Walk<'_>, run: Run) -> Result<Journal, ReportingError> {
-    writer.begin(&report(walk, run, &[], Vec::new(), Ended::default()))?;
-    Journal::start(writer, walk.composer()).map_err(ReportingError::Thread)
+pub fn begin(
+    mut writer: Writer,
+    walk: Walk<'_>,
+    run: Run,
+    progress: Option<&Progress>,
+) -> Result<Journal, ReportingError> {
+    let before = progress.map(|progress| progress.records.as_slice()).unwrap_or_default();
+    if before.is_empty() {
+        let state = progress.map(|progress| progress.state(walk));
+        writer.begin(&report(walk, run, &[], Vec::new(), Ended::default()), state.as_ref())?;
+    }
+    let keeper = progress.map(|_| Keeper::after(before, walk.path));
+    Journal::start(writer, walk.composer(before), keeper).map_err(ReportingError::Thread)
 }
 
 /// How a session ended that a role or the journal ended early.
@@ -93,7 +105,7 @@ pub fn write_report(
     ended: Ended,
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Written, ReportError> {
-    let mut composer = walk.composer();
+    let mut composer = walk.composer(&[]);
     let mut frames: Vec<Frame> = records.iter().map(|record| composer.frame(record)).collect();
     let mut checked = 0;
     let incomplete = match failure {
@@ -204,8 +216,8 @@ impl Walk<'_> {
         }
     }
 
-    fn composer(&self) -> Composer {
-        Composer::new(&self.file.scene, self.path, self.plan.alone)
+    fn composer(&self, before: &[FrameRecord]) -> Composer {
+        Composer::new(&self.file.scene, self.path, self.plan.alone, before)
     }
 }
 

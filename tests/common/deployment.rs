@@ -1,7 +1,7 @@
 //! A display and two cullers, each a process with a configuration of its own.
 #![allow(dead_code, reason = "each test file uses its part of this")]
 
-use std::{fs, thread, time::Duration};
+use std::{fs, path::PathBuf, thread, time::Duration};
 
 use serde_json::Value;
 
@@ -90,6 +90,15 @@ impl Deployment {
     /// Starts both cullers.
     pub(crate) fn start_cullers(&self, more: &[&str]) -> [Process; 2] {
         CULLERS.map(|culler| self.start(culler, more))
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.bench.path(name)
+    }
+
+    /// The report in the folder `out`.
+    pub(crate) fn report(&self, out: &str) -> Value {
+        self.bench.report(out)
     }
 
     /// How many frames of a walk that goes on are on disk.

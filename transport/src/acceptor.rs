@@ -1,5 +1,6 @@
 //! Who is let in at a listener, whatever its transport.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
@@ -26,8 +27,7 @@ pub(crate) struct Acceptor {
     pub(crate) net: Arc<dyn Net>,
     pub(crate) application: Arc<dyn Application>,
     pub(crate) options: Options,
-    /// How many peers there are.
-    taken: Arc<Mutex<usize>>,
+    taken: Arc<Mutex<Taken>>,
     pending: Pending,
     handshakes: Arc<Handshakes>,
     done: mpsc::Sender<Parts>,
@@ -38,15 +38,56 @@ pub(crate) struct Acceptor {
     wrong_roles: Mutex<Vec<WrongRole>>,
 }
 
+/// The places that peers have.
+#[derive(Debug, Default)]
+struct Taken {
+    /// By what their peers are known, by the number of the link.
+    places: BTreeMap<u64, Option<u64>>,
+    /// Links whose peers have come again, and which are there still.
+    succeeded: usize,
+    /// How many links there were.
+    links: u64,
+}
+
+impl Taken {
+    /// The old link of a peer that has come again.
+    fn old_link(&self, peer: &Peer) -> Option<u64> {
+        let known = self.places.iter().find(|(_, place)| place.is_some() && **place == peer.place);
+        known.map(|(link, _)| *link)
+    }
+
+    /// Whether there is room for a peer where `most` may be. As many may have come again at most.
+    fn has_room(&self, peer: &Peer, most: usize) -> bool {
+        self.places.len() < most || self.succeeded < most && self.old_link(peer).is_some()
+    }
+
+    fn enter(&mut self, peer: &Peer) -> u64 {
+        if let Some(old) = self.old_link(peer) {
+            self.places.remove(&old);
+            self.succeeded += 1;
+        }
+        self.links += 1;
+        self.places.insert(self.links, peer.place);
+        self.links
+    }
+
+    fn leave(&mut self, link: u64) {
+        if self.places.remove(&link).is_none() {
+            self.succeeded -= 1;
+        }
+    }
+}
+
 /// A peer's place at the listener: freed when the last half of its link is dropped.
 #[derive(Debug)]
 pub(crate) struct Place {
-    taken: Arc<Mutex<usize>>,
+    taken: Arc<Mutex<Taken>>,
+    link: u64,
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        *self.taken.lock() -= 1;
+        self.taken.lock().leave(self.link);
     }
 }
 
@@ -102,8 +143,7 @@ impl Acceptor {
     /// Whether who says `hello` may come in; it takes no place yet.
     pub(crate) fn admits(&self, hello: &Hello) -> Result<(), Refusal> {
         self.same_protocol(hello)?;
-        let taken = *self.taken.lock();
-        self.vacant(&hello.application, taken).map(|_| ())
+        self.vacant(&hello.application, &self.taken.lock()).map(|_| ())
     }
 
     fn same_protocol(&self, hello: &Hello) -> Result<(), Refusal> {
@@ -114,14 +154,14 @@ impl Acceptor {
     /// Takes the place of the peer that introduces itself so.
     pub(crate) fn enter(&self, theirs: &Bytes) -> Result<(Peer, Place), Refusal> {
         let mut taken = self.taken.lock();
-        let peer = self.vacant(theirs, *taken)?;
-        *taken += 1;
-        Ok((peer, Place { taken: Arc::clone(&self.taken) }))
+        let peer = self.vacant(theirs, &taken)?;
+        let link = taken.enter(&peer);
+        Ok((peer, Place { taken: Arc::clone(&self.taken), link }))
     }
 
-    fn vacant(&self, theirs: &Bytes, taken: usize) -> Result<Peer, Refusal> {
+    fn vacant(&self, theirs: &Bytes, taken: &Taken) -> Result<Peer, Refusal> {
         let peer = self.application.admit(theirs)?;
-        if taken >= self.options.limits.peers {
+        if !taken.has_room(&peer, self.options.limits.peers) {
             self.handshakes.no_place();
             return Err(Refusal::Busy);
         }
@@ -171,5 +211,40 @@ impl Acceptor {
     /// Takes what became of the last connection that did not make it to a link.
     pub(crate) fn last_failure(&self) -> Option<HandshakeError> {
         self.last_failure.lock().take()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::peer::PeerName;
+
+    fn peer(place: Option<u64>) -> Peer {
+        Peer { hello: Bytes::new(), name: PeerName::new("a display"), role: None, place, batching: None }
+    }
+
+    #[test]
+    fn who_comes_again_takes_its_own_place() {
+        let mut taken = Taken::default();
+        let (known, other) = (peer(Some(7)), peer(Some(8)));
+        let first = taken.enter(&known);
+        assert!(!taken.has_room(&other, 1) && !taken.has_room(&peer(None), 1));
+        assert!(taken.has_room(&known, 1));
+        let second = taken.enter(&known);
+        assert!(!taken.has_room(&other, 1), "it has one place");
+        assert!(!taken.has_room(&known, 1), "the old link is there still");
+        taken.leave(first);
+        assert!(!taken.has_room(&other, 1) && taken.has_room(&known, 1));
+        taken.leave(second);
+        assert!(taken.has_room(&other, 1));
+    }
+
+    #[test]
+    fn who_is_not_known_has_a_place_for_each_link() {
+        let mut taken = Taken::default();
+        let links = [(); 2].map(|()| taken.enter(&peer(None)));
+        assert!(!taken.has_room(&peer(None), 2));
+        links.into_iter().for_each(|link| taken.leave(link));
+        assert!(taken.places.is_empty() && taken.succeeded == 0);
     }
 }

@@ -79,6 +79,7 @@ impl<P: Protocol> Side<P> {
             hello: bytes.clone(),
             name: PeerName::new(&P::name(theirs)),
             role: P::role(theirs),
+            place: P::place(theirs),
             batching: P::batching(&self.ours, theirs),
         }
     }

@@ -57,6 +57,8 @@ pub(crate) struct Peer {
     /// What it claims to be: held against what its key allows, on transports that have keys.
     #[cfg_attr(not(any(feature = "quic", feature = "udp")), expect(dead_code, reason = "there are no keys"))]
     pub(crate) role: Option<String>,
+    /// By what a listener knows it when it comes again.
+    pub(crate) place: Option<u64>,
     /// How items travel, where the hellos of both sides decide it.
     pub(crate) batching: Option<Batching>,
 }

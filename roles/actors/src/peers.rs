@@ -7,7 +7,7 @@
 use std::{collections::VecDeque, future::pending, sync::Arc, time::Duration};
 
 use tokio::sync::{mpsc, oneshot};
-use trimaran_proto::{Identity, Role, Walkthrough};
+use trimaran_proto::{Identity, Role, SessionKey, Walkthrough};
 use trimaran_transport::{AcceptError, ConnectError, Endpoint, Net, causes, connect};
 
 use crate::{
@@ -186,7 +186,22 @@ fn obstacle(error: &JoinError) -> String {
     }
 }
 
-/// Takes peers that come, as many as there are places for.
+/// A place for peers that come.
+struct Place {
+    number: usize,
+    /// Whose it is or was.
+    session: Option<SessionKey>,
+    seat: Option<oneshot::Receiver<()>>,
+}
+
+impl Place {
+    fn is_free(&mut self) -> bool {
+        let free = Err(oneshot::error::TryRecvError::Closed);
+        self.seat.as_mut().is_none_or(|seat| seat.try_recv() == free)
+    }
+}
+
+/// Takes peers that come, as many as there are places for. Who comes again for its session has its old place.
 async fn acceptor(
     net: Arc<dyn Net>,
     places: Vec<usize>,
@@ -195,8 +210,8 @@ async fn acceptor(
     arrived: Arrived,
     met: Expected,
 ) {
-    let mut places: Vec<(usize, Option<oneshot::Receiver<()>>)> =
-        places.into_iter().map(|place| (place, None)).collect();
+    let mut places: Vec<_> =
+        places.into_iter().map(|number| Place { number, session: None, seat: None }).collect();
     loop {
         let came = tokio::select! {
             biased;
@@ -209,27 +224,24 @@ async fn acceptor(
             Err(_) => return,
         };
         let hello = link.peer.hello;
+        let session = hello.session.map(|(key, _)| key);
         if hello.role != role {
-            if let Some((key, _)) = hello.session {
+            if let Some(key) = session {
                 met.came(key, link);
             }
             continue;
         }
-        let vacant = places.iter_mut().find_map(|(place, seat)| is_free(seat).then_some((place, seat)));
-        let Some((place, seat)) = vacant else {
+        let own = places.iter().position(|place| session.is_some() && place.session == session);
+        let vacant = own.or_else(|| places.iter_mut().position(Place::is_free));
+        let Some(place) = vacant.and_then(|place| places.get_mut(place)) else {
             tracing::warn!(from = %link.peer.address, "turned a {role} away: all places are taken");
             continue;
         };
         let (held, free) = oneshot::channel();
-        *seat = Some(free);
-        let arrival = Arrival { place: *place, link, at: None, seat: Seat { _held: held } };
+        (place.session, place.seat) = (session, Some(free));
+        let arrival = Arrival { place: place.number, link, at: None, seat: Seat { _held: held } };
         if arrived.send(Ok(arrival)).await.is_err() {
             return;
         }
     }
-}
-
-fn is_free(seat: &mut Option<oneshot::Receiver<()>>) -> bool {
-    let free = Err(oneshot::error::TryRecvError::Closed);
-    seat.as_mut().is_none_or(|seat| seat.try_recv() == free)
 }

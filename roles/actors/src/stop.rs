@@ -36,9 +36,18 @@ impl Stop {
     ///
     /// Dropping the future drops `future`.
     pub async fn unless_requested<T>(&self, future: impl Future<Output = T>) -> Option<T> {
+        self.unless_asked(1, future).await
+    }
+
+    /// What `future` gives; `None` if whoever stops the role insists first.
+    pub(crate) async fn unless_insisted<T>(&self, future: impl Future<Output = T>) -> Option<T> {
+        self.unless_asked(2, future).await
+    }
+
+    async fn unless_asked<T>(&self, times: u32, future: impl Future<Output = T>) -> Option<T> {
         let mut requests = self.0.clone();
         let asked = async {
-            if requests.wait_for(|requests| *requests > 0).await.is_err() {
+            if requests.wait_for(|requests| *requests >= times).await.is_err() {
                 // Nobody is left who could ask.
                 pending::<()>().await;
             }
@@ -55,5 +64,11 @@ impl Stopper {
     /// Asks, or asks again.
     pub fn stop(&self) {
         self.0.send_modify(|requests| *requests = requests.saturating_add(1));
+    }
+
+    /// Asks, and insists: the role does not wait until its peers have heard that it leaves.
+    pub fn insist(&self) {
+        self.stop();
+        self.stop();
     }
 }

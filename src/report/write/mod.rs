@@ -5,11 +5,12 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Serialize, de::DeserializeOwned};
 use trimaran_audit::metrics::ImageRef;
 
 use super::error::{ReportError, io_error};
 use super::html::{self, Comparison};
+use super::left::{self, Left};
 use super::pictures::{PictureKind, file_name, files_of_report};
 use super::png::Rgb;
 use super::schema::{Frame, FramePictures, Report};
@@ -47,9 +48,9 @@ pub fn write<'a>(
 ///
 /// All goes to a folder `unfinished` within the target first, and is moved into place by
 /// [`finish`](Self::finish). A writer that is dropped before leaves what was recorded there: `walk.jsonl`,
-/// whose first line says what was run and whose other lines are frames, and `frames/`. Where nothing was
-/// recorded it leaves nothing. While it takes frames it keeps room for the report, so that a full disk has
-/// room for that.
+/// whose first line says what was run and whose other lines are frames and remarks, and `frames/`. Where
+/// nothing was recorded it leaves nothing. While it takes frames it keeps room for the report, so that a full
+/// disk has room for that.
 #[derive(Debug)]
 pub struct Writer {
     out: PathBuf,
@@ -59,46 +60,108 @@ pub struct Writer {
 }
 
 impl Writer {
-    /// Prepares to write into `dir`, which is created if need be.
+    /// Prepares to write into `dir`, which is created if need be. What a killed process left is moved aside.
     ///
     /// # Errors
     /// If the folder cannot be created or written to, is full, or another process writes a report there.
     pub fn create(dir: &Path) -> Result<Self, ReportError> {
-        let unfinished = Unfinished::create(dir)?;
+        let mut writer = Self::open(dir)?;
+        writer.unfinished.clear()?;
+        Ok(writer)
+    }
+
+    /// As [`create`](Self::create), but what a killed process left stays until [`begin`](Self::begin) moves
+    /// it aside, or [`go_on`](Self::go_on) takes it up.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
+    pub fn open(dir: &Path) -> Result<Self, ReportError> {
+        let unfinished = Unfinished::open(dir)?;
         Ok(Self { out: dir.to_owned(), unfinished, journal: None, pictures: BTreeSet::new() })
     }
 
-    /// Begins to record frames: notes what is run, as `report` says, which has no frames yet.
+    /// What a killed process recorded here; `None` if it recorded nothing, or something else.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn left<H: DeserializeOwned, L: DeserializeOwned>(&self) -> Result<Option<Left<H, L>>, ReportError> {
+        let path = self.unfinished.journal();
+        left::read(&path).map_err(io_error("reading", &path))
+    }
+
+    /// Goes on with what a killed process recorded, which has the pictures of these `frames` as they were
+    /// shown.
+    ///
+    /// # Errors
+    /// If it cannot be written to.
+    pub fn go_on<H, L>(
+        &mut self,
+        left: &Left<H, L>,
+        frames: impl IntoIterator<Item = u32>,
+    ) -> Result<(), ReportError> {
+        let path = self.unfinished.journal();
+        let open = || {
+            let journal = File::options().append(true).open(&path)?;
+            if journal.metadata()?.len() > left.len {
+                journal.set_len(left.len)?;
+            }
+            Ok(journal)
+        };
+        self.journal = Some(open().map_err(io_error("writing", &path))?);
+        let shown = frames.into_iter().map(|frame| (frame, PictureKind::Shown));
+        let whole = |(frame, kind)| Rgb::is_whole(&self.unfinished.path().join(file_name(frame, kind)));
+        self.pictures = shown.filter(|picture| whole(*picture)).collect();
+        Ok(())
+    }
+
+    /// Begins to record frames: notes what is run, as `report` says, which has no frames yet; and in `state`
+    /// what it takes to [go on](Self::go_on) if this process is killed.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn begin(&mut self, report: &Report) -> Result<(), ReportError> {
-        let path = self.unfinished.path().join("walk.jsonl");
+    pub fn begin(&mut self, report: &Report, state: Option<&impl Serialize>) -> Result<(), ReportError> {
+        self.unfinished.clear()?;
+        let path = self.unfinished.journal();
         self.journal = Some(File::create(&path).map_err(io_error("creating", &path))?);
         let mut head = serde_json::to_value(report)?;
         if let Some(head) = head.as_object_mut() {
             head.retain(|key, _| !matches!(key.as_str(), "summary" | "sweep" | "frames"));
         }
-        self.line(&head)
+        self.line(&head, state)
     }
 
-    /// Records a frame.
+    /// Records a frame, and in `state` what the report does not say of it.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn frame(&mut self, frame: &Frame) -> Result<(), ReportError> {
-        self.line(frame)?;
+    pub fn frame(&mut self, frame: &Frame, state: Option<&impl Serialize>) -> Result<(), ReportError> {
+        self.line(frame, state)?;
         self.unfinished.recorded();
         Ok(())
     }
 
-    /// A line of the journal, and room for what becomes of it: it stands indented in the report and once more
-    /// in the page.
-    fn line(&mut self, value: &impl Serialize) -> Result<(), ReportError> {
+    /// Records a remark.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn note(&mut self, note: &str) -> Result<(), ReportError> {
+        self.line(&serde_json::json!({ "note": note }), None::<&()>)
+    }
+
+    /// A line of the journal, and room for what becomes of `value`: it stands indented in the report and once
+    /// more in the page.
+    fn line(&mut self, value: &impl Serialize, state: Option<&impl Serialize>) -> Result<(), ReportError> {
         let Some(journal) = &mut self.journal else { return Ok(()) };
         let mut line = serde_json::to_vec(value)?;
-        line.push(b'\n');
         let reserved = self.unfinished.reserve(4 * line.len());
+        if let Some(state) = state {
+            // One key more.
+            line.pop();
+            line.extend(b",\"state\":");
+            serde_json::to_writer(&mut line, state)?;
+            line.push(b'}');
+        }
+        line.push(b'\n');
         reserved
             .and_then(|()| journal.write_all(&line))
             .map_err(io_error("writing", &self.out.join("unfinished/walk.jsonl")))

@@ -111,9 +111,9 @@ fn what_was_recorded_stays_where_no_report_comes_of_it() {
     let report = sample::report();
     for (killed, frames) in [3, 5].into_iter().enumerate() {
         let mut writer = Writer::create(dir.path()).unwrap();
-        writer.begin(&report).unwrap();
+        writer.begin(&report, None::<&()>).unwrap();
         for frame in &report.frames[..frames] {
-            writer.frame(frame).unwrap();
+            writer.frame(frame, None::<&()>).unwrap();
         }
         drop(writer);
         let left = lines("unfinished");
@@ -128,6 +128,85 @@ fn what_was_recorded_stays_where_no_report_comes_of_it() {
     write_sample(dir.path(), sample::report()).unwrap();
     assert_eq!(listing(dir.path()), ["frames", "report.html", "report.json", "unfinished.before"]);
     assert_eq!(lines("unfinished.before").len(), 6, "the last one, and none older");
+}
+
+#[derive(Debug, PartialEq, serde::Deserialize)]
+struct Said {
+    note: Option<String>,
+    state: Option<u32>,
+}
+
+#[derive(Debug, PartialEq, serde::Deserialize)]
+struct Head {
+    state: String,
+}
+
+/// Frames and remarks of a process that is killed, and what the next one finds.
+#[test]
+fn a_journal_is_taken_up_without_the_line_that_was_being_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let report = sample::report();
+    let rgba = sample::picture(0, 0);
+    let picture = ImageRef::new(SIZE, SIZE, &rgba).unwrap();
+    let mut writer = Writer::create(dir.path()).unwrap();
+    writer.begin(&report, Some(&"mine")).unwrap();
+    for frame in [0, 1] {
+        writer.picture(frame, PictureKind::Shown, &picture).unwrap();
+        writer.frame(&report.frames[frame as usize], Some(&frame)).unwrap();
+    }
+    drop(writer);
+    let folder = dir.path().join("unfinished");
+    let half = fs::read(folder.join("frames/00001.png")).unwrap();
+    fs::write(folder.join("frames/00001.png"), &half[..half.len() - 1]).unwrap();
+    let journal = folder.join("walk.jsonl");
+    let whole = fs::read(&journal).unwrap();
+    for torn in ["{\"frame\":2,\"ey", "{\"note\":\"\"}", "\0\0\0\0", ""] {
+        fs::write(&journal, [&whole, torn.as_bytes()].concat()).unwrap();
+        let mut writer = Writer::open(dir.path()).unwrap();
+        let left = writer.left::<Head, Said>().unwrap().unwrap();
+        assert_eq!(left.head, Head { state: "mine".to_owned() });
+        let said = |frame| Said { note: None, state: Some(frame) };
+        assert_eq!(left.lines, [said(0), said(1)], "{torn:?}");
+        writer.go_on(&left, [0, 1, 2]).unwrap();
+        assert!(writer.has(0, PictureKind::Shown));
+        assert!(!writer.has(1, PictureKind::Shown) && !writer.has(2, PictureKind::Shown), "half, and none");
+        writer.note("went on").unwrap();
+        drop(writer);
+        let now = fs::read(&journal).unwrap();
+        assert_eq!(now, [&whole[..], b"{\"note\":\"went on\"}\n"].concat(), "{torn:?}");
+    }
+    // What cannot be read, and what is of somebody else, is nobody's; it is moved aside, and not lost.
+    fs::write(&journal, [&whole[..], b"?\n"].concat()).unwrap();
+    let mut writer = Writer::open(dir.path()).unwrap();
+    assert!(writer.left::<Head, Said>().unwrap().is_none());
+    assert!(writer.left::<u32, Said>().unwrap().is_none());
+    writer.begin(&report, None::<&()>).unwrap();
+    drop(writer);
+    assert_eq!(listing(dir.path()), ["unfinished.before"]);
+    assert!(fs::read(dir.path().join("unfinished.before/walk.jsonl")).unwrap().starts_with(&whole));
+}
+
+/// A process that is killed again and again before it records a frame spoils nothing.
+#[test]
+fn what_was_recorded_stays_until_something_else_is_recorded() {
+    let dir = tempfile::tempdir().unwrap();
+    let report = sample::report();
+    let mut writer = Writer::create(dir.path()).unwrap();
+    writer.begin(&report, None::<&()>).unwrap();
+    writer.frame(&report.frames[0], None::<&()>).unwrap();
+    drop(writer);
+    for _ in 0..3 {
+        drop(Writer::open(dir.path()).unwrap());
+        assert_eq!(listing(&dir.path().join("unfinished")), ["frames", "walk.jsonl"]);
+    }
+    drop(Writer::create(dir.path()).unwrap());
+    for _ in 0..3 {
+        // As if it were killed after the head: nothing removes the folder.
+        fs::create_dir(dir.path().join("unfinished")).unwrap();
+        fs::write(dir.path().join("unfinished/walk.jsonl"), "{}\n").unwrap();
+        drop(Writer::create(dir.path()).unwrap());
+        assert_eq!(listing(dir.path()), ["unfinished.before"]);
+    }
 }
 
 #[test]

@@ -5,7 +5,8 @@
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct Limits {
-    /// How many peers a listener has links with at once; more are told that it is busy. Default 16.
+    /// How many peers a listener has links with at once; more are told that it is busy. Who comes again takes
+    /// the place of its old link. Default 16.
     pub peers: usize,
     /// How many handshakes a listener has under way at once. One more takes the slot of the oldest: of the
     /// address that holds most, where one holds more than a link takes. Default 64.

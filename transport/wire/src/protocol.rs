@@ -93,6 +93,12 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
         None
     }
 
+    /// By what a listener knows a peer that comes again. It takes the place of its old link, which may not be
+    /// known to be dead yet; whoever has that link lets it go. None: each link has a place of its own.
+    fn place(_hello: &Self::Hello) -> Option<u64> {
+        None
+    }
+
     /// How items travel between these two, where their hellos decide it: for both directions.
     fn batching(_ours: &Self::Hello, _theirs: &Self::Hello) -> Option<Batching> {
         None

@@ -45,7 +45,8 @@ pub(super) async fn part(
     {
         result = Err(RoleError::Link { doing, cause: cause.into() });
     }
-    leave(links, result.as_ref().map_or_else(reason, |()| CloseCode::Finished.reason())).await;
+    let reason = result.as_ref().map_or_else(reason, |()| CloseCode::Finished.reason());
+    let _unheard = stop.unless_insisted(leave(links, reason)).await;
     match result {
         // Whoever was asked to stop does not ask why the others left: they may have been asked as well.
         Err(error) if error.is_clean_end() || stop.requested() && error.lost_a_peer() => Ok(()),
