@@ -2,13 +2,14 @@
 //!
 //! `cargo bench --bench faults -- X.scene [TRIALS] [CULLERS]`: for each fault so many trials, 50 if not given,
 //! on a display with so many cullers, 2 if not given. Pictures after a fault are held against those without
-//! culling.
+//! culling. Pulling cables needs root, as do stopped threads of a driver that draws on the CPU.
 #![allow(clippy::disallowed_methods, reason = "real programs keep real time")]
 
 use std::{
     collections::BTreeSet,
     env,
     error::Error,
+    fs,
     net::TcpListener,
     path::PathBuf,
     process::{Child, Command, Stdio},
@@ -18,8 +19,16 @@ use std::{
     time::Duration,
 };
 
+use nix::{
+    sys::{
+        ptrace,
+        wait::{WaitPidFlag, waitpid},
+    },
+    unistd::Pid,
+};
 use tokio::runtime::Builder;
 use trimaran::{
+    netem::Emulation,
     report::Frame,
     vulkan::{VulkanCuller, VulkanDisplay},
     walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices},
@@ -30,6 +39,7 @@ use trimaran_actors::{
 };
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::GpuOptions;
+use trimaran_netsim::Profile;
 use trimaran_proto::{BatchSize, FrameNumber, IdCoding, Identity, OcclusionTestKind, Role, SessionKey};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Net, Options, TokioNet};
@@ -54,6 +64,10 @@ enum Fault {
     Killed,
     /// Its process is stopped, and goes on later.
     Stopped,
+    /// Its device makes no progress, and goes on later; the rest of the process lives.
+    DeviceHung,
+    /// Its cable is pulled, and put back later.
+    Unplugged,
     /// All of them are killed.
     AllKilled,
 }
@@ -63,14 +77,24 @@ struct Culler {
     child: Child,
     endpoint: Endpoint,
     scene: PathBuf,
+    /// The network namespace that it is in, if it has one of its own.
+    place: Option<String>,
 }
 
 impl Culler {
-    fn start(scene: &PathBuf, endpoint: &Endpoint) -> Result<Self, Failed> {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
+    fn start(scene: &PathBuf, endpoint: &Endpoint, place: Option<String>) -> Result<Self, Failed> {
+        let program = env!("CARGO_BIN_EXE_trimaran");
+        let mut command = match &place {
+            Some(place) => {
+                let mut inside = Command::new("ip");
+                inside.args(["netns", "exec", place, program]);
+                inside
+            }
+            None => Command::new(program),
+        };
         command.args(["role", "culler", "--listen", &endpoint.to_string(), "--scene"]).arg(scene);
         let child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
-        Ok(Self { child, endpoint: endpoint.clone(), scene: scene.clone() })
+        Ok(Self { child, endpoint: endpoint.clone(), scene: scene.clone(), place })
     }
 
     fn signal(&self, name: &str) -> Result<(), Failed> {
@@ -85,8 +109,47 @@ impl Culler {
     }
 
     fn again(&mut self) -> Result<(), Failed> {
-        *self = Self::start(&self.scene, &self.endpoint)?;
+        *self = Self::start(&self.scene, &self.endpoint, self.place.clone())?;
         Ok(())
+    }
+
+    /// Takes its machine off the network, or puts it back.
+    fn cable(&self, state: &str) -> Result<(), Failed> {
+        let place = self.place.as_deref().ok_or("it has no machine of its own")?;
+        let done = Command::new("ip").args(["-n", place, "link", "set", "net0", state]).status()?;
+        if done.success() { Ok(()) } else { Err(format!("cannot set the link of {place} {state}").into()) }
+    }
+
+    /// The threads on which Mesa's CPU driver draws.
+    fn drawing_threads(&self) -> Result<Vec<Pid>, Failed> {
+        let mut threads = Vec::new();
+        for thread in fs::read_dir(format!("/proc/{}/task", self.child.id()))? {
+            let path = thread?.path();
+            if fs::read_to_string(path.join("comm"))?.starts_with("llvmpipe") {
+                let id =
+                    path.file_name().and_then(|name| name.to_str()).ok_or("a thread without a number")?;
+                threads.push(Pid::from_raw(id.parse()?));
+            }
+        }
+        if threads.is_empty() {
+            Err("no thread of a driver that draws on the CPU".into())
+        } else {
+            Ok(threads)
+        }
+    }
+
+    /// Stops these threads. Only the thread that did so can let them go on.
+    fn hang(&self) -> Result<(), Failed> {
+        for thread in self.drawing_threads()? {
+            ptrace::seize(thread, ptrace::Options::empty())?;
+            ptrace::interrupt(thread)?;
+            waitpid(thread, Some(WaitPidFlag::__WALL))?;
+        }
+        Ok(())
+    }
+
+    fn go_on(&self) -> Result<(), Failed> {
+        Ok(self.drawing_threads()?.into_iter().try_for_each(|thread| ptrace::detach(thread, None))?)
     }
 }
 
@@ -119,11 +182,12 @@ fn main() -> Result<(), Failed> {
         "| fault | trials | to the next picture, ms: p50, max | longest pause after it, ms: p50, max | usual frame, ms: p50, p99 | wrong pixels, in frames | out of order |"
     );
     println!("|---|---|---|---|---|---|---|");
-    for fault in [Fault::Killed, Fault::Stopped, Fault::AllKilled] {
+    let all = [Fault::Killed, Fault::Stopped, Fault::DeviceHung, Fault::Unplugged, Fault::AllKilled];
+    for fault in all {
         let (mut next, mut pauses, mut usual) = (Vec::new(), Vec::new(), Vec::new());
         let (mut wrong, mut audited, mut disorder) = (0, 0, 0);
         while next.len() < trials {
-            let walked = walk(&file, &devices, &plan, cullers, fault)?;
+            let walked = walk_on_machines(&file, &devices, &plan, cullers, fault)?;
             for at in &walked.faults {
                 let after = |span: Duration| {
                     let shown = walked.frames.iter().map(|frame| frame.shown).filter(|shown| shown > at);
@@ -171,12 +235,51 @@ fn plan() -> Result<Plan, Failed> {
     })
 }
 
+/// Walks live while cullers fail and come back, each on a machine of its own where a cable is to be pulled.
+fn walk_on_machines(
+    file: &PathBuf,
+    devices: &SceneOnDevices,
+    plan: &Plan,
+    count: usize,
+    fault: Fault,
+) -> Result<Walked, Failed> {
+    let emulation = if matches!(fault, Fault::Unplugged) { Some(machines(count)?) } else { None };
+    let mut places = Vec::new();
+    for (host, namespace) in emulation.iter().flat_map(Emulation::machines).take(count) {
+        places.push((format!("tcp://{}:7400", host.v4()).parse()?, Some(namespace.name().to_owned())));
+    }
+    while places.len() < count {
+        places.push((free_endpoint()?, None));
+    }
+    // On a thread of its own, which stays in the display's namespace.
+    let display = emulation.as_ref().and_then(|emulation| emulation.machines().last());
+    let walked = thread::scope(|scope| {
+        let walk = scope.spawn(move || {
+            display.map_or(Ok(()), |(_, namespace)| namespace.enter())?;
+            walk(file, devices, plan, &places, fault)
+        });
+        walk.join().map_err(|_| "the display panicked")?
+    });
+    if let Some(emulation) = emulation {
+        emulation.finish()?;
+    }
+    walked
+}
+
+/// So many cullers and a display on a network that takes no time to speak of.
+fn machines(cullers: usize) -> Result<Emulation, Failed> {
+    let name = |index| format!("trimaran-faults-{index}-{}", std::process::id());
+    let lan = "about = \"a cable\"\nsources = []\n[up]\ndelay = \"0.1ms\"\n";
+    let names: Vec<_> = (0..=cullers).map(name).collect();
+    Ok(Emulation::start(&Profile::parse("cable", lan)?, &names, 1)?)
+}
+
 /// Walks live while cullers fail and come back.
 fn walk(
     file: &PathBuf,
     devices: &SceneOnDevices,
     plan: &Plan,
-    count: usize,
+    places: &[(Endpoint, Option<String>)],
     fault: Fault,
 ) -> Result<Walked, Failed> {
     let seconds = (FAULTY + SOUND).as_secs_f64() * (TRIALS_A_WALK as f64 + 1.0);
@@ -186,8 +289,8 @@ fn walk(
         plan.settings().into(),
         Some((seconds * HZ) as u32),
     )?;
-    let mut cullers =
-        (0..count).map(|_| Culler::start(file, &free_endpoint()?)).collect::<Result<Vec<_>, _>>()?;
+    let start = |(endpoint, place): &(Endpoint, Option<String>)| Culler::start(file, endpoint, place.clone());
+    let mut cullers = places.iter().map(start).collect::<Result<Vec<_>, _>>()?;
     let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let (settings, turns, key) = (plan.settings(), Turns::at_once(), SessionKey(net.random()?));
@@ -258,12 +361,17 @@ fn break_cullers(
         match fault {
             Fault::Killed => culler.kill()?,
             Fault::Stopped => culler.signal("STOP")?,
+            Fault::DeviceHung => culler.hang()?,
+            Fault::Unplugged => culler.cable("down")?,
             Fault::AllKilled => cullers.iter_mut().try_for_each(Culler::kill)?,
         }
         thread::sleep(FAULTY);
+        let Some(culler) = cullers.get_mut(trial % count) else { break };
         match fault {
-            Fault::Killed => cullers.get_mut(trial % count).map_or(Ok(()), Culler::again)?,
-            Fault::Stopped => cullers.get(trial % count).map_or(Ok(()), |culler| culler.signal("CONT"))?,
+            Fault::Killed => culler.again()?,
+            Fault::Stopped => culler.signal("CONT")?,
+            Fault::DeviceHung => culler.go_on()?,
+            Fault::Unplugged => culler.cable("up")?,
             Fault::AllKilled => cullers.iter_mut().try_for_each(Culler::again)?,
         }
     }
