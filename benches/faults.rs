@@ -51,11 +51,11 @@ const HZ: f64 = 30.0;
 /// How many trials a walk has; between them the culler is brought back.
 const TRIALS_A_WALK: usize = 10;
 /// From a fault to its repair, and from there to the next fault.
-const FAULTY: Duration = Duration::from_millis(1000);
-const SOUND: Duration = Duration::from_millis(2000);
+const FAULTY: Duration = Duration::from_millis(700);
+const SOUND: Duration = Duration::from_millis(1500);
 const SIDE: u32 = 512;
 /// How many pictures after a fault are held against those without culling.
-const AUDITED: usize = 10;
+const AUDITED: usize = 6;
 
 /// What happens to a culler.
 #[derive(Debug, Clone, Copy)]
@@ -194,7 +194,9 @@ fn main() -> Result<(), Failed> {
                     shown.take_while(|shown| *shown < *at + span).collect::<Vec<_>>()
                 };
                 let second = after(FAULTY);
-                let Some(first) = second.first() else { return Err("no picture within a second".into()) };
+                let Some(first) = second.first() else {
+                    return Err("no picture until the fault is over".into());
+                };
                 next.push(first.saturating_sub(*at));
                 let starts = std::iter::once(at).chain(&second);
                 pauses.extend(starts.zip(&second).map(|(a, b)| b.saturating_sub(*a)).max());

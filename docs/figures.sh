@@ -1,14 +1,21 @@
 #!/bin/sh
-# Takes the figures of docs/networks.md again, and writes them between the marks there.
+# Takes the figures of docs/networks.md again, and some of docs/measurements.md, and writes them between the marks there.
 #
 #   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
+#   docs/figures.sh cullers NAME.scene..   only those of any number of cullers, which walk through each scene: ten minutes a scene
 #
 # Nothing in the first ones depends on the machine or on what else it does: the same program gives the same figures. A walk's ids
 # are the same on any machine, too; when culling finds them is not. TRIMARAN names the program; without it, it is built.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
-scene=${1:+$(realpath "$1")}
+what=${1:-}
+if [ "$what" = cullers ]; then
+    shift
+    scenes=$(realpath "$@")
+else
+    scene=${1:+$(realpath "$1")}
+fi
 cd "$here/.."
 if [ -z "${TRIMARAN:-}" ]; then
     cargo build --release --bin trimaran
@@ -146,6 +153,41 @@ place() {
     ' "$1" > "$out/page"
     cat "$out/page" > "$1"
 }
+
+# by_cullers SCENE: what any number of cullers show of a walk, by the times that each role took alone.
+by_cullers() {
+    recording='--alone --frames 120 --audit-every 10'
+    echo "| cullers | schedule | frames/s | latency ms: p50 | p99 | objects | triangles | bytes a frame |" >> "$block"
+    echo "|---|---|---|---|---|---|---|---|" >> "$block"
+    for who in 0:independent 1:independent 2:switch 2:independent 4:independent 8:independent; do
+        who="--cullers ${who%:*} --schedule ${who#*:}"
+        "$TRIMARAN" run "$1" $who $recording --record "$out/walk.trace" --out "$out/walk" > "$out/said"
+        quietly --trace "$out/walk.trace" $who --network gigabit --link tcp --coding changes --frames 120
+        # drawn over exactly visible: NODES nodes, OBJECTS objects (..), TRIANGLES triangles (..)
+        tight=$(sed -n 's/^tightness.*nodes, \([0-9.]*\) objects.*), \([0-9.]*\) triangles.*/\1 | \2/p' "$out/said")
+        awk -F, -v tight="$tight" "$lib"'{
+            who = $at["cullers"] == 0 ? "–" : $at["schedule"]
+            print "| " $at["cullers"] " | " who " | " value("frames_per_second") " | " value("p50_ms") " | " value("p99_ms") \
+                " | " tight " | " value("bytes") " |"
+        }' "$out/runs.csv" >> "$block"
+    done
+}
+
+if [ "$what" = cullers ]; then
+    for scene in $scenes; do
+        name=$(basename "$scene" .scene)
+        begin "cullers-$name"
+        {
+            printf '```sh\n'
+            echo "trimaran run $name.scene --cullers K --schedule S --alone --frames 120 --record walk.trace"
+            echo "trimaran sim --trace walk.trace --cullers K --schedule S --network gigabit --link tcp --coding changes --frames 120"
+            printf '```\n'
+        } >> "$block"
+        by_cullers "$scene"
+    done
+    place docs/measurements.md
+    exit
+fi
 
 latency='network=network link=link p50_ms=p50 p95_ms=p95 p99_ms=p99 p999_ms=p99.9 frames_per_second=frames/s late%=late incomplete=gaps bytes=bytes_a_frame'
 parts='link=link batch=b bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp ip_headers=IP link_layer=link_layer packets=packets'

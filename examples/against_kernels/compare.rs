@@ -1,6 +1,7 @@
 //! The table.
 
 use std::error::Error;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use trimaran::netem::Emulation;
@@ -20,8 +21,9 @@ const FRAMES: u32 = 500;
 const RUNS: u64 = 6;
 /// The simulator takes so many seeds for each of a real run.
 const SEEDS_A_RUN: u64 = 5;
-/// How far the simulator may be off, percent: at the median, at the 99th percentile, and in bytes.
-const AIMS: [f64; 3] = [5.0, 15.0, 2.0];
+/// How far the simulator may be off, percent: at the median, at the 99th percentile, in bytes, and in frames
+/// a second.
+const AIMS: [f64; 4] = [5.0, 15.0, 2.0, 5.0];
 /// The first frames are left out: connections begin slowly.
 const WARM_UP: usize = 20;
 
@@ -32,19 +34,34 @@ struct Plan {
     frames: u32,
     runs: u64,
     csv: bool,
+    /// A recorded walk, whose roles pause for as long as they computed.
+    trace: Option<PathBuf>,
+    cullers: usize,
+    schedule: Schedule,
 }
 
 impl Plan {
     fn parse(words: impl Iterator<Item = String>) -> Result<Self, Box<dyn Error>> {
-        let mut plan =
-            Self { networks: Vec::new(), links: Vec::new(), frames: FRAMES, runs: RUNS, csv: false };
+        let mut plan = Self {
+            networks: Vec::new(),
+            links: Vec::new(),
+            frames: FRAMES,
+            runs: RUNS,
+            csv: false,
+            trace: None,
+            cullers: 2,
+            schedule: Schedule::Independent,
+        };
         let mut words = words;
         while let Some(word) = words.next() {
-            let mut value = || words.next().ok_or_else(|| format!("{word} needs a number"));
+            let mut value = || words.next().ok_or_else(|| format!("{word} needs a value"));
             match word.as_str() {
                 "--frames" => plan.frames = value()?.parse()?,
                 "--runs" => plan.runs = value()?.parse()?,
                 "--csv" => plan.csv = true,
+                "--trace" => plan.trace = Some(value()?.into()),
+                "--cullers" => plan.cullers = value()?.parse()?,
+                "--schedule" => plan.schedule = value()?.parse()?,
                 name => match LINKS.into_iter().find(|link| link.name() == name) {
                     Some(link) => plan.links.push(link),
                     None => plan.networks.push(name.to_owned()),
@@ -62,6 +79,17 @@ impl Plan {
         }
         Ok(plan)
     }
+
+    fn scenario(&self, network: &Profile, link: Transport, seed: u64) -> Result<Scenario, Box<dyn Error>> {
+        let time = Duration::from_millis(5);
+        let workload = match &self.trace {
+            Some(trace) => Workload::recorded(trace)?,
+            None => Workload::steady(Load { nodes: 4000, or: time, hc: time, rvg: time }),
+        };
+        let (network, batch, knobs) = (network.clone(), BatchSize::new(1024)?, Knobs::default());
+        let &Self { cullers, schedule, frames, .. } = self;
+        Ok(Scenario { network, link, cullers, schedule, batch, frames, seed, workload, knobs })
+    }
 }
 
 /// What some runs of the same scenario were like.
@@ -69,10 +97,12 @@ impl Plan {
 struct Sample {
     /// Milliseconds, rising.
     latencies: Vec<f64>,
-    /// Of each run: the median, the 99th percentile, and bytes a frame.
+    /// Of each run: the median, the 99th percentile, bytes a frame, and frames a second.
     medians: Vec<f64>,
     tails: Vec<f64>,
     bytes: Vec<f64>,
+    /// Frames a second.
+    rates: Vec<f64>,
     late: usize,
 }
 
@@ -92,15 +122,19 @@ impl Sample {
         });
         self.late += gaps.filter(|gap| *gap > 1e3 / 30.0).count();
         self.bytes.push(bytes_a_frame);
+        if let [first, .., last] = times {
+            self.rates.push(1e3 * (times.len() - 1) as f64 / millis(last.shown.since(first.shown)));
+        }
     }
 
-    /// The median and the 99th percentile of all frames, and the mean bytes of a frame; each with how far it
-    /// may be off by chance.
-    fn figures(&self) -> [(f64, f64); 3] {
+    /// The median and the 99th percentile of all frames, the mean bytes of a frame, and frames a second; each
+    /// with how far it may be off by chance.
+    fn figures(&self) -> [(f64, f64); 4] {
         [
             (at(&self.latencies, 0.5), error(&self.medians)),
             (at(&self.latencies, 0.99), error(&self.tails)),
             (mean(&self.bytes), error(&self.bytes)),
+            (mean(&self.rates), error(&self.rates)),
         ]
     }
 
@@ -138,17 +172,16 @@ pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Err
         return Ok(());
     }
     println!(
-        "| network | link | p50 kernel | model | | p99 kernel | model | | bytes a frame kernel | model | | late kernel | model |"
+        "| network | link | p50 kernel | model | | p99 kernel | model | | bytes a frame kernel | model | | frames/s kernel | model | | late kernel | model |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     let mut lateness = (0.0_f64, 0.0_f64);
     for name in &plan.networks {
         let network = Profile::find(name)?;
         for &link in &plan.links {
             let (mut kernel, mut model) = (Sample::default(), Sample::default());
             for seed in 1..=plan.runs {
-                let played =
-                    play(&scenario(&network, link, plan.frames, seed)?).map_err(|e| e.to_string())?;
+                let played = play(&plan.scenario(&network, link, seed)?).map_err(|e| e.to_string())?;
                 kernel.add(&played.times, played.bytes as f64 / f64::from(plan.frames));
                 lateness.0 = lateness.0.max(played.report.late.p99_us);
                 lateness.1 = lateness.1.max(played.report.late.max_us);
@@ -157,7 +190,7 @@ pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Err
                 }
             }
             for seed in 1..=plan.runs * SEEDS_A_RUN {
-                let outcome = simulate(&scenario(&network, link, plan.frames, seed)?)?;
+                let outcome = simulate(&plan.scenario(&network, link, seed)?)?;
                 model.add(&outcome.times, outcome.bytes.total);
                 if plan.csv {
                     print_times("model", &outcome.times);
@@ -167,26 +200,19 @@ pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Err
         }
     }
     println!(
-        "\n{} runs of {} frames over kernels, {} in the simulator; milliseconds; ±: standard error of the runs' values; bold: more than {} % at p50, {} % at p99 or {} % in \
-         bytes apart; late: more than a 30th of a second after the picture before. The network's packets were up to {:.0} us late at the 99th percentile of a run, {:.0} at most.",
+        "\n{} runs of {} frames over kernels, {} in the simulator; milliseconds; ±: standard error of the runs' values; bold: more than {} % at p50, {} % at p99, {} % in \
+         bytes or {} % in frames a second apart; late: more than a 30th of a second after the picture before. The network's packets were up to {:.0} us late at the 99th percentile of a run, {:.0} at most.",
         plan.runs,
         plan.frames,
         plan.runs * SEEDS_A_RUN,
         AIMS[0],
         AIMS[1],
         AIMS[2],
+        AIMS[3],
         lateness.0,
         lateness.1
     );
     Ok(())
-}
-
-fn scenario(network: &Profile, link: Transport, frames: u32, seed: u64) -> Result<Scenario, Box<dyn Error>> {
-    let time = Duration::from_millis(5);
-    let workload = Workload::steady(Load { nodes: 4000, or: time, hc: time, rvg: time });
-    let (network, batch, knobs) = (network.clone(), BatchSize::new(1024)?, Knobs::default());
-    let (cullers, schedule) = (2, Schedule::Independent);
-    Ok(Scenario { network, link, cullers, schedule, batch, frames, seed, workload, knobs })
 }
 
 fn print_row(network: &str, link: Transport, kernel: &Sample, model: &Sample) {

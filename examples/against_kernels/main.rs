@@ -1,12 +1,14 @@
 //! The simulator against kernels: the same sessions over real TCP, UDP and QUIC, and in virtual time.
 //!
 //! ```sh
-//! cargo run --release --example against_kernels -- [NETWORK..] [tcp|quic|udp..] [--frames N] [--runs N] [--csv]
+//! cargo run --release --example against_kernels -- [NETWORK..] [tcp|quic|udp..] [--frames N] [--runs N] [--csv] \
+//!     [--trace WALK] [--cullers K] [--schedule independent|switch]
 //! ```
 //!
-//! Three roles in three network namespaces, whose packets `trimaran::netem` carries by the link models of the
+//! A display and its cullers in network namespaces of their own, whose packets `trimaran::netem` carries by the link models of the
 //! simulator, and the same roles in the simulator. Of both, each run with a seed of its own: latency from a
-//! camera leaving RVG to its picture, and bytes a frame. Needs Linux, root and `ip` (iproute2); says what is
+//! camera leaving RVG to its picture, bytes a frame, and frames a second. The roles pause for 5 ms each a frame,
+//! or for as long as they computed in a walk that `trimaran run --alone --record WALK` has recorded. Needs Linux, root and `ip` (iproute2); says what is
 //! missing otherwise.
 
 #[cfg(target_os = "linux")]

@@ -131,7 +131,8 @@ fn names(run: &Outcome) -> [String; 4] {
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
     let bytes = BYTES.map(|column| column.key).join(",");
     let mut csv = format!(
-        "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,\
+        "network,link,cullers,schedule,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,\
+         network_ms,or_ms,\
          hc_ms,rvg_ms,frames_per_second,late_at_30,late_at_60,incomplete,{bytes},frames_wrong,wrong_pixels,\
          worst_pixels,needless_triangles,p99_ms_deviation,wrong_pixels_deviation,\
          needless_triangles_deviation\n"
@@ -174,7 +175,7 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
 #[must_use]
 pub fn frames_csv(outcomes: &[Outcome]) -> String {
     let mut csv = String::from(
-        "network,link,coding,nodes_mean,batch,seed,frame,nodes,missing,published_ns,asked_ns,taken_ns,fed_ns,\
+        "network,link,cullers,schedule,coding,nodes_mean,batch,seed,frame,nodes,missing,published_ns,asked_ns,taken_ns,fed_ns,\
          occluded_ns,culled_ns,arrived_ns,shown_ns\n",
     );
     for run in outcomes {
@@ -200,7 +201,8 @@ pub fn frames_csv(outcomes: &[Outcome]) -> String {
 fn key(run: &Outcome) -> String {
     let seeds: Vec<String> = run.seeds.iter().map(u64::to_string).collect();
     let network = run.network.replace([',', '"', '\n'], " ");
-    format!("{network},{},{},{},{},{}", run.label(), run.coding, run.nodes, run.batch, seeds.join(" "))
+    let who = format!("{},{}", run.cullers, run.schedule);
+    format!("{network},{},{who},{},{},{},{}", run.label(), run.coding, run.nodes, run.batch, seeds.join(" "))
 }
 
 /// The figures as one page that opens offline. `command` is how they can be had again.

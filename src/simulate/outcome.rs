@@ -229,7 +229,12 @@ impl Outcome {
         let usual = Knobs::default().repair_percent;
         let repair = self.repair_percent.filter(|percent| *percent != usual);
         let repair = repair.map_or_else(String::new, |percent| format!("/r{percent}"));
-        format!("{}{deadline}{repair}", self.link.name())
+        let cullers = match (self.schedule, self.cullers) {
+            (schedule, _) if schedule == Schedule::Switch.name() => "/switch".to_owned(),
+            (_, 2) => String::new(),
+            (_, cullers) => format!("/k{cullers}"),
+        };
+        format!("{}{cullers}{deadline}{repair}", self.link.name())
     }
 
     /// What the sessions have of something; none where one of them has not.

@@ -118,7 +118,10 @@ impl CullerWork for RecordedCulling {
         let (frame, fed) = (camera.frame(), self.clock.now());
         let or = if as_they_come { Duration::ZERO } else { self.recording.workload.of(frame.0).or };
         (self.frame, self.as_they_come, self.drawn) = (frame, as_they_come, fed.after(or));
-        self.recording.note(frame, |times| times.fed = fed);
+        self.recording.note(frame, |times| {
+            // A display that culls itself takes the camera when it is handed out.
+            (times.taken, times.fed) = (times.taken.max(times.published), fed);
+        });
         Ok(())
     }
 
