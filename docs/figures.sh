@@ -3,7 +3,8 @@
 #
 #   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
-#   docs/figures.sh cullers NAME.scene..   only those of any number of cullers, which walk through each scene: ten minutes a scene
+#   docs/figures.sh cullers NAME.scene..   only those of any number of cullers, which walk through each scene: ten minutes a scene,
+#                                 with the occlusion tests named in TESTS, such as TESTS='hzb query'
 #
 # Nothing in the first ones depends on the machine or on what else it does: the same program gives the same figures. A walk's ids
 # are the same on any machine, too; when culling finds them is not. TRIMARAN names the program; without it, it is built.
@@ -156,7 +157,7 @@ place() {
 
 # by_cullers SCENE: what any number of cullers show of a walk, by the times that each role took alone.
 by_cullers() {
-    recording='--alone --frames 120 --audit-every 10'
+    recording="--alone --frames 120 --audit-every 30 --occlusion-test $2"
     echo "| cullers | schedule | frames/s | latency ms: p50 | p99 | objects | triangles | bytes a frame |" >> "$block"
     echo "|---|---|---|---|---|---|---|---|" >> "$block"
     for who in 0:independent 1:independent 2:switch 2:independent 4:independent 8:independent; do
@@ -176,14 +177,10 @@ by_cullers() {
 if [ "$what" = cullers ]; then
     for scene in $scenes; do
         name=$(basename "$scene" .scene)
-        begin "cullers-$name"
-        {
-            printf '```sh\n'
-            echo "trimaran run $name.scene --cullers K --schedule S --alone --frames 120 --record walk.trace"
-            echo "trimaran sim --trace walk.trace --cullers K --schedule S --network gigabit --link tcp --coding changes --frames 120"
-            printf '```\n'
-        } >> "$block"
-        by_cullers "$scene"
+        for test in ${TESTS:-hzb}; do
+            begin "cullers-$name-$test"
+            by_cullers "$scene" "$test"
+        done
     done
     place docs/measurements.md
     exit
