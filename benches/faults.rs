@@ -183,7 +183,8 @@ fn main() -> Result<(), Failed> {
     );
     println!("|---|---|---|---|---|---|---|");
     let all = [Fault::Killed, Fault::Stopped, Fault::DeviceHung, Fault::Unplugged, Fault::AllKilled];
-    for fault in all {
+    let asked = env::var("FAULT").unwrap_or_default();
+    for fault in all.into_iter().filter(|fault| format!("{fault:?}").contains(&asked)) {
         let (mut next, mut pauses, mut usual) = (Vec::new(), Vec::new(), Vec::new());
         let (mut wrong, mut audited, mut disorder) = (0, 0, 0);
         while next.len() < trials {
@@ -401,10 +402,31 @@ fn audit(devices: &SceneOnDevices, plan: &Plan, walked: &Walked) -> Result<(u64,
         let Some(walk) = frames.get(..=index) else { break };
         let mut frame = Frame::default();
         auditor.audit(&mut machine, walk, false, &mut frame, &mut Default::default())?;
-        wrong += frame.cut_mismatch_pixels.unwrap_or(0) + frame.false_culled_pixels.unwrap_or(0);
+        let pixels = frame.cut_mismatch_pixels.unwrap_or(0);
+        if let Some(record) = walk.last().filter(|_| pixels > 0) {
+            let FrameRecord { camera, culler, stats, .. } = record;
+            eprintln!("{pixels} wrong: {:?} of {culler:?}, {camera:?}, {stats:?}", frame.false_culls);
+            if let Ok(folder) = env::var("DUMP") {
+                dump(&folder, walk)?;
+            }
+        }
+        wrong += pixels;
         audited += 1;
     }
     Ok((wrong, audited))
+}
+
+/// Writes what a frame and those before it drew, to look into.
+fn dump(folder: &str, walk: &[FrameRecord]) -> Result<(), Failed> {
+    let number = walk.len();
+    let mut text = String::new();
+    for record in walk.iter().rev().take(40) {
+        let ids: Vec<u32> = record.ids.iter().map(|id| id.0).collect();
+        let bytes = record.camera.to_bytes().map(|byte| format!("{byte:02x}")).concat();
+        let of = record.stats.and_then(|stats| stats.occluders_of).map(|of| of.0);
+        text += &format!("{} {:?} {of:?} {bytes} {ids:?}\n", record.camera.frame().0, record.culler);
+    }
+    Ok(fs::write(format!("{folder}/frame-{number}.txt"), text)?)
 }
 
 fn free_endpoint() -> Result<Endpoint, Failed> {
