@@ -543,6 +543,15 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
     let lines = |name: &str| fs::read_to_string(bench.path(name)).unwrap().lines().count();
     assert_eq!((lines("figures/runs.csv"), lines("figures/frames.csv")), (1 + 2, 1 + 4 * 12));
 
+    // What the display culls itself arrives nowhere.
+    let alone = ["run", "plant.scene", "--record", "alone.trace", "--frames", "4", "--size", "64x64"];
+    bench.done(&[&alone[..], &["--cullers", "0", "--audit-every", "0", "--out", "alone"]].concat());
+    let sim = bench.done(&["sim", "--trace", "alone.trace", "--frames", "4", "--cullers", "0", "--json"]);
+    let runs: serde_json::Value = serde_json::from_str(&sim).unwrap();
+    let run = &runs[0];
+    let [all, parts] = [&run["latency_ms"], &run["waiting_ms"]].map(|of| of["p50"].as_f64().unwrap());
+    assert!(all > 0.0 && parts < 1e-9, "{run}");
+
     let bytes = fs::read(bench.path("walk.trace")).unwrap();
     bench.write("short.trace", &bytes[..bytes.len() - 9]);
     bench.refuses(&["sim", "--trace", "short.trace"], &["short.trace", "cut short", "record the walk again"]);

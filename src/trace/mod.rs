@@ -84,13 +84,19 @@ impl Trace {
             }
             let mut ids = record.ids.clone();
             ids.sort_unstable();
+            let hc = Duration::from_nanos(stats.hc_end_ns.saturating_sub(stats.hc_start_ns));
+            // What the display culled itself did not arrive.
+            let found = match record.culler {
+                Some(_) => record.arrivals.clone(),
+                None => u32::try_from(ids.len()).map(|count| vec![(count, hc)]).unwrap_or_default(),
+            };
             frames.push(TraceFrame {
                 camera: record.camera,
                 or: Duration::from_nanos(stats.or_busy_ns),
-                hc: Duration::from_nanos(stats.hc_end_ns.saturating_sub(stats.hc_start_ns)),
+                hc,
                 rvg: record.shown.saturating_sub(record.drawing),
                 ids,
-                found: record.arrivals.clone(),
+                found,
             });
         }
         if frames.is_empty() {

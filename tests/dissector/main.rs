@@ -130,7 +130,7 @@ fn walk() -> Workload {
                 FrameNumber(frame),
             )
             .unwrap(),
-            culler: None,
+            culler: CullerId::of(0),
             for_loss: 0,
             picture: None,
             published: ms(0),
