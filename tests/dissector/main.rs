@@ -16,7 +16,7 @@ use tempfile::TempDir;
 use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_watched};
 use trimaran::trace::Trace;
 use trimaran::walkthrough::{FrameRecord, Pace, Plan};
-use trimaran_actors::{FrameEvent, FrameStart, Listener, Schedule};
+use trimaran_actors::{CullerId, FrameEvent, FrameStart, Listener, Schedule};
 use trimaran_netsim::Profile;
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, Identity, LodRule, OcclusionTestKind,
