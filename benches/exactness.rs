@@ -6,13 +6,14 @@
 //! culling's, one that does not is the driver's.
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
-use std::{error::Error, path::Path, sync::Arc, time::Instant};
+use std::{collections::BTreeMap, error::Error, path::Path, sync::Arc, time::Instant};
 
 use glam::{DQuat, DVec3};
 use trimaran::vulkan::VulkanCuller;
-use trimaran_actors::OccluderPolicy;
+use trimaran_actors::{CullerDevice, OccluderPolicy};
+use trimaran_audit::{CulledFrame, Missing, Placement, causes, rasterize};
 use trimaran_cull::{Culler, LodRule, View, Viewport, draw_order, lod_cut};
-use trimaran_gpu::{Gpu, GpuOptions, GpuScene, PicturePass};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, OcclusionTestKind};
 use trimaran_scene::{
     Scene,
@@ -67,6 +68,7 @@ struct Walk {
     culler: Culler,
     device: VulkanCuller,
     pictures: PicturePass,
+    items: ItemPass,
     counts: Counts,
 }
 
@@ -78,6 +80,7 @@ impl Walk {
             culler: Culler::new(Arc::clone(&scene)),
             device: VulkanCuller::new(&drawn, size, OcclusionTestKind::Hzb)?,
             pictures: PicturePass::new(&drawn, size)?,
+            items: ItemPass::new(&drawn, size)?,
             counts: Counts::default(),
             scene,
         })
@@ -104,6 +107,7 @@ impl Walk {
                     "{pixels} pixels wrong, once more {again}: seed {seed}, age {age}, {:?}",
                     view.camera()
                 );
+                self.explain(&view, &last)?;
                 self.counts.wrong += 1;
                 self.counts.again += u64::from(again > 0);
                 self.counts.pixels += pixels;
@@ -124,6 +128,56 @@ impl Walk {
         draw_order(&self.scene, view, &mut drawn);
         let shown = self.picture(view, &drawn)?;
         Ok((culled.visible, whole.iter().zip(&shown).filter(|(a, b)| a != b).count() as u64))
+    }
+
+    /// Says what is missing, and why.
+    fn explain(&mut self, view: &View, last: &[DrawableId]) -> Outcome<()> {
+        let (policy, rule) = (OccluderPolicy::default(), self.rule.into());
+        let culled = policy.cull(&mut self.culler, &mut self.device, view, &rule, last)?;
+        let depth = self.device.read_depth()?.depth().to_vec();
+        let mut cut = lod_cut(&self.scene, view, self.rule);
+        draw_order(&self.scene, view, &mut cut);
+        let mut drawn = culled.visible.clone();
+        draw_order(&self.scene, view, &mut drawn);
+        let mut missing: BTreeMap<DrawableId, Vec<usize>> = BTreeMap::new();
+        let [whole, shown] = [self.items(view, &cut)?, self.items(view, &drawn)?];
+        for (pixel, (owner, other)) in whole.iter().zip(&shown).enumerate().filter(|(_, (a, b))| a != b) {
+            println!("  pixel {pixel} shows {other:?} instead of {owner:?}");
+            if owner[0] != ItemImage::BACKGROUND && !drawn.contains(&DrawableId(owner[0])) {
+                missing.entry(DrawableId(owner[0])).or_default().push(pixel);
+            }
+        }
+        let missing: Vec<_> = missing.into_iter().map(|(id, pixels)| Missing { id, pixels }).collect();
+        let frame = CulledFrame {
+            scene: &self.scene,
+            view,
+            rule: &rule,
+            occluders: &culled.occluders,
+            depth: &depth,
+            sent: None,
+            drawn: &drawn,
+            before: &[],
+        };
+        let causes = causes(&frame, &mut self.device, &missing)?;
+        for (missing, cause) in missing.iter().zip(causes) {
+            println!("  {}: {cause:?}, {} rounds", missing.id, culled.rounds);
+            // What the device draws there of it alone, and what is right.
+            self.picture(view, &[missing.id])?;
+            let own = self.pictures.read_depth()?.depth().to_vec();
+            let right = rasterize(&self.scene, view, [missing.id], Placement::Exact).depth32();
+            for &pixel in &missing.pixels {
+                let [tested, own, right] = [&depth, &own, &right].map(|depth| depth[pixel]);
+                println!("    depth there: {own} of it alone, {right} in f64; tested against {tested}");
+            }
+        }
+        Ok(())
+    }
+
+    fn items(&mut self, view: &View, ids: &[DrawableId]) -> Outcome<Vec<[u32; 2]>> {
+        self.items.begin(view)?;
+        self.items.draw(ids)?;
+        self.items.finish()?;
+        Ok(self.items.items()?.to_vec())
     }
 
     fn picture(&mut self, view: &View, ids: &[DrawableId]) -> Outcome<Vec<[u8; 4]>> {
