@@ -52,8 +52,10 @@ fn a_running_session_shows_what_its_links_carry() {
     let address = line.split("http://").nth(1).unwrap().trim().trim_end_matches("/metrics").to_owned();
     let received =
         |text: &str| value(text, "trimaran_link_frames_total{peer=\"culler 1\",direction=\"received\"}");
-    // The page is there before the links are.
-    while !get(&address, "/metrics").contains("trimaran_link_frames_total{") {}
+    // The page is there before the links are, and either culler may come first.
+    for peer in ["culler 1", "culler 2"] {
+        while !get(&address, "/metrics").contains(&format!("trimaran_link_frames_total{{peer=\"{peer}\"")) {}
+    }
     while received(&get(&address, "/metrics")) == 0 {}
     let table = bench.done(&["stat", &address, "--interval", "0.3", "--count", "2"]);
     let lines = bench.done(&["stat", &address, "--json", "--count", "1"]);
