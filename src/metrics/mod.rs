@@ -100,7 +100,9 @@ impl LinkMetrics {
         if let Some(listener) = stats.listener().filter(|listener| !watched.listeners.contains(listener)) {
             watched.listeners.push(listener);
         }
-        watched.links.push(WatchedLink { peer, stats });
+        // By name, whoever comes first.
+        let place = watched.links.partition_point(|link| link.peer < peer);
+        watched.links.insert(place, WatchedLink { peer, stats });
     }
 
     /// Watches the link to `peer` no longer.
