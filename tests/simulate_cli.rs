@@ -123,7 +123,10 @@ fn seeds_are_taken_once_each_and_in_order() {
     let csv = fs::read_to_string(bench.path("out/runs.csv")).unwrap();
     let lines: Vec<&str> = csv.lines().collect();
     // Taken together: one row, whose seeds are both and whose frames are twice three.
-    assert!(lines.len() == 2 && lines[1].starts_with("fast-ethernet,tcp,plain,4000,1024,3 7,6,"), "{csv}");
+    assert!(
+        lines.len() == 2 && lines[1].starts_with("fast-ethernet,tcp,2,independent,plain,4000,1024,3 7,6,"),
+        "{csv}"
+    );
     assert_eq!(lines[0].split(',').count(), lines[1].split(',').count(), "{csv}");
     assert_eq!(fs::read_to_string(bench.path("out/frames.csv")).unwrap().lines().count(), 1 + 6);
     let saved: serde_json::Value =
