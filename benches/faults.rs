@@ -2,7 +2,8 @@
 //!
 //! `cargo bench --bench faults -- X.scene [TRIALS] [CULLERS]`: for each fault so many trials, 50 if not given,
 //! on a display with so many cullers, 2 if not given. Pictures after a fault are held against those without
-//! culling. Pulling cables needs root, as do stopped threads of a driver that draws on the CPU.
+//! culling. With `FAULT=Killed` in the environment it is that
+//! fault alone. Pulling cables needs root, as do stopped threads of a driver that draws on the CPU.
 #![allow(clippy::disallowed_methods, reason = "real programs keep real time")]
 
 use std::{
@@ -325,7 +326,7 @@ fn walk(
         schedule: plan.schedule,
         pace: plan.frames(path.frames()),
         first: FrameNumber(0),
-        patience: Duration::from_secs(60),
+        join_timeout: Duration::from_secs(60),
         drawables: max_frame(&devices.scene),
         net: Arc::clone(&net),
         turns: turns.clone(),
@@ -406,27 +407,11 @@ fn audit(devices: &SceneOnDevices, plan: &Plan, walked: &Walked) -> Result<(u64,
         if let Some(record) = walk.last().filter(|_| pixels > 0) {
             let FrameRecord { camera, culler, stats, .. } = record;
             eprintln!("{pixels} wrong: {:?} of {culler:?}, {camera:?}, {stats:?}", frame.false_culls);
-            if let Ok(folder) = env::var("DUMP") {
-                dump(&folder, walk)?;
-            }
         }
         wrong += pixels;
         audited += 1;
     }
     Ok((wrong, audited))
-}
-
-/// Writes what a frame and those before it drew, to look into.
-fn dump(folder: &str, walk: &[FrameRecord]) -> Result<(), Failed> {
-    let number = walk.len();
-    let mut text = String::new();
-    for record in walk.iter().rev().take(40) {
-        let ids: Vec<u32> = record.ids.iter().map(|id| id.0).collect();
-        let bytes = record.camera.to_bytes().map(|byte| format!("{byte:02x}")).concat();
-        let of = record.stats.and_then(|stats| stats.occluders_of).map(|of| of.0);
-        text += &format!("{} {:?} {of:?} {bytes} {ids:?}\n", record.camera.frame().0, record.culler);
-    }
-    Ok(fs::write(format!("{folder}/frame-{number}.txt"), text)?)
 }
 
 fn free_endpoint() -> Result<Endpoint, Failed> {

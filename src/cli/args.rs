@@ -1,6 +1,7 @@
 //! What the command line accepts. The help texts are the manual: each says what a thing is, its unit and its
 //! default.
 
+mod cullers;
 mod links;
 mod roles;
 mod scenes;
@@ -10,13 +11,12 @@ mod walks;
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
+pub(crate) use cullers::{CullerArgs, ScheduleArg};
 pub(crate) use links::{Coding, NetemArgs, PingArgs, StatArgs};
 pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Up};
 pub(crate) use sim::{SimArgs, SimLink};
-pub(crate) use walks::{
-    CullerArgs, DemoArgs, LinkKind, OcclusionTestArg, RunArgs, ScheduleArg, Size, SweepArgs, WalkArgs,
-};
+pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
 
 /// Walk through CAD models of process plants with tens of millions of triangles.
 ///

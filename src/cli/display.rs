@@ -36,7 +36,7 @@ pub(super) struct DisplaySession<'s> {
     /// Where the report goes, until there is something to report.
     pub(super) folder: Option<Writer>,
     /// How long it waits for its cullers before it begins without those that are missing.
-    pub(super) patience: Duration,
+    pub(super) join_timeout: Duration,
     /// Where what the links carry is shown.
     pub(super) metrics: Metrics,
     /// Where to record what each frame asked of the roles.
@@ -158,7 +158,7 @@ impl DisplaySession<'_> {
             schedule: plan.schedule,
             pace: plan.frames(path.frames()),
             first,
-            patience: Duration::ZERO,
+            join_timeout: Duration::ZERO,
             drawables: max_frame(&file.scene),
             net: Arc::clone(&self.net),
             turns: self.turns.clone(),
@@ -167,7 +167,7 @@ impl DisplaySession<'_> {
         Ok(role.run(&mut *cameras, watched, stop).await.map_err(SessionError::from)?)
     }
 
-    /// Waits for those cullers that it connects to, as long as it is patient; it goes on looking for the
+    /// Waits for those cullers that it connects to, until its timeout; it goes on looking for the
     /// others.
     async fn find_cullers(&mut self, settings: Settings) -> Result<Peers, Failure> {
         let endpoints: Vec<_> = self.cullers.iter().map(|peer| peer.endpoint.clone()).collect();
@@ -179,7 +179,7 @@ impl DisplaySession<'_> {
             most: CullerId::MOST,
         };
         let mut cullers = Peers::seek(&self.net, sought);
-        let deadline = self.net.now().after(self.patience);
+        let deadline = self.net.now().after(self.join_timeout);
         let mut came = Vec::new();
         while came.len() < cullers.expected() {
             match until(&*self.net, deadline, cullers.next()).await {

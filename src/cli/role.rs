@@ -154,12 +154,12 @@ fn display(
     let roles = vec![role_info(Machine::Display, &drawn)];
     let about = about(walk, &config.session.path, config.session.seed, roles);
     // Who walks by the clock does not wait.
-    let patience = if config.session.live_hz.is_some() { Duration::ZERO } else { start.patience };
+    let join_timeout = if config.session.live_hz.is_some() { Duration::ZERO } else { start.join_timeout };
     let session = DisplaySession {
         walk,
         about: Run { started: progress.started.clone().unwrap_or(about.started), ..about },
         folder: Some(folder),
-        patience,
+        join_timeout,
         metrics,
         trace: config.record.clone(),
         net: start.net,

@@ -84,7 +84,7 @@ pub(super) fn walk(
         walk: way,
         about: about(way, &walk.path, walk.seed, roles.collect()),
         folder: Some(folder),
-        patience: PATIENCE,
+        join_timeout: JOIN_TIMEOUT,
         metrics: Metrics::show(args.metrics, &runtime)?,
         trace: args.record.clone(),
         key: SessionKey(net.random().map_err(Failure::broken)?),
@@ -117,4 +117,4 @@ pub(super) fn walk(
 }
 
 /// How long the cullers may take to load and copy a large scene.
-const PATIENCE: std::time::Duration = std::time::Duration::from_secs(120);
+const JOIN_TIMEOUT: std::time::Duration = std::time::Duration::from_secs(120);

@@ -11,14 +11,13 @@ use trimaran::report::simulation;
 use trimaran::simulate::{
     Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate_watched,
 };
-use trimaran_actors::Schedule;
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_netsim::Profile;
 use trimaran_proto::{BatchSize, IdCoding};
 
 use super::{
     Failure,
-    args::{Coding, SimArgs, SimLink},
+    args::{Coding, CullerArgs, SimArgs, SimLink},
     print_json, printed, progress,
     walking::{gpu_options, open},
 };
@@ -83,30 +82,23 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
         return Err(Failure::bad_input("--coding changes needs --trace: made-up frames are all alike"));
     }
     let workloads = workloads(args)?;
+    let shared = args.cullers.combinations()?;
     let mut sessions = Vec::new();
     for (link, knobs) in args.link.iter().flat_map(|link| knobs(args, *link)) {
-        for schedule in args.schedule.iter().copied().map(Schedule::from) {
-            // The schedule switch is one of two cullers, whatever others are asked for.
-            let fits = |cullers: &&u8| schedule != Schedule::Switch || **cullers == 2;
-            let cullers = args.cullers.iter().filter(fits);
-            sessions.extend(cullers.map(|cullers| (link, knobs, usize::from(*cullers), schedule)));
-        }
-    }
-    if sessions.is_empty() {
-        return Err(Failure::bad_input("--schedule switch takes two cullers: add --cullers 2"));
+        sessions.extend(shared.iter().map(|at| (link, knobs, *at)));
     }
     // A seed given twice would count the same frames twice.
     let seeds: BTreeSet<u64> = args.seed.iter().copied().collect();
     let mut scenarios = Vec::new();
     for network in &networks {
-        for (link, knobs, cullers, schedule) in &sessions {
+        for (link, knobs, CullerArgs { cullers, schedule }) in &sessions {
             for workload in &workloads {
                 for batch in &batches {
                     scenarios.extend(seeds.iter().map(|seed| Scenario {
                         network: network.clone(),
                         link: *link,
-                        cullers: *cullers,
-                        schedule: *schedule,
+                        cullers: usize::from(*cullers),
+                        schedule: (*schedule).into(),
                         batch: *batch,
                         frames: args.frames,
                         seed: *seed,

@@ -16,10 +16,7 @@ use super::{
 };
 
 pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
-    let shared = shares(args);
-    if shared.is_empty() {
-        return Err(Failure::bad_input("--schedule switch takes two cullers: add --cullers 2"));
-    }
+    let shared = args.cullers.combinations()?;
     let file = open(&args.scene)?;
     let most = shared.iter().map(|at| at.cullers).max().unwrap_or(0);
     let devices = open_devices(&file, most.into(), &args.walk)?;
@@ -48,13 +45,6 @@ pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
     print!("{}", text::sweep(&points));
     println!("report: {}", args.out.join("report.html").display());
     Ok(())
-}
-
-/// Every number of cullers with every schedule that it can have.
-fn shares(args: &SweepArgs) -> Vec<CullerArgs> {
-    let of = |&cullers: &u8| args.schedule.iter().map(move |&schedule| CullerArgs { cullers, schedule });
-    let all = args.cullers.iter().flat_map(of);
-    all.filter(|at| at.schedule != ScheduleArg::Switch || at.cullers == 2).collect()
 }
 
 /// Where a run's own report goes.

@@ -25,7 +25,7 @@ use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
-    args::{CullerArgs, OcclusionTestArg, ScheduleArg, WalkArgs},
+    args::{CullerArgs, OcclusionTestArg, WalkArgs},
 };
 
 /// The plan that the flags ask for.
@@ -40,9 +40,7 @@ pub(super) fn plan(
         let why = "--few-pixels needs an occlusion test that counts pixels: add --occlusion-test raster or --occlusion-test query";
         return Err(Failure::bad_input(why));
     }
-    if cullers.schedule == ScheduleArg::Switch && cullers.cullers != 2 {
-        return Err(Failure::bad_input("--schedule switch takes two cullers: add --cullers 2"));
-    }
+    cullers.check()?;
     Ok(Plan {
         viewport: Viewport::new(walk.size.width, walk.size.height).map_err(Failure::bad_input)?,
         lod: LodRule::new(epsilon_px).map_err(Failure::bad_input)?.stopping_at_few_pixels(walk.few_pixels),
@@ -150,28 +148,28 @@ pub(super) struct Start<'r> {
     pub(super) net: Arc<dyn Net>,
     pub(super) stop: Stop,
     /// How long it waits for what is not there yet.
-    pub(super) patience: Duration,
+    pub(super) join_timeout: Duration,
 }
 
 impl<'r> Start<'r> {
     pub(super) fn new(runtime: &'r Runtime, join_timeout_s: f64, until_input_ends: bool) -> Self {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        let patience = Duration::try_from_secs_f64(join_timeout_s).unwrap_or_default();
+        let join_timeout = Duration::try_from_secs_f64(join_timeout_s).unwrap_or_default();
         let (stopper, stop) = Stop::new();
         if until_input_ends {
             stops_with_input(stopper.clone());
         }
         stops_on_signal(stopper, runtime);
-        Self { runtime, net, stop, patience }
+        Self { runtime, net, stop, join_timeout }
     }
 
     /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again
-    /// while what it fails with may pass, for as long as the role is patient.
+    /// while what it fails with may pass, until `join_timeout`.
     pub(super) fn until<T>(
         &self,
         attempt: impl AsyncFn() -> Result<T, Failure>,
     ) -> Result<Option<T>, Failure> {
-        let deadline = self.net.now().after(self.patience);
+        let deadline = self.net.now().after(self.join_timeout);
         let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());
         self.runtime.block_on(self.stop.unless_requested(attempts)).transpose()
     }

@@ -23,7 +23,7 @@ use super::recorded::{RecordedCulling, RecordedPictures, Recording};
 use super::scenario::{Knobs, Scenario, Transport};
 
 /// How long the roles may take to find each other.
-const PATIENCE: Duration = Duration::from_secs(60);
+const JOIN_TIMEOUT: Duration = Duration::from_secs(60);
 /// After the handshakes everything is quiet for so long before the first camera, so that they are not
 /// counted.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -129,7 +129,7 @@ impl Roles {
             most: CullerId::MOST,
         };
         let mut cullers = Peers::seek(net, sought);
-        let deadline = net.now().after(PATIENCE);
+        let deadline = net.now().after(JOIN_TIMEOUT);
         let mut arrived = Vec::new();
         while arrived.len() < self.cullers.len() {
             let came = until(&**net, deadline, cullers.next()).await;
@@ -153,7 +153,7 @@ impl Roles {
             schedule: self.schedule,
             pace: Pace::Lockstep { frames: Some(self.frames) },
             first: FrameNumber(0),
-            patience: PATIENCE,
+            join_timeout: JOIN_TIMEOUT,
             drawables: recording.drawables(),
             net: Arc::clone(net),
             turns: Turns::at_once(),

@@ -188,7 +188,7 @@ impl LocalSession {
                 schedule,
                 pace,
                 first: FrameNumber(0),
-                patience: Duration::from_secs(120),
+                join_timeout: Duration::from_secs(120),
                 drawables: max_frame(&scene),
                 net: Arc::clone(&net),
                 turns: turns.clone(),

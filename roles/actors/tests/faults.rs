@@ -115,7 +115,7 @@ impl Setting {
             schedule: Schedule::Independent,
             pace: Pace::Lockstep { frames: Some(FRAMES) },
             first: FrameNumber(0),
-            patience: Duration::ZERO,
+            join_timeout: Duration::ZERO,
             drawables: max_frame(&self.scene),
             net: Arc::clone(&self.net),
             turns,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::{Coding, ScheduleArg};
+use super::{Coding, cullers::CullerLists};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SimLink {
@@ -28,18 +28,8 @@ pub(crate) struct SimArgs {
     /// What joins the roles.
     #[arg(long, value_enum, value_delimiter = ',', default_value = "tcp,quic,udp")]
     pub(crate) link: Vec<SimLink>,
-    /// How many cullers there are; without any the display culls for itself.
-    #[arg(
-        long,
-        value_name = "K,..",
-        value_delimiter = ',',
-        default_value = "2",
-        value_parser = clap::value_parser!(u8).range(0..=8)
-    )]
-    pub(crate) cullers: Vec<u8>,
-    /// Which visible set cullers draw their occluders from; `switch` takes two.
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "independent")]
-    pub(crate) schedule: Vec<ScheduleArg>,
+    #[command(flatten)]
+    pub(crate) cullers: CullerLists,
     /// How many ids travel in one batch: the paper's b.
     #[arg(
         long,

@@ -4,9 +4,11 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, ValueEnum};
 use trimaran::config::positive;
-use trimaran_actors::Schedule;
 
-use super::links::{Coding, LinkFlags};
+use super::{
+    cullers::{CullerArgs, CullerLists, ScheduleArg},
+    links::{Coding, LinkFlags},
+};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LinkKind {
@@ -30,23 +32,6 @@ pub(crate) enum OcclusionTestArg {
     Raster,
     /// A pyramid of farthest depths; the fastest, never hides what a query shows.
     Hzb,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ScheduleArg {
-    /// Each culler's own last one: no culler waits for another one.
-    Independent,
-    /// The paper's SWITCH: of two cullers each draws what the other one finds, as it comes.
-    Switch,
-}
-
-impl From<ScheduleArg> for Schedule {
-    fn from(arg: ScheduleArg) -> Self {
-        match arg {
-            ScheduleArg::Independent => Self::Independent,
-            ScheduleArg::Switch => Self::Switch,
-        }
-    }
 }
 
 /// A picture size, `WIDTHxHEIGHT`.
@@ -102,22 +87,6 @@ pub(crate) struct WalkArgs {
     /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) audit_every: u32,
-}
-
-/// Who culls.
-#[derive(Debug, Clone, Copy, Args)]
-pub(crate) struct CullerArgs {
-    /// How many cullers there are. Without any the display culls for itself, as on a machine with one GPU.
-    #[arg(
-        long,
-        value_name = "K",
-        default_value_t = 2,
-        value_parser = clap::value_parser!(u8).range(0..=8)
-    )]
-    pub(crate) cullers: u8,
-    /// Which visible set cullers draw their occluders from.
-    #[arg(long, value_enum, default_value = "independent")]
-    pub(crate) schedule: ScheduleArg,
 }
 
 #[derive(Debug, Args)]
@@ -205,18 +174,8 @@ pub(crate) struct SweepArgs {
         allow_negative_numbers = true
     )]
     pub(crate) epsilons: Vec<f64>,
-    /// The numbers of cullers to walk with; without any the display culls for itself.
-    #[arg(
-        long,
-        value_name = "K,..",
-        value_delimiter = ',',
-        default_value = "2",
-        value_parser = clap::value_parser!(u8).range(0..=8)
-    )]
-    pub(crate) cullers: Vec<u8>,
-    /// The schedules to walk by; `switch` takes two cullers, and is left out for other numbers.
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "independent")]
-    pub(crate) schedule: Vec<ScheduleArg>,
+    #[command(flatten)]
+    pub(crate) cullers: CullerLists,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
     /// Where to write report.json and report.html.

@@ -73,7 +73,7 @@ pub struct DisplayRole<W, A> {
     pub first: FrameNumber,
     /// How long it waits at the start for all cullers that it connects to. Then it begins with those that
     /// are there, and goes on looking for the others.
-    pub patience: Duration,
+    pub join_timeout: Duration,
     /// How many drawables the scene has.
     pub drawables: u32,
     /// The time it waits by.

@@ -135,7 +135,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
 
     /// Waits for the cullers that are expected.
     async fn gather_cullers(&mut self) {
-        let deadline = self.role.net.now().after(self.role.patience);
+        let deadline = self.role.net.now().after(self.role.join_timeout);
         while self.cullers.len() < self.role.cullers.expected() && self.role.net.now() < deadline {
             let event = self.event(Some(deadline)).await;
             self.take(event);
