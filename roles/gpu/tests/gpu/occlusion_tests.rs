@@ -9,7 +9,7 @@ use trimaran_gpu::{GpuScene, OccluderPass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{FlatObject, Scene, random::Random};
 
-use crate::common::{CheckedGpu, ids, scene, triangles, upload, view, wall};
+use crate::common::{CheckedGpu, ids, lacks_float64, scene, triangles, upload, view, wall};
 
 /// A box along the view's axes.
 pub(crate) fn upright(centre: Vec3, half: Vec3) -> TestBox {
@@ -96,6 +96,7 @@ fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
 #[test]
 fn occluders_can_be_added_after_boxes_were_tested() {
     let Some(gpu) = CheckedGpu::open() else { return };
+    let with_hzb = !lacks_float64(&gpu);
     let scene = Arc::new(scene(&walls()));
     let view = view(256, 256, DVec3::ZERO);
     let mut random = Random::new(3);
@@ -110,7 +111,9 @@ fn occluders_can_be_added_after_boxes_were_tested() {
             pass.finish().unwrap();
             pass.query_test().unwrap().test(&view, &boxes, &mut query).unwrap();
             pass.raster_test().unwrap().test(&view, &boxes, &mut raster).unwrap();
-            pass.hzb_test().unwrap().test(&view, &boxes, &mut hzb).unwrap();
+            if with_hzb {
+                pass.hzb_test().unwrap().test(&view, &boxes, &mut hzb).unwrap();
+            }
             assert_eq!(query, raster);
         }
         (query, hzb)
@@ -119,7 +122,8 @@ fn occluders_can_be_added_after_boxes_were_tested() {
     let together = tested(&[&all]);
     assert!(tested(&[&all[..1], &all[1..]]) == together);
     let part = tested(&[&all[..1]]);
-    assert!(part.0 != together.0 && part.1 != together.1);
+    assert!(part.0 != together.0);
+    assert!(!with_hzb || part.1 != together.1);
 }
 
 /// A pass whose views change their size answers as one that was made for each of them.
