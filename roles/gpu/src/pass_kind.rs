@@ -63,12 +63,18 @@ impl Pipelines {
 
 impl PassKind {
     fn desc(&self, style: Style) -> PipelineDesc {
+        let depth = match (self.colour, style) {
+            (_, Style { see_through: true, .. }) => DepthUse::SeeThrough,
+            (None, Style { cut: false, .. }) => DepthUse::Occlude,
+            // What sections cut is decided by the depth: occluders need the picture's there.
+            _ => DepthUse::Draw,
+        };
         PipelineDesc {
             vertex: self.vertex,
             fragment: if style.cut { Some(self.cut) } else { self.fragment },
             input: self.input,
             colour: self.colour.map(|target| target.format),
-            depth: if style.see_through { DepthUse::SeeThrough } else { DepthUse::Draw },
+            depth,
         }
     }
 }

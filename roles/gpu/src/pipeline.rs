@@ -57,11 +57,20 @@ pub(crate) enum VertexInput {
 pub(crate) enum DepthUse {
     /// Keeps the nearest surface.
     Draw,
+    /// The same, but moves steep surfaces away from the eye.
+    ///
+    /// A device interpolates the depth of a steep triangle with an error, and what it draws too near may hide
+    /// the box it is in. Occluders that are a little too far hide a little less, and never too much.
+    Occlude,
     /// Passes what is nearer than the surface or level with it, and changes nothing.
     Test,
     /// Passes what is nearer than the surface, blends it over the picture, and changes no depth.
     SeeThrough,
 }
+
+/// How far [`DepthUse::Occlude`] moves surfaces away: by what their depth changes over this share of a pixel.
+/// Four steps of the sub-pixel grid of 1/256.
+const OCCLUDER_BIAS_PX: f32 = 1.0 / 64.0;
 
 /// The share of a see-through surface in what shows at a pixel; the rest is what is behind it.
 pub const SEE_THROUGH_ALPHA: f32 = 0.3;
@@ -99,13 +108,15 @@ impl Pipeline {
         let raster = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)
             .cull_mode(vk::CullModeFlags::NONE)
+            .depth_bias_enable(desc.depth == DepthUse::Occlude)
+            .depth_bias_slope_factor(-OCCLUDER_BIAS_PX) // depth is reversed
             .line_width(1.0);
         let samples = vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::TYPE_1);
         // Of equal surfaces the one drawn first stays, in every pass alike; but a box that is level with a
         // surface shows.
         let (depth_write, compare) = match desc.depth {
-            DepthUse::Draw => (true, vk::CompareOp::GREATER),
+            DepthUse::Draw | DepthUse::Occlude => (true, vk::CompareOp::GREATER),
             DepthUse::Test => (false, vk::CompareOp::GREATER_OR_EQUAL),
             DepthUse::SeeThrough => (false, vk::CompareOp::GREATER),
         };

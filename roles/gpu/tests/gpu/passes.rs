@@ -219,6 +219,34 @@ fn an_id_that_the_scene_lacks_is_refused_and_the_pass_goes_on() {
     assert_eq!(pass.read_depth().unwrap().depth()[9], NEAR / 2.0);
 }
 
+/// A floor seen at a grazing angle: its depth changes by a tenth from one pixel to the next.
+#[test]
+fn occluders_are_drawn_a_64th_of_a_pixel_farther_than_the_picture_where_they_are_steep() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let corners = [[-50.0, -0.1, -1.0], [50.0, -0.1, -1.0], [0.0, -0.1, -1000.0]];
+    let scene = upload(&gpu, &[triangles(&corners), wall(Vec3::new(0.0, 0.8, -1.0), 1.0, 0.2)]);
+    let view = view(64, 64, DVec3::ZERO);
+    let mut occluders = OccluderPass::new(&scene, view.viewport()).unwrap();
+    occluders.begin(&view).unwrap();
+    occluders.draw(&ids(2)).unwrap();
+    let farther = occluders.read_depth().unwrap().depth().to_vec();
+    let mut pictures = PicturePass::new(&scene, view.viewport()).unwrap();
+    pictures.begin(&view).unwrap();
+    pictures.draw(&ids(2)).unwrap();
+    pictures.finish().unwrap();
+    let depth = pictures.read_depth().unwrap().depth().to_vec();
+
+    // The wall faces the eye.
+    assert_eq!((farther[5 * 64 + 30], depth[5 * 64 + 30]), (NEAR, NEAR));
+    // Depth falls by the same with every row up to the horizon.
+    let column: Vec<usize> = (33..35).map(|row| row * 64 + 31).collect();
+    let slope = depth[column[1]] - depth[column[0]];
+    for pixel in column {
+        let moved = (depth[pixel] - farther[pixel]) / (slope / 64.0);
+        assert!((moved - 1.0).abs() < 0.01, "{moved} of what is asked for at {pixel}, {slope} a pixel");
+    }
+}
+
 /// A grid of small walls at various distances, more than one chunk of draws.
 fn many_walls(count: usize) -> Vec<FlatObject> {
     (0..count)

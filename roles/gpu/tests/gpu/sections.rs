@@ -213,6 +213,9 @@ fn random_sections_cut_a_plant_as_the_reference_does_and_the_occluders_are_no_mo
         pixels += drawn.items.len();
         differing += passes.differing(&cut, &ids, &drawn);
         changed += whole.items.iter().zip(&drawn.items).filter(|(a, b)| a != b).count();
+        if cut.sections().is_empty() {
+            continue; // what is steep is drawn a little farther there
+        }
         margin += drawn.occluders.iter().zip(&drawn.depth).filter(|(a, b)| a != b).count();
     }
     // Surfaces that touch tie within f32's rounding, and so do those that lie in a section's plane.
