@@ -1,13 +1,15 @@
 #!/bin/sh
-# Takes the figures of docs/networks.md again, and some of docs/measurements.md, and writes them between the marks there.
+# Takes the figures of docs/networks.md again, and some of docs/measurements.md, and writes them between the
+# marks there.
 #
 #   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
 #   docs/figures.sh cullers NAME.scene..   only those of any number of cullers, which walk through each scene: ten minutes a scene,
 #                                 with the occlusion tests named in TESTS, such as TESTS='hzb query'
 #
-# Nothing in the first ones depends on the machine or on what else it does: the same program gives the same figures. A walk's ids
-# are the same on any machine, too; when culling finds them is not. TRIMARAN names the program; without it, it is built.
+# Nothing in the first ones depends on the machine or on what else it does: the same program gives the same
+# figures. A walk's ids are the same on any machine, too; when culling finds them is not. TRIMARAN names the
+# program; without it, it is built.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 what=${1:-}
@@ -109,8 +111,8 @@ table() {
     ' "$out/runs.csv" >> "$block"
 }
 
-# across COLUMN 'KEYS' 'VALUES' 'OTHERS': a row for each value of the keys, and in it a group of values for each value of COLUMN;
-# the others are those of the first one.
+# across COLUMN 'KEYS' 'VALUES' 'OTHERS': a row for each value of the keys, and in it a group of values for
+# each value of COLUMN; the others are those of the first one.
 across() {
     awk -F, -v over="$1" -v keys="$2" -v values="$3" -v others="${4:-}" "$lib"'
         NR == 2 { count = columns(keys, key, key_title); many = columns(values, name, title); more = columns(others, other, other_title) }

@@ -3,8 +3,9 @@
 #
 #   tests/fresh_machine.sh [demo|test|both]      (default: both; needs root and debootstrap)
 #
-# The machine is a folder made by debootstrap, entered by chroot. This machine's Rust toolchain is mounted into it read-only,
-# and the committed state of this checkout is cloned into it. The machine is removed at the end, also after a failure.
+# The machine is a folder made by debootstrap, entered by chroot. This machine's Rust toolchain is mounted
+# into it read-only, and the committed state of this checkout is cloned into it. The machine is removed at the
+# end, also after a failure.
 set -euo pipefail
 what=${1:-both}
 cd "$(dirname "$0")/.."

@@ -1,4 +1,5 @@
-//! The report's model of a machine for each role against the roles' own state machines and links in virtual time.
+//! The report's model of a machine for each role against the roles' own state machines and links in virtual
+//! time.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::fs;

@@ -124,7 +124,8 @@ fn a_display_that_never_finds_a_culler_walks_alone() {
     assert_eq!((report["frames"].as_array().unwrap().len(), culled_by(&report)), (10, vec!["display"]));
 }
 
-/// Until the display's join_timeout is over it waits for both: one that is lost meanwhile is looked for again.
+/// Until the display's join_timeout is over it waits for both: one that is lost meanwhile is looked for
+/// again.
 #[test]
 fn a_culler_that_is_killed_while_the_display_waits_for_the_other_one_is_taken_back() {
     for transport in TRANSPORTS {

@@ -5,11 +5,11 @@
 //!     [--trace WALK] [--cullers K] [--schedule independent|switch]
 //! ```
 //!
-//! A display and its cullers in network namespaces of their own, whose packets `trimaran::netem` carries by the link models of the
-//! simulator, and the same roles in the simulator. Of both, each run with a seed of its own: latency from a
-//! camera leaving RVG to its picture, bytes a frame, and frames a second. The roles pause for 5 ms each a frame,
-//! or for as long as they computed in a walk that `trimaran run --alone --record WALK` has recorded. Needs Linux, root and `ip` (iproute2); says what is
-//! missing otherwise.
+//! A display and its cullers in network namespaces of their own, whose packets `trimaran::netem` carries by
+//! the link models of the simulator, and the same roles in the simulator. Of both, each run with a seed of
+//! its own: latency from a camera leaving RVG to its picture, bytes a frame, and frames a second. The roles
+//! pause for 5 ms each a frame, or for as long as they computed in a walk that `trimaran run --alone --record
+//! WALK` has recorded. Needs Linux, root and `ip` (iproute2); says what is missing otherwise.
 
 #[cfg(target_os = "linux")]
 mod clock;

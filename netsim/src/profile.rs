@@ -29,7 +29,8 @@ const BUILT_IN: [(&str, &str); 8] = [
     ("satellite", include_str!("../profiles/satellite.toml")),
 ];
 
-/// A network for a display and its cullers: all at one switch, or the display at another site than the cullers.
+/// A network for a display and its cullers: all at one switch, or the display at another site than the
+/// cullers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// What it is called.

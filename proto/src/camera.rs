@@ -47,8 +47,8 @@ impl Camera {
     pub const SIZE: usize = 72;
 
     /// A camera at `eye` (metres, world), turned by the unit quaternion `orientation` (x, y, z, w; camera to
-    /// world), with the tangent of half its vertical field of view, and its near distance in metres. It is seen
-    /// in the view state of version 0.
+    /// world), with the tangent of half its vertical field of view, and its near distance in metres. It is
+    /// seen in the view state of version 0.
     ///
     /// # Errors
     /// Says which of the values is not a camera's.

@@ -8,8 +8,8 @@ use thiserror::Error;
 
 use crate::{BatchSize, IdCoding, LodRule, Viewport};
 
-/// What the display decides for itself and its cullers. It travels in the handshake; each field is valid by its
-/// type.
+/// What the display decides for itself and its cullers. It travels in the handshake; each field is valid by
+/// its type.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// The size of the picture and of the culling depth buffer.

@@ -87,8 +87,8 @@ impl CameraPath {
     /// How many frames an automatic walk has unless told otherwise.
     pub const AUTO_FRAMES: u32 = 200;
 
-    /// Finds the path, which is seen in the view states `views`. With `frames` it has so many: a path from a file is cut or walked again from its
-    /// start.
+    /// Finds the path, which is seen in the view states `views`. With `frames` it has so many: a path from a
+    /// file is cut or walked again from its start.
     ///
     /// # Errors
     /// Says what is wrong with the file, or why there is no automatic walk.

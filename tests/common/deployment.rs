@@ -9,7 +9,8 @@ use crate::program::{Bench, Process};
 
 /// The cullers.
 pub(crate) const CULLERS: [&str; 2] = ["culler-1", "culler-2"];
-/// More frames than there will be time for, and large ones: a walk is interrupted once it has shown what it should.
+/// More frames than there will be time for, and large ones: a walk is interrupted once it has shown what it
+/// should.
 pub(crate) const ENDLESS: usize = 100_000;
 /// Every so many frames one is checked.
 const AUDIT_EVERY: usize = 200;

@@ -13,7 +13,8 @@ use trimaran_cull::{LodRule, View, lod_cut};
 use trimaran_proto::{BatchSize, IdCoding, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
 
-/// A scene on the devices of a display and two cullers, or `None` where there is no device and none is required.
+/// A scene on the devices of a display and two cullers, or `None` where there is no device and none is
+/// required.
 pub(crate) fn on_devices(scene: &Arc<Scene>) -> Option<SceneOnDevices> {
     super::unless_required(SceneOnDevices::open(scene, 2, &super::options()))
 }

@@ -3,8 +3,8 @@
 #
 #   machine.sh GROUP     runs it until standard input ends
 #
-# GROUP is a cgroup (version 2), which is made, and removed in the end. Nothing that happens in the machine changes
-# this one: what it writes lies in memory, and is gone with it.
+# GROUP is a cgroup (version 2), which is made, and removed in the end. Nothing that happens in the machine
+# changes this one: what it writes lies in memory, and is gone with it.
 set -eu
 
 # Process 1. It joins the cgroup first, so that the cgroup is the root of its own cgroup namespace.

@@ -4,7 +4,8 @@
 //! and which frame is due. [`DisplayRole`] and [`CullerRole`] move messages between it, links, and what a
 //! role does with a frame ([`DisplayWork`], [`CullerWork`]): [`ScenePictures`] and [`SceneCulling`] do it on
 //! devices ([`PictureDevice`], [`CullerDevice`]). A culler is a [`CullerService`], which serves displays as
-//! they come; a display's [`Peers`] are its cullers as they come. [`LocalSession`] is all of it in one process.
+//! they come; a display's [`Peers`] are its cullers as they come. [`LocalSession`] is all of it in one
+//! process.
 //!
 //! The dealer knows no link and no device. Here it deals two frames, one to each culler:
 //!

@@ -1,5 +1,5 @@
-//! A display's dealer and cullers that come, go, stall and answer in random interleavings: every frame is shown
-//! once and in order, and nobody waits for ever.
+//! A display's dealer and cullers that come, go, stall and answer in random interleavings: every frame is
+//! shown once and in order, and nobody waits for ever.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::collections::{BTreeMap, VecDeque};

@@ -98,7 +98,8 @@ impl IdBuffer {
         }
     }
 
-    /// Draws one drawable, as far as no section cuts it away. Where depths are equal, what was drawn first stays.
+    /// Draws one drawable, as far as no section cuts it away. Where depths are equal, what was drawn first
+    /// stays.
     pub fn draw(&mut self, scene: &Scene, view: &View, id: DrawableId, placement: Placement) {
         let Some(drawable) = scene.drawables().get(id.index()) else { return };
         let planes: Vec<_> = view.section_planes().collect();

@@ -8,7 +8,8 @@ use trimaran_scene::{Node, NodeId, Scene};
 
 use crate::LodRule;
 
-/// The level rule, and how the objects of a scene are drawn. A [`LodRule`] alone draws all of them as they are.
+/// The level rule, and how the objects of a scene are drawn. A [`LodRule`] alone draws all of them as they
+/// are.
 #[derive(Debug, Clone)]
 pub struct CutRule {
     lod: LodRule,

@@ -4,8 +4,9 @@
 //! times what shows. What it finds is in the LOD cut, and any subset of that is a valid set of occluders. So
 //! some of it is drawn over the depth, and the rest tested again.
 //!
-//! Whether a round follows is decided by counting triangles, never by a clock, so that equal frames have equal
-//! ids. A triangle is *new* if its drawable was neither found in the last frame nor drawn as an occluder yet.
+//! Whether a round follows is decided by counting triangles, never by a clock, so that equal frames have
+//! equal ids. A triangle is *new* if its drawable was neither found in the last frame nor drawn as an
+//! occluder yet.
 //! - The second round comes where the new triangles are half a budget at least, and a quarter of all that was
 //!   found. In a calm frame little is new, so it has one round.
 //! - A further one comes where as many are left, and the last one hid at least half of what it tested.

@@ -1,7 +1,7 @@
 // The occlusion tests: the faces of a box that face the eye.
 
-// A box in view space, its axes turned so that a face that shows lies on an axis's positive end; as attributes that advance by
-// instance.
+// A box in view space, its axes turned so that a face that shows lies on an axis's positive end; as
+// attributes that advance by instance.
 struct Box {
     @location(0) centre: vec3<f32>,
     // Bit i: the face at the end of axis i faces the eye.

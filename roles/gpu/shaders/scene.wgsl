@@ -1,10 +1,11 @@
-// The scene passes: one vertex position for all of them, so that a triangle covers the same samples at the same depth
-// whichever pass draws it.
+// The scene passes: one vertex position for all of them, so that a triangle covers the same samples at the
+// same depth whichever pass draws it.
 
 enable primitive_index;
 
-// What one draw of a batch needs, as attributes that advance by instance: each draw is one instance, and its first instance is its
-// place in the batch. No descriptor sets, and no limit on the number of draws from the size of a storage buffer.
+// What one draw of a batch needs, as attributes that advance by instance: each draw is one instance, and its
+// first instance is its place in the batch. No descriptor sets, and no limit on the number of draws from the
+// size of a storage buffer.
 struct Draw {
     // Local frame to view space: the rows of a 3x4 matrix.
     @location(2) row_x: vec4<f32>,
@@ -40,23 +41,26 @@ fn clip_position(local: vec3<f32>, draw: Draw) -> vec4<f32> {
 // What bounds the part of the scene that sections leave.
 struct Sections {
     count: u32,
-    // In view space, the normals times the near distance: what lies along the ray (x, y, -1) at a depth is kept where
-    // plane . (x, y, -1, depth) >= 0.
+    // In view space, the normals times the near distance: what lies along the ray (x, y, -1) at a depth is
+    // kept where plane . (x, y, -1, depth) >= 0.
     planes: array<vec4<f32>, 36>,
 }
 
 @group(0) @binding(0) var<storage, read> sections: Sections;
 
-// OR cuts away this much more than the passes that draw what shows, as a share of the magnitudes summed: all that it draws has to
-// be drawn there as well. A sum goes through 6 roundings, each of at most 2^-23 of the magnitudes. Two devices that round each of
-// them another way are 12 of these apart; 32 leave room for depths and rays that are a few roundings apart as well.
+// OR cuts away this much more than the passes that draw what shows, as a share of the magnitudes summed: all
+// that it draws has to be drawn there as well. A sum goes through 6 roundings, each of at most 2^-23 of the
+// magnitudes. Two devices that round each of them another way are 12 of these apart; 32 leave room for depths
+// and rays that are a few roundings apart as well.
 const OCCLUDER_MARGIN = 32.0 / 8388608.0;
 
-// Whether sections cut a fragment away. Its place follows from the pixel's centre and the depth alone, which are the same in all
-// passes. The build script forbids to fuse sums and products, so that the passes agree on the last bit too.
+// Whether sections cut a fragment away. Its place follows from the pixel's centre and the depth alone, which
+// are the same in all passes. The build script forbids to fuse sums and products, so that the passes agree on
+// the last bit too.
 fn is_cut_away(at: vec4<f32>, margin: f32) -> bool {
     let scaled = at.xy * camera.ray_scale;
-    // The distance is near / depth. As only the sign is asked for, all is multiplied by the depth, and nothing divided.
+    // The distance is near / depth. As only the sign is asked for, all is multiplied by the depth, and
+    // nothing divided.
     let point = vec4<f32>(scaled + camera.ray_offset, -1.0, at.z);
     let magnitude = vec4<f32>(abs(scaled) + abs(camera.ray_offset), 1.0, at.z);
     for (var i = 0u; i < sections.count; i += 1u) {
@@ -115,8 +119,9 @@ fn vs_picture(
     return PictureVertex(clip_position(local, draw), colour.rgb, EYE * eye_light, other_light);
 }
 
-// The unit normal in view space from one in the local frame, folded as the scene's `Normal` says. It is turned to the eye, so that
-// both sides of a triangle are lit alike, whatever the winding and even in a mirror.
+// The unit normal in view space from one in the local frame, folded as the scene's `Normal` says. It is
+// turned to the eye, so that both sides of a triangle are lit alike, whatever the winding and even in a
+// mirror.
 fn view_normal(folded: vec2<f32>, position: vec3<f32>, draw: Draw) -> vec3<f32> {
     let z = 1.0 - abs(folded.x) - abs(folded.y);
     let under = max(-z, 0.0);
@@ -134,8 +139,9 @@ fn view_normal(folded: vec2<f32>, position: vec3<f32>, draw: Draw) -> vec3<f32> 
 // Flat shading by a key light, a light at the eye and a sky.
 fn shade(in: PictureVertex) -> vec4<f32> {
     let light = in.other_light + min(dot(in.eye_light, vec3<f32>(in.position.xy, 1.0)), EYE);
-    // The colours are sRGB-encoded and light multiplies what they encode. sRGB is near a power law, under which encoding the product is
-    // the product of the encoded: so encode the light (a square root) and leave the colours as they are.
+    // The colours are sRGB-encoded and light multiplies what they encode. sRGB is near a power law, under
+    // which encoding the product is the product of the encoded: so encode the light (a square root) and leave
+    // the colours as they are.
     return vec4<f32>(in.colour * sqrt(light), 1.0);
 }
 

@@ -1,5 +1,5 @@
-//! Random numbers that are the same on every platform and in every release: those of camera paths and of generated
-//! models.
+//! Random numbers that are the same on every platform and in every release: those of camera paths and of
+//! generated models.
 
 use glam::{DQuat, DVec3};
 

@@ -14,8 +14,8 @@ pub trait Cameras {
     /// newest there is.
     fn camera(&mut self, frame: FrameNumber) -> Camera;
 
-    /// A view state that one of its cameras named, of version 1 or later. It may be asked for as long as a frame
-    /// of it is not shown.
+    /// A view state that one of its cameras named, of version 1 or later. It may be asked for as long as a
+    /// frame of it is not shown.
     fn view_state(&mut self, version: ViewVersion) -> Option<Arc<ViewState>> {
         let _ = version;
         None

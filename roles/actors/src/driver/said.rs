@@ -9,8 +9,8 @@ const KEPT: usize = 64;
 
 /// What cullers say of frames.
 ///
-/// A frame is dealt under one number and shown under another: in a live session some that were dealt are never
-/// shown.
+/// A frame is dealt under one number and shown under another: in a live session some that were dealt are
+/// never shown.
 #[derive(Debug)]
 pub(super) struct Said {
     /// How many frames have been shown, with those of the walk before this session.

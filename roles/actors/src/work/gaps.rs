@@ -22,8 +22,8 @@ impl Gaps {
         Self { scene: Arc::clone(scene), last: Vec::new(), mapper: None }
     }
 
-    /// Adds to the `ids` that came what the frame's LOD cut by `rule` has in place of the last frame's set. Says how
-    /// many that are.
+    /// Adds to the `ids` that came what the frame's LOD cut by `rule` has in place of the last frame's set.
+    /// Says how many that are.
     ///
     /// What is lost is in most cases what was visible a moment ago. What has just come into sight may be
     /// missing until the next frame, and its absence is known: the frame counts as one with gaps.

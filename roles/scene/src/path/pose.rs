@@ -80,8 +80,8 @@ impl Pose {
         DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize()
     }
 
-    /// The camera at this pose: `vfov_deg` is the vertical field of view in degrees, `near` the distance of the
-    /// near plane in metres.
+    /// The camera at this pose: `vfov_deg` is the vertical field of view in degrees, `near` the distance of
+    /// the near plane in metres.
     ///
     /// # Errors
     /// If field of view or near is out of a camera's range.

@@ -1,0 +1,150 @@
+//! What a display does with a frame: hands out its camera, culls it itself where nobody else does, shows it.
+
+use std::sync::Arc;
+
+use trimaran_proto::{Camera, FrameNumber, FrameStats, SentBytes, ViewState, ViewVersion};
+
+use super::super::{
+    culler::{CullerWork, VisibleIds},
+    culler_link::Culled,
+    display::DisplayWork,
+    error::RoleError,
+    observer::ShownFrame,
+};
+use super::Session;
+use crate::deal::{CullerId, Pace};
+
+impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
+    /// Hands out the cameras that are due.
+    pub(super) fn deal(&mut self) -> Result<(), RoleError> {
+        let now = self.role.net.now();
+        for (id, frame) in self.dealer.deal(now) {
+            let camera = self.published.newest(frame).unwrap_or_else(|| self.cameras.camera(frame));
+            self.publish(id, camera)?;
+        }
+        if self.role.pace != Pace::Live {
+            return Ok(());
+        }
+        let newer: Vec<_> = self.dealer.refreshable().collect();
+        for (id, frame) in newer {
+            let camera = self.cameras.camera(frame);
+            if self.published.newest(frame) != Some(camera) {
+                self.publish(id, camera)?;
+            }
+        }
+        loop {
+            let pose = self.cameras.camera(self.dealer.fresh());
+            let news = self.newest.is_none_or(|newest| newest.for_frame(pose.frame()) != pose);
+            let Some(id) = self.dealer.wants_camera(news) else { return Ok(()) };
+            let frame = self.dealer.hand_out(id, now);
+            self.newest = Some(pose);
+            self.publish(id, pose.for_frame(frame))?;
+        }
+    }
+
+    /// Hands out a camera, and its view state if the culler was told of another one last.
+    fn publish(&mut self, id: CullerId, camera: Camera) -> Result<(), RoleError> {
+        self.published.note(camera, self.clock.elapsed());
+        let view = camera.view();
+        if self.cullers.iter().any(|culler| culler.id == id && culler.told != view) {
+            let messages = self.view_state(view)?.to_messages(view)?;
+            for culler in self.cullers.iter_mut().filter(|culler| culler.id == id) {
+                messages.iter().for_each(|message| culler.say(message.clone()));
+                culler.told = view;
+            }
+        }
+        if let Some(culler) = self.cullers.iter_mut().find(|culler| culler.id == id) {
+            // Who is gone is noticed where it is listened to.
+            let _unheard = culler.link.latest_tx.publish(camera);
+        }
+        Ok(())
+    }
+
+    fn view_state(&mut self, version: ViewVersion) -> Result<Arc<ViewState>, RoleError> {
+        match version {
+            ViewVersion(0) => Ok(Arc::new(self.role.settings.into())),
+            _ => self.cameras.view_state(version).ok_or(RoleError::UnknownView(version)),
+        }
+    }
+
+    /// Culls a frame that nobody else does.
+    pub(super) async fn cull_itself(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
+        let camera = self.published.newest(frame).unwrap_or_else(|| self.cameras.camera(frame));
+        self.published.note(camera, self.clock.elapsed());
+        self.turn.take().await;
+        if self.culled_in != camera.view() {
+            self.culled_in = camera.view();
+            let state = self.view_state(camera.view())?;
+            self.role.alone.change_view(&state);
+        }
+        let alone = &mut self.role.alone;
+        alone.begin_occluders(camera, false)?;
+        alone.take_occluders(&self.last)?;
+        alone.complete_occluders(camera).await?;
+        self.turn.away();
+        let begun = self.clock.elapsed();
+        let mut visible = VisibleIds::kept();
+        alone.cull(camera, &mut visible).await?;
+        let occluders_of = self.said.last_shown();
+        let stats = FrameStats { occluders_of, ..alone.frame_stats(self.turn.away()) };
+        // It is not shown yet.
+        let _later = self.said.note(stats);
+        let culled = Culled {
+            camera,
+            by: None,
+            ids: visible.into_found(),
+            missing: 0,
+            begun,
+            arrivals: Vec::new(),
+            traffic: SentBytes::default(),
+        };
+        self.there.insert(frame, culled);
+        self.dealer.culled_itself(frame);
+        Ok(())
+    }
+
+    /// RVG: draws the frame, and tells the observer.
+    pub(super) async fn show(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
+        let older = self.dealer.shown(frame);
+        self.there.retain(|there, _| !older.contains(there));
+        let Some(culled) = self.there.remove(&frame) else { return Ok(()) };
+        let Culled { camera, by, mut ids, missing, begun, arrivals, traffic } = culled;
+        // What it does until now is to take messages: that is no computing to wait for.
+        self.turn.take().await;
+        let drawing = self.clock.elapsed();
+        if self.drawn_in != camera.view() {
+            self.drawn_in = camera.view();
+            let state = self.view_state(camera.view())?;
+            self.role.work.change_view(&state);
+        }
+        let for_loss = self.role.work.draw(camera, &mut ids, missing).await?;
+        let shown = self.clock.elapsed();
+        let published = self.published.when(&camera).unwrap_or(begun);
+        let number = self.said.next_number();
+        let picture = match self.observer.wants_picture(number) {
+            true => self.role.work.picture()?,
+            false => None,
+        };
+        let seen = ShownFrame {
+            camera: camera.for_frame(number),
+            culler: by,
+            ids: &ids,
+            for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
+            picture,
+            published,
+            begun,
+            drawing,
+            shown,
+            traffic,
+            arrivals: &arrivals,
+        };
+        self.observer.shown(&seen).map_err(RoleError::Observer)?;
+        self.turn.give_back();
+        self.last = ids;
+        self.published.shown(frame);
+        if let Some(stats) = self.said.shown(frame) {
+            self.observer.culled(&stats);
+        }
+        Ok(())
+    }
+}
