@@ -148,6 +148,7 @@ impl Roles {
         table.add("boxes tested again", culled.stats.tested_again.into());
         table.add("OR + HC: cpu ms", found - before);
         table.add("RVG: cpu ms", drawn - found);
+        table.add("all: cpu ms", drawn - before);
         Ok(())
     }
 }
@@ -167,12 +168,13 @@ impl Table {
     }
 
     fn print(self, title: String) {
-        println!("{title:<36} {:>9} {:>9} {:>9}", "median", "mean", "p99");
+        println!("{title:<36} {:>9} {:>9} {:>9} {:>11}", "median", "mean", "p99", "p99/median");
         for (name, mut values) in self.lines {
             values.sort_by(f64::total_cmp);
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             let (median, p99) = (values[values.len() / 2], values[values.len() * 99 / 100]);
-            println!("{name:<36} {median:>9.2} {mean:>9.2} {p99:>9.2}");
+            let ratio = p99 / median;
+            println!("{name:<36} {median:>9.2} {mean:>9.2} {p99:>9.2} {ratio:>11.2}");
         }
         println!();
     }
