@@ -184,8 +184,7 @@ impl<'s> LodCut<'s> {
         } else {
             self.spread
         };
-        let outside = (min - self.eye).max(self.eye - max).max(DVec3::ZERO);
-        let distance = (outside.x * outside.x + outside.y * outside.y + outside.z * outside.z).sqrt();
+        let distance = node.distance_squared(self.eye).sqrt();
         Magnification {
             focal_spread: self.focal * spread,
             nearest,

@@ -1,9 +1,8 @@
 //! Occluder selection: which of the cut to draw as occluders. Any subset of it is valid, so this trades the
 //! time to draw them for looser culling, and never a hole.
 
-use glam::DVec3;
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Node, Scene};
+use trimaran_scene::Scene;
 
 use crate::View;
 
@@ -39,7 +38,7 @@ pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, b
             let node = scene.nodes().get(drawable.node as usize)?;
             let triangles = u64::from(drawable.index_count / 3);
             let (min, max) = node.world_box();
-            let size = (max - min).length_squared() / distance_squared(node, eye);
+            let size = (max - min).length_squared() / node.distance_squared(eye);
             Some(((size / triangles.max(1) as f64) as f32, id, triangles))
         })
         .collect();
@@ -54,10 +53,4 @@ pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, b
             ids.push(id);
         }
     }
-}
-
-/// The squared distance of the eye from a node's world box, square metres; 0 inside.
-fn distance_squared(node: &Node, eye: DVec3) -> f64 {
-    let (min, max) = node.world_box();
-    (min - eye).max(eye - max).max(DVec3::ZERO).length_squared()
 }

@@ -41,10 +41,6 @@ pub fn draw_order(scene: &Scene, view: &View, ids: &mut [DrawableId]) {
 fn key(scene: &Scene, eye: DVec3, id: DrawableId) -> u64 {
     let node =
         scene.drawables().get(id.index()).and_then(|drawable| scene.nodes().get(drawable.node as usize));
-    let distance = node.map_or(f32::INFINITY, |node| {
-        let (min, max) = node.world_box();
-        let outside = (min - eye).max(eye - max).max(DVec3::ZERO);
-        (outside.x * outside.x + outside.y * outside.y + outside.z * outside.z) as f32
-    });
+    let distance = node.map_or(f32::INFINITY, |node| node.distance_squared(eye) as f32);
     u64::from(distance.to_bits()) << 32 | u64::from(id.0)
 }

@@ -13,6 +13,7 @@ use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 
 use crate::draw_record::{DrawCommand, DrawRecord, Fetch};
+use crate::facing::{Facing, Solids};
 use crate::memory::HostBuffer;
 use crate::recorder::Recorder;
 use crate::scene::in_view;
@@ -31,6 +32,8 @@ pub(crate) struct Draws {
     /// Draws since the frame began, and how many of them were recorded.
     added: usize,
     recorded: usize,
+    /// Of each draw since the frame began.
+    facings: Vec<Facing>,
 }
 
 /// Draws that share an indirect call: far below the 65 thousand commands that every device takes in one.
@@ -48,13 +51,23 @@ struct Chunk {
 impl Draws {
     /// No draws yet.
     pub(crate) const fn new(gpu: Arc<Gpu>, fetch: Fetch) -> Self {
-        Self { gpu, fetch, chunks: Vec::new(), ends: VecDeque::new(), indices: 0, added: 0, recorded: 0 }
+        Self {
+            gpu,
+            fetch,
+            chunks: Vec::new(),
+            ends: VecDeque::new(),
+            indices: 0,
+            added: 0,
+            recorded: 0,
+            facings: Vec::new(),
+        }
     }
 
     /// Forgets all draws. The caller has waited for the device to finish them.
     pub(crate) fn clear(&mut self) {
         (self.added, self.recorded, self.indices) = (0, 0, 0);
         self.ends.clear();
+        self.facings.clear();
     }
 
     /// Whether there are draws that were not recorded.
@@ -62,14 +75,21 @@ impl Draws {
         self.recorded < self.added
     }
 
-    /// Adds one draw an id, as seen from `view`. An id that the scene does not have is an error, and none of
-    /// the ids after it is added.
-    pub(crate) fn add(&mut self, scene: &GpuScene, view: &View, ids: &[DrawableId]) -> Result<(), GpuError> {
+    /// Adds one draw an id, as seen from `view`; with `opaque`, solids show their front alone. An id that the
+    /// scene does not have is an error, and none of the ids after it is added.
+    pub(crate) fn add(
+        &mut self,
+        scene: &GpuScene,
+        view: &View,
+        opaque: bool,
+        ids: &[DrawableId],
+    ) -> Result<(), GpuError> {
+        let solids = opaque.then(|| Solids::new(view));
         let mut rest = ids;
         while !rest.is_empty() {
             let (fetch, added, slot) = (self.fetch, self.added, self.added % CHUNK);
             let (now, later) = rest.split_at(rest.len().min(CHUNK - slot));
-            let (mut indices, mut ends) = (self.indices, Vec::new());
+            let (mut indices, mut ends, mut facings) = (self.indices, Vec::new(), Vec::new());
             let chunk = self.chunk(added / CHUNK)?;
             let (Some(records), Some(commands)) =
                 (chunk.records.elements_mut().get_mut(slot..), chunk.commands.elements_mut().get_mut(slot..))
@@ -78,6 +98,7 @@ impl Draws {
             };
             for (index, ((record, command), &id)) in (0..).zip(records.iter_mut().zip(commands).zip(now)) {
                 let (drawable, node) = scene.find(id)?;
+                facings.push(solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, node)));
                 *record = DrawRecord {
                     to_view: in_view(node, view),
                     id: id.0,
@@ -91,6 +112,7 @@ impl Draws {
                 }
             }
             self.added += now.len();
+            self.facings.extend(facings);
             self.indices = indices;
             self.ends.extend(ends);
             rest = later;
@@ -99,13 +121,20 @@ impl Draws {
     }
 
     /// Records the draws added since the last time, or as many as one submission is to have: one indirect
-    /// call a chunk.
+    /// call for each run of draws in a chunk that show the same sides.
     pub(crate) fn record(&mut self, commands: &Recorder<'_>) {
         let end = self.ends.pop_front().unwrap_or(self.added);
+        let mut facings = self.facings.get(self.recorded..end).unwrap_or_default();
         for (chunk, part) in parts(self.recorded..end) {
-            if let Some(chunk) = self.chunks.get(chunk) {
-                commands.bind_instances(chunk.records.buffer());
-                commands.draw_indirect(self.fetch, chunk.commands.buffer(), part);
+            let (own, later) = facings.split_at(part.len().min(facings.len()));
+            facings = later;
+            let Some(chunk) = self.chunks.get(chunk) else { continue };
+            commands.bind_instances(chunk.records.buffer());
+            let mut first = part.start;
+            for run in own.chunk_by(|a, b| a == b) {
+                run.first().into_iter().for_each(|&facing| commands.face(facing));
+                commands.draw_indirect(self.fetch, chunk.commands.buffer(), first..first + run.len());
+                first += run.len();
             }
         }
         self.recorded = end;

@@ -68,6 +68,7 @@ mod camera;
 mod draw_record;
 mod draws;
 mod error;
+mod facing;
 mod gpu;
 mod hzb;
 mod in_place;

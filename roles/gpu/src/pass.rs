@@ -152,7 +152,9 @@ impl ScenePass {
 
     fn add(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
-        self.recording.measure(|| self.draws.add(&self.scene, view, ids))
+        // What is cut open or seen through shows its inside.
+        let opaque = self.style == Style::default();
+        self.recording.measure(|| self.draws.add(&self.scene, view, opaque, ids))
     }
 
     /// Hands the draws so far to the device, which starts on them at once. The first piece of a frame clears.

@@ -75,7 +75,7 @@ const OCCLUDER_BIAS_PX: f32 = 1.0 / 64.0;
 /// The share of a see-through surface in what shows at a pixel; the rest is what is behind it.
 pub const SEE_THROUGH_ALPHA: f32 = 0.3;
 
-/// What sets the pipelines apart; all else they share: triangles, both sides, reversed-z depth test.
+/// What sets the pipelines apart; all else they share: triangles, reversed-z depth test.
 pub(crate) struct PipelineDesc {
     pub(crate) vertex: Shader,
     pub(crate) fragment: Option<Shader>,
@@ -107,7 +107,8 @@ impl Pipeline {
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let raster = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)
-            .cull_mode(vk::CullModeFlags::NONE)
+            .cull_mode(vk::CullModeFlags::NONE) // of boxes; each run of draws sets its own
+            .front_face(vk::FrontFace::COUNTER_CLOCKWISE)
             .depth_bias_enable(desc.depth == DepthUse::Occlude)
             .depth_bias_slope_factor(-OCCLUDER_BIAS_PX) // depth is reversed
             .line_width(1.0);
@@ -143,7 +144,10 @@ impl Pipeline {
             0.0,
             SEE_THROUGH_ALPHA,
         ]);
-        let dynamic_states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+        let mut dynamic_states = vec![vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+        if desc.input != VertexInput::Box {
+            dynamic_states.push(vk::DynamicState::CULL_MODE);
+        }
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic_states);
         let mut rendering = vk::PipelineRenderingCreateInfo::default()
             .color_attachment_formats(&formats)

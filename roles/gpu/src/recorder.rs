@@ -10,6 +10,7 @@ use ash::vk;
 use trimaran_cull::Viewport;
 
 use crate::draw_record::{DrawCommand, Fetch};
+use crate::facing::Facing;
 use crate::layout::{BindingSet, STAGES};
 use crate::memory::{Buffer, Image, ImageUse, whole};
 use crate::pipeline::{INSTANCES, Pipeline, VERTICES};
@@ -128,6 +129,12 @@ impl<'a> Recorder<'a> {
     pub(crate) fn bind_instances(&self, instances: &Buffer) {
         // SAFETY: the module's rule; the buffer was made with this usage.
         unsafe { self.device.cmd_bind_vertex_buffers(self.commands, INSTANCES, &[instances.handle()], &[0]) };
+    }
+
+    /// Draws these sides of triangles from here on, with a pipeline for the draws of a scene.
+    pub(crate) fn face(&self, facing: Facing) {
+        // SAFETY: the module's rule; Vulkan 1.3 has this state, which such a pipeline leaves to the commands.
+        unsafe { self.device.cmd_set_cull_mode(self.commands, facing.cull_mode()) };
     }
 
     /// Draws these commands of `commands` in one call.

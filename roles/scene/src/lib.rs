@@ -30,5 +30,5 @@ mod scene;
 
 pub use scene::{
     Drawable, FlatObject, Node, NodeId, Normal, ObjectRecord, OpenError, Rgba8, SaveError, Scene,
-    SceneArrays, SceneError, Shading, Vertex,
+    SceneArrays, SceneError, Shading, Sides, Vertex,
 };

@@ -7,9 +7,10 @@ use super::gather::{Merged, MergedLevel};
 use super::levels::{Level, LeveledMesh};
 use super::linear::WorldBox;
 use super::placed::Leaf;
+use super::solid::mark_solids;
 use super::tree::TreeNode;
 use crate::Model;
-use trimaran_scene::{Drawable, Node, ObjectRecord, SceneArrays, SceneError, Shading};
+use trimaran_scene::{Drawable, Node, ObjectRecord, SceneArrays, SceneError, Shading, Sides};
 
 /// Where a mesh or merged level went.
 #[derive(Debug, Clone, Copy)]
@@ -75,6 +76,7 @@ pub(super) fn assemble(
         index += 1;
     }
     raise_errors(&mut arrays);
+    mark_solids(&mut arrays);
     Ok(arrays)
 }
 
@@ -196,7 +198,8 @@ fn place_inner(record: &mut Node, origin: DVec3, bounds: WorldBox) {
 
 fn drawable(node: u32, error: f32, range: Range) -> Drawable {
     let Range { first_index, index_count, vertex_offset, vertex_count } = range;
-    Drawable { error, node, first_index, index_count, vertex_offset, vertex_count }
+    let sides = Sides::BOTH; // until all triangles are there
+    Drawable { error, node, first_index, index_count, vertex_offset, vertex_count, sides }
 }
 
 fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookError> {

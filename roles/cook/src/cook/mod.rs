@@ -6,7 +6,8 @@
 //! 2. A spatial tree is built over the objects (`tree`), each a leaf.
 //! 3. From the leaves up, each interior node gets up to two levels merged from levels below it (`hlod`,
 //!    `thin`).
-//! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`).
+//! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`), and what is made of solids is marked
+//!    (`solid`).
 //!
 //! Each level's error is certified: an upper bound of the two-sided Hausdorff distance to the finest geometry
 //! (`hausdorff`, `thin`), never the simplifier's own estimate, which is up to seven times too small where
@@ -25,6 +26,7 @@ mod levels;
 mod linear;
 mod placed;
 mod polygon;
+mod solid;
 mod submesh;
 mod thin;
 mod tree;

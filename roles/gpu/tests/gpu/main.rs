@@ -10,4 +10,5 @@ mod occlusion_tests;
 mod passes;
 mod sections;
 mod see_through;
+mod solids;
 mod walks;

@@ -23,7 +23,7 @@ use super::{Drawable, Node, ObjectRecord, OpenError, Parts, Scene, Storage, Vert
 /// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
 const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
 /// The format this build reads and writes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Sections start at multiples of this: enough for every record, and a cache line.
 const ALIGNMENT: u64 = 64;
 const SECTIONS: usize = 7;

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Mat3, Vec3};
 
-use super::{Drawable, Node, ObjectRecord, Rgba8, SceneArrays, Shading, Vertex};
+use super::{Drawable, Node, ObjectRecord, Rgba8, SceneArrays, Shading, Sides, Vertex};
 
 /// An object of a flat scene: triangles of one colour in a local frame, and where that is.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +74,7 @@ impl SceneArrays {
             index_count: indices.len() as u32,
             vertex_offset: self.vertices.len() as u32,
             vertex_count: vertices.len() as u32,
+            sides: Sides::BOTH,
         });
         self.vertices.extend(vertices);
         self.indices.extend(indices);

@@ -17,7 +17,7 @@ use file::MappedScene;
 pub use file::SaveError;
 pub use flat::FlatObject;
 pub use open_error::OpenError;
-pub use records::{Drawable, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Vertex};
+pub use records::{Drawable, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Sides, Vertex};
 pub use shading::{Normal, Shading};
 pub use validate::SceneError;
 

@@ -73,6 +73,28 @@ pub struct Drawable {
     pub vertex_offset: u32,
     /// The number of vertices the indices reach.
     pub vertex_count: u32,
+    /// Which sides of its triangles can show.
+    pub sides: Sides,
+}
+
+/// Which sides of a drawable's triangles can show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(transparent)]
+pub struct Sides(u32);
+
+impl Sides {
+    /// Both.
+    pub const BOTH: Self = Self(0);
+    /// The front: in the node's local frame its corners run counter-clockwise.
+    ///
+    /// The drawable is made of solids. Seen from outside, each of their triangles that faces away is hidden by
+    /// one that does not.
+    pub const FRONT: Self = Self(1);
+
+    /// Whether it is one of these two.
+    pub(super) const fn is_known(self) -> bool {
+        self.0 <= Self::FRONT.0
+    }
 }
 
 /// A vertex in its node's local frame.
@@ -146,6 +168,15 @@ impl Node {
     #[must_use]
     pub const fn world_box(&self) -> (DVec3, DVec3) {
         (DVec3::from_array(self.world_min), DVec3::from_array(self.world_max))
+    }
+
+    /// The squared distance from a place in the world to the world box, square metres; 0 inside. The same bits
+    /// on every machine.
+    #[must_use]
+    pub fn distance_squared(&self, place: DVec3) -> f64 {
+        let (min, max) = self.world_box();
+        let outside = (min - place).max(place - max).max(DVec3::ZERO);
+        outside.x * outside.x + outside.y * outside.y + outside.z * outside.z
     }
 }
 

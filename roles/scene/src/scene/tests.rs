@@ -30,8 +30,7 @@ fn two_leaves() -> SceneArrays {
         object,
         ..node
     };
-    let drawable =
-        Drawable { error: 0.0, node: 1, first_index: 0, index_count: 3, vertex_offset: 0, vertex_count: 3 };
+    let drawable = Drawable { node: 1, index_count: 3, vertex_count: 3, ..bytemuck::Zeroable::zeroed() };
     let vertex = |x, y| Vertex::new([x, y, 0.0], Rgba8([9, 8, 7, 255]));
     SceneArrays {
         nodes: vec![node, leaf(0.0, 0), leaf(3.0, 1)],
@@ -70,7 +69,7 @@ fn a_sound_scene_is_accepted_and_names_its_objects() {
 #[test]
 fn every_broken_rule_is_named_with_its_record() {
     type Change = fn(&mut SceneArrays);
-    let cases: [(Change, &str); 24] = [
+    let cases: [(Change, &str); 25] = [
         (|a| a.nodes.clear(), "the scene has no nodes"),
         (|a| a.nodes[0].parent = 0, "node 0 is malformed: it is the root"),
         (|a| a.nodes[0].first_child = 2, "node 0 is malformed: its children are not next"),
@@ -97,6 +96,10 @@ fn every_broken_rule_is_named_with_its_record() {
         (|a| a.drawables[2].first_index = u32::MAX, "drawable 2 is malformed: its indices lie past"),
         (|a| a.drawables[2].vertex_count = 2, "drawable 2 is malformed: one of its indices"),
         (|a| a.vertices[1].position[0] = f32::INFINITY, "vertex 1 is malformed"),
+        (
+            |a| a.drawables[1].sides = bytemuck::cast(2_u32),
+            "drawable 1 is malformed: which sides of its triangles show",
+        ),
         (|a| a.objects[1].name_start = 2, "object 1 is malformed: its name"),
     ];
     for (change, expected) in cases {

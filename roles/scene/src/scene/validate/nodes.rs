@@ -181,6 +181,8 @@ fn check_drawable(parts: &Parts<'_>, node: usize, drawable: &Drawable) -> Check 
         Err("its indices lie past the last one")
     } else if !fits(drawable.vertex_offset, drawable.vertex_count, parts.vertices.len()) {
         Err("its vertices lie past the last one")
+    } else if !drawable.sides.is_known() {
+        Err("which sides of its triangles show is neither 0 nor 1")
     } else {
         Ok(())
     }

@@ -1,0 +1,154 @@
+//! Solids, of which the passes draw the front alone: the picture of both sides.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DQuat, DVec3, Mat3, Vec3};
+use trimaran_cull::{View, Viewport};
+use trimaran_gpu::{GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Sections};
+use trimaran_scene::{FlatObject, Scene, SceneArrays, Sides, random::Random};
+
+use crate::common::{CheckedGpu, NEAR, ids, triangles, view, wall};
+use crate::sections::plane;
+
+/// A cube from -1 to 1, its triangles counter-clockwise from outside.
+fn cube(linear: Mat3, origin: DVec3) -> FlatObject {
+    let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - 1.0;
+    let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let indices = faces.iter().flat_map(|&[a, b, c, d]| [a, b, c, c, d, a]).collect();
+    let positions = (0..8).map(corner).collect();
+    FlatObject { positions, indices, linear, origin, ..triangles(&[]) }
+}
+
+/// Cubes of all sizes and shapes that reach into each other; every other one is mirrored.
+fn heap(random: &mut Random) -> Vec<FlatObject> {
+    (0..60)
+        .map(|i| {
+            let turn = DMat3::from_quat(DQuat::from_axis_angle(random.direction(), random.between(0.0, 3.0)));
+            let size = random.point(DVec3::splat(0.05), DVec3::splat(0.6));
+            let mirror = DVec3::new(if i % 2 == 0 { 1.0 } else { -1.0 }, 1.0, 1.0);
+            let linear = turn * DMat3::from_diagonal(size * mirror);
+            cube(linear.as_mat3(), random.point(DVec3::splat(-2.0), DVec3::splat(2.0)))
+        })
+        .collect()
+}
+
+/// What the passes draw of a scene, row by row.
+#[derive(PartialEq)]
+struct Drawn {
+    occluders: Vec<f32>,
+    depth: Vec<f32>,
+    pixels: Vec<[u8; 4]>,
+    items: Vec<[u32; 2]>,
+}
+
+const NOTHING: [u32; 2] = [ItemImage::BACKGROUND; 2];
+
+struct Passes {
+    occluders: OccluderPass,
+    picture: PicturePass,
+    items: ItemPass,
+    ids: Vec<DrawableId>,
+}
+
+impl Passes {
+    /// All objects, of which these sides show.
+    fn new(gpu: &CheckedGpu, objects: &[FlatObject], sides: Sides) -> Self {
+        let mut arrays = SceneArrays::flat(objects);
+        arrays.drawables.iter_mut().for_each(|drawable| drawable.sides = sides);
+        let uploaded = GpuScene::upload(gpu, &Arc::new(Scene::from_arrays(arrays).unwrap())).unwrap();
+        let size = Viewport::new(8, 8).unwrap();
+        Self {
+            occluders: OccluderPass::new(&uploaded, size).unwrap(),
+            picture: PicturePass::new(&uploaded, size).unwrap(),
+            items: ItemPass::new(&uploaded, size).unwrap(),
+            ids: ids(objects.len()),
+        }
+    }
+
+    fn draw(&mut self, view: &View) -> Drawn {
+        let Self { occluders, picture, items, ids } = self;
+        occluders.begin(view).unwrap();
+        occluders.draw(ids).unwrap();
+        picture.begin(view).unwrap();
+        picture.draw(ids).unwrap();
+        picture.finish().unwrap();
+        items.begin(view).unwrap();
+        items.draw(ids).unwrap();
+        items.finish().unwrap();
+        Drawn {
+            occluders: occluders.read_depth().unwrap().depth().to_vec(),
+            depth: picture.read_depth().unwrap().depth().to_vec(),
+            pixels: picture.pixels().unwrap().to_vec(),
+            items: items.items().unwrap().to_vec(),
+        }
+    }
+}
+
+#[test]
+fn solids_look_the_same_from_anywhere_outside_of_them_and_inside() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let mut random = Random::new(31);
+    let objects = heap(&mut random);
+    let [mut both, mut front] = [Sides::BOTH, Sides::FRONT].map(|sides| Passes::new(&gpu, &objects, sides));
+    let (mut pixels, mut differing) = (0, 0);
+    for _ in 0..40 {
+        let eye = random.point(DVec3::splat(-3.0), DVec3::splat(3.0));
+        let turn = DQuat::from_axis_angle(random.direction(), random.between(0.0, 6.0));
+        let camera = Camera::new(eye.to_array(), turn.to_array(), 1.0, NEAR, FrameNumber(0)).unwrap();
+        let view = View::new(camera, Viewport::new(200, 150).unwrap());
+        let [both, front] = [both.draw(&view), front.draw(&view)];
+        for (both, front) in both.items.iter().zip(&front.items) {
+            assert_eq!(*both == NOTHING, *front == NOTHING, "a solid lost a pixel, seen from {eye}");
+        }
+        pixels += both.items.len();
+        differing += both.items.iter().zip(&front.items).filter(|(a, b)| a != b).count();
+    }
+    // Where the front and the back of a solid meet, rounding decides which is nearer.
+    assert!(differing * 2000 < pixels, "{differing} of {pixels} pixels differ");
+}
+
+#[test]
+fn what_faces_away_is_drawn_in_no_pass() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let away = |wall: FlatObject| FlatObject { indices: vec![2, 1, 0, 3, 1, 2], ..wall };
+    let wall = wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0);
+    // Its outside is still the side towards the eye.
+    let mirrored = FlatObject { linear: Mat3::from_diagonal(Vec3::new(-1.0, 1.0, 1.0)), ..wall.clone() };
+    let view = view(8, 8, DVec3::ZERO);
+    for (object, shows) in
+        [(wall.clone(), true), (away(wall), false), (mirrored.clone(), true), (away(mirrored), false)]
+    {
+        let drawn = Passes::new(&gpu, &[object], Sides::FRONT).draw(&view);
+        assert!(drawn.items.iter().all(|item| (*item != NOTHING) == shows));
+        assert!(drawn.depth.iter().chain(&drawn.occluders).all(|depth| (*depth > 0.0) == shows));
+    }
+}
+
+#[test]
+fn a_solid_is_drawn_from_both_sides_where_the_eye_is_in_it_or_something_opens_it() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let objects = [cube(Mat3::from_diagonal(Vec3::splat(2.0)), DVec3::ZERO)];
+    let [mut both, mut front] = [Sides::BOTH, Sides::FRONT].map(|sides| Passes::new(&gpu, &objects, sides));
+    // Inside, and where the near plane cuts a corner off.
+    for eye in [DVec3::ZERO, DVec3::new(0.0, 0.0, 2.0 + 0.9 * f64::from(NEAR))] {
+        let view = view(24, 24, eye);
+        let drawn = front.draw(&view);
+        assert!(drawn == both.draw(&view), "from {eye}");
+        assert!(drawn.items.iter().all(|item| *item != NOTHING), "from {eye}");
+    }
+    // Cut open by a plane.
+    let outside = view(24, 24, DVec3::Z * 6.0);
+    let cut = outside.with_sections(Sections::new(&[plane(DVec3::Z, DVec3::Z)]).unwrap());
+    let drawn = front.draw(&cut);
+    assert!(drawn == both.draw(&cut) && drawn != front.draw(&outside));
+    // Seen through.
+    let through = |passes: &mut Passes| {
+        passes.picture.begin(&outside).unwrap();
+        passes.picture.draw_see_through(&passes.ids).unwrap();
+        passes.picture.finish().unwrap();
+        passes.picture.pixels().unwrap().to_vec()
+    };
+    let (seen, expected) = (through(&mut front), through(&mut both));
+    assert!(seen == expected && seen != front.draw(&outside).pixels);
+}
