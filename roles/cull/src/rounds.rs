@@ -25,7 +25,8 @@ use crate::{CullError, CullStats, CutRule, OccluderMapper, OcclusionTest, Traver
 pub struct RoundRule {
     /// Rounds at most, with the first one.
     pub most: u32,
-    /// Triangles of occluders a round, and a quarter of what there is to choose from.
+    /// Triangles of occluders a round, and a quarter of what there is to choose from, up to as many again.
+    /// Where a jump finds a million triangles, that hides nearly all that all of them would.
     pub budget: TriangleBudget,
 }
 
@@ -141,7 +142,8 @@ impl<'c> Rounds<'c> {
         let mut due: Vec<DrawableId> =
             held.iter().copied().filter(|id| self.drawn.binary_search(id).is_err()).collect();
         self.traversal.rule().retain_solid(scene, &mut due);
-        let budget = self.rule.budget.among(scene, &due);
+        let most = TriangleBudget(2 * self.rule.budget.0);
+        let budget = self.rule.budget.among(scene, &due).min(most);
         select_occluders(scene, view, &mut due, budget);
         due
     }
