@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use serde::Serialize;
-use trimaran_scene::{Node, Scene};
+use trimaran_scene::{Node, Scene, Sides};
 
 use super::{Failure, args::InfoArgs, number};
 
@@ -31,6 +31,8 @@ pub(super) struct SceneSummary {
     depth: u32,
     /// Nodes times their levels.
     drawables: usize,
+    /// Of these, how many are made of solids: their backs are not drawn.
+    solids: usize,
     /// Triangles at full detail, instances counted each.
     triangles: u64,
     /// Triangles stored, over all levels.
@@ -57,6 +59,7 @@ impl SceneSummary {
             interior_with_levels: tree.interior_with_levels,
             depth: tree.depth,
             drawables: scene.drawables().len(),
+            solids: scene.drawables().iter().filter(|drawable| drawable.sides == Sides::FRONT).count(),
             triangles: scene.full_detail_triangles(),
             triangles_stored: scene.indices().len() / 3,
             vertices_stored: scene.vertices().len(),
@@ -84,7 +87,11 @@ impl SceneSummary {
             number(self.interior_with_levels as u64),
             number(self.interior as u64)
         );
-        println!("  drawables   {} (nodes times their levels)", number(self.drawables as u64));
+        println!(
+            "  drawables   {} (nodes times their levels); {} are made of solids, drawn from the front alone",
+            number(self.drawables as u64),
+            number(self.solids as u64)
+        );
     }
 }
 

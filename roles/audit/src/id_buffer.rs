@@ -1,7 +1,7 @@
 //! Drawables to an ID buffer with depth (the paper: item buffer): which triangle shows at each pixel.
 
 use glam::DVec3;
-use trimaran_cull::{View, Viewport};
+use trimaran_cull::{OCCLUDER_BIAS_PX, View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Scene};
 
@@ -89,6 +89,22 @@ impl IdBuffer {
         if let Some(depth) = self.depth.get_mut(hit.pixel) {
             *depth = depth.max(hit.depth);
         }
+    }
+
+    /// How much farther an occluder pass draws the surface at a pixel: by what its depth changes over
+    /// [`OCCLUDER_BIAS_PX`].
+    pub(crate) fn bias(&self, scene: &Scene, view: &View, pixel: usize) -> f64 {
+        let corners = self.ids.get(pixel).copied().flatten().and_then(|shown| {
+            let drawable = scene.drawables().get(shown.drawable.index())?;
+            triangles(scene, view, drawable, Placement::Exact).nth(shown.triangle as usize)
+        });
+        let Some([a, b, c]) = corners else { return 0.0 };
+        // Depth is near / distance: on the screen it is linear along a plane.
+        let normal = (b - a).cross(c - a);
+        let scale = f64::from(view.camera().near()) / normal.dot(a);
+        let slope = (normal.x / view.focal_x()).abs().max((normal.y / view.focal_y()).abs()) * scale.abs();
+        // Seen edge on, its depth says nothing.
+        if slope.is_finite() { f64::from(OCCLUDER_BIAS_PX) * slope } else { 0.0 }
     }
 
     /// Moves all that is drawn nearer to the eye by a fraction of its distance: a fault to be found.

@@ -15,6 +15,13 @@ use trimaran_scene::{Node, NodeId, Scene};
 use crate::lod_cut::{Choice, LodCut};
 use crate::{CutRule, View};
 
+/// How far the occluders' depth lies behind their surfaces: by what it changes over this share of a pixel.
+///
+/// A device interpolates the depth of a steep triangle with an error, and what it draws too near may hide the
+/// box it is in. Occluders that are a little too far hide a little less, and never too much. It is four steps
+/// of the sub-pixel grid of 1/256.
+pub const OCCLUDER_BIAS_PX: f32 = 1.0 / 64.0;
+
 /// An id from another scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("{id} is not in this scene, which has {count}: do all roles hold the same scene?")]

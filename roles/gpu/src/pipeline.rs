@@ -5,6 +5,7 @@ use std::mem::offset_of;
 use std::sync::Arc;
 
 use ash::vk;
+use trimaran_cull::OCCLUDER_BIAS_PX;
 use trimaran_scene::Vertex;
 
 use crate::boxes::BoxRecord;
@@ -57,20 +58,13 @@ pub(crate) enum VertexInput {
 pub(crate) enum DepthUse {
     /// Keeps the nearest surface.
     Draw,
-    /// The same, but moves steep surfaces away from the eye.
-    ///
-    /// A device interpolates the depth of a steep triangle with an error, and what it draws too near may hide
-    /// the box it is in. Occluders that are a little too far hide a little less, and never too much.
+    /// The same, but moves surfaces away by [`OCCLUDER_BIAS_PX`].
     Occlude,
     /// Passes what is nearer than the surface or level with it, and changes nothing.
     Test,
     /// Passes what is nearer than the surface, blends it over the picture, and changes no depth.
     SeeThrough,
 }
-
-/// How far [`DepthUse::Occlude`] moves surfaces away: by what their depth changes over this share of a pixel.
-/// Four steps of the sub-pixel grid of 1/256.
-const OCCLUDER_BIAS_PX: f32 = 1.0 / 64.0;
 
 /// The share of a see-through surface in what shows at a pixel; the rest is what is behind it.
 pub const SEE_THROUGH_ALPHA: f32 = 0.3;

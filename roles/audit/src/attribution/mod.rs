@@ -178,9 +178,11 @@ impl<'f, S: Steps> Judge<'f, S> {
             return Cause::MissedSamples;
         }
         let fronts = self::covered(self.frame.view, bare);
+        let CulledFrame { scene, view, .. } = *self.frame;
+        let occluders = self.occluders();
         let clearly = open.iter().any(|point| {
             let front = fronts.get(&point.pixel).map_or(point.depth, |front| front.max(point.depth));
-            front > tested(point) * (1.0 + 2.0 * point.tolerance)
+            front > (tested(point) + occluders.bias(scene, view, point.pixel)) * (1.0 + 2.0 * point.tolerance)
         });
         if clearly { Cause::TestHid } else { Cause::DepthTie }
     }
@@ -188,10 +190,7 @@ impl<'f, S: Steps> Judge<'f, S> {
     /// Why the depth tested against lies in front of the surface at all its pixels.
     fn covered(&mut self, surface: &[SurfacePoint]) -> Cause {
         let frame = self.frame;
-        let draw = |view: &View, ids: &[DrawableId]| {
-            rasterize(frame.scene, view, ids.iter().copied(), Placement::Exact)
-        };
-        let occluders = self.occluders.get_or_insert_with(|| draw(frame.view, frame.occluders));
+        let occluders = self.occluders();
         let cut = LodCut::new(frame.scene, frame.view, frame.rule);
         let foreign = |point: &SurfacePoint| {
             let shown = occluders.ids().get(point.pixel).copied().flatten();
@@ -201,6 +200,9 @@ impl<'f, S: Steps> Judge<'f, S> {
         if surface.iter().any(foreign) {
             return Cause::LevelMismatch;
         }
+        let draw = |view: &View, ids: &[DrawableId]| {
+            rasterize(frame.scene, view, ids.iter().copied(), Placement::Exact)
+        };
         let stale = self.stale.get_or_insert_with(|| {
             let moved = frame.before.iter().filter(|(view, _)| {
                 view.viewport() == frame.view.viewport() && pose(view) != pose(frame.view)
@@ -213,11 +215,21 @@ impl<'f, S: Steps> Judge<'f, S> {
             let equal = |point: &&SurfacePoint| {
                 let tested = frame.depth.get(point.pixel).copied().map(f64::from);
                 let drawn = buffer.depth().get(point.pixel);
-                drawn.zip(tested).is_some_and(|(drawn, tested)| (drawn - tested).abs() <= tested * SAME_DEPTH)
+                drawn.zip(tested).is_some_and(|(drawn, tested)| {
+                    let same = tested * SAME_DEPTH;
+                    (-same..=same + buffer.bias(frame.scene, frame.view, point.pixel))
+                        .contains(&(drawn - tested))
+                })
             };
             surface.iter().filter(equal).count() * 2 > surface.len()
         };
         if stale.iter().any(same) { Cause::StaleCamera } else { Cause::OccluderTooNear }
+    }
+
+    fn occluders(&mut self) -> &IdBuffer {
+        let CulledFrame { scene, view, occluders, .. } = *self.frame;
+        let draw = || rasterize(scene, view, occluders.iter().copied(), Placement::Exact);
+        self.occluders.get_or_insert_with(draw)
     }
 
     /// Whether the node's own boxes hold every point of the surface.
