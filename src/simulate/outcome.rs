@@ -292,18 +292,22 @@ impl FrameTimes {
     pub fn split(&self, before: Option<&Self>) -> Split {
         // A frame that has none before it, or begins another session.
         let before = before.filter(|before| before.shown < self.shown);
-        let free = self.asked.max(self.published);
+        // A display that gives a frame up does so before all of it is culled: the culler's work counts as far
+        // as it had come by then.
+        let by_then = |at: Instant| at.min(self.arrived);
+        let free = by_then(self.asked.max(self.published));
+        let taken = by_then(self.taken).max(free);
         // The first frame has no ids to wait for.
-        let fed = self.fed.max(self.taken);
-        let culled_before = before.map_or(self.taken, |before| before.culled).clamp(self.taken, fed);
-        let display_free = before.map_or(self.culled, |before| before.shown).clamp(self.culled, self.arrived);
+        let fed = by_then(self.fed).max(taken);
+        let occluded = by_then(self.occluded).max(fed);
+        let culled = by_then(self.culled).max(occluded);
+        let culled_before = before.map_or(taken, |before| before.culled).clamp(taken, fed);
+        let display_free = before.map_or(culled, |before| before.shown).clamp(culled, self.arrived);
         Split {
-            waiting: free.since(self.published)
-                + culled_before.since(self.taken)
-                + display_free.since(self.culled),
-            network: self.taken.since(free) + fed.since(culled_before) + self.arrived.since(display_free),
-            occluders: self.occluded.since(fed),
-            culling: self.culled.since(self.occluded),
+            waiting: free.since(self.published) + culled_before.since(taken) + display_free.since(culled),
+            network: taken.since(free) + fed.since(culled_before) + self.arrived.since(display_free),
+            occluders: occluded.since(fed),
+            culling: culled.since(occluded),
             drawing: self.shown.since(self.arrived),
         }
     }
@@ -362,5 +366,18 @@ mod tests {
         // The first frame has no ids to wait for.
         let first = frame([0, 0, 10, 10, 20, 100, 110, 150]).split(None);
         assert_eq!((first.waiting, first.network), (ns(0), ns(20)));
+    }
+
+    #[test]
+    fn a_frame_that_was_given_up_before_it_was_culled_counts_what_was_done_of_it() {
+        let before = frame([0, 0, 10, 10, 20, 100, 110, 150]);
+        for [taken, fed, occluded, culled] in
+            [[55, 60, 70, 300], [55, 60, 250, 300], [55, 230, 250, 300], [220, 230, 250, 300]]
+        {
+            let given_up = frame([20, 50, taken, fed, occluded, culled, 200, 210]);
+            let split = given_up.split(Some(&before));
+            assert_eq!(split.total(), given_up.shown.since(given_up.published), "{given_up:?}");
+            assert_eq!(split.drawing, Duration::from_nanos(10));
+        }
     }
 }
