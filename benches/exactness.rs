@@ -12,7 +12,7 @@ use glam::{DQuat, DVec3};
 use trimaran::vulkan::VulkanCuller;
 use trimaran_actors::{CullerDevice, OccluderPolicy};
 use trimaran_audit::{CulledFrame, Missing, Placement, causes, rasterize};
-use trimaran_cull::{Culler, LodRule, View, Viewport, draw_order, lod_cut};
+use trimaran_cull::{Culler, LodRule, View, Viewport, draw_order, lod_cut, occluder_bias_px};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, OcclusionTestKind};
 use trimaran_scene::{
@@ -162,6 +162,7 @@ impl Walk {
             depth: &depth,
             sent: None,
             drawn: &drawn,
+            bias_px: occluder_bias_px(view),
             before: &[],
         };
         let causes = causes(&frame, &mut self.device, &missing)?;

@@ -6,7 +6,7 @@ use std::{collections::BTreeMap, sync::Arc};
 use thiserror::Error;
 use trimaran_actors::{CullerDevice, OccluderPolicy, RoleError};
 use trimaran_audit::{CulledFrame, FalseCullCause, Missing, causes};
-use trimaran_cull::{Culler, View};
+use trimaran_cull::{Culler, View, occluder_bias_px};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
@@ -62,6 +62,7 @@ pub(super) fn false_culls<D: CullerDevice>(
         depth: &depth,
         sent: record.stats.as_ref().map(|stats| stats.culling.emitted.into()),
         drawn: &record.ids,
+        bias_px: occluder_bias_px(&views.view(record.camera)),
         before: &before,
     };
     let causes = causes(&frame, machine, missing).map_err(device)?;

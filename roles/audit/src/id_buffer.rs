@@ -1,7 +1,7 @@
 //! Drawables to an ID buffer with depth (the paper: item buffer): which triangle shows at each pixel.
 
 use glam::DVec3;
-use trimaran_cull::{OCCLUDER_BIAS_PX, View, Viewport};
+use trimaran_cull::{View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Scene};
 
@@ -91,9 +91,8 @@ impl IdBuffer {
         }
     }
 
-    /// How much farther an occluder pass draws the surface at a pixel: by what its depth changes over
-    /// [`OCCLUDER_BIAS_PX`].
-    pub(crate) fn bias(&self, scene: &Scene, view: &View, pixel: usize) -> f64 {
+    /// How much the depth of the surface at a pixel changes from there to the next one, seen from `view`.
+    pub(crate) fn slope(&self, scene: &Scene, view: &View, pixel: usize) -> f64 {
         let corners = self.ids.get(pixel).copied().flatten().and_then(|shown| {
             let drawable = scene.drawables().get(shown.drawable.index())?;
             triangles(scene, view, drawable, Placement::Exact).nth(shown.triangle as usize)
@@ -104,7 +103,7 @@ impl IdBuffer {
         let scale = f64::from(view.camera().near()) / normal.dot(a);
         let slope = (normal.x / view.focal_x()).abs().max((normal.y / view.focal_y()).abs()) * scale.abs();
         // Seen edge on, its depth says nothing.
-        if slope.is_finite() { f64::from(OCCLUDER_BIAS_PX) * slope } else { 0.0 }
+        if slope.is_finite() { slope } else { 0.0 }
     }
 
     /// Moves all that is drawn nearer to the eye by a fraction of its distance: a fault to be found.

@@ -178,6 +178,7 @@ impl ReferenceWalkthrough {
             depth: &occluders.depth,
             sent: Some(emitted.len() as u64),
             drawn: &drawn,
+            bias_px: 0.0,
             before: &before,
         };
         let causes = causes(&frame, &mut test, &missing)?;

@@ -75,7 +75,7 @@ pub use hzb::{HzbError, HzbTest};
 pub use image::Image;
 pub use lod_cut::{Choice, LodCut, choose, lod_cut};
 pub use occluder_selection::{TriangleBudget, select_occluders, triangles};
-pub use occluders::{OCCLUDER_BIAS_PX, OccluderError, OccluderMapper, occluders};
+pub use occluders::{OCCLUDER_BIAS_PX, OccluderError, OccluderMapper, occluder_bias_px, occluders};
 pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};
 pub use order::{DrawOrder, draw_order};
 pub use rounds::{RoundRule, Rounds};

@@ -22,6 +22,13 @@ use crate::{CutRule, View};
 /// of the sub-pixel grid of 1/256.
 pub const OCCLUDER_BIAS_PX: f32 = 1.0 / 64.0;
 
+/// By how much the occluders of `view` are moved. Where sections cut, the depth decides what is cut away, so
+/// none are.
+#[must_use]
+pub fn occluder_bias_px(view: &View) -> f32 {
+    if view.sections().is_empty() { OCCLUDER_BIAS_PX } else { 0.0 }
+}
+
 /// An id from another scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("{id} is not in this scene, which has {count}: do all roles hold the same scene?")]

@@ -43,6 +43,9 @@ pub struct CulledFrame<'f> {
     pub occluders: &'f [DrawableId],
     /// The depth that came of it, as the occlusion test had it: reversed, row by row from the top left.
     pub depth: &'f [f32],
+    /// How far behind their surfaces that depth has the occluders: by what theirs changes over this share of a
+    /// pixel. 0 where OR moves nothing.
+    pub bias_px: f32,
     /// How many ids HC sent, if that is known.
     pub sent: Option<u64>,
     /// What RVG drew.
@@ -84,7 +87,7 @@ struct Judge<'f, S> {
     occluders: Option<IdBuffer>,
     /// This frame's occluders from the cameras of the frames before, and what was drawn of those frames;
     /// likewise.
-    stale: Option<Vec<IdBuffer>>,
+    stale: Option<Vec<(View, IdBuffer)>>,
 }
 
 impl<'f, S: Steps> Judge<'f, S> {
@@ -179,11 +182,12 @@ impl<'f, S: Steps> Judge<'f, S> {
             return Cause::MissedSamples;
         }
         let fronts = self::covered(self.frame.view, bare);
-        let CulledFrame { scene, view, .. } = *self.frame;
+        let CulledFrame { scene, view, bias_px, .. } = *self.frame;
         let occluders = self.occluders();
         let clearly = open.iter().any(|point| {
             let front = fronts.get(&point.pixel).map_or(point.depth, |front| front.max(point.depth));
-            front > (tested(point) + occluders.bias(scene, view, point.pixel)) * (1.0 + 2.0 * point.tolerance)
+            let bias = f64::from(bias_px) * occluders.slope(scene, view, point.pixel);
+            front > (tested(point) + bias) * (1.0 + 2.0 * point.tolerance)
         });
         if clearly { Cause::TestHid } else { Cause::DepthTie }
     }
@@ -208,17 +212,19 @@ impl<'f, S: Steps> Judge<'f, S> {
             let moved = frame.before.iter().filter(|(view, _)| {
                 view.viewport() == frame.view.viewport() && pose(view) != pose(frame.view)
             });
-            moved.flat_map(|(view, drawn)| [draw(view, drawn), draw(view, frame.occluders)]).collect()
+            moved
+                .flat_map(|(view, drawn)| [drawn, frame.occluders].map(|ids| (*view, draw(view, ids))))
+                .collect()
         });
         // At most points: along edges a device may round to another surface. The depth of a large triangle is
         // interpolated less exactly than the missing surface's own tolerance says.
-        let same = |buffer: &IdBuffer| {
+        let same = |(view, buffer): &(View, IdBuffer)| {
             let equal = |point: &&SurfacePoint| {
                 let tested = frame.depth.get(point.pixel).copied().map(f64::from);
                 let drawn = buffer.depth().get(point.pixel);
                 drawn.zip(tested).is_some_and(|(drawn, tested)| {
                     // How a device sums the slopes along x and y is left to it.
-                    let bias = buffer.bias(frame.scene, frame.view, point.pixel);
+                    let bias = f64::from(frame.bias_px) * buffer.slope(frame.scene, view, point.pixel);
                     let (same, farther) = (tested * SAME_DEPTH, drawn - tested);
                     farther.abs() <= same || (bias - same..=bias * SQRT_2 + same).contains(&farther)
                 })
@@ -384,6 +390,7 @@ mod tests {
                 depth,
                 sent,
                 drawn: &[],
+                bias_px: 0.0,
                 before: &[],
             };
             Judge::new(&frame, told).judge(std::slice::from_ref(missing)).unwrap()[0]
