@@ -1,9 +1,10 @@
 //! Whether culling ever changes a pixel: random poses near those of automatic paths, culled by sets that are
 //! some frames old, for as long as one likes.
 //!
-//! `cargo bench --bench exactness -- X.scene [SECONDS [SIDE [SEED]]]`: 60 s at 512 pixels a side, if not given. A
-//! frame with a wrong pixel is told with its pose, and culled once more. Each wrong pixel is held against f64: where
-//! that shows what culling has left, the driver has drawn something in front of what hides it.
+//! `cargo bench --bench exactness -- X.scene [SECONDS [SIDE [SEED]]]`: 60 s at 512 pixels a side, if not
+//! given. A frame with a wrong pixel is told with its pose, and culled once more. Each wrong pixel is held
+//! against f64: where that shows what culling has left, the driver has drawn something in front of what hides
+//! it.
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
 use std::{collections::BTreeMap, error::Error, path::Path, sync::Arc, time::Instant};

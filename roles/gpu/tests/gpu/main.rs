@@ -11,4 +11,5 @@ mod passes;
 mod sections;
 mod see_through;
 mod solids;
+mod three_passes;
 mod walks;

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 use trimaran_audit::cases::{plant, plant_views};
-use trimaran_audit::{Placement, rasterize};
-use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut};
-use trimaran_gpu::{BACKGROUND, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
-use trimaran_proto::{DrawableId, Section, SectionBox, SectionPlane, Sections};
+use trimaran_cull::{LodRule, Viewport, draw_order, lod_cut};
+use trimaran_gpu::{BACKGROUND, ItemImage};
+use trimaran_proto::{Section, SectionBox, SectionPlane, Sections};
 use trimaran_scene::{Scene, random::Random};
 
 use crate::common::{CheckedGpu, NEAR, ids, scene, triangles, view, wall};
+use crate::three_passes::{NOTHING, Passes};
 
 /// A plane through `location` that cuts away what lies towards `direction`.
 pub(crate) fn plane(location: DVec3, direction: DVec3) -> Section {
@@ -35,69 +35,6 @@ pub(crate) fn random_sections(random: &mut Random, scene: &Scene) -> Sections {
     };
     let sections: Vec<_> = (0..count).map(section).collect();
     Sections::new(&sections).unwrap()
-}
-
-/// The three passes over one scene.
-struct Passes {
-    scene: Arc<Scene>,
-    occluders: OccluderPass,
-    picture: PicturePass,
-    items: ItemPass,
-}
-
-/// What they draw of the same ids, row by row.
-struct Drawn {
-    occluders: Vec<f32>,
-    depth: Vec<f32>,
-    pixels: Vec<[u8; 4]>,
-    items: Vec<[u32; 2]>,
-}
-
-const NOTHING: [u32; 2] = [ItemImage::BACKGROUND; 2];
-
-impl Passes {
-    fn new(gpu: &CheckedGpu, scene: Arc<Scene>) -> Self {
-        let (uploaded, size) = (GpuScene::upload(gpu, &scene).unwrap(), Viewport::new(8, 8).unwrap());
-        Self {
-            scene,
-            occluders: OccluderPass::new(&uploaded, size).unwrap(),
-            picture: PicturePass::new(&uploaded, size).unwrap(),
-            items: ItemPass::new(&uploaded, size).unwrap(),
-        }
-    }
-
-    fn draw(&mut self, view: &View, ids: &[DrawableId]) -> Drawn {
-        self.occluders.begin(view).unwrap();
-        self.occluders.draw(ids).unwrap();
-        self.picture.begin(view).unwrap();
-        self.picture.draw(ids).unwrap();
-        self.picture.finish().unwrap();
-        self.items.begin(view).unwrap();
-        self.items.draw(ids).unwrap();
-        Drawn {
-            occluders: self.occluders.read_depth().unwrap().depth().to_vec(),
-            depth: self.picture.read_depth().unwrap().depth().to_vec(),
-            pixels: self.picture.pixels().unwrap().to_vec(),
-            items: self.items.items().unwrap().to_vec(),
-        }
-    }
-
-    /// At how many pixels the items are not the reference's.
-    fn differing(&self, view: &View, ids: &[DrawableId], drawn: &Drawn) -> usize {
-        let expected = rasterize(&self.scene, view, ids.iter().copied(), Placement::Single);
-        let expected = expected.ids().iter().map(|id| id.map_or(NOTHING, |id| [id.drawable.0, id.triangle]));
-        expected.zip(&drawn.items).filter(|(expected, item)| expected != *item).count()
-    }
-}
-
-impl Drawn {
-    /// Asserts what holds of passes that draw the same ids.
-    fn check(&self, at: &str) {
-        for (i, (&occluder, &depth)) in self.occluders.iter().zip(&self.depth).enumerate() {
-            assert!(occluder <= depth, "{at}, pixel {i}: an occluder at {occluder}, the picture at {depth}");
-            assert_eq!(depth > 0.0, self.items[i] != NOTHING, "{at}, pixel {i}: picture and items differ");
-        }
-    }
 }
 
 /// Two walls that fill the picture, and a slanted plane that cuts the nearer one at the middle and the

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3, Mat3, Vec3};
 use trimaran_cull::{View, Viewport};
-use trimaran_gpu::{GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Sections};
+use trimaran_proto::{Camera, FrameNumber, Sections};
 use trimaran_scene::{FlatObject, Scene, SceneArrays, Sides, random::Random};
 
 use crate::common::{CheckedGpu, NEAR, ids, triangles, view, wall};
 use crate::sections::plane;
+use crate::three_passes::{NOTHING, Passes};
 
 /// A cube from -1 to 1, its triangles counter-clockwise from outside.
 fn cube(linear: Mat3, origin: DVec3) -> FlatObject {
@@ -33,56 +33,11 @@ fn heap(random: &mut Random) -> Vec<FlatObject> {
         .collect()
 }
 
-/// What the passes draw of a scene, row by row.
-#[derive(PartialEq)]
-struct Drawn {
-    occluders: Vec<f32>,
-    depth: Vec<f32>,
-    pixels: Vec<[u8; 4]>,
-    items: Vec<[u32; 2]>,
-}
-
-const NOTHING: [u32; 2] = [ItemImage::BACKGROUND; 2];
-
-struct Passes {
-    occluders: OccluderPass,
-    picture: PicturePass,
-    items: ItemPass,
-    ids: Vec<DrawableId>,
-}
-
-impl Passes {
-    /// All objects, of which these sides show.
-    fn new(gpu: &CheckedGpu, objects: &[FlatObject], sides: Sides) -> Self {
-        let mut arrays = SceneArrays::flat(objects);
-        arrays.drawables.iter_mut().for_each(|drawable| drawable.sides = sides);
-        let uploaded = GpuScene::upload(gpu, &Arc::new(Scene::from_arrays(arrays).unwrap())).unwrap();
-        let size = Viewport::new(8, 8).unwrap();
-        Self {
-            occluders: OccluderPass::new(&uploaded, size).unwrap(),
-            picture: PicturePass::new(&uploaded, size).unwrap(),
-            items: ItemPass::new(&uploaded, size).unwrap(),
-            ids: ids(objects.len()),
-        }
-    }
-
-    fn draw(&mut self, view: &View) -> Drawn {
-        let Self { occluders, picture, items, ids } = self;
-        occluders.begin(view).unwrap();
-        occluders.draw(ids).unwrap();
-        picture.begin(view).unwrap();
-        picture.draw(ids).unwrap();
-        picture.finish().unwrap();
-        items.begin(view).unwrap();
-        items.draw(ids).unwrap();
-        items.finish().unwrap();
-        Drawn {
-            occluders: occluders.read_depth().unwrap().depth().to_vec(),
-            depth: picture.read_depth().unwrap().depth().to_vec(),
-            pixels: picture.pixels().unwrap().to_vec(),
-            items: items.items().unwrap().to_vec(),
-        }
-    }
+/// The passes over all objects, of which these sides show.
+fn passes(gpu: &CheckedGpu, objects: &[FlatObject], sides: Sides) -> Passes {
+    let mut arrays = SceneArrays::flat(objects);
+    arrays.drawables.iter_mut().for_each(|drawable| drawable.sides = sides);
+    Passes::new(gpu, Arc::new(Scene::from_arrays(arrays).unwrap()))
 }
 
 #[test]
@@ -90,14 +45,14 @@ fn solids_look_the_same_from_anywhere_outside_of_them_and_inside() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let mut random = Random::new(31);
     let objects = heap(&mut random);
-    let [mut both, mut front] = [Sides::BOTH, Sides::FRONT].map(|sides| Passes::new(&gpu, &objects, sides));
-    let (mut pixels, mut differing) = (0, 0);
+    let [mut both, mut front] = [Sides::BOTH, Sides::FRONT].map(|sides| passes(&gpu, &objects, sides));
+    let (all, mut pixels, mut differing) = (ids(objects.len()), 0, 0);
     for _ in 0..40 {
         let eye = random.point(DVec3::splat(-3.0), DVec3::splat(3.0));
         let turn = DQuat::from_axis_angle(random.direction(), random.between(0.0, 6.0));
         let camera = Camera::new(eye.to_array(), turn.to_array(), 1.0, NEAR, FrameNumber(0)).unwrap();
         let view = View::new(camera, Viewport::new(200, 150).unwrap());
-        let [both, front] = [both.draw(&view), front.draw(&view)];
+        let [both, front] = [both.draw(&view, &all), front.draw(&view, &all)];
         for (both, front) in both.items.iter().zip(&front.items) {
             assert_eq!(*both == NOTHING, *front == NOTHING, "a solid lost a pixel, seen from {eye}");
         }
@@ -119,7 +74,7 @@ fn what_faces_away_is_drawn_in_no_pass() {
     for (object, shows) in
         [(wall.clone(), true), (away(wall), false), (mirrored.clone(), true), (away(mirrored), false)]
     {
-        let drawn = Passes::new(&gpu, &[object], Sides::FRONT).draw(&view);
+        let drawn = passes(&gpu, &[object], Sides::FRONT).draw(&view, &ids(1));
         assert!(drawn.items.iter().all(|item| (*item != NOTHING) == shows));
         assert!(drawn.depth.iter().chain(&drawn.occluders).all(|depth| (*depth > 0.0) == shows));
     }
@@ -129,26 +84,26 @@ fn what_faces_away_is_drawn_in_no_pass() {
 fn a_solid_is_drawn_from_both_sides_where_the_eye_is_in_it_or_something_opens_it() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let objects = [cube(Mat3::from_diagonal(Vec3::splat(2.0)), DVec3::ZERO)];
-    let [mut both, mut front] = [Sides::BOTH, Sides::FRONT].map(|sides| Passes::new(&gpu, &objects, sides));
+    let [mut both, mut front] = [Sides::BOTH, Sides::FRONT].map(|sides| passes(&gpu, &objects, sides));
     // Inside, and where the near plane cuts a corner off.
     for eye in [DVec3::ZERO, DVec3::new(0.0, 0.0, 2.0 + 0.9 * f64::from(NEAR))] {
         let view = view(24, 24, eye);
-        let drawn = front.draw(&view);
-        assert!(drawn == both.draw(&view), "from {eye}");
+        let drawn = front.draw(&view, &ids(1));
+        assert!(drawn == both.draw(&view, &ids(1)), "from {eye}");
         assert!(drawn.items.iter().all(|item| *item != NOTHING), "from {eye}");
     }
     // Cut open by a plane.
     let outside = view(24, 24, DVec3::Z * 6.0);
     let cut = outside.with_sections(Sections::new(&[plane(DVec3::Z, DVec3::Z)]).unwrap());
-    let drawn = front.draw(&cut);
-    assert!(drawn == both.draw(&cut) && drawn != front.draw(&outside));
+    let drawn = front.draw(&cut, &ids(1));
+    assert!(drawn == both.draw(&cut, &ids(1)) && drawn != front.draw(&outside, &ids(1)));
     // Seen through.
     let through = |passes: &mut Passes| {
         passes.picture.begin(&outside).unwrap();
-        passes.picture.draw_see_through(&passes.ids).unwrap();
+        passes.picture.draw_see_through(&ids(1)).unwrap();
         passes.picture.finish().unwrap();
         passes.picture.pixels().unwrap().to_vec()
     };
     let (seen, expected) = (through(&mut front), through(&mut both));
-    assert!(seen == expected && seen != front.draw(&outside).pixels);
+    assert!(seen == expected && seen != front.draw(&outside, &ids(1)).pixels);
 }

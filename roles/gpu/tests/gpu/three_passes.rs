@@ -1,0 +1,75 @@
+//! The three passes over one scene, and what they draw of the same ids.
+
+use std::sync::Arc;
+
+use trimaran_audit::{Placement, rasterize};
+use trimaran_cull::{View, Viewport};
+use trimaran_gpu::{GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
+use trimaran_proto::DrawableId;
+use trimaran_scene::Scene;
+
+use crate::common::CheckedGpu;
+
+/// The three passes over one scene.
+pub(crate) struct Passes {
+    pub(crate) scene: Arc<Scene>,
+    occluders: OccluderPass,
+    pub(crate) picture: PicturePass,
+    items: ItemPass,
+}
+
+/// What they draw of the same ids, row by row.
+#[derive(PartialEq)]
+pub(crate) struct Drawn {
+    pub(crate) occluders: Vec<f32>,
+    pub(crate) depth: Vec<f32>,
+    pub(crate) pixels: Vec<[u8; 4]>,
+    pub(crate) items: Vec<[u32; 2]>,
+}
+
+pub(crate) const NOTHING: [u32; 2] = [ItemImage::BACKGROUND; 2];
+
+impl Passes {
+    pub(crate) fn new(gpu: &CheckedGpu, scene: Arc<Scene>) -> Self {
+        let (uploaded, size) = (GpuScene::upload(gpu, &scene).unwrap(), Viewport::new(8, 8).unwrap());
+        Self {
+            scene,
+            occluders: OccluderPass::new(&uploaded, size).unwrap(),
+            picture: PicturePass::new(&uploaded, size).unwrap(),
+            items: ItemPass::new(&uploaded, size).unwrap(),
+        }
+    }
+
+    pub(crate) fn draw(&mut self, view: &View, ids: &[DrawableId]) -> Drawn {
+        self.occluders.begin(view).unwrap();
+        self.occluders.draw(ids).unwrap();
+        self.picture.begin(view).unwrap();
+        self.picture.draw(ids).unwrap();
+        self.picture.finish().unwrap();
+        self.items.begin(view).unwrap();
+        self.items.draw(ids).unwrap();
+        Drawn {
+            occluders: self.occluders.read_depth().unwrap().depth().to_vec(),
+            depth: self.picture.read_depth().unwrap().depth().to_vec(),
+            pixels: self.picture.pixels().unwrap().to_vec(),
+            items: self.items.items().unwrap().to_vec(),
+        }
+    }
+
+    /// At how many pixels the items are not the reference's.
+    pub(crate) fn differing(&self, view: &View, ids: &[DrawableId], drawn: &Drawn) -> usize {
+        let expected = rasterize(&self.scene, view, ids.iter().copied(), Placement::Single);
+        let expected = expected.ids().iter().map(|id| id.map_or(NOTHING, |id| [id.drawable.0, id.triangle]));
+        expected.zip(&drawn.items).filter(|(expected, item)| expected != *item).count()
+    }
+}
+
+impl Drawn {
+    /// Asserts what holds of passes that draw the same ids.
+    pub(crate) fn check(&self, at: &str) {
+        for (i, (&occluder, &depth)) in self.occluders.iter().zip(&self.depth).enumerate() {
+            assert!(occluder <= depth, "{at}, pixel {i}: an occluder at {occluder}, the picture at {depth}");
+            assert_eq!(depth > 0.0, self.items[i] != NOTHING, "{at}, pixel {i}: picture and items differ");
+        }
+    }
+}
