@@ -16,7 +16,7 @@ use trimaran_scene::Vertex;
 /// Meshes of more triangles than this are cut.
 const LARGE: usize = 192;
 /// The most triangles of a cluster.
-const MOST: usize = 96;
+const MOST: usize = 48;
 
 /// A node of a mesh's cluster tree, in breadth-first order; the first stands for the whole mesh.
 #[derive(Debug, Clone, PartialEq)]
