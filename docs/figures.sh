@@ -206,10 +206,10 @@ sim --network fast-ethernet --link tcp,quic,udp --frames 300 --batch 1,10,30,100
 across link batch=ids_a_batch 'p50_ms=_p50 bytes=_bytes'
 
 begin formulas
-sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 100,1000,4000 --batch 1,10,100,1000
+sim --schedule switch --network gigabit --link tcp,quic,udp --frames 200 --nodes 100,1000,4000 --batch 1,10,100,1000
 across link 'nodes=n batch=b' 'bytes=' 'corrected=corrected,_h_=_50 corrected_as_measured=corrected,_h_of_tcp paper=paper'
 begin split
-sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 4000 --batch 10,100,1000
+sim --schedule switch --network gigabit --link tcp,quic,udp --frames 200 --nodes 4000 --batch 10,100,1000
 table $parts acknowledgements=acks
 begin repeated
 sim --network wifi --link tcp,quic,udp --udp-repair 15,0 --frames 1000 --nodes 4000 --batch 1000 --seed 1,2,3

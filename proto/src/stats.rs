@@ -1,6 +1,6 @@
 //! What a culler says of its own work on a frame.
 
-use std::ops::Add;
+use std::ops::{Add, Sub};
 
 use serde::{Deserialize, Serialize};
 
@@ -83,6 +83,23 @@ impl Add for SentBytes {
             control: self.control + other.control,
             headers: self.headers + other.headers,
             messages: self.messages + other.messages,
+        }
+    }
+}
+
+impl Sub for SentBytes {
+    type Output = Self;
+
+    /// What was sent since `earlier`.
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            camera: self.camera - earlier.camera,
+            begin: self.begin - earlier.begin,
+            ids: self.ids - earlier.ids,
+            end: self.end - earlier.end,
+            control: self.control - earlier.control,
+            headers: self.headers - earlier.headers,
+            messages: self.messages - earlier.messages,
         }
     }
 }

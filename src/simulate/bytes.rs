@@ -5,7 +5,7 @@ use std::ops::{Add, Sub};
 
 use serde::Serialize;
 use trimaran_netsim::{Class, WireTally};
-use trimaran_transport::Traffic;
+use trimaran_proto::SentBytes;
 
 use crate::report::FrameLoad;
 
@@ -55,7 +55,7 @@ pub struct FrameBytes {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sent {
     pub(super) wire: BTreeMap<Class, WireTally>,
-    pub(super) messages: Traffic,
+    pub(super) messages: SentBytes,
 }
 
 impl Sent {
@@ -126,14 +126,14 @@ impl FrameBytes {
         let all = sent.wire.values().fold(WireTally::default(), |all, tally| all + *tally);
         let of = |class| sent.wire.get(&class).map_or(0, WireTally::bytes);
         let each = |bytes: u64| bytes as f64 / f64::from((*frames).max(1));
-        let ids = sent.messages.batches.bytes;
+        let ids = sent.messages.ids;
         let header = all.headers() as f64 / all.packets.max(1) as f64;
         let load = FrameLoad { ids: nodes, batch: batch as f64, header: PAPER_HEADER, receivers };
         Self {
             total: each(all.bytes()),
             ids: each(ids),
-            messages: each(sent.messages.total_bytes().saturating_sub(ids)),
-            transport: each(all.payload.saturating_sub(sent.messages.total_bytes())),
+            messages: each(sent.messages.total().saturating_sub(ids)),
+            transport: each(all.payload.saturating_sub(sent.messages.total())),
             transport_headers: each(all.transport_headers),
             ip_headers: each(all.ip_headers),
             link_layer: each(all.link_layer),

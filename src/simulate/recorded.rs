@@ -9,7 +9,7 @@ use std::time::Duration;
 use thiserror::Error;
 use trimaran_actors::{Cameras, CullerId, CullerWork, DisplayWork, RoleError, VisibleIds};
 use trimaran_cull::Image;
-use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats};
+use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, SentBytes};
 use trimaran_transport::{Instant, Net, StatsHandle, sleep_until};
 
 use super::outcome::FrameTimes;
@@ -32,8 +32,10 @@ pub(super) struct Log {
     pub(super) times: Vec<FrameTimes>,
     /// What came of each frame that came with gaps.
     pub(super) remains: BTreeMap<u32, Vec<DrawableId>>,
-    /// The counters of every end of every link.
+    /// The counters of both ends of every link to the display.
     pub(super) stats: Vec<StatsHandle>,
+    /// What cullers said that they sent to each other.
+    pub(super) to_others: SentBytes,
 }
 
 /// Ids are missing where all were promised.

@@ -6,16 +6,16 @@ use std::time::Duration;
 
 use trimaran_actors::{
     BoxedError, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint, Peers, Schedule,
-    ServiceEndpoints, SessionError, ShownFrame, Sought, Stop, Turns,
+    ServiceEndpoints, SessionError, ShownFrame, Sought, Stop, Turns, sent_bytes,
 };
 use trimaran_netsim::{HostId, Machines};
 use trimaran_proto::{
-    DrawableId, FrameNumber, Identity, LodRule, OcclusionTestKind, Role, SceneHash, SessionKey, Settings,
-    Viewport,
+    DrawableId, FrameNumber, FrameStats, Identity, LodRule, OcclusionTestKind, Role, SceneHash, SentBytes,
+    SessionKey, Settings, Viewport,
 };
 use trimaran_transport::keys::{Keys, KnownPeer, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
-use trimaran_transport::{Net, Options, Traffic, sleep_until, until};
+use trimaran_transport::{Net, Options, sleep_until, until};
 
 use super::error::SimulateError;
 use super::outcome::FrameTimes;
@@ -164,11 +164,13 @@ impl Roles {
         Ok((before, pictures.after.unwrap_or_else(count)))
     }
 
-    /// What all ends of all links sent so far, by their own count.
+    /// What all ends of all links sent so far, by their own count. What cullers send to each other counts
+    /// when the display has learned of it.
     #[must_use]
-    pub fn messages(&self) -> Traffic {
+    pub fn messages(&self) -> SentBytes {
         self.recording.log(|log| {
-            log.stats.iter().map(|stats| stats.read().sent).fold(Traffic::default(), |all, sent| all + sent)
+            let sent = log.stats.iter().map(|stats| sent_bytes(stats.read().sent));
+            sent.fold(log.to_others, |all, sent| all + sent)
         })
     }
 
@@ -214,6 +216,10 @@ impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<'_, F, S, C> {
             self.after = Some((self.count)());
         }
         Ok(())
+    }
+
+    fn culled(&mut self, stats: &FrameStats) {
+        self.recording.log(|log| log.to_others = log.to_others + stats.to_other);
     }
 }
 

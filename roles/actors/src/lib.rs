@@ -64,6 +64,7 @@ pub use ids::{IdError, max_frame};
 pub use join::{JoinError, PeerEndpoint, again};
 pub use links::{
     FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LatestSender, Link, Listener,
+    sent_bytes,
 };
 pub use local::{LocalCullers, LocalSession};
 pub use meeting::{Expected, Meeting};

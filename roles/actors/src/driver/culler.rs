@@ -2,10 +2,7 @@
 
 use std::{future::Future, mem, time::Duration};
 
-use trimaran_proto::{
-    Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes, ViewState, ViewVersion,
-};
-use trimaran_transport::Traffic;
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, ViewState, ViewVersion};
 
 use super::{
     close::{part, worked},
@@ -231,22 +228,5 @@ impl<W: CullerWork> Session<'_, W> {
         let stats = FrameStats { occluders_of, to_other, ..self.work.frame_stats(self.turn.away()) };
         let said = RoleMessage::Stats(stats);
         self.display.messages_tx.send(&said).await.map_err(link("sending statistics"))
-    }
-}
-
-pub(super) const fn sent_bytes(traffic: Traffic) -> SentBytes {
-    SentBytes {
-        camera: traffic.latest.bytes,
-        begin: traffic.begin.bytes,
-        ids: traffic.batches.bytes,
-        end: traffic.end.bytes,
-        control: traffic.control.bytes + traffic.messages.bytes,
-        headers: traffic.header_bytes,
-        messages: traffic.latest.messages
-            + traffic.begin.messages
-            + traffic.batches.messages
-            + traffic.end.messages
-            + traffic.messages.messages
-            + traffic.control.messages,
     }
 }

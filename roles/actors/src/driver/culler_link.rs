@@ -8,14 +8,13 @@ use trimaran_transport::{FrameOutcome, LinkStats, RecvError};
 
 use super::{
     close::left_early,
-    culler::sent_bytes,
     error::{RoleError, link},
 };
 use crate::{
     clock::Stopwatch,
     deal::{CullerId, Disorder},
     ids::FrameIds,
-    links::{FrameEvent, Link, MessageSender},
+    links::{FrameEvent, Link, MessageSender, sent_bytes},
     peers::{Arrival, Seat},
 };
 

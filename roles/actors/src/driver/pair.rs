@@ -11,13 +11,12 @@ use trimaran_proto::{
 use trimaran_transport::{RecvError, Traffic, causes};
 
 use super::{
-    culler::sent_bytes,
     error::{RoleError, link},
     views::Views,
 };
 use crate::{
     ids::FrameIds,
-    links::{FrameEvent, FrameStart, Link},
+    links::{FrameEvent, FrameStart, Link, sent_bytes},
     meeting::{Meeting, Met},
 };
 
