@@ -201,6 +201,10 @@ begin satellite
 sim --network satellite --link tcp,quic,udp,udp-deadline --udp-deadline-ms 50,400 --frames 2000 --seed 1,2,3,4,5
 table $latency
 
+begin cullers
+sim --network wan-80ms --link tcp,udp --cullers 1,2,4,8 --frames 2000
+table link=link p50_ms=p50 p95_ms=p95 p99_ms=p99 frames_per_second=frames/s bytes=bytes_a_frame
+
 begin batches
 sim --network fast-ethernet --link tcp,quic,udp --frames 300 --batch 1,10,30,100,300,1000,4000
 across link batch=ids_a_batch 'p50_ms=_p50 bytes=_bytes'
