@@ -49,6 +49,15 @@ impl PixelRect {
         if longest < 4 { 0 } else { longest.ilog2() as usize - 1 }
     }
 
+    /// The finest level at which it covers at most 2 x 2 texels.
+    pub(crate) fn level_of_four_texels(&self) -> usize {
+        let mut level = 0;
+        while (self.x1 >> level) - (self.x0 >> level) > 1 || (self.y1 >> level) - (self.y0 >> level) > 1 {
+            level += 1;
+        }
+        level
+    }
+
     /// Its middle on the screen.
     pub(crate) fn middle(&self) -> (f64, f64) {
         (0.5 * (self.x0 + self.x1 + 1) as f64, 0.5 * (self.y0 + self.y1 + 1) as f64)

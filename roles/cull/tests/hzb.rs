@@ -23,7 +23,7 @@ fn random_box(random: &mut Random) -> TestBox {
 #[test]
 fn nothing_that_a_rasterized_test_shows_is_hidden() {
     let mut random = Random::new(9);
-    let (mut both_hide, mut reference_hides) = (0, 0);
+    let (mut both_hide, mut rectangle_hides, mut reference_hides) = (0, 0, 0);
     for round in 0..60 {
         let (width, height) = [(64, 48), (1, 1), (1, 33), (77, 31), (127, 129)][round % 5];
         let fov = [60.0, 100.0, 20.0][round % 3];
@@ -43,11 +43,13 @@ fn nothing_that_a_rasterized_test_shows_is_hidden() {
         let mut pyramid = DepthPyramid::new();
         pyramid.rebuild(image);
         let boxes: Vec<TestBox> = (0..200).map(|_| random_box(&mut random)).collect();
-        let (mut exact, mut fast) = (Vec::new(), Vec::new());
+        let (mut exact, mut fast, mut loose) = (Vec::new(), Vec::new(), Vec::new());
         ReferenceTest::new(&occluders).test(&view, &boxes, &mut exact).unwrap();
         let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
         test.test(&view, &boxes, &mut fast).unwrap();
-        for (test_box, (&count, &shows)) in boxes.iter().zip(exact.iter().zip(&fast)) {
+        test.by_rectangle().test(&view, &boxes, &mut loose).unwrap();
+        for (test_box, ((&count, &shows), &loosely)) in boxes.iter().zip(exact.iter().zip(&fast).zip(&loose))
+        {
             let beyond_near =
                 -test_box.centre.z - test_box.axes.iter().map(|a| a.z.abs()).sum::<f32>() > 0.011;
             if !beyond_near {
@@ -57,11 +59,37 @@ fn nothing_that_a_rasterized_test_shows_is_hidden() {
                 count == 0 || shows == 1,
                 "{count} pixels of {test_box:?} show at {width} x {height}, fov {fov}"
             );
+            assert!(shows <= loosely, "{test_box:?} is hidden by its rectangle, and shows");
             reference_hides += u32::from(count == 0);
+            rectangle_hides += u32::from(loosely == 0);
             both_hide += u32::from(count == 0 && shows == 0);
         }
     }
     assert!(f64::from(both_hide) > 0.9 * f64::from(reference_hides), "{both_hide} of {reference_hides}");
+    assert!(rectangle_hides < both_hide, "rectangles alone hide {rectangle_hides} of {reference_hides}");
+}
+
+/// A wall hides all of a slanted rod, but not the corner of the rectangle around it.
+#[test]
+fn a_rectangle_shows_where_the_box_in_it_does_not() {
+    let viewport = Viewport::new(64, 64).unwrap();
+    let view = looking(DVec3::ZERO, DVec3::Y, 90.0, viewport, 0).unwrap();
+    // Nearer below the diagonal of the picture; the rod lies there, along the diagonal.
+    let depth: Vec<f32> =
+        (0..64 * 64).map(|pixel| if pixel % 64 <= pixel / 64 { 0.5 } else { 0.0 }).collect();
+    let image = DepthImage::new(viewport, &depth).unwrap();
+    let mut pyramid = DepthPyramid::new();
+    pyramid.rebuild(image);
+    let rod = TestBox {
+        centre: Vec3::new(-1.0, -1.0, -10.0),
+        axes: [Vec3::new(5.0, -5.0, 0.0), Vec3::new(0.05, 0.05, 0.0), Vec3::new(0.0, 0.0, 0.05)],
+    };
+    let mut answers = Vec::new();
+    let mut test = HzbTest::new(image, &pyramid).unwrap();
+    test.test(&view, &[rod], &mut answers).unwrap();
+    assert_eq!(answers, [0]);
+    test.by_rectangle().test(&view, &[rod], &mut answers).unwrap();
+    assert_eq!(answers, [1]);
 }
 
 #[test]
