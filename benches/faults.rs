@@ -30,6 +30,7 @@ use nix::{
 };
 use tokio::runtime::Builder;
 use trimaran::{
+    culling::CullingMethod,
     netem::Emulation,
     report::Frame,
     vulkan::{VulkanCuller, VulkanDisplay},
@@ -231,6 +232,7 @@ fn plan() -> Result<Plan, Failed> {
         lod: LodRule::new(2.0)?,
         batch: BatchSize::default(),
         coding: IdCoding::Changes,
+        culling: CullingMethod::Trimaran,
         occlusion_test: OcclusionTestKind::Hzb,
         pace: Pace::Live { hz: HZ },
         schedule: Schedule::Independent,
@@ -403,7 +405,7 @@ fn audit(devices: &SceneOnDevices, plan: &Plan, walked: &Walked) -> Result<(u64,
     for index in looked_at {
         let Some(walk) = frames.get(..=index) else { break };
         let mut frame = Frame::default();
-        auditor.audit(&mut machine, walk, false, &mut frame, &mut Default::default())?;
+        auditor.audit(Some(&mut machine), walk, false, &mut frame, &mut Default::default())?;
         let pixels = frame.cut_mismatch_pixels.unwrap_or(0);
         if let Some(record) = walk.last().filter(|_| pixels > 0) {
             let FrameRecord { camera, culler, stats, .. } = record;

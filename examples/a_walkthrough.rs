@@ -5,6 +5,7 @@
 
 use std::{error::Error, sync::Arc};
 
+use trimaran::culling::CullingMethod;
 use trimaran::walkthrough::{CameraPath, Pace, PathChoice, Plan, Recorder, SceneOnDevices};
 use trimaran_actors::{Schedule, Stop};
 use trimaran_cook::{
@@ -24,6 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         lod: LodRule::new(2.0)?,
         batch: BatchSize::new(1024)?,
         coding: IdCoding::Plain,
+        culling: CullingMethod::Trimaran,
         occlusion_test: OcclusionTestKind::Hzb,
         pace: Pace::Lockstep,
         schedule: Schedule::Independent,

@@ -40,8 +40,10 @@
 //! | [`metrics`] | what links carry, for Prometheus |
 //! | `netem` | a simulated network between programs, on Linux |
 //! | [`vulkan`] | the roles' devices |
+//! | [`culling`] | how a culler culls: Trimaran's method, and those it is compared with |
 
 pub mod config;
+pub mod culling;
 pub mod metrics;
 #[cfg(target_os = "linux")]
 pub mod netem;

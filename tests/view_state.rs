@@ -91,7 +91,7 @@ fn audited(
     let mut machine = culler(devices, plan);
     let audit = |place: usize| {
         let (mut frame, mut pictures) = (Frame::default(), AuditPictures::default());
-        auditor.audit(&mut machine, &walk[..=place], false, &mut frame, &mut pictures).unwrap();
+        auditor.audit(Some(&mut machine), &walk[..=place], false, &mut frame, &mut pictures).unwrap();
         assert_eq!(frame.cut_mismatch_pixels, Some(0), "frame {place}");
         assert_eq!(frame.false_culled_pixels, Some(0), "frame {place}");
         pictures

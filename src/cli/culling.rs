@@ -3,8 +3,12 @@
 use std::{sync::Arc, thread};
 
 use tokio::{runtime::Runtime, sync::mpsc};
-use trimaran::{metrics::LinkMetrics, vulkan::VulkanCuller, walkthrough::SceneFile};
-use trimaran_actors::{CullerService, NewSession, RoleError, SceneCulling, Stop, Stopper, Turns, max_frame};
+use trimaran::{
+    culling::{Culling, CullingMethod},
+    metrics::LinkMetrics,
+    walkthrough::SceneFile,
+};
+use trimaran_actors::{CullerService, NewSession, RoleError, Stop, Stopper, Turns, max_frame};
 use trimaran_gpu::GpuScene;
 use trimaran_proto::{SessionKey, Settings};
 use trimaran_transport::causes;
@@ -17,6 +21,8 @@ pub(super) struct Host<'h> {
     pub(super) drawn: &'h Arc<GpuScene>,
     pub(super) runtime: &'h Runtime,
     pub(super) links: LinkMetrics,
+    /// How it culls.
+    pub(super) method: CullingMethod,
 }
 
 impl Host<'_> {
@@ -64,15 +70,11 @@ impl Host<'_> {
     }
 
     fn play(&self, session: NewSession, turns: &Turns, stop: &Stop) -> Result<(), RoleError> {
-        let Self { file, drawn, runtime, links } = self;
+        let Self { file, drawn, runtime, links, .. } = self;
         let name = format!("display {:016x}", session.key.0);
         tracing::info!(display = name, settings = %session.settings, address = %session.display.peer.address, "serves");
         links.add(name.clone(), &session.display);
-        let work = |settings: &Settings| {
-            let device = VulkanCuller::new(drawn, settings.viewport, settings.occlusion_test);
-            let device = device.map_err(RoleError::device("opening it"))?;
-            Ok(SceneCulling::new(&file.scene, device, settings, turns))
-        };
+        let work = |settings: &Settings| Culling::open(self.method, &file.scene, drawn, settings, turns);
         let played = runtime.block_on(session.play(work, turns, max_frame(&file.scene), stop));
         links.remove(&name);
         match played {

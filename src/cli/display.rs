@@ -6,17 +6,18 @@ use std::{future::pending, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 use indicatif::ProgressBar;
 use tokio::runtime::Runtime;
 use trimaran::{
+    culling::Culling,
     metrics::LinkMetrics,
     report::{
         Run, Writer,
         schema::{Machine, RoleInfo, timestamp},
     },
-    vulkan::{VulkanCuller, VulkanDisplay},
+    vulkan::VulkanDisplay,
     walkthrough::{CameraPath, Progress, Recorder, SceneFile, Walk, begin, how_ended},
 };
 use trimaran_actors::{
     Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers,
-    RoleError, SceneCulling, ScenePictures, SessionError, ShownFrame, Sought, Stop, Turns, max_frame,
+    RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Turns, max_frame,
 };
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SessionKey, Settings};
@@ -137,8 +138,7 @@ impl DisplaySession<'_> {
         let mut prepare = || {
             let open = RoleError::device;
             let display = VulkanDisplay::new(drawn, settings.viewport).map_err(open("opening it"))?;
-            let culler = VulkanCuller::new(drawn, settings.viewport, settings.occlusion_test);
-            let culler = culler.map_err(open("opening it"))?;
+            let alone = Culling::open(plan.culling, &file.scene, drawn, &settings, &self.turns)?;
             if let Some(folder) = self.folder.take() {
                 let journal = begin(folder, self.walk, self.about.clone(), self.progress.as_ref());
                 watched.recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
@@ -146,12 +146,12 @@ impl DisplaySession<'_> {
             if let Some(so_far) = self.progress.take() {
                 watched.recorder.go_on(so_far);
             }
-            Ok((display, culler))
+            Ok((display, alone))
         };
-        let (display, culler) = prepare().map_err(SessionError::Role)?;
+        let (display, alone) = prepare().map_err(SessionError::Role)?;
         let role = DisplayRole {
             work: ScenePictures::new(&file.scene, display, &settings),
-            alone: SceneCulling::new(&file.scene, culler, &settings, &self.turns),
+            alone,
             cullers,
             session: self.key,
             settings,

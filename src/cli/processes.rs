@@ -116,6 +116,7 @@ impl CullerProcesses {
                 scene: scene.clone(),
                 listen: Some(endpoint.clone().into()),
                 displays: None,
+                culling: args.culling,
                 device: args.walk.device.clone(),
                 device_timeout_s: args.walk.device_timeout,
                 join_timeout_s: 120.0,

@@ -5,6 +5,7 @@ use std::time::Duration;
 use tokio::runtime::Runtime;
 use trimaran::{
     config::{CullerConfig, CullerPeers, DisplayConfig, PeerFiles, RoleConfig, SessionConfig, security},
+    culling::CullingMethod,
     report::{Run, Writer, schema::Machine},
     walkthrough::{CameraPath, PathChoice, Plan, Progress, Walk},
 };
@@ -96,7 +97,7 @@ fn culler(
     if let Some(endpoints) = service.endpoints() {
         eprintln!("trimaran: the culler listens on {endpoints}");
     }
-    let host = Host { file: &file, drawn: &drawn, runtime, links: metrics.links() };
+    let host = Host { file: &file, drawn: &drawn, runtime, links: metrics.links(), method: config.culling };
     host.serve(service, &start.stop)
 }
 
@@ -179,6 +180,8 @@ fn display(
 /// What the configuration asks for.
 fn session_plan(session: &SessionConfig, schedule: &str) -> Result<Plan, Failure> {
     Ok(Plan {
+        // Its cullers decide for themselves; without them it culls Trimaran's way.
+        culling: CullingMethod::Trimaran,
         viewport: Viewport::new(session.width, session.height).map_err(Failure::bad_input)?,
         lod: LodRule::new(session.epsilon_px)
             .map_err(Failure::bad_input)?

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use trimaran::{
     config,
+    culling::Culling,
     report::{Writer, schema::Machine},
-    vulkan::VulkanCuller,
     walkthrough::{SceneFile, SceneOnDevices, Walk},
 };
 use trimaran_actors::{CullerId, LocalCullers, Turns, max_frame};
@@ -57,7 +57,8 @@ pub(super) fn walk(
     devices: Option<&SceneOnDevices>,
 ) -> Result<Outcome, Failure> {
     let RunArgs { walk, link, .. } = args;
-    let plan = walking::plan(walk, args.cullers, args.epsilon, args.visible, walking::pace(args.live))?;
+    let pace = walking::pace(args.live);
+    let plan = walking::plan(walk, args.cullers, args.epsilon, args.culling, args.visible, pace)?;
     let path = walking::path(walk, &plan, &file.scene, args.state.as_deref())?;
     check_trace(args.record.as_deref())?;
     let folder = open_folder(Writer::create, &args.out)?;
@@ -108,12 +109,11 @@ pub(super) fn walk(
         return session.show(&runtime, &stop, children.ended_early(), |walk| walk());
     };
     let local = LocalCullers { options, ..LocalCullers::new(&file.scene, cullers.len(), &turns) };
-    let device = |culler: CullerId, settings: &Settings| {
-        let drawn = devices.drawn_by(Some(culler));
-        Ok(VulkanCuller::new(drawn, settings.viewport, settings.occlusion_test)?)
+    let cull = |culler: CullerId, settings: &Settings| {
+        Culling::open(args.culling, &file.scene, devices.drawn_by(Some(culler)), settings, &turns)
     };
     let session = DisplaySession { cullers: local.peers().collect(), ..session };
-    session.show(&runtime, &stop, std::future::pending(), |walk| local.beside(device, runtime.handle(), walk))
+    session.show(&runtime, &stop, std::future::pending(), |walk| local.beside(cull, runtime.handle(), walk))
 }
 
 /// How long the cullers may take to load and copy a large scene.

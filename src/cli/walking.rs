@@ -14,6 +14,7 @@ use tokio::{
     signal::unix::{SignalKind, signal},
 };
 use trimaran::{
+    culling::CullingMethod,
     metrics::{LinkMetrics, Serving},
     walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile, ViewStates},
 };
@@ -33,11 +34,16 @@ pub(super) fn plan(
     walk: &WalkArgs,
     cullers: CullerArgs,
     epsilon_px: f64,
+    culling: CullingMethod,
     visible: bool,
     pace: Pace,
 ) -> Result<Plan, Failure> {
     if walk.few_pixels && walk.occlusion_test == OcclusionTestArg::Hzb {
         let why = "--few-pixels needs an occlusion test that counts pixels: add --occlusion-test raster or --occlusion-test query";
+        return Err(Failure::bad_input(why));
+    }
+    if walk.few_pixels && culling != CullingMethod::Trimaran {
+        let why = format!("--culling {culling} counts no pixels: leave --few-pixels out");
         return Err(Failure::bad_input(why));
     }
     cullers.check()?;
@@ -46,6 +52,7 @@ pub(super) fn plan(
         lod: LodRule::new(epsilon_px).map_err(Failure::bad_input)?.stopping_at_few_pixels(walk.few_pixels),
         batch: BatchSize::new(walk.batch.into()).map_err(Failure::bad_input)?,
         coding: walk.coding.into(),
+        culling,
         occlusion_test: match walk.occlusion_test {
             OcclusionTestArg::Query => OcclusionTestKind::Query,
             OcclusionTestArg::Raster => OcclusionTestKind::Raster,

@@ -9,6 +9,7 @@ use trimaran_proto::{IdCoding, OcclusionTestKind};
 use trimaran_transport::Endpoints;
 
 use super::{ConfigError, RoleConfig, positive, seconds};
+use crate::culling::CullingMethod;
 
 /// `trimaran role culler`: a culler, which serves displays as they come.
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
@@ -26,6 +27,13 @@ pub struct CullerConfig {
     #[config(env = "TRIMARAN_DISPLAYS", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub displays: Option<Endpoints>,
+    /// How to find what is visible: `trimaran`, or to compare with it `gigawalk`, `frustum` or `exact`.
+    #[config(
+        env = "TRIMARAN_CULLING",
+        default = "trimaran",
+        layer_attr(arg(long, value_name = "METHOD", value_enum))
+    )]
+    pub culling: CullingMethod,
     /// The Vulkan device, by a part of its name; the best there is if not given.
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -5,6 +5,7 @@ use trimaran_proto::Role;
 use trimaran_transport::Endpoints;
 
 use super::*;
+use crate::culling::CullingMethod;
 
 const DISPLAY: &str = "scene = 'a'\ncullers = 'tcp://x:1'\nout = 'o'\n";
 
@@ -62,6 +63,7 @@ fn a_cullers_configuration_survives_a_round_trip() {
         scene: "/s/a.scene".into(),
         listen: Some("tcp://0.0.0.0:7400,quic://0.0.0.0:7400".parse().unwrap()),
         displays: Some("quic://show:7400".parse().unwrap()),
+        culling: CullingMethod::GigaWalk,
         device: None,
         device_timeout_s: 30.0,
         join_timeout_s: 5.0,

@@ -9,6 +9,7 @@ use super::schema::{
     CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection, Report,
     Role, RoleInfo, RoundCounts, Run, SceneInfo, SentBytes, Span, SweepPoint, ViewStateInfo, VisibleObject,
 };
+use crate::culling::CullingMethod;
 
 pub(super) const SIZE: u32 = 96;
 const FRAMES: u32 = 60;
@@ -36,6 +37,7 @@ pub(super) fn run() -> Run {
             sources: vec!["area.RVM".to_owned(), "</script><script>alert(1)</script>.RVM".to_owned()],
         },
         epsilon_px: 2.0,
+        culling: CullingMethod::Trimaran,
         occlusion_test: "raster".to_owned(),
         batch: 1024,
         coding: Some("plain".to_owned()),

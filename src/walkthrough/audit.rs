@@ -118,13 +118,13 @@ impl Auditor {
     /// Checks the last frame of `walk`, which holds all frames up to it: enters what it finds into `frame`,
     /// with the names of the visible objects if `names`, and leaves the pictures in `pictures`. If
     /// something visible is missing, `machine` does again what the frame's machine did, to find the
-    /// cause.
+    /// cause; without it none is looked for.
     ///
     /// # Errors
     /// If a device fails.
     pub fn audit<D: CullerDevice>(
         &mut self,
-        machine: &mut D,
+        machine: Option<&mut D>,
         walk: &[FrameRecord],
         names: bool,
         frame: &mut Frame,
@@ -140,7 +140,9 @@ impl Auditor {
         self.draw_picture(&view, &rule, &cut, &mut pictures.unculled)?;
         let cut_items = self.draw_items(&view, &rule, &cut)?;
         let missing = enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
-        if !missing.is_empty() {
+        if !missing.is_empty()
+            && let Some(machine) = machine
+        {
             let number = record.camera.frame();
             frame.false_culls = attribution::false_culls(&self.scene, &self.views, machine, walk, &missing)
                 .map_err(|cause| AuditError::Attribution { frame: number, cause })?;

@@ -6,10 +6,11 @@ use thiserror::Error;
 use tokio::runtime::Handle;
 use trimaran_actors::{CullerId, LocalSession, Observer, SessionError, Stop, Turns};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
+use trimaran_proto::Settings;
 use trimaran_scene::Scene;
 
 use super::{path::CameraPath, plan::Plan};
-use crate::vulkan::{VulkanCuller, VulkanDisplay};
+use crate::{culling::Culling, vulkan::VulkanDisplay};
 
 /// A scene on the devices of a display and its cullers: a Vulkan device each, so that one role's work does
 /// not queue behind another's.
@@ -83,10 +84,12 @@ impl SceneOnDevices {
             ..LocalSession::new(&self.scene, plan.settings(), path.frames())
         };
         let display = VulkanDisplay::new(&self.display, plan.viewport)?;
-        let device =
-            |culler| Ok(VulkanCuller::new(self.drawn_by(culler), plan.viewport, plan.occlusion_test)?);
+        let turns = session.turns.clone();
+        let cull = |culler, settings: &Settings| {
+            Culling::open(plan.culling, &self.scene, self.drawn_by(culler), settings, &turns)
+        };
         let mut cameras = path.cameras(plan.pace, Duration::ZERO);
-        session.run(device, display, &mut *cameras, observer, runtime, stop)?;
+        session.run_with(cull, display, &mut *cameras, observer, runtime, stop)?;
         Ok(())
     }
 }

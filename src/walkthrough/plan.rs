@@ -3,6 +3,8 @@
 use trimaran_actors::Schedule;
 use trimaran_proto::{BatchSize, IdCoding, LodRule, OcclusionTestKind, Settings, Viewport};
 
+use crate::culling::CullingMethod;
+
 /// How the poses of a path become frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Pace {
@@ -28,6 +30,8 @@ pub struct Plan {
     pub batch: BatchSize,
     /// How ids travel between processes.
     pub coding: IdCoding,
+    /// How what is visible is found. Cullers on other machines decide it for themselves.
+    pub culling: CullingMethod,
     /// What tests boxes.
     pub occlusion_test: OcclusionTestKind,
     /// How poses become frames.

@@ -23,7 +23,7 @@ use crate::report::{
     Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
     schema::{Ended, HowEnded, Mode, SceneInfo, ViewStateInfo},
 };
-use crate::vulkan::VulkanCuller;
+use crate::{culling::CullingMethod, vulkan::VulkanCuller};
 
 /// A scene and the file it came from.
 #[derive(Debug, Clone)]
@@ -142,7 +142,8 @@ fn draw(
         let number = frame.frame;
         if plan.audit_every > 0 && number.is_multiple_of(plan.audit_every) {
             let walk = records.get(..=index).unwrap_or_default();
-            auditor.audit(&mut machine, walk, plan.visible, frame, &mut pictures)?;
+            let again = (plan.culling == CullingMethod::Trimaran).then_some(&mut machine);
+            auditor.audit(again, walk, plan.visible, frame, &mut pictures)?;
             for (kind, picture) in [
                 (PictureKind::Shown, &pictures.shown),
                 (PictureKind::Unculled, &pictures.unculled),
@@ -202,6 +203,7 @@ impl Walk<'_> {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene: scene_info(self.file),
             epsilon_px: plan.lod.epsilon_px(),
+            culling: plan.culling,
             occlusion_test: plan.occlusion_test.name().to_owned(),
             batch: u32::try_from(plan.batch.items()).unwrap_or(u32::MAX),
             coding: Some(plan.coding.name().to_owned()),

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use tokio::runtime::{Builder, Runtime};
+use trimaran::culling::CullingMethod;
 use trimaran::report::Frame;
 use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran::walkthrough::{
@@ -31,6 +32,7 @@ pub(crate) fn plan(
         lod: LodRule::new(epsilon_px).unwrap(),
         batch: BatchSize::new(batch).unwrap(),
         coding: IdCoding::Changes,
+        culling: CullingMethod::Trimaran,
         occlusion_test,
         pace: Pace::Lockstep,
         schedule: Schedule::Independent,
@@ -94,7 +96,7 @@ pub(crate) fn audit<P: CullerDevice>(
     for (index, record) in records.iter().enumerate().step_by(every) {
         let mut frame = Frame::default();
         let walk = &records[..=index];
-        auditor.audit(&mut culler, walk, false, &mut frame, &mut Default::default()).unwrap();
+        auditor.audit(Some(&mut culler), walk, false, &mut frame, &mut Default::default()).unwrap();
         each(record, frame);
     }
 }

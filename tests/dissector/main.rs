@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use tempfile::TempDir;
+use trimaran::culling::CullingMethod;
 use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_watched};
 use trimaran::trace::Trace;
 use trimaran::walkthrough::{FrameRecord, Pace, Plan};
@@ -109,6 +110,7 @@ fn walk() -> Workload {
         lod: LodRule::new(2.0).unwrap(),
         batch: BatchSize::new(64).unwrap(),
         coding: IdCoding::Changes,
+        culling: CullingMethod::Trimaran,
         occlusion_test: OcclusionTestKind::Hzb,
         pace: Pace::Lockstep,
         schedule: Schedule::Independent,

@@ -10,7 +10,7 @@ use trimaran_transport::{Endpoint, Name, Net, Options, TokioNet};
 use crate::{
     deal::{CullerId, Pace, Schedule},
     device::{CullerDevice, PictureDevice},
-    driver::{Cameras, DisplayRole, Observer, RoleError},
+    driver::{Cameras, CullerWork, DisplayRole, Observer, RoleError},
     ids::max_frame,
     join::PeerEndpoint,
     peers::{Peers, Sought},
@@ -50,28 +50,28 @@ impl LocalCullers {
         self.endpoints.iter().map(peer)
     }
 
-    /// Plays them on threads of their own, with what `device` opens, while `display` plays on this one. A
-    /// culler that fails ends nothing: the display knows.
+    /// Plays them on threads of their own, each at what `work` gives it for a session, while `display` plays
+    /// on this one. A culler that fails ends nothing: the display knows.
     ///
     /// # Errors
     /// As `display`, and when the system gives no thread.
-    pub fn beside<P, T, X>(
+    pub fn beside<W, T, X>(
         &self,
-        device: impl Fn(CullerId, &Settings) -> Result<P, P::Error> + Sync,
+        work: impl Fn(CullerId, &Settings) -> Result<W, RoleError> + Sync,
         runtime: &Handle,
         display: impl FnOnce() -> Result<T, X>,
     ) -> Result<T, X>
     where
-        P: CullerDevice,
+        W: CullerWork,
         X: From<SessionError>,
     {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
         let (stopper, over) = Stop::new();
         thread::scope(|scope| {
             for (id, endpoint) in CullerId::first(self.endpoints.len()).zip(&self.endpoints) {
-                let (net, over, device) = (&net, over.clone(), &device);
+                let (net, over, work) = (&net, over.clone(), &work);
                 let play = move || {
-                    let served = runtime.block_on(self.serve(id, endpoint, net, device, &over));
+                    let served = runtime.block_on(self.serve(id, endpoint, net, work, &over));
                     if let Err(error) = served {
                         tracing::warn!(%id, error = &error as &dyn std::error::Error, "failed");
                     }
@@ -85,12 +85,12 @@ impl LocalCullers {
         })
     }
 
-    async fn serve<P: CullerDevice>(
+    async fn serve<W: CullerWork>(
         &self,
         id: CullerId,
         endpoint: &Endpoint,
         net: &Arc<dyn Net>,
-        device: &(impl Fn(CullerId, &Settings) -> Result<P, P::Error> + Sync),
+        work: &(impl Fn(CullerId, &Settings) -> Result<W, RoleError> + Sync),
         stop: &Stop,
     ) -> Result<(), SessionError> {
         let Self { scene, options, turns, .. } = self;
@@ -102,11 +102,7 @@ impl LocalCullers {
         let mut service = CullerService::start(net, scene.hash(), at).await?;
         while let Some(session) = stop.unless_requested(service.next()).await {
             let session = session?;
-            let work = |settings: &Settings| {
-                let device = device(id, settings).map_err(RoleError::device("opening it"))?;
-                Ok(SceneCulling::new(scene, device, settings, turns))
-            };
-            match session.play(work, turns, max_frame(scene), stop).await {
+            match session.play(|settings| work(id, settings), turns, max_frame(scene), stop).await {
                 Err(error) if error.lost_a_peer() => {}
                 played => played?,
             }
@@ -160,12 +156,32 @@ impl LocalSession {
         runtime: &Handle,
         stop: &Stop,
     ) -> Result<(), SessionError> {
+        let (scene, turns) = (Arc::clone(&self.scene), self.turns.clone());
+        let cull = |culler: Option<CullerId>, settings: &Settings| {
+            let device = device(culler).map_err(RoleError::device("opening it"))?;
+            Ok(SceneCulling::new(&scene, device, settings, &turns))
+        };
+        self.run_with(cull, display, cameras, observer, runtime, stop)
+    }
+
+    /// The same with cullers that work as `cull` gives it.
+    ///
+    /// # Errors
+    /// When the display fails.
+    pub fn run_with<W: CullerWork>(
+        self,
+        cull: impl Fn(Option<CullerId>, &Settings) -> Result<W, RoleError> + Sync,
+        display: impl PictureDevice,
+        cameras: &mut dyn Cameras,
+        observer: &mut dyn Observer,
+        runtime: &Handle,
+        stop: &Stop,
+    ) -> Result<(), SessionError> {
         let Self { scene, settings, pace, cullers, schedule, turns } = self;
         let local = LocalCullers::new(&scene, cullers, &turns);
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
         let session = SessionKey(net.random().map_err(SessionError::Random)?);
-        let opened = device(None).map_err(RoleError::device("opening it"))?;
-        let alone = SceneCulling::new(&scene, opened, &settings, &turns);
+        let alone = cull(None, &settings)?;
         let work = ScenePictures::new(&scene, display, &settings);
         let show = || {
             let sought = Sought {
@@ -195,6 +211,6 @@ impl LocalSession {
             };
             Ok(runtime.block_on(role.run(cameras, observer, stop))?)
         };
-        local.beside(|id, _| device(Some(id)), runtime, show)
+        local.beside(|id, settings| cull(Some(id), settings), runtime, show)
     }
 }

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use thiserror::Error;
-use trimaran_proto::DrawableId;
+use trimaran_proto::{CullCounts, DrawableId};
 use trimaran_scene::{NodeId, Scene};
 
 use crate::boxes::{BoxMaker, Prepared, Untestable, reaches};
@@ -44,6 +44,24 @@ pub struct CullStats {
     pub tested_again: u32,
     /// Of `hidden`, drawables that were found hidden only then.
     pub hidden_later: u32,
+}
+
+impl From<&CullStats> for CullCounts {
+    fn from(stats: &CullStats) -> Self {
+        Self {
+            visited: stats.visited,
+            outside: stats.frustum_culled,
+            tested: stats.tested,
+            hidden: stats.hidden,
+            near_visible: stats.near_visible,
+            eye_inside: stats.eye_inside,
+            not_finite: stats.not_finite,
+            few_pixels: stats.stopped_at_few_pixels,
+            emitted: stats.emitted,
+            refined: stats.refined,
+            batches: stats.batches,
+        }
+    }
 }
 
 /// Why a traversal stopped. What the sink got before is valid, but not all that is visible.

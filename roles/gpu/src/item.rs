@@ -13,6 +13,7 @@ use crate::memory::HostBuffer;
 use crate::pass::ScenePass;
 use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
+use crate::wait::Cancel;
 use crate::{GpuError, GpuScene, Optional, PassTiming};
 
 /// With Vulkan's own number of the triangle, which fragment shaders have where there are geometry shaders.
@@ -96,6 +97,12 @@ impl ItemPass {
 
     fn of(scene: &Arc<GpuScene>, kind: &'static PassKind, size: Viewport) -> Result<Self, GpuError> {
         Ok(Self { pass: ScenePass::new(scene, kind, size)?, items: None })
+    }
+
+    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass cannot go on
+    /// then.
+    pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
+        self.pass.cancel_when(&(Arc::new(cancel) as Cancel));
     }
 
     /// Starts a frame of the view's size.

@@ -3,7 +3,7 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, ValueEnum};
-use trimaran::config::positive;
+use trimaran::{config::positive, culling::CullingMethod};
 
 use super::{
     cullers::{CullerArgs, CullerLists, ScheduleArg},
@@ -109,6 +109,9 @@ pub(crate) struct RunArgs {
     pub(crate) epsilon: f64,
     #[command(flatten)]
     pub(crate) cullers: CullerArgs,
+    /// How cullers find what is visible: to compare with other methods.
+    #[arg(long, value_name = "METHOD", value_enum, default_value_t)]
+    pub(crate) culling: CullingMethod,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
     /// Show what this process's links carry on this address while it walks, unless they are within it:
@@ -148,6 +151,7 @@ impl RunArgs {
             links: LinkFlags::default(),
             epsilon: 2.0,
             cullers: CullerArgs { cullers: 2, schedule: ScheduleArg::Independent },
+            culling: CullingMethod::default(),
             walk,
             metrics: None,
             live: None,

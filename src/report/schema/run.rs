@@ -5,6 +5,8 @@ use std::{fmt, time::SystemTime};
 use serde::{Deserialize, Serialize};
 use trimaran_actors::{CullerId, Schedule};
 
+use crate::culling::CullingMethod;
+
 /// One of the machines, or of the actors that stand for them: `display`, `culler 1` and so on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
@@ -63,6 +65,9 @@ pub struct Run {
     pub scene: SceneInfo,
     /// The bound on the picture's level-of-detail error, pixels.
     pub epsilon_px: f64,
+    /// How what is visible was found, in walks of this machine.
+    #[serde(default)]
+    pub culling: CullingMethod,
     /// The occlusion test: `query`, `raster` or `hzb`.
     pub occlusion_test: String,
     /// The most node ids in one message.

@@ -3,12 +3,9 @@
 use std::{sync::Arc, time::Duration};
 
 use trimaran_cull::{
-    CullStats, Culler, CutRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, select_occluders,
-    triangles,
+    Culler, CutRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, select_occluders, triangles,
 };
-use trimaran_proto::{
-    Camera, CullCounts, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings, ViewState,
-};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings, ViewState};
 use trimaran_scene::Scene;
 
 use super::occluders::OccluderPolicy;
@@ -176,7 +173,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             visible.push(ids).await?;
         }
         let stats = rounds.stats();
-        self.stats.culling = counts(&stats);
+        self.stats.culling = (&stats).into();
         self.stats.rounds = RoundCounts {
             further: rounds.rounds().saturating_sub(1),
             occluder_triangles: triangles(&scene, rounds.occluders()),
@@ -203,20 +200,4 @@ fn count(ids: &[DrawableId]) -> u32 {
 
 fn nanoseconds(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
-}
-
-const fn counts(walk: &CullStats) -> CullCounts {
-    CullCounts {
-        visited: walk.visited,
-        outside: walk.frustum_culled,
-        tested: walk.tested,
-        hidden: walk.hidden,
-        near_visible: walk.near_visible,
-        eye_inside: walk.eye_inside,
-        not_finite: walk.not_finite,
-        few_pixels: walk.stopped_at_few_pixels,
-        emitted: walk.emitted,
-        refined: walk.refined,
-        batches: walk.batches,
-    }
 }

@@ -1,0 +1,79 @@
+//! GigaWalk's culling, to be compared with: a hierarchical Z-buffer on the CPU.
+
+use std::sync::Arc;
+
+use trimaran_actors::{RoleError, Stop};
+use trimaran_cull::{
+    CullError, Culler, CutRule, DepthPyramid, HzbError, HzbTest, OccluderMapper, View, Viewport,
+};
+use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
+use trimaran_proto::{CullCounts, DrawableId};
+use trimaran_scene::Scene;
+
+use super::work::{FrameCuller, Seen};
+
+/// Draws all that was visible in the last frame, and tests rectangles against the depth read back.
+pub(super) struct GigaWalk {
+    pass: OccluderPass,
+    culler: Culler,
+    mapper: Option<OccluderMapper>,
+    pyramid: DepthPyramid,
+    occluders: Vec<DrawableId>,
+}
+
+impl GigaWalk {
+    pub(super) fn new(scene: &Arc<Scene>, drawn: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
+        Ok(Self {
+            pass: OccluderPass::new(drawn, size)?,
+            culler: Culler::new(Arc::clone(scene)),
+            mapper: None,
+            pyramid: DepthPyramid::new(),
+            occluders: Vec::new(),
+        })
+    }
+
+    fn mapper(&mut self, view: &View, rule: &CutRule) -> &mut OccluderMapper {
+        match &mut self.mapper {
+            Some(mapper) => {
+                mapper.begin(*view, rule);
+                mapper
+            }
+            none => none.insert(OccluderMapper::new(Arc::clone(self.culler.scene()), *view, rule)),
+        }
+    }
+
+    fn draw(&mut self, view: &View) -> Result<(), GpuError> {
+        self.pass.begin(view)?;
+        self.pass.draw(&self.occluders)?;
+        self.pass.finish()?;
+        // The classic method tests on the CPU, so reading back is a part of drawing.
+        self.pass.read_depth()?;
+        Ok(())
+    }
+}
+
+impl FrameCuller for GigaWalk {
+    fn cancel_on(&mut self, stop: &Stop) {
+        let stop = stop.clone();
+        self.pass.cancel_when(move || stop.requested());
+    }
+
+    fn draw_occluders(&mut self, seen: Seen<'_>, last: &[DrawableId]) -> Result<&[DrawableId], RoleError> {
+        let mut occluders = std::mem::take(&mut self.occluders);
+        occluders.clear();
+        self.mapper(seen.view, seen.rule).push(last, &mut occluders)?;
+        seen.rule.retain_solid(self.culler.scene(), &mut occluders);
+        self.occluders = occluders;
+        self.draw(seen.view).map_err(RoleError::device("drawing occluders"))?;
+        Ok(&self.occluders)
+    }
+
+    fn cull(&mut self, seen: Seen<'_>, found: &mut Vec<DrawableId>) -> Result<CullCounts, RoleError> {
+        let image = self.pass.read_depth().map_err(RoleError::device("reading the depth"))?;
+        self.pyramid.rebuild(image);
+        let test = HzbTest::new(image, &self.pyramid).map_err(CullError::<HzbError>::Test)?;
+        let mut test = test.by_rectangle();
+        let stats = self.culler.cull(seen.view, seen.rule, &mut test, |ids| found.extend_from_slice(ids))?;
+        Ok((&stats).into())
+    }
+}

@@ -1,0 +1,56 @@
+//! How a culler finds what is visible: Trimaran's own method, and those that it is compared with.
+//!
+//! All of them choose levels by one rule, over one tree, and draw in one order: only the culling differs.
+
+mod exact;
+mod frustum;
+mod gigawalk;
+mod method;
+mod work;
+
+use std::sync::Arc;
+
+use trimaran_actors::{RoleError, SceneCulling, Turns};
+use trimaran_gpu::{GpuError, GpuScene};
+use trimaran_proto::Settings;
+use trimaran_scene::Scene;
+
+use exact::Exact;
+use frustum::Frustum;
+use gigawalk::GigaWalk;
+pub use method::{CullingMethod, UnknownMethod};
+pub use work::Culling;
+use work::{FrameCuller, WholeFrames};
+
+use crate::vulkan::VulkanCuller;
+
+impl Culling {
+    /// Culls `scene`, which `drawn` holds on a device, by `method` and as the display has decided in
+    /// `settings`. Measures by the clock of `turns`.
+    ///
+    /// # Errors
+    /// If the device cannot draw that size, or memory does not suffice.
+    pub fn open(
+        method: CullingMethod,
+        scene: &Arc<Scene>,
+        drawn: &Arc<GpuScene>,
+        settings: &Settings,
+        turns: &Turns,
+    ) -> Result<Self, RoleError> {
+        let opening = RoleError::device::<GpuError>;
+        let size = settings.viewport;
+        let culler: Box<dyn FrameCuller> = match method {
+            CullingMethod::Trimaran => {
+                let device = VulkanCuller::new(drawn, size, settings.occlusion_test);
+                let device = device.map_err(opening("opening it"))?;
+                return Ok(SceneCulling::new(scene, device, settings, turns).into());
+            }
+            CullingMethod::GigaWalk => {
+                Box::new(GigaWalk::new(scene, drawn, size).map_err(opening("opening it"))?)
+            }
+            CullingMethod::Frustum => Box::new(Frustum::new(scene)),
+            CullingMethod::Exact => Box::new(Exact::new(scene, drawn, size).map_err(opening("opening it"))?),
+        };
+        Ok(WholeFrames::new(scene, culler, settings, turns).into())
+    }
+}

@@ -1,0 +1,195 @@
+//! A culler's work by any method.
+
+use std::{sync::Arc, time::Duration};
+
+use trimaran_actors::{CullerWork, RoleError, SceneCulling, Stop, Stopwatch, Turns, VisibleIds};
+use trimaran_cull::{CutRule, View, triangles};
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, Settings, ViewState};
+use trimaran_scene::Scene;
+
+use crate::vulkan::VulkanCuller;
+
+/// A culler's work by one of the [methods](super::CullingMethod).
+pub struct Culling(Work);
+
+/// All sessions but comparisons have the first one.
+enum Work {
+    Scene(SceneCulling<VulkanCuller>),
+    Whole(WholeFrames),
+}
+
+impl From<SceneCulling<VulkanCuller>> for Culling {
+    fn from(culling: SceneCulling<VulkanCuller>) -> Self {
+        Self(Work::Scene(culling))
+    }
+}
+
+impl From<WholeFrames> for Culling {
+    fn from(culling: WholeFrames) -> Self {
+        Self(Work::Whole(culling))
+    }
+}
+
+impl CullerWork for Culling {
+    fn cancel_on(&mut self, stop: &Stop) {
+        match &mut self.0 {
+            Work::Scene(work) => work.cancel_on(stop),
+            Work::Whole(work) => work.cancel_on(stop),
+        }
+    }
+
+    fn change_view(&mut self, state: &ViewState) {
+        match &mut self.0 {
+            Work::Scene(work) => work.change_view(state),
+            Work::Whole(work) => work.change_view(state),
+        }
+    }
+
+    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
+        match &mut self.0 {
+            Work::Scene(work) => work.begin_occluders(camera, as_they_come),
+            Work::Whole(work) => work.begin_occluders(camera, as_they_come),
+        }
+    }
+
+    fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
+        match &mut self.0 {
+            Work::Scene(work) => work.take_occluders(ids),
+            Work::Whole(work) => work.take_occluders(ids),
+        }
+    }
+
+    async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
+        match &mut self.0 {
+            Work::Scene(work) => work.complete_occluders(camera).await,
+            Work::Whole(work) => work.complete_occluders(camera).await,
+        }
+    }
+
+    async fn cull(&mut self, camera: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
+        match &mut self.0 {
+            Work::Scene(work) => work.cull(camera, visible).await,
+            Work::Whole(work) => work.cull(camera, visible).await,
+        }
+    }
+
+    fn frame_stats(&mut self, away: Duration) -> FrameStats {
+        match &mut self.0 {
+            Work::Scene(work) => work.frame_stats(away),
+            Work::Whole(work) => work.frame_stats(away),
+        }
+    }
+}
+
+/// What a frame is culled by.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen<'f> {
+    pub(super) view: &'f View,
+    pub(super) rule: &'f CutRule,
+}
+
+/// A method that culls one frame after the other, each as a whole.
+pub(super) trait FrameCuller {
+    /// Once `stop` is requested, waiting for a device ends soon, with an error.
+    fn cancel_on(&mut self, stop: &Stop) {
+        let _ = stop;
+    }
+
+    /// OR: draws what hides something in this frame, where `last` was visible in the one before, and gives
+    /// what it drew.
+    fn draw_occluders(&mut self, seen: Seen<'_>, last: &[DrawableId]) -> Result<&[DrawableId], RoleError>;
+
+    /// HC: adds to `found` what is visible.
+    fn cull(&mut self, seen: Seen<'_>, found: &mut Vec<DrawableId>) -> Result<CullCounts, RoleError>;
+}
+
+/// A culler's work by a method that culls frames as a whole.
+pub(super) struct WholeFrames {
+    scene: Arc<Scene>,
+    culler: Box<dyn FrameCuller>,
+    state: ViewState,
+    rule: CutRule,
+    clock: Stopwatch,
+    /// Of the frame under way.
+    view: View,
+    /// What was visible in the frame before.
+    last: Vec<DrawableId>,
+    found: Vec<DrawableId>,
+    stats: FrameStats,
+    or_end: Duration,
+}
+
+impl WholeFrames {
+    pub(super) fn new(
+        scene: &Arc<Scene>,
+        culler: Box<dyn FrameCuller>,
+        settings: &Settings,
+        turns: &Turns,
+    ) -> Self {
+        Self {
+            scene: Arc::clone(scene),
+            culler,
+            state: (*settings).into(),
+            rule: settings.lod.into(),
+            clock: turns.clock(),
+            view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport),
+            last: Vec::new(),
+            found: Vec::new(),
+            stats: FrameStats::default(),
+            or_end: Duration::ZERO,
+        }
+    }
+}
+
+impl CullerWork for WholeFrames {
+    fn cancel_on(&mut self, stop: &Stop) {
+        self.culler.cancel_on(stop);
+    }
+
+    fn change_view(&mut self, state: &ViewState) {
+        self.rule = CutRule::new(&self.scene, state);
+        self.state = state.clone();
+    }
+
+    fn begin_occluders(&mut self, camera: Camera, _as_they_come: bool) -> Result<(), RoleError> {
+        self.view = View::of(camera, &self.state);
+        self.last.clear();
+        self.stats = FrameStats { frame: camera.frame(), ..FrameStats::default() };
+        Ok(())
+    }
+
+    fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
+        self.last.extend_from_slice(ids);
+        Ok(())
+    }
+
+    async fn complete_occluders(&mut self, _: Camera) -> Result<(), RoleError> {
+        let start = self.clock.elapsed();
+        let seen = Seen { view: &self.view, rule: &self.rule };
+        let drawn = self.culler.draw_occluders(seen, &self.last)?;
+        self.stats.occluders = u32::try_from(drawn.len()).unwrap_or(u32::MAX);
+        self.stats.occluder_triangles = triangles(&self.scene, drawn);
+        self.or_end = self.clock.elapsed();
+        self.stats.or_start_ns = nanoseconds(start);
+        self.stats.or_end_ns = nanoseconds(self.or_end);
+        self.stats.or_busy_ns = self.stats.or_end_ns - self.stats.or_start_ns;
+        Ok(())
+    }
+
+    async fn cull(&mut self, _: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
+        self.found.clear();
+        let seen = Seen { view: &self.view, rule: &self.rule };
+        self.stats.culling = self.culler.cull(seen, &mut self.found)?;
+        visible.push(&self.found).await
+    }
+
+    fn frame_stats(&mut self, away: Duration) -> FrameStats {
+        self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
+        self.stats.hc_start_ns = nanoseconds(self.or_end + away);
+        self.stats
+    }
+}
+
+fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}
