@@ -12,7 +12,8 @@ use std::{
 };
 
 use trimaran_actors::{
-    BoxedError, CullerDevice, CullerId, LocalSession, Observer, PictureDevice, Schedule, ShownFrame, Stop,
+    BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, LocalSession, Observer, Pace, PictureDevice,
+    Schedule, ShownFrame, Stop,
 };
 use trimaran_cook::{
     CookOptions, cook,
@@ -266,4 +267,65 @@ fn where_cullers_are_independent_nothing_travels_between_them() {
         assert_eq!(stats.occluders_of, own, "frame {frame} draws what its culler found three frames before");
     }
     assert_eq!(shown.stats.len(), FRAMES as usize);
+}
+
+/// A camera that never stands still, until so many frames were asked for.
+struct Restless {
+    asked: u32,
+    middle: [f64; 3],
+}
+
+impl Cameras for Restless {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        self.asked += 1;
+        let half = 1e-4 * f64::from(self.asked);
+        Camera::new(self.middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
+    }
+
+    fn is_over(&self) -> bool {
+        self.asked > 3_000
+    }
+}
+
+/// Who was lost, and how many frames were shown.
+#[derive(Default)]
+struct Losses {
+    lost: Vec<String>,
+    frames: usize,
+}
+
+impl Observer for Losses {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.frames += 1;
+        Ok(())
+    }
+
+    fn culler(&mut self, event: CullerEvent<'_>) {
+        if let CullerEvent::Left(id, why) = event {
+            self.lost.push(format!("{id}: {why}"));
+        }
+    }
+}
+
+/// Live, a frame that waits for its culler gets newer and newer poses. One that comes when the culler has
+/// begun the frame is too late: it must not be culled as a frame of its own.
+#[test]
+fn a_pose_that_comes_when_its_frame_has_begun_is_no_other_frame() {
+    let scene = scene();
+    let (min, max) = scene.nodes().first().unwrap().world_box();
+    let mut cameras = Restless { asked: 0, middle: (0.5 * (min + max)).to_array() };
+    let mut losses = Losses::default();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let (_stopper, stop) = Stop::new();
+    let device = |_| Ok(common::Device::default());
+    let settings = common::settings(SIDE, EPSILON_PX);
+    LocalSession {
+        schedule: Schedule::Switch,
+        pace: Pace::Live,
+        ..LocalSession::new(&scene, settings, FRAMES)
+    }
+    .run(device, Canvas, &mut cameras, &mut losses, runtime.handle(), &stop)
+    .unwrap();
+    assert_eq!(losses.lost, [""; 0], "in {} frames", losses.frames);
+    assert!(losses.frames > 20, "{} frames", losses.frames);
 }

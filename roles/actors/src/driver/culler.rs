@@ -172,6 +172,10 @@ impl<W: CullerWork> Session<'_, W> {
         loop {
             self.work.awaits_camera();
             let (camera, state) = self.pair.camera(&mut self.display).await?;
+            // A newer pose for a frame that had begun when it came.
+            if self.last.as_ref().is_some_and(|(frame, _)| *frame == camera.frame()) {
+                continue;
+            }
             if mem::replace(&mut self.view, camera.view()) != camera.view() {
                 self.work.change_view(&state);
             }
