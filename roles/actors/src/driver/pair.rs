@@ -248,7 +248,10 @@ impl Pair {
                 self.state = State::Met { key, other, first: None };
                 self.unsaid = Some(RoleMessage::Met { key });
             }
-            Err(why) => self.unmet(key, why),
+            Err(why) => {
+                tracing::warn!(why, "does not meet the other culler");
+                self.unmet(key, why);
+            }
         }
     }
 
@@ -257,7 +260,7 @@ impl Pair {
         match (event, &mut self.state) {
             (Ok(event), State::Met { other, .. }) => other.early.push_back(event),
             (Err(RecvError::Silent { .. }), _) => {}
-            (Err(end), _) => self.lose(&causes(&end)),
+            (Err(end), _) => self.ended(&end),
             (Ok(_), _) => {}
         }
     }
@@ -276,7 +279,7 @@ impl Pair {
                     Ok(event) => return Ok(Some(event)),
                     Err(RecvError::Silent { .. }) => continue,
                     Err(end) => {
-                        self.lose(&causes(&end));
+                        self.ended(&end);
                         return Ok(None);
                     }
                 },
@@ -289,15 +292,27 @@ impl Pair {
         }
     }
 
+    /// The link to it is at its end. Of two cullers one hears first that the session is over.
+    fn ended(&mut self, end: &RecvError) {
+        let over = matches!(end, RecvError::Closed { reason, .. } if CloseCode::of(reason) == Some(CloseCode::Finished));
+        if let (true, State::Met { key, .. }) = (over, &self.state) {
+            let key = *key;
+            self.part();
+            self.unmet(key, causes(end));
+        } else {
+            self.lose(&causes(end));
+        }
+    }
+
     fn lose(&mut self, why: &str) {
         if let State::Met { key, .. } = self.state {
+            tracing::warn!(why, "goes on without the other culler");
             self.part();
             self.unmet(key, why.to_owned());
         }
     }
 
     fn unmet(&mut self, key: SessionKey, why: String) {
-        tracing::warn!(%why, "goes on without the other culler");
         self.state = State::Single;
         self.unsaid = Some(RoleMessage::Unmet { key, why });
     }
