@@ -27,7 +27,8 @@ pub struct CullerConfig {
     #[config(env = "TRIMARAN_DISPLAYS", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub displays: Option<Endpoints>,
-    /// How to find what is visible: `trimaran`, or to compare with it `gigawalk`, `frustum` or `exact`.
+    /// How to find what is visible: `trimaran`, or to compare with it `gigawalk`, `frustum`, `rays` or
+    /// `exact`.
     #[config(
         env = "TRIMARAN_CULLING",
         default = "trimaran",

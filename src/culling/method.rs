@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// How a culler finds what is visible. Each draws the same picture.
+/// How a culler finds what is visible. Each draws the same picture, but for what [`Rays`](Self::Rays) says.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 #[value(rename_all = "lower")]
@@ -21,6 +21,10 @@ pub enum CullingMethod {
     GigaWalk,
     /// Levels of detail and the frustum, nothing else: all that is in sight is drawn.
     Frustum,
+    /// A ray cast on the CPU through the centre of each pixel, and what it hits first taken: what a machine
+    /// without a GPU can do. It may differ from a rasterizer at the edges of triangles, so that now and then
+    /// its picture lacks a pixel.
+    Rays,
     /// All that is in sight drawn into an item buffer, and what owns a pixel of it taken: no method finds
     /// less.
     Exact,
@@ -35,7 +39,7 @@ pub struct UnknownMethod {
 
 impl CullingMethod {
     /// Every method.
-    pub const ALL: [Self; 4] = [Self::Trimaran, Self::GigaWalk, Self::Frustum, Self::Exact];
+    pub const ALL: [Self; 5] = [Self::Trimaran, Self::GigaWalk, Self::Frustum, Self::Rays, Self::Exact];
 
     /// The name used on the command line and in reports.
     #[must_use]
@@ -44,6 +48,7 @@ impl CullingMethod {
             Self::Trimaran => "trimaran",
             Self::GigaWalk => "gigawalk",
             Self::Frustum => "frustum",
+            Self::Rays => "rays",
             Self::Exact => "exact",
         }
     }
@@ -80,7 +85,7 @@ mod tests {
         let error = "GigaWalk".parse::<CullingMethod>().unwrap_err().to_string();
         assert_eq!(
             error,
-            "no culling method is called \"GigaWalk\": take trimaran, gigawalk, frustum, exact"
+            "no culling method is called \"GigaWalk\": take trimaran, gigawalk, frustum, rays, exact"
         );
     }
 }

@@ -6,6 +6,7 @@ mod exact;
 mod frustum;
 mod gigawalk;
 mod method;
+mod rays;
 mod work;
 
 use std::sync::Arc;
@@ -19,6 +20,7 @@ use exact::Exact;
 use frustum::Frustum;
 use gigawalk::GigaWalk;
 pub use method::{CullingMethod, UnknownMethod};
+use rays::Rays;
 pub use work::Culling;
 use work::{FrameCuller, WholeFrames};
 
@@ -49,6 +51,7 @@ impl Culling {
                 Box::new(GigaWalk::new(scene, drawn, size).map_err(opening("opening it"))?)
             }
             CullingMethod::Frustum => Box::new(Frustum::new(scene)),
+            CullingMethod::Rays => Box::new(Rays::new(scene)),
             CullingMethod::Exact => Box::new(Exact::new(scene, drawn, size).map_err(opening("opening it"))?),
         };
         Ok(WholeFrames::new(scene, culler, settings, turns).into())

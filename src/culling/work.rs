@@ -14,19 +14,19 @@ pub struct Culling(Work);
 
 /// All sessions but comparisons have the first one.
 enum Work {
-    Scene(SceneCulling<VulkanCuller>),
-    Whole(WholeFrames),
+    Scene(Box<SceneCulling<VulkanCuller>>),
+    Whole(Box<WholeFrames>),
 }
 
 impl From<SceneCulling<VulkanCuller>> for Culling {
     fn from(culling: SceneCulling<VulkanCuller>) -> Self {
-        Self(Work::Scene(culling))
+        Self(Work::Scene(Box::new(culling)))
     }
 }
 
 impl From<WholeFrames> for Culling {
     fn from(culling: WholeFrames) -> Self {
-        Self(Work::Whole(culling))
+        Self(Work::Whole(Box::new(culling)))
     }
 }
 

@@ -47,6 +47,7 @@
 //! | `traverse` | [`Culler`]: the traversal that keeps what shows |
 //! | `rounds` | [`Rounds`]: what was found as occluders of the same frame, where much of it is new |
 //! | `order` | [`draw_order`]: the one order in which everyone draws |
+//! | `facing` | [`Solids`]: which sides of its triangles a draw shows |
 //! | `image` | [`Image`]: what a display shows |
 //!
 //! What judges the result is in `trimaran-audit`.
@@ -54,6 +55,7 @@
 mod boxes;
 mod cut_rule;
 mod depth;
+mod facing;
 mod frustum;
 mod hzb;
 mod image;
@@ -71,6 +73,7 @@ mod view;
 pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untestable, reaches};
 pub use cut_rule::CutRule;
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
+pub use facing::{Facing, Solids};
 pub use hzb::{HzbError, HzbTest};
 pub use image::Image;
 pub use lod_cut::{Choice, LodCut, choose, lod_cut};

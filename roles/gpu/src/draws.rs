@@ -9,11 +9,10 @@ use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use trimaran_cull::View;
+use trimaran_cull::{Facing, Solids, View};
 use trimaran_proto::DrawableId;
 
 use crate::draw_record::{DrawCommand, DrawRecord, Fetch};
-use crate::facing::{Facing, Solids};
 use crate::memory::HostBuffer;
 use crate::recorder::Recorder;
 use crate::scene::in_view;

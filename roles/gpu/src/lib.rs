@@ -68,7 +68,6 @@ mod camera;
 mod draw_record;
 mod draws;
 mod error;
-mod facing;
 mod gpu;
 mod hzb;
 mod in_place;

@@ -7,10 +7,9 @@
 use std::ops::Range;
 
 use ash::vk;
-use trimaran_cull::Viewport;
+use trimaran_cull::{Facing, Viewport};
 
 use crate::draw_record::{DrawCommand, Fetch};
-use crate::facing::Facing;
 use crate::layout::{BindingSet, STAGES};
 use crate::memory::{Buffer, Image, ImageUse, whole};
 use crate::pipeline::{INSTANCES, Pipeline, VERTICES};
@@ -133,8 +132,13 @@ impl<'a> Recorder<'a> {
 
     /// Draws these sides of triangles from here on, with a pipeline for the draws of a scene.
     pub(crate) fn face(&self, facing: Facing) {
+        let hidden = match facing {
+            Facing::Both => vk::CullModeFlags::NONE,
+            Facing::Front => vk::CullModeFlags::BACK,
+            Facing::Mirrored => vk::CullModeFlags::FRONT,
+        };
         // SAFETY: the module's rule; Vulkan 1.3 has this state, which such a pipeline leaves to the commands.
-        unsafe { self.device.cmd_set_cull_mode(self.commands, facing.cull_mode()) };
+        unsafe { self.device.cmd_set_cull_mode(self.commands, hidden) };
     }
 
     /// Draws these commands of `commands` in one call.

@@ -1,33 +1,26 @@
 //! Which sides of its triangles a draw shows: of solids seen from outside, the front.
 //!
-//! That takes nothing from the picture, and saves the device half of a solid's triangles. All passes decide
-//! alike, since only the drawable, its node and the view count.
+//! That takes nothing from the picture, and saves whoever draws half of a solid's triangles. All decide alike,
+//! since only the drawable, its node and the view count.
 
-use ash::vk;
-use trimaran_cull::View;
 use trimaran_scene::{Drawable, Node, Sides};
+
+use crate::View;
 
 /// The sides that a draw shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Facing {
+pub enum Facing {
+    /// Both.
     Both,
+    /// The front, whose corners run counter-clockwise on the screen.
     Front,
-    /// The front of what a node mirrors.
+    /// The front of what a node mirrors: its corners run clockwise on the screen.
     Mirrored,
 }
 
-impl Facing {
-    pub(crate) const fn cull_mode(self) -> vk::CullModeFlags {
-        match self {
-            Self::Both => vk::CullModeFlags::NONE,
-            Self::Front => vk::CullModeFlags::BACK,
-            Self::Mirrored => vk::CullModeFlags::FRONT,
-        }
-    }
-}
-
-/// Decides it for the draws of a view.
-pub(crate) struct Solids {
+/// Decides it for the draws of a view. What is cut open or seen through shows both sides whatever this says.
+#[derive(Debug, Clone)]
+pub struct Solids {
     view: View,
     /// The squared distance from the eye within which the near plane may cut a solid open, square metres.
     near_squared: f64,
@@ -37,13 +30,17 @@ pub(crate) struct Solids {
 const CLEARANCE: f64 = 1.01;
 
 impl Solids {
-    pub(crate) fn new(view: &View) -> Self {
+    /// For what is seen from `view`.
+    #[must_use]
+    pub fn new(view: &View) -> Self {
         let near = CLEARANCE * f64::from(view.camera().near());
         let (x, y) = (view.tan_half_fov_x(), view.tan_half_fov_y());
         Self { view: *view, near_squared: near * near * (1.0 + x * x + y * y) }
     }
 
-    pub(crate) fn facing(&self, drawable: &Drawable, node: &Node) -> Facing {
+    /// The sides of `drawable`, a level of `node`.
+    #[must_use]
+    pub fn facing(&self, drawable: &Drawable, node: &Node) -> Facing {
         if drawable.sides != Sides::FRONT || node.distance_squared(self.view.eye()) <= self.near_squared {
             return Facing::Both;
         }

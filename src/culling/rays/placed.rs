@@ -1,0 +1,154 @@
+//! A frame's drawables under one tree: what a ray hits first.
+
+use std::sync::Arc;
+
+use glam::{Mat3A, Vec3A, Vec4};
+use obvhs::aabb::Aabb;
+use rayon::prelude::*;
+use trimaran_cull::{Facing, Solids, View};
+use trimaran_proto::DrawableId;
+use trimaran_scene::{Node, Scene};
+
+use super::{
+    mesh::{LARGEST, Mesh, Meshes, Shape},
+    packet::Packet,
+    pixels::PixelRays,
+    tree::Tree,
+};
+
+/// The solid drawables of a frame, ready for rays from its eye.
+#[derive(Default)]
+pub(super) struct Placed {
+    tree: Tree,
+    /// In the tree's order.
+    instances: Vec<Instance>,
+    /// Those that rays cannot decide on, since a coordinate is too large.
+    undecided: Vec<u32>,
+}
+
+/// A drawable as rays from the eye see it.
+#[derive(Clone)]
+struct Instance {
+    mesh: Arc<Mesh>,
+    /// From directions in the world to those in the mesh's frame.
+    turn: Mat3A,
+    /// The eye in the mesh's frame.
+    eye: Vec3A,
+    /// Whether its front alone shows.
+    front: bool,
+    /// Its index among the frame's.
+    index: u32,
+}
+
+/// Memory to work with.
+#[derive(Default)]
+struct Memory {
+    instances: Vec<u32>,
+    triangles: Vec<u32>,
+    /// What may be hit first: how far it is along each of four rays, and its index.
+    hits: Vec<(Vec4, u32)>,
+}
+
+/// How much farther than the first something may be and count as hit as well, as a fraction of the distance:
+/// which of two surfaces in the same place shows is a matter of rounding.
+const TIE: f32 = 1e-6;
+
+/// The size of the squares of pixels that one thread casts after another, so that rays find in its cache what
+/// their neighbours met. Even, since rays go two by two.
+const TILE: usize = 8;
+
+impl Placed {
+    /// `ids` of `scene` as seen from `view`. Makes the `meshes` that are missing.
+    pub(super) fn new(scene: &Scene, view: &View, ids: &[DrawableId], meshes: &mut Meshes) -> Self {
+        let find = |id: &DrawableId| {
+            let drawable = scene.drawables().get(id.index())?;
+            let node = scene.nodes().get(drawable.node as usize)?;
+            Some((drawable, node, Shape::of(drawable, node)))
+        };
+        let found: Vec<_> = ids.par_iter().map(find).collect();
+        meshes.make(scene, found.iter().flatten().map(|(drawable, _, (shape, _))| (*shape, **drawable)));
+        let solids = view.sections().is_empty().then(|| Solids::new(view));
+        let mut placed = Self::default();
+        let mut boxes = Vec::with_capacity(ids.len());
+        for (index, found) in (0..).zip(&found) {
+            let instance = found.and_then(|(drawable, node, (shape, turn))| {
+                let facing = solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, node));
+                let eye = (turn * (view.eye() - node.origin())).as_vec3a();
+                let (front, turn) = (facing != Facing::Both, turn.as_mat3().into());
+                let bounds = box_about(view, node)?;
+                let instance = Instance { mesh: Arc::clone(meshes.get(shape)?), turn, eye, front, index };
+                (eye.abs().max_element() <= LARGEST).then_some((instance, bounds))
+            });
+            match instance {
+                Some((instance, bounds)) => {
+                    placed.instances.push(instance);
+                    boxes.push(bounds);
+                }
+                None => placed.undecided.push(index),
+            }
+        }
+        let (tree, order) = Tree::over(&boxes, 1);
+        let instances = order.iter().filter_map(|&index| placed.instances.get(index as usize).cloned());
+        Self { instances: instances.collect(), tree, ..placed }
+    }
+
+    /// The indices of what rays cannot decide on. It counts as shown.
+    pub(super) fn undecided(&self) -> &[u32] {
+        &self.undecided
+    }
+
+    /// Calls `hit` with each pixel of `view`, counted row by row from the top left, and what shows there: its
+    /// place in the drawing order. At a pixel where surfaces lie in the same place, several may show.
+    pub(super) fn cast(&self, view: &View, hit: impl Fn(usize, u32) + Sync) {
+        let rays = PixelRays::new(view);
+        let (width, height) = (view.viewport().width() as usize, view.viewport().height() as usize);
+        let across = width.div_ceil(TILE);
+        let tiles = (0..across * height.div_ceil(TILE)).into_par_iter();
+        tiles.for_each_init(Memory::default, |memory, tile| {
+            let (left, top) = (tile % across * TILE, tile / across * TILE);
+            for row in (top..height.min(top + TILE)).step_by(2) {
+                for column in (left..width.min(left + TILE)).step_by(2) {
+                    let (packet, end) = rays.packet(column, row);
+                    self.first(&packet, end, memory, |lane, index| {
+                        let (column, row) = (column + lane % 2, row + lane / 2);
+                        // The picture may end within the four.
+                        if column < width && row < height {
+                            hit(row * width + column, index);
+                        }
+                    });
+                }
+            }
+        });
+    }
+
+    /// Calls `hit` with each of the four rays that hits something by `end`, and what it hits first.
+    fn first(&self, packet: &Packet, end: Vec4, memory: &mut Memory, mut hit: impl FnMut(usize, u32)) {
+        let Memory { instances, triangles, hits } = memory;
+        hits.clear();
+        let mut end = end;
+        self.tree.visit(packet, &mut end, instances, |leaf, end| {
+            for instance in self.instances.get(leaf).unwrap_or_default() {
+                let packet = packet.seen_from(instance.eye, &instance.turn);
+                let distance = instance.mesh.first(&packet, *end, instance.front, triangles);
+                if distance.cmple(*end).any() {
+                    hits.push((distance, instance.index));
+                    *end = end.min(distance * (1.0 + TIE));
+                }
+            }
+        });
+        for (distance, index) in &*hits {
+            let first = distance.cmple(end).bitmask();
+            (0..4).filter(|lane| first >> lane & 1 == 1).for_each(|lane| hit(lane, *index));
+        }
+    }
+}
+
+/// The node's box about the eye, no smaller for being rounded. `None` if it is too large.
+fn box_about(view: &View, node: &Node) -> Option<Aabb> {
+    let (min, max) = node.world_box();
+    let low = (min - view.eye()).as_vec3().to_array().map(f32::next_down);
+    let high = (max - view.eye()).as_vec3().to_array().map(f32::next_up);
+    let bounds = Aabb::new(low.into(), high.into());
+    let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
+    (largest <= LARGEST).then_some(bounds)
+}
