@@ -26,6 +26,7 @@ if [ -z "${TRIMARAN:-}" ]; then
 fi
 out=$(mktemp -d)
 trap 'rm -r "$out"' EXIT
+. docs/place.sh
 
 # begin BLOCK: what follows is for the marks of that name.
 begin() {
@@ -139,22 +140,6 @@ across() {
             }
         }
     ' "$out/runs.csv" >> "$block"
-}
-
-# place FILE: its marks get what was taken; a mark of what was not keeps what it has.
-place() {
-    awk -v out="$out" '
-        /^<!-- figures: / {
-            print
-            name = out "/" $3 ".block"
-            taken = (getline line < name) > 0
-            if (taken) { do print line; while ((getline line < name) > 0); close(name) }
-            next
-        }
-        /^<!-- end of figures -->/ { taken = 0 }
-        !taken
-    ' "$1" > "$out/page"
-    cat "$out/page" > "$1"
 }
 
 # by_cullers SCENE: what any number of cullers show of a walk, by the times that each role took alone.

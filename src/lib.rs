@@ -40,8 +40,10 @@
 //! | [`metrics`] | what links carry, for Prometheus |
 //! | `netem` | a simulated network between programs, on Linux |
 //! | [`vulkan`] | the roles' devices |
+//! | [`comparison`] | which systems there are to be held against each other |
 //! | [`culling`] | how a culler culls: Trimaran's method, and those it is compared with |
 
+pub mod comparison;
 pub mod config;
 pub mod culling;
 pub mod metrics;

@@ -1,6 +1,7 @@
 //! What the command line accepts. The help texts are the manual: each says what a thing is, its unit and its
 //! default.
 
+mod compare;
 mod cullers;
 mod links;
 mod roles;
@@ -11,6 +12,7 @@ mod walks;
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
+pub(crate) use compare::CompareArgs;
 pub(crate) use cullers::{CullerArgs, ScheduleArg};
 pub(crate) use links::{Coding, NetemArgs, PingArgs, StatArgs};
 pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
@@ -55,6 +57,8 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Walk the same path at several error bounds: speed against error.
     Sweep(SweepArgs),
+    /// Walk the same path with other systems, those of the paper among them: speed, what is drawn, error.
+    Compare(CompareArgs),
     /// Simulate the three roles on a network: frame latency and bandwidth by transport, before a cable is
     /// bought.
     Sim(SimArgs),

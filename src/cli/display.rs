@@ -25,8 +25,8 @@ use trimaran_scene::path::PathKind;
 use trimaran_transport::{Net, causes, until};
 
 use super::{
-    Failure, progress,
-    recording::{Early, Outcome, report_on},
+    Failure,
+    recording::{Early, Recording},
     walking::{self, Metrics},
 };
 
@@ -52,6 +52,8 @@ pub(super) struct DisplaySession<'s> {
     /// Where others come to.
     pub(super) listener: Option<Listener>,
     pub(super) turns: Turns,
+    /// Shows how far the walk is, and what becomes of cullers; without it only the recording tells.
+    pub(super) bar: Option<ProgressBar>,
 }
 
 /// What a report says of a walk beside its frames, before the cullers have come.
@@ -79,8 +81,8 @@ pub(super) fn identity(file: &SceneFile, session: SessionKey, settings: Settings
     Identity { role: Role::Display, scene: file.scene.hash(), session: Some((session, settings)) }
 }
 
-impl DisplaySession<'_> {
-    /// Finds the cullers, walks and reports. When `no_cullers` ends, they cannot come any more. `beside`
+impl<'s> DisplaySession<'s> {
+    /// Finds the cullers and walks. When `no_cullers` ends, they cannot come any more. `beside`
     /// plays whatever else of the session is in this process while the walk goes on.
     pub(super) fn show(
         mut self,
@@ -88,27 +90,34 @@ impl DisplaySession<'_> {
         stop: &Stop,
         no_cullers: impl Future<Output = Failure>,
         beside: impl FnOnce(&mut dyn FnMut() -> Result<(), Early>) -> Result<(), Early>,
-    ) -> Result<Outcome, Failure> {
+    ) -> Result<Recording<'s>, Failure> {
         if self.walk.plan.audit_every > 0 {
             ItemPass::check(self.walk.drawn).map_err(Failure::broken)?;
         }
         (self.about.link, self.about.transport) = transports(&self.cullers, self.listener.as_ref());
         self.about.cullers = u32::try_from(self.cullers.len()).unwrap_or(u32::MAX);
-        let bar = progress::walk(self.walk.plan.pace, self.walk.path);
-        let mut advance = |frame: FrameNumber| bar.set_position(u64::from(frame.0) + 1);
+        let bar = self.bar.clone();
+        let mut advance = |frame: FrameNumber| {
+            if let Some(bar) = &bar {
+                bar.set_position(u64::from(frame.0) + 1);
+            }
+        };
         let recorder = Recorder::new(self.walk.plan.audit_every, &mut advance);
-        let mut watched = Watched { recorder, links: self.metrics.links(), bar: &bar };
+        let mut watched = Watched { recorder, links: self.metrics.links(), bar: bar.as_ref() };
         let mut no_cullers = Box::pin(no_cullers);
         let mut walk = || runtime.block_on(self.walk(&mut watched, stop, no_cullers.as_mut()));
         // What was walked before a failure is worth a report.
         let early = beside(&mut walk).err();
-        bar.finish_and_clear();
-        let Self { walk, about, folder, trace, .. } = self;
-        report_on(watched.recorder, folder, early, trace.as_deref(), walk, about, stop)
+        bar.iter().for_each(ProgressBar::finish_and_clear);
+        let Self { walk, about, folder: unused, trace, .. } = self;
+        let shown = watched.recorder.has_shown();
+        let (records, notes, journal) = watched.recorder.into_parts();
+        let stop = stop.clone();
+        Ok(Recording { walk, about, records, notes, journal, unused, shown, early, trace, stop })
     }
 
     /// The same with cullers that are elsewhere, and come by themselves.
-    pub(super) fn show_to_others(self, runtime: &Runtime, stop: &Stop) -> Result<Outcome, Failure> {
+    pub(super) fn show_to_others(self, runtime: &Runtime, stop: &Stop) -> Result<Recording<'s>, Failure> {
         self.show(runtime, stop, pending(), |walk| walk())
     }
 
@@ -203,7 +212,7 @@ impl DisplaySession<'_> {
 struct Watched<'w, 'p> {
     recorder: Recorder<'p>,
     links: LinkMetrics,
-    bar: &'w ProgressBar,
+    bar: Option<&'w ProgressBar>,
 }
 
 impl Observer for Watched<'_, '_> {
@@ -235,7 +244,9 @@ impl Observer for Watched<'_, '_> {
             _ => None,
         };
         if let Some(said) = said {
-            self.bar.suspend(|| eprintln!("trimaran: {said}"));
+            if let Some(bar) = self.bar {
+                bar.suspend(|| eprintln!("trimaran: {said}"));
+            }
             self.recorder.note(said);
         }
     }

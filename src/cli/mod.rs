@@ -1,6 +1,7 @@
 //! The command-line tool: a file a command.
 
 mod args;
+mod compare;
 mod cooking;
 mod culling;
 mod demo;
@@ -38,8 +39,9 @@ use failure::Failure;
 /// Runs the command line given to this process.
 pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
-    // Thousands of simulated links would each warn of what is told once.
-    let usual = if matches!(cli.command, Command::Sim(_)) { "error" } else { "warn" };
+    // Thousands of simulated links would each warn of what is told once, and a comparison's walks by the clock
+    // of cores that are too few.
+    let usual = if matches!(cli.command, Command::Sim(_) | Command::Compare(_)) { "error" } else { "warn" };
     log_to_stderr(cli.verbose, usual);
     match dispatch(cli.command) {
         Ok(()) => ExitCode::SUCCESS,
@@ -62,6 +64,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         }
         Command::Run(args) => run::run(&args),
         Command::Sweep(args) => sweep::run(&args),
+        Command::Compare(args) => compare::run(&args),
         Command::Sim(args) => sim::run(&args),
         #[cfg(target_os = "linux")]
         Command::Netem(args) => netem::run(&args),

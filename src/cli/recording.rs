@@ -1,7 +1,10 @@
 //! What a walk leaves behind: its folder is opened before the walk, filled while it goes on, and finished
 //! however it ends.
 
-use std::{ops::ControlFlow, path::Path};
+use std::{
+    ops::ControlFlow,
+    path::{Path, PathBuf},
+};
 
 use trimaran::{
     report::{
@@ -10,7 +13,7 @@ use trimaran::{
         text,
     },
     trace::Trace,
-    walkthrough::{FrameRecord, Recorder, ReportingError, Walk, Written, write_report},
+    walkthrough::{FrameRecord, Journal, ReportingError, Walk, Written, write_report},
 };
 use trimaran_actors::Stop;
 use trimaran_transport::causes;
@@ -55,54 +58,79 @@ pub(super) fn check_trace(path: Option<&Path>) -> Result<(), Failure> {
     Trace::check_path(path).map_err(Failure::bad_input)
 }
 
-/// Reports what `recorder` noted, with progress. `unused` is the folder, if the walk did not begin to fill
-/// it.
-pub(super) fn report_on(
-    recorder: Recorder<'_>,
-    unused: Option<Writer>,
-    early: Option<Early>,
-    trace: Option<&Path>,
-    walk: Walk<'_>,
-    mut run: Run,
-    stop: &Stop,
-) -> Result<Outcome, Failure> {
-    let nothing_new = !recorder.has_shown();
-    let (records, notes, journal) = recorder.into_parts();
-    run.notes.extend(notes);
-    let (writer, full) = match journal.map(trimaran::walkthrough::Journal::finish) {
-        Some((writer, full)) => (Some(writer), full),
-        None => (unused, None),
-    };
-    let due = walk.plan.frames_due(walk.path.frames());
-    let ended = ended(early.as_ref(), full.as_ref(), stop, records.len(), due);
-    // What was recorded by a process before stays for the next one.
-    let nothing = nothing_new && (records.is_empty() || ended.early());
-    let (Some(writer), false) = (writer, nothing) else {
-        let nothing =
-            || Failure::stopped("interrupted before the first frame: there is nothing new to report");
-        return Err(early.map_or_else(nothing, |early| early.why));
-    };
-    let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);
-    if let Some(said) = ended.sentence(frames) {
-        eprintln!("trimaran: the walk {said}; reporting it (interrupt again to leave its pictures out)");
-    }
-    let bar = progress::bar("reporting", records.len() as u64);
-    let mut advance = |_| {
-        bar.inc(1);
-        if stop.insisted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    };
-    let written = write_report(writer, full, walk, run, &records, ended, &mut advance);
-    bar.finish_and_clear();
-    let Written { report, incomplete, .. } = written.map_err(Failure::broken)?;
-    let missing = match (report.summary.ended.sentence(frames), incomplete) {
-        (Some(said), _) => Some(Failure::incomplete(format!("the walk {said}"))),
-        (None, Some(why)) => {
-            Some(Failure::incomplete(format!("the report lacks pictures and checks: {}", causes(&why))))
+/// A walk that is over, and not reported yet.
+pub(super) struct Recording<'w> {
+    pub(super) walk: Walk<'w>,
+    pub(super) about: Run,
+    pub(super) records: Vec<FrameRecord>,
+    /// What was remarked on the way.
+    pub(super) notes: Vec<String>,
+    /// What wrote the frames down as they came, if anything did.
+    pub(super) journal: Option<Journal>,
+    /// The report's folder, if the walk did not begin to fill it.
+    pub(super) unused: Option<Writer>,
+    /// Whether this process has shown a frame of it.
+    pub(super) shown: bool,
+    pub(super) early: Option<Early>,
+    /// Where to record what each frame asked of the roles.
+    pub(super) trace: Option<PathBuf>,
+    pub(super) stop: Stop,
+}
+
+impl Recording<'_> {
+    /// Its frames, if the walk has all that its path asks for.
+    pub(super) fn whole(self) -> Result<Vec<FrameRecord>, Failure> {
+        let due = self.walk.plan.frames_due(self.walk.path.frames());
+        match self.early {
+            Some(early) => Err(early.why),
+            None if self.stop.requested() => Err(Failure::stopped("interrupted")),
+            None if due.is_some_and(|due| self.records.len() < due as usize) => {
+                Err(Failure::broken("the walk ended before its path did"))
+            }
+            None => Ok(self.records),
         }
-        (None, None) => None,
-    };
-    let recorded = record(trace, walk, &records);
-    Ok(Outcome { report, missing: missing.or(recorded.err()) })
+    }
+
+    /// Reports it, with progress.
+    pub(super) fn report(self) -> Result<Outcome, Failure> {
+        let Self { walk, about: mut run, records, notes, journal, unused, shown, early, trace, stop } = self;
+        run.notes.extend(notes);
+        let (writer, full) = match journal.map(Journal::finish) {
+            Some((writer, full)) => (Some(writer), full),
+            None => (unused, None),
+        };
+        let due = walk.plan.frames_due(walk.path.frames());
+        let ended = ended(early.as_ref(), full.as_ref(), &stop, records.len(), due);
+        // What was recorded by a process before stays for the next one.
+        let nothing = !shown && (records.is_empty() || ended.early());
+        let (Some(writer), false) = (writer, nothing) else {
+            let nothing =
+                || Failure::stopped("interrupted before the first frame: there is nothing new to report");
+            return Err(early.map_or_else(nothing, |early| early.why));
+        };
+        let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);
+        if let Some(said) = ended.sentence(frames) {
+            eprintln!("trimaran: the walk {said}; reporting it (interrupt again to leave its pictures out)");
+        }
+        let bar = progress::bar("reporting", records.len() as u64);
+        let mut advance = |_| {
+            bar.inc(1);
+            if stop.insisted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let written = write_report(writer, full, walk, run, &records, ended, &mut advance);
+        bar.finish_and_clear();
+        let Written { report, incomplete, .. } = written.map_err(Failure::broken)?;
+        let missing = match (report.summary.ended.sentence(frames), incomplete) {
+            (Some(said), _) => Some(Failure::incomplete(format!("the walk {said}"))),
+            (None, Some(why)) => {
+                let why = causes(&why);
+                Some(Failure::incomplete(format!("the report lacks pictures and checks: {why}")))
+            }
+            (None, None) => None,
+        };
+        let recorded = record(trace.as_deref(), walk, &records);
+        Ok(Outcome { report, missing: missing.or(recorded.err()) })
+    }
 }
 
 /// How a walk of `frames` frames ended, whose path asks for `due`.

@@ -18,7 +18,8 @@ use super::{
     args::{RoleArgs, RoleCommand, RoleName},
     culling::Host,
     display::{DisplaySession, about, identity, role_info},
-    recording::{check_trace, open_folder},
+    progress,
+    recording::{Recording, check_trace, open_folder},
     walking::{self, Metrics, Start, gpu_options, scene, upload},
 };
 
@@ -94,7 +95,8 @@ fn culler(
         started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })
     };
     let Some(service) = start.until(serve)? else { return Ok(()) };
-    if let Some(endpoints) = service.endpoints() {
+    // Whoever has started it as a child knows where.
+    if let Some(endpoints) = service.endpoints().filter(|_| !until_input_ends) {
         eprintln!("trimaran: the culler listens on {endpoints}");
     }
     let host = Host { file: &file, drawn: &drawn, runtime, links: metrics.links(), method: config.culling };
@@ -169,8 +171,9 @@ fn display(
         cullers: config.cullers.iter().flat_map(Endpoints::iter).map(peer).collect(),
         listener,
         turns: Turns::at_once(),
+        bar: Some(progress::walk(plan.pace, &path)),
     };
-    match session.show_to_others(runtime, &start.stop) {
+    match session.show_to_others(runtime, &start.stop).and_then(Recording::report) {
         // A service that waits is stopped as any other.
         Err(failure) if failure.is_stop() => Ok(()),
         shown => shown?.conclude(&config.out, false),

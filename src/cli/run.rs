@@ -2,13 +2,15 @@
 
 use std::sync::Arc;
 
+use indicatif::ProgressBar;
+use tokio::runtime::Runtime;
 use trimaran::{
     config,
     culling::Culling,
     report::{Writer, schema::Machine},
     walkthrough::{SceneFile, SceneOnDevices, Walk},
 };
-use trimaran_actors::{CullerId, LocalCullers, Turns, max_frame};
+use trimaran_actors::{CullerId, LocalCullers, Stop, Turns, max_frame};
 use trimaran_proto::{SessionKey, Settings};
 use trimaran_transport::{Net, TokioNet};
 
@@ -17,7 +19,8 @@ use super::{
     args::{LinkKind, RunArgs, WalkArgs},
     display::{DisplaySession, about, role_info},
     processes::{CullerProcesses, Keyring, endpoints},
-    recording::{Outcome, check_trace, open_folder},
+    progress,
+    recording::{Outcome, Recording, check_trace, open_folder},
     walking::{self, Metrics, gpu_options, open, stop_on_signal, upload},
 };
 
@@ -67,26 +70,41 @@ pub(super) fn walk(
         _ => None,
     };
     let devices = devices.or(opened.as_ref());
-
-    let runtime = walking::runtime()?;
-    let stop = stop_on_signal(&runtime);
-    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let drawn = match devices {
         Some(devices) => Arc::clone(&devices.display),
         None => upload(file, &gpu_options(walk.device.as_deref(), walk.device_timeout))?,
     };
-    let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
     let way = Walk { file, drawn: &drawn, plan: &plan, path: &path };
+    let runtime = walking::runtime()?;
+    let stop = stop_on_signal(&runtime);
+    let bar = Some(progress::walk(plan.pace, &path));
+    record(args, way, devices, Some(folder), bar, (&runtime, &stop))?.report()
+}
+
+/// Walks, and leaves what happens in `folder` as it happens. With `devices` the cullers are threads of this
+/// process, else processes of their own.
+pub(super) fn record<'w>(
+    args: &RunArgs,
+    way: Walk<'w>,
+    devices: Option<&SceneOnDevices>,
+    folder: Option<Writer>,
+    bar: Option<ProgressBar>,
+    (runtime, stop): (&Runtime, &Stop),
+) -> Result<Recording<'w>, Failure> {
+    let RunArgs { walk, link, .. } = args;
+    let Walk { file, drawn, plan, .. } = way;
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+    let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
     let cullers = CullerId::first(args.cullers.cullers.into());
     let machines = cullers.clone().map(Some).chain([None]);
-    let drawn_by = |culler| devices.map_or(&drawn, |devices| devices.drawn_by(culler));
+    let drawn_by = |culler| devices.map_or(drawn, |devices| devices.drawn_by(culler));
     let roles = machines.map(|culler| role_info(Machine::of(culler), drawn_by(culler)));
     let session = DisplaySession {
         walk: way,
         about: about(way, &walk.path, walk.seed, roles.collect()),
-        folder: Some(folder),
+        folder,
         join_timeout: JOIN_TIMEOUT,
-        metrics: Metrics::show(args.metrics, &runtime)?,
+        metrics: Metrics::show(args.metrics, runtime)?,
         trace: args.record.clone(),
         key: SessionKey(net.random().map_err(Failure::broken)?),
         progress: None,
@@ -94,6 +112,7 @@ pub(super) fn walk(
         cullers: Vec::new(),
         listener: None,
         turns: turns.clone(),
+        bar,
     };
     let mut options = config::options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
     options.link.max_frame = max_frame(&file.scene);
@@ -104,16 +123,16 @@ pub(super) fn walk(
         let keyring = if needs_keys { Some(Keyring::make(folder.path(), cullers.len())?) } else { None };
         options.security = keyring.as_ref().map(|keyring| keyring.security.clone());
         let mut children =
-            CullerProcesses::start(args, &options, endpoints, keyring.as_ref(), folder.path(), &runtime)?;
+            CullerProcesses::start(args, &options, endpoints, keyring.as_ref(), folder.path(), runtime)?;
         let session = DisplaySession { cullers: children.peers(&options), ..session };
-        return session.show(&runtime, &stop, children.ended_early(), |walk| walk());
+        return session.show(runtime, stop, children.ended_early(), |walk| walk());
     };
     let local = LocalCullers { options, ..LocalCullers::new(&file.scene, cullers.len(), &turns) };
     let cull = |culler: CullerId, settings: &Settings| {
         Culling::open(args.culling, &file.scene, devices.drawn_by(Some(culler)), settings, &turns)
     };
     let session = DisplaySession { cullers: local.peers().collect(), ..session };
-    session.show(&runtime, &stop, std::future::pending(), |walk| local.beside(cull, runtime.handle(), walk))
+    session.show(runtime, stop, std::future::pending(), |walk| local.beside(cull, runtime.handle(), walk))
 }
 
 /// How long the cullers may take to load and copy a large scene.

@@ -5,6 +5,7 @@
 //! the writer put it beside them. How wrong a picture is, [`trimaran_audit::metrics`] measures.
 
 mod bandwidth;
+pub mod comparison;
 mod error;
 mod format;
 mod html;

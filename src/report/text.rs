@@ -1,7 +1,8 @@
 //! What is printed at the end of a run.
 
+use super::comparison::tables;
 use super::format::{culler_cells, cullers_differ, figure, grouped, plural, sweep_cells, with_unit};
-use super::schema::{METRICS, Report, Run, SweepPoint};
+use super::schema::{Comparison, METRICS, Report, Run, SweepPoint};
 
 /// The metrics that the printed summary shows; `report.json` has all.
 const PRINTED: [&str; 15] = [
@@ -188,6 +189,15 @@ const fn modelled_how(modelled: bool) -> &'static str {
 }
 
 /// Aligned columns: the first to the left, the others to the right.
+/// The tables of a comparison that fit a terminal: speed, and what was drawn, at each error bound.
+#[must_use]
+pub fn comparison(found: &Comparison) -> String {
+    let shown = ["speed-", "drawn-", "paper"];
+    let tables = tables(found).into_iter();
+    let tables = tables.filter(|table| shown.iter().any(|prefix| table.name.starts_with(prefix)));
+    tables.map(|of| format!("{}\n\n{}\n", of.caption, table(&of.head, &of.rows))).collect()
+}
+
 pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let head: Vec<String> = head.iter().map(|h| (*h).to_owned()).collect();
     let lines = || std::iter::once(&head).chain(rows);

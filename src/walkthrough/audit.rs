@@ -15,13 +15,13 @@ use trimaran_cull::{Choice, CutRule, Image, LodCut, View, draw_order, lod_cut};
 use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{NodeId, Scene};
-use xxhash_rust::xxh3::xxh3_64;
 
 use super::{
     attribution::{self, AttributionError},
     compose::FrameRecord,
     deviation,
     objects::ObjectCounts,
+    reference::{Drawn, FullDetail, fingerprint},
     view_states::ViewStates,
 };
 use crate::report::schema::{Frame, VisibleObject};
@@ -69,13 +69,15 @@ pub struct AuditPictures {
 /// Checks frames of a finished session, away from its clock: draws each again from its record, as it was,
 /// without culling and at full detail.
 pub struct Auditor {
-    scene: Arc<Scene>,
+    pub(super) scene: Arc<Scene>,
     views: ViewStates,
     drawn: Arc<GpuScene>,
     pictures: PicturePass,
     /// Made when the first frame is checked.
     items: Option<ItemPass>,
-    counts: ObjectCounts,
+    /// What was drawn last at full detail: frames of one camera at several error bounds share it.
+    full: Option<Arc<FullDetail>>,
+    pub(super) counts: ObjectCounts,
 }
 
 impl Auditor {
@@ -96,8 +98,14 @@ impl Auditor {
             drawn: Arc::clone(drawn),
             pictures: PicturePass::new(drawn, size)?,
             items: None,
+            full: None,
             counts: ObjectCounts::new(scene),
         })
+    }
+
+    /// From now on frames are seen in these view states, of pictures of the same size.
+    pub fn see(&mut self, views: impl Into<ViewStates>) {
+        self.views = views.into();
     }
 
     /// The picture of a frame, drawn again.
@@ -108,7 +116,7 @@ impl Auditor {
         let (view, rule) = self.seen_from(&record.camera);
         self.draw_picture(&view, &rule, &record.ids, into)?;
         match record.picture {
-            Some(hash) if hash != xxh3_64(&into.rgba) => {
+            Some(hash) if hash != fingerprint(into) => {
                 Err(AuditError::NotRepeatable { frame: record.camera.frame() })
             }
             _ => Ok(()),
@@ -135,9 +143,7 @@ impl Auditor {
         self.picture(record, &mut pictures.shown)?;
         let shown_items = self.draw_items(&view, &rule, &record.ids)?;
 
-        let mut cut = lod_cut(&self.scene, &view, &rule);
-        draw_order(&self.scene, &view, &mut cut);
-        self.draw_picture(&view, &rule, &cut, &mut pictures.unculled)?;
+        let cut = self.unculled(record.camera, &mut pictures.unculled)?;
         let cut_items = self.draw_items(&view, &rule, &cut)?;
         let missing = enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
         if !missing.is_empty()
@@ -150,18 +156,29 @@ impl Auditor {
         let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
         frame.objects_exact = Some(self.counts.of(&self.scene, exact));
 
-        let finest = self.full_detail(&view, &rule);
-        self.draw_picture(&view, &rule, &finest, &mut pictures.full)?;
-        let full_items = self.draw_items(&view, &rule, &finest)?;
-        frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full_items)?, &full_items.triangle);
-        let objects = self.objects(&exactly_visible(&items_of(&full_items)?));
+        let full = self.full(record.camera)?;
+        pictures.full.clone_from(&full.picture);
+        frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full.items)?, &full.items.triangle);
+        let objects = self.objects(&exactly_visible(&items_of(&full.items)?));
         frame.objects_exact_full = Some(objects.len() as u64);
         if names {
             frame.visible = Some(objects.iter().map(|&object| self.named(object)).collect());
         }
-        frame.full_detail =
-            Some(self.level_error(&view, record, &cut, pictures, [&shown_items, &full_items])?);
+        let drawn = Drawn { ids: &record.ids, picture: &pictures.shown, items: &shown_items };
+        frame.full_detail = Some(self.level_error(&view, &cut, drawn, &full)?);
         Ok(())
+    }
+
+    /// Draws the LOD cut of a frame without culling, and gives it in the order drawn.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn unculled(&mut self, camera: Camera, picture: &mut Image) -> Result<Vec<DrawableId>, GpuError> {
+        let (view, rule) = self.seen_from(&camera);
+        let mut cut = lod_cut(&self.scene, &view, &rule);
+        draw_order(&self.scene, &view, &mut cut);
+        self.draw_picture(&view, &rule, &cut, picture)?;
+        Ok(cut)
     }
 
     /// Which triangle shows at each pixel at full detail and without culling: the ground truth of visibility.
@@ -174,7 +191,20 @@ impl Auditor {
         self.draw_items(&view, &rule, &finest)
     }
 
-    fn seen_from(&self, camera: &Camera) -> (View, CutRule) {
+    pub(super) fn full(&mut self, camera: Camera) -> Result<Arc<FullDetail>, GpuError> {
+        let (view, rule) = self.seen_from(&camera);
+        let state = self.views.of(&camera).clone();
+        if let Some(full) = self.full.as_ref().filter(|full| full.is_of(&camera, &state)) {
+            return Ok(Arc::clone(full));
+        }
+        let finest = self.full_detail(&view, &rule);
+        let mut picture = Image::default();
+        self.draw_picture(&view, &rule, &finest, &mut picture)?;
+        let items = self.draw_items(&view, &rule, &finest)?;
+        Ok(Arc::clone(self.full.insert(Arc::new(FullDetail { camera, state, picture, items }))))
+    }
+
+    pub(super) fn seen_from(&self, camera: &Camera) -> (View, CutRule) {
         (self.views.view(*camera), self.views.rule(&self.scene, camera))
     }
 
@@ -195,7 +225,12 @@ impl Auditor {
     }
 
     /// What shows at each pixel of what is solid.
-    fn draw_items(&mut self, view: &View, rule: &CutRule, ids: &[DrawableId]) -> Result<ItemImage, GpuError> {
+    pub(super) fn draw_items(
+        &mut self,
+        view: &View,
+        rule: &CutRule,
+        ids: &[DrawableId],
+    ) -> Result<ItemImage, GpuError> {
         let mut image = ItemImage::default();
         let solid = rule.divide(&self.scene, ids, &mut Vec::new());
         let items = match self.items.take() {
@@ -223,20 +258,19 @@ impl Auditor {
     }
 
     /// What the levels cost the picture: against full detail.
-    fn level_error(
+    pub(super) fn level_error(
         &self,
         view: &View,
-        record: &FrameRecord,
         cut: &[DrawableId],
-        pictures: &AuditPictures,
-        [shown, full]: [&ItemImage; 2],
+        drawn: Drawn<'_>,
+        full: &FullDetail,
     ) -> Result<ImageDifference, MetricError> {
-        let (shown, full) = (items_of(shown)?, items_of(full)?);
+        let (shown, all) = (items_of(drawn.items)?, items_of(&full.items)?);
         metrics::image_difference(
-            &ImageRef::of(&pictures.full)?,
-            &ImageRef::of(&pictures.shown)?,
-            deviation::silhouette(&self.scene, view, &record.ids, &shown, &full)?,
-            deviation::surfaces(&self.scene, view, cut, &shown, &full),
+            &ImageRef::of(&full.picture)?,
+            &ImageRef::of(drawn.picture)?,
+            deviation::silhouette(&self.scene, view, drawn.ids, &shown, &all)?,
+            deviation::surfaces(&self.scene, view, cut, &shown, &all),
         )
     }
 
@@ -286,6 +320,6 @@ fn enter_culling(
     Ok(missing.collect())
 }
 
-fn items_of(image: &ItemImage) -> Result<metrics::IdBufferRef<'_>, MetricError> {
+pub(super) fn items_of(image: &ItemImage) -> Result<metrics::IdBufferRef<'_>, MetricError> {
     metrics::IdBufferRef::new(image.width, image.height, &image.drawable, ItemImage::BACKGROUND)
 }

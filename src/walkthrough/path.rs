@@ -107,6 +107,19 @@ impl CameraPath {
             }
             PathChoice::File(path) => (read(path)?, None),
         };
+        Ok(Self { kind, ..Self::of(poses, scene, views, frames)? })
+    }
+
+    /// The path through these poses, otherwise as [`find`](Self::find).
+    ///
+    /// # Errors
+    /// If a pose makes no camera.
+    pub fn of(
+        poses: PosePath,
+        scene: &Scene,
+        views: ViewStates,
+        frames: Option<u32>,
+    ) -> Result<Self, CameraPathError> {
         let near = poses.near().unwrap_or_else(|| default_near(scene));
         let camera = |(frame, pose): (usize, &Pose)| {
             pose.camera(poses.vfov_deg(), near, FrameNumber(0))
@@ -117,13 +130,19 @@ impl CameraPath {
         let seen =
             |(camera, n): (&Camera, u32)| camera.for_frame(FrameNumber(n)).in_view(views.version_at(n));
         let cameras = cameras.iter().cycle().take(count).zip(0..).map(seen).collect();
-        Ok(Self { cameras, views, poses, near, kind })
+        Ok(Self { cameras, views, poses, near, kind: None })
     }
 
     /// How many frames it has; at least one.
     #[must_use]
     pub fn frames(&self) -> u32 {
         u32::try_from(self.cameras.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Its poses.
+    #[must_use]
+    pub const fn poses(&self) -> &PosePath {
+        &self.poses
     }
 
     /// The view states that it is seen in.
@@ -150,7 +169,8 @@ impl CameraPath {
     }
 
     /// Which of its cameras this is, of whatever frame: the first one that is the same.
-    pub(super) fn index_of(&self, camera: &Camera) -> Option<usize> {
+    #[must_use]
+    pub fn index_of(&self, camera: &Camera) -> Option<usize> {
         let same = |other: &Camera| other.for_frame(camera.frame()) == *camera;
         // In lockstep the frame's number is its index.
         let index = camera.frame().0 as usize;

@@ -174,6 +174,25 @@ fn write_picture(
     Ok(writer.picture(frame, kind, &ImageRef::of(picture)?)?)
 }
 
+/// A walk as a report that is written nowhere: its frames without what only an audit can tell, which `audit`
+/// enters.
+pub fn report_of(
+    walk: Walk<'_>,
+    run: Run,
+    records: &[FrameRecord],
+    mut audit: impl FnMut(&FrameRecord, &mut Frame),
+) -> Report {
+    let mut composer = walk.composer(&[]);
+    let frame = |record: &FrameRecord| {
+        let mut frame = composer.frame(record);
+        audit(record, &mut frame);
+        frame
+    };
+    let frames = records.iter().map(frame).collect();
+    let due = walk.plan.frames_due(walk.path.frames());
+    report(walk, run, records, frames, Ended::finished(due))
+}
+
 fn report(
     Walk { plan, path, .. }: Walk<'_>,
     run: Run,

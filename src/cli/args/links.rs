@@ -26,7 +26,7 @@ impl From<Coding> for IdCoding {
 }
 
 /// What is told of links.
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Clone, Default, Args)]
 pub(crate) struct LinkFlags {
     /// Set an option of links, such as `udp.mode=deadline` or `link.idle_timeout_s=5`; may be repeated.
     /// `trimaran config display` prints all keys. Environment variables do the same: `TRIMARAN_UDP_MODE`.

@@ -4,12 +4,15 @@
 //! `maud` writes them, and escapes every text and attribute. Only the style, the script and the JSON that it
 //! reads go in as they are (`PreEscaped`).
 
-mod chart;
+pub(in crate::report) mod chart;
+mod comparison;
 mod simulation;
 mod walk;
 
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
+use serde::Serialize;
 
+pub(super) use comparison::page as comparison_page;
 pub(super) use simulation::page as simulation_page;
 pub(super) use walk::{Comparison, choose, page};
 
@@ -23,11 +26,17 @@ fn document(title: &str, body: &Markup) -> Markup {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (title) }
-                style { (PreEscaped(include_str!("style.css"))) }
+                style { (PreEscaped(include_str!("chart.css"))) (PreEscaped(include_str!("style.css"))) }
             }
             body { (body) }
         }
     }
+}
+
+/// JSON for a script element.
+fn embeddable(data: &impl Serialize) -> Result<String, serde_json::Error> {
+    // Within JSON `<` occurs in strings only. As JSON's own escape it cannot end the script element.
+    Ok(serde_json::to_string(data)?.replace('<', "\\u003c"))
 }
 
 /// A chart under its finding.

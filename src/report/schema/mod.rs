@@ -6,6 +6,7 @@
 //! - The top level and the frames hold what a path file holds (`width`, `height`, `vfov_deg`, `near`, and per
 //!   frame `eye`, `forward`, `up`), so that any report can be walked again.
 
+mod comparison;
 mod ended;
 mod frame;
 mod metric;
@@ -15,6 +16,11 @@ mod stat;
 mod summary;
 mod sweep;
 
+pub use comparison::{
+    AloneFigures, COMPARISON_VERSION, CoherencePoint, Comparison, ComparisonTable, CurvePoint, DrawnFigures,
+    ExactFrame, FrameCost, LagPoint, MeasuredFigures, PAPER, PaperModel, PaperSystem, SystemFigures,
+    SystemFrame,
+};
 pub use ended::{Ended, HowEnded};
 pub use frame::{
     CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, Role, RoundCounts,
@@ -141,6 +147,18 @@ mod tests {
         let missing: Vec<_> = found.iter().filter(|key| !docs.contains(&format!("`{key}`"))).collect();
         assert!(missing.is_empty(), "docs/report.md does not name {missing:?}");
         assert!(docs.contains(&format!("| `schema_version` | {SCHEMA_VERSION} |")));
+    }
+
+    #[test]
+    fn the_documentation_names_every_key_of_a_comparison() {
+        let docs = include_str!("../../../docs/report.md");
+        let mut found = BTreeSet::new();
+        keys(&serde_json::to_value(sample::comparison()).unwrap(), &mut found);
+        assert!(found.len() > 60, "{}", found.len());
+        let named = |key: &str| docs.contains(&format!("`{key}`")) || docs.contains(&format!(".{key}`"));
+        let missing: Vec<_> = found.iter().filter(|key| !named(key)).collect();
+        assert!(missing.is_empty(), "docs/report.md does not name {missing:?}");
+        assert!(docs.contains(&format!("| `schema_version` | {COMPARISON_VERSION} |")));
     }
 
     #[test]

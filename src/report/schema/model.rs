@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use trimaran_actors::Schedule;
 
-use super::{Frame, Run, Stat};
+use super::{Frame, Report, Run, Stat};
 
 /// Pictures a second that a machine for each culler and one for the display would show. Each is like the one
 /// that the times were taken on, and the network between them takes no time.
@@ -44,6 +44,21 @@ impl Model {
         let latency_ms = Stat::of(frames.iter().map(|frame| frame.shown - frame.dealt))?.median;
         let fps_at_least = 1000.0 / (1000.0 / fps + unaccounted_ms);
         Some(Self { fps, fps_at_least, latency_ms, unaccounted_ms })
+    }
+}
+
+impl Report {
+    /// Time from the picture before to each one's as modelled, milliseconds: of a walk whose roles computed
+    /// one after another. None of a frame whose times are not known.
+    #[must_use]
+    pub fn modelled_intervals_ms(&self) -> Vec<Option<f64>> {
+        let times: Option<Vec<Times>> = self.frames.iter().map(Times::of).collect();
+        let (Some(times), true) = (times, self.run.alone) else { return vec![None; self.frames.len()] };
+        let switch = self.run.schedule == Schedule::Switch.name();
+        let frames = frames_of(&times, self.run.cullers as usize, switch);
+        let shown = frames.iter().map(|frame| frame.shown);
+        let before = std::iter::once(0.0).chain(shown.clone());
+        shown.zip(before).map(|(shown, before)| Some(shown - before)).collect()
     }
 }
 

@@ -4,7 +4,7 @@
 mod axis;
 mod timeline;
 
-use maud::{Markup, Render, html};
+use maud::{Markup, PreEscaped, Render, html};
 
 use crate::report::format::{figure, tick_figure};
 use axis::Axis;
@@ -22,20 +22,20 @@ const DOTS_UP_TO: usize = 90;
 
 /// What a chart shows for one name of its legend.
 #[derive(Debug, Clone)]
-pub(super) struct Series {
+pub(in crate::report) struct Series {
     /// Its name in the legend.
-    pub(super) name: String,
+    pub(in crate::report) name: String,
     /// The class that gives its colour: `or`, `hc`, `rvg`, `drawn`, `exact`, `paper`, `model`, `k0` to `k5`.
-    pub(super) class: &'static str,
+    pub(in crate::report) class: &'static str,
     /// How it is drawn.
-    pub(super) mark: Mark,
+    pub(in crate::report) mark: Mark,
     /// Its points, by ascending x; none where nothing was measured.
-    pub(super) points: Vec<(f64, f64)>,
+    pub(in crate::report) points: Vec<(f64, f64)>,
 }
 
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Mark {
+pub(in crate::report) enum Mark {
     /// A line through the points.
     Line,
     /// A dashed line: a bound, or a formula.
@@ -48,41 +48,82 @@ pub(super) enum Mark {
 
 /// A chart; nothing but a remark where nothing was measured.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Chart {
+pub(in crate::report) struct Chart {
     /// The name of the x axis, with its unit.
-    pub(super) x: &'static str,
+    pub(in crate::report) x: &'static str,
     /// The name of the y axis, with its unit.
-    pub(super) y: &'static str,
+    pub(in crate::report) y: &'static str,
     /// What it shows.
-    pub(super) series: Vec<Series>,
+    pub(in crate::report) series: Vec<Series>,
     /// A horizontal line that the values are held against.
-    pub(super) bound: Option<(f64, String)>,
+    pub(in crate::report) bound: Option<(f64, String)>,
     /// Labels beside single points.
-    pub(super) labels: Vec<(f64, f64, String)>,
+    pub(in crate::report) labels: Vec<(f64, f64, String)>,
     /// The keys of the frames' records to show under the pointer; empty if x is not a frame.
-    pub(super) keys: &'static [&'static str],
+    pub(in crate::report) keys: &'static [&'static str],
 }
 
 impl Render for Chart {
     fn render(&self) -> Markup {
-        if self.series.iter().all(|s| s.points.is_empty()) {
+        if self.is_empty() {
             return html! { p.none { "Not measured in this run." } };
         }
-        let areas = self.stacked();
-        let points = || self.series.iter().flat_map(|s| &s.points);
-        let mut ys: Vec<f64> = points().map(|p| p.1).chain(areas.iter().flatten().map(|a| a.2)).collect();
-        ys.extend(self.bound.iter().map(|b| b.0));
-        let y = Axis::of_values(&mut ys, !areas.is_empty(), (BOTTOM, TOP));
-        let x = self.x_axis();
         let names: Vec<&str> = self.series.iter().map(|s| s.name.as_str()).collect();
         let hover = |value: String| (!self.keys.is_empty()).then_some(value);
+        let x = self.x_axis();
         html! {
             (self.legend())
             svg viewBox={ "0 0 " (WIDTH) " " (HEIGHT) } role="img"
                 aria-label={ (self.y) " over " (self.x) ": " (names.join(", ")) }
                 data-keys=[hover(self.keys.join(" "))] data-low=[hover(x.low.to_string())]
                 data-high=[hover(x.high.to_string())]
+            { (self.drawing()) }
+        }
+    }
+}
+
+impl Chart {
+    /// Whether there is nothing to draw.
+    pub(in crate::report) fn is_empty(&self) -> bool {
+        self.series.iter().all(|s| s.points.is_empty())
+    }
+
+    /// The chart as a file of its own, under a title.
+    pub(in crate::report) fn file(&self, title: &str) -> Markup {
+        const ROW: f64 = 18.0;
+        const COLUMNS: usize = 3;
+        let named: Vec<&Series> = self.series.iter().filter(|s| !s.points.is_empty()).collect();
+        let above = 24.0 + ROW * named.len().div_ceil(COLUMNS) as f64;
+        let place = |at: usize| {
+            let column = (RIGHT - LEFT) / COLUMNS as f64 * (at % COLUMNS) as f64;
+            (LEFT + column, 36.0 + ROW * (at / COLUMNS) as f64)
+        };
+        html! {
+            svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (WIDTH) " " (HEIGHT + above) }
+                role="img" aria-label={ (title) ": " (self.y) " over " (self.x) }
             {
+                style { (PreEscaped(include_str!("../chart.css"))) }
+                rect.back width="100%" height="100%" rx="8" {}
+                text.label x=(LEFT) y="18" font-weight="600" { (title) }
+                @for (at, series) in named.iter().enumerate() {
+                    @let (left, base) = place(at);
+                    line class={ "line " (series.class) } x1=(unit(left)) x2=(unit(left + 16.0))
+                        y1=(unit(base - 4.0)) y2=(unit(base - 4.0)) stroke="currentColor" {}
+                    text x=(unit(left + 22.0)) y=(unit(base)) { (series.name) }
+                }
+                g transform={ "translate(0 " (unit(above)) ")" } { (self.drawing()) }
+            }
+        }
+    }
+
+    fn drawing(&self) -> Markup {
+        let areas = self.stacked();
+        let points = || self.series.iter().flat_map(|s| &s.points);
+        let mut ys: Vec<f64> = points().map(|p| p.1).chain(areas.iter().flatten().map(|a| a.2)).collect();
+        ys.extend(self.bound.iter().map(|b| b.0));
+        let y = Axis::of_values(&mut ys, !areas.is_empty(), (BOTTOM, TOP));
+        let x = self.x_axis();
+        html! {
                 (grid(&x, &y))
                 @for (series, area) in self.series.iter().filter(|s| s.mark == Mark::Area).zip(&areas) {
                     (polygon(series.class, area, &x, &y))
@@ -105,12 +146,9 @@ impl Render for Chart {
                 {
                     (self.y) @if y.log { ", logarithmic" }
                 }
-            }
         }
     }
-}
 
-impl Chart {
     /// For each area its points as (x, lower edge, upper edge).
     fn stacked(&self) -> Vec<Vec<(f64, f64, f64)>> {
         let mut floor: Vec<f64> = Vec::new();

@@ -4,6 +4,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
 use trimaran_audit::metrics::{ImageRef, flip};
+use trimaran_cull::Image;
 
 use crate::report::format::{figure, plural};
 use crate::report::png::Rgb;
@@ -134,6 +135,21 @@ fn pane(title: &str, text: &str, image: &Rgb, shrink: Shrink) -> Markup {
             }
         }
     }
+}
+
+/// A picture as a pane; nothing if it has no pixels.
+pub(in crate::report::html) fn pane_of(title: &str, text: &str, image: &Image) -> Markup {
+    let image = ImageRef::of(image).ok();
+    image.map_or_else(Markup::default, |image| pane(title, text, &Rgb::of(&image), Shrink::Mean))
+}
+
+/// The FLIP map of a picture as a pane; nothing if it cannot be made.
+pub(in crate::report::html) fn flip_pane(reference: &Image, picture: &Image, text: &str) -> Markup {
+    let map = |[reference, picture]: [&Image; 2]| {
+        flip_map(&Rgb::of(&ImageRef::of(reference).ok()?), &Rgb::of(&ImageRef::of(picture).ok()?))
+    };
+    let map = map([reference, picture]);
+    map.map_or_else(Markup::default, |map| pane("FLIP", text, &map, Shrink::Brightest))
 }
 
 fn mean(block: &[[u8; 3]]) -> [u8; 3] {

@@ -7,9 +7,10 @@ mod tables;
 
 use maud::{PreEscaped, html};
 
-use super::document;
+use super::{document, embeddable};
 use crate::report::schema::{Frame, Report};
 pub(in crate::report) use comparison::{Comparison, choose};
+pub(super) use comparison::{flip_pane, pane_of};
 
 /// The page.
 ///
@@ -38,8 +39,7 @@ pub(in crate::report) fn page(
 fn embedded(report: &Report) -> Result<String, serde_json::Error> {
     let frames = report.frames.iter().map(|f| Frame { visible: None, ..f.clone() }).collect();
     let slim = Report { frames, ..report.clone() };
-    // Within JSON `<` occurs in strings only. As JSON's own escape it cannot end the script element.
-    Ok(serde_json::to_string(&slim)?.replace('<', "\\u003c"))
+    embeddable(&slim)
 }
 
 /// The last part of a path, as typed.

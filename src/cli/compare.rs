@@ -1,0 +1,278 @@
+//! `trimaran compare`: systems held against each other on one scene and one path.
+
+mod audit;
+mod lag;
+mod walks;
+
+use trimaran::{
+    comparison::{Coherence, System},
+    report::{
+        Report,
+        comparison::{ComparedPicture, write},
+        schema::{
+            AloneFigures, COMPARISON_VERSION, CoherencePoint, Comparison, ComparisonTable, CurvePoint,
+            DrawnFigures, ExactFrame, FrameCost, MeasuredFigures, Stat, SystemFigures, SystemFrame,
+            timestamp,
+        },
+        text,
+    },
+    walkthrough::{CameraPath, Plan, Walk},
+};
+
+use trimaran_proto::LodRule;
+
+use self::{
+    audit::References,
+    walks::{Comparing, Mode},
+};
+use super::{
+    Failure,
+    args::{CompareArgs, LinkKind},
+    print_json, walking,
+};
+
+pub(super) fn run(args: &CompareArgs) -> Result<(), Failure> {
+    check(args)?;
+    std::fs::create_dir_all(&args.out)
+        .map_err(|cause| Failure::bad_input(format!("cannot write to {}: {cause}", args.out.display())))?;
+    let comparing = Comparing::open(args)?;
+    let (mut found, mut pictures) = (about(&comparing), Vec::new());
+    let ended = comparing.fill(&mut found, &mut pictures);
+    comparing.bar.finish_and_clear();
+    if found.tables.is_empty() {
+        return ended;
+    }
+    if let Err(failure) = &ended {
+        found.notes.push(format!("ended early: {failure}"));
+    }
+    let page = write(&args.out, &found, &pictures).map_err(Failure::broken)?;
+    if args.json {
+        print_json(&found)?;
+    } else {
+        print!("{}", text::comparison(&found));
+        println!("page: {}", page.display());
+    }
+    ended
+}
+
+fn check(args: &CompareArgs) -> Result<(), Failure> {
+    let CompareArgs { walk, link, .. } = args;
+    if walk.alone {
+        return Err(Failure::bad_input("a comparison walks with --alone and without: leave --alone out"));
+    }
+    if walk.few_pixels {
+        return Err(Failure::bad_input("--few-pixels lets pictures depend on the culling: leave it out"));
+    }
+    if *link == LinkKind::Inproc {
+        return Err(Failure::bad_input(
+            "--link joins the processes of a system: give unix, tcp, quic or udp",
+        ));
+    }
+    Ok(())
+}
+
+/// What a comparison says beside its figures.
+fn about(comparing: &Comparing<'_>) -> Comparison {
+    let Comparing { args, drawn, .. } = comparing;
+    let info = drawn.gpu().info();
+    let way = Walk { file: &comparing.file, drawn, plan: &comparing.first_plan, path: &comparing.path };
+    Comparison {
+        schema_version: COMPARISON_VERSION,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        command_line: std::env::args().collect(),
+        started: timestamp(walking::date()),
+        scene: way.run().scene,
+        device: info.name.clone(),
+        driver: info.driver.clone(),
+        cores: std::thread::available_parallelism().map_or(1, |cores| cores.get() as u32),
+        width: args.walk.size.width,
+        height: args.walk.size.height,
+        path: args.walk.path.clone(),
+        seed: (args.walk.path == "auto").then_some(args.walk.seed),
+        frames: comparing.path.frames(),
+        link: comparing.link_name(),
+        rounds: args.rounds,
+        ..Comparison::default()
+    }
+}
+
+impl Comparing<'_> {
+    /// Walks all that is asked for; what was found before a failure stays.
+    fn fill(&self, found: &mut Comparison, pictures: &mut Vec<ComparedPicture>) -> Result<(), Failure> {
+        let mut bounds = self.args.epsilon.clone();
+        bounds.extend(self.args.curve.iter().filter(|px| !self.args.epsilon.contains(px)));
+        let mut references = References::find(self, &bounds)?;
+        for &epsilon in &self.args.epsilon {
+            let (table, points) = self.table(epsilon, &mut references)?;
+            found.tables.push(table);
+            pictures.extend(references.pictures(&Plan { lod: lod(epsilon)?, ..self.first_plan })?);
+            if self.args.curve.contains(&epsilon) {
+                found.curve.extend(points);
+            }
+        }
+        for &epsilon in self.args.curve.iter().filter(|px| !self.args.epsilon.contains(px)) {
+            for system in self.by_work() {
+                let report = self.audited(system, epsilon, &mut references)?;
+                found.curve.extend(self.all_of(system).map(|system| point(system, &report)));
+            }
+        }
+        let Some(&epsilon) = self.args.epsilon.first() else { return Ok(()) };
+        if !self.args.no_coherence {
+            self.coherence(epsilon, &mut found.coherence)?;
+        }
+        self.lag(epsilon, &mut references, &mut found.lag)
+    }
+
+    /// All systems at one error bound, in rounds: whatever else the machine does meets all of them.
+    fn table(
+        &self,
+        epsilon: f64,
+        references: &mut References,
+    ) -> Result<(ComparisonTable, Vec<CurvePoint>), Failure> {
+        let mut alone: Vec<(System, Vec<Report>)> =
+            self.by_work().map(|system| (system, Vec::new())).collect();
+        let mut measured: Vec<(System, Vec<Report>)> =
+            self.args.systems.iter().map(|system| (*system, Vec::new())).collect();
+        for round in 0..self.args.rounds {
+            for (system, reports) in &mut alone {
+                // The frames are the same in each round.
+                reports.push(match round {
+                    0 => self.audited(*system, epsilon, references)?,
+                    _ => self.walk(*system, epsilon, Mode::Alone)?,
+                });
+            }
+            for (system, reports) in &mut measured {
+                reports.push(self.walk(*system, epsilon, Mode::Measured)?);
+            }
+        }
+        let figures = |(system, measured): &(System, Vec<Report>)| {
+            let (_, alone) = alone.iter().find(|(other, _)| other.same_work(*system))?;
+            Some(figures(*system, alone, measured))
+        };
+        let systems: Vec<_> = measured.iter().filter_map(figures).collect();
+        let points = alone.iter().filter_map(|(system, reports)| Some((*system, reports.first()?)));
+        let points =
+            points.flat_map(|(system, report)| self.all_of(system).map(move |system| point(system, report)));
+        let table = ComparisonTable { epsilon_px: epsilon, exact: exact(references, epsilon), systems };
+        Ok((table, points.collect()))
+    }
+
+    /// The same at other paces of the path.
+    fn coherence(&self, epsilon: f64, found: &mut Vec<CoherencePoint>) -> Result<(), Failure> {
+        for coherence in Coherence::ALL {
+            let poses = coherence.path(&self.poses).map_err(Failure::broken)?;
+            let mut walked = Vec::new();
+            for system in self.by_work() {
+                let path = self.path_of(system, epsilon, &poses)?;
+                walked.push((system, self.walk_on(system, epsilon, Mode::Alone, &path)?, path));
+            }
+            let exact = walked.iter().find(|(system, ..)| *system == System::Exact);
+            let exact = exact.map(|(_, report, _)| report.clone());
+            for (system, report, path) in &walked {
+                let (step_m, turn_deg) = motion(path);
+                let cost = FrameCost::of(report);
+                let nodes_over_exact = exact.as_ref().and_then(|exact| nodes_over(report, exact));
+                found.extend(self.all_of(*system).map(|system| CoherencePoint {
+                    system,
+                    coherence,
+                    epsilon_px: epsilon,
+                    step_m,
+                    turn_deg,
+                    cost,
+                    nodes_over_exact,
+                }));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn lod(epsilon: f64) -> Result<LodRule, Failure> {
+    LodRule::new(epsilon).map_err(Failure::bad_input)
+}
+
+/// A row of a table.
+fn figures(system: System, alone: &[Report], measured: &[Report]) -> SystemFigures {
+    let median = |key: &str| {
+        let medians = alone.iter().filter_map(|report| Some(report.summary.metrics.get(key)?.median));
+        Stat::of(medians).map(|stat| stat.median)
+    };
+    let models = || alone.iter().filter_map(|report| report.summary.model);
+    let first = alone.first();
+    let bytes = measured.first().map_or(0.0, |report| {
+        let bytes: u64 = report.frames.iter().filter_map(|frame| frame.bytes).sum();
+        bytes as f64 / report.frames.len().max(1) as f64
+    });
+    let frames = first.map_or_else(Vec::new, |report| {
+        let intervals = report.modelled_intervals_ms();
+        let frame = |(frame, modelled_ms): (&trimaran::report::Frame, Option<f64>)| SystemFrame {
+            frame: frame.frame,
+            modelled_ms,
+            objects: frame.objects_drawn.unwrap_or(0),
+            triangles: frame.triangles_drawn.unwrap_or(0),
+        };
+        report.frames.iter().zip(intervals).map(frame).collect()
+    });
+    SystemFigures {
+        system,
+        alone: AloneFigures {
+            or_ms: median("or_ms"),
+            hc_ms: median("hc_ms"),
+            rvg_ms: median("rvg_ms"),
+            model_fps: models().map(|model| model.fps).collect(),
+            model_fps_at_least: models().map(|model| model.fps_at_least).collect(),
+            model_latency_ms: models().map(|model| model.latency_ms).collect(),
+        },
+        measured: MeasuredFigures {
+            processes: system.processes(),
+            fps: measured.iter().filter_map(|report| report.summary.measured_fps).collect(),
+            latency_ms: measured
+                .iter()
+                .filter_map(|report| Some(report.summary.metrics.get("latency_ms")?.median))
+                .collect(),
+        },
+        drawn: DrawnFigures { bytes, ..first.map(DrawnFigures::of).unwrap_or_default() },
+        frames,
+    }
+}
+
+fn point(system: System, report: &Report) -> CurvePoint {
+    let metrics = &report.summary.metrics;
+    CurvePoint {
+        system,
+        epsilon_px: report.run.epsilon_px,
+        cost: FrameCost::of(report),
+        flip_mean: metrics.get("flip_mean").map(|stat| stat.median),
+        silhouette_max_px: metrics.get("silhouette_max_px").map(|stat| stat.max),
+        surface_max_px: metrics.get("surface_max_px").map(|stat| stat.max),
+        wrong_pixels: report.summary.cut_mismatch_pixels_total.unwrap_or(0),
+    }
+}
+
+fn exact(references: &References, epsilon: f64) -> Vec<ExactFrame> {
+    let frame = |(frame, reference): (u32, &trimaran::walkthrough::Reference)| ExactFrame {
+        frame,
+        nodes: reference.exact.len() as u64,
+        objects: reference.objects,
+        triangles: reference.triangles,
+    };
+    references.at(epsilon).map(frame).collect()
+}
+
+/// Nodes drawn over nodes exactly visible, median over the frames that show something.
+fn nodes_over(report: &Report, exact: &Report) -> Option<f64> {
+    let nodes = |report: &Report| -> Vec<u64> {
+        report.frames.iter().map(|frame| frame.nodes_drawn.unwrap_or(0)).collect()
+    };
+    let pairs = nodes(report).into_iter().zip(nodes(exact)).filter(|(_, exact)| *exact > 0);
+    Stat::of(pairs.map(|(drawn, exact)| drawn as f64 / exact as f64)).map(|stat| stat.median)
+}
+
+/// How far the eye moves between two frames, metres, and turns, degrees: medians.
+fn motion(path: &CameraPath) -> (f64, f64) {
+    let pairs = || path.poses().frames().windows(2).filter_map(<[_]>::first_chunk::<2>);
+    let median = |values: Vec<f64>| Stat::of(values).map_or(0.0, |stat| stat.median);
+    let step = median(pairs().map(|[a, b]| a.eye().distance(b.eye())).collect());
+    let turn = pairs().map(|[a, b]| a.orientation().angle_between(b.orientation()).to_degrees()).collect();
+    (step, median(turn))
+}
