@@ -52,7 +52,9 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), Failure> {
         print!("{}", text::comparison(&found));
         println!("page: {}", page.display());
     }
-    ended
+    ended.map_err(|why| {
+        Failure::incomplete(format!("the comparison ended early, and its page says so: {why}"))
+    })
 }
 
 fn check(args: &CompareArgs) -> Result<(), Failure> {

@@ -38,6 +38,10 @@ pub(in crate::report) fn figures(comparison: &Comparison) -> Vec<Figure> {
     over_frames.chain(others).filter(|figure| !figure.chart.is_empty()).collect()
 }
 
+fn figure(caption: &'static str, name: &str, title: &str, chart: Chart) -> Figure {
+    Figure { name: name.to_owned(), title: title.to_owned(), caption, chart }
+}
+
 /// The colour of a system, the same in every figure.
 fn class(system: System) -> &'static str {
     const CLASSES: [&str; 10] = ["s0", "s1", "s2", "s3", "s4", "s5", "s6", "s7", "s8", "s9"];
@@ -181,19 +185,15 @@ fn coherence(points: &[CoherencePoint]) -> Vec<Figure> {
     };
     let caption = "From left to right: the walk at a quarter of its pace, the walk, turns on the spot, and its \
                    places in an order without coherence.";
-    let figure = |name: &str, title: &str, chart| Figure {
-        name: name.to_owned(),
-        title: title.to_owned(),
-        caption,
-        chart,
-    };
     vec![
         figure(
+            caption,
             "ms-coherence",
             "Time a frame against coherence",
             chart("ms a frame, modelled", |point| point.cost.modelled_ms),
         ),
         figure(
+            caption,
             "triangles-coherence",
             "Triangles against coherence",
             chart("triangles drawn", |point| point.cost.triangles),
@@ -210,23 +210,24 @@ fn lag(points: &[LagPoint]) -> Vec<Figure> {
         ..Chart::default()
     };
     let caption = "Walked by the clock, as processes that share this machine's cores; one point a pace.";
-    let figure = |name: &str, title: &str, chart| Figure {
-        name: name.to_owned(),
-        title: title.to_owned(),
-        caption,
-        chart,
-    };
     vec![
         figure(
+            caption,
             "flip-lag",
             "FLIP against the picture due, by lag",
             chart("FLIP against the picture due", |point| point.flip_mean),
         ),
         figure(
+            caption,
             "ms-lag",
             "Time a frame against lag",
             chart("ms a frame, measured", |point| point.fps.filter(|fps| *fps > 0.0).map(|fps| 1e3 / fps)),
         ),
-        figure("triangles-lag", "Triangles against lag", chart("triangles drawn", |point| point.triangles)),
+        figure(
+            caption,
+            "triangles-lag",
+            "Triangles against lag",
+            chart("triangles drawn", |point| point.triangles),
+        ),
     ]
 }
