@@ -5,7 +5,7 @@ use maud::{Markup, PreEscaped, html};
 use super::{card, document, embeddable, table, walk};
 use crate::comparison::System;
 use crate::report::comparison::{ComparedPicture, Figure, Table, ratio};
-use crate::report::format::{figure, grouped};
+use crate::report::format::{figure, grouped, plural};
 use crate::report::schema::{Comparison, ComparisonTable, SystemFigures};
 
 /// The page.
@@ -68,7 +68,8 @@ pub(in crate::report) fn page(
         script type="application/json" id="report" { (PreEscaped(data)) }
         script { (PreEscaped(include_str!("walk/script.js"))) }
     };
-    Ok(document(&format!("Trimaran: systems compared on {}", comparison.scene.file), &body).into_string())
+    let title = format!("Trimaran: systems compared on {}", walk::file_name(&comparison.scene.file));
+    Ok(document(&title, &body).into_string())
 }
 
 fn whole(rows: &Table) -> Markup {
@@ -113,7 +114,7 @@ fn header(comparison: &Comparison) -> Markup {
     html! {
         header {
             div.kicker { "Trimaran " (comparison.version) ", " (comparison.started) }
-            h1 { "Systems compared on " (comparison.scene.file) }
+            h1 { "Systems compared on " (walk::file_name(&comparison.scene.file)) }
             p.setting {
                 (grouped(comparison.scene.triangles as f64)) " triangles in "
                 (grouped(comparison.scene.objects as f64)) " objects; " (comparison.frames) " frames of "
@@ -155,11 +156,24 @@ fn verdict(table: &ComparisonTable) -> Markup {
             @if audited == 0 {
                 "No picture was checked."
             } @else {
-                (grouped(wrong as f64)) " pixels of all systems differ from the picture without culling, in "
-                (grouped(f64::from(audited))) " frames checked."
+                (checked(table, audited))
             }
         }
     }
+}
+
+/// Whose pictures have wrong pixels.
+fn checked(table: &ComparisonTable, frames: u32) -> String {
+    let wrong = table.systems.iter().filter(|figures| figures.drawn.wrong_pixels > 0);
+    let wrong: Vec<_> = wrong
+        .map(|figures| {
+            let pixels = plural(figures.drawn.wrong_pixels, "wrong pixel", "wrong pixels");
+            format!("{} has {pixels}", figures.system)
+        })
+        .collect();
+    let frames = plural(u64::from(frames), "frame was", "frames were");
+    let found = if wrong.is_empty() { "no pixel is wrong".to_owned() } else { wrong.join(", ") };
+    format!("{frames} checked against the picture without culling: {found}.")
 }
 
 /// Which machine a system waits for.

@@ -43,7 +43,7 @@ fn embedded(report: &Report) -> Result<String, serde_json::Error> {
 }
 
 /// The last part of a path, as typed.
-fn file_name(path: &str) -> &str {
+pub(super) fn file_name(path: &str) -> &str {
     path.rsplit(['/', '\\']).next().filter(|n| !n.is_empty()).unwrap_or(path)
 }
 
