@@ -22,11 +22,11 @@ pub enum CullingMethod {
     /// Levels of detail and the frustum, nothing else: all that is in sight is drawn.
     Frustum,
     /// A ray cast on the CPU through the centre of each pixel, and what it hits first taken: what a machine
-    /// without a GPU can do. It may differ from a rasterizer at the edges of triangles, so that now and then
-    /// its picture lacks a pixel.
+    /// without a GPU can do. A rasterizer may differ at the edges of triangles, so that now and then the
+    /// picture lacks what shows at a single pixel.
     Rays,
-    /// All that is in sight drawn into an item buffer, and what owns a pixel of it taken: no method finds
-    /// less.
+    /// All that is in sight drawn into an item buffer, and what owns a pixel of it taken: no method that
+    /// draws the same picture finds less.
     Exact,
 }
 

@@ -1,7 +1,7 @@
 //! Which sides of its triangles a draw shows: of solids seen from outside, the front.
 //!
-//! That takes nothing from the picture, and saves whoever draws half of a solid's triangles. All decide alike,
-//! since only the drawable, its node and the view count.
+//! That takes nothing from the picture, and saves whoever draws half of a solid's triangles. All decide
+//! alike, since only the drawable, its node and the view count.
 
 use trimaran_scene::{Drawable, Node, Sides};
 

@@ -42,8 +42,8 @@ const LEAF: u32 = 8;
 pub(super) const LARGEST: f32 = 1e12;
 
 /// The most that a matrix may stretch one direction over another one for rays to be taken into its node's
-/// frame, and the most that it may magnify or reduce them: beyond, too little of f32 is left. Frobenius norms,
-/// where 3 is the least that the first can be.
+/// frame, and the most that it may magnify or reduce them: beyond, too little of f32 is left. In Frobenius
+/// norms, by which the least stretch there is is 3.
 const MOST_STRETCH: f64 = 100.0;
 const MOST_SCALE: f64 = 1e4;
 
@@ -116,8 +116,8 @@ impl Mesh {
         Some(Self { tree, triangles })
     }
 
-    /// How far it is to the first triangle along each ray; infinite for those that meet none by `end`, or, where
-    /// only `front`s show, from the front.
+    /// How far it is to the first triangle along each ray; infinite for those that meet none by `end`, or
+    /// none from its front where only `front`s show.
     #[inline]
     pub(super) fn first(&self, packet: &Packet, end: Vec4, front: bool, stack: &mut Vec<u32>) -> Vec4 {
         let mut end = end;

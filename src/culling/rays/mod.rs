@@ -30,8 +30,8 @@ use super::work::{FrameCuller, Seen};
 use mesh::Meshes;
 use placed::Placed;
 
-/// Casts a ray through the centre of each pixel, and takes what is hit first. What is seen through is taken as
-/// a whole.
+/// Casts a ray through the centre of each pixel, and takes what is hit first. What is seen through is taken
+/// as a whole.
 pub(super) struct Rays {
     scene: Arc<Scene>,
     meshes: Meshes,
@@ -75,7 +75,8 @@ impl FrameCuller for Rays {
         let shown = self.solid.iter().zip(shows).filter(|(_, shows)| shows.load(Ordering::Relaxed));
         found.extend(shown.map(|(id, _)| *id));
         let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
-        let (hidden, not_finite) = (self.solid.len() - found.len(), self.placed.undecided().len());
+        let hidden = self.solid.len().saturating_sub(found.len());
+        let not_finite = self.placed.undecided().len();
         found.extend_from_slice(&self.see_through);
         Ok(CullCounts {
             tested: count(self.solid.len() - not_finite),

@@ -26,7 +26,7 @@ pub(super) struct Packet {
 /// two triangles.
 const EDGE: f32 = 1e-6;
 
-/// The most that a reciprocal counts as. That of zero is not infinite, since infinity times zero is no number.
+/// The most that a reciprocal counts as. That of zero is not infinite: infinity times zero is no number.
 const STEEPEST: f32 = 1e30;
 
 impl Packet {

@@ -97,8 +97,8 @@ impl Placed {
         &self.undecided
     }
 
-    /// Calls `hit` with each pixel of `view`, counted row by row from the top left, and what shows there: its
-    /// place in the drawing order. At a pixel where surfaces lie in the same place, several may show.
+    /// Calls `hit` with each pixel of `view`, counted row by row from the top left, and the index of what
+    /// shows there: of each, where surfaces lie in the same place.
     pub(super) fn cast(&self, view: &View, hit: impl Fn(usize, u32) + Sync) {
         let rays = PixelRays::new(view);
         let (width, height) = (view.viewport().width() as usize, view.viewport().height() as usize);

@@ -92,12 +92,12 @@ fn hit_exactly(scene: &Scene, view: &View, ids: &[DrawableId], place: DVec2) -> 
     hits.into_iter().map(|(_, id)| id).collect()
 }
 
-/// What owns so many pixels must be found. Fewer may all be at edges: corners are at places of the rasterizer's
-/// grid, and of rays at none.
+/// What owns so many pixels must be found. Fewer may all be at edges, where the rasterizer differs by moving
+/// corners to places of its grid.
 const ENOUGH_PX: usize = 4;
 
-/// Checks what rays found against the reference rasterizer. At each pixel they hit what is rasterized there or,
-/// where that differs, what a ray in f64 may hit.
+/// Checks what rays found against the reference rasterizer. At each pixel they hit what is rasterized there,
+/// or where that differs, what a ray in f64 may hit.
 fn check(name: &str, scene: &Scene, view: &View, found: &Found) {
     let reference = rasterize(scene, view, found.solid.iter().copied(), Placement::Exact);
     let mut owned = BTreeMap::<DrawableId, usize>::new();
