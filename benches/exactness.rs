@@ -77,7 +77,7 @@ struct Walk {
 
 impl Walk {
     fn new(scene: Arc<Scene>, size: Viewport) -> Outcome<Self> {
-        let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
+        let drawn = GpuScene::new(&Gpu::open(&GpuOptions::default())?, &scene)?;
         Ok(Self {
             rule: LodRule::new(EPSILON_PX)?,
             culler: Culler::new(Arc::clone(&scene)),

@@ -12,7 +12,7 @@
 
 use std::{collections::HashSet, error::Error, path::Path, sync::Arc};
 
-use trimaran::{vulkan::VulkanCuller, walkthrough::ObjectCounts};
+use trimaran::{vulkan::VulkanCuller, walkthrough::count_objects};
 use trimaran_actors::OccluderPolicy;
 use trimaran_audit::{Placement, rasterize};
 use trimaran_cull::{Culler, DrawOrder, LodRule, View, Viewport, lod_cut, triangles};
@@ -81,13 +81,12 @@ struct Roles {
     items: ItemPass,
     pictures: PicturePass,
     order: DrawOrder,
-    objects: ObjectCounts,
     visible: Vec<DrawableId>,
 }
 
 impl Roles {
     fn new(scene: Arc<Scene>, first: &View) -> Outcome<Self> {
-        let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
+        let drawn = GpuScene::new(&Gpu::open(&GpuOptions::default())?, &scene)?;
         let size = first.viewport();
         let mut roles = Self {
             rule: LodRule::new(EPSILON_PX)?,
@@ -96,7 +95,6 @@ impl Roles {
             items: ItemPass::new(&drawn, size)?,
             pictures: PicturePass::new(&drawn, size)?,
             order: DrawOrder::default(),
-            objects: ObjectCounts::new(&scene),
             visible: Vec::new(),
             scene,
         };
@@ -136,7 +134,7 @@ impl Roles {
         let visible: HashSet<DrawableId> = self.visible.iter().copied().collect();
         let missing = exact.drawables.iter().filter(|id| !visible.contains(id)).copied();
         self.assert_hidden(view, &missing.collect::<Vec<_>>());
-        let objects = |ids: &[DrawableId]| self.objects.of(&self.scene, ids.iter().copied()) as f64;
+        let objects = |ids: &[DrawableId]| count_objects(&self.scene, ids.iter().copied()) as f64;
         let drawn_triangles = triangles(&self.scene, &self.visible) as f64;
         let visible_triangles = triangles(&self.scene, &exact.drawables) as f64;
         let seen = exact.triangles as f64;

@@ -75,7 +75,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // The cullers' devices are real, and may be the same one.
     let settings = Settings::new(Viewport::new(512, 512)?, LodRule::new(2.0)?);
-    let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
+    let drawn = GpuScene::new(&Gpu::open(&GpuOptions::default())?, &scene)?;
     let culler = |_| Ok(VulkanCuller::new(&drawn, settings.viewport, settings.occlusion_test)?);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new();

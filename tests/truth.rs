@@ -164,7 +164,7 @@ fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let twins = Twins::of(&model);
     let scene = cooked(&model);
     assert_eq!(scene.objects().len(), truth.objects, "every object of the truth is in the scene");
-    let drawn = GpuScene::upload(&gpu, &scene)?;
+    let drawn = GpuScene::new(&gpu, &scene)?;
     // The rule decides levels, of which full detail has none to decide.
     let size = Viewport::new(truth.width, truth.height)?;
     let mut auditor = Auditor::new(&scene, &drawn, Settings::new(size, LodRule::new(1.0)?))?;

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use trimaran_cook::import::{ImportLimits, ImportOptions, import_bytes};
 use trimaran_cook::{CookOptions, cook};
-use trimaran_scene::Scene;
-use xxhash_rust::xxh3::{Xxh3Default, xxh3_64, xxh3_128};
+use trimaran_scene::{OpenError, Scene};
 
 /// Small, so that a run is fast.
 const LIMITS: ImportLimits = ImportLimits { triangles: 20_000, vertices: 20_000, objects: 500, depth: 20 };
@@ -44,32 +43,52 @@ fn import(name: &str, bytes: &[u8]) {
     if report.triangles <= COOKED && report.objects <= COOKED {
         let options = CookOptions { max_nodes: 10_000, ..CookOptions::default() };
         if let Ok(scene) = cook(&model, &options, &()) {
-            walk(&scene);
+            assert_eq!(scene.check().map_err(|fault| fault.to_string()), Ok(()));
+            assert_eq!(walk(&scene), scene.totals().full_detail_triangles);
         }
     }
 }
 
-/// Any bytes as a scene file, as they are and with its checksums put right: an error, or a scene all of whose
-/// records can be followed.
+/// Any bytes as a scene file, as they are and with its checksums put right: an error, a fault, or a scene all
+/// of whose records can be followed.
 pub fn scene(bytes: &[u8]) {
     for file in [bytes, &sealed(bytes)] {
-        match Scene::open_bytes(Path::new("a.scene"), file) {
-            Ok(scene) => walk(&scene),
-            Err(error) => assert!(error.to_string().contains("a.scene"), "{error}"),
+        let open = || Scene::open_bytes(Path::new("a.scene"), file);
+        match open().and_then(|scene| scene.check().map(|()| scene).map_err(OpenError::Read)) {
+            Ok(scene) => {
+                walk(&scene);
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("a.scene"), "{error}");
+                if let OpenError::Read(fault) = error {
+                    let end = file.len() as u64;
+                    assert!(fault.bytes.start <= fault.bytes.end && fault.bytes.end <= end, "{fault}");
+                }
+            }
+        }
+        // Once more from the end, nothing of it checked before.
+        if let Ok(scene) = open() {
+            let found = scene.drawables().iter().rev().count() + scene.nodes().iter().rev().count();
+            let all = scene.drawables().len() + scene.nodes().len();
+            assert_eq!(found < all, scene.fault().is_some(), "{found} of {all} records: {:?}", scene.fault());
         }
     }
 }
 
-/// Follows every record to all that it refers to: what later code does without looking.
-fn walk(scene: &Scene) {
+/// Follows every record to all that it refers to: what later code does without looking. Returns the triangles
+/// of the leaves at their finest.
+fn walk(scene: &Scene) -> u64 {
     let (nodes, drawables) = (scene.nodes(), scene.drawables());
     let mut met = vec![false; nodes.len()];
-    let mut drawn = 0;
+    let (mut drawn, mut triangles, mut leaves) = (0, 0, 0);
+    let mut reader = scene.reader();
     for (index, node) in (0..).zip(nodes) {
         let (low, high) = node.world_box();
         assert!(low.cmple(high).all() && low.is_finite() && high.is_finite());
+        assert!(node.reach >= node.own_reach());
         for child in node.children() {
             assert!(child > index && nodes[child as usize].parent == index);
+            assert!(nodes[child as usize].reach <= node.reach);
             assert!(!std::mem::replace(&mut met[child as usize], true), "node {child} has two parents");
         }
         let mut finest = 0.0;
@@ -77,51 +96,60 @@ fn walk(scene: &Scene) {
             let drawable = &drawables[id.index()];
             assert!(drawable.node == index && drawable.error >= finest);
             finest = drawable.error;
-            let indices = &scene.indices()[drawable.first_index as usize..][..drawable.index_count as usize];
-            let vertices =
-                &scene.vertices()[drawable.vertex_offset as usize..][..drawable.vertex_count as usize];
-            assert!(
-                indices
-                    .iter()
-                    .all(|&corner| vertices[corner as usize].position.iter().all(|x| x.is_finite()))
-            );
+            match reader.read(drawable.geometry) {
+                Ok(geometry) => {
+                    assert_eq!((geometry.triangles(), geometry.check()), (drawable.triangles as usize, None));
+                }
+                Err(fault) => unreachable!("it was checked: {fault}"),
+            }
             drawn += 1;
         }
         if node.is_leaf() {
             assert!(scene.object_name(node.object).is_some());
+            assert_eq!(scene.leaf(leaves).map(|(id, _)| id.0), Some(index));
+            leaves += 1;
+            let finest = &drawables[node.first_drawable as usize];
+            assert!(finest.error == 0.0 && finest.triangles > 0);
+            triangles += u64::from(finest.triangles);
         }
     }
     assert_eq!((drawn, met.iter().filter(|&&met| met).count()), (drawables.len(), nodes.len() - 1));
+    assert_eq!(leaves, scene.leaf_count());
     for object in scene.objects() {
         assert!(scene.source_name(object.source).is_some());
     }
-    assert!(scene.full_detail_triangles() > 0);
+    assert!(triangles > 0 && scene.fault().is_none());
+    triangles
 }
 
-/// A scene file whose head says what its length is, and whose checksums are right:
-/// `roles/scene/src/scene/file.rs` says what it looks like.
-fn sealed(bytes: &[u8]) -> Vec<u8> {
-    const SECTIONS: std::ops::Range<usize> = 40..152;
+/// A scene file whose header says what its length is and where its directory is, and whose hashes are right:
+/// `roles/scene/src/scene/layout.rs` says what it looks like.
+pub fn sealed(bytes: &[u8]) -> Vec<u8> {
+    const HEADER: usize = 128;
+    const FINGERPRINT: usize = 88;
+    const CHECK: usize = 120;
+    const ENTRY: usize = 64;
     let mut file = bytes.to_vec();
-    if file.len() < SECTIONS.end + 8 {
+    let number = |bytes: &[u8]| bytes.iter().rev().fold(0, |number, &byte| number << 8 | usize::from(byte));
+    let Some(header) = file.get(..HEADER) else { return file };
+    let entries = number(&header[12..16]) * ENTRY;
+    let Some(directory) = file.len().checked_sub(entries).filter(|&start| start >= HEADER) else {
         return file;
-    }
+    };
     let length = file.len() as u64;
-    let mut fingerprint = Xxh3Default::new();
-    for section in bytes[SECTIONS].as_chunks::<16>().0 {
-        let [offset, length] = [&section[..8], &section[8..]]
-            .map(|half| u64::from_le_bytes(half.try_into().unwrap_or_default()) as usize);
-        let section = bytes.get(offset..offset.saturating_add(length)).unwrap_or_default();
-        fingerprint.update(&(length as u64).to_le_bytes());
-        for piece in section.chunks(1 << 20) {
-            fingerprint.update(&xxh3_128(piece).to_le_bytes());
-        }
-    }
     file[..8].copy_from_slice(b"TRIMRN\r\n");
-    file[8..12].copy_from_slice(&2_u32.to_le_bytes());
-    file[16..32].copy_from_slice(&fingerprint.digest128().to_le_bytes());
-    file[32..40].copy_from_slice(&length.to_le_bytes());
-    let check = xxh3_64(&file[..SECTIONS.end]);
-    file[SECTIONS.end..SECTIONS.end + 8].copy_from_slice(&check.to_le_bytes());
+    file[8..12].copy_from_slice(&4_u32.to_le_bytes());
+    file[16..24].copy_from_slice(&length.to_le_bytes());
+    file[24..32].copy_from_slice(&(directory as u64).to_le_bytes());
+    let (pages, entries) = file.split_at_mut(directory);
+    for entry in entries.as_chunks_mut::<ENTRY>().0 {
+        let (offset, length) = (number(&entry[..8]), number(&entry[8..12]));
+        let page = pages.get(offset..offset.saturating_add(length)).unwrap_or_default();
+        entry[32..].copy_from_slice(blake3::hash(page).as_bytes());
+    }
+    let fingerprint = blake3::Hasher::new().update(&pages[..FINGERPRINT]).update(entries).finalize();
+    pages[FINGERPRINT..CHECK].copy_from_slice(fingerprint.as_bytes());
+    let check = blake3::hash(&pages[..CHECK]);
+    pages[CHECK..HEADER].copy_from_slice(&check.as_bytes()[..HEADER - CHECK]);
     file
 }

@@ -49,8 +49,8 @@ pub const ID_BYTES: usize = <DrawableId as Item>::SIZE;
 /// A batch of ids.
 pub type IdBatch = Batch<DrawableId>;
 
-/// The fingerprint of a cooked scene (XXH3-128 of its content): peers that hold different scenes refuse each
-/// other.
+/// The fingerprint of a cooked scene: the first half of the BLAKE3 hash at the root of its tree of hashes.
+/// Peers that hold different scenes refuse each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct SceneHash(pub u128);

@@ -34,6 +34,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         occlusion_test: OcclusionTestArg::Hzb,
         few_pixels: false,
         device: None,
+        gpu_memory: None,
         device_timeout: GpuOptions::TIMEOUT.as_secs_f64(),
         alone: false,
         audit_every: 10,

@@ -19,7 +19,7 @@ use trimaran_actors::{
     Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers,
     RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Turns, max_frame,
 };
-use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
+use trimaran_gpu::{GpuInfo, GpuScene};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SessionKey, Settings};
 use trimaran_scene::path::PathKind;
 use trimaran_transport::{Net, causes, until};
@@ -91,9 +91,6 @@ impl<'s> DisplaySession<'s> {
         no_cullers: impl Future<Output = Failure>,
         beside: impl FnOnce(&mut dyn FnMut() -> Result<(), Early>) -> Result<(), Early>,
     ) -> Result<Recording<'s>, Failure> {
-        if self.walk.plan.audit_every > 0 {
-            ItemPass::check(self.walk.drawn).map_err(Failure::broken)?;
-        }
         (self.about.link, self.about.transport) = transports(&self.cullers, self.listener.as_ref());
         self.about.cullers = u32::try_from(self.cullers.len()).unwrap_or(u32::MAX);
         let bar = self.bar.clone();

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use serde::Serialize;
-use trimaran_scene::{Node, Scene, Sides};
+use trimaran_scene::{Node, Records, Scene, Sides};
 
 use super::{Failure, args::InfoArgs, number};
 
@@ -36,8 +36,8 @@ pub(super) struct SceneSummary {
     /// Triangles at full detail, instances counted each.
     triangles: u64,
     /// Triangles stored, over all levels.
-    triangles_stored: usize,
-    vertices_stored: usize,
+    triangles_stored: u64,
+    vertices_stored: u64,
     /// The world box, metres, y up.
     min: [f64; 3],
     max: [f64; 3],
@@ -60,9 +60,9 @@ impl SceneSummary {
             depth: tree.depth,
             drawables: scene.drawables().len(),
             solids: scene.drawables().iter().filter(|drawable| drawable.sides == Sides::FRONT).count(),
-            triangles: scene.full_detail_triangles(),
-            triangles_stored: scene.indices().len() / 3,
-            vertices_stored: scene.vertices().len(),
+            triangles: scene.totals().full_detail_triangles,
+            triangles_stored: scene.totals().stored_triangles,
+            vertices_stored: scene.totals().stored_vertices,
             min: min.to_array(),
             max: max.to_array(),
         }
@@ -78,7 +78,7 @@ impl SceneSummary {
         println!(
             "  triangles   {} at full detail; {} stored over all levels",
             number(self.triangles),
-            number(self.triangles_stored as u64)
+            number(self.triangles_stored)
         );
         println!(
             "  tree        {} nodes, {} deep; {} of {} groups of objects have merged levels",
@@ -104,7 +104,7 @@ struct Tree {
 }
 
 impl Tree {
-    fn of(nodes: &[Node]) -> Self {
+    fn of(nodes: Records<'_, Node>) -> Self {
         let mut tree = Self::default();
         // Parents stand before their children, so their depths are known.
         let mut depths: Vec<u32> = Vec::with_capacity(nodes.len());
@@ -123,6 +123,8 @@ impl Tree {
 
 pub(super) fn run(args: &InfoArgs) -> Result<(), Failure> {
     let scene = Scene::open(&args.scene).map_err(Failure::bad_input)?;
+    // All of it: an overview of a damaged file would be none.
+    scene.check().map_err(Failure::bad_input)?;
     let summary = SceneSummary::of(&args.scene, &scene);
     if args.json {
         super::print_json(&summary)

@@ -118,6 +118,7 @@ impl CullerProcesses {
                 displays: None,
                 culling: args.culling,
                 device: args.walk.device.clone(),
+                gpu_memory: args.walk.gpu_memory,
                 device_timeout_s: args.walk.device_timeout,
                 join_timeout_s: 120.0,
                 metrics: None,

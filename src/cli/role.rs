@@ -76,7 +76,7 @@ fn culler(
     let endpoints = config.listen.iter().chain(&config.displays).flat_map(Endpoints::iter);
     let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let mut options = Options { security: known, ..options.clone() };
-    let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
+    let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
     let start = Start::new(runtime, config.join_timeout_s, until_input_ends);
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
@@ -116,7 +116,7 @@ fn display(
     let known = security(options, endpoints(), config.keys.as_deref(), &peers);
     let mut options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
     check_trace(config.record.as_deref())?;
-    let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
+    let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
     let start = Start::new(runtime, config.join_timeout_s, until_input_ends);
     let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
         return Ok(());

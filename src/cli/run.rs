@@ -21,7 +21,7 @@ use super::{
     processes::{CullerProcesses, Keyring, endpoints},
     progress,
     recording::{Outcome, Recording, check_trace, open_folder},
-    walking::{self, Metrics, gpu_options, open, stop_on_signal, upload},
+    walking::{self, Metrics, open, stop_on_signal, upload},
 };
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
@@ -49,7 +49,7 @@ pub(super) fn open_devices(
     cullers: usize,
     walk: &WalkArgs,
 ) -> Result<SceneOnDevices, Failure> {
-    let options = gpu_options(walk.device.as_deref(), walk.device_timeout);
+    let options = walk.gpu_options();
     SceneOnDevices::open(&file.scene, cullers, &options).map_err(Failure::broken)
 }
 
@@ -72,7 +72,7 @@ pub(super) fn walk(
     let devices = devices.or(opened.as_ref());
     let drawn = match devices {
         Some(devices) => Arc::clone(&devices.display),
-        None => upload(file, &gpu_options(walk.device.as_deref(), walk.device_timeout))?,
+        None => upload(file, &walk.gpu_options())?,
     };
     let way = Walk { file, drawn: &drawn, plan: &plan, path: &path };
     let runtime = walking::runtime()?;

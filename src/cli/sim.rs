@@ -208,8 +208,9 @@ fn draw_gaps(
         ));
     };
     let file = open(scene)?;
-    let gpu = Gpu::open(&gpu_options(device, GpuOptions::TIMEOUT.as_secs_f64())).map_err(Failure::broken)?;
-    let drawn = GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)?;
+    let gpu =
+        Gpu::open(&gpu_options(device, None, GpuOptions::TIMEOUT.as_secs_f64())).map_err(Failure::broken)?;
+    let drawn = GpuScene::new(&gpu, &file.scene).map_err(Failure::broken)?;
     let mut painter = Painter::new(&file.scene, &drawn, trace).map_err(Failure::bad_input)?;
     let bar = progress::bar("drawing", runs.len() as u64);
     for (run, scenario) in runs.iter_mut().zip(scenarios) {

@@ -9,6 +9,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
+use bytesize::ByteSize;
 use tokio::{
     runtime::{Builder, Runtime},
     signal::unix::{SignalKind, signal},
@@ -98,10 +99,17 @@ pub(super) fn open(path: &Path) -> Result<SceneFile, Failure> {
 }
 
 /// How to open the device that the flags ask for, which may make no progress for `timeout_s` seconds.
-pub(super) fn gpu_options(device: Option<&str>, timeout_s: f64) -> GpuOptions {
+pub(super) fn gpu_options(device: Option<&str>, memory: Option<ByteSize>, timeout_s: f64) -> GpuOptions {
     let device = device.map_or(DeviceChoice::Best, |name| DeviceChoice::Named(name.to_owned()));
     let timeout = Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX);
-    GpuOptions { device, timeout, ..GpuOptions::default() }
+    GpuOptions { device, timeout, memory: memory.map(|size| size.as_u64()), ..GpuOptions::default() }
+}
+
+impl WalkArgs {
+    /// How to open the devices that the flags ask for.
+    pub(super) fn gpu_options(&self) -> GpuOptions {
+        gpu_options(self.device.as_deref(), self.gpu_memory, self.device_timeout)
+    }
 }
 
 /// When it is, for a person: by a clock that may be set at any time.
@@ -191,7 +199,7 @@ pub(super) fn scene(path: &Path) -> Result<SceneFile, Failure> {
 /// The scene on a device.
 pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>, Failure> {
     let gpu = Gpu::open(gpu).map_err(Failure::broken)?;
-    GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
+    GpuScene::new(&gpu, &file.scene).map_err(Failure::broken)
 }
 
 /// What the links carry, once there are any.

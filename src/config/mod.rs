@@ -9,6 +9,7 @@ mod options;
 mod role;
 mod security;
 
+use bytesize::ByteSize;
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -169,6 +170,23 @@ fn split<L: DeserializeOwned>(text: &str) -> Result<(L, Table), toml::de::Error>
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "as the derived code calls it")]
 fn seconds(seconds: &f64) -> Result<(), &'static str> {
     if (0.0..=86_400.0).contains(seconds) { Ok(()) } else { Err("give 0 to 86400 seconds") }
+}
+
+/// The least memory that a device may be told to use for triangles: a large mesh's level takes most of it.
+const LEAST_MEMORY: ByteSize = ByteSize::mib(1);
+
+fn enough_memory(size: &ByteSize) -> Result<(), &'static str> {
+    if *size >= LEAST_MEMORY { Ok(()) } else { Err("give 1MiB at least") }
+}
+
+/// An amount of memory, for a flag.
+///
+/// # Errors
+/// Says what to give.
+pub fn memory(text: &str) -> Result<ByteSize, String> {
+    let size: ByteSize = text.parse().map_err(|_| "give an amount such as 64MiB or 2GB".to_owned())?;
+    enough_memory(&size).map_err(str::to_owned)?;
+    Ok(size)
 }
 
 /// A number above zero, for a flag.

@@ -2,13 +2,14 @@
 
 use std::{net::SocketAddr, path::PathBuf};
 
+use bytesize::ByteSize;
 use confique::Config;
 use serde::Serialize;
 use trimaran_actors::{CullerId, Schedule};
 use trimaran_proto::{IdCoding, OcclusionTestKind};
 use trimaran_transport::Endpoints;
 
-use super::{ConfigError, RoleConfig, positive, seconds};
+use super::{ConfigError, RoleConfig, enough_memory, memory, positive, seconds};
 use crate::culling::CullingMethod;
 
 /// `trimaran role culler`: a culler, which serves displays as they come.
@@ -39,6 +40,15 @@ pub struct CullerConfig {
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
+    /// The most memory of the device for the scene's triangles, such as `64MiB`; the least used make room for
+    /// those that show. Three quarters of what is free if not given.
+    #[config(
+        env = "TRIMARAN_GPU_MEMORY",
+        validate = enough_memory,
+        layer_attr(arg(long = "gpu-memory", value_name = "SIZE", value_parser = memory))
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gpu_memory: Option<ByteSize>,
     /// How long the device may make no progress before it counts as hung, seconds. The culler then ends with
     /// exit code 1, and displays go on without it.
     #[config(
@@ -139,6 +149,15 @@ pub struct DisplayConfig {
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
+    /// The most memory of the device for the scene's triangles, such as `64MiB`; the least used make room for
+    /// those that show. Three quarters of what is free if not given.
+    #[config(
+        env = "TRIMARAN_GPU_MEMORY",
+        validate = enough_memory,
+        layer_attr(arg(long = "gpu-memory", value_name = "SIZE", value_parser = memory))
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gpu_memory: Option<ByteSize>,
     /// How long the device may make no progress before it counts as hung, seconds. The display then ends
     /// with exit code 3 and its report.
     #[config(

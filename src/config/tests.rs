@@ -65,6 +65,7 @@ fn a_cullers_configuration_survives_a_round_trip() {
         displays: Some("quic://show:7400".parse().unwrap()),
         culling: CullingMethod::GigaWalk,
         device: None,
+        gpu_memory: Some(bytesize::ByteSize::mib(64)),
         device_timeout_s: 30.0,
         join_timeout_s: 5.0,
         metrics: None,

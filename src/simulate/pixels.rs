@@ -125,7 +125,7 @@ impl Painter {
     }
 
     fn triangles(&self, id: DrawableId) -> u64 {
-        self.scene.drawables().get(id.index()).map_or(0, |drawable| u64::from(drawable.index_count / 3))
+        self.scene.drawables().get(id.index()).map_or(0, |drawable| u64::from(drawable.triangles))
     }
 
     fn draw(

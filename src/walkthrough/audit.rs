@@ -20,7 +20,7 @@ use super::{
     attribution::{self, AttributionError},
     compose::FrameRecord,
     deviation,
-    objects::ObjectCounts,
+    objects::count_objects,
     reference::{Drawn, FullDetail, fingerprint},
     view_states::ViewStates,
 };
@@ -77,7 +77,6 @@ pub struct Auditor {
     items: Option<ItemPass>,
     /// What was drawn last at full detail: frames of one camera at several error bounds share it.
     full: Option<Arc<FullDetail>>,
-    pub(super) counts: ObjectCounts,
 }
 
 impl Auditor {
@@ -99,7 +98,6 @@ impl Auditor {
             pictures: PicturePass::new(drawn, size)?,
             items: None,
             full: None,
-            counts: ObjectCounts::new(scene),
         })
     }
 
@@ -154,7 +152,7 @@ impl Auditor {
                 .map_err(|cause| AuditError::Attribution { frame: number, cause })?;
         }
         let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
-        frame.objects_exact = Some(self.counts.of(&self.scene, exact));
+        frame.objects_exact = Some(count_objects(&self.scene, exact));
 
         let full = self.full(record.camera)?;
         pictures.full.clone_from(&full.picture);
@@ -248,11 +246,18 @@ impl Auditor {
     /// The finest level of every leaf that is shown and not outside the frustum, in drawing order.
     fn full_detail(&self, view: &View, rule: &CutRule) -> Vec<DrawableId> {
         let cut = LodCut::new(&self.scene, view, rule);
-        let leaves = (0..).map(NodeId).zip(self.scene.nodes()).filter(|(_, node)| node.is_leaf());
-        let shown = leaves
-            .filter(|(id, leaf)| !cut.outside(leaf) && cut.choose(*id, leaf) != Choice::Nothing)
-            .filter_map(|(_, leaf)| leaf.levels().next());
-        let mut finest: Vec<DrawableId> = shown.collect();
+        let mut finest = Vec::new();
+        let mut open = vec![NodeId(0)];
+        while let Some(id) = open.pop() {
+            let Some(node) = self.scene.nodes().get(id.0 as usize) else { continue };
+            if cut.outside(node) || cut.choose(id, node) == Choice::Nothing {
+                continue;
+            }
+            if node.is_leaf() {
+                finest.extend(node.levels().next());
+            }
+            open.extend(node.children().map(NodeId));
+        }
         draw_order(&self.scene, view, &mut finest);
         finest
     }

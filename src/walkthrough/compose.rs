@@ -6,7 +6,7 @@ use trimaran_actors::CullerId;
 use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
-use super::{objects::ObjectCounts, path::CameraPath};
+use super::{objects::count_objects, path::CameraPath};
 use crate::report::schema::{CullingCounts, Frame, Machine, Role, RoundCounts, Span};
 
 /// A frame as it was shown.
@@ -43,7 +43,6 @@ pub struct FrameRecord {
 pub(super) struct Composer {
     scene: Arc<Scene>,
     path: CameraPath,
-    objects: ObjectCounts,
     /// Whether all roles measured by one clock.
     one_clock: bool,
     /// When the frames so far were shown.
@@ -58,9 +57,8 @@ impl Composer {
         one_clock: bool,
         before: &[FrameRecord],
     ) -> Self {
-        let objects = ObjectCounts::new(scene);
         let shown = before.iter().map(|record| record.shown).collect();
-        Self { scene: Arc::clone(scene), path: path.clone(), objects, one_clock, shown }
+        Self { scene: Arc::clone(scene), path: path.clone(), one_clock, shown }
     }
 
     /// The next frame, in the order shown.
@@ -69,7 +67,7 @@ impl Composer {
         let frames_between = self.shown.iter().rev().take_while(|shown| **shown > record.published).count();
         self.shown.push(record.shown);
         let frame = frame(&self.scene, &self.path, record, previous, frames_between);
-        let objects = self.objects.of(&self.scene, record.ids.iter().copied());
+        let objects = count_objects(&self.scene, record.ids.iter().copied());
         Frame { objects_drawn: Some(objects), timeline: timeline(record, self.one_clock), ..frame }
     }
 }
@@ -87,7 +85,7 @@ fn frame(
         .ids
         .iter()
         .filter_map(|id| scene.drawables().get(id.index()))
-        .map(|drawable| u64::from(drawable.index_count / 3))
+        .map(|drawable| u64::from(drawable.triangles))
         .sum();
     let stats = record.stats.as_ref();
     let bytes = record.traffic + stats.map(|s| s.to_other).unwrap_or_default();

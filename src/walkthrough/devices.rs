@@ -41,7 +41,7 @@ impl SceneOnDevices {
     /// # Errors
     /// Says what the machine lacks.
     pub fn open(scene: &Arc<Scene>, cullers: usize, options: &GpuOptions) -> Result<Self, GpuError> {
-        let upload = || GpuScene::upload(&Gpu::open(options)?, scene);
+        let upload = || GpuScene::new(&Gpu::open(options)?, scene);
         // Most of a start is the drivers' loading and the copies, and no device needs another.
         let (display, cullers) = thread::scope(|scope| {
             let cullers: Vec<_> = (0..cullers).map(|_| scope.spawn(upload)).collect();

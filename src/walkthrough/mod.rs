@@ -30,7 +30,7 @@ pub use compose::FrameRecord;
 pub use devices::{SceneOnDevices, WalkthroughError};
 pub use error::ReportingError;
 pub use journal::{Journal, JournalStopped};
-pub use objects::ObjectCounts;
+pub use objects::count_objects;
 pub use path::{CameraPath, CameraPathError, PathChoice};
 pub use plan::{Pace, Plan};
 pub use record::Recorder;

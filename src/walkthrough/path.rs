@@ -10,7 +10,7 @@ use thiserror::Error;
 use trimaran_actors::{Cameras, Stopwatch};
 use trimaran_proto::{Camera, CameraError, FrameNumber, ViewState, ViewVersion};
 use trimaran_scene::{
-    Scene,
+    ReadError, Scene,
     path::{AutoPathError, AutoPathOptions, PathError, PathKind, Pose, PosePath, auto},
 };
 
@@ -72,6 +72,9 @@ pub enum CameraPathError {
     /// No automatic walk was found.
     #[error("no automatic path was found; give one with --path")]
     Auto(#[from] AutoPathError),
+    /// The scene cannot be read where a path was looked for.
+    #[error("no automatic path was found")]
+    Scene(#[from] ReadError),
     /// A frame makes no camera.
     #[error("frame {frame} of the path makes no camera")]
     Camera {
@@ -101,8 +104,13 @@ impl CameraPath {
         let (poses, kind) = match choice {
             PathChoice::Auto { seed } => {
                 let frames = frames.unwrap_or(Self::AUTO_FRAMES);
-                let found =
-                    auto(scene, &AutoPathOptions { seed: *seed, frames, ..AutoPathOptions::default() })?;
+                let options = AutoPathOptions { seed: *seed, frames, ..AutoPathOptions::default() };
+                // To find a way takes much more of the scene than to walk it.
+                let explored = scene.opened_again()?;
+                let found = auto(&explored, &options)?;
+                if let Some(fault) = explored.fault() {
+                    return Err(fault.clone().into());
+                }
                 (found.path, Some(found.kind))
             }
             PathChoice::File(path) => (read(path)?, None),

@@ -13,6 +13,7 @@ use crate::report::Frame;
 use super::{
     audit::{AuditError, Auditor, items_of},
     compose::FrameRecord,
+    objects::count_objects,
 };
 
 /// A frame's LOD cut without culling.
@@ -71,7 +72,7 @@ impl Auditor {
         Ok(Reference {
             camera,
             picture: fingerprint(&picture),
-            objects: self.counts.of(&self.scene, exact.iter().copied()),
+            objects: count_objects(&self.scene, exact.iter().copied()),
             triangles: exactly_visible_triangles(&owners, &items.triangle),
             error: self.level_error(&view, &cut, drawn, &full)?,
             exact,

@@ -267,7 +267,7 @@ fn scene_info(file: &SceneFile) -> SceneInfo {
         objects: scene.objects().len() as u64,
         nodes: scene.nodes().len() as u64,
         drawables: scene.drawables().len() as u64,
-        triangles: scene.full_detail_triangles(),
+        triangles: scene.totals().full_detail_triangles,
         sources: scene.sources().to_vec(),
     }
 }

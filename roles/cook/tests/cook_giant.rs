@@ -108,8 +108,9 @@ fn cut(scene: &Scene, mut choose: impl FnMut(&Node, &[Drawable]) -> Option<usize
     while let Some(index) = open.pop() {
         let node = &scene.nodes()[index as usize];
         let first = node.first_drawable as usize;
-        let levels = &scene.drawables()[first..first + node.drawable_count as usize];
-        match choose(node, levels) {
+        let levels = scene.drawables().range(first..first + node.drawable_count as usize);
+        let levels: Vec<Drawable> = levels.copied().collect();
+        match choose(node, &levels) {
             Some(level) => drawn.push(levels[level]),
             None if node.is_leaf() => drawn.push(levels[0]),
             None => open.extend(node.children()),
@@ -203,7 +204,7 @@ fn whatever_levels_parts_are_drawn_at_a_closed_surface_stays_closed() {
     }
     assert!(mixed > 10, "{mixed} cuts mix levels");
     let coarsest = scene.nodes()[0].levels().next_back().unwrap();
-    let coarsest = scene.drawables()[coarsest.index()].index_count / 3;
+    let coarsest = scene.drawables()[coarsest.index()].triangles;
     assert!(coarsest < 100, "{coarsest} triangles of the whole at its coarsest");
 }
 
@@ -215,7 +216,7 @@ fn small_things_between_parts_are_whole_or_not_there() {
         assert_eq!(open_edges(&scene, &drawn), 0, "cut {seed} of {} drawables", drawn.len());
     }
     let coarsest = cut(&scene, |_, levels| levels.len().checked_sub(1));
-    let coarsest: u32 = coarsest.iter().map(|drawable| drawable.index_count / 3).sum();
+    let coarsest: u32 = coarsest.iter().map(|drawable| drawable.triangles).sum();
     assert!(coarsest < 72_000 / 6, "{coarsest} of 72,000 triangles at the coarsest levels");
 }
 
@@ -231,7 +232,7 @@ fn near_one_corner_only_that_corner_is_fine() {
     });
     let count = |finest: bool| -> u32 {
         let counted = drawn.iter().filter(|drawable| (drawable.error == 0.0) == finest);
-        counted.map(|drawable| drawable.index_count / 3).sum()
+        counted.map(|drawable| drawable.triangles).sum()
     };
     let (fine, coarse) = (count(true), count(false));
     assert!((1..=1 << 13).contains(&fine), "{fine} of 180,000 triangles are at their finest");
@@ -263,14 +264,14 @@ fn a_giant_is_one_object_its_instances_share_its_levels_and_its_bytes_are_the_sa
         pool.install(|| cooked(field(184), &[DVec3::ZERO, DVec3::new(0.0, 300.0, 0.0)]))
     };
     let scene = on(3);
-    let levels = |object: u32| -> Vec<(u32, u32, u32)> {
+    let levels = |object: u32| -> Vec<(u32, u32)> {
         let drawables = scene.drawables().iter();
         let own = drawables.filter(|drawable| scene.nodes()[drawable.node as usize].object == object);
-        own.map(|d| (d.vertex_offset, d.first_index, d.index_count)).collect()
+        own.map(|d| (d.geometry, d.triangles)).collect()
     };
     assert_eq!(levels(0), levels(1));
     assert!(levels(0).len() > 500, "clusters, parts and levels");
-    assert_eq!(scene.full_detail_triangles(), 2 * 2 * 184 * 184);
+    assert_eq!(scene.totals().full_detail_triangles, 2 * 2 * 184 * 184);
     assert!(scene.nodes().iter().all(|node| node.child_count <= 8));
     assert!(scene.objects().iter().map(|object| object.source_index).eq([7, 8]));
     assert_eq!(scene.hash(), on(1).hash());

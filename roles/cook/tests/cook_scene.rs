@@ -82,15 +82,16 @@ fn each_object_is_one_subtree_whose_leaves_have_all_its_triangles() {
     let mut seen = vec![0; model.objects.len()];
     object_nodes(&scene).for_each(|node| seen[node.object as usize] += 1);
     assert!(seen.iter().all(|&count| count == 1));
-    let mut indices = vec![0; model.objects.len()];
+    let mut triangles = vec![0; model.objects.len()];
     for leaf in scene.nodes().iter().filter(|node| node.is_leaf()) {
         let finest = scene.drawables()[leaf.first_drawable as usize];
-        indices[leaf.object as usize] += finest.index_count as usize;
+        triangles[leaf.object as usize] += finest.triangles as usize;
         assert_eq!(finest.error, 0.0);
     }
     let expected: Vec<_> =
-        model.objects.iter().map(|object| model.meshes[object.mesh as usize].indices.len()).collect();
-    assert_eq!(indices, expected);
+        model.objects.iter().map(|object| model.meshes[object.mesh as usize].triangle_count()).collect();
+    assert_eq!(triangles, expected);
+    assert_eq!(scene.totals().full_detail_triangles, expected.iter().sum::<usize>() as u64);
     let clusters = scene.nodes().iter().filter(|node| node.is_leaf() && node.object == 2).count();
     assert!(clusters > 5, "576 triangles make clusters, not {clusters}");
     assert_eq!(scene.object_name(7), Some("pipe 7"));
@@ -137,13 +138,13 @@ fn instances_share_levels_and_scale_their_errors() {
     let levels = |object: u32| {
         let node = object_nodes(&scene).find(|n| n.object == object).unwrap();
         let first = node.first_drawable as usize;
-        &scene.drawables()[first..first + node.drawable_count as usize]
+        scene.drawables().range(first..first + node.drawable_count as usize).collect::<Vec<_>>()
     };
     // 10 is mirrored and stretched threefold along one axis, 2 is only turned; both are the finer pipe.
     let (stretched, plain) = (levels(10), levels(2));
     assert!(plain.len() > 1, "the pipe has 576 triangles and should have levels");
-    for (s, p) in stretched.iter().zip(plain) {
-        assert_eq!((s.first_index, s.vertex_offset), (p.first_index, p.vertex_offset));
+    for (s, p) in stretched.iter().zip(&plain) {
+        assert_eq!((s.geometry, s.triangles), (p.geometry, p.triangles));
         assert!((f64::from(s.error) - 3.0 * f64::from(p.error)).abs() <= 1e-5 * f64::from(s.error));
     }
 }
@@ -241,7 +242,7 @@ fn merged_levels_are_small_and_near_what_they_stand_for() {
         let (low, high) = scene.nodes()[level.node as usize].world_box();
         let part = f64::from(level.error) / low.distance(high);
         assert!(part < 0.15, "an error of {part} of node {}", level.node);
-        assert!(level.index_count / 3 <= most, "{} triangles", level.index_count / 3);
+        assert!(level.triangles <= most, "{} triangles", level.triangles);
     }
     let root = scene.nodes()[0];
     let errors: Vec<f32> = root.levels().map(|level| scene.drawables()[level.index()].error).collect();

@@ -19,7 +19,7 @@ const TARGETS: [replay::Target; 4] = [
     ("gltf", 13, models::gltf),
     ("rvm", 15, models::rvm),
     ("obj", 11, models::obj),
-    ("scene", 10, models::scene),
+    ("scene", 28, models::scene),
 ];
 
 /// An input of the corpus.

@@ -88,13 +88,12 @@ impl BoxMaker {
         }
     }
 
-    /// The box of `node`, whose vertices and those of all nodes below it are at most `reach` metres from the
-    /// origins of their frames (see [`reaches`]).
+    /// The box of `node`.
     #[must_use]
-    pub fn prepare(&self, node: &Node, reach: f64) -> Prepared {
+    pub fn prepare(&self, node: &Node) -> Prepared {
         let exact = OrientedBox::new(node, self.eye, self.to_view);
         let farthest = exact.depths().1;
-        let slack = self.slack_of(&exact, reach);
+        let slack = self.slack_of(&exact, node);
         if !(slack.is_finite() && slack <= f64::from(f32::MAX)) {
             return Prepared::Visible(Untestable::NotFinite);
         }
@@ -116,47 +115,18 @@ impl BoxMaker {
 
     /// How far the box of `node` is inflated against rounding and depth ties, metres.
     #[must_use]
-    pub fn slack(&self, node: &Node, reach: f64) -> f64 {
-        self.slack_of(&OrientedBox::new(node, self.eye, self.to_view), reach)
+    pub fn slack(&self, node: &Node) -> f64 {
+        self.slack_of(&OrientedBox::new(node, self.eye, self.to_view), node)
     }
 
-    fn slack_of(&self, exact: &OrientedBox, reach: f64) -> f64 {
+    fn slack_of(&self, exact: &OrientedBox, node: &Node) -> f64 {
         let (nearest, farthest) = exact.depths();
-        let far = exact.centre.length() + exact.half.length() + reach;
+        let far = exact.centre.length() + exact.half.length() + f64::from(node.reach);
         let position = POSITION_ULPS * ULP * far;
         // Clamped to the near plane: nothing nearer than that is ever rasterized.
         let depth = DEPTH_ULPS * ULP * farthest * farthest / nearest.max(self.near);
         position + depth.max(0.0)
     }
-}
-
-/// Per node, how far from the origin of its frame a vertex of it or of a node below it may be, world metres
-/// (measured along the frame's linear part). Rounding of vertices grows with it where a mesh lies far from
-/// its own origin.
-#[must_use]
-pub fn reaches(nodes: &[Node]) -> Vec<f32> {
-    let mut reach: Vec<f32> = nodes
-        .iter()
-        .map(|node| {
-            let (min, max) = node.local_box();
-            let linear = node.linear().as_dmat3();
-            let far = min.abs().max(max.abs()).as_dvec3();
-            let per_axis =
-                linear.x_axis.abs() * far.x + linear.y_axis.abs() * far.y + linear.z_axis.abs() * far.z;
-            per_axis.length() as f32 * (1.0 + f32::EPSILON)
-        })
-        .collect();
-    // Children stand after their parents, so one pass from the end carries the greatest reach to the root.
-    for (index, node) in nodes.iter().enumerate().rev() {
-        let own = reach.get(index).copied().unwrap_or(f32::NAN);
-        if let Some(parent) = reach.get_mut(node.parent as usize) {
-            // Not `max`: NaN must win, so that it is found out.
-            if own.is_nan() || own > *parent {
-                *parent = own;
-            }
-        }
-    }
-    reach
 }
 
 /// A box in view space with axes at right angles.

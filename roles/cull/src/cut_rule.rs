@@ -1,9 +1,10 @@
 //! What decides the LOD cut beside the view: the level rule, and which objects are hidden or seen through.
 
 use std::borrow::Cow;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use trimaran_proto::{Appearance, DrawableId, ViewState};
+use trimaran_proto::{Appearance, DrawableId, ObjectSet, ViewState};
 use trimaran_scene::{Node, NodeId, Scene};
 
 use crate::LodRule;
@@ -13,8 +14,18 @@ use crate::LodRule;
 #[derive(Debug, Clone)]
 pub struct CutRule {
     lod: LodRule,
-    /// Where not all objects are drawn as they are: how each node is.
-    nodes: Option<Arc<[NodeAppearance]>>,
+    /// Where not all objects are drawn as they are.
+    nodes: Option<Arc<NodeAppearances>>,
+}
+
+/// How the nodes of a scene are drawn.
+#[derive(Debug)]
+struct NodeAppearances {
+    state: ViewState,
+    /// Of what no object and no entry of `groups` decides.
+    others: NodeAppearance,
+    /// Nodes of several objects not all of which are as `others`.
+    groups: HashMap<u32, NodeAppearance>,
 }
 
 /// How what is below a node is drawn.
@@ -28,11 +39,11 @@ pub(crate) enum NodeAppearance {
 }
 
 impl CutRule {
-    /// What `state` asks for in `scene`; goes through the scene's nodes if not all objects are drawn as they
-    /// are. Numbers that are none of the scene's objects mean nothing.
+    /// What `state` asks for in `scene`; looks at the objects that are drawn otherwise than most, and at what is
+    /// above them. Numbers that are none of the scene's objects mean nothing.
     #[must_use]
     pub fn new(scene: &Scene, state: &ViewState) -> Self {
-        let nodes = (!state.is_all_solid()).then(|| appearances(scene.nodes(), state));
+        let nodes = (!state.is_all_solid()).then(|| Arc::new(NodeAppearances::new(scene, state)));
         Self { lod: state.lod, nodes }
     }
 
@@ -45,8 +56,11 @@ impl CutRule {
     /// Whether what is behind this drawable of `scene` shines through it. It hides nothing.
     #[must_use]
     pub fn is_see_through(&self, scene: &Scene, id: DrawableId) -> bool {
-        let node = || scene.drawables().get(id.index()).map(|drawable| NodeId(drawable.node));
-        self.nodes.is_some() && node().is_some_and(|node| self.appearance(node) == NodeAppearance::SeeThrough)
+        let Some(nodes) = &self.nodes else { return false };
+        let drawable = scene.drawables().get(id.index());
+        let node = drawable
+            .and_then(|drawable| Some((NodeId(drawable.node), scene.nodes().get(drawable.node as usize)?)));
+        node.is_some_and(|(id, node)| nodes.of(id, node) == NodeAppearance::SeeThrough)
     }
 
     /// Keeps what can hide something.
@@ -73,9 +87,9 @@ impl CutRule {
         Cow::Owned(ids.iter().copied().filter(|id| !self.is_see_through(scene, *id)).collect())
     }
 
-    pub(crate) fn appearance(&self, node: NodeId) -> NodeAppearance {
-        let known = self.nodes.as_ref().and_then(|nodes| nodes.get(node.0 as usize));
-        known.copied().unwrap_or(NodeAppearance::Solid)
+    /// How a node is drawn.
+    pub(crate) fn appearance(&self, id: NodeId, node: &Node) -> NodeAppearance {
+        self.nodes.as_ref().map_or(NodeAppearance::Solid, |nodes| nodes.of(id, node))
     }
 }
 
@@ -91,27 +105,69 @@ impl From<&Self> for CutRule {
     }
 }
 
-/// How each node is drawn: an object's nodes like the object, the others like all below them.
-fn appearances(nodes: &[Node], state: &ViewState) -> Arc<[NodeAppearance]> {
-    let mut known: Vec<Option<NodeAppearance>> = vec![None; nodes.len()];
-    // Children stand after their parents, so one pass from the end comes to them first.
-    for (index, node) in nodes.iter().enumerate().rev() {
-        let of_object = (node.object != Node::NONE).then(|| match state.appearance(node.object) {
-            Appearance::Solid => NodeAppearance::Solid,
-            Appearance::SeeThrough => NodeAppearance::SeeThrough,
-            Appearance::Hidden => NodeAppearance::Hidden,
-        });
-        let below = known.get(index).copied().flatten();
-        let own = of_object.or(below).unwrap_or(NodeAppearance::Solid);
-        if let Some(slot) = known.get_mut(index) {
-            *slot = Some(own);
+/// How the children of a node are drawn, of those that are not like most.
+#[derive(Debug, Clone, Copy)]
+struct Tally {
+    alike: NodeAppearance,
+    count: u32,
+}
+
+impl NodeAppearances {
+    /// Goes up from the objects that are drawn otherwise than most.
+    fn new(scene: &Scene, state: &ViewState) -> Self {
+        let nodes = scene.nodes();
+        let others = if state.isolated.is_some() { NodeAppearance::Hidden } else { NodeAppearance::Solid };
+        let mut above = BTreeMap::new();
+        let add = |parent: u32, own: NodeAppearance, above: &mut BTreeMap<u32, Tally>| {
+            let tally = above.entry(parent).or_insert(Tally { alike: own, count: 0 });
+            tally.count += 1;
+            if tally.alike != own {
+                tally.alike = NodeAppearance::Mixed;
+            }
+        };
+        let exceptions: [Option<&ObjectSet>; 2] = match &state.isolated {
+            Some(isolated) => [Some(isolated), None],
+            None => [Some(&state.hidden), Some(&state.see_through)],
+        };
+        let known = |object: &u32| (*object as usize) < scene.objects().len();
+        let mut objects: Vec<u32> =
+            exceptions.into_iter().flatten().flat_map(|set| set.iter().take_while(known)).collect();
+        objects.sort_unstable();
+        objects.dedup();
+        for object in objects {
+            let node =
+                scene.objects().get(object as usize).and_then(|object| nodes.get(object.node as usize));
+            let own = NodeAppearance::from(state.appearance(object));
+            if let Some(node) = node.filter(|_| own != others) {
+                add(node.parent, own, &mut above);
+            }
         }
-        if let Some(parent) = known.get_mut(node.parent as usize) {
-            *parent = match *parent {
-                Some(other) if other != own => Some(NodeAppearance::Mixed),
-                _ => Some(own),
-            };
+        // Parents stand before their children, so the last one is complete.
+        let mut groups = HashMap::new();
+        while let Some((id, tally)) = above.pop_last() {
+            let Some(node) = nodes.get(id as usize) else { continue }; // above the root
+            let own = if tally.count == node.child_count { tally.alike } else { NodeAppearance::Mixed };
+            groups.insert(id, own);
+            add(node.parent, own, &mut above);
+        }
+        Self { state: state.clone(), others, groups }
+    }
+
+    fn of(&self, id: NodeId, node: &Node) -> NodeAppearance {
+        if node.object == Node::NONE {
+            self.groups.get(&id.0).copied().unwrap_or(self.others)
+        } else {
+            self.state.appearance(node.object).into()
         }
     }
-    known.into_iter().map(|own| own.unwrap_or(NodeAppearance::Solid)).collect()
+}
+
+impl From<Appearance> for NodeAppearance {
+    fn from(appearance: Appearance) -> Self {
+        match appearance {
+            Appearance::Solid => Self::Solid,
+            Appearance::SeeThrough => Self::SeeThrough,
+            Appearance::Hidden => Self::Hidden,
+        }
+    }
 }

@@ -85,7 +85,7 @@ impl<'s> LodCut<'s> {
     /// of several objects is not drawn where these are not drawn alike.
     #[must_use]
     pub fn choose(&self, id: NodeId, node: &Node) -> Choice {
-        match self.rule.appearance(id) {
+        match self.rule.appearance(id, node) {
             NodeAppearance::Hidden => return Choice::Nothing,
             NodeAppearance::Mixed => return Choice::Refine,
             NodeAppearance::Solid | NodeAppearance::SeeThrough => {}
@@ -124,6 +124,7 @@ impl<'s> LodCut<'s> {
         let mut level = vec![NodeId(0)];
         let mut next = Vec::new();
         while !level.is_empty() {
+            read_ahead(self.scene, &level);
             for id in level.drain(..) {
                 let Some(node) = self.scene.nodes().get(id.0 as usize).filter(|node| !self.outside(node))
                 else {
@@ -220,6 +221,14 @@ impl Magnification {
 /// Half the width of a box of half-size `half` along `direction`.
 fn extent(direction: DVec3, half: DVec3) -> f64 {
     direction.x.abs() * half.x + direction.y.abs() * half.y + direction.z.abs() * half.z
+}
+
+/// Reads what the cut will look at of these nodes, where it is not in memory yet.
+pub(crate) fn read_ahead(scene: &Scene, level: &[NodeId]) {
+    let nodes = scene.nodes();
+    nodes.read_ahead(level.iter().map(|id| id.0 as usize));
+    let known = level.iter().filter_map(|id| nodes.get(id.0 as usize));
+    scene.drawables().read_ahead(known.map(|node| node.first_drawable as usize));
 }
 
 /// What the cut of `scene` from `view` under `rule` does with `node`; for many nodes make one [`LodCut`].

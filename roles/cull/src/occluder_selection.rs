@@ -23,7 +23,7 @@ impl TriangleBudget {
 #[must_use]
 pub fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
     let drawables = ids.iter().filter_map(|id| scene.drawables().get(id.index()));
-    drawables.map(|drawable| u64::from(drawable.index_count / 3)).sum()
+    drawables.map(|drawable| u64::from(drawable.triangles)).sum()
 }
 
 /// Keeps the drawables that hide most for their triangles, as long as they fit the budget: by the square of
@@ -36,7 +36,7 @@ pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, b
         .filter_map(|&id| {
             let drawable = scene.drawables().get(id.index())?;
             let node = scene.nodes().get(drawable.node as usize)?;
-            let triangles = u64::from(drawable.index_count / 3);
+            let triangles = u64::from(drawable.triangles);
             let (min, max) = node.world_box();
             let size = (max - min).length_squared() / node.distance_squared(eye);
             Some(((size / triangles.max(1) as f64) as f32, id, triangles))

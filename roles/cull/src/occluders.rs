@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Node, NodeId, Scene};
+use trimaran_scene::{Node, NodeId, ReadError, Scene};
 
 use crate::lod_cut::{Choice, LodCut};
 use crate::{CutRule, View};
@@ -29,14 +29,21 @@ pub fn occluder_bias_px(view: &View) -> f32 {
     if view.sections().is_empty() { OCCLUDER_BIAS_PX } else { 0.0 }
 }
 
-/// An id from another scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("{id} is not in this scene, which has {count}: do all roles hold the same scene?")]
-pub struct OccluderError {
-    /// The id.
-    pub id: DrawableId,
-    /// The number of drawables of this scene.
-    pub count: usize,
+/// Why ids cannot be mapped.
+#[derive(Debug, Clone, Error)]
+#[non_exhaustive]
+pub enum OccluderError {
+    /// An id from another scene.
+    #[error("{id} is not in this scene, which has {count}: do all roles hold the same scene?")]
+    Unknown {
+        /// The id.
+        id: DrawableId,
+        /// The number of drawables of this scene.
+        count: usize,
+    },
+    /// Part of the scene cannot be read.
+    #[error("the occluders of the last frame cannot be found in the scene")]
+    Scene(#[source] ReadError),
 }
 
 /// What is known of a node in this frame. Stored with the frame's stamp in one word, so that a new frame
@@ -92,20 +99,21 @@ impl OccluderMapper {
     /// Appends to `due` what the cut has in place of `ids` and what was not due before in this frame.
     ///
     /// # Errors
-    /// At the first id that the scene does not have; those before it have been mapped.
+    /// At the first id that the scene does not have, those before it have been mapped; and where part of the
+    /// scene cannot be read.
     pub fn push(&mut self, ids: &[DrawableId], due: &mut Vec<DrawableId>) -> Result<(), OccluderError> {
         let scene = Arc::clone(&self.scene);
         let cut = LodCut::new(&scene, &self.view, &self.rule);
         for &id in ids {
-            let drawable = scene
-                .drawables()
-                .get(id.index())
-                .ok_or(OccluderError { id, count: scene.drawables().len() })?;
+            let drawable = scene.drawables().get(id.index()).ok_or_else(|| {
+                let unknown = OccluderError::Unknown { id, count: scene.drawables().len() };
+                scene.fault().cloned().map_or(unknown, OccluderError::Scene)
+            })?;
             if self.settle_path(&cut, drawable.node, due) == State::Above {
                 self.descend(&cut, drawable.node, due);
             }
         }
-        Ok(())
+        scene.fault().cloned().map_or(Ok(()), |fault| Err(OccluderError::Scene(fault)))
     }
 
     /// Whether `node`, which the cut has and which is in the frustum, was in this frame's place of an id.

@@ -188,5 +188,5 @@ fn new_triangles(
             && !rule.is_see_through(scene, **id)
     };
     let drawables = level.iter().filter(new).filter_map(|id| scene.drawables().get(id.index()));
-    drawables.map(|drawable| u64::from(drawable.index_count / 3)).sum()
+    drawables.map(|drawable| u64::from(drawable.triangles)).sum()
 }

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_proto::{CullCounts, DrawableId};
-use trimaran_scene::{NodeId, Scene};
+use trimaran_scene::{NodeId, ReadError, Scene};
 
-use crate::boxes::{BoxMaker, Prepared, Untestable, reaches};
+use crate::boxes::{BoxMaker, Prepared, Untestable};
 use crate::cut_rule::NodeAppearance;
-use crate::lod_cut::{Choice, LodCut};
+use crate::lod_cut::{Choice, LodCut, read_ahead};
 use crate::{Answer, CutRule, OcclusionTest, TestBox, View};
 
 /// What one traversal did. Each node it came to is counted once among `frustum_culled`, `hidden`, `emitted`
@@ -71,6 +71,9 @@ pub enum CullError<E: std::error::Error + 'static> {
     /// The occlusion test failed.
     #[error("testing boxes against the occluders failed")]
     Test(#[source] E),
+    /// Part of the scene cannot be read.
+    #[error("the scene cannot be culled")]
+    Scene(#[source] ReadError),
     /// The occlusion test broke its contract.
     #[error("the occlusion test gave {answers} answers for {boxes} boxes; it must give one for each")]
     AnswerCount {
@@ -86,11 +89,10 @@ pub enum CullError<E: std::error::Error + 'static> {
     NeedsPixelCount,
 }
 
-/// A scene made ready for culling, and the traversal's working memory: make one, use it every frame.
+/// A scene, and the traversal's working memory: make one, use it every frame.
 #[derive(Debug)]
 pub struct Culler {
     scene: Arc<Scene>,
-    reach: Vec<f32>,
     memory: Memory,
 }
 
@@ -114,11 +116,10 @@ struct Candidate {
 }
 
 impl Culler {
-    /// Makes `scene` ready; goes through it once.
+    /// A culler of `scene`.
     #[must_use]
     pub fn new(scene: Arc<Scene>) -> Self {
-        let reach = reaches(scene.nodes());
-        Self { scene, reach, memory: Memory::default() }
+        Self { scene, memory: Memory::default() }
     }
 
     /// The scene.
@@ -142,13 +143,13 @@ impl Culler {
         if rule.lod().stops_at_few_pixels() && test.answer() != Answer::PixelCount {
             return Err(CullError::NeedsPixelCount);
         }
-        let Self { scene, reach, memory } = self;
+        let Self { scene, memory } = self;
         memory.level.clear();
         if !scene.nodes().is_empty() {
             memory.level.push(NodeId(0));
         }
         let (cut, maker) = (LodCut::new(scene, view, rule), BoxMaker::new(view, test.outline()));
-        Ok(Traversal { scene, reach, memory, view: *view, cut, maker, stats: CullStats::default() })
+        Ok(Traversal { scene, memory, view: *view, cut, maker, stats: CullStats::default() })
     }
 
     /// Traverses the whole tree, and gives `sink` what [`Traversal::next_level`] finds, level by level.
@@ -174,7 +175,6 @@ impl Culler {
 #[derive(Debug)]
 pub struct Traversal<'c> {
     scene: &'c Scene,
-    reach: &'c [f32],
     memory: &'c mut Memory,
     view: View,
     cut: LodCut<'c>,
@@ -196,6 +196,7 @@ impl<'c> Traversal<'c> {
             self.prepare_level();
             self.test(test)?;
             self.decide_level();
+            self.check_scene()?;
             let Memory { level, next, visible, .. } = &mut *self.memory;
             std::mem::swap(level, next);
             if !visible.is_empty() {
@@ -215,10 +216,10 @@ impl<'c> Traversal<'c> {
         test: &mut T,
         found: &mut Vec<DrawableId>,
     ) -> Result<(), CullError<T::Error>> {
-        let Self { scene, reach, maker, memory, .. } = self;
+        let Self { scene, maker, memory, .. } = self;
         let prepared = |id: &DrawableId| {
             let node = scene.drawables().get(id.index())?.node as usize;
-            match maker.prepare(scene.nodes().get(node)?, f64::from(*reach.get(node)?)) {
+            match maker.prepare(scene.nodes().get(node)?) {
                 Prepared::Test(test_box) => Some(test_box),
                 Prepared::Outside | Prepared::Visible(_) => None,
             }
@@ -230,6 +231,7 @@ impl<'c> Traversal<'c> {
             is_tested.push(test_box.is_some());
             memory.boxes.extend(test_box);
         }
+        self.check_scene()?;
         self.test(test)?;
         let (mut is_tested, mut answers) = (is_tested.into_iter(), self.memory.answers.iter());
         let before = found.len();
@@ -240,6 +242,11 @@ impl<'c> Traversal<'c> {
         self.stats.hidden += hidden;
         self.stats.emitted -= hidden;
         Ok(())
+    }
+
+    /// Whether all that was asked for of the scene was there.
+    fn check_scene<E: std::error::Error>(&self) -> Result<(), CullError<E>> {
+        self.scene.fault().map_or(Ok(()), |fault| Err(CullError::Scene(fault.clone())))
     }
 
     /// What the traversal did so far.
@@ -284,18 +291,15 @@ impl<'c> Traversal<'c> {
         let Memory { level, candidates, boxes, .. } = &mut *self.memory;
         candidates.clear();
         boxes.clear();
+        read_ahead(self.scene, level);
         for &id in &*level {
-            let (Some(node), Some(&reach)) =
-                (self.scene.nodes().get(id.0 as usize), self.reach.get(id.0 as usize))
-            else {
-                continue;
-            };
+            let Some(node) = self.scene.nodes().get(id.0 as usize) else { continue };
             stats.visited += 1;
-            if cut.rule().appearance(id) == NodeAppearance::Hidden || cut.outside(node) {
+            if cut.rule().appearance(id, node) == NodeAppearance::Hidden || cut.outside(node) {
                 stats.frustum_culled += 1;
                 continue;
             }
-            let tested = match maker.prepare(node, f64::from(reach)) {
+            let tested = match maker.prepare(node) {
                 Prepared::Outside => {
                     stats.frustum_culled += 1;
                     continue;
@@ -333,7 +337,7 @@ impl<'c> Traversal<'c> {
                 continue;
             }
             let Some(node) = self.scene.nodes().get(candidate.node.0 as usize) else { continue };
-            let is_mixed = || cut.rule().appearance(candidate.node) == NodeAppearance::Mixed;
+            let is_mixed = || cut.rule().appearance(candidate.node, node) == NodeAppearance::Mixed;
             let few = lod.stops_at_few_pixels()
                 && pixels.is_some_and(|count| f64::from(count) < lod.epsilon_px())
                 && !is_mixed();

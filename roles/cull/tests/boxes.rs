@@ -6,10 +6,9 @@ use glam::{DVec3, Mat3, Vec3};
 use trimaran_audit::cases::{Mesh, Object, build, looking};
 use trimaran_audit::{IdBuffer, ReferenceTest};
 use trimaran_cull::{
-    BoxMaker, DepthImage, DepthPyramid, HzbTest, OcclusionTest, Outline, Prepared, Untestable, View,
-    Viewport, reaches,
+    BoxMaker, DepthImage, DepthPyramid, HzbTest, OcclusionTest, Outline, Prepared, Untestable, View, Viewport,
 };
-use trimaran_scene::{Scene, random::Random};
+use trimaran_scene::{Node, Scene, random::Random};
 
 fn scene_of(object: Object) -> Scene {
     build(&[object], false).unwrap()
@@ -21,8 +20,7 @@ fn view() -> View {
 
 fn prepare(object: Object, view: &View, outline: Outline) -> Prepared {
     let scene = scene_of(object);
-    let reach = f64::from(reaches(scene.nodes())[0]);
-    BoxMaker::new(view, outline).prepare(&scene.nodes()[0], reach)
+    BoxMaker::new(view, outline).prepare(&scene.nodes()[0])
 }
 
 fn cuboid(half: Vec3) -> Object {
@@ -55,18 +53,19 @@ fn a_box_that_is_not_finite_is_visible() {
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let mut node = scene.nodes()[0];
         node.local_max[1] = bad;
-        assert_eq!(maker.prepare(&node, 1.0), visible, "corner {bad}");
+        assert_eq!(maker.prepare(&node), visible, "corner {bad}");
         let mut node = scene.nodes()[0];
         node.linear[4] = bad;
-        assert_eq!(maker.prepare(&node, 1.0), visible, "matrix {bad}");
+        assert_eq!(maker.prepare(&node), visible, "matrix {bad}");
         let mut node = scene.nodes()[0];
         node.origin[0] = f64::from(bad);
-        assert_eq!(maker.prepare(&node, 1.0), visible, "origin {bad}");
-        assert_eq!(maker.prepare(&scene.nodes()[0], f64::from(bad.abs())), visible, "reach {bad}");
+        assert_eq!(maker.prepare(&node), visible, "origin {bad}");
+        let far = Node { reach: bad.abs(), ..scene.nodes()[0] };
+        assert_eq!(maker.prepare(&far), visible, "reach {bad}");
     }
     let mut node = scene.nodes()[0];
     node.linear = [f32::MAX; 9];
-    assert_eq!(maker.prepare(&node, 1.0), visible, "too large for f32");
+    assert_eq!(maker.prepare(&node), visible, "too large for f32");
 }
 
 /// Cubes, flats, lines and points from far below a pixel to several, anywhere in the picture: before an
@@ -124,13 +123,12 @@ fn boxes_hold_their_vertices_as_a_gpu_places_them() {
         let origin = target - linear.as_dmat3() * corner.as_dvec3();
         let scene = scene_of(object.at(origin).turned(linear));
         let node = &scene.nodes()[0];
-        let reach = f64::from(reaches(scene.nodes())[0]);
-        let Prepared::Test(test_box) = BoxMaker::new(&view, Outline::OnScreen).prepare(node, reach) else {
+        let Prepared::Test(test_box) = BoxMaker::new(&view, Outline::OnScreen).prepare(node) else {
             continue;
         };
         let single = (view.to_view() * linear.as_dmat3()).as_mat3();
         let offset = (view.to_view() * (node.origin() - view.eye())).as_vec3();
-        for vertex in scene.vertices() {
+        for vertex in scene.geometry(0).unwrap().vertices {
             let placed = (single * Vec3::from_array(vertex.position) + offset).as_dvec3();
             for axis in test_box.axes.map(Vec3::as_dvec3) {
                 let along = axis.dot(placed - test_box.centre.as_dvec3()).abs() / axis.length_squared();
@@ -146,7 +144,7 @@ fn boxes_hold_their_vertices_as_a_gpu_places_them() {
 fn a_reach_goes_up_to_the_root() {
     let far = Mesh::cuboid(Vec3::new(499.0, 0.0, 0.0), Vec3::new(500.0, 0.0, 0.0), 1);
     let scene = build(&[Object::new(far).at(DVec3::X * -500.0), cuboid(Vec3::ONE)], false).unwrap();
-    let reach = reaches(scene.nodes());
+    let reach: Vec<f32> = scene.nodes().iter().map(|node| node.reach).collect();
     assert!(reach[0] >= 500.0 && reach[0] < 500.1, "{reach:?}");
     assert_eq!(reach.iter().filter(|&&r| r < 2.0).count(), 1, "{reach:?}");
 }

@@ -10,8 +10,8 @@ use proptest::prelude::*;
 use trimaran_audit::cases::{plant, plant_views};
 use trimaran_audit::{ReferenceWalkthrough, Testing};
 use trimaran_cull::{
-    Choice, CullError, Culler, LodCut, LodRule, NoOccluders, OccluderMapper, TestBox, View, Viewport,
-    draw_order, lod_cut, occluders,
+    Choice, CullError, Culler, LodCut, LodRule, NoOccluders, OccluderError, OccluderMapper, TestBox, View,
+    Viewport, draw_order, lod_cut, occluders,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::{NodeId, Scene};
@@ -162,8 +162,11 @@ fn without_occluders_all_of_the_cut_in_the_frustum_is_emitted_and_every_node_is_
 fn ids_of_another_scene_are_refused() {
     let (scene, views) = setting(3);
     let count = scene.drawables().len();
-    let error = occluders(&scene, &views[0], rule(2.0), &[DrawableId(count as u32)]).unwrap_err();
-    assert_eq!((error.id, error.count), (DrawableId(count as u32), count));
+    let foreign = DrawableId(count as u32);
+    match occluders(&scene, &views[0], rule(2.0), &[foreign]) {
+        Err(OccluderError::Unknown { id, count: of }) => assert_eq!((id, of), (foreign, count)),
+        other => panic!("{other:?}"),
+    }
 }
 
 /// A setting at the view that sees most.

@@ -29,13 +29,13 @@ fn main() -> Outcome<()> {
     for (draws, triangles) in [(100, 1000), (1000, 100), (1000, 1000), (4000, 25), (4000, 250), (10_000, 12)]
     {
         let scene = Arc::new(cloud(draws, triangles)?);
-        let uploaded = GpuScene::upload(&gpu, &scene)?;
+        let uploaded = GpuScene::new(&gpu, &scene)?;
         for side in [512, 1024] {
             let label = format!("{} triangles in {draws} draws at {side}", triangles * draws);
             time_passes(&uploaded, &label, view(side)?, draws, &wanted)?;
         }
     }
-    let scene = GpuScene::upload(&gpu, &Arc::new(cloud(100, 1000)?))?;
+    let scene = GpuScene::new(&gpu, &Arc::new(cloud(100, 1000)?))?;
     for (boxes, edge_px) in [(1000, 4.0), (1000, 32.0), (10_000, 4.0), (10_000, 32.0)] {
         time_occlusion_tests(&scene, boxes, edge_px, &wanted)?;
     }

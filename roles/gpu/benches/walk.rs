@@ -65,13 +65,17 @@ fn start(path: &Path, budget: TriangleBudget, first: &View) -> Outcome<Roles> {
     lap.print("open the scene");
     let gpu = Gpu::open(&GpuOptions::default())?;
     lap.print("open a device");
-    let drawn = GpuScene::upload(&gpu, &scene)?;
+    let drawn = GpuScene::new(&gpu, &scene)?;
     lap.print("give it the scene");
     let mut roles = Roles::new(scene, &drawn, budget, first)?;
     lap.print("make the passes");
     roles.frame(first, &mut Table::default())?;
     lap.print("first frame, all passes twice");
-    println!("{} copied {} bytes\n", gpu.info().driver, drawn.copied_bytes());
+    println!(
+        "{}: {} bytes of geometry on the device\n",
+        gpu.info().driver,
+        drawn.working_set().resident_bytes
+    );
     Ok(roles)
 }
 
@@ -183,7 +187,7 @@ impl Roles {
 
     fn triangles(&self, ids: &[DrawableId]) -> f64 {
         let drawables = self.scene.drawables();
-        ids.iter().map(|id| f64::from(drawables[id.index()].index_count / 3)).sum()
+        ids.iter().map(|id| f64::from(drawables[id.index()].triangles)).sum()
     }
 }
 

@@ -184,8 +184,7 @@ fn fs_item_cut(in: ItemVertex, @builtin(primitive_index) triangle: u32) -> @loca
 // The same without primitive ids, which not every device has in fragment shaders: indices and vertices are
 // fetched from storage buffers, three a triangle. The number of a vertex is its place in the scene's index
 // buffer.
-@group(0) @binding(1) var<storage, read> scene_vertices: array<u32>;
-@group(0) @binding(2) var<storage, read> scene_indices: array<u32>;
+@group(0) @binding(1) var<storage, read> geometry: array<u32>;
 
 // `Vertex` of the scene in words; its position comes first.
 const VERTEX_WORDS = 5u;
@@ -203,11 +202,11 @@ fn vs_item_pulled(
     // The drawable's first index and its first vertex.
     @location(7) first: vec2<u32>,
 ) -> PulledVertex {
-    let word = VERTEX_WORDS * (first.y + scene_indices[place]);
+    let word = VERTEX_WORDS * (first.y + geometry[place]);
     let local = vec3<f32>(
-        bitcast<f32>(scene_vertices[word]),
-        bitcast<f32>(scene_vertices[word + 1u]),
-        bitcast<f32>(scene_vertices[word + 2u]),
+        bitcast<f32>(geometry[word]),
+        bitcast<f32>(geometry[word + 1u]),
+        bitcast<f32>(geometry[word + 2u]),
     );
     return PulledVertex(clip_position(local, draw), vec2<u32>(id, (place - first.x) / 3u));
 }

@@ -89,9 +89,8 @@ pub(crate) struct Limits {
     pub(crate) max_storage_range: u64,
     /// Nanoseconds a tick of the timestamp counter; 0 if the queue has no timestamps.
     pub(crate) timestamp_period_ns: f64,
-    /// For a driver that draws on the CPU and can read the host's memory where it is: what addresses and
-    /// sizes of such memory are multiples of.
-    pub(crate) host_memory_alignment: Option<u64>,
+    /// What is free of the device's own memory, in bytes.
+    pub(crate) free_memory: u64,
 }
 
 impl Adapter {
@@ -151,8 +150,7 @@ impl Adapter {
         let version = properties.api_version;
         let queue_family = families.iter().position(|family| family.queue_flags.contains(needs::QUEUE));
         let family = queue_family.and_then(|family| families.get(family));
-        let Answer { missing, lacks, host_memory_alignment } =
-            needs::ask(instance, physical, &properties, kind, family);
+        let Answer { missing, lacks } = needs::ask(instance, physical, &properties, family);
         let timestamps = !lacks.contains(&Optional::Timestamps);
         let max_side = limits
             .max_framebuffer_width
@@ -172,7 +170,7 @@ impl Adapter {
                 max_side,
                 max_storage_range: u64::from(limits.max_storage_buffer_range),
                 timestamp_period_ns: if timestamps { f64::from(limits.timestamp_period) } else { 0.0 },
-                host_memory_alignment,
+                free_memory: needs::free_memory(instance, physical),
             },
             info: GpuInfo {
                 name: text(properties.device_name_as_c_str()),

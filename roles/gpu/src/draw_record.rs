@@ -2,6 +2,8 @@
 
 use trimaran_scene::Drawable;
 
+use crate::scene::Place;
+
 /// How the vertices of a draw are fetched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fetch {
@@ -29,14 +31,14 @@ pub(crate) struct DrawRecord {
 pub(crate) struct DrawCommand([u32; 5]);
 
 impl DrawCommand {
-    /// One instance, that of the number `instance`, of a drawable.
-    pub(crate) const fn new(fetch: Fetch, drawable: &Drawable, instance: u32) -> Self {
-        let Drawable { index_count, first_index, vertex_offset, .. } = *drawable;
+    /// One instance, that of the number `instance`, of a drawable whose triangles are at `place`.
+    pub(crate) const fn new(fetch: Fetch, drawable: &Drawable, place: Place, instance: u32) -> Self {
+        let (indices, Place { first_index, first_vertex }) = (3 * drawable.triangles, place);
         Self(match fetch {
-            // The offset is signed; `GpuScene::upload` has seen that it fits.
-            Fetch::Fixed => [index_count, 1, first_index, vertex_offset, instance],
+            // The offset is signed, and arenas are small enough for that.
+            Fetch::Fixed => [indices, 1, first_index, first_vertex, instance],
             // The number of a vertex is its place among the indices.
-            Fetch::Pulled => [index_count, 1, first_index, instance, 0],
+            Fetch::Pulled => [indices, 1, first_index, instance, 0],
         })
     }
 }

@@ -15,7 +15,7 @@ use trimaran_proto::DrawableId;
 use crate::draw_record::{DrawCommand, DrawRecord, Fetch};
 use crate::memory::HostBuffer;
 use crate::recorder::Recorder;
-use crate::scene::in_view;
+use crate::scene::{Place, in_view};
 use crate::{Gpu, GpuError, GpuScene};
 
 /// The draws of one frame, in the order given. Those already submitted stay as they are until
@@ -74,20 +74,22 @@ impl Draws {
         self.recorded < self.added
     }
 
-    /// Adds one draw an id, as seen from `view`; with `opaque`, solids show their front alone. An id that the
-    /// scene does not have is an error, and none of the ids after it is added.
+    /// Adds one draw for each of `ids` that has a place, as seen from `view`; with `opaque`, solids show their
+    /// front alone. An id that the scene does not have is an error, and none of the ids after it is added.
     pub(crate) fn add(
         &mut self,
         scene: &GpuScene,
         view: &View,
         opaque: bool,
         ids: &[DrawableId],
+        places: &[Option<Place>],
     ) -> Result<(), GpuError> {
         let solids = opaque.then(|| Solids::new(view));
-        let mut rest = ids;
-        while !rest.is_empty() {
+        let mut placed = ids.iter().zip(places).filter_map(|(id, place)| Some((*id, (*place)?)));
+        let mut rest = placed.clone().count();
+        while rest > 0 {
             let (fetch, added, slot) = (self.fetch, self.added, self.added % CHUNK);
-            let (now, later) = rest.split_at(rest.len().min(CHUNK - slot));
+            let count = rest.min(CHUNK - slot);
             let (mut indices, mut ends, mut facings) = (self.indices, Vec::new(), Vec::new());
             let chunk = self.chunk(added / CHUNK)?;
             let (Some(records), Some(commands)) =
@@ -95,26 +97,27 @@ impl Draws {
             else {
                 return Ok(()); // a chunk has CHUNK of both
             };
-            for (index, ((record, command), &id)) in (0..).zip(records.iter_mut().zip(commands).zip(now)) {
+            let slots = records.iter_mut().zip(commands).take(count);
+            for (index, ((record, command), (id, place))) in (0..).zip(slots.zip(&mut placed)) {
                 let (drawable, node) = scene.find(id)?;
                 facings.push(solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, node)));
                 *record = DrawRecord {
                     to_view: in_view(node, view),
                     id: id.0,
-                    first: [drawable.first_index, drawable.vertex_offset],
+                    first: [place.first_index, place.first_vertex],
                 };
-                *command = DrawCommand::new(fetch, drawable, (slot + index) as u32);
-                indices += u64::from(drawable.index_count);
+                *command = DrawCommand::new(fetch, drawable, place, (slot + index) as u32);
+                indices += 3 * u64::from(drawable.triangles);
                 if indices >= SUBMISSION {
                     ends.push(added + index + 1);
                     indices = 0;
                 }
             }
-            self.added += now.len();
+            self.added += count;
             self.facings.extend(facings);
             self.indices = indices;
             self.ends.extend(ends);
-            rest = later;
+            rest -= count;
         }
         Ok(())
     }

@@ -7,6 +7,7 @@ use gpu_allocator::AllocationError;
 use thiserror::Error;
 use trimaran_cull::Viewport;
 use trimaran_proto::DrawableId;
+use trimaran_scene::ReadError;
 
 /// Why a graphics operation failed. Each message says what was being done, and what to do where something can
 /// be done.
@@ -86,17 +87,19 @@ pub enum GpuError {
         #[source]
         source: AllocationError,
     },
-    /// The scene does not fit what the device can address or hold.
+    /// Part of the scene cannot be read.
+    #[error("the scene cannot be drawn")]
+    Scene(#[source] ReadError),
+    /// One drawable takes more memory than all of them may.
     #[error(
-        "the scene's {what} take {bytes} bytes, more than this device's {limit}; use a coarser or smaller scene"
+        "a part of the scene takes {needed} bytes of the graphics device, and the budget is {budget}; \
+         allow more (--gpu-memory)"
     )]
-    SceneTooLarge {
-        /// Which part of the scene.
-        what: &'static str,
-        /// Its size in bytes.
-        bytes: u64,
-        /// The device's limit in bytes.
-        limit: u64,
+    WorkingSetTooSmall {
+        /// What it takes, in bytes.
+        needed: u64,
+        /// The budget in bytes.
+        budget: u64,
     },
     /// The picture is larger than the device can draw.
     #[error("a picture of {width} x {height} pixels is larger than this device's {limit} x {limit}")]

@@ -13,7 +13,7 @@ use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use crate::adapter::{Adapter, Limits};
 use crate::needs;
 use crate::validation::{self, Messenger};
-use crate::{DeviceChoice, GpuError, GpuInfo};
+use crate::{DeviceChoice, GpuError, GpuInfo, Optional};
 
 /// How to open a device.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,6 +22,10 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Which device.
     pub device: DeviceChoice,
+    /// The most memory of the device for a scene's triangles, in bytes. They come and go as they are drawn; a
+    /// frame that needs more than fits is drawn in parts. `None`: three quarters of what is free, taken as it
+    /// is needed. What is asked for is taken at once.
+    pub memory: Option<u64>,
     /// How long the device may work on one submission of a pass before it counts as hung: see
     /// [`GpuError::DeviceHung`].
     pub timeout: Duration,
@@ -35,7 +39,7 @@ impl GpuOptions {
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { validation: false, device: DeviceChoice::Best, timeout: Self::TIMEOUT }
+        Self { validation: false, device: DeviceChoice::Best, memory: None, timeout: Self::TIMEOUT }
     }
 }
 
@@ -54,10 +58,9 @@ pub struct Gpu {
     instance: ash::Instance,
     queue: Mutex<vk::Queue>,
     queue_family: u32,
-    /// The calls that make memory of the host known to the device, where that is of use.
-    host_memory: Option<ash::ext::external_memory_host::Device>,
     info: GpuInfo,
     limits: Limits,
+    memory: Option<u64>,
     timeout: Duration,
     /// The device has not finished a submission in time.
     hung: AtomicBool,
@@ -76,7 +79,7 @@ impl Gpu {
         // From here on a failure has to destroy what exists.
         let opened = Self::open_on(&entry, &instance, options);
         match opened {
-            Ok(parts) => Ok(Arc::new(parts.into_gpu(entry, instance, options.timeout))),
+            Ok(parts) => Ok(Arc::new(parts.into_gpu(entry, instance, options))),
             Err(error) => {
                 // SAFETY: all that was made from the instance is gone: `open_on` leaves nothing behind when
                 // it fails.
@@ -141,8 +144,19 @@ impl Gpu {
         (!self.abandoned.load(Ordering::Relaxed)).then_some(&self.device)
     }
 
-    pub(crate) const fn host_memory(&self) -> Option<&ash::ext::external_memory_host::Device> {
-        self.host_memory.as_ref()
+    /// The most memory for a scene's triangles that was asked for.
+    pub(crate) const fn memory_budget(&self) -> Option<u64> {
+        self.memory
+    }
+
+    /// What was free of the device's own memory when it was opened, in bytes.
+    pub(crate) const fn free_memory(&self) -> u64 {
+        self.limits.free_memory
+    }
+
+    /// Whether shaders fetch vertices for themselves where they have to know which triangle they work on.
+    pub(crate) fn fetches_vertices(&self) -> bool {
+        self.info.lacks.contains(&Optional::GeometryShader)
     }
 
     pub(crate) const fn queue_family(&self) -> u32 {
@@ -168,13 +182,7 @@ impl Gpu {
         for lack in &adapter.info.lacks {
             tracing::info!(device = adapter.info.name, lacks = lack.name(), "{}", lack.without());
         }
-        let device = needs::open(
-            instance,
-            adapter.physical,
-            adapter.queue_family,
-            &adapter.info.lacks,
-            adapter.limits.host_memory_alignment.is_some(),
-        )?;
+        let device = needs::open(instance, adapter.physical, adapter.queue_family, &adapter.info.lacks)?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
@@ -206,13 +214,10 @@ struct Parts {
 }
 
 impl Parts {
-    fn into_gpu(self, entry: ash::Entry, instance: ash::Instance, timeout: Duration) -> Gpu {
+    fn into_gpu(self, entry: ash::Entry, instance: ash::Instance, options: &GpuOptions) -> Gpu {
         let queue_family = self.adapter.queue_family;
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { self.device.get_device_queue(queue_family, 0) };
-        let host_memory = self.adapter.limits.host_memory_alignment;
-        let host_memory =
-            host_memory.map(|_| ash::ext::external_memory_host::Device::new(&instance, &self.device));
         Gpu {
             allocator: ManuallyDrop::new(Mutex::new(self.allocator)),
             device: self.device,
@@ -220,10 +225,10 @@ impl Parts {
             instance,
             queue: Mutex::new(queue),
             queue_family,
-            host_memory,
             info: self.adapter.info,
             limits: self.adapter.limits,
-            timeout,
+            memory: options.memory,
+            timeout: options.timeout,
             hung: AtomicBool::new(false),
             abandoned: AtomicBool::new(false),
             entry: ManuallyDrop::new(entry),

@@ -14,7 +14,7 @@ use crate::pass::ScenePass;
 use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
 use crate::wait::Cancel;
-use crate::{GpuError, GpuScene, Optional, PassTiming};
+use crate::{GpuError, GpuScene, PassTiming};
 
 /// With Vulkan's own number of the triangle, which fragment shaders have where there are geometry shaders.
 static NUMBERED: PassKind = PassKind {
@@ -25,6 +25,7 @@ static NUMBERED: PassKind = PassKind {
     input: VertexInput::Id,
     colour: Some(TARGET),
     fetch: Fetch::Fixed,
+    may_skip: None,
 };
 
 /// With a number that the vertex shader works out, on any device. It fetches each triangle's three vertices
@@ -48,7 +49,7 @@ const TARGET: ColourTarget = ColourTarget {
 
 /// Whether the scene's device numbers triangles by itself.
 fn numbers(scene: &GpuScene) -> bool {
-    !scene.gpu().info().lacks.contains(&Optional::GeometryShader)
+    !scene.gpu().fetches_vertices()
 }
 
 /// What shows at each pixel, row by row from the top.
@@ -79,20 +80,9 @@ impl ItemPass {
     /// A pass for pictures of `size` at first.
     ///
     /// # Errors
-    /// If the device cannot draw that size, or memory does not suffice; and those of [`check`](Self::check).
+    /// If the device cannot draw that size, or memory does not suffice.
     pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
-        Self::check(scene)?;
         Self::of(scene, if numbers(scene) { &NUMBERED } else { &PULLED }, size)
-    }
-
-    /// Whether triangles of this scene can be told apart on its device: for whoever wants to know before a
-    /// walk.
-    ///
-    /// # Errors
-    /// On a device without `geometryShader`: if the scene's vertices or indices are larger than a storage
-    /// buffer can be.
-    pub fn check(scene: &GpuScene) -> Result<(), GpuError> {
-        if numbers(scene) { Ok(()) } else { scene.check_pulled() }
     }
 
     fn of(scene: &Arc<GpuScene>, kind: &'static PassKind, size: Viewport) -> Result<Self, GpuError> {
@@ -215,7 +205,7 @@ mod tests {
     #[test]
     fn fetching_vertices_tells_the_same_triangles_apart_as_the_devices_own_numbers() {
         let Some(gpu) = CheckedGpu::open() else { return };
-        if gpu.info().lacks.contains(&Optional::GeometryShader) {
+        if gpu.fetches_vertices() {
             println!("skipped: the device has no numbers of its own");
             return;
         }
@@ -234,7 +224,7 @@ mod tests {
             (*view, cut)
         };
         let views: Vec<_> = views.iter().step_by(6).map(cut).collect();
-        let scene = GpuScene::upload(&gpu, &scene).unwrap();
+        let scene = GpuScene::new(&gpu, &scene).unwrap();
         let whole = assert_same(&scene, &views);
 
         let direction = [0.6, 0.64, 0.48];

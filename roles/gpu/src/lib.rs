@@ -18,7 +18,7 @@
 //! # let size = Viewport::new(64, 48)?;
 //! # let scene = plant(1, 500, DVec3::ZERO)?;
 //! # let view: View = plant_views(1, 500, DVec3::ZERO, size, 1)?[0];
-//! let on_device = GpuScene::upload(&gpu, &scene)?;
+//! let on_device = GpuScene::new(&gpu, &scene)?;
 //! let mut ids = lod_cut(&scene, &view, LodRule::new(2.0)?);
 //! draw_order(&scene, &view, &mut ids);
 //! let mut pass = PicturePass::new(&on_device, size)?;
@@ -33,7 +33,7 @@
 //! | module | what is in it |
 //! |---|---|
 //! | `adapter`, `needs`, `gpu`, `wait` | a device: which, what it must have, opened, waited for |
-//! | `memory`, `in_place`, `scene` | buffers, and a scene on the device |
+//! | `memory`, `arena`, `working_set`, `scene` | buffers, and what of a scene is on the device |
 //! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder` | what the passes share |
 //! | `layout`, `pipeline`, `pass_kind`, `pass` | how all of them draw |
 //! | `occluder`, `picture`, `item` | the three passes |
@@ -42,7 +42,7 @@
 //! | `timing`, `validation` | what a pass took, what the validation layer said |
 //!
 //! # Soundness
-//! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `in_place`, `stream`,
+//! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `stream`,
 //! `recorder`, `pipeline`, `query`); the passes above them are safe code. Three rules carry them. An object
 //! holds an [`Arc`](std::sync::Arc) of the device it was made from. And whatever owns a stream of
 //! commands declares it before the things its commands use: fields drop in order of declaration, and a stream
@@ -63,6 +63,7 @@ extern crate self as trimaran_gpu;
 mod common;
 
 mod adapter;
+mod arena;
 mod boxes;
 mod camera;
 mod draw_record;
@@ -70,7 +71,6 @@ mod draws;
 mod error;
 mod gpu;
 mod hzb;
-mod in_place;
 mod item;
 mod layout;
 mod memory;
@@ -90,6 +90,7 @@ mod stream;
 mod timing;
 mod validation;
 mod wait;
+mod working_set;
 
 pub use adapter::{DeviceChoice, DeviceKind, GpuInfo, HzbPlace};
 pub use error::GpuError;
@@ -104,3 +105,4 @@ pub use query::QueryTest;
 pub use raster::RasterTest;
 pub use scene::GpuScene;
 pub use timing::PassTiming;
+pub use working_set::WorkingSetStats;

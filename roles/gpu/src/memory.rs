@@ -10,7 +10,6 @@ use gpu_allocator::{AllocationError, MemoryLocation};
 use trimaran_cull::Viewport;
 
 use crate::error::During as _;
-use crate::in_place::SceneMemory;
 use crate::{Gpu, GpuError};
 
 /// A buffer in whatever memory was asked for. Whoever submits work that uses it keeps it alive until that
@@ -18,16 +17,8 @@ use crate::{Gpu, GpuError};
 pub(crate) struct Buffer {
     gpu: Arc<Gpu>,
     handle: vk::Buffer,
-    backing: ManuallyDrop<Backing>,
+    allocation: ManuallyDrop<Allocation>,
     bytes: u64,
-}
-
-/// Where a buffer's bytes are.
-pub(crate) enum Backing {
-    /// In memory of the device's, or of the host's for the device, for the buffer alone.
-    Own(Allocation),
-    /// In a scene, which the device reads where it is.
-    Scene(SceneMemory),
 }
 
 impl Buffer {
@@ -58,7 +49,9 @@ impl Buffer {
             }
         });
         match allocation {
-            Ok(allocation) => Ok(Self::over(gpu, handle, Backing::Own(allocation), bytes)),
+            Ok(allocation) => {
+                Ok(Self { gpu: Arc::clone(gpu), handle, allocation: ManuallyDrop::new(allocation), bytes })
+            }
             Err(error) => {
                 // SAFETY: the buffer is ours and nothing uses it.
                 unsafe { gpu.device().destroy_buffer(handle, None) };
@@ -67,55 +60,64 @@ impl Buffer {
         }
     }
 
-    /// A buffer that is bound to `backing`, and frees both.
-    pub(crate) fn over(gpu: &Arc<Gpu>, handle: vk::Buffer, backing: Backing, bytes: u64) -> Self {
-        Self { gpu: Arc::clone(gpu), handle, backing: ManuallyDrop::new(backing), bytes }
-    }
-
     pub(crate) const fn handle(&self) -> vk::Buffer {
         self.handle
     }
 
-    /// The size of the memory that is the buffer's own.
-    pub(crate) fn own_bytes(&self) -> u64 {
-        match &*self.backing {
-            Backing::Own(_) => self.bytes,
-            Backing::Scene(_) => 0,
+    /// Its size.
+    #[cfg(test)]
+    pub(crate) const fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Whether the host sees its memory and writes to it without flushing, even where the location did not ask
+    /// for that: on a CPU driver all memory is such.
+    pub(crate) fn is_writable(&self) -> bool {
+        let properties = self.allocation.memory_properties();
+        properties.contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT)
+            && self.allocation.mapped_slice().is_some()
+    }
+
+    /// Writes bytes from `offset` on, those within the buffer, if it is [writable](Self::is_writable). Nothing
+    /// reads or writes them meanwhile: no work under way on the device, and no other thread.
+    pub(crate) fn write(&self, offset: u64, bytes: &[u8]) {
+        let room = self.bytes.saturating_sub(offset);
+        let length = bytes.len().min(usize::try_from(room).unwrap_or(usize::MAX));
+        let Some(start) = self.allocation.mapped_ptr().filter(|_| self.is_writable()) else { return };
+        // SAFETY: the memory is mapped for as long as the allocation lives, and the range lies within the
+        // buffer, at whose start the pointer stands. Nobody else touches the range (see above), and no
+        // reference to a writable buffer's bytes is given out beside those of a `HostBuffer`, which owns its
+        // buffer.
+        unsafe {
+            let start = start.as_ptr().cast::<u8>().add(offset as usize);
+            std::ptr::copy_nonoverlapping(bytes.as_ptr(), start, length);
         }
     }
 
-    /// The buffer's memory if the host sees it and writes to it without flushing, even where the location did
-    /// not ask for that: on a CPU driver all memory is such.
-    pub(crate) fn mapped_mut(&mut self) -> Option<&mut [u8]> {
-        let Backing::Own(allocation) = &mut *self.backing else { return None };
-        let coherent = allocation
-            .memory_properties()
-            .contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT);
+    /// The buffer's memory, if it is [writable](Self::is_writable).
+    fn mapped_mut(&mut self) -> Option<&mut [u8]> {
         let bytes = usize::try_from(self.bytes).ok()?;
-        allocation.mapped_slice_mut().filter(|_| coherent)?.get_mut(..bytes)
+        if !self.is_writable() {
+            return None;
+        }
+        self.allocation.mapped_slice_mut()?.get_mut(..bytes)
     }
 
     fn mapped(&self) -> Option<&[u8]> {
-        match &*self.backing {
-            Backing::Own(allocation) => allocation.mapped_slice(),
-            Backing::Scene(_) => None,
-        }
+        self.allocation.mapped_slice()
     }
 }
 
 impl Drop for Buffer {
     fn drop(&mut self) {
         let Some(device) = self.gpu.to_destroy() else { return };
-        // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the backing is
+        // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the allocation is
         // taken once.
-        let backing = unsafe {
+        let allocation = unsafe {
             device.destroy_buffer(self.handle, None);
-            ManuallyDrop::take(&mut self.backing)
+            ManuallyDrop::take(&mut self.allocation)
         };
-        match backing {
-            Backing::Own(allocation) => free(&self.gpu, allocation),
-            Backing::Scene(memory) => drop(memory),
-        }
+        free(&self.gpu, allocation);
     }
 }
 

@@ -7,8 +7,8 @@
 
 use ash::vk;
 
+use crate::GpuError;
 use crate::error::During as _;
-use crate::{DeviceKind, GpuError};
 
 /// Something that a device may lack and still be used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -18,8 +18,6 @@ pub enum Optional {
     GeometryShader,
     /// The clock of the graphics queue.
     Timestamps,
-    /// For a driver that draws on the CPU: reading the host's memory where it is.
-    HostMemory,
     /// f64 in shaders.
     Float64,
 }
@@ -31,7 +29,6 @@ impl Optional {
         match self {
             Self::GeometryShader => "geometryShader",
             Self::Timestamps => "timestampValidBits",
-            Self::HostMemory => "VK_EXT_external_memory_host",
             Self::Float64 => "shaderFloat64",
         }
     }
@@ -44,7 +41,6 @@ impl Optional {
                 "audits fetch vertices from storage buffers, which is slower; walks are as fast as with it"
             }
             Self::Timestamps => "device times of passes are 0 in reports",
-            Self::HostMemory => "each role copies the scene instead of reading the mapped file",
             Self::Float64 => "hzb tests boxes on the host, which costs where the depth crosses a bus",
         }
     }
@@ -56,9 +52,6 @@ pub(crate) struct Answer {
     pub(crate) missing: Vec<&'static str>,
     /// What would be of use and is not there.
     pub(crate) lacks: Vec<Optional>,
-    /// What addresses and sizes of the host's memory are multiples of, where a driver that draws on the CPU
-    /// can read it in place.
-    pub(crate) host_memory_alignment: Option<u64>,
 }
 
 /// What the one queue has to do. A device that draws has a family that does both.
@@ -70,7 +63,6 @@ pub(crate) fn ask(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     properties: &vk::PhysicalDeviceProperties,
-    kind: DeviceKind,
     family: Option<&vk::QueueFamilyProperties>,
 ) -> Answer {
     let Features { mut missing, geometry_shader, float64 } =
@@ -81,16 +73,13 @@ pub(crate) fn ask(
     if !draws_depth(instance, physical) {
         missing.push("D32_SFLOAT as depth attachment");
     }
-    let host_memory_alignment =
-        (kind == DeviceKind::Cpu).then(|| host_memory_alignment(instance, physical)).flatten();
     let lacks = [
         (geometry_shader, Optional::GeometryShader),
         (family.is_none_or(|family| family.timestamp_valid_bits > 0), Optional::Timestamps),
-        (kind != DeviceKind::Cpu || host_memory_alignment.is_some(), Optional::HostMemory),
         (float64, Optional::Float64),
     ];
     let lacks = lacks.into_iter().filter(|(has, _)| !has).map(|(_, optional)| optional).collect();
-    Answer { missing, lacks, host_memory_alignment }
+    Answer { missing, lacks }
 }
 
 /// A logical device with one graphics queue and all that is asked for: the list of [`features`], turned on.
@@ -99,7 +88,6 @@ pub(crate) fn open(
     physical: vk::PhysicalDevice,
     queue_family: u32,
     lacks: &[Optional],
-    host_memory: bool,
 ) -> Result<ash::Device, GpuError> {
     let priorities = [1.0];
     let queues =
@@ -116,15 +104,13 @@ pub(crate) fn open(
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
     let mut v13 =
         vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
-    let extensions: &[_] = if host_memory { &[ash::ext::external_memory_host::NAME.as_ptr()] } else { &[] };
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
-        .enabled_extension_names(extensions)
         .enabled_features(&features)
         .push_next(&mut v12)
         .push_next(&mut v13);
-    // SAFETY: the device is of this instance and has the queue family, each of these features and the
-    // extension: the caller has asked (`ask`) and nothing required was missing.
+    // SAFETY: the device is of this instance and has the queue family and each of these features: the caller
+    // has asked (`ask`) and nothing required was missing.
     unsafe { instance.create_device(physical, &info, None) }.during("opening the device")
 }
 
@@ -171,15 +157,29 @@ fn draws_depth(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
         .contains(vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT | vk::FormatFeatureFlags::TRANSFER_SRC)
 }
 
-/// What memory of the host has to be aligned to for a device to read it in place; `None` if it cannot.
-fn host_memory_alignment(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u64> {
-    // SAFETY: `physical` was enumerated from this instance.
-    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.ok()?;
-    let wanted = Ok(ash::ext::external_memory_host::NAME);
-    extensions.iter().find(|extension| extension.extension_name_as_c_str() == wanted)?;
-    let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
-    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut host);
-    // SAFETY: as above, and the device has the extension that the structure belongs to.
-    unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
-    Some(host.min_imported_host_pointer_alignment)
+/// What is free of the device's own memory, in bytes: what the driver says if it can, else all of it.
+pub(crate) fn free_memory(instance: &ash::Instance, physical: vk::PhysicalDevice) -> u64 {
+    let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+    let mut properties = vk::PhysicalDeviceMemoryProperties2::default();
+    let tells = {
+        // SAFETY: `physical` was enumerated from this instance.
+        let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
+        let wanted = Ok(ash::ext::memory_budget::NAME);
+        extensions.unwrap_or_default().iter().any(|extension| extension.extension_name_as_c_str() == wanted)
+    };
+    if tells {
+        properties = properties.push_next(&mut budget);
+    }
+    // SAFETY: as above, and the device has the extension that the chained structure belongs to.
+    unsafe { instance.get_physical_device_memory_properties2(physical, &mut properties) };
+    let memory = properties.memory_properties;
+    let heaps = memory.memory_heaps_as_slice().iter().enumerate();
+    let own = heaps.filter(|(_, heap)| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+    let free = |(index, heap): (usize, &vk::MemoryHeap)| match (tells, budget.heap_budget.get(index)) {
+        (true, Some(allowed)) => {
+            allowed.saturating_sub(budget.heap_usage.get(index).copied().unwrap_or(0)).min(heap.size)
+        }
+        _ => heap.size,
+    };
+    own.map(free).max().unwrap_or(0)
 }

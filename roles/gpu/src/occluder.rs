@@ -24,7 +24,12 @@ static KIND: PassKind = PassKind {
     input: VertexInput::Position,
     colour: None,
     fetch: Fetch::Fixed,
+    may_skip: Some(MOST_BROUGHT),
 };
+
+/// Any subset of the cut is a valid set of occluders. So a frame brings at most so many bytes of geometry to
+/// the device (a quarter of a million triangles), and draws what is there.
+const MOST_BROUGHT: u64 = 8 << 20;
 
 /// Draws occluders into a depth buffer that stays on the device, for the occlusion tests that run against it.
 ///

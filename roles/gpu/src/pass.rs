@@ -15,6 +15,7 @@ use crate::layout::{BindingSet, Layout};
 use crate::memory::{Buffer, HostBuffer, Image};
 use crate::pass_kind::{PassKind, Pipelines, Style};
 use crate::recorder::Targets;
+use crate::scene::{Absent, Hold, Place};
 use crate::sections::SectionPlanes;
 use crate::stream::Stream;
 use crate::timing::{PassTiming, Stopwatch};
@@ -25,6 +26,8 @@ use crate::{Gpu, GpuError, GpuScene};
 pub(crate) struct ScenePass {
     // First, so that the device is done before anything below goes.
     stream: Stream,
+    /// On the geometry that the frame's draws use.
+    hold: Hold,
     scene: Arc<GpuScene>,
     kind: &'static PassKind,
     pipelines: Pipelines,
@@ -32,8 +35,13 @@ pub(crate) struct ScenePass {
     style: Style,
     /// One element: those of the frame that was begun last.
     sections: HostBuffer<SectionPlanes>,
-    /// The sections, and the scene where the shader fetches from it.
+    /// The sections, and the geometry where the shader fetches from it.
     set: BindingSet,
+    /// The buffer that the frame's geometry is in.
+    geometry: Arc<Buffer>,
+    places: Vec<Option<Place>>,
+    /// Bytes of geometry that this frame has brought to the device.
+    brought: u64,
     draws: Draws,
     attachments: Attachments,
     view: Option<View>,
@@ -76,23 +84,25 @@ impl ScenePass {
             MemoryLocation::CpuToGpu,
             1,
         )?;
-        let buffers: &[&Buffer] = match kind.fetch {
-            Fetch::Fixed => &[sections.buffer()],
-            Fetch::Pulled => &[sections.buffer(), scene.vertices(), scene.indices()],
-        };
+        let geometry = Arc::clone(scene.set().buffer());
+        let buffers = bound(kind, &sections, &geometry);
         let layout = Layout::new::<CameraConstants>(gpu, buffers.len() as u32)?;
-        let set = BindingSet::new(&layout, buffers)?;
+        let set = BindingSet::new(&layout, &buffers)?;
         let mut pipelines = Pipelines::new(layout, kind);
         // What nearly every frame needs, so that what can fail does before the first one.
         pipelines.get(Style::default())?;
         Ok(Self {
             stream: Stream::new(gpu)?,
+            hold: Hold::new(scene),
             scene: Arc::clone(scene),
             kind,
             pipelines,
             style: Style::default(),
             sections,
             set,
+            geometry,
+            places: Vec::new(),
+            brought: 0,
             draws: Draws::new(Arc::clone(gpu), kind.fetch),
             attachments: Attachments::new(gpu, kind, size)?,
             view: None,
@@ -124,6 +134,8 @@ impl ScenePass {
             self.attachments = Attachments::new(self.scene.gpu(), self.kind, view.viewport())?;
         }
         self.draws.clear();
+        self.brought = 0;
+        self.renew()?;
         self.style = Style { cut: !view.sections().is_empty(), see_through: false };
         if self.style.cut {
             self.sections.elements_mut().fill(SectionPlanes::new(view));
@@ -150,11 +162,61 @@ impl ScenePass {
         self.add(ids)
     }
 
+    /// Adds the draws in order. Where their geometry does not fit the working set at once, what was added so
+    /// far is drawn first, and its geometry makes room for the rest.
     fn add(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
-        let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
+        let view = self.view.ok_or(GpuError::NotBegun(self.kind.name))?;
         // What is cut open or seen through shows its inside.
         let opaque = self.style == Style::default();
-        self.recording.measure(|| self.draws.add(&self.scene, view, opaque, ids))
+        let (mut rest, mut made_room) = (ids, false);
+        while !rest.is_empty() {
+            self.places.clear();
+            let absent = match self.kind.may_skip {
+                None => Absent::Read,
+                Some(most) => Absent::ReadOrSkip { most: most.saturating_sub(self.brought) },
+            };
+            let Self { scene, places, recording, draws, brought, hold, .. } = self;
+            recording.measure(|| {
+                *brought += scene.place(hold.id(), rest, absent, places)?;
+                draws.add(scene, &view, opaque, rest, places)
+            })?;
+            let (placed, later) = rest.split_at(places.len().min(rest.len()));
+            rest = later;
+            if let Some(&first) = rest.first() {
+                if placed.is_empty() && made_room {
+                    return Err(self.scene.too_small(first));
+                }
+                self.make_room()?;
+                made_room = true;
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws what was added and waits for the device, so that none of the geometry is held any more.
+    fn make_room(&mut self) -> Result<(), GpuError> {
+        self.flush()?;
+        let submitted = self.scene.set().submitted();
+        // A signal comes after all that was submitted before it, by other passes as well.
+        self.stream.submit(self.kind.name, |_| {})?;
+        self.stream.wait(self.kind.name)?;
+        self.scene.set().release_all(&submitted);
+        self.renew()
+    }
+
+    /// Holds from here on what is placed, and nothing of before: the device is done with it.
+    fn renew(&mut self) -> Result<(), GpuError> {
+        let buffer = {
+            let mut set = self.scene.set();
+            set.renew(self.hold.id())?;
+            Arc::clone(set.buffer())
+        };
+        if !Arc::ptr_eq(&buffer, &self.geometry) {
+            self.geometry = buffer;
+            let layout = self.pipelines.layout();
+            self.set = BindingSet::new(layout, &bound(self.kind, &self.sections, &self.geometry))?;
+        }
+        Ok(())
     }
 
     /// Hands the draws so far to the device, which starts on them at once. The first piece of a frame clears.
@@ -163,7 +225,17 @@ impl ScenePass {
         let constants = CameraConstants::new(view);
         while self.fresh || self.draws.has_news() {
             let Self {
-                stream, scene, kind, pipelines, style, set, draws, attachments, recording, fresh, ..
+                stream,
+                geometry,
+                kind,
+                pipelines,
+                style,
+                set,
+                draws,
+                attachments,
+                recording,
+                fresh,
+                ..
             } = self;
             let pipeline = pipelines.get(*style)?;
             let clear = std::mem::replace(fresh, false);
@@ -173,13 +245,14 @@ impl ScenePass {
                         commands.bind(pipeline, &constants);
                         commands.bind_set(pipeline, set);
                         if kind.fetch == Fetch::Fixed {
-                            commands.bind_mesh(scene.vertices(), scene.indices());
+                            commands.bind_mesh(geometry);
                         }
                         draws.record(commands);
                     });
                 })
             })?;
         }
+        self.scene.set().end_draws(self.hold.id());
         Ok(())
     }
 
@@ -187,6 +260,8 @@ impl ScenePass {
     pub(crate) fn finish(&mut self) -> Result<PassTiming, GpuError> {
         self.flush()?;
         self.stream.wait(self.kind.name)?;
+        self.scene.set().release(self.hold.id());
+        self.scene.check()?;
         Ok(PassTiming { device_ms: self.stream.take_busy_ms(), host_ms: self.recording.take_ms() })
     }
 
@@ -240,6 +315,18 @@ fn read_back<T: bytemuck::Pod>(
     stream.wait(OPERATION)
 }
 
+/// What a pass's shaders are given.
+fn bound<'b>(
+    kind: &PassKind,
+    sections: &'b HostBuffer<SectionPlanes>,
+    geometry: &'b Buffer,
+) -> Vec<&'b Buffer> {
+    match kind.fetch {
+        Fetch::Fixed => vec![sections.buffer()],
+        Fetch::Pulled => vec![sections.buffer(), geometry],
+    }
+}
+
 impl Attachments {
     fn new(gpu: &Arc<Gpu>, kind: &PassKind, size: Viewport) -> Result<Self, GpuError> {
         let depth = Image::new(gpu, "depth", vk::Format::D32_SFLOAT, size)?;
@@ -265,9 +352,9 @@ mod tests {
     #[test]
     fn a_frame_of_many_triangles_is_submitted_in_parts() {
         let Some(gpu) = CheckedGpu::open() else { return };
-        // A million triangles behind the eye, and one before it.
+        // An eighth of a million triangles behind the eye, and one before it.
         let crowd = FlatObject {
-            indices: [0, 1, 2].repeat(1 << 20),
+            indices: [0, 1, 2].repeat(1 << 17),
             ..triangles(&[[0.0, 0.0, 9.0], [1.0, 0.0, 9.0], [0.0, 1.0, 9.0]])
         };
         let shown = triangles(&[[-9.0, -9.0, -2.0], [9.0, -9.0, -2.0], [0.0, 9.0, -2.0]]);
@@ -287,9 +374,9 @@ mod tests {
         assert_eq!(submissions, 1);
         assert!(expected.iter().any(|&depth| depth > 0.0));
         // The one that shows stands in the first part: the second must not clear it.
-        let (depth, submissions, _) = depth_and_submissions(&[&[shown][..], &[crowd; 17]].concat());
+        let (depth, submissions, _) = depth_and_submissions(&[&[shown][..], &[crowd; 8 * 17]].concat());
         assert_eq!((depth == expected, submissions), (true, 3));
-        let (depth, submissions, _) = depth_and_submissions(&[crowd; 8]);
+        let (depth, submissions, _) = depth_and_submissions(&[crowd; 8 * 8]);
         assert_eq!((depth.iter().all(|&depth| depth == 0.0), submissions), (true, 1));
     }
 }

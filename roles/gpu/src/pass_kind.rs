@@ -22,6 +22,9 @@ pub(crate) struct PassKind {
     pub(crate) input: VertexInput,
     pub(crate) colour: Option<ColourTarget>,
     pub(crate) fetch: Fetch,
+    /// What a frame draws may be left out where its geometry is not on the device, once so many bytes of
+    /// geometry were brought for the frame; `None` where all of it must be drawn.
+    pub(crate) may_skip: Option<u64>,
 }
 
 /// A pass's colour attachment.
@@ -50,6 +53,10 @@ pub(crate) struct Style {
 impl Pipelines {
     pub(crate) fn new(layout: Arc<Layout>, kind: &'static PassKind) -> Self {
         Self { layout, kind, made: HashMap::new() }
+    }
+
+    pub(crate) const fn layout(&self) -> &Arc<Layout> {
+        &self.layout
     }
 
     pub(crate) fn get(&mut self, style: Style) -> Result<&Pipeline, GpuError> {

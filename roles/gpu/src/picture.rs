@@ -29,6 +29,7 @@ static KIND: PassKind = PassKind {
         background: vk::ClearColorValue { float32: [219.0 / 255.0, 226.0 / 255.0, 232.0 / 255.0, 1.0] },
     }),
     fetch: Fetch::Fixed,
+    may_skip: None,
 };
 
 /// Draws shaded pictures. Frames alternate between two sets of attachments, so that the next can be prepared

@@ -159,7 +159,7 @@ mod tests {
         let gpu = Arc::clone(pass.gpu());
         let halving = Halving::new(&gpu).unwrap();
         let pyramid = Pyramid::new(&gpu, &halving, pass.size()).unwrap();
-        let bytes = pyramid.texels.own_bytes();
+        let bytes = pyramid.texels.bytes();
         let (usage, count) = (vk::BufferUsageFlags::TRANSFER_DST, bytes as usize / size_of::<f32>());
         let read = HostBuffer::new(&gpu, "levels", usage, MemoryLocation::GpuToCpu, count).unwrap();
         let OverDepth { stream, depth, .. } = pass.over_depth().unwrap();
@@ -170,7 +170,8 @@ mod tests {
             // A picture of one pixel is its own pyramid: nothing is made of it.
             commands.barrier(copied, (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ));
             commands.barrier(made, (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ));
-            commands.copy(&pyramid.texels, read.buffer(), 0, bytes);
+            let all = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
+            commands.copy(&pyramid.texels, read.buffer(), &[all]);
             commands.barrier(copied, (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ));
         };
         stream.submit("building levels", record).unwrap();

@@ -85,7 +85,8 @@ impl OcclusionTest for RasterTest<'_> {
                 });
                 commands.barrier(count, copy);
                 let bytes = size_of_val(owners) as u64;
-                commands.copy(&room.counts, room.results.buffer(), 0, bytes);
+                let all = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
+                commands.copy(&room.counts, room.results.buffer(), &[all]);
                 commands.barrier(write, host);
             })?;
             stream.wait(OPERATION)?;

@@ -115,12 +115,12 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Uses these vertices and 32-bit indices from here on.
-    pub(crate) fn bind_mesh(&self, vertices: &Buffer, indices: &Buffer) {
-        // SAFETY: the module's rule; the buffers were made with these usages.
+    /// Uses these vertices and 32-bit indices, all in one buffer, from here on.
+    pub(crate) fn bind_mesh(&self, geometry: &Buffer) {
+        // SAFETY: the module's rule; the buffer was made with both usages.
         unsafe {
-            self.device.cmd_bind_vertex_buffers(self.commands, VERTICES, &[vertices.handle()], &[0]);
-            self.device.cmd_bind_index_buffer(self.commands, indices.handle(), 0, vk::IndexType::UINT32);
+            self.device.cmd_bind_vertex_buffers(self.commands, VERTICES, &[geometry.handle()], &[0]);
+            self.device.cmd_bind_index_buffer(self.commands, geometry.handle(), 0, vk::IndexType::UINT32);
         }
     }
 
@@ -242,11 +242,11 @@ impl<'a> Recorder<'a> {
         unsafe { self.device.cmd_fill_buffer(self.commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
     }
 
-    /// Copies bytes from one buffer to another.
-    pub(crate) fn copy(&self, from: &Buffer, to: &Buffer, to_offset: u64, bytes: u64) {
-        let region = vk::BufferCopy { src_offset: 0, dst_offset: to_offset, size: bytes };
-        // SAFETY: the module's rule; callers pass ranges inside both buffers.
-        unsafe { self.device.cmd_copy_buffer(self.commands, from.handle(), to.handle(), &[region]) };
+    /// Copies ranges of bytes from one buffer to another.
+    pub(crate) fn copy(&self, from: &Buffer, to: &Buffer, regions: &[vk::BufferCopy]) {
+        // SAFETY: the module's rule; callers pass some ranges, inside both buffers, of which those written do
+        // not overlap.
+        unsafe { self.device.cmd_copy_buffer(self.commands, from.handle(), to.handle(), regions) };
     }
 
     /// Orders all memory accesses of the first scope before those of the second.

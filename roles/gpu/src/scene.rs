@@ -1,82 +1,59 @@
-//! A cooked scene in device memory.
+//! A cooked scene on a device.
 
 use std::sync::Arc;
 
-use ash::vk;
-use gpu_allocator::MemoryLocation;
+use parking_lot::{Mutex, MutexGuard};
 use trimaran_cull::View;
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Drawable, Node, Scene, Vertex};
+use trimaran_scene::{Drawable, Node, Scene};
 
-use crate::in_place::{self, SceneArray};
-use crate::memory::{Buffer, HostBuffer};
-use crate::stream::Stream;
+use crate::working_set::{Budget, HoldId, WorkingSet, WorkingSetStats};
 use crate::{Gpu, GpuError};
 
-/// The triangles of a scene on a device, and the scene itself for what of its tree drawing needs. Passes
-/// share it through an [`Arc`].
+/// A scene on a device: the scene itself for what of its tree drawing needs, and of its triangles those that
+/// were lately drawn. Passes share it through an [`Arc`].
 pub struct GpuScene {
+    // Before the device's owner, as all that is made from it.
+    set: Mutex<WorkingSet>,
     gpu: Arc<Gpu>,
-    vertices: Buffer,
-    indices: Buffer,
     scene: Arc<Scene>,
 }
 
-const VERTICES: SceneArray = SceneArray {
-    name: "vertices",
-    usage: vk::BufferUsageFlags::VERTEX_BUFFER,
-    bytes: |scene| bytemuck::cast_slice(scene.vertices()),
-};
+/// Where a draw finds its triangles.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place {
+    pub(crate) first_index: u32,
+    pub(crate) first_vertex: u32,
+}
 
-const INDICES: SceneArray = SceneArray {
-    name: "indices",
-    usage: vk::BufferUsageFlags::INDEX_BUFFER,
-    bytes: |scene| bytemuck::cast_slice(scene.indices()),
-};
-
-impl SceneArray {
-    /// Whether it fits a storage buffer of the device.
-    fn can_be_pulled(self, gpu: &Gpu, scene: &Scene) -> bool {
-        (self.bytes)(scene).len() as u64 <= gpu.limits().max_storage_range
-    }
+/// What becomes of a draw whose triangles are not on the device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Absent {
+    /// They are read, however long that takes. Where they find no room the draws end before this one.
+    Read,
+    /// They are read as long as so many bytes of them are left; beyond that, or without room, it is left out.
+    ReadOrSkip { most: u64 },
 }
 
 impl GpuScene {
-    /// Gives a scene's triangles to the device: a copy, or where it draws on the CPU and the scene is mapped
-    /// from a file, the file's own pages.
+    /// Takes memory for a scene's triangles, as much as [`GpuOptions::memory`](crate::GpuOptions::memory) says.
+    /// They are read from the scene when they are first drawn.
     ///
     /// # Errors
-    /// If the scene is larger than the device can address or has memory for.
-    pub fn upload(gpu: &Arc<Gpu>, scene: &Arc<Scene>) -> Result<Arc<Self>, GpuError> {
-        let last_offset = scene.drawables().iter().map(|drawable| drawable.vertex_offset).max();
-        if let Some(offset) = last_offset.filter(|&offset| i32::try_from(offset).is_err()) {
-            let size = size_of::<Vertex>() as u64;
-            let (bytes, limit) = (u64::from(offset) * size, i32::MAX as u64 * size);
-            return Err(GpuError::SceneTooLarge { what: VERTICES.name, bytes, limit });
-        }
-        let on_device = |mut array: SceneArray| {
-            if array.can_be_pulled(gpu, scene) {
-                array.usage |= vk::BufferUsageFlags::STORAGE_BUFFER;
-            }
-            match in_place::buffer(gpu, scene, array) {
-                Some(buffer) => Ok(buffer),
-                None => upload(gpu, array.name, array.usage, (array.bytes)(scene)),
-            }
-        };
-        let (vertices, indices) = (on_device(VERTICES)?, on_device(INDICES)?);
-        Ok(Arc::new(Self { gpu: Arc::clone(gpu), vertices, indices, scene: Arc::clone(scene) }))
+    /// If the device has no memory.
+    pub fn new(gpu: &Arc<Gpu>, scene: &Arc<Scene>) -> Result<Arc<Self>, GpuError> {
+        Self::with(gpu, scene, Budget::new(gpu), false)
     }
 
-    /// Whether shaders may fetch vertices from it; an error that names what is too large if not.
-    pub(crate) fn check_pulled(&self) -> Result<(), GpuError> {
-        for array in [VERTICES, INDICES] {
-            if !array.can_be_pulled(&self.gpu, &self.scene) {
-                let bytes = (array.bytes)(&self.scene).len() as u64;
-                let limit = self.gpu.limits().max_storage_range;
-                return Err(GpuError::SceneTooLarge { what: array.name, bytes, limit });
-            }
-        }
-        Ok(())
+    /// `staged`: copy by the device even where the host sees its memory.
+    pub(crate) fn with(
+        gpu: &Arc<Gpu>,
+        scene: &Arc<Scene>,
+        budget: Budget,
+        staged: bool,
+    ) -> Result<Arc<Self>, GpuError> {
+        let set = WorkingSet::new(gpu, scene, budget, staged)?;
+        Ok(Arc::new(Self { set: Mutex::new(set), gpu: Arc::clone(gpu), scene: Arc::clone(scene) }))
     }
 
     /// The device that holds it.
@@ -85,34 +62,90 @@ impl GpuScene {
         &self.gpu
     }
 
-    /// Bytes that were copied for the device: those of vertices and indices, or none where it reads the
-    /// scene's own.
+    /// What of it is on the device.
     #[must_use]
-    pub fn copied_bytes(&self) -> u64 {
-        [&self.vertices, &self.indices].map(Buffer::own_bytes).iter().sum()
+    pub fn working_set(&self) -> WorkingSetStats {
+        self.set.lock().stats()
     }
 
-    pub(crate) const fn vertices(&self) -> &Buffer {
-        &self.vertices
+    /// The set itself, for one pass at a time.
+    pub(crate) fn set(&self) -> MutexGuard<'_, WorkingSet> {
+        self.set.lock()
     }
 
-    pub(crate) const fn indices(&self) -> &Buffer {
-        &self.indices
+    /// Brings the triangles of `ids` to the device and appends to `places` where they are, in order: `None` for
+    /// those that are left out. Fewer than the ids where there is no room for more. Gives the bytes that were
+    /// brought. They stay as long as a pass holds the set.
+    ///
+    /// # Errors
+    /// If the scene lacks an id, cannot be read, or a drawable is larger than the whole budget.
+    pub(crate) fn place(
+        &self,
+        hold: HoldId,
+        ids: &[DrawableId],
+        absent: Absent,
+        places: &mut Vec<Option<Place>>,
+    ) -> Result<u64, GpuError> {
+        let mut numbers = Vec::with_capacity(ids.len());
+        for &id in ids {
+            numbers.push(self.find(id)?.0.geometry);
+        }
+        let mut set = self.set.lock();
+        set.begin_draws(hold);
+        set.place(&numbers, absent, places)
+    }
+
+    /// The error for a drawable that finds no room even where nothing else is held.
+    pub(crate) fn too_small(&self, id: DrawableId) -> GpuError {
+        match self.find(id) {
+            Ok((drawable, _)) => self.set.lock().too_small(drawable.geometry),
+            Err(error) => error,
+        }
     }
 
     /// A drawable and its node.
     pub(crate) fn find(&self, id: DrawableId) -> Result<(&Drawable, &Node), GpuError> {
         let drawables = self.scene.drawables();
-        drawables
+        let found = drawables
             .get(id.index())
-            .and_then(|drawable| Some((drawable, self.scene.nodes().get(drawable.node as usize)?)))
-            .ok_or(GpuError::UnknownDrawable { id, count: drawables.len() })
+            .and_then(|drawable| Some((drawable, self.scene.nodes().get(drawable.node as usize)?)));
+        found.ok_or_else(|| {
+            let unknown = GpuError::UnknownDrawable { id, count: drawables.len() };
+            self.scene.fault().cloned().map_or(unknown, GpuError::Scene)
+        })
+    }
+
+    /// Whether all that was asked for of the scene was there.
+    pub(crate) fn check(&self) -> Result<(), GpuError> {
+        self.scene.fault().cloned().map_or(Ok(()), |fault| Err(GpuError::Scene(fault)))
+    }
+}
+
+/// A pass's hold on the scene's working set. Dropped after the pass's stream, which waits for the device.
+pub(crate) struct Hold {
+    scene: Arc<GpuScene>,
+    id: HoldId,
+}
+
+impl Hold {
+    pub(crate) fn new(scene: &Arc<GpuScene>) -> Self {
+        Self { scene: Arc::clone(scene), id: scene.set().hold() }
+    }
+
+    pub(crate) const fn id(&self) -> HoldId {
+        self.id
+    }
+}
+
+impl Drop for Hold {
+    fn drop(&mut self) {
+        self.scene.set().release(self.id);
     }
 }
 
 impl std::fmt::Debug for GpuScene {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GpuScene").field("copied_bytes", &self.copied_bytes()).finish_non_exhaustive()
+        f.debug_struct("GpuScene").field("working_set", &self.working_set()).finish_non_exhaustive()
     }
 }
 
@@ -132,51 +165,4 @@ pub(crate) fn in_view(node: &Node, view: &View) -> [[f32; 4]; 3] {
         let column = |c: usize| std::array::from_fn(|i| f64::from(node.linear[3 * c + i]));
         [dot(column(0)), dot(column(1)), dot(column(2)), dot(offset)]
     })
-}
-
-/// How much is copied at a time where the device's own memory cannot be written in place.
-const STAGING_BYTES: usize = 16 << 20;
-
-/// Copies `content` into a buffer in the device's own memory.
-fn upload(
-    gpu: &Arc<Gpu>,
-    what: &'static str,
-    usage: vk::BufferUsageFlags,
-    content: &[u8],
-) -> Result<Buffer, GpuError> {
-    let bytes = content.len() as u64;
-    let limit = gpu.limits().max_allocation;
-    if bytes > limit {
-        return Err(GpuError::SceneTooLarge { what, bytes, limit });
-    }
-    let usage = usage | vk::BufferUsageFlags::TRANSFER_DST;
-    let mut buffer = Buffer::new(gpu, what, usage, MemoryLocation::GpuOnly, bytes)?;
-    if let Some(mapped) = buffer.mapped_mut() {
-        mapped.copy_from_slice(content);
-        return Ok(buffer);
-    }
-    // Declared first, so that on an error it waits before the staging buffer goes.
-    let mut stream = Stream::new(gpu)?;
-    let mut staging = HostBuffer::<u8>::new(
-        gpu,
-        "staging",
-        vk::BufferUsageFlags::TRANSFER_SRC,
-        MemoryLocation::CpuToGpu,
-        STAGING_BYTES.min(content.len()),
-    )?;
-    for (index, chunk) in content.chunks(STAGING_BYTES).enumerate() {
-        if let Some(target) = staging.elements_mut().get_mut(..chunk.len()) {
-            target.copy_from_slice(chunk);
-        }
-        let offset = (index * STAGING_BYTES) as u64;
-        stream.submit("uploading the scene", |commands| {
-            commands.copy(staging.buffer(), &buffer, offset, chunk.len() as u64);
-            commands.barrier(
-                (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE),
-                (vk::PipelineStageFlags2::ALL_COMMANDS, vk::AccessFlags2::MEMORY_READ),
-            );
-        })?;
-        stream.wait("uploading the scene")?;
-    }
-    Ok(buffer)
 }

@@ -20,7 +20,7 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | `scene` | [`Scene`]: the file, its records, and the checks that later code relies on |
+//! | `scene` | [`Scene`]: the file, its records as they are asked for, and the checks that later code relies on |
 //! | [`path`] | camera paths: made for a scene by a seed, or read from a file |
 //! | [`random`] | random numbers that are the same everywhere |
 
@@ -29,6 +29,7 @@ pub mod random;
 mod scene;
 
 pub use scene::{
-    Drawable, FlatObject, Node, NodeId, Normal, ObjectRecord, OpenError, Rgba8, SaveError, Scene,
-    SceneArrays, SceneError, Shading, Sides, Vertex,
+    Drawable, FlatObject, Geometry, GeometryError, GeometryPlace, GeometryReader, Node, NodeId, Normal,
+    ObjectRecord, OpenError, ReadCause, ReadError, Records, Rgba8, SaveError, Scene, SceneArrays, SceneError,
+    Shading, Sides, Totals, Vertex,
 };

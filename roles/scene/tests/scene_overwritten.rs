@@ -1,47 +1,113 @@
-//! An open scene stays as it was, whatever becomes of its file.
+//! What becomes of an open scene when something happens to its file.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests: a failure is a test's failure")]
 
-use std::fs::{self, File, OpenOptions};
+use std::error::Error;
+use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, SystemTime};
 
 use tempfile::TempDir;
 use trimaran_cook::generate::{PlantOptions, plant};
-use trimaran_cook::{CookOptions, cook};
-use trimaran_scene::{OpenError, Rgba8, Scene};
+use trimaran_cook::{CookOptions, Model, cook};
+use trimaran_scene::{Node, OpenError, ReadCause, ReadError, Rgba8, SaveError, Scene};
 
-/// A folder with a scene of some pages in it, and the scene's bytes.
+/// A folder with a scene of many pages in it, and the scene's bytes.
 struct Saved {
     folder: TempDir,
     path: PathBuf,
     bytes: Vec<u8>,
 }
 
+fn save(model: &Model, path: &Path) -> Vec<u8> {
+    cook(model, &CookOptions::default(), &()).unwrap().save(path).unwrap();
+    fs::read(path).unwrap()
+}
+
+/// The scene that most tests use.
+static PLANT: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    save(&plant(&PlantOptions::small(1)), &folder.path().join("plant.scene"))
+});
+
 impl Saved {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plant.scene");
-        let scene = cook(&plant(&PlantOptions::small(1)), &CookOptions::default(), &()).unwrap();
-        scene.save(&path).unwrap();
-        let bytes = fs::read(&path).unwrap();
-        assert!(bytes.len() > 1 << 20, "smaller than a few pages: {}", bytes.len());
-        Self { folder, path, bytes }
+        fs::write(&path, &*PLANT).unwrap();
+        let bytes = PLANT.clone();
+        assert!(bytes.len() > 1 << 18, "smaller than a few pages: {}", bytes.len());
+        let saved = Self { folder, path, bytes };
+        saved.age();
+        saved
     }
 
-    /// Every byte of a scene: what saving it writes. It reads all of its arrays.
-    fn bytes_of(&self, scene: &Scene) -> Vec<u8> {
+    /// Makes the file look old: so that writing to it is seen, however coarse the file system's clock is.
+    fn age(&self) {
+        let file = OpenOptions::new().write(true).open(&self.path).unwrap();
+        file.set_modified(SystemTime::UNIX_EPOCH + Duration::from_secs(1 << 30)).unwrap();
+    }
+
+    /// Every byte of a scene: what saving it writes. It reads all of its pages.
+    fn bytes_of(&self, scene: &Scene) -> Result<Vec<u8>, SaveError> {
         let path = self.folder.path().join("again.scene");
-        scene.save(&path).unwrap();
-        fs::read(&path).unwrap()
+        scene.save(&path)?;
+        Ok(fs::read(&path).unwrap())
     }
 
     /// Opens the scene, does something to its file, and compares all that the scene holds with what it held.
     fn survives(&self, change: impl FnOnce(&Path)) {
         let scene = Scene::open(&self.path).unwrap();
+        let unread = scene.resident_bytes();
         change(&self.path);
-        assert!(self.bytes_of(&scene) == self.bytes, "the open scene changed with its file");
+        assert!(self.bytes_of(&scene).unwrap() == self.bytes, "the open scene changed with its file");
+        scene.check().unwrap();
+        assert!(scene.resident_bytes() > unread, "most was read after the change");
+    }
+
+    /// Opens the scene and reads some of it, does something to its file, and looks at what is left.
+    fn is_noticed(&self, change: impl FnOnce(&Path)) {
+        let scene = Scene::open(&self.path).unwrap();
+        let top: Vec<Node> = scene.nodes().range(0..200).copied().collect();
+        let read = scene.resident_bytes();
+        let last = scene.places().len() as u32 - 1;
+        assert_eq!(scene.geometry(last).map(|geometry| geometry.triangles() > 0).ok(), Some(true));
+        change(&self.path);
+
+        // Geometry does not stay.
+        let error = scene.geometry(last).unwrap_err();
+        self.is_about_a_change(&error, &format!("geometry {last}"));
+        assert!(scene.fault().is_none(), "the records that were read are whole");
+        // Records do, and what was not read is not there.
+        assert_eq!(
+            (scene.nodes().len(), scene.hash()),
+            (self.original().nodes().len(), self.original().hash())
+        );
+        assert!(scene.nodes().range(0..200).eq(&top));
+        let error = scene.check().unwrap_err();
+        assert!(matches!(error.cause, ReadCause::Changed), "{error}: {:?}", error.cause);
+        assert!(scene.nodes().range(0..200).eq(&top));
+        assert!(scene.resident_bytes() >= read);
+        match self.bytes_of(&scene) {
+            Err(SaveError::Read(error)) => assert!(matches!(error.cause, ReadCause::Changed), "{error}"),
+            other => panic!("{:?}", other.map(|bytes| bytes.len())),
+        }
+    }
+
+    fn is_about_a_change(&self, error: &ReadError, what: &str) {
+        assert!(matches!(error.cause, ReadCause::Changed), "{error}: {:?}", error.cause);
+        assert_eq!((&error.path, error.what.as_str()), (&self.path, what));
+        assert!(error.bytes.start < error.bytes.end && error.bytes.end <= self.bytes.len() as u64);
+        let message = error.to_string();
+        assert!(message.contains("plant.scene") && message.contains("renaming a new file over the old one"));
+        assert_eq!(error.source().unwrap().to_string(), "the file was overwritten while it was open");
+    }
+
+    fn original(&self) -> Scene {
+        Scene::open_bytes(&self.path, &self.bytes).unwrap()
     }
 }
 
@@ -51,34 +117,71 @@ fn overwrite(path: &Path, bytes: &[u8]) {
 }
 
 #[test]
-fn an_open_scene_outlives_an_overwrite_of_the_same_length() {
-    let saved = Saved::new();
-    saved.survives(|path| overwrite(path, &vec![0xff; saved.bytes.len()]));
-}
-
-#[test]
-fn an_open_scene_outlives_a_cut() {
-    let saved = Saved::new();
-    saved.survives(|path| OpenOptions::new().write(true).open(path).unwrap().set_len(100).unwrap());
-}
-
-#[test]
-fn an_open_scene_outlives_a_copy_that_begins_anew() {
-    let saved = Saved::new();
-    // What `scp` does: the file is emptied, then written from its beginning on.
-    saved.survives(|path| fs::write(path, &saved.bytes[..saved.bytes.len() / 2]).unwrap());
-}
-
-#[test]
-fn an_open_scene_outlives_a_replacement_and_a_deletion() {
+fn an_open_scene_outlives_a_replacement() {
     let saved = Saved::new();
     saved.survives(|path| {
         let other = path.with_extension("other");
         fs::write(&other, b"something else").unwrap();
         fs::rename(other, path).unwrap();
     });
-    fs::write(&saved.path, &saved.bytes).unwrap();
+}
+
+#[test]
+fn an_open_scene_outlives_another_scene_that_is_saved_over_it() {
+    let saved = Saved::new();
+    saved.survives(|path| {
+        let other = save(&plant(&PlantOptions::small(2)), path);
+        assert!(other != saved.bytes && fs::read(path).unwrap() == other);
+    });
+}
+
+#[test]
+fn an_open_scene_outlives_a_deletion() {
+    let saved = Saved::new();
     saved.survives(|path| fs::remove_file(path).unwrap());
+}
+
+/// Pages are known by their hashes: bytes that are the same are good, whenever they were written.
+#[test]
+fn an_open_scene_outlives_a_copy_of_itself() {
+    let saved = Saved::new();
+    saved.survives(|path| fs::write(path, &saved.bytes).unwrap());
+}
+
+#[test]
+fn an_overwrite_of_the_same_length_is_a_fault() {
+    let saved = Saved::new();
+    saved.is_noticed(|path| overwrite(path, &vec![0xff; saved.bytes.len()]));
+}
+
+#[test]
+fn a_cut_is_a_fault() {
+    let saved = Saved::new();
+    saved.is_noticed(|path| OpenOptions::new().write(true).open(path).unwrap().set_len(100).unwrap());
+}
+
+#[test]
+fn a_copy_that_begins_anew_is_a_fault() {
+    let saved = Saved::new();
+    // What `scp` does: the file is emptied, then written from its beginning on. Half of it is there again.
+    saved.is_noticed(|path| fs::write(path, &saved.bytes[..saved.bytes.len() / 2]).unwrap());
+}
+
+#[test]
+fn a_record_that_was_overwritten_is_a_fault_of_the_scene() {
+    let saved = Saved::new();
+    let scene = Scene::open(&saved.path).unwrap();
+    let last = scene.nodes().len() - 1;
+    let unread = scene.resident_bytes();
+    overwrite(&saved.path, &vec![0xff; saved.bytes.len()]);
+    let object = scene.objects().get(0);
+    assert_eq!((object, scene.resident_bytes()), (None, unread));
+    let first = scene.fault().unwrap().clone();
+    saved.is_about_a_change(&first, &format!("objects 0 to {}", scene.objects().len().min(1024) - 1));
+    // Whoever goes on finds no more, and the same fault.
+    assert_eq!((scene.object_name(0), scene.triangles(&scene.drawables()[0]).count()), (None, 0));
+    assert!(scene.nodes().get(0).is_some() && scene.nodes().get(last + 1).is_none());
+    assert_eq!(scene.fault().unwrap().what, first.what);
 }
 
 struct Stop<'a>(&'a AtomicBool);
@@ -89,22 +192,25 @@ impl Drop for Stop<'_> {
     }
 }
 
-/// Somebody writes one scene over another of the same length without a pause. Whatever is opened is one of
-/// them.
+/// Somebody writes one scene over another of the same length without a pause. Whatever is read is of the one
+/// that was opened.
 #[test]
-fn a_scene_that_is_being_overwritten_opens_whole_or_not_at_all() {
+fn a_scene_that_is_being_overwritten_is_read_whole_or_with_a_fault() {
     let saved = Saved::new();
-    // The same plant in other colours: all of its vertices differ, and the file is as long.
+    // The same plant in other colours: all of its vertices differ. A half of 256 on top changes no difference
+    // of two, so that what is packed is as long.
     let mut model = plant(&PlantOptions::small(1));
     for Rgba8([r, g, b, _]) in model.meshes.iter_mut().flat_map(|mesh| &mut mesh.colours) {
-        (*r, *g, *b) = (!*r, !*g, !*b);
+        (*r, *g, *b) = (*r ^ 0x80, *g ^ 0x80, *b ^ 0x80);
     }
     let other = saved.folder.path().join("other.scene");
-    cook(&model, &CookOptions::default(), &()).unwrap().save(&other).unwrap();
-    let both = [saved.bytes.clone(), fs::read(&other).unwrap()];
+    let both = [saved.bytes.clone(), save(&model, &other)];
     assert!(both[0] != both[1] && both[0].len() == both[1].len());
+    let hashes = both.each_ref().map(|bytes| Scene::open_bytes(&other, bytes).unwrap().hash());
+    assert!(hashes[0] != hashes[1]);
 
     let done = AtomicBool::new(false);
+    let torn = |cause: &ReadCause| matches!(cause, ReadCause::Changed | ReadCause::Damaged);
     std::thread::scope(|scope| {
         scope.spawn(|| {
             for bytes in both.iter().cycle() {
@@ -117,13 +223,17 @@ fn a_scene_that_is_being_overwritten_opens_whole_or_not_at_all() {
         // The writer ends even where an assertion fails.
         let _stop = Stop(&done);
         for _ in 0..50 {
-            match Scene::open(&saved.path) {
-                Ok(scene) => {
-                    let bytes = saved.bytes_of(&scene);
-                    assert!(bytes == both[0] || bytes == both[1], "a mixture of two scenes");
-                }
+            let scene = match Scene::open(&saved.path) {
+                Ok(scene) => scene,
                 // Damaged where the writer did not come to write meanwhile, and stood half way.
-                Err(OpenError::Changed { .. } | OpenError::Damaged { .. }) => {}
+                Err(OpenError::Changed { .. } | OpenError::Damaged { .. }) => continue,
+                Err(OpenError::Read(error)) if torn(&error.cause) => continue,
+                Err(other) => panic!("{other}"),
+            };
+            let which = hashes.iter().position(|hash| *hash == scene.hash()).unwrap();
+            match saved.bytes_of(&scene) {
+                Ok(bytes) => assert!(bytes == both[which], "a mixture of two scenes"),
+                Err(SaveError::Read(error)) => assert!(torn(&error.cause), "{error}"),
                 Err(other) => panic!("{other}"),
             }
         }
@@ -140,7 +250,7 @@ fn what_may_pass_is_told_from_what_stays() {
         }
         Scene::open(&saved.path).unwrap_err()
     };
-    for end in [0, 1, 8, 100, saved.bytes.len() - 1] {
+    for end in [0, 1, 8, 100, 128, saved.bytes.len() / 2, saved.bytes.len() - 1] {
         let error = open(Some(&saved.bytes[..end]));
         assert!(matches!(error, OpenError::Truncated { actual, .. } if actual == end as u64), "{error}");
         assert!(error.may_pass() && error.to_string().contains("being copied"), "{error}");
@@ -148,46 +258,41 @@ fn what_may_pass_is_told_from_what_stays() {
     let missing = open(None);
     assert!(missing.may_pass() && missing.to_string().contains("cannot read"), "{missing}");
 
-    let mut damaged = saved.bytes.clone();
-    damaged[saved.bytes.len() / 2] ^= 1;
+    // The header, the first page of nodes and the directory.
+    let damaged = [40, 140, saved.bytes.len() - 40].map(|at| {
+        let mut damaged = saved.bytes.clone();
+        damaged[at] ^= 1;
+        damaged
+    });
     let mut newer = saved.bytes.clone();
     newer[8] = 200;
-    for bytes in [&damaged[..], &newer, b"glTF, not a scene"] {
+    for bytes in [&damaged[0], &damaged[1], &damaged[2], &newer, &b"glTF, not a scene"[..]] {
         let error = open(Some(bytes));
         assert!(!error.may_pass(), "{error}");
     }
     let folder = Scene::open(saved.folder.path()).unwrap_err();
     assert!(!folder.may_pass() && folder.to_string().contains("not a regular file"), "{folder}");
+
+    let read = |cause| {
+        OpenError::Read(ReadError { path: saved.path.clone(), bytes: 0..1, what: "nodes".to_owned(), cause })
+    };
+    assert!(read(ReadCause::Changed).may_pass());
+    assert!(!read(ReadCause::Damaged).may_pass());
 }
 
-/// A file that the kernel keeps from being written to needs no copy.
+/// Many scenes are open at once: each keeps one file open, and closes it.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_sealed_file_is_mapped_and_an_open_one_is_not() {
-    use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
-    use std::os::fd::AsRawFd;
-
+fn a_scene_keeps_its_file_open_as_long_as_it_lives() {
     let saved = Saved::new();
-    let mapped = |seals: Option<SealFlags>| {
-        let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
-        let mut file = File::from(memfd_create("sealed-plant", flags).unwrap());
-        file.write_all(&saved.bytes).unwrap();
-        if let Some(seals) = seals {
-            fcntl_add_seals(&file, seals).unwrap();
-        }
-        let scene = Scene::open(Path::new(&format!("/proc/self/fd/{}", file.as_raw_fd()))).unwrap();
-        assert!(saved.bytes_of(&scene) == saved.bytes);
-        let first = scene.nodes().as_ptr().addr();
-        let maps = fs::read_to_string("/proc/self/maps").unwrap();
-        let line = maps.lines().find(|line| {
-            let (start, rest) = line.split_once('-').unwrap();
-            let end = rest.split(' ').next().unwrap();
-            let range = [start, end].map(|hex| usize::from_str_radix(hex, 16).unwrap());
-            (range[0]..range[1]).contains(&first)
-        });
-        line.unwrap().contains("sealed-plant")
+    let open_files = || {
+        let files = fs::read_dir("/proc/self/fd").unwrap();
+        files
+            .filter(|file| fs::read_link(file.as_ref().unwrap().path()).is_ok_and(|to| to == saved.path))
+            .count()
     };
-    assert!(mapped(Some(SealFlags::WRITE | SealFlags::SHRINK)));
-    assert!(!mapped(Some(SealFlags::SHRINK)));
-    assert!(!mapped(None));
+    let scenes: Vec<Scene> = (0..3).map(|_| Scene::open(&saved.path).unwrap()).collect();
+    assert_eq!(open_files(), 3);
+    drop(scenes);
+    assert_eq!(open_files(), 0);
 }

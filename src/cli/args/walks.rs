@@ -2,8 +2,12 @@
 
 use std::{net::SocketAddr, path::PathBuf};
 
+use bytesize::ByteSize;
 use clap::{Args, ValueEnum};
-use trimaran::{config::positive, culling::CullingMethod};
+use trimaran::{
+    config::{memory, positive},
+    culling::CullingMethod,
+};
 
 use super::{
     cullers::{CullerArgs, CullerLists, ScheduleArg},
@@ -77,6 +81,10 @@ pub(crate) struct WalkArgs {
     /// The Vulkan device, by a part of its name [default: the best there is].
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
+    /// The most memory of each device for the scene's triangles, such as 64MiB; the least used make room for
+    /// those that show [default: three quarters of what is free].
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    pub(crate) gpu_memory: Option<ByteSize>,
     /// How long the device may make no progress before it counts as hung, seconds.
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = positive)]
     pub(crate) device_timeout: f64,

@@ -20,7 +20,7 @@ use crate::cli::{
     progress,
     recording::Recording,
     run::record,
-    walking::{self, gpu_options, open, stop_on_signal, upload},
+    walking::{self, open, stop_on_signal, upload},
 };
 
 /// How a system walks.
@@ -68,7 +68,7 @@ impl<'c> Comparing<'c> {
         let poses =
             PosePath::new(found.vfov_deg(), poses).and_then(|path| path.with_near(found.near().into()));
         let poses = poses.map_err(Failure::broken)?;
-        let drawn = upload(&file, &gpu_options(args.walk.device.as_deref(), args.walk.device_timeout))?;
+        let drawn = upload(&file, &args.walk.gpu_options())?;
         let runtime = walking::runtime()?;
         let stop = stop_on_signal(&runtime);
         let bar = progress::bar("comparing", steps(args) as u64);
@@ -202,7 +202,7 @@ impl<'c> Comparing<'c> {
                     Some(other) => Arc::clone(other),
                     None => {
                         let walk = &self.args.walk;
-                        upload(&self.file, &gpu_options(walk.device.as_deref(), walk.device_timeout))?
+                        upload(&self.file, &walk.gpu_options())?
                     }
                 };
                 Ok(Some(on(self.other.get_or_init(|| other))))

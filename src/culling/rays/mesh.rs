@@ -22,9 +22,7 @@ pub(super) struct Mesh {
 /// What makes a mesh: drawables that are alike in this share one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Shape {
-    first_index: u32,
-    index_count: u32,
-    vertex_offset: u32,
+    geometry: u32,
     /// The bits of the node's matrix, if the mesh is turned by it.
     turned: Option<[u32; 9]>,
 }
@@ -50,12 +48,7 @@ const MOST_SCALE: f64 = 1e4;
 impl Shape {
     /// The shape of a drawable, and what takes directions in the world to its mesh's frame.
     pub(super) fn of(drawable: &Drawable, node: &Node) -> (Self, DMat3) {
-        let shape = |turned| Self {
-            first_index: drawable.first_index,
-            index_count: drawable.index_count,
-            vertex_offset: drawable.vertex_offset,
-            turned,
-        };
+        let shape = |turned| Self { geometry: drawable.geometry, turned };
         let to_world = node.linear().as_dmat3();
         let to_node = to_world.inverse();
         let (grows, shrinks) = (norm(&to_world), norm(&to_node));
@@ -99,7 +92,7 @@ impl Mesh {
         let turn = turned
             .map_or(DMat3::IDENTITY, |bits| Mat3::from_cols_array(&bits.map(f32::from_bits)).as_dmat3());
         let mirrors = turn.determinant() < 0.0;
-        let mut triangles = Vec::with_capacity(drawable.index_count as usize / 3);
+        let mut triangles = Vec::with_capacity(drawable.triangles as usize);
         for corners in scene.triangles(drawable) {
             let [a, b, c] = corners.map(|corner| (turn * corner.as_dvec3()).as_vec3a());
             if ![a, b, c].iter().all(|corner| corner.abs().max_element() <= LARGEST) {

@@ -116,11 +116,11 @@ impl<'f, S: Steps> Judge<'f, S> {
             return Ok(cause);
         }
         let node = scene.nodes().get(target.0 as usize);
-        let slack = node.map_or(f64::NAN, |node| self.steps.slack(target, node));
+        let slack = node.map_or(f64::NAN, |node| self.steps.slack(node));
         let surface = surface_of(missing, scene, self.frame.view, slack);
         let up: Vec<_> = scene.ancestors(target).collect();
-        for (id, node) in up.into_iter().rev() {
-            if let Some(cause) = self.step(id, node, &surface)? {
+        for (_, node) in up.into_iter().rev() {
+            if let Some(cause) = self.step(node, &surface)? {
                 return Ok(cause);
             }
         }
@@ -143,9 +143,8 @@ impl<'f, S: Steps> Judge<'f, S> {
     }
 
     /// What goes wrong at one node on the way down, if anything does.
-    fn step(&mut self, id: NodeId, node: &Node, surface: &[SurfacePoint]) -> Result<Option<Cause>, S::Error> {
-        let prepared =
-            if self.steps.outside(node) { Prepared::Outside } else { self.steps.prepare(id, node) };
+    fn step(&mut self, node: &Node, surface: &[SurfacePoint]) -> Result<Option<Cause>, S::Error> {
+        let prepared = if self.steps.outside(node) { Prepared::Outside } else { self.steps.prepare(node) };
         let test_box = match prepared {
             Prepared::Visible(_) => return Ok(None),
             Prepared::Outside => {
@@ -163,7 +162,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         } else if nearest(&test_box) <= near {
             Cause::NearPlane
         } else {
-            let bare = self.steps.bare(id, node).unwrap_or(test_box);
+            let bare = self.steps.bare(node).unwrap_or(test_box);
             self.hidden(&test_box, &bare, surface)
         }))
     }
@@ -332,7 +331,7 @@ mod tests {
             self.outside
         }
 
-        fn prepare(&self, _: NodeId, _: &Node) -> Prepared {
+        fn prepare(&self, _: &Node) -> Prepared {
             self.prepared
         }
 
@@ -340,11 +339,11 @@ mod tests {
             Ok(self.shows)
         }
 
-        fn bare(&self, _: NodeId, _: &Node) -> Option<TestBox> {
+        fn bare(&self, _: &Node) -> Option<TestBox> {
             None
         }
 
-        fn slack(&self, _: NodeId, _: &Node) -> f64 {
+        fn slack(&self, _: &Node) -> f64 {
             1e-6
         }
     }

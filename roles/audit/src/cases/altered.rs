@@ -8,11 +8,12 @@ use trimaran_scene::{Drawable, Node, ObjectRecord, Scene, SceneArrays, SceneErro
 /// If the scene's own rules no longer hold.
 pub fn with_records(scene: &Scene, nodes: Vec<Node>, drawables: Vec<Drawable>) -> Result<Scene, SceneError> {
     let unnamed = |object: &ObjectRecord| ObjectRecord { name_start: 0, name_length: 0, ..*object };
+    let mut reader = scene.reader();
+    let geometries = (0..scene.places().len() as u32).map(|number| reader.read(number).unwrap_or_default());
     Scene::from_arrays(SceneArrays {
         nodes,
         drawables,
-        vertices: scene.vertices().to_vec(),
-        indices: scene.indices().to_vec(),
+        geometries: geometries.collect(),
         objects: scene.objects().iter().map(unnamed).collect(),
         names: String::new(),
         sources: scene.sources().to_vec(),

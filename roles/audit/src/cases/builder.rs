@@ -1,7 +1,7 @@
 //! Scenes by hand: objects in, a tree with boxes and levels out.
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_scene::{Node, ObjectRecord, Rgba8, Scene, SceneArrays, SceneError, Vertex};
+use trimaran_scene::{Geometry, Node, ObjectRecord, Rgba8, Scene, SceneArrays, SceneError, Vertex};
 
 /// Triangles in a local frame.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -146,7 +146,13 @@ pub fn build(objects: &[Object], merged: bool) -> Result<Scene, SceneError> {
     let leaves: Vec<Draft<'_>> =
         objects.iter().enumerate().map(|(index, object)| leaf(index, object)).collect();
     arrays.objects = (0..objects.len() as u32)
-        .map(|index| ObjectRecord { source: 0, source_index: index, name_start: 0, name_length: 0 })
+        .map(|index| ObjectRecord {
+            source: 0,
+            source_index: index,
+            name_start: 0,
+            name_length: 0,
+            node: Node::NONE,
+        })
         .collect();
     if let Some(root) = group(leaves) {
         let mut level = vec![(root, Node::NONE)];
@@ -269,7 +275,7 @@ fn place<'o>(
 fn add_level(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh) {
     let colour = Rgba8([(node * 37) as u8, (node * 91) as u8, 200, 255]);
     let vertices = mesh.positions.iter().map(|p| Vertex::new(p.to_array(), colour)).collect();
-    arrays.add_level(node, error, vertices, &mesh.indices);
+    arrays.add_level(node, error, Geometry { vertices, indices: mesh.indices.clone() });
 }
 
 /// At least the largest singular value: the geometric mean of the greatest column sum and the greatest row

@@ -1,31 +1,31 @@
 //! Lays out the arrays of the scene.
 
+use std::collections::HashMap;
+
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 use super::CookError;
-use super::gather::{Merged, MergedLevel};
+use super::clusters::ClusterNode;
+use super::gather::Merged;
 use super::levels::{Level, LeveledMesh};
 use super::linear::WorldBox;
 use super::placed::Leaf;
 use super::solid::mark_solids;
 use super::tree::TreeNode;
 use crate::Model;
-use trimaran_scene::{Drawable, Node, ObjectRecord, SceneArrays, SceneError, Shading, Sides};
+use trimaran_scene::{
+    Drawable, Geometry, Node, ObjectRecord, SceneArrays, SceneError, Shading, Sides, Vertex,
+};
 
-/// Where a mesh or merged level went.
-#[derive(Debug, Clone, Copy)]
-struct Range {
-    first_index: u32,
-    index_count: u32,
-    vertex_offset: u32,
-    vertex_count: u32,
-}
-
-/// Where the levels of a mesh went.
+/// The numbers of a mesh's pieces of geometry.
 #[derive(Debug, Default)]
-struct MeshRanges {
-    levels: Vec<Range>,
-    part_levels: Vec<Range>,
+struct MeshNumbers {
+    /// One a level. Where there are clusters the finest level is theirs, and none.
+    levels: Vec<u32>,
+    /// One a node of the cluster tree that is a cluster.
+    clusters: Vec<Option<u32>>,
+    part_levels: Vec<u32>,
 }
 
 /// What a node of the scene stands for.
@@ -47,8 +47,8 @@ pub(super) fn assemble(
 ) -> Result<SceneArrays, CookError> {
     let mut arrays = SceneArrays::default();
     record_objects(model, &mut arrays)?;
-    let ranges = add_meshes(meshes, &mut arrays)?;
-    let parts = Parts { tree, leaves, meshes, ranges };
+    let numbers = add_meshes(meshes, &mut arrays)?;
+    let parts = Parts { tree, leaves, meshes, numbers };
     let mut merged = merged;
     // Breadth first: a node's children are appended when it is reached.
     let mut queue = vec![(Node::NONE, Place::Tree(0))];
@@ -85,8 +85,8 @@ struct Parts<'a> {
     tree: &'a [TreeNode],
     leaves: &'a [Leaf],
     meshes: &'a [Option<LeveledMesh>],
-    /// Where each mesh's levels went.
-    ranges: Vec<MeshRanges>,
+    /// Of each mesh.
+    numbers: Vec<MeshNumbers>,
 }
 
 impl<'a> Parts<'a> {
@@ -127,18 +127,16 @@ impl<'a> Parts<'a> {
         let item = self.tree.get(node as usize).and_then(|node| node.item);
         if let Some((leaf, mesh)) = item.and_then(|item| self.leaf(item)) {
             place_leaf(record, leaf, mesh);
-            let ranges = self.ranges.get(leaf.mesh as usize).map_or(&[][..], |ranges| &ranges.levels);
-            // Where there are clusters, the finest level is theirs.
-            let clustered = usize::from(!mesh.clusters.is_empty());
-            for (level, range) in mesh.levels.iter().zip(ranges).skip(clustered) {
-                arrays.drawables.push(drawable(index, leaf.world_error(level.error), *range));
+            let numbers = self.numbers.get(leaf.mesh as usize).map_or(&[][..], |numbers| &numbers.levels);
+            let levels = mesh.levels.iter().skip(mesh.levels.len().saturating_sub(numbers.len()));
+            for (level, number) in levels.zip(numbers) {
+                add_drawable(index, leaf.world_error(level.error), *number, arrays);
             }
         } else if let Some(merged) = merged {
             place_inner(record, merged.origin, merged.bounds);
             for level in merged.levels {
-                let error = level.error;
-                let range = add_merged(level, arrays)?;
-                arrays.drawables.push(drawable(index, error, range));
+                let number = add_geometry(piece(&level.vertices, &level.indices), arrays)?;
+                add_drawable(index, level.error, number, arrays);
             }
         }
         Ok(())
@@ -159,18 +157,13 @@ impl<'a> Parts<'a> {
         let world = leaf.world_box(cluster.min, cluster.max);
         record.world_min = world.min.max(parent_min).to_array();
         record.world_max = world.max.min(parent_max).to_array();
-        let Some(ranges) = self.ranges.get(leaf.mesh as usize) else { return };
-        if let Some(&finest) = ranges.levels.first().filter(|_| cluster.children.is_empty()) {
-            let range = Range {
-                first_index: finest.first_index + cluster.indices.start,
-                index_count: cluster.indices.len() as u32,
-                ..finest
-            };
-            arrays.drawables.push(drawable(index, 0.0, range));
+        let Some(numbers) = self.numbers.get(leaf.mesh as usize) else { return };
+        if let Some(&Some(finest)) = numbers.clusters.get(node as usize) {
+            add_drawable(index, 0.0, finest, arrays);
         }
-        let levels = mesh.part_levels.iter().zip(&ranges.part_levels);
-        for (level, range) in levels.skip(cluster.levels.start as usize).take(cluster.levels.len()) {
-            arrays.drawables.push(drawable(index, leaf.world_error(level.error), *range));
+        let levels = mesh.part_levels.iter().zip(&numbers.part_levels);
+        for (level, number) in levels.skip(cluster.levels.start as usize).take(cluster.levels.len()) {
+            add_drawable(index, leaf.world_error(level.error), *number, arrays);
         }
     }
 }
@@ -196,10 +189,10 @@ fn place_inner(record: &mut Node, origin: DVec3, bounds: WorldBox) {
     record.local_max = Vec3::new(high.x.next_up(), high.y.next_up(), high.z.next_up()).to_array();
 }
 
-fn drawable(node: u32, error: f32, range: Range) -> Drawable {
-    let Range { first_index, index_count, vertex_offset, vertex_count } = range;
+fn add_drawable(node: u32, error: f32, geometry: u32, arrays: &mut SceneArrays) {
+    let triangles = arrays.geometries.get(geometry as usize).map_or(0, Geometry::triangles) as u32;
     let sides = Sides::BOTH; // until all triangles are there
-    Drawable { error, node, first_index, index_count, vertex_offset, vertex_count, sides }
+    arrays.drawables.push(Drawable { error, node, geometry, triangles, sides });
 }
 
 fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookError> {
@@ -210,79 +203,83 @@ fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookErr
             source_index: object.source_index,
             name_start: number("bytes of names", arrays.names.len())?,
             name_length: number("bytes of names", object.name.len())?,
+            node: Node::NONE, // until the nodes are there
         });
         arrays.names.push_str(&object.name);
     }
     Ok(())
 }
 
-/// Adds all levels of all meshes; returns where each went.
+/// Adds the pieces of all meshes; returns their numbers.
 fn add_meshes(
     meshes: &[Option<LeveledMesh>],
     arrays: &mut SceneArrays,
-) -> Result<Vec<MeshRanges>, CookError> {
-    let present = || meshes.iter().flatten();
-    arrays.vertices.reserve(present().map(|mesh| mesh.vertices.len()).sum());
-    let levels = present().flat_map(|mesh| mesh.levels.iter().chain(&mesh.part_levels));
-    arrays.indices.reserve(levels.map(|level| level.indices.len()).sum());
-    let add = |mesh: &Option<LeveledMesh>| {
-        let Some(mesh) = mesh else { return Ok(MeshRanges::default()) };
-        let vertex_offset = number("vertices", arrays.vertices.len())?;
-        let mut shading = Shading::new(mesh.vertices.clone());
-        let mut add_level =
-            |level: &Level| add_triangles(&level.indices, vertex_offset, &mut shading, arrays);
-        let levels = mesh.levels.iter().map(&mut add_level).collect::<Result<_, _>>()?;
-        let part_levels = add_parts(&mesh.part_levels, vertex_offset, &mut shading, arrays)?;
-        arrays.vertices.extend(shading.into_vertices());
-        Ok(MeshRanges { levels, part_levels })
-    };
-    meshes.iter().map(add).collect()
+) -> Result<Vec<MeshNumbers>, CookError> {
+    let pieces: Vec<Pieces> =
+        meshes.par_iter().map(|mesh| mesh.as_ref().map(Pieces::of).unwrap_or_default()).collect();
+    pieces.into_iter().map(|pieces| pieces.add(arrays)).collect()
 }
 
-/// Adds the levels of a mesh's parts. All at once: each turn of triangles looks at all of the mesh's
-/// vertices.
-fn add_parts(
-    levels: &[Level],
-    vertex_offset: u32,
-    shading: &mut Shading,
-    arrays: &mut SceneArrays,
-) -> Result<Vec<Range>, CookError> {
-    let triangles: Vec<u32> = levels.iter().flat_map(|level| &level.indices).copied().collect();
-    let all = add_triangles(&triangles, vertex_offset, shading, arrays)?;
-    let place = |first_index: &mut u32, level: &Level| {
-        let range = Range { first_index: *first_index, index_count: level.indices.len() as u32, ..all };
-        *first_index += range.index_count;
-        Some(range)
-    };
-    Ok(levels.iter().scan(all.first_index, place).collect())
+/// The geometry of a mesh: as [`MeshNumbers`].
+#[derive(Default)]
+struct Pieces {
+    levels: Vec<Geometry>,
+    clusters: Vec<Option<Geometry>>,
+    part_levels: Vec<Geometry>,
 }
 
-fn add_merged(level: MergedLevel, arrays: &mut SceneArrays) -> Result<Range, CookError> {
-    let vertex_offset = number("vertices", arrays.vertices.len())?;
-    let mut shading = Shading::new(level.vertices);
-    let range = add_triangles(&level.indices, vertex_offset, &mut shading, arrays);
-    arrays.vertices.extend(shading.into_vertices());
-    range
+impl Pieces {
+    fn of(mesh: &LeveledMesh) -> Self {
+        let level = |level: &Level| piece(&mesh.vertices, &level.indices);
+        let clustered = usize::from(!mesh.clusters.is_empty());
+        let finest = mesh.levels.first().map(|level| level.indices.as_slice()).unwrap_or_default();
+        let cluster = |node: &ClusterNode| {
+            let own = finest.get(node.indices.start as usize..node.indices.end as usize);
+            own.filter(|own| !own.is_empty()).map(|own| piece(&mesh.vertices, own))
+        };
+        Self {
+            levels: mesh.levels.iter().skip(clustered).map(level).collect(),
+            clusters: mesh.clusters.iter().map(cluster).collect(),
+            part_levels: mesh.part_levels.iter().map(level).collect(),
+        }
+    }
+
+    fn add(self, arrays: &mut SceneArrays) -> Result<MeshNumbers, CookError> {
+        let mut add = |geometry| add_geometry(geometry, arrays);
+        Ok(MeshNumbers {
+            levels: self.levels.into_iter().map(&mut add).collect::<Result<_, _>>()?,
+            clusters: self
+                .clusters
+                .into_iter()
+                .map(|geometry| geometry.map(&mut add).transpose())
+                .collect::<Result<_, _>>()?,
+            part_levels: self.part_levels.into_iter().map(add).collect::<Result<_, _>>()?,
+        })
+    }
 }
 
-/// Adds triangles, ready for flat shading. Their vertices go to `vertex_offset` when all that share them are
-/// there.
-fn add_triangles(
-    triangles: &[u32],
-    vertex_offset: u32,
-    shading: &mut Shading,
-    arrays: &mut SceneArrays,
-) -> Result<Range, CookError> {
-    let first = arrays.indices.len();
-    arrays.indices.extend_from_slice(triangles);
-    let added = arrays.indices.get_mut(first..).unwrap_or_default();
-    shading.turn(added);
-    Ok(Range {
-        first_index: number("indices", first)?,
-        index_count: number("indices", added.len())?,
-        vertex_offset,
-        vertex_count: added.iter().max().map_or(0, |last| last + 1),
-    })
+/// Some triangles, ready for flat shading, with the vertices that they need and no others.
+fn piece(vertices: &[Vertex], triangles: &[u32]) -> Geometry {
+    let mut numbers: HashMap<u32, u32> = HashMap::new();
+    let mut own = Vec::new();
+    let mut indices: Vec<u32> = triangles
+        .iter()
+        .filter_map(|&index| {
+            let vertex = *vertices.get(index as usize)?;
+            Some(*numbers.entry(index).or_insert_with(|| {
+                own.push(vertex);
+                own.len() as u32 - 1
+            }))
+        })
+        .collect();
+    let mut shading = Shading::new(own);
+    shading.turn(&mut indices);
+    Geometry { vertices: shading.into_vertices(), indices }
+}
+
+fn add_geometry(geometry: Geometry, arrays: &mut SceneArrays) -> Result<u32, CookError> {
+    arrays.geometries.push(geometry);
+    number("pieces of geometry", arrays.geometries.len() - 1)
 }
 
 /// Makes errors monotone: no level of a node may have a smaller error than one of a node below it. Merging

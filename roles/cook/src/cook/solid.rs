@@ -10,29 +10,20 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use trimaran_scene::{Drawable, SceneArrays, Sides, Vertex};
+use trimaran_scene::{SceneArrays, Sides, Vertex};
 
 /// A part of less volume than this share of its diagonal's cube has none: far below any rod's or plate's, and
 /// far above what rounding in f64 makes of a sheet folded flat.
 const LEAST_VOLUME: f64 = 1e-12;
 
-/// Marks the drawables that are made of solids. Those that share their triangles are looked at once.
+/// Marks the drawables that are made of solids.
 pub(super) fn mark_solids(arrays: &mut SceneArrays) {
-    let place = |drawable: &Drawable| (drawable.first_index, drawable.index_count, drawable.vertex_offset);
-    let mut distinct: Vec<_> = arrays.drawables.iter().map(place).collect();
-    distinct.par_sort_unstable();
-    distinct.dedup();
-    let solid: Vec<bool> = distinct
-        .par_iter()
-        .map(|&(first, count, offset)| {
-            let (first, offset) = (first as usize, offset as usize);
-            let indices = arrays.indices.get(first..first + count as usize).unwrap_or_default();
-            is_solid(arrays.vertices.get(offset..).unwrap_or_default(), indices)
-        })
-        .collect();
-    arrays.drawables.par_iter_mut().for_each(|drawable| {
-        let found = distinct.binary_search(&place(drawable)).ok().and_then(|found| solid.get(found));
-        drawable.sides = if found == Some(&true) { Sides::FRONT } else { Sides::BOTH };
+    let SceneArrays { drawables, geometries, .. } = arrays;
+    let solid: Vec<bool> =
+        geometries.par_iter().map(|geometry| is_solid(&geometry.vertices, &geometry.indices)).collect();
+    drawables.par_iter_mut().for_each(|drawable| {
+        let is_solid = solid.get(drawable.geometry as usize) == Some(&true);
+        drawable.sides = if is_solid { Sides::FRONT } else { Sides::BOTH };
     });
 }
 

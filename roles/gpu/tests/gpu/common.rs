@@ -91,7 +91,7 @@ pub(crate) fn scene(objects: &[FlatObject]) -> Scene {
 
 /// Objects on a device.
 pub(crate) fn upload(gpu: &Arc<Gpu>, objects: &[FlatObject]) -> Arc<GpuScene> {
-    GpuScene::upload(gpu, &Arc::new(scene(objects))).unwrap()
+    GpuScene::new(gpu, &Arc::new(scene(objects))).unwrap()
 }
 
 /// All drawables of a scene of so many objects.

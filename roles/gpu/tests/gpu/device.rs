@@ -1,17 +1,9 @@
 //! Opening devices.
 
-use std::fs::{self, OpenOptions};
-use std::io::Write;
-use std::path::Path;
-use std::sync::Arc;
-
 use glam::{DVec3, Vec3};
-use trimaran_gpu::{
-    DeviceChoice, DeviceKind, Gpu, GpuError, GpuOptions, GpuScene, OccluderPass, PicturePass,
-};
-use trimaran_scene::{Scene, Vertex};
+use trimaran_gpu::{DeviceChoice, DeviceKind, Gpu, GpuError, GpuOptions, OccluderPass};
 
-use crate::common::{CheckedGpu, NEAR, ids, scene, upload, view, wall};
+use crate::common::{CheckedGpu, NEAR, ids, upload, view, wall};
 
 fn validated() -> GpuOptions {
     GpuOptions { validation: true, ..GpuOptions::default() }
@@ -99,43 +91,4 @@ fn one_device_is_shared_by_threads() {
             });
         }
     });
-}
-
-#[test]
-fn a_mapped_scene_is_read_in_place_and_looks_like_its_copy() {
-    let Some(gpu) = CheckedGpu::open() else { return };
-    let walls = [-2.0, -3.0].map(|z| wall(Vec3::new(z, 0.0, z), 1.5, 1.0));
-    let view = view(64, 64, DVec3::ZERO);
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("walls.scene");
-    scene(&walls).save(&file).unwrap();
-    let picture_of = |scene: Scene, becomes: fn(&Path)| {
-        // The device alone keeps the scene from here on.
-        let drawn = GpuScene::upload(&gpu, &Arc::new(scene)).unwrap();
-        becomes(&file);
-        let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
-        pass.begin(&view).unwrap();
-        pass.draw(&ids(2)).unwrap();
-        pass.finish().unwrap();
-        (drawn.copied_bytes(), pass.pixels().unwrap().to_vec())
-    };
-    let (copied, expected) = picture_of(scene(&walls), |_| ());
-    // Whatever becomes of the file: nothing, other bytes in the same place, or none.
-    let (left_in_place, picture) = picture_of(Scene::open(&file).unwrap(), |_| ());
-    assert_eq!(picture, expected);
-    let overwrite = |file: &Path| {
-        let length = fs::metadata(file).unwrap().len();
-        let mut file = OpenOptions::new().write(true).open(file).unwrap();
-        file.write_all(&vec![0x55; length as usize]).unwrap();
-    };
-    let cut = |file: &Path| OpenOptions::new().write(true).open(file).unwrap().set_len(1).unwrap();
-    for becomes in [overwrite, cut] {
-        scene(&walls).save(&file).unwrap();
-        let (_, picture) = picture_of(Scene::open(&file).unwrap(), becomes);
-        assert_eq!(picture, expected);
-    }
-    assert_eq!(copied, (2 * (4 * size_of::<Vertex>() + 6 * size_of::<u32>())) as u64);
-    if gpu.info().driver.contains("llvmpipe") {
-        assert_eq!(left_in_place, 0);
-    }
 }

@@ -13,3 +13,4 @@ mod see_through;
 mod solids;
 mod three_passes;
 mod walks;
+mod working_set;

@@ -53,7 +53,7 @@ fn ask(gpu: &CheckedGpu, scene: &Arc<Scene>, view: &View, boxes: &[TestBox]) -> 
     let mut reference = Vec::new();
     ReferenceTest::new(&picture).test(view, boxes, &mut reference).unwrap();
 
-    let uploaded = GpuScene::upload(gpu, scene).unwrap();
+    let uploaded = GpuScene::new(gpu, scene).unwrap();
     let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();
     pass.begin(view).unwrap();
     pass.draw(&all).unwrap();
@@ -101,7 +101,7 @@ fn occluders_can_be_added_after_boxes_were_tested() {
     let view = view(256, 256, DVec3::ZERO);
     let mut random = Random::new(3);
     let boxes: Vec<TestBox> = (0..500).map(|_| random_box(&mut random, 0.3)).collect();
-    let uploaded = GpuScene::upload(&gpu, &scene).unwrap();
+    let uploaded = GpuScene::new(&gpu, &scene).unwrap();
     let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();
     let mut tested = |parts: &[&[DrawableId]]| {
         let (mut query, mut raster, mut hzb) = (Vec::new(), Vec::new(), Vec::new());
@@ -133,7 +133,7 @@ fn pictures_that_change_their_size_get_the_answers_of_new_ones() {
     let scene = Arc::new(scene(&walls()));
     let mut random = Random::new(4);
     let boxes: Vec<TestBox> = (0..300).map(|_| random_box(&mut random, 0.3)).collect();
-    let uploaded = GpuScene::upload(&gpu, &scene).unwrap();
+    let uploaded = GpuScene::new(&gpu, &scene).unwrap();
     let mut pass = OccluderPass::new(&uploaded, view(8, 8, DVec3::ZERO).viewport()).unwrap();
     for (width, height) in [(256, 256), (31, 200), (333, 177), (1, 1), (256, 256)] {
         let view = view(width, height, DVec3::ZERO);

@@ -156,7 +156,7 @@ fn a_picture_is_the_same_to_the_bit_without_the_panes_that_are_hidden() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let size = Viewport::new(160, 100).unwrap();
     let scene = plant(7, 800, DVec3::ZERO).unwrap();
-    let uploaded = GpuScene::upload(&gpu, &scene).unwrap();
+    let uploaded = GpuScene::new(&gpu, &scene).unwrap();
     let mut pass = PicturePass::new(&uploaded, size).unwrap();
     let mut items = ItemPass::new(&uploaded, size).unwrap();
     let mut random = Random::new(31);

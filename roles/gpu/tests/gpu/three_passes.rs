@@ -31,7 +31,7 @@ pub(crate) const NOTHING: [u32; 2] = [ItemImage::BACKGROUND; 2];
 
 impl Passes {
     pub(crate) fn new(gpu: &CheckedGpu, scene: Arc<Scene>) -> Self {
-        let (uploaded, size) = (GpuScene::upload(gpu, &scene).unwrap(), Viewport::new(8, 8).unwrap());
+        let (uploaded, size) = (GpuScene::new(gpu, &scene).unwrap(), Viewport::new(8, 8).unwrap());
         Self {
             scene,
             occluders: OccluderPass::new(&uploaded, size).unwrap(),

@@ -48,7 +48,7 @@ struct Frame {
 
 impl<'g> Walk<'g> {
     fn new(gpu: &'g CheckedGpu, case: &Case, rule: LodRule, occlusion_test: TestKind) -> Self {
-        let scene = GpuScene::upload(gpu, &case.scene).unwrap();
+        let scene = GpuScene::new(gpu, &case.scene).unwrap();
         let size = case.views[0].viewport();
         Self {
             culler: Culler::new(Arc::clone(&case.scene)),

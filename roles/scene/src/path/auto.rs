@@ -86,6 +86,8 @@ pub enum AutoPathError {
 const HUMAN: f64 = 1.7;
 /// Scenes of at least this diagonal are of human scale, metres.
 const HUMAN_SCENE: f64 = 25.0;
+/// The leaves whose sizes are looked at, at most.
+const MOST_MEASURED: u32 = 1 << 16;
 /// Candidates for a place to start.
 const CANDIDATES: usize = 160;
 /// Cells to explore from a start.
@@ -103,14 +105,13 @@ pub fn auto(scene: &Scene, options: &AutoPathOptions) -> Result<AutoPath, AutoPa
     if let Some(height) = options.eye_height.filter(|h| !(h.is_finite() && *h > 0.0)) {
         return Err(AutoPathError::EyeHeight(height));
     }
-    let leaves: Vec<&Node> = scene.nodes().iter().filter(|node| node.is_leaf()).collect();
-    let eye_height = options.eye_height.unwrap_or_else(|| natural_eye_height(scene, &leaves));
+    let eye_height = options.eye_height.unwrap_or_else(|| natural_eye_height(scene));
     let frames = options.frames as usize;
     let pace = Pace { step: 1.4 / 30.0 * eye_height / HUMAN, turn: 0.07 };
     let space = Space::new(scene);
     for (footing, kind) in [(Footing::Floor, PathKind::Floors), (Footing::Air, PathKind::Hovering)] {
         let body = Body { eye_height, clearance: 0.15 * eye_height, footing };
-        let poses = Explorer { space: &space, leaves: &leaves, body, options }.poses(frames, pace);
+        let poses = Explorer { space: &space, body, options }.poses(frames, pace);
         if let Some(poses) = poses {
             let path = PosePath::new(options.vfov_deg, poses)?.with_near(body.clearance / 2.0)?;
             return Ok(AutoPath { path, kind, eye_height, clearance: body.clearance, step: pace.step });
@@ -120,12 +121,15 @@ pub fn auto(scene: &Scene, options: &AutoPathOptions) -> Result<AutoPath, AutoPa
 }
 
 /// The eye height that suits a scene's size.
-fn natural_eye_height(scene: &Scene, leaves: &[&Node]) -> f64 {
+fn natural_eye_height(scene: &Scene) -> f64 {
     let scene_diagonal = scene.nodes().first().map_or(0.0, diagonal);
     if scene_diagonal >= HUMAN_SCENE || scene_diagonal == 0.0 {
         return HUMAN;
     }
-    let mut diagonals: Vec<f64> = leaves.iter().map(|leaf| diagonal(leaf)).filter(|&d| d > 0.0).collect();
+    // Of a large scene some leaves tell as well as all.
+    let step = scene.leaf_count().div_ceil(MOST_MEASURED).max(1);
+    let leaves = (0..scene.leaf_count()).step_by(step as usize).filter_map(|leaf| scene.leaf(leaf));
+    let mut diagonals: Vec<f64> = leaves.map(|(_, leaf)| diagonal(leaf)).filter(|&d| d > 0.0).collect();
     diagonals.sort_by(f64::total_cmp);
     let median = diagonals.get(diagonals.len() / 2).copied().unwrap_or(scene_diagonal);
     (scene_diagonal / 15.0).min(4.0 * median).max(scene_diagonal / 1000.0)
@@ -139,7 +143,6 @@ fn diagonal(node: &Node) -> f64 {
 /// Looks for ground to walk on.
 struct Explorer<'a> {
     space: &'a Space<'a>,
-    leaves: &'a [&'a Node],
     body: Body,
     options: &'a AutoPathOptions,
 }
@@ -194,7 +197,8 @@ impl Explorer<'_> {
     /// An eye above the floor near some object, or anywhere near it for a hovering walker.
     fn candidate(&self, random: &mut Random) -> Option<DVec3> {
         let height = self.body.eye_height;
-        let leaf = self.leaves.get(random.below(self.leaves.len()))?;
+        let scene = self.space.scene();
+        let (_, leaf) = scene.leaf(random.below(scene.leaf_count() as usize) as u32)?;
         let (min, max) = leaf.world_box();
         let (min, max) = (min - height, max + height);
         let fractions = DVec3::new(random.unit(), random.unit(), random.unit());
@@ -330,7 +334,10 @@ mod tests {
     #[test]
     fn a_single_triangle_is_circled() {
         let mut model: Model = boxes(&[([0.0; 3], [1.0; 3])]);
-        model.meshes[0].indices.truncate(3);
+        let mesh = &mut model.meshes[0];
+        mesh.positions.truncate(3);
+        mesh.colours.truncate(3);
+        mesh.indices = vec![0, 1, 2];
         let scene = uncooked(&model);
         for frames in [1, 2, 7] {
             let options = AutoPathOptions { frames, teleport: frames > 1, ..AutoPathOptions::default() };

@@ -20,11 +20,9 @@ use crate::{Node, NodeId, Scene};
 #[derive(Debug)]
 pub struct Space<'a> {
     scene: &'a Scene,
-    meshes: RefCell<HashMap<MeshKey, Rc<Triangles>>>,
+    /// By the number of their geometry.
+    meshes: RefCell<HashMap<u32, Rc<Triangles>>>,
 }
-
-/// What tells meshes apart: the first index and the vertex offset of the finest level.
-type MeshKey = (u32, u32);
 
 /// What a ray met.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -165,7 +163,7 @@ impl<'a> Space<'a> {
     /// The triangles of a leaf's finest level, in its local frame.
     fn mesh(&self, node: &Node) -> Option<Rc<Triangles>> {
         let drawable = self.scene.drawables().get(node.first_drawable as usize)?;
-        let key = (drawable.first_index, drawable.vertex_offset);
+        let key = drawable.geometry;
         if let Some(mesh) = self.meshes.borrow().get(&key) {
             return Some(Rc::clone(mesh));
         }

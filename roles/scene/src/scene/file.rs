@@ -1,70 +1,28 @@
-//! The cooked file: written whole or not at all, read into memory that nobody else can change, and trusted
-//! only after it has been checked.
-//!
-//! Layout, little-endian: a [`Header`], then the sections, each starting at a multiple of 64 bytes, gaps
-//! filled with zeros. Order of the sections: nodes, drawables, vertices, indices, objects, names, sources.
+//! A cooked file: opened by its header and directory, its pages read and checked one by one.
 
+use std::cell::RefCell;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
-use std::mem::size_of;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
+use std::sync::Arc;
 
-use bytemuck::{AnyBitPattern, NoUninit, Pod, Zeroable};
-use memmap2::Mmap;
+use bytemuck::Zeroable;
 use thiserror::Error;
-use trimaran_proto::SceneHash;
-use xxhash_rust::xxh3::xxh3_64;
+use zstd::bulk::Decompressor;
 
-use super::stable::{self, Source, Stable, Unread};
-use super::{Drawable, Node, ObjectRecord, OpenError, Parts, Scene, Storage, Vertex, hash, validate};
+use super::geometry::GeometryPlace;
+use super::layout::{Entry, Firsts, Header, LARGEST_RATIO, MAGIC, Section, VERSION};
+use super::source::Source;
+use super::{OpenError, ReadCause, ReadError, SceneError};
 
-/// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
-const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
-/// The format this build reads and writes.
-const VERSION: u32 = 3;
-/// Sections start at multiples of this: enough for every record, and a cache line.
-const ALIGNMENT: u64 = 64;
-const SECTIONS: usize = 7;
-
-/// Bytes a record, by section.
-const RECORD_SIZES: [u64; SECTIONS] = [
-    size_of::<Node>() as u64,
-    size_of::<Drawable>() as u64,
-    size_of::<Vertex>() as u64,
-    size_of::<u32>() as u64,
-    size_of::<ObjectRecord>() as u64,
-    1,
-    1,
-];
-
-const _: () =
-    assert!(cfg!(target_endian = "little"), "cooked scenes are read as they stand: little-endian only");
-
-/// The start of a file.
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Header {
-    magic: [u8; 8],
-    version: u32,
-    reserved: u32,
-    /// The fingerprint of the sections, little-endian.
-    fingerprint: [u8; 16],
-    file_length: u64,
-    sections: [Section; SECTIONS],
-    /// XXH3-64 of all bytes of the header before this.
-    check: u64,
-}
-
-/// Where a section lies.
-#[derive(Debug, Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct Section {
-    /// First byte in the file.
-    offset: u64,
-    /// Length in bytes.
-    length: u64,
+/// An open file whose header and directory are checked.
+#[derive(Debug)]
+pub(super) struct SceneFile {
+    path: PathBuf,
+    source: Source,
+    header: Header,
+    directory: Vec<Entry>,
 }
 
 /// Why a scene could not be saved. Nothing is left behind under the name asked for, and an older file of that
@@ -84,90 +42,260 @@ pub enum SaveError {
         /// What the system says.
         source: io::Error,
     },
+    /// The scene's own file cannot be read.
+    #[error("the scene cannot be copied")]
+    Read(#[from] ReadError),
 }
 
-impl Scene {
-    /// Writes the scene to `path`: to a temporary name in the same folder, flushed to the disk and then
-    /// renamed, so that a reader sees the old file or the whole new one. The same scene always makes the
-    /// same bytes.
-    ///
-    /// # Errors
-    /// If the system refuses; nothing is left behind then.
-    pub fn save(&self, path: &Path) -> Result<(), SaveError> {
-        let parts = self.parts();
-        let sources = hash::encode_sources(parts.sources);
-        let sections = hash::section_bytes(&parts, &sources);
-        let header = Header::new(&sections, self.hash);
-        write_atomically(path, |out| {
-            out.write_all(bytemuck::bytes_of(&header))?;
-            let mut position = size_of::<Header>() as u64;
-            for (section, bytes) in header.sections.iter().zip(sections) {
-                let gap = [0_u8; ALIGNMENT as usize];
-                out.write_all(gap.get(..(section.offset - position) as usize).unwrap_or_default())?;
-                out.write_all(bytes)?;
-                position = section.offset + section.length;
-            }
-            Ok(())
-        })
-        .map_err(|source| SaveError::Io {
-            path: path.to_owned(),
-            bytes: header.file_length,
-            source,
-        })
-    }
-
-    /// Opens a scene that [`Scene::save`] wrote, and checks all of it: every byte against the fingerprint,
-    /// every record against the rules.
-    ///
-    /// **What was opened stays as it was**, whatever becomes of the file: overwritten, cut short, replaced or
-    /// deleted. The file is copied into memory while it is checked, so a scene takes its size in memory,
-    /// once for each opening. A file that nobody can write to any more is mapped in place of that, and
-    /// all processes that open it share it: one with fs-verity (`fsverity enable FILE`), or a sealed
-    /// memfd. Such a file takes no memory that the system cannot take back.
-    ///
-    /// # Errors
-    /// Says what is wrong with the file and what to do about it. [`OpenError::may_pass`] tells a file that is
-    /// not there yet or is being written from one that stays unusable.
-    pub fn open(path: &Path) -> Result<Self, OpenError> {
+impl SceneFile {
+    pub(super) fn open(path: &Path) -> Result<Self, OpenError> {
         let io_error = |source| OpenError::Io { path: path.to_owned(), source };
         // Opening a pipe would wait for whoever writes to it.
         if !fs::metadata(path).map_err(io_error)?.is_file() {
             return Err(io_error(io::Error::other("it is not a regular file")));
         }
-        let file = File::open(path).map_err(io_error)?;
-        let before = Stamp::of(&file).map_err(io_error)?;
-        let opened = Self::read(Source::File(&file), before.length, path);
-        let changed = || Stamp::of(&file).is_ok_and(|after| after != before);
-        opened.map_err(|error| if changed() { error.while_changing(path) } else { error })
+        let source = Source::file(File::open(path).map_err(io_error)?).map_err(io_error)?;
+        Self::read(source, path)
     }
 
-    /// Opens a scene whose file is in memory. `name` is what errors call it.
-    ///
-    /// # Errors
-    /// As [`Scene::open`].
-    pub fn open_bytes(name: &Path, bytes: &[u8]) -> Result<Self, OpenError> {
-        Self::read(Source::Memory(bytes), bytes.len() as u64, name)
+    pub(super) fn read(source: Source, path: &Path) -> Result<Self, OpenError> {
+        let opened = read_directory(&source, path);
+        let (header, directory) = match opened {
+            Err(error) if source.has_changed() => return Err(error.while_changing(path)),
+            opened => opened?,
+        };
+        Ok(Self { path: path.to_owned(), source, header, directory })
     }
 
-    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
-        let mapped = MappedScene::read(source, length, path)?;
-        validate::check(&mapped.parts())
-            .map_err(|source| OpenError::Malformed { path: path.to_owned(), source })?;
-        Ok(Self { hash: mapped.fingerprint, storage: Storage::File(mapped) })
+    pub(super) const fn header(&self) -> &Header {
+        &self.header
+    }
+
+    /// A page of a section, unpacked and as its hash says; `records` are those it holds, for errors.
+    pub(super) fn unpack(
+        &self,
+        section: Section,
+        page: usize,
+        records: &Range<usize>,
+    ) -> Result<Vec<u8>, ReadError> {
+        let Entry { length, unpacked, .. } = self.entry(section, page);
+        if unpacked as usize > LARGEST_RATIO * length as usize {
+            return Err(self.error(section, page, records, ReadCause::Damaged));
+        }
+        let mut bytes = vec![0; unpacked as usize];
+        self.unpack_into(section, page, records, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// The same into `room`, which is to be filled.
+    pub(super) fn unpack_into(
+        &self,
+        section: Section,
+        page: usize,
+        records: &Range<usize>,
+        room: &mut [u8],
+    ) -> Result<(), ReadError> {
+        thread_local! {
+            // Making one takes as long as unpacking a page.
+            static UNPACKER: RefCell<Option<Decompressor<'static>>> = const { RefCell::new(None) };
+        }
+        let bytes = self.page(section, page, records)?.1;
+        let filled = UNPACKER.with_borrow_mut(|unpacker| {
+            if unpacker.is_none() {
+                *unpacker = Decompressor::new().ok();
+            }
+            unpacker.as_mut().and_then(|unpacker| unpacker.decompress_to_buffer(&bytes, room).ok())
+        });
+        if filled == Some(room.len()) {
+            Ok(())
+        } else {
+            Err(self.error(section, page, records, ReadCause::Damaged))
+        }
+    }
+
+    /// A piece of geometry, packed; `page` is the page of the last one that was read, which may be the same.
+    pub(super) fn geometry<'p>(
+        &self,
+        number: usize,
+        place: &GeometryPlace,
+        page: &'p mut Option<(u32, Vec<u8>)>,
+    ) -> Result<&'p [u8], ReadError> {
+        let one = number..number + 1;
+        let of = place.page as usize;
+        if page.as_ref().is_none_or(|(last, _)| *last != place.page) {
+            *page = Some((place.page, self.page(Section::Geometry, of, &one)?.1));
+        }
+        let bytes = page.as_ref().map(|(_, bytes)| bytes.as_slice()).unwrap_or_default();
+        let start = place.offset as usize;
+        let piece = bytes.get(start..start.saturating_add(place.length as usize));
+        // The place was checked against the directory when it was read.
+        piece.ok_or_else(|| self.error(Section::Geometry, of, &one, ReadCause::Damaged))
+    }
+
+    /// How long a page of geometry is.
+    pub(super) fn geometry_page_length(&self, page: u32) -> Option<u32> {
+        let pages = self.directory.get(self.header.pages(Section::Geometry))?;
+        Some(pages.get(page as usize)?.length)
+    }
+
+    /// What the nodes of a page begin with, and those of the page after it.
+    pub(super) fn firsts(&self, page: usize) -> [Firsts; 2] {
+        let pages = self.directory.get(self.header.pages(Section::Nodes)).unwrap_or_default();
+        let Header { nodes, drawables, leaves, .. } = self.header;
+        let end = Firsts { child: nodes, drawable: drawables, leaf: leaves };
+        let firsts = |page: usize| pages.get(page).map_or(end, |entry| entry.firsts);
+        [firsts(page), firsts(page + 1)]
+    }
+
+    /// The page of nodes that has the leaf of this number.
+    pub(super) fn page_of_leaf(&self, leaf: u32) -> usize {
+        let pages = self.directory.get(self.header.pages(Section::Nodes)).unwrap_or_default();
+        pages.partition_point(|entry| entry.firsts.leaf <= leaf).saturating_sub(1)
+    }
+
+    /// An error about records of a page.
+    pub(super) fn error(
+        &self,
+        section: Section,
+        page: usize,
+        records: &Range<usize>,
+        cause: ReadCause,
+    ) -> ReadError {
+        let entry = self.entry(section, page);
+        let start = entry.offset;
+        let what = match section {
+            Section::Names | Section::Sources => section.name().to_owned(),
+            _ if records.len() == 1 => format!("{} {}", section.name(), records.start),
+            _ => format!("{} {} to {}", section.name(), records.start, records.end.saturating_sub(1)),
+        };
+        ReadError { path: self.path.clone(), bytes: start..start + u64::from(entry.length), what, cause }
+    }
+
+    /// Writes the file to another place: to a temporary name in the same folder, flushed to the disk and then
+    /// renamed.
+    pub(super) fn save(&self, path: &Path) -> Result<(), SaveError> {
+        let mut unread = None;
+        let saved = write_atomically(path, |out| {
+            out.write_all(bytemuck::bytes_of(&self.header))?;
+            for (page, entry) in self.directory.iter().enumerate() {
+                match self.checked(entry) {
+                    Ok(bytes) => out.write_all(&bytes)?,
+                    Err(cause) => {
+                        unread = Some(self.error_at(page, cause));
+                        return Err(io::Error::other("the scene's own file cannot be read"));
+                    }
+                }
+            }
+            out.write_all(bytemuck::cast_slice(&self.directory))
+        });
+        match (saved, unread) {
+            (_, Some(error)) => Err(SaveError::Read(error)),
+            (Ok(()), None) => Ok(()),
+            (Err(source), None) => {
+                Err(SaveError::Io { path: path.to_owned(), bytes: self.header.file_length, source })
+            }
+        }
+    }
+
+    fn entry(&self, section: Section, page: usize) -> Entry {
+        let pages = self.directory.get(self.header.pages(section)).unwrap_or_default();
+        pages.get(page).copied().unwrap_or(Zeroable::zeroed())
+    }
+
+    /// A page as it lies in the file, and as its hash says.
+    fn page(
+        &self,
+        section: Section,
+        page: usize,
+        records: &Range<usize>,
+    ) -> Result<(Entry, Vec<u8>), ReadError> {
+        let entry = self.entry(section, page);
+        match self.checked(&entry) {
+            Ok(bytes) => Ok((entry, bytes)),
+            Err(cause) => Err(self.error(section, page, records, cause)),
+        }
+    }
+
+    fn checked(&self, entry: &Entry) -> Result<Vec<u8>, ReadCause> {
+        let mut bytes = vec![0; entry.length as usize];
+        let read = self.source.read_exact_at(&mut bytes, entry.offset);
+        if read.is_ok() && *blake3::hash(&bytes).as_bytes() == entry.hash {
+            return Ok(bytes);
+        }
+        Err(match read {
+            _ if self.source.has_changed() => ReadCause::Changed,
+            Err(error) => ReadCause::Io(Arc::new(error)),
+            Ok(()) => ReadCause::Damaged,
+        })
+    }
+
+    /// An error about a page counted over all sections.
+    fn error_at(&self, page: usize, cause: ReadCause) -> ReadError {
+        let entry = self.directory.get(page).copied().unwrap_or(Zeroable::zeroed());
+        let bytes = entry.offset..entry.offset + u64::from(entry.length);
+        ReadError { path: self.path.clone(), bytes, what: format!("page {page}"), cause }
+    }
+
+    /// Says that a page's records break a rule.
+    pub(super) fn malformed(
+        &self,
+        section: Section,
+        page: usize,
+        records: &Range<usize>,
+        error: SceneError,
+    ) -> ReadError {
+        self.error(section, page, records, ReadCause::Malformed(error))
     }
 }
 
-/// What tells that a file was written to.
-#[derive(Debug, PartialEq, Eq)]
-struct Stamp {
-    length: u64,
-    modified: Option<SystemTime>,
+/// Reads and checks header and directory, and the file's length, before more memory is taken.
+fn read_directory(source: &Source, path: &Path) -> Result<(Header, Vec<Entry>), OpenError> {
+    let io_error = |error| OpenError::Io { path: path.to_owned(), source: error };
+    let damaged = |what| OpenError::Damaged { path: path.to_owned(), what };
+    let length = source.length().map_err(io_error)?;
+    let mut bytes = [0; size_of::<Header>()];
+    let there = bytes.get_mut(..length.min(size_of::<Header>() as u64) as usize).unwrap_or_default();
+    source.read_exact_at(there, 0).map_err(io_error)?;
+    let header = parse_header(there, length, path)?;
+    let entries = header.pages as usize;
+    if header.directory.checked_add((entries * size_of::<Entry>()) as u64) != Some(header.file_length) {
+        return Err(damaged("its directory does not end it"));
+    }
+    let mut directory = vec![Entry::zeroed(); entries];
+    source.read_exact_at(bytemuck::cast_slice_mut(&mut directory), header.directory).map_err(io_error)?;
+    if header.fingerprint != header.hash(&directory) {
+        Err(damaged("the checksum of its directory does not match"))
+    } else if !header.fits(&directory) {
+        Err(damaged("its directory does not go with its header"))
+    } else {
+        Ok((header, directory))
+    }
 }
 
-impl Stamp {
-    fn of(file: &File) -> io::Result<Self> {
-        let metadata = file.metadata()?;
-        Ok(Self { length: metadata.len(), modified: metadata.modified().ok() })
+fn parse_header(bytes: &[u8], length: u64, path: &Path) -> Result<Header, OpenError> {
+    let path = || path.to_owned();
+    if !MAGIC.starts_with(bytes.get(..MAGIC.len()).unwrap_or(bytes)) {
+        return Err(OpenError::Foreign { path: path() });
+    }
+    let cut_short =
+        OpenError::Truncated { path: path(), expected: size_of::<Header>() as u64, actual: length };
+    let version = bytes.get(8..12).and_then(|v| v.try_into().ok()).map(u32::from_le_bytes);
+    match version {
+        None => return Err(cut_short),
+        Some(VERSION) => {}
+        Some(found) => return Err(OpenError::Version { path: path(), found, known: VERSION }),
+    }
+    let Ok(header) = bytemuck::try_pod_read_unaligned::<Header>(bytes) else {
+        return Err(cut_short);
+    };
+    if header.check != header.checksum() {
+        Err(OpenError::Damaged { path: path(), what: "the header's checksum does not match" })
+    } else if length < header.file_length {
+        Err(OpenError::Truncated { path: path(), expected: header.file_length, actual: length })
+    } else if length > header.file_length {
+        Err(OpenError::Damaged { path: path(), what: "it is longer than it was when written" })
+    } else {
+        Ok(header)
     }
 }
 
@@ -195,167 +323,4 @@ pub(super) fn write_atomically(
         folder.sync_all()?;
     }
     Ok(())
-}
-
-impl Header {
-    fn new(sections: &[&[u8]; SECTIONS], fingerprint: SceneHash) -> Self {
-        let mut end = size_of::<Self>() as u64;
-        let sections = sections.map(|bytes| {
-            let section = Section { offset: end.next_multiple_of(ALIGNMENT), length: bytes.len() as u64 };
-            end = section.offset + section.length;
-            section
-        });
-        let mut header = Self {
-            magic: MAGIC,
-            version: VERSION,
-            reserved: 0,
-            fingerprint: fingerprint.0.to_le_bytes(),
-            file_length: end,
-            sections,
-            check: 0,
-        };
-        header.check = header.checksum();
-        header
-    }
-
-    /// Reads and checks the header, and the file's length against it, before any memory is taken.
-    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
-        let mut bytes = [0; size_of::<Self>()];
-        let there = bytes.get_mut(..length.min(size_of::<Self>() as u64) as usize).unwrap_or_default();
-        source.read_exact_at(there, 0).map_err(|error| unread(error, source, length, path))?;
-        let bytes = &*there;
-        let path = || path.to_owned();
-        if !MAGIC.starts_with(bytes.get(..MAGIC.len()).unwrap_or(bytes)) {
-            return Err(OpenError::Foreign { path: path() });
-        }
-        let cut_short =
-            OpenError::Truncated { path: path(), expected: size_of::<Self>() as u64, actual: length };
-        let version = bytes.get(8..12).and_then(|v| v.try_into().ok()).map(u32::from_le_bytes);
-        match version {
-            None => return Err(cut_short),
-            Some(VERSION) => {}
-            Some(found) => return Err(OpenError::Version { path: path(), found, known: VERSION }),
-        }
-        let Ok(header) = bytemuck::try_pod_read_unaligned::<Self>(bytes) else {
-            return Err(cut_short);
-        };
-        if header.check != header.checksum() {
-            Err(OpenError::Damaged { path: path(), what: "the header's checksum does not match" })
-        } else if length < header.file_length {
-            Err(OpenError::Truncated { path: path(), expected: header.file_length, actual: length })
-        } else if length > header.file_length {
-            Err(OpenError::Damaged { path: path(), what: "it is longer than it was when written" })
-        } else {
-            Ok(header)
-        }
-    }
-
-    /// Where the sections lie: one behind the other within the file, aligned, and of whole records.
-    fn ranges(&self) -> Option<[Range<usize>; SECTIONS]> {
-        let mut end = size_of::<Self>() as u64;
-        let mut ranges = [const { 0..0 }; SECTIONS];
-        for ((section, size), range) in self.sections.iter().zip(RECORD_SIZES).zip(&mut ranges) {
-            let Section { offset, length } = *section;
-            let sound = offset >= end && offset.is_multiple_of(ALIGNMENT) && length.is_multiple_of(size);
-            end = offset.checked_add(length).filter(|&end| sound && end <= self.file_length)?;
-            *range = usize::try_from(offset).ok()?..usize::try_from(end).ok()?;
-        }
-        Some(ranges)
-    }
-
-    fn checksum(&self) -> u64 {
-        let bytes = bytemuck::bytes_of(self);
-        xxh3_64(bytes.get(..bytes.len() - size_of::<u64>()).unwrap_or(bytes))
-    }
-
-    fn fingerprint(&self) -> SceneHash {
-        SceneHash(u128::from_le_bytes(self.fingerprint))
-    }
-}
-
-/// What a failed read of a file that had `expected` bytes means.
-fn unread(error: io::Error, source: Source<'_>, expected: u64, path: &Path) -> OpenError {
-    let path = path.to_owned();
-    match source.length() {
-        Ok(actual) if error.kind() == io::ErrorKind::UnexpectedEof => {
-            OpenError::Truncated { path, expected, actual }
-        }
-        _ => OpenError::Io { path, source: error },
-    }
-}
-
-/// A file in memory, and where its sections lie: each range within the map, aligned and of whole records.
-#[derive(Debug)]
-pub(super) struct MappedScene {
-    map: Mmap,
-    sections: [Range<usize>; SECTIONS],
-    sources: Vec<String>,
-    fingerprint: SceneHash,
-}
-
-impl MappedScene {
-    /// Reads a file of `length` bytes and compares it with its fingerprint.
-    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
-        let damaged = |what| OpenError::Damaged { path: path.to_owned(), what };
-        let header = Header::read(source, length, path)?;
-        let sections = header
-            .ranges()
-            .ok_or_else(|| damaged("a section lies outside of it, or is not made of whole records"))?;
-        // The header stands within the file's length, and the ranges within the header's.
-        let bytes = usize::try_from(length).unwrap_or(usize::MAX);
-        let Stable { map, fingerprint } =
-            stable::read(source, bytes, &sections).map_err(|because| match because {
-                Unread::File(error) => unread(error, source, length, path),
-                Unread::Memory(source) => OpenError::Memory { path: path.to_owned(), bytes: length, source },
-            })?;
-        if fingerprint != header.fingerprint() {
-            return Err(damaged("its checksum does not match"));
-        }
-        let [.., names, sources] = sections.clone().map(|range| map.get(range).unwrap_or_default());
-        if std::str::from_utf8(names).is_err() {
-            return Err(damaged("its names are not UTF-8"));
-        }
-        let sources =
-            hash::decode_sources(sources).ok_or_else(|| damaged("its list of sources is broken"))?;
-        Ok(Self { map, sections, sources, fingerprint })
-    }
-
-    pub(super) fn parts(&self) -> Parts<'_> {
-        Parts {
-            nodes: self.nodes(),
-            drawables: self.drawables(),
-            vertices: self.vertices(),
-            indices: self.indices(),
-            objects: self.objects(),
-            names: self.records(5),
-            sources: &self.sources,
-        }
-    }
-
-    pub(super) fn nodes(&self) -> &[Node] {
-        self.records(0)
-    }
-
-    pub(super) fn drawables(&self) -> &[Drawable] {
-        self.records(1)
-    }
-
-    pub(super) fn vertices(&self) -> &[Vertex] {
-        self.records(2)
-    }
-
-    pub(super) fn indices(&self) -> &[u32] {
-        self.records(3)
-    }
-
-    pub(super) fn objects(&self) -> &[ObjectRecord] {
-        self.records(4)
-    }
-
-    /// A section as records. `read` has checked its range and alignment, so the empty slice stands for
-    /// nothing that happens.
-    fn records<T: AnyBitPattern + NoUninit>(&self, section: usize) -> &[T] {
-        let bytes = self.sections.get(section).and_then(|range| self.map.get(range.clone()));
-        bytes.and_then(|bytes| bytemuck::try_cast_slice(bytes).ok()).unwrap_or_default()
-    }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Mat3, Vec3};
 
-use super::{Drawable, Node, ObjectRecord, Rgba8, SceneArrays, Shading, Sides, Vertex};
+use super::{Drawable, Geometry, Node, ObjectRecord, Rgba8, SceneArrays, Shading, Sides, Vertex};
 
 /// An object of a flat scene: triangles of one colour in a local frame, and where that is.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,12 +38,13 @@ impl SceneArrays {
                 source_index: index,
                 name_start: 0,
                 name_length: 0,
+                node: index + 1,
             });
             let vertices = object.positions.iter().map(|at| Vertex::new(at.to_array(), object.colour));
             let mut shading = Shading::new(vertices.collect());
             let mut indices = object.indices.clone();
             shading.turn(&mut indices);
-            arrays.add_level(index + 1, 0.0, shading.into_vertices(), &indices);
+            arrays.add_level(index + 1, 0.0, Geometry { vertices: shading.into_vertices(), indices });
         }
         let boxes = arrays.nodes.iter().skip(1).map(Node::world_box);
         if let Some((min, max)) = boxes.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
@@ -65,19 +66,16 @@ impl SceneArrays {
         arrays
     }
 
-    /// Appends a level of the node, with vertices and indices of its own.
-    pub fn add_level(&mut self, node: u32, error: f32, vertices: Vec<Vertex>, indices: &[u32]) {
+    /// Appends a level of the node, with triangles of its own.
+    pub fn add_level(&mut self, node: u32, error: f32, geometry: Geometry) {
         self.drawables.push(Drawable {
             error,
             node,
-            first_index: self.indices.len() as u32,
-            index_count: indices.len() as u32,
-            vertex_offset: self.vertices.len() as u32,
-            vertex_count: vertices.len() as u32,
+            geometry: self.geometries.len() as u32,
+            triangles: geometry.triangles() as u32,
             sides: Sides::BOTH,
         });
-        self.vertices.extend(vertices);
-        self.indices.extend(indices);
+        self.geometries.push(geometry);
     }
 }
 

@@ -1,137 +1,264 @@
-//! The cooked scene: plain arrays that all roles share, made by cooking or read from a file.
+//! The cooked scene: what all roles share, in memory or in a file, read as it is needed.
 
+mod encode;
 mod file;
 mod flat;
-mod hash;
+mod geometry;
+mod layout;
 mod open_error;
+mod read_error;
 mod records;
 mod shading;
-mod stable;
+mod source;
+mod table;
 mod validate;
+
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use rayon::prelude::*;
 use trimaran_proto::SceneHash;
 
-use file::MappedScene;
 pub use file::SaveError;
+use file::SceneFile;
 pub use flat::FlatObject;
+pub use geometry::{Geometry, GeometryError, GeometryPlace};
+pub use layout::Totals;
+use layout::{Firsts, Section};
 pub use open_error::OpenError;
+pub use read_error::{ReadCause, ReadError};
 pub use records::{Drawable, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Sides, Vertex};
 pub use shading::{Normal, Shading};
+use source::Source;
+use table::Pages;
+pub use table::Records;
 pub use validate::SceneError;
 
-/// A cooked scene, checked: every index in it is in range, every box finite, errors monotone to the root.
+/// A cooked scene, of which what was asked for is in memory.
+///
+/// Records are read from its file, a page at a time, when they are first asked for, and stay. Geometry is read
+/// each time. Each page is checked when it is read: its bytes against the fingerprint, and its records
+/// against the rules, so that later code can trust them: every index is in range, every box finite, errors
+/// never fall towards the root.
+///
+/// What cannot be read is not there. Whoever went through the scene asks [`fault`](Self::fault) before it
+/// uses what it found: culling and drawing do.
 #[derive(Debug)]
 pub struct Scene {
-    storage: Storage,
-    hash: SceneHash,
+    file: Arc<SceneFile>,
+    nodes: Pages<Node>,
+    drawables: Pages<Drawable>,
+    places: Pages<GeometryPlace>,
+    objects: Pages<ObjectRecord>,
+    names: OnceLock<String>,
+    sources: Vec<String>,
+    fault: OnceLock<ReadError>,
 }
 
-/// Where the arrays live.
+/// Reads geometry, and keeps the last page of it: pieces with numbers near each other share pages.
 #[derive(Debug)]
-enum Storage {
-    Memory(SceneArrays),
-    File(MappedScene),
-}
-
-/// The arrays of a scene, wherever they live.
-#[derive(Debug, Clone, Copy)]
-struct Parts<'a> {
-    nodes: &'a [Node],
-    drawables: &'a [Drawable],
-    vertices: &'a [Vertex],
-    indices: &'a [u32],
-    objects: &'a [ObjectRecord],
-    /// UTF-8 as a whole.
-    names: &'a [u8],
-    sources: &'a [String],
+pub struct GeometryReader<'s> {
+    scene: &'s Scene,
+    page: Option<(u32, Vec<u8>)>,
 }
 
 impl Scene {
-    /// Checks the arrays and makes a scene of them.
+    /// Checks the arrays and makes a scene of them, as it lies in a file. Works out each node's
+    /// [`reach`](Node::reach).
     ///
     /// # Errors
     /// Names the first record that is malformed.
     pub fn from_arrays(arrays: SceneArrays) -> Result<Self, SceneError> {
-        let parts = arrays.parts();
-        validate::check(&parts)?;
-        Ok(Self { hash: hash::fingerprint(&parts), storage: Storage::Memory(arrays) })
+        let whole = (0..).zip(&arrays.objects).find(|(_, object)| arrays.name_of(object).is_none());
+        if let Some((index, _)) = whole {
+            return Err(SceneError::Malformed { what: "object", index, why: NO_NAME });
+        }
+        let bytes = encode::encode(arrays)?;
+        let source = Source::Memory(bytes);
+        // What was encoded a moment ago opens, unless its records break a rule.
+        let unread = |_| SceneError::Malformed { what: "file", index: 0, why: "it cannot be read back" };
+        let file = SceneFile::read(source, Path::new("in memory")).map_err(unread)?;
+        let scene = Self::unread(Arc::new(file)).map_err(rule)?;
+        if scene.check_records().is_ok() {
+            return Ok(scene);
+        }
+        // Pages were checked in any order. Once more in theirs, for the first record that breaks a rule.
+        let scene = Self::unread(scene.file).map_err(rule)?;
+        let _ = (scene.nodes().iter().count(), scene.places().iter().count());
+        let _ = (scene.drawables().iter().count(), scene.objects().iter().count());
+        scene.check_records().map_err(rule)?;
+        Ok(scene)
+    }
+
+    /// Opens a scene that [`Scene::save`] wrote: reads and checks its header, its directory and the top of its
+    /// tree. All else is checked when it is first asked for.
+    ///
+    /// **What was opened never changes.** A file that is replaced or deleted is read on as it was. One that is
+    /// overwritten where it stands no longer matches its fingerprint: what was read stays, and what was not
+    /// is a [`fault`](Self::fault).
+    ///
+    /// # Errors
+    /// Says what is wrong with the file and what to do about it. [`OpenError::may_pass`] tells a file that is
+    /// not there yet or is being written from one that stays unusable.
+    pub fn open(path: &Path) -> Result<Self, OpenError> {
+        Self::of(Arc::new(SceneFile::open(path)?)).map_err(OpenError::Read)
+    }
+
+    /// Opens a scene whose file is in memory. `name` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`Scene::open`].
+    pub fn open_bytes(name: &Path, bytes: &[u8]) -> Result<Self, OpenError> {
+        let file = SceneFile::read(Source::Memory(bytes.to_vec()), name)?;
+        Self::of(Arc::new(file)).map_err(OpenError::Read)
+    }
+
+    /// The same scene with nothing of it in memory yet: for whoever goes through much of it once.
+    ///
+    /// # Errors
+    /// If the top of its tree cannot be read any more.
+    pub fn opened_again(&self) -> Result<Self, ReadError> {
+        Self::of(Arc::clone(&self.file))
+    }
+
+    fn of(file: Arc<SceneFile>) -> Result<Self, ReadError> {
+        let scene = Self::unread(file)?;
+        // The top of the tree.
+        let _ = (scene.nodes().first(), scene.drawables().first());
+        match scene.fault.get() {
+            Some(fault) => Err(fault.clone()),
+            None => Ok(scene),
+        }
+    }
+
+    /// A scene none of whose records are read.
+    fn unread(file: Arc<SceneFile>) -> Result<Self, ReadError> {
+        let header = file.header();
+        let of_all = 0..header.objects as usize;
+        let damaged = || file.error(Section::Sources, 0, &of_all, ReadCause::Damaged);
+        let sources =
+            encode::decode_sources(&file.unpack(Section::Sources, 0, &of_all)?).ok_or_else(damaged)?;
+        Ok(Self {
+            nodes: validate::node_pages(header.nodes as usize),
+            drawables: validate::drawable_pages(header.drawables as usize),
+            places: validate::place_pages(header.geometries as usize),
+            objects: validate::object_pages(header.objects as usize),
+            names: OnceLock::new(),
+            sources,
+            fault: OnceLock::new(),
+            file,
+        })
+    }
+
+    /// Writes the scene to `path`: to a temporary name in the same folder, flushed to the disk and then
+    /// renamed, so that a reader sees the old file or the whole new one. The same scene always makes the
+    /// same bytes.
+    ///
+    /// # Errors
+    /// If the system refuses, or the scene's own file is damaged; nothing is left behind then.
+    pub fn save(&self, path: &Path) -> Result<(), SaveError> {
+        self.file.save(path)
     }
 
     /// The nodes, breadth first; the root is the first.
     #[must_use]
-    pub fn nodes(&self) -> &[Node] {
-        match &self.storage {
-            Storage::Memory(arrays) => &arrays.nodes,
-            Storage::File(mapped) => mapped.nodes(),
-        }
+    pub const fn nodes(&self) -> Records<'_, Node> {
+        Records::new(self, &self.nodes)
     }
 
-    /// The drawables; a [`DrawableId`](trimaran_proto::DrawableId) indexes them.
+    /// How many leaves the tree has.
     #[must_use]
-    pub fn drawables(&self) -> &[Drawable] {
-        match &self.storage {
-            Storage::Memory(arrays) => &arrays.drawables,
-            Storage::File(mapped) => mapped.drawables(),
-        }
+    pub fn leaf_count(&self) -> u32 {
+        self.file.header().leaves
     }
 
-    /// The vertices of all drawables.
+    /// A leaf by its number among all leaves, in the order of the nodes: reads one page of nodes at most.
     #[must_use]
-    pub fn vertices(&self) -> &[Vertex] {
-        match &self.storage {
-            Storage::Memory(arrays) => &arrays.vertices,
-            Storage::File(mapped) => mapped.vertices(),
-        }
+    pub fn leaf(&self, number: u32) -> Option<(NodeId, &Node)> {
+        let nodes = self.nodes();
+        let page = self.file.page_of_leaf(number);
+        let [Firsts { leaf: first, .. }, _] = self.file.firsts(page);
+        let numbered = nodes.numbers(page).filter_map(|id| Some((NodeId(id as u32), nodes.get(id)?)));
+        numbered.filter(|(_, node)| node.is_leaf()).nth(number.checked_sub(first)? as usize)
     }
 
-    /// The indices of all drawables.
+    /// The drawables; a [`DrawableId`](trimaran_proto::DrawableId) is the number of one.
     #[must_use]
-    pub fn indices(&self) -> &[u32] {
-        match &self.storage {
-            Storage::Memory(arrays) => &arrays.indices,
-            Storage::File(mapped) => mapped.indices(),
-        }
+    pub const fn drawables(&self) -> Records<'_, Drawable> {
+        Records::new(self, &self.drawables)
+    }
+
+    /// Where each piece of geometry lies, and how large it is: [`Drawable::geometry`] is the number of one.
+    #[must_use]
+    pub const fn places(&self) -> Records<'_, GeometryPlace> {
+        Records::new(self, &self.places)
     }
 
     /// The objects, for names in reports.
     #[must_use]
-    pub fn objects(&self) -> &[ObjectRecord] {
-        match &self.storage {
-            Storage::Memory(arrays) => &arrays.objects,
-            Storage::File(mapped) => mapped.objects(),
-        }
+    pub const fn objects(&self) -> Records<'_, ObjectRecord> {
+        Records::new(self, &self.objects)
+    }
+
+    /// A piece of geometry, to read one; for many make one [`reader`](Self::reader).
+    ///
+    /// # Errors
+    /// If there is none of this number, or it cannot be read.
+    pub fn geometry(&self, number: u32) -> Result<Geometry, ReadError> {
+        self.reader().read(number)
+    }
+
+    /// Reads geometry.
+    #[must_use]
+    pub const fn reader(&self) -> GeometryReader<'_> {
+        GeometryReader { scene: self, page: None }
     }
 
     /// The name of an object (index into [`Scene::objects`]); `None` past their end, empty if the object has
     /// no name.
     #[must_use]
     pub fn object_name(&self, object: u32) -> Option<&str> {
-        let parts = self.parts();
-        parts.name_of(parts.objects.get(object as usize)?)
+        let record = self.objects().get(object as usize)?;
+        let names = match self.names.get() {
+            Some(names) => names,
+            None => self.read_names()?,
+        };
+        let name = record.name_in(names);
+        if name.is_none() {
+            let error = SceneError::Malformed { what: "object", index: object as usize, why: NO_NAME };
+            self.set_fault(self.file.malformed(Section::Names, 0, &(0..0), error));
+        }
+        name
     }
 
     /// The name of a source file ([`ObjectRecord::source`]); `None` past their end.
     #[must_use]
     pub fn source_name(&self, source: u32) -> Option<&str> {
-        self.parts().sources.get(source as usize).map(String::as_str)
+        self.sources.get(source as usize).map(String::as_str)
     }
 
     /// The names of the files the objects came from.
     #[must_use]
     pub fn sources(&self) -> &[String] {
-        self.parts().sources
+        &self.sources
     }
 
-    /// A drawable's triangles, in its node's local frame.
-    pub fn triangles(&self, drawable: &Drawable) -> impl Iterator<Item = [Vec3; 3]> + use<'_> {
-        let (first, offset) = (drawable.first_index as usize, drawable.vertex_offset as usize);
-        let indices = self.indices().get(first..first + drawable.index_count as usize).unwrap_or_default();
-        let vertices = self.vertices();
-        let corner = move |index: u32| Some(vertices.get(offset + index as usize)?.position.into());
-        let (triples, _) = indices.as_chunks::<3>();
-        triples.iter().filter_map(move |&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?]))
+    /// A drawable's triangles, in its node's local frame. None if they cannot be read, and
+    /// [`fault`](Self::fault) says why.
+    pub fn triangles(&self, drawable: &Drawable) -> impl Iterator<Item = [Vec3; 3]> + use<> {
+        let geometry = self.geometry(drawable.geometry).unwrap_or_else(|fault| {
+            self.set_fault(fault);
+            Geometry::default()
+        });
+        let triangles = 0..geometry.triangles();
+        triangles.filter_map(move |triangle| {
+            let corner = |corner: usize| {
+                let index = *geometry.indices.get(3 * triangle + corner)?;
+                Some(Vec3::from_array(geometry.vertices.get(index as usize)?.position))
+            };
+            Some([corner(0)?, corner(1)?, corner(2)?])
+        })
     }
 
     /// A node and all above it, up to the root.
@@ -140,54 +267,153 @@ impl Scene {
         std::iter::successors(get(node.0), move |(_, node)| get(node.parent))
     }
 
-    /// The triangles of all leaves at their finest level: the model as it came, instances counted each.
+    /// Sums over the whole scene.
     #[must_use]
-    pub fn full_detail_triangles(&self) -> u64 {
-        let leaves = self.nodes().par_iter().filter(|node| node.is_leaf());
-        let finest = leaves.filter_map(|leaf| self.drawables().get(leaf.levels().next()?.index()));
-        finest.map(|drawable| u64::from(drawable.index_count / 3)).sum()
+    pub fn totals(&self) -> Totals {
+        self.file.header().totals
     }
 
-    /// Whether the arrays lie in whole pages laid out as in the file ([`Scene::open`]): all of them readable,
-    /// and none of them changing, for as long as the scene lives.
-    #[must_use]
-    pub const fn is_mapped(&self) -> bool {
-        matches!(self.storage, Storage::File(_))
-    }
-
-    /// The fingerprint that peers compare, and the checksum of the file.
+    /// The fingerprint that peers compare: the root of the tree of hashes over the file.
     #[must_use]
     pub fn hash(&self) -> SceneHash {
-        self.hash
+        self.file.header().scene_hash()
     }
 
-    fn parts(&self) -> Parts<'_> {
-        match &self.storage {
-            Storage::Memory(arrays) => arrays.parts(),
-            Storage::File(mapped) => mapped.parts(),
+    /// The first thing that could not be read, if any. Whatever was found in the scene since is not all that
+    /// there is.
+    #[must_use]
+    pub fn fault(&self) -> Option<&ReadError> {
+        self.fault.get()
+    }
+
+    /// Bytes of records that are in memory.
+    #[must_use]
+    pub fn resident_bytes(&self) -> u64 {
+        let bytes = self.nodes.resident() * size_of::<Node>()
+            + self.drawables.resident() * size_of::<Drawable>()
+            + self.places.resident() * size_of::<GeometryPlace>()
+            + self.objects.resident() * size_of::<ObjectRecord>();
+        bytes as u64
+    }
+
+    /// Reads and checks all of the file. What was read of its records stays in memory.
+    ///
+    /// # Errors
+    /// The first fault, if there is one.
+    pub fn check(&self) -> Result<(), ReadError> {
+        self.check_records()?;
+        let count = self.places().len() as u32;
+        let runs: Vec<u32> = (0..count).step_by(1 << 10).collect();
+        runs.par_iter().try_for_each(|&first| {
+            let mut reader = self.reader();
+            (first..count.min(first + (1 << 10))).try_for_each(|number| reader.read(number).map(drop))
+        })?;
+        if self.totals() == self.summed() {
+            return Ok(());
         }
+        let why = "its sums are not those of its records";
+        let error = SceneError::Malformed { what: "header", index: 0, why };
+        Err(self.file.malformed(Section::Nodes, 0, &(0..self.nodes().len()), error))
+    }
+
+    /// What [`totals`](Self::totals) should be.
+    fn summed(&self) -> Totals {
+        let leaves = self.nodes().iter().filter(|node| node.is_leaf());
+        let finest = leaves.filter_map(|leaf| self.drawables().get(leaf.first_drawable as usize));
+        let places = self.places().iter();
+        Totals {
+            full_detail_triangles: finest.map(|drawable| u64::from(drawable.triangles)).sum(),
+            stored_triangles: places.clone().map(|place| u64::from(place.triangles)).sum(),
+            stored_vertices: places.map(|place| u64::from(place.vertices)).sum(),
+        }
+    }
+
+    /// Reads and checks all records and names.
+    fn check_records(&self) -> Result<(), ReadError> {
+        // Nodes first, as drawables are checked against them.
+        self.nodes().load_all();
+        self.places().load_all();
+        self.drawables().load_all();
+        self.objects().load_all();
+        let _ = (0..self.objects().len() as u32).all(|object| self.object_name(object).is_some());
+        match self.fault() {
+            Some(fault) => Err(fault.clone()),
+            None => Ok(()),
+        }
+    }
+
+    fn file(&self) -> &SceneFile {
+        &self.file
+    }
+
+    fn read_names(&self) -> Option<&str> {
+        let names = self.file.unpack(Section::Names, 0, &(0..0)).and_then(|bytes| {
+            let damaged = |_| self.file.error(Section::Names, 0, &(0..0), ReadCause::Damaged);
+            String::from_utf8(bytes).map_err(damaged)
+        });
+        match names {
+            Ok(names) => Some(self.names.get_or_init(|| names)),
+            Err(fault) => {
+                self.set_fault(fault);
+                None
+            }
+        }
+    }
+
+    /// Keeps the first fault.
+    fn set_fault(&self, fault: ReadError) {
+        tracing::debug!(%fault, "part of the scene cannot be read");
+        let _ = self.fault.set(fault);
+    }
+}
+
+impl GeometryReader<'_> {
+    /// A piece of geometry.
+    ///
+    /// # Errors
+    /// If there is none of this number, or it cannot be read.
+    pub fn read(&mut self, number: u32) -> Result<Geometry, ReadError> {
+        let scene = self.scene;
+        let error = |place: Option<&GeometryPlace>, cause| {
+            let (page, index) = (place.map_or(0, |place| place.page as usize), number as usize);
+            scene.file.error(Section::Geometry, page, &(index..index + 1), cause)
+        };
+        let Some(place) = scene.places().get(number as usize) else {
+            let missing = ReadCause::Geometry(GeometryError::Length(0));
+            return Err(scene.fault().cloned().unwrap_or_else(|| error(None, missing)));
+        };
+        let packed = scene.file.geometry(number as usize, place, &mut self.page)?;
+        let geometry = Geometry::unpack(packed).map_err(|cause| error(Some(place), cause.into()))?;
+        let sizes = (geometry.vertices.len(), geometry.triangles());
+        if sizes != (place.vertices as usize, place.triangles as usize) {
+            let cause = ReadCause::Geometry(GeometryError::Length(packed.len()));
+            return Err(error(Some(place), cause));
+        }
+        Ok(geometry)
     }
 }
 
 impl SceneArrays {
-    fn parts(&self) -> Parts<'_> {
-        Parts {
-            nodes: &self.nodes,
-            drawables: &self.drawables,
-            vertices: &self.vertices,
-            indices: &self.indices,
-            objects: &self.objects,
-            names: self.names.as_bytes(),
-            sources: &self.sources,
-        }
+    fn name_of(&self, object: &ObjectRecord) -> Option<&str> {
+        object.name_in(&self.names)
     }
 }
 
-impl<'a> Parts<'a> {
-    fn name_of(&self, object: &ObjectRecord) -> Option<&'a str> {
-        let start = object.name_start as usize;
-        let end = start.checked_add(object.name_length as usize)?;
-        std::str::from_utf8(self.names.get(start..end)?).ok()
+impl ObjectRecord {
+    fn name_in<'n>(&self, names: &'n str) -> Option<&'n str> {
+        let start = self.name_start as usize;
+        names.get(start..start.checked_add(self.name_length as usize)?)
+    }
+}
+
+/// What is wrong with an object that cannot be named.
+const NO_NAME: &str = "its name is not a range of whole characters of the names";
+
+/// What rule of the format was broken.
+fn rule(error: ReadError) -> SceneError {
+    match error.cause {
+        ReadCause::Malformed(error) => error,
+        _ => SceneError::Malformed { what: "file", index: 0, why: "it cannot be read back" },
     }
 }
 

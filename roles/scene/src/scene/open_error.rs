@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::SceneError;
+use super::{ReadCause, ReadError};
 
 /// Why a file is not opened as a scene.
 #[derive(Debug, Error)]
@@ -16,19 +16,6 @@ pub enum OpenError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// There is no memory for a copy of the file.
-    #[error(
-        "the scene {path:?} needs {bytes} bytes of memory: {source}; free some, \
-         or let the file system protect the file (`fsverity enable`), which then needs no copy"
-    )]
-    Memory {
-        /// The file.
-        path: PathBuf,
-        /// Its size.
-        bytes: u64,
         /// What the system says.
         source: io::Error,
     },
@@ -79,16 +66,9 @@ pub enum OpenError {
         /// Which check failed.
         what: &'static str,
     },
-    /// The bytes are as they were written, but are no scene.
-    #[error(
-        "the scene {path:?} breaks the rules of its format; import again, and report this if it happens again"
-    )]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// The rule.
-        source: SceneError,
-    },
+    /// The top of its tree cannot be read.
+    #[error(transparent)]
+    Read(ReadError),
 }
 
 impl OpenError {
@@ -99,6 +79,7 @@ impl OpenError {
     pub fn may_pass(&self) -> bool {
         match self {
             Self::Truncated { .. } | Self::Changed { .. } => true,
+            Self::Read(error) => matches!(error.cause, ReadCause::Changed),
             Self::Io { source, .. } => {
                 matches!(source.kind(), io::ErrorKind::NotFound | io::ErrorKind::StaleNetworkFileHandle)
             }
@@ -109,7 +90,7 @@ impl OpenError {
     /// The same error of a file that was written to meanwhile. Where it says so already, it stays as it is.
     pub(super) fn while_changing(self, path: &Path) -> Self {
         match self {
-            Self::Foreign { .. } | Self::Version { .. } | Self::Damaged { .. } | Self::Malformed { .. } => {
+            Self::Foreign { .. } | Self::Version { .. } | Self::Damaged { .. } => {
                 Self::Changed { path: path.to_owned(), source: Box::new(self) }
             }
             _ => self,

@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_proto::DrawableId;
 
-use super::Normal;
+use super::{Geometry, Normal};
 
 /// An sRGB colour with straight alpha, 8 bits a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, bytemuck::Pod, bytemuck::Zeroable)]
@@ -49,12 +49,19 @@ pub struct Node {
     /// The object that the node is, or is a part of: an index into the scene's objects. [`Node::NONE`] for
     /// nodes of several.
     pub object: u32,
-    /// Zero.
-    pub reserved: u32,
+    /// How far from the origin of its frame a vertex of this node or of one below it may be, world metres
+    /// (measured along the frame's linear part). [`Scene::from_arrays`](crate::Scene::from_arrays) works it
+    /// out.
+    pub reach: f32,
+    /// How many objects the node is or has below it; 1 for an object and for a part of one.
+    /// [`Scene::from_arrays`](crate::Scene::from_arrays) works it out.
+    pub objects: u32,
+    /// How many nodes are above it, at most [`Node::DEEPEST`]; 0 for the root.
+    /// [`Scene::from_arrays`](crate::Scene::from_arrays) works it out.
+    pub depth: u32,
 }
 
-/// A node at one level of detail: an index range of triangles, and how far it may be from the finest
-/// geometry.
+/// A node at one level of detail: its triangles, and how far they may be from the finest geometry.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Drawable {
@@ -65,14 +72,10 @@ pub struct Drawable {
     pub error: f32,
     /// The node.
     pub node: u32,
-    /// First of the drawable's indices in [`Scene::indices`](crate::Scene::indices).
-    pub first_index: u32,
-    /// The number of indices, a multiple of three.
-    pub index_count: u32,
-    /// Added to each index to find its vertex in [`Scene::vertices`](crate::Scene::vertices).
-    pub vertex_offset: u32,
-    /// The number of vertices the indices reach.
-    pub vertex_count: u32,
+    /// Its triangles: a number of [`Scene::geometry`](crate::Scene::geometry). Instances share it.
+    pub geometry: u32,
+    /// How many triangles it has.
+    pub triangles: u32,
     /// Which sides of its triangles can show.
     pub sides: Sides,
 }
@@ -129,6 +132,10 @@ impl Node {
     /// Stands for "no parent" and "no object".
     pub const NONE: u32 = u32::MAX;
 
+    /// The most nodes that may be above one: far more than any tree of boxes needs, and so few that going up
+    /// takes a bounded time.
+    pub const DEEPEST: u32 = 1024;
+
     /// The children, as indices of nodes.
     #[must_use]
     pub fn children(&self) -> Range<u32> {
@@ -170,6 +177,18 @@ impl Node {
         (DVec3::from_array(self.world_min), DVec3::from_array(self.world_max))
     }
 
+    /// How far from the origin of its frame a point of its local box may be, world metres: see
+    /// [`Node::reach`].
+    #[must_use]
+    pub fn own_reach(&self) -> f32 {
+        let (min, max) = self.local_box();
+        let linear = self.linear().as_dmat3();
+        let far = min.abs().max(max.abs()).as_dvec3();
+        let per_axis =
+            linear.x_axis.abs() * far.x + linear.y_axis.abs() * far.y + linear.z_axis.abs() * far.z;
+        per_axis.length() as f32 * (1.0 + f32::EPSILON)
+    }
+
     /// The squared distance from a place in the world to the world box, square metres; 0 inside. The same bits
     /// on every machine.
     #[must_use]
@@ -192,6 +211,9 @@ pub struct ObjectRecord {
     pub name_start: u32,
     /// Length of the name in bytes (UTF-8).
     pub name_length: u32,
+    /// The node of the whole object; [`Node::NONE`] for one without triangles.
+    /// [`Scene::from_arrays`](crate::Scene::from_arrays) works it out.
+    pub node: u32,
 }
 
 /// The arrays of a cooked scene, as cooking makes them.
@@ -201,11 +223,8 @@ pub struct SceneArrays {
     pub nodes: Vec<Node>,
     /// All levels of all nodes.
     pub drawables: Vec<Drawable>,
-    /// All vertices. Several drawables may share a range: instances.
-    pub vertices: Vec<Vertex>,
-    /// All indices, three a triangle. The first of the three is the vertex that carries its colour and
-    /// normal.
-    pub indices: Vec<u32>,
+    /// The triangles of the drawables. Several drawables may share one: instances.
+    pub geometries: Vec<Geometry>,
     /// The objects, in the model's order.
     pub objects: Vec<ObjectRecord>,
     /// The objects' names, one after the other, UTF-8.

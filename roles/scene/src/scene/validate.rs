@@ -1,17 +1,20 @@
-//! What makes arrays a scene. Everything later code relies on without looking is checked here, once.
+//! What makes records a scene. Everything later code relies on without looking is checked here, once: when
+//! a page of records is first read.
 //!
-//! A scene is checked whenever it is opened and may have millions of records, so each array is read once, in
-//! runs that the threads share. What a run cannot decide alone is left to one short pass over all runs in
-//! order.
+//! A check may ask for records that stand before it, and of drawables for their nodes. So it never comes
+//! back to the page that is being checked.
 
-mod geometry;
+mod drawables;
 mod nodes;
 
 use thiserror::Error;
 
-use super::{ObjectRecord, Parts};
+use super::geometry::GeometryPlace;
+use super::layout::Section;
+use super::table::Pages;
+use super::{Drawable, NO_NAME, Node, ObjectRecord, Scene};
 
-/// Why arrays are not a scene.
+/// Why records are not a scene.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -41,45 +44,48 @@ pub enum SceneError {
 /// A rule of the format: what is wrong with a record, if anything.
 type Check = Result<(), &'static str>;
 
-/// Checks all rules of the format.
-pub(super) fn check(parts: &Parts<'_>) -> Result<(), SceneError> {
-    if parts.nodes.is_empty() {
-        return Err(SceneError::Empty);
-    }
-    check_counts(parts)?;
-    nodes::check(parts)?;
-    geometry::check(parts)?;
-    for (index, object) in parts.objects.iter().enumerate() {
-        check_object(parts, object).map_err(malformed("object", index))?;
-    }
-    Ok(())
-}
-
 /// Says which record broke a rule.
 fn malformed(what: &'static str, index: usize) -> impl FnOnce(&'static str) -> SceneError {
     move |why| SceneError::Malformed { what, index, why }
 }
 
-fn check_counts(parts: &Parts<'_>) -> Result<(), SceneError> {
-    let counts = [
-        ("nodes", parts.nodes.len()),
-        ("drawables", parts.drawables.len()),
-        ("vertices", parts.vertices.len()),
-        ("indices", parts.indices.len()),
-        ("objects", parts.objects.len()),
-        ("bytes of names", parts.names.len()),
-    ];
-    match counts.into_iter().find(|&(_, count)| count >= u32::MAX as usize) {
-        Some((what, count)) => Err(SceneError::TooMany { what, count }),
-        None => Ok(()),
-    }
+pub(super) fn node_pages(count: usize) -> Pages<Node> {
+    Pages::new(Section::Nodes, count, nodes::check)
 }
 
-fn check_object(parts: &Parts<'_>, object: &ObjectRecord) -> Check {
-    if object.source as usize >= parts.sources.len() {
+pub(super) fn drawable_pages(count: usize) -> Pages<Drawable> {
+    Pages::new(Section::Drawables, count, drawables::check)
+}
+
+pub(super) fn place_pages(count: usize) -> Pages<GeometryPlace> {
+    Pages::new(Section::Places, count, |scene, first, places| {
+        let sound = |place: &GeometryPlace| {
+            let page = scene.file().geometry_page_length(place.page);
+            page.is_some_and(|length| u64::from(place.offset) + u64::from(place.length) <= u64::from(length))
+        };
+        match places.iter().position(|place| !sound(place)) {
+            Some(index) => Err(malformed("geometry", first + index)("it lies outside of the file")),
+            None => Ok(()),
+        }
+    })
+}
+
+pub(super) fn object_pages(count: usize) -> Pages<ObjectRecord> {
+    Pages::new(Section::Objects, count, |scene, first, objects| {
+        for (index, object) in (first..).zip(objects) {
+            check_object(scene, object).map_err(malformed("object", index))?;
+        }
+        Ok(())
+    })
+}
+
+fn check_object(scene: &Scene, object: &ObjectRecord) -> Check {
+    if object.source as usize >= scene.sources().len() {
         Err("its source file does not exist")
-    } else if parts.name_of(object).is_none() {
-        Err("its name is not a range of whole characters of the names")
+    } else if u64::from(object.name_start) + u64::from(object.name_length) > scene.file().header().names {
+        Err(NO_NAME)
+    } else if object.node != Node::NONE && object.node as usize >= scene.nodes().len() {
+        Err("its node does not exist")
     } else {
         Ok(())
     }

@@ -1,124 +1,67 @@
-//! The tree: nodes, their boxes, their levels, and errors that never fall towards the root.
+//! The tree: nodes in breadth-first order, and their boxes.
 
-use rayon::prelude::*;
-
-use super::super::{Drawable, Node, Parts};
+use super::super::layout::{Firsts, Section};
+use super::super::{Node, Scene};
 use super::{Check, SceneError, malformed};
 
-/// Nodes that a thread checks at a time.
-const RUN: usize = 4096;
-
-/// What a run of nodes hands on to the rules that no run can check alone.
-#[derive(Default)]
-struct Run {
-    /// The first of its nodes with children, and its first child.
-    first_parent: Option<(usize, u32)>,
-    /// The end of the children of its last node with children.
-    children_end: Option<u32>,
-    /// How many drawables its nodes have.
-    drawables: usize,
-    /// The errors of those of its nodes that another node's can contradict.
-    errors: Vec<Errors>,
-}
-
-/// The errors of a node's levels.
-struct Errors {
-    node: usize,
-    parent: usize,
-    /// Of the finest level and of the coarsest, if it has levels.
-    range: Option<(f32, f32)>,
-}
-
 /// Breadth-first order: the children of node 0, then those of node 1, and so on, without a gap; each knows
-/// its parent. Each drawable belongs to exactly one node; leaves have a level and an object. Errors never
-/// fall towards the root.
-pub(super) fn check(parts: &Parts<'_>) -> Result<(), SceneError> {
-    let runs: Vec<Result<Run, SceneError>> = parts
-        .nodes
-        .par_chunks(RUN)
-        .enumerate()
-        .map(|(run, nodes)| check_run(parts, run * RUN, nodes))
-        .collect();
-    let mut next_child = 1;
-    let mut drawables = 0;
-    let mut limits = vec![0.0; parts.nodes.len()];
-    for run in runs {
-        let run = run?;
-        if let Some((node, first_child)) = run.first_parent {
-            check_next(first_child, next_child).map_err(malformed("node", node))?;
-        }
-        next_child = run.children_end.unwrap_or(next_child);
-        drawables += run.drawables;
-        check_errors(parts, &run.errors, &mut limits)?;
+/// its parent, and likewise with the drawables. Leaves have a level and an object.
+///
+/// Checks the nodes of a page, the first of which has index `first`.
+pub(super) fn check(scene: &Scene, first: usize, nodes: &[Node]) -> Result<(), SceneError> {
+    // Of this page, or of one before it.
+    let find = |index: usize| match index.checked_sub(first) {
+        Some(within) => nodes.get(within),
+        None => scene.nodes().get(index),
+    };
+    let [mut next, end] = scene.file().firsts(first >> Section::Nodes.page_bits());
+    for (index, node) in (first..).zip(nodes) {
+        let own = || {
+            check_next(scene, index, node, next)?;
+            check_boxes(node)?;
+            check_kind(scene, node)?;
+            check_place(index, node, find)
+        };
+        own().map_err(malformed("node", index))?;
+        next = next.after(node);
     }
-    // No drawable is counted twice, since each names its one node.
-    if drawables < parts.drawables.len() {
-        let orphan = parts.drawables.iter().enumerate().position(|(index, drawable)| {
-            let node = parts.nodes.get(drawable.node as usize);
-            !node.is_some_and(|node| levels(node).contains(&index))
-        });
-        let why = "its node does not have it among its levels";
-        return Err(malformed("drawable", orphan.unwrap_or(drawables))(why));
+    let last = first + nodes.len().saturating_sub(1);
+    if next.child != end.child {
+        Err(malformed("node", last)("the children after its own are not next in breadth-first order"))
+    } else if next.drawable != end.drawable {
+        Err(malformed("drawable", next.drawable as usize)("its node does not have it among its levels"))
+    } else if next.leaf != end.leaf {
+        Err(malformed("node", last)("the leaves up to it are not as many as the directory says"))
+    } else {
+        Ok(())
     }
-    Ok(())
 }
 
-fn levels(node: &Node) -> std::ops::Range<usize> {
-    let first = node.first_drawable as usize;
-    first..first.saturating_add(node.drawable_count as usize)
-}
-
-/// Checks nodes that follow each other, the first of which has index `start`.
-fn check_run(parts: &Parts<'_>, start: usize, nodes: &[Node]) -> Result<Run, SceneError> {
-    let mut run = Run { children_end: (start == 0).then_some(1), ..Run::default() };
-    for (index, node) in (start..).zip(nodes) {
-        if !node.is_leaf() {
-            match run.children_end {
-                Some(next) => check_next(node.first_child, next).map_err(malformed("node", index))?,
-                None => run.first_parent = Some((index, node.first_child)),
-            }
-            run.children_end = Some(node.first_child.saturating_add(node.child_count));
-        }
-        check_place(parts.nodes, index, node).map_err(malformed("node", index))?;
-        check_boxes(node).map_err(malformed("node", index))?;
-        let drawables = check_levels(parts, node).map_err(malformed("node", index))?;
-        for (level, drawable) in levels(node).zip(drawables) {
-            check_drawable(parts, index, drawable).map_err(malformed("drawable", level))?;
-        }
-        for ((level, finer), coarser) in levels(node).skip(1).zip(drawables).zip(drawables.iter().skip(1)) {
-            check_coarser(coarser.error, finer.error).map_err(malformed("drawable", level))?;
-        }
-        run.drawables += drawables.len();
-        let range = drawables.first().zip(drawables.last()).map(|(fine, coarse)| (fine.error, coarse.error));
-        // A leaf without an error, as most are, is below every limit and is none.
-        if !node.is_leaf() || range.is_some_and(|(_, coarsest)| coarsest > 0.0) {
-            run.errors.push(Errors { node: index, parent: node.parent as usize, range });
-        }
+/// Whether the node's children and levels are those that come next.
+fn check_next(scene: &Scene, index: usize, node: &Node, next: Firsts) -> Check {
+    let within = |first: u32, count: u32, all: usize| u64::from(first) + u64::from(count) <= all as u64;
+    if !node.is_leaf() && (node.first_child != next.child || node.first_child as usize <= index) {
+        Err("its children are not next in breadth-first order")
+    } else if !node.is_leaf() && !within(node.first_child, node.child_count, scene.nodes().len()) {
+        Err("its children lie past the last node")
+    } else if node.drawable_count > 0 && node.first_drawable != next.drawable {
+        Err("its levels are not next to those of the node before it")
+    } else if !within(node.first_drawable, node.drawable_count, scene.drawables().len()) {
+        Err("its levels lie past the last drawable")
+    } else {
+        Ok(())
     }
-    Ok(run)
 }
 
-fn check_next(first_child: u32, expected: u32) -> Check {
-    let why = "its children are not next in breadth-first order";
-    if first_child == expected { Ok(()) } else { Err(why) }
-}
-
-/// Whether a node and its parent agree, and its children are in range.
-fn check_place(nodes: &[Node], index: usize, node: &Node) -> Check {
-    if !node.is_leaf() {
-        if node.first_child as usize <= index {
-            return Err("its children are not next in breadth-first order");
-        }
-        let end = node.first_child.checked_add(node.child_count);
-        if end.is_none_or(|end| end as usize > nodes.len()) {
-            return Err("its children lie past the last node");
-        }
-    }
+/// Whether a node and its parent agree.
+fn check_place<'n>(index: usize, node: &Node, find: impl Fn(usize) -> Option<&'n Node>) -> Check {
     if index == 0 {
-        return if node.parent == Node::NONE { Ok(()) } else { Err("it is the root but has a parent") };
+        let is_root = node.parent == Node::NONE && node.depth == 0;
+        return if is_root { Ok(()) } else { Err("it is the root but has a parent") };
     }
-    // That a parent stands before its children is checked at the parent.
-    let parent = nodes.get(node.parent as usize).filter(|parent| {
+    // A parent stands before its children, so it was checked before.
+    let parent = Some(node.parent as usize).filter(|parent| *parent < index).and_then(find);
+    let parent = parent.filter(|parent| {
         let children = parent.first_child..parent.first_child.saturating_add(parent.child_count);
         children.contains(&(index as u32))
     });
@@ -128,6 +71,12 @@ fn check_place(nodes: &[Node], index: usize, node: &Node) -> Check {
             Err("it is not of the object whose part it is")
         }
         Some(parent) if !contains(parent, node) => Err("its box sticks out of its parent's"),
+        Some(parent) if node.depth != parent.depth.saturating_add(1) => {
+            Err("it is not one deeper than its parent")
+        }
+        Some(_) if node.depth > Node::DEEPEST => Err("it is deeper in the tree than any may be"),
+        // Neither is NaN: that was checked.
+        Some(parent) if node.reach > parent.reach => Err("its vertices reach farther than its parent's"),
         Some(_) => Ok(()),
     }
 }
@@ -146,74 +95,25 @@ fn check_boxes(node: &Node) -> Check {
         Err("its box, origin or matrix has a value that is not finite")
     } else if !world_ordered || !local_ordered {
         Err("its box has a lower corner above the upper one")
+    } else if node.reach.is_nan() || node.reach < node.own_reach() {
+        Err("its vertices reach farther than it says")
     } else {
         Ok(())
     }
 }
 
-/// Whether a node has the levels and the object it should have; returns the levels.
-fn check_levels<'a>(parts: &Parts<'a>, node: &Node) -> Result<&'a [Drawable], &'static str> {
-    let drawables = parts.drawables.get(levels(node)).ok_or("its levels lie past the last drawable")?;
-    let has_object = (node.object as usize) < parts.objects.len();
-    match drawables {
-        [] if node.is_leaf() => Err("it is a leaf without a drawable"),
-        [finest, ..] if node.is_leaf() && finest.error != 0.0 => {
-            Err("it is a leaf whose finest level has an error")
-        }
-        _ if node.is_leaf() && !has_object => Err("it is a leaf whose object does not exist"),
-        _ if node.object != Node::NONE && !has_object => Err("its object does not exist"),
-        _ if node.object == Node::NONE && node.linear != [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] => {
-            Err("it stands for several objects, but its matrix is not the identity")
-        }
-        drawables => Ok(drawables),
-    }
-}
-
-fn check_drawable(parts: &Parts<'_>, node: usize, drawable: &Drawable) -> Check {
-    let fits = |first: u32, count: u32, len: usize| u64::from(first) + u64::from(count) <= len as u64;
-    if drawable.node as usize != node {
-        Err("its node does not have it among its levels")
-    } else if !(drawable.error.is_finite() && drawable.error >= 0.0) {
-        Err("its error is no distance")
-    } else if drawable.index_count == 0 || !drawable.index_count.is_multiple_of(3) {
-        Err("its number of indices is not a multiple of three above zero")
-    } else if !fits(drawable.first_index, drawable.index_count, parts.indices.len()) {
-        Err("its indices lie past the last one")
-    } else if !fits(drawable.vertex_offset, drawable.vertex_count, parts.vertices.len()) {
-        Err("its vertices lie past the last one")
-    } else if !drawable.sides.is_known() {
-        Err("which sides of its triangles show is neither 0 nor 1")
+/// Whether the node has the levels and the object it should have.
+fn check_kind(scene: &Scene, node: &Node) -> Check {
+    let has_object = (node.object as usize) < scene.objects().len();
+    if node.is_leaf() && node.drawable_count == 0 {
+        Err("it is a leaf without a drawable")
+    } else if node.is_leaf() && !has_object {
+        Err("it is a leaf whose object does not exist")
+    } else if node.object != Node::NONE && !has_object {
+        Err("its object does not exist")
+    } else if node.object == Node::NONE && node.linear != [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] {
+        Err("it stands for several objects, but its matrix is not the identity")
     } else {
         Ok(())
     }
-}
-
-fn check_coarser(coarser: f32, finer: f32) -> Check {
-    let why = "its error is below that of a finer level, or of a node below its own";
-    if coarser < finer { Err(why) } else { Ok(()) }
-}
-
-/// Errors never fall from a node to those above it. Parents come before their children, so `limits` has, for
-/// each node above, the error that nothing below it may exceed: its finest level's, or if it has none, that
-/// of the node above it.
-fn check_errors(parts: &Parts<'_>, errors: &[Errors], limits: &mut [f32]) -> Result<(), SceneError> {
-    for &Errors { node, parent, range } in errors {
-        let above = limits.get(parent).copied().unwrap_or(f32::INFINITY); // the root has no parent
-        if let Some((_, coarsest)) = range
-            && above < coarsest
-        {
-            let ancestor = with_levels_above(parts.nodes, parent);
-            check_coarser(above, coarsest).map_err(malformed("drawable", ancestor))?;
-        }
-        if let Some(limit) = limits.get_mut(node) {
-            *limit = range.map_or(above, |(finest, _)| finest);
-        }
-    }
-    Ok(())
-}
-
-/// The finest level of the first node with levels, from `node` upwards.
-fn with_levels_above(nodes: &[Node], node: usize) -> usize {
-    let chain = std::iter::successors(nodes.get(node), |node| nodes.get(node.parent as usize));
-    chain.into_iter().find(|node| node.drawable_count > 0).map_or(0, |node| node.first_drawable as usize)
 }

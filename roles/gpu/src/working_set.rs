@@ -1,0 +1,429 @@
+//! The working set: the geometry on a device that was lately drawn, within a budget.
+//!
+//! A draw asks for its geometry. What is not there is read from the scene, in place of what was not used for
+//! the longest time. What a pass has drawn since it began stays until the device is done with it: passes
+//! hold the set, each from a tick on, and nothing that was used since the oldest such tick is dropped.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use slab::Slab;
+use trimaran_scene::{Geometry, GeometryPlace, ReadError, Scene};
+
+use crate::arena::{Arena, Piece, UNIT};
+use crate::memory::Buffer;
+use crate::scene::{Absent, Place};
+use crate::{Gpu, GpuError};
+
+/// Where no budget is given the set begins with this, and doubles when it is full.
+const FIRST_BYTES: u64 = 64 << 20;
+
+/// Of a full set at least this share is dropped at once: one look over all that is there serves many pieces.
+const DROPPED_AT_ONCE: u64 = 16;
+
+/// Pieces that are looked for at a time, and those that are missing read together.
+const LOOKED_UP_AT_ONCE: usize = 1024;
+
+/// Pieces that a thread reads and unpacks at a time; they are near each other in the file.
+const READ_AT_ONCE: usize = 32;
+
+/// How much of a scene's geometry a device may hold, in bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Budget {
+    /// The most.
+    pub(crate) most: u64,
+    /// What is taken at first.
+    pub(crate) first: u64,
+}
+
+/// What a working set has done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct WorkingSetStats {
+    /// Bytes of geometry that are on the device.
+    pub resident_bytes: u64,
+    /// Bytes of the device's memory that are taken for geometry.
+    pub taken_bytes: u64,
+    /// Pieces that were brought to the device.
+    pub loaded: u64,
+    /// Their bytes.
+    pub loaded_bytes: u64,
+    /// Pieces that were dropped for others.
+    pub dropped: u64,
+}
+
+/// The geometry of a scene that is on a device.
+pub(crate) struct WorkingSet {
+    gpu: Arc<Gpu>,
+    scene: Arc<Scene>,
+    arena: Arena,
+    budget: Budget,
+    staged: bool,
+    /// What is there.
+    residents: Slab<Resident>,
+    /// By the number of the geometry: one more than its key among the residents, or 0.
+    keys: Vec<u32>,
+    tick: u64,
+    /// By the passes' numbers.
+    holds: HashMap<u64, HoldState>,
+    next_hold: u64,
+    /// Something was dropped, or found no room, though the budget allows more memory.
+    is_cramped: bool,
+    stats: WorkingSetStats,
+}
+
+struct Resident {
+    number: u32,
+    piece: Piece,
+    used: u64,
+}
+
+/// A pass's hold on a set, by its number: what the pass asks for stays until it lets go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct HoldId(u64);
+
+/// What of a set a pass holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct HoldState {
+    /// What was used at this tick or later.
+    since: u64,
+    /// All draws that need it were submitted.
+    is_submitted: bool,
+}
+
+/// Holds as they were at a time.
+#[derive(Debug)]
+pub(crate) struct SubmittedHolds(Vec<(u64, HoldState)>);
+
+impl Budget {
+    /// What was asked for, or most of what the device has; within what it can address.
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        let limits = gpu.limits();
+        // Shaders that fetch vertices for themselves need all of it in one storage buffer.
+        let addressable = if gpu.fetches_vertices() { limits.max_storage_range } else { u64::MAX };
+        let largest = limits.max_allocation.min(addressable).min(i32::MAX as u64 * UNIT);
+        match gpu.memory_budget() {
+            Some(asked) => Self { most: asked.min(largest), first: asked.min(largest) },
+            None => {
+                let free = gpu.free_memory();
+                let most = (free - free / 4).min(largest);
+                Self { most, first: FIRST_BYTES.min(most) }
+            }
+        }
+    }
+}
+
+impl WorkingSet {
+    /// An empty set. `staged`: copy by the device even where the host sees its memory.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        scene: &Arc<Scene>,
+        budget: Budget,
+        staged: bool,
+    ) -> Result<Self, GpuError> {
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            scene: Arc::clone(scene),
+            arena: Arena::new(gpu, budget.first, staged)?,
+            budget,
+            staged,
+            residents: Slab::new(),
+            keys: vec![0; scene.places().len()],
+            tick: 1,
+            holds: HashMap::new(),
+            next_hold: 0,
+            is_cramped: false,
+            stats: WorkingSetStats::default(),
+        })
+    }
+
+    /// For a pass that holds nothing yet.
+    pub(crate) const fn hold(&mut self) -> HoldId {
+        self.next_hold += 1;
+        HoldId(self.next_hold)
+    }
+
+    /// From now on nothing that is asked for is dropped, until [`release`](Self::release); what was asked for
+    /// before may be. The device is done with what the pass has drawn so far.
+    pub(crate) fn renew(&mut self, hold: HoldId) -> Result<(), GpuError> {
+        self.release(hold);
+        if self.is_cramped && self.holds.is_empty() {
+            self.grow()?;
+        }
+        self.tick += 1;
+        self.holds.insert(hold.0, HoldState { since: self.tick, is_submitted: true });
+        Ok(())
+    }
+
+    /// Holds what is placed from here on, if the pass holds nothing; its draws are not submitted yet.
+    pub(crate) fn begin_draws(&mut self, hold: HoldId) {
+        if !self.holds.contains_key(&hold.0) {
+            self.tick += 1;
+        }
+        let state = self.holds.entry(hold.0).or_insert(HoldState { since: self.tick, is_submitted: false });
+        state.is_submitted = false;
+    }
+
+    /// All draws of the pass that were placed so far were submitted.
+    pub(crate) fn end_draws(&mut self, hold: HoldId) {
+        if let Some(state) = self.holds.get_mut(&hold.0) {
+            state.is_submitted = true;
+        }
+    }
+
+    /// The holds whose draws were all submitted: once the device is done with all that was submitted so far,
+    /// they can be [released](Self::release_all).
+    pub(crate) fn submitted(&self) -> SubmittedHolds {
+        let holds = self.holds.iter().filter(|(_, state)| state.is_submitted);
+        SubmittedHolds(holds.map(|(id, state)| (*id, *state)).collect())
+    }
+
+    /// Releases these holds but those that have changed since.
+    pub(crate) fn release_all(&mut self, holds: &SubmittedHolds) {
+        for (id, state) in &holds.0 {
+            if self.holds.get(id) == Some(state) {
+                self.holds.remove(id);
+            }
+        }
+    }
+
+    /// The device is done with all that the pass has drawn.
+    pub(crate) fn release(&mut self, hold: HoldId) {
+        self.holds.remove(&hold.0);
+    }
+
+    /// The buffer that pieces are in now. Another one takes its place when the set grows.
+    pub(crate) const fn buffer(&self) -> &Arc<Buffer> {
+        self.arena.buffer()
+    }
+
+    pub(crate) fn stats(&self) -> WorkingSetStats {
+        WorkingSetStats { taken_bytes: self.arena.bytes(), ..self.stats }
+    }
+
+    /// Appends to `places` where these pieces are, and brings those that are not there as `absent` says. Ends
+    /// early where there is no room for more while passes hold the rest. Gives the bytes that were brought.
+    pub(crate) fn place(
+        &mut self,
+        numbers: &[u32],
+        absent: Absent,
+        places: &mut Vec<Option<Place>>,
+    ) -> Result<u64, GpuError> {
+        let before = self.stats.loaded_bytes;
+        let most = match absent {
+            Absent::Read => u64::MAX,
+            Absent::ReadOrSkip { most } => most,
+        };
+        let mut is_full = false;
+        for numbers in numbers.chunks(LOOKED_UP_AT_ONCE) {
+            let mut read = self.read_missing(numbers, most - (self.stats.loaded_bytes - before).min(most))?;
+            for &number in numbers {
+                let piece = match (self.find(number), read.remove(&number), absent) {
+                    (Some(piece), _, _) => Some(piece),
+                    (None, Some(geometry), _) => self.insert(number, &geometry)?,
+                    // It was dropped for one before it.
+                    (None, None, Absent::Read) => {
+                        let geometry = self.scene.geometry(number).map_err(GpuError::Scene)?;
+                        self.insert(number, &geometry)?
+                    }
+                    (None, None, Absent::ReadOrSkip { .. }) => None,
+                };
+                is_full = piece.is_none() && absent == Absent::Read;
+                if is_full {
+                    break;
+                }
+                places.push(piece.map(|piece| Place {
+                    first_index: piece.first_index(),
+                    first_vertex: piece.first_vertex(),
+                }));
+            }
+            if is_full {
+                break;
+            }
+        }
+        self.arena.finish()?;
+        Ok(self.stats.loaded_bytes - before)
+    }
+
+    /// An error for a piece that finds no room where nothing is held but by its own pass.
+    pub(crate) fn too_small(&self, number: u32) -> GpuError {
+        let place = self.scene.places().get(number as usize);
+        GpuError::WorkingSetTooSmall { needed: place.map_or(0, unpacked_bytes), budget: self.budget.most }
+    }
+
+    /// Where a piece is, if it is there. It counts as used.
+    fn find(&mut self, number: u32) -> Option<Piece> {
+        let key = self.keys.get(number as usize)?.checked_sub(1)?;
+        let resident = self.residents.get_mut(key as usize)?;
+        resident.used = self.tick;
+        Some(resident.piece)
+    }
+
+    /// Reads those of these pieces that are not there, but no more than so many bytes of them.
+    fn read_missing(&self, numbers: &[u32], most: u64) -> Result<HashMap<u32, Geometry>, GpuError> {
+        let mut missing: Vec<u32> =
+            numbers.iter().copied().filter(|&number| self.keys.get(number as usize) == Some(&0)).collect();
+        if missing.is_empty() {
+            return Ok(HashMap::new());
+        }
+        // Pieces near each other share pages of the file.
+        missing.sort_unstable();
+        missing.dedup();
+        let places = self.scene.places();
+        let mut left = most;
+        missing.retain(|&number| {
+            let bytes = places.get(number as usize).map_or(0, unpacked_bytes);
+            let fits = bytes <= left;
+            left -= if fits { bytes } else { 0 };
+            fits
+        });
+        let read: Result<Vec<Vec<(u32, Geometry)>>, ReadError> = missing
+            .par_chunks(READ_AT_ONCE)
+            .map(|numbers| {
+                let mut reader = self.scene.reader();
+                numbers.iter().map(|&number| Ok((number, reader.read(number)?))).collect()
+            })
+            .collect();
+        Ok(read.map_err(GpuError::Scene)?.into_iter().flatten().collect())
+    }
+
+    /// Brings a piece to the device. `None` if there is no room for it, and nothing that may be dropped.
+    fn insert(&mut self, number: u32, geometry: &Geometry) -> Result<Option<Piece>, GpuError> {
+        let Some(piece) = self.allocate(geometry) else { return Ok(None) };
+        self.arena.write(piece, geometry)?;
+        let key = self.residents.insert(Resident { number, piece, used: self.tick });
+        if let Some(slot) = self.keys.get_mut(number as usize) {
+            *slot = key as u32 + 1;
+        }
+        self.stats.loaded += 1;
+        self.stats.loaded_bytes += piece.bytes();
+        self.stats.resident_bytes += piece.bytes();
+        Ok(Some(piece))
+    }
+
+    fn allocate(&mut self, geometry: &Geometry) -> Option<Piece> {
+        if let Some(piece) = self.arena.allocate(geometry) {
+            return Some(piece);
+        }
+        self.is_cramped = self.can_grow();
+        let oldest_hold = self.holds.values().map(|state| state.since).min().unwrap_or(u64::MAX);
+        let free = self.residents.iter().filter(|(_, resident)| resident.used < oldest_hold);
+        let mut by_age: Vec<(u64, usize)> = free.map(|(key, resident)| (resident.used, key)).collect();
+        by_age.sort_unstable();
+        let enough = self.arena.bytes() / DROPPED_AT_ONCE;
+        let mut dropped = 0;
+        let mut found = None;
+        for (_, key) in by_age {
+            dropped += self.drop_piece(key);
+            found = found.or_else(|| self.arena.allocate(geometry));
+            if found.is_some() && dropped >= enough {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Drops what is at this key, and gives its bytes.
+    fn drop_piece(&mut self, key: usize) -> u64 {
+        let Some(Resident { number, piece, .. }) = self.residents.try_remove(key) else { return 0 };
+        if let Some(slot) = self.keys.get_mut(number as usize) {
+            *slot = 0;
+        }
+        self.arena.free(piece);
+        self.stats.dropped += 1;
+        self.stats.resident_bytes -= piece.bytes();
+        piece.bytes()
+    }
+
+    const fn can_grow(&self) -> bool {
+        self.arena.bytes() + UNIT <= self.budget.most
+    }
+
+    /// Doubles the memory. What was there is read again when it is next asked for.
+    fn grow(&mut self) -> Result<(), GpuError> {
+        let bytes = (self.arena.bytes() * 2).min(self.budget.most);
+        tracing::debug!(bytes, "more memory for geometry");
+        self.arena = Arena::new(&self.gpu, bytes, self.staged)?;
+        self.is_cramped = false;
+        self.stats.dropped += self.residents.len() as u64;
+        self.stats.resident_bytes = 0;
+        self.residents.clear();
+        self.keys.fill(0);
+        Ok(())
+    }
+}
+
+/// What a piece takes on a device, about.
+fn unpacked_bytes(place: &GeometryPlace) -> u64 {
+    u64::from(place.vertices) * UNIT + u64::from(place.triangles) * 12
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use trimaran_cull::View;
+    use trimaran_proto::DrawableId;
+    use trimaran_scene::FlatObject;
+
+    use super::*;
+    use crate::common::{self, CheckedGpu, ids, triangles, view};
+    use crate::{GpuScene, PicturePass};
+
+    /// So many crowds of 200 triangles, one before the other, each of another place.
+    fn crowds(count: u32) -> Arc<Scene> {
+        let crowd = |number: u32| -> FlatObject {
+            let corner = |i: u32| {
+                let turn = (i * 37 + number * 11) as f32;
+                [turn.sin() * 2.0, (turn * 1.7).cos() * 2.0, -2.0 - 0.1 * number as f32]
+            };
+            triangles(&(0..600).map(corner).collect::<Vec<_>>())
+        };
+        Arc::new(common::scene(&(0..count).map(crowd).collect::<Vec<_>>()))
+    }
+
+    fn picture(drawn: &Arc<GpuScene>, view: &View, ids: &[DrawableId]) -> Vec<[u8; 4]> {
+        let mut pass = PicturePass::new(drawn, view.viewport()).unwrap();
+        pass.begin(view).unwrap();
+        pass.draw(ids).unwrap();
+        pass.finish().unwrap();
+        pass.pixels().unwrap().to_vec()
+    }
+
+    #[test]
+    fn copies_by_the_device_bring_the_same_as_the_host() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let (scene, view) = (crowds(500), view(64, 64, DVec3::ZERO));
+        let budget = Budget { most: 64 << 20, first: 64 << 20 };
+        let [by_host, by_device] = [false, true].map(|staged| {
+            let drawn = GpuScene::with(&gpu, &scene, budget, staged).unwrap();
+            let pictures = [&ids(500)[..1], &ids(500)].map(|ids| picture(&drawn, &view, ids));
+            // More than the staging buffer holds at once.
+            assert!(drawn.working_set().loaded_bytes > 5 << 20);
+            pictures
+        });
+        assert!(by_host[0] != by_host[1]);
+        assert!(by_host == by_device);
+        // And where pieces come and go, over places that were in use.
+        let budget = Budget { most: 1 << 20, first: 1 << 20 };
+        let drawn = GpuScene::with(&gpu, &scene, budget, true).unwrap();
+        assert!([&ids(500)[..1], &ids(500)].map(|ids| picture(&drawn, &view, ids)) == by_host);
+    }
+
+    #[test]
+    fn a_set_doubles_until_its_budget_and_no_further() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let (scene, view) = (crowds(100), view(64, 64, DVec3::ZERO));
+        let all = Budget { most: 64 << 20, first: 64 << 20 };
+        let expected = picture(&GpuScene::with(&gpu, &scene, all, false).unwrap(), &view, &ids(100));
+        let budget = Budget { most: 700_000, first: 100_000 };
+        let drawn = GpuScene::with(&gpu, &scene, budget, false).unwrap();
+        let mut taken = vec![drawn.working_set().taken_bytes];
+        for _ in 0..5 {
+            assert!(picture(&drawn, &view, &ids(100)) == expected);
+            taken.push(drawn.working_set().taken_bytes);
+        }
+        assert_eq!(taken[0], 100_000);
+        assert!(taken.is_sorted(), "{taken:?}");
+        assert_eq!(taken.last(), Some(&700_000), "{taken:?}");
+    }
+}

@@ -1,0 +1,258 @@
+//! From arrays to the bytes of a cooked file: the same arrays always make the same bytes.
+
+use bytemuck::{NoUninit, Zeroable};
+use rayon::prelude::*;
+
+use super::geometry::GeometryPlace;
+use super::layout::{Entry, Firsts, Header, LARGEST_RATIO, MAGIC, Section, Totals, VERSION};
+use super::{Drawable, Geometry, Node, SceneArrays, SceneError};
+
+/// Pieces of geometry fill a page until it has so many bytes: reading one of them reads and checks them all.
+const GEOMETRY_PAGE: usize = 32 << 10;
+
+/// zstd's level: higher ones gain little on pages of this size, and cook longer.
+const ZSTD_LEVEL: i32 = 3;
+
+/// Begins a frame that zstd skips; its length follows (RFC 8878, 3.1.2).
+const SKIPPED: u32 = 0x184D_2A50;
+
+/// A page: its bytes in the file, and what the directory says of it.
+struct Page {
+    bytes: Vec<u8>,
+    entry: Entry,
+}
+
+/// The bytes of a file of these arrays, whose records are not checked yet.
+pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
+    check_counts(&arrays)?;
+    set_sums(&mut arrays.nodes);
+    set_nodes(&mut arrays);
+    let packed = pack(&arrays.geometries)?;
+    let (places, geometry) = place(&arrays.geometries, &packed)?;
+    let sources = encode_sources(&arrays.sources);
+    let mut pages = records(&arrays.nodes, Section::Nodes);
+    set_firsts(&mut pages, &arrays.nodes);
+    pages.extend(records(&arrays.drawables, Section::Drawables));
+    pages.extend(records(&places, Section::Places));
+    pages.extend(records(&arrays.objects, Section::Objects));
+    pages.extend([arrays.names.as_bytes(), &sources].map(Page::packed));
+    pages.extend(geometry);
+    let mut header = Header {
+        magic: MAGIC,
+        version: VERSION,
+        pages: count("pages", pages.len())?,
+        file_length: 0,
+        directory: 0,
+        nodes: arrays.nodes.len() as u32,
+        drawables: arrays.drawables.len() as u32,
+        geometries: arrays.geometries.len() as u32,
+        objects: arrays.objects.len() as u32,
+        leaves: arrays.nodes.iter().filter(|node| node.is_leaf()).count() as u32,
+        reserved: 0,
+        names: arrays.names.len() as u64,
+        totals: totals(&arrays),
+        fingerprint: [0; 32],
+        check: [0; 8],
+    };
+    drop((arrays, packed));
+    let mut end = size_of::<Header>() as u64;
+    for page in &mut pages {
+        page.entry.offset = end;
+        end += u64::from(page.entry.length);
+    }
+    let directory: Vec<Entry> = pages.iter().map(|page| page.entry).collect();
+    header.directory = end;
+    header.file_length = end + size_of_val(&*directory) as u64;
+    header.seal(&directory);
+    let mut file = Vec::with_capacity(usize::try_from(header.file_length).unwrap_or_default());
+    file.extend_from_slice(bytemuck::bytes_of(&header));
+    for page in pages {
+        file.extend_from_slice(&page.bytes);
+    }
+    file.extend_from_slice(bytemuck::cast_slice(&directory));
+    Ok(file)
+}
+
+fn check_counts(arrays: &SceneArrays) -> Result<(), SceneError> {
+    if arrays.nodes.is_empty() {
+        return Err(SceneError::Empty);
+    }
+    count("nodes", arrays.nodes.len())?;
+    count("drawables", arrays.drawables.len())?;
+    count("pieces of geometry", arrays.geometries.len())?;
+    count("objects", arrays.objects.len())?;
+    count("bytes of names", arrays.names.len())?;
+    Ok(())
+}
+
+fn count(what: &'static str, count: usize) -> Result<u32, SceneError> {
+    let number = u32::try_from(count).ok().filter(|&number| number < u32::MAX);
+    number.ok_or(SceneError::TooMany { what, count })
+}
+
+/// Works out what depends on all that is above or below a node. Children stand after their parents, so one
+/// pass comes to all above first, and one from the end to all below.
+fn set_sums(nodes: &mut [Node]) {
+    nodes.par_iter_mut().for_each(|node| {
+        node.reach = node.own_reach();
+        node.objects = u32::from(node.object != Node::NONE);
+        node.depth = 0;
+    });
+    for index in 1..nodes.len() {
+        let parent = nodes.get(index).and_then(|node| nodes.get(node.parent as usize));
+        let depth = parent.map_or(0, |parent| parent.depth.saturating_add(1));
+        if let Some(node) = nodes.get_mut(index) {
+            node.depth = depth;
+        }
+    }
+    for index in (1..nodes.len()).rev() {
+        let Some(&Node { reach, objects, parent, .. }) = nodes.get(index) else { continue };
+        if let Some(parent) = nodes.get_mut(parent as usize) {
+            parent.reach = parent.reach.max(reach);
+            if parent.object == Node::NONE {
+                parent.objects = parent.objects.saturating_add(objects);
+            }
+        }
+    }
+}
+
+/// Tells each object its node: the first of its nodes, as its parts stand after it.
+fn set_nodes(arrays: &mut SceneArrays) {
+    let SceneArrays { nodes, objects, .. } = arrays;
+    objects.iter_mut().for_each(|object| object.node = Node::NONE);
+    for (index, node) in nodes.iter().enumerate().rev() {
+        if let Some(object) = objects.get_mut(node.object as usize) {
+            object.node = index as u32;
+        }
+    }
+}
+
+fn pack(geometries: &[Geometry]) -> Result<Vec<Vec<u8>>, SceneError> {
+    let packed = geometries.par_iter().enumerate().map(|(index, geometry)| {
+        geometry.pack().ok_or_else(|| SceneError::Malformed {
+            what: "geometry",
+            index,
+            why: match geometry.check() {
+                Some(super::GeometryError::Position(_)) => "a position of it is not finite",
+                Some(_) => "one of its indices points past its vertices",
+                None => "its indices are not a multiple of three above zero, or its vertices too many",
+            },
+        })
+    });
+    packed.collect()
+}
+
+/// Puts pieces into pages, in order.
+fn place(geometries: &[Geometry], packed: &[Vec<u8>]) -> Result<(Vec<GeometryPlace>, Vec<Page>), SceneError> {
+    let (mut places, mut pages, mut open) = (Vec::with_capacity(packed.len()), Vec::new(), Vec::new());
+    for (geometry, bytes) in geometries.iter().zip(packed) {
+        if !open.is_empty() && open.len() + bytes.len() > GEOMETRY_PAGE {
+            pages.push(std::mem::take(&mut open));
+        }
+        places.push(GeometryPlace {
+            page: count("pages", pages.len())?,
+            offset: count("bytes of a page", open.len())?,
+            length: count("bytes of geometry", bytes.len())?,
+            vertices: geometry.vertices.len() as u32,
+            triangles: geometry.triangles() as u32,
+        });
+        open.extend_from_slice(bytes);
+    }
+    if !open.is_empty() {
+        pages.push(open);
+    }
+    Ok((places, pages.into_par_iter().map(Page::as_it_is).collect()))
+}
+
+fn records<T: NoUninit + Sync>(records: &[T], section: Section) -> Vec<Page> {
+    let pages = records.par_chunks(section.per_page());
+    pages.map(|page| Page::packed(bytemuck::cast_slice(page))).collect()
+}
+
+/// Says in the directory what the nodes of each page begin with.
+fn set_firsts(pages: &mut [Page], nodes: &[Node]) {
+    let mut firsts = Firsts::START;
+    for (page, nodes) in pages.iter_mut().zip(nodes.chunks(Section::Nodes.per_page())) {
+        page.entry.firsts = firsts;
+        firsts = nodes.iter().fold(firsts, Firsts::after);
+    }
+}
+
+fn totals(arrays: &SceneArrays) -> Totals {
+    let finest = |node: &Node| arrays.drawables.get(node.first_drawable as usize);
+    let leaves = arrays.nodes.par_iter().filter(|node| node.is_leaf());
+    let triangles = |drawable: &Drawable| u64::from(drawable.triangles);
+    let stored = arrays.geometries.par_iter();
+    Totals {
+        full_detail_triangles: leaves.filter_map(finest).map(triangles).sum(),
+        stored_triangles: stored.clone().map(|geometry| geometry.triangles() as u64).sum(),
+        stored_vertices: stored.map(|geometry| geometry.vertices.len() as u64).sum(),
+    }
+}
+
+impl Page {
+    fn packed(unpacked: &[u8]) -> Self {
+        // Into a vector zstd always packs: there is room, and the level is one that it has.
+        let mut bytes = zstd::bulk::compress(unpacked, ZSTD_LEVEL).unwrap_or_default();
+        // Names that are all alike are packed tighter than a reader unpacks: a frame that zstd skips follows.
+        let missing = unpacked.len().div_ceil(LARGEST_RATIO).saturating_sub(bytes.len());
+        if missing > 0 {
+            bytes.extend_from_slice(&SKIPPED.to_le_bytes());
+            bytes.extend_from_slice(&(missing as u32).to_le_bytes());
+            bytes.resize(bytes.len() + missing, 0);
+        }
+        Self::new(bytes, unpacked.len())
+    }
+
+    fn as_it_is(bytes: Vec<u8>) -> Self {
+        let unpacked = bytes.len();
+        Self::new(bytes, unpacked)
+    }
+
+    fn new(bytes: Vec<u8>, unpacked: usize) -> Self {
+        let entry = Entry {
+            length: bytes.len() as u32,
+            unpacked: unpacked as u32,
+            hash: *blake3::hash(&bytes).as_bytes(),
+            ..Zeroable::zeroed()
+        };
+        Self { bytes, entry }
+    }
+}
+
+/// The sources' names as bytes: each a length (u32, little-endian) and that many bytes of UTF-8.
+fn encode_sources(sources: &[String]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for source in sources {
+        bytes.extend_from_slice(&(source.len() as u32).to_le_bytes());
+        bytes.extend_from_slice(source.as_bytes());
+    }
+    bytes
+}
+
+/// The reverse of [`encode_sources`]; `None` if the bytes are not such a list.
+pub(super) fn decode_sources(mut bytes: &[u8]) -> Option<Vec<String>> {
+    let mut sources = Vec::new();
+    while !bytes.is_empty() {
+        let (length, rest) = bytes.split_first_chunk::<4>()?;
+        let (name, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        sources.push(std::str::from_utf8(name).ok()?.to_owned());
+        bytes = rest;
+    }
+    Some(sources)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_round_trip_and_cut_lists_are_refused() {
+        let sources = vec!["a.RVM".to_owned(), String::new(), "für.glb".to_owned()];
+        let bytes = encode_sources(&sources);
+        assert_eq!(decode_sources(&bytes), Some(sources));
+        for end in [1, 5, bytes.len() - 1] {
+            assert_eq!(decode_sources(&bytes[..end]), None, "cut at {end}");
+        }
+    }
+}

@@ -1,0 +1,260 @@
+//! Where things lie in a cooked file, and the tree of hashes over it.
+//!
+//! A file is a [`Header`], then pages one behind the other, then a directory of the pages. A page is what is
+//! read, checked and unpacked at once: some records of one kind, or the triangles of some drawables.
+//!
+//! | pages | of what | packed by |
+//! |---|---|---|
+//! | 1 | nodes, 256 each | zstd |
+//! | 2 | drawables, 1,024 each, as all below | zstd |
+//! | 3 | places of geometry | zstd |
+//! | 4 | objects | zstd |
+//! | 5 | all objects' names, one page | zstd |
+//! | 6 | the sources' names, one page | zstd |
+//! | 7 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece |
+//!
+//! The directory has the BLAKE3 hash of each page as it lies in the file. The fingerprint is the BLAKE3 hash
+//! of header and directory. So a reader that trusts the fingerprint can check any page alone.
+
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
+use trimaran_proto::SceneHash;
+
+use super::geometry::GeometryPlace;
+use super::{Drawable, Node, ObjectRecord};
+
+/// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
+pub(super) const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
+/// The format this build reads and writes.
+pub(super) const VERSION: u32 = 4;
+/// A page unpacks to at most so many times its bytes. It is so few that a small file cannot ask for much
+/// memory.
+pub(super) const LARGEST_RATIO: usize = 4096;
+
+const _: () =
+    assert!(cfg!(target_endian = "little"), "cooked scenes are read as they stand: little-endian only");
+
+/// The start of a file, little-endian.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Header {
+    pub(super) magic: [u8; 8],
+    pub(super) version: u32,
+    /// The number of pages.
+    pub(super) pages: u32,
+    pub(super) file_length: u64,
+    /// The directory's first byte; it ends the file.
+    pub(super) directory: u64,
+    pub(super) nodes: u32,
+    pub(super) drawables: u32,
+    pub(super) geometries: u32,
+    pub(super) objects: u32,
+    /// Nodes without children.
+    pub(super) leaves: u32,
+    /// Zero.
+    pub(super) reserved: u32,
+    /// Bytes of all objects' names.
+    pub(super) names: u64,
+    pub(super) totals: Totals,
+    /// BLAKE3 of the header's bytes before this, and then the directory's.
+    pub(super) fingerprint: [u8; 32],
+    /// The first bytes of the BLAKE3 of all bytes of the header before this.
+    pub(super) check: [u8; 8],
+}
+
+/// Sums over the whole scene, which nobody has to read it for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct Totals {
+    /// The triangles of all leaves at their finest level: the model as it came, instances counted each.
+    pub full_detail_triangles: u64,
+    /// The triangles of all levels, instances counted once.
+    pub stored_triangles: u64,
+    /// The vertices of all levels, instances counted once.
+    pub stored_vertices: u64,
+}
+
+/// What the directory says of a page.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Entry {
+    /// First byte in the file.
+    pub(super) offset: u64,
+    /// Bytes in the file.
+    pub(super) length: u32,
+    /// Bytes when unpacked.
+    pub(super) unpacked: u32,
+    /// Of a page of nodes: what its nodes begin with. Else 0.
+    pub(super) firsts: Firsts,
+    /// Zero.
+    pub(super) reserved: u32,
+    /// BLAKE3 of the bytes in the file.
+    pub(super) hash: [u8; 32],
+}
+
+/// What the nodes of a page begin with: so a page can be checked, and a leaf be found by its number, without
+/// the pages before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Firsts {
+    /// The first child of all its nodes.
+    pub(super) child: u32,
+    /// Their first drawable.
+    pub(super) drawable: u32,
+    /// The number of its first leaf among all leaves.
+    pub(super) leaf: u32,
+}
+
+impl Firsts {
+    /// Of the first page.
+    pub(super) const START: Self = Self { child: 1, drawable: 0, leaf: 0 };
+
+    /// What comes after a node.
+    pub(super) fn after(self, node: &Node) -> Self {
+        Self {
+            child: self.child.saturating_add(node.child_count),
+            drawable: self.drawable.saturating_add(node.drawable_count),
+            leaf: self.leaf.saturating_add(u32::from(node.is_leaf())),
+        }
+    }
+}
+
+/// The kinds of pages, in the order of the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Section {
+    Nodes,
+    Drawables,
+    Places,
+    Objects,
+    Names,
+    Sources,
+    Geometry,
+}
+
+impl Section {
+    const ALL: [Self; 7] = [
+        Self::Nodes,
+        Self::Drawables,
+        Self::Places,
+        Self::Objects,
+        Self::Names,
+        Self::Sources,
+        Self::Geometry,
+    ];
+
+    /// The records of a page are two to the power of this.
+    pub(super) const fn page_bits(self) -> u32 {
+        match self {
+            Self::Nodes => 8,
+            _ => 10,
+        }
+    }
+
+    /// The records of a page.
+    pub(super) const fn per_page(self) -> usize {
+        1 << self.page_bits()
+    }
+
+    /// The pages of so many records.
+    const fn pages(self, records: u32) -> usize {
+        (records as usize).div_ceil(self.per_page())
+    }
+
+    /// What its records are called in errors.
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Nodes => "nodes",
+            Self::Drawables => "drawables",
+            Self::Places => "places of geometry",
+            Self::Objects => "objects",
+            Self::Names => "names",
+            Self::Sources => "names of sources",
+            Self::Geometry => "geometry",
+        }
+    }
+}
+
+impl Header {
+    /// The pages of a section.
+    pub(super) fn pages(&self, section: Section) -> Range<usize> {
+        let mut first = 0;
+        for of in Section::ALL {
+            let count = match of {
+                Section::Nodes => of.pages(self.nodes),
+                Section::Drawables => of.pages(self.drawables),
+                Section::Places => of.pages(self.geometries),
+                Section::Objects => of.pages(self.objects),
+                Section::Names | Section::Sources => 1,
+                Section::Geometry => (self.pages as usize).saturating_sub(first),
+            };
+            if of == section {
+                return first..first + count;
+            }
+            first += count;
+        }
+        first..first
+    }
+
+    /// Fills in fingerprint and check; all else is there.
+    pub(super) fn seal(&mut self, directory: &[Entry]) {
+        self.fingerprint = self.hash(directory);
+        self.check = self.checksum();
+    }
+
+    /// What the fingerprint should be.
+    pub(super) fn hash(&self, directory: &[Entry]) -> [u8; 32] {
+        let bytes = bytemuck::bytes_of(self);
+        let before = std::mem::offset_of!(Self, fingerprint);
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(bytes.get(..before).unwrap_or_default());
+        hasher.update_rayon(bytemuck::cast_slice(directory));
+        *hasher.finalize().as_bytes()
+    }
+
+    pub(super) fn checksum(&self) -> [u8; 8] {
+        let bytes = bytemuck::bytes_of(self);
+        let before = std::mem::offset_of!(Self, check);
+        let hash = blake3::hash(bytes.get(..before).unwrap_or_default());
+        std::array::from_fn(|index| hash.as_bytes().get(index).copied().unwrap_or_default())
+    }
+
+    /// What peers compare: the first half of the fingerprint.
+    pub(super) fn scene_hash(&self) -> SceneHash {
+        let half = self.fingerprint.first_chunk::<16>().copied().unwrap_or_default();
+        SceneHash(u128::from_le_bytes(half))
+    }
+
+    /// Whether the directory describes pages one behind the other, and sections of the sizes that their
+    /// counts need.
+    pub(super) fn fits(&self, directory: &[Entry]) -> bool {
+        let mut end = size_of::<Self>() as u64;
+        let sound = directory.iter().all(|entry| {
+            let sound = entry.offset == end;
+            end = entry.offset.saturating_add(u64::from(entry.length));
+            sound
+        });
+        let unpacked_as = |section: Section, count: u32, size: usize| {
+            let pages = directory.get(self.pages(section)).unwrap_or_default();
+            pages.iter().enumerate().all(|(page, entry)| {
+                let first = page * section.per_page();
+                entry.unpacked as usize == size * section.per_page().min(count as usize - first)
+            })
+        };
+        let nodes = directory.get(self.pages(Section::Nodes)).unwrap_or_default();
+        let names = directory.get(self.pages(Section::Names)).unwrap_or_default();
+        let rising = |of: fn(&Firsts) -> u32| nodes.is_sorted_by_key(|entry| of(&entry.firsts));
+        sound
+            && end == self.directory
+            && self.pages(Section::Geometry).start <= directory.len()
+            && unpacked_as(Section::Nodes, self.nodes, size_of::<Node>())
+            && unpacked_as(Section::Drawables, self.drawables, size_of::<Drawable>())
+            && unpacked_as(Section::Places, self.geometries, size_of::<GeometryPlace>())
+            && unpacked_as(Section::Objects, self.objects, size_of::<ObjectRecord>())
+            && names.iter().all(|entry| u64::from(entry.unpacked) == self.names)
+            && rising(|firsts| firsts.child)
+            && rising(|firsts| firsts.drawable)
+            && rising(|firsts| firsts.leaf)
+            && nodes.first().is_none_or(|entry| entry.firsts == Firsts::START)
+    }
+}

@@ -1,0 +1,62 @@
+//! Why part of an open scene cannot be read.
+
+use std::io;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use super::{GeometryError, SceneError};
+
+/// Why part of an open scene cannot be read: which, where in the file, and what is wrong.
+#[derive(Debug, Clone, Error)]
+#[error(
+    "the scene {path:?} cannot be read at bytes {} to {} ({what}){}",
+    bytes.start, bytes.end, self.advice()
+)]
+pub struct ReadError {
+    /// The file.
+    pub path: PathBuf,
+    /// Where the bytes lie in it.
+    pub bytes: Range<u64>,
+    /// What they hold.
+    pub what: String,
+    /// What is wrong with them.
+    #[source]
+    pub cause: ReadCause,
+}
+
+/// What is wrong with part of a scene.
+#[derive(Debug, Clone, Error)]
+#[non_exhaustive]
+pub enum ReadCause {
+    /// The system cannot read it.
+    #[error("the file cannot be read")]
+    Io(#[source] Arc<io::Error>),
+    /// The bytes are not those that were written.
+    #[error("its checksum does not match")]
+    Damaged,
+    /// The file was written to since it was opened.
+    #[error("the file was overwritten while it was open")]
+    Changed,
+    /// A record breaks a rule of the format.
+    #[error(transparent)]
+    Malformed(#[from] SceneError),
+    /// A piece of geometry cannot be unpacked.
+    #[error("the geometry is malformed: {0}")]
+    Geometry(#[from] GeometryError),
+}
+
+impl ReadError {
+    fn advice(&self) -> &'static str {
+        match self.cause {
+            ReadCause::Io(_) => "",
+            ReadCause::Damaged => "; copy it again, or import again",
+            ReadCause::Changed => "; start again, and replace scenes by renaming a new file over the old one",
+            ReadCause::Malformed(_) | ReadCause::Geometry(_) => {
+                "; import again, and report this if it happens again"
+            }
+        }
+    }
+}

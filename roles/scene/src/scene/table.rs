@@ -1,0 +1,233 @@
+//! Arrays of records whose pages are read when they are first asked for.
+
+use std::cell::Cell;
+use std::ops::{Index, Range};
+use std::sync::OnceLock;
+
+use bytemuck::Pod;
+use rayon::prelude::*;
+
+use super::layout::Section;
+use super::{ReadError, Scene, SceneError};
+
+/// The pages of an array, each there once it was asked for. What is there stays as long as the scene.
+#[derive(Debug)]
+pub(super) struct Pages<T> {
+    pages: Box<[OnceLock<Box<[T]>>]>,
+    length: usize,
+    section: Section,
+    check: Check<T>,
+}
+
+/// Checks the records of a page, the first of which has the number given.
+pub(super) type Check<T> = fn(&Scene, usize, &[T]) -> Result<(), SceneError>;
+
+impl<T: Pod> Pages<T> {
+    pub(super) fn new(section: Section, length: usize, check: Check<T>) -> Self {
+        let pages = length.div_ceil(section.per_page());
+        Self { pages: (0..pages).map(|_| OnceLock::new()).collect(), length, section, check }
+    }
+
+    /// Records that are in memory.
+    pub(super) fn resident(&self) -> usize {
+        self.pages.iter().filter_map(OnceLock::get).map(|page| page.len()).sum()
+    }
+}
+
+/// An array of a scene's records, numbered from 0.
+///
+/// Records are read from the file a page at a time, when one of them is first asked for. One that cannot be
+/// read is not there, and [`Scene::fault`] says why from then on.
+#[derive(Debug)]
+pub struct Records<'s, T> {
+    scene: &'s Scene,
+    pages: &'s Pages<T>,
+}
+
+impl<T> Clone for Records<'_, T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<T> Copy for Records<'_, T> {}
+
+impl<'s, T: Pod> Records<'s, T> {
+    pub(super) const fn new(scene: &'s Scene, pages: &'s Pages<T>) -> Self {
+        Self { scene, pages }
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub const fn len(self) -> usize {
+        self.pages.length
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// The record of this number; `None` past the last one, and where it cannot be read.
+    #[must_use]
+    #[inline]
+    pub fn get(self, index: usize) -> Option<&'s T> {
+        let bits = self.pages.section.page_bits();
+        let page = index >> bits;
+        let records = match self.pages.pages.get(page)?.get() {
+            Some(records) => records,
+            None => self.load(page)?,
+        };
+        records.get(index & ((1 << bits) - 1))
+    }
+
+    /// The first record.
+    #[must_use]
+    pub fn first(self) -> Option<&'s T> {
+        self.get(0)
+    }
+
+    /// All records in order. Reads all of them: what cannot be read is left out.
+    pub fn iter(self) -> impl DoubleEndedIterator<Item = &'s T> + Clone {
+        self.range(0..self.len())
+    }
+
+    /// The records of these numbers that are there.
+    pub fn range(self, which: Range<usize>) -> impl DoubleEndedIterator<Item = &'s T> + Clone {
+        which.filter_map(move |index| self.get(index))
+    }
+
+    /// A copy of all.
+    #[must_use]
+    pub fn to_vec(self) -> Vec<T> {
+        self.iter().copied().collect()
+    }
+
+    /// Reads those of these records that were not read yet, on all threads of rayon's pool: for whoever is
+    /// about to look at many of them. Numbers past the last record mean nothing.
+    pub fn read_ahead(self, numbers: impl Iterator<Item = usize>)
+    where
+        T: Send + Sync,
+    {
+        let bits = self.pages.section.page_bits();
+        let is_unread = |page: &usize| self.pages.pages.get(*page).is_some_and(|page| page.get().is_none());
+        let mut last = usize::MAX;
+        let mut unread: Vec<usize> = numbers
+            .map(|number| number >> bits)
+            .filter(|page| std::mem::replace(&mut last, *page) != *page && is_unread(page))
+            .collect();
+        if unread.len() > 1 {
+            unread.sort_unstable();
+            unread.dedup();
+            unread.into_par_iter().for_each(|page| {
+                self.load(page);
+            });
+        }
+    }
+
+    /// Reads what was not read yet.
+    pub(super) fn load_all(self)
+    where
+        T: Send + Sync,
+    {
+        let unread = self.pages.pages.par_iter().enumerate().filter(|(_, page)| page.get().is_none());
+        unread.for_each(|(page, _)| {
+            self.load(page);
+        });
+    }
+
+    /// The numbers of a page's records.
+    pub(super) fn numbers(self, page: usize) -> Range<usize> {
+        let (first, end) = (page * self.pages.section.per_page(), (page + 1) * self.pages.section.per_page());
+        first.min(self.len())..end.min(self.len())
+    }
+
+    #[cold]
+    fn load(self, page: usize) -> Option<&'s [T]> {
+        if self.scene.fault().is_some() {
+            return None;
+        }
+        if CHECKING.get().is_some() {
+            // Whoever checks reads it, and then checks again.
+            CHECKING.set(Some(Some((self.pages.section, page))));
+            return None;
+        }
+        if let Err(fault) = load(self.scene, (self.pages.section, page)) {
+            self.scene.set_fault(fault);
+        }
+        self.pages.pages.get(page)?.get().map(|records| &**records)
+    }
+
+    /// Reads and checks a page, and keeps it. Returns a page that has to be there first, if any.
+    fn check(self, page: usize) -> Result<Option<PageNumber>, ReadError> {
+        let (section, numbers, file) = (self.pages.section, self.numbers(page), self.scene.file());
+        // The layout was checked when the file was opened: as many records as the page holds.
+        let mut records = vec![T::zeroed(); numbers.len()].into_boxed_slice();
+        file.unpack_into(section, page, &numbers, bytemuck::cast_slice_mut(&mut records))?;
+        CHECKING.set(Some(None));
+        let checked = (self.pages.check)(self.scene, numbers.start, &records);
+        let lacking = CHECKING.take().flatten();
+        if lacking.is_none() {
+            checked.map_err(|error| file.malformed(section, page, &numbers, error))?;
+            // Another thread may have been first; both read the same.
+            self.pages.pages.get(page).map(|slot| slot.get_or_init(|| records));
+        }
+        Ok(lacking)
+    }
+}
+
+/// A page of a section.
+type PageNumber = (Section, usize);
+
+thread_local! {
+    /// While this thread checks a page: the last one that the check asked for and that was not there.
+    static CHECKING: Cell<Option<Option<PageNumber>>> = const { Cell::new(None) };
+}
+
+/// Reads a page, and before it all that its check asks for. One after the other and not one within the other:
+/// a tree may be as deep as it has pages.
+fn load(scene: &Scene, page: PageNumber) -> Result<(), ReadError> {
+    let mut open = vec![page];
+    while let Some(&(section, page)) = open.last() {
+        let lacking = match section {
+            Section::Nodes => scene.nodes().check(page)?,
+            Section::Drawables => scene.drawables().check(page)?,
+            Section::Places => scene.places().check(page)?,
+            Section::Objects => scene.objects().check(page)?,
+            // These have no records.
+            Section::Names | Section::Sources | Section::Geometry => None,
+        };
+        match lacking {
+            Some(page) => open.push(page),
+            None => drop(open.pop()),
+        }
+    }
+    Ok(())
+}
+
+/// # Panics
+/// Past the last record, as of a slice. Code that a file can lead astray uses [`Records::get`].
+impl<T: Pod> Index<usize> for Records<'_, T> {
+    type Output = T;
+
+    #[allow(clippy::expect_used, reason = "an index that is not there panics, as everywhere")]
+    fn index(&self, index: usize) -> &T {
+        self.get(index).expect("an index within the records, all of which can be read")
+    }
+}
+
+impl<T: Pod + PartialEq> PartialEq for Records<'_, T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.len() == other.len() && self.iter().eq(other.iter())
+    }
+}
+
+impl<'s, T: Pod> IntoIterator for Records<'s, T> {
+    type Item = &'s T;
+    type IntoIter = Box<dyn Iterator<Item = &'s T> + 's>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        Box::new(self.iter())
+    }
+}

@@ -1,0 +1,72 @@
+//! Drawables: each is a level of its node, its triangles are there, and errors never fall towards the root.
+
+use super::super::{Drawable, Node, Scene};
+use super::{Check, SceneError, malformed};
+
+/// Checks the drawables of a page, the first of which has index `first`.
+pub(super) fn check(scene: &Scene, first: usize, drawables: &[Drawable]) -> Result<(), SceneError> {
+    // Of this page, or of one before it.
+    let find = |index: usize| match index.checked_sub(first) {
+        Some(within) => drawables.get(within),
+        None => scene.drawables().get(index),
+    };
+    for (index, drawable) in (first..).zip(drawables) {
+        check_one(scene, index, drawable).map_err(malformed("drawable", index))?;
+        check_errors(scene, index, drawable, find)?;
+    }
+    Ok(())
+}
+
+fn check_one(scene: &Scene, index: usize, drawable: &Drawable) -> Check {
+    let node = scene.nodes().get(drawable.node as usize);
+    let Some(node) = node.filter(|node| levels(node).contains(&index)) else {
+        return Err("its node does not have it among its levels");
+    };
+    let triangles = scene.places().get(drawable.geometry as usize).map(|place| place.triangles);
+    if !(drawable.error.is_finite() && drawable.error >= 0.0) {
+        Err("its error is no distance")
+    } else if node.is_leaf() && node.first_drawable as usize == index && drawable.error != 0.0 {
+        Err("it is the finest level of a leaf and has an error")
+    } else if triangles.is_none() {
+        Err("its geometry does not exist")
+    } else if triangles != Some(drawable.triangles) || drawable.triangles == 0 {
+        Err("its number of triangles is not that of its geometry")
+    } else if !drawable.sides.is_known() {
+        Err("which sides of its triangles show is neither 0 nor 1")
+    } else {
+        Ok(())
+    }
+}
+
+/// Errors never fall from a level to the next coarser one, nor from a node to the first one above it that has
+/// levels. Ancestors stand before their descendants, and so do their levels.
+fn check_errors<'d>(
+    scene: &Scene,
+    index: usize,
+    drawable: &Drawable,
+    find: impl Fn(usize) -> Option<&'d Drawable>,
+) -> Result<(), SceneError> {
+    const WHY: &str = "its error is below that of a finer level, or of a node below its own";
+    let nodes = scene.nodes();
+    let Some(node) = nodes.get(drawable.node as usize) else { return Ok(()) };
+    let levels = levels(node);
+    if index > levels.start && find(index - 1).is_some_and(|finer| drawable.error < finer.error) {
+        return Err(malformed("drawable", index)(WHY));
+    }
+    if index + 1 < levels.end || drawable.error == 0.0 {
+        return Ok(()); // only the coarsest level can be worse than what is above
+    }
+    let above =
+        std::iter::successors(nodes.get(node.parent as usize), |node| nodes.get(node.parent as usize));
+    let Some(above) = above.into_iter().find(|node| node.drawable_count > 0) else { return Ok(()) };
+    let finest = above.first_drawable as usize;
+    match find(finest) {
+        Some(level) if level.error < drawable.error => Err(malformed("drawable", finest)(WHY)),
+        _ => Ok(()),
+    }
+}
+
+fn levels(node: &Node) -> std::ops::Range<usize> {
+    let first = node.first_drawable as usize;
+    first..first.saturating_add(node.drawable_count as usize)
+}
