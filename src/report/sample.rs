@@ -8,8 +8,8 @@ use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 use super::schema::{
     AloneFigures, COMPARISON_VERSION, CoherencePoint, Comparison, ComparisonTable, CullingCounts, CurvePoint,
     DrawnFigures, Ended, ExactFrame, FalseCull, FalseCullCause, Frame, FrameCost, HowEnded, LagPoint,
-    Machine, MeasuredFigures, Mode, Projection, Report, Role, RoleInfo, RoundCounts, Run, SceneInfo,
-    SentBytes, Span, SweepPoint, SystemFigures, SystemFrame, ViewStateInfo, VisibleObject,
+    Machine, MeasuredFigures, MemoryUse, Mode, Projection, Report, Role, RoleInfo, RoundCounts, Run,
+    SceneInfo, SentBytes, Span, SweepPoint, SystemFigures, SystemFrame, ViewStateInfo, VisibleObject,
 };
 use crate::comparison::{Coherence, System};
 use crate::culling::CullingMethod;
@@ -53,6 +53,14 @@ pub(super) fn run() -> Run {
         path: "auto".to_owned(),
         seed: Some(7),
         audit_every: Some(AUDIT_EVERY),
+        memory: Some(MemoryUse {
+            scene_bytes: 8_123_456,
+            device_taken_bytes: 67_108_860,
+            device_bytes: 3_456_780,
+            pieces_brought: 2_345,
+            bytes_brought: 4_567_890,
+            pieces_dropped: 17,
+        }),
         view_states: vec![ViewStateInfo {
             version: 1,
             from_frame: 30,

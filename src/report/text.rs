@@ -104,6 +104,17 @@ pub fn summary(report: &Report) -> String {
             grouped(b.paper_formula_bytes)
         );
     }
+    if let Some(memory) = &report.run.memory {
+        let megabytes = |bytes: u64| figure(bytes as f64 * 1e-6);
+        out += &format!(
+            "memory     scene {} MB; on the display's device {} MB of {} MB, {} MB brought, {} dropped\n",
+            megabytes(memory.scene_bytes),
+            megabytes(memory.device_bytes),
+            megabytes(memory.device_taken_bytes),
+            megabytes(memory.bytes_brought),
+            plural(memory.pieces_dropped, "piece", "pieces"),
+        );
+    }
     if let Some(ended) = summary.ended.sentence(summary.frames) {
         out += &format!("INCOMPLETE {ended}\n");
     }

@@ -21,7 +21,7 @@ use super::{
 };
 use crate::report::{
     Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
-    schema::{Ended, HowEnded, Mode, SceneInfo, ViewStateInfo},
+    schema::{Ended, HowEnded, MemoryUse, Mode, SceneInfo, ViewStateInfo},
 };
 use crate::{culling::CullingMethod, vulkan::VulkanCuller};
 
@@ -105,6 +105,8 @@ pub fn write_report(
     ended: Ended,
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Written, ReportError> {
+    // Before pictures are drawn once more.
+    run.memory = Some(walk.memory());
     let mut composer = walk.composer(&[]);
     let mut frames: Vec<Frame> = records.iter().map(|record| composer.frame(record)).collect();
     let mut checked = 0;
@@ -234,6 +236,19 @@ impl Walk<'_> {
             view_states: view_states(self.path.views()),
             audit_every: (plan.audit_every > 0).then_some(plan.audit_every),
             ..Run::default()
+        }
+    }
+
+    /// What is held of the scene now.
+    fn memory(&self) -> MemoryUse {
+        let set = self.drawn.working_set();
+        MemoryUse {
+            scene_bytes: self.file.scene.resident_bytes(),
+            device_taken_bytes: set.taken_bytes,
+            device_bytes: set.resident_bytes,
+            pieces_brought: set.loaded,
+            bytes_brought: set.loaded_bytes,
+            pieces_dropped: set.dropped,
         }
     }
 

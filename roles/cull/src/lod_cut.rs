@@ -117,12 +117,20 @@ impl<'s> LodCut<'s> {
     /// what is drawn without culling.
     #[must_use]
     pub fn drawables(&self) -> Vec<DrawableId> {
+        self.descend(usize::MAX)
+    }
+
+    /// Those of [`drawables`](Self::drawables) that look large: of each level of the tree at most `widest`
+    /// nodes are refined, the largest. So it looks at a bounded part of a scene of any size.
+    #[must_use]
+    pub fn large_drawables(&self, widest: usize) -> Vec<DrawableId> {
+        self.descend(widest)
+    }
+
+    fn descend(&self, widest: usize) -> Vec<DrawableId> {
         let mut drawn = Vec::new();
-        if self.scene.nodes().is_empty() {
-            return drawn;
-        }
+        let mut refined: Vec<(f64, &Node)> = Vec::new();
         let mut level = vec![NodeId(0)];
-        let mut next = Vec::new();
         while !level.is_empty() {
             read_ahead(self.scene, &level);
             for id in level.drain(..) {
@@ -132,11 +140,16 @@ impl<'s> LodCut<'s> {
                 };
                 match self.choose(id, node) {
                     Choice::Draw(id) => drawn.push(id),
-                    Choice::Refine => next.extend(node.children().map(NodeId)),
+                    Choice::Refine => refined.push((looks(node, self.eye), node)),
                     Choice::Nothing => {}
                 }
             }
-            std::mem::swap(&mut level, &mut next);
+            if refined.len() > widest {
+                refined.select_nth_unstable_by(widest, |a, b| b.0.total_cmp(&a.0));
+                refined.truncate(widest);
+                refined.sort_unstable_by_key(|(_, node)| node.first_child);
+            }
+            level.extend(refined.drain(..).flat_map(|(_, node)| node.children().map(NodeId)));
         }
         drawn
     }
@@ -223,12 +236,20 @@ fn extent(direction: DVec3, half: DVec3) -> f64 {
     direction.x.abs() * half.x + direction.y.abs() * half.y + direction.z.abs() * half.z
 }
 
+/// How large a node looks: the square of its diagonal over its distance. Infinite where the eye is in its box.
+pub(crate) fn looks(node: &Node, eye: DVec3) -> f64 {
+    let (min, max) = node.world_box();
+    (max - min).length_squared() / node.distance_squared(eye)
+}
+
 /// Reads what the cut will look at of these nodes, where it is not in memory yet.
 pub(crate) fn read_ahead(scene: &Scene, level: &[NodeId]) {
     let nodes = scene.nodes();
-    nodes.read_ahead(level.iter().map(|id| id.0 as usize));
-    let known = level.iter().filter_map(|id| nodes.get(id.0 as usize));
-    scene.drawables().read_ahead(known.map(|node| node.first_drawable as usize));
+    // Where the nodes were there, their levels are, or nearly all of them.
+    if nodes.read_ahead(level.iter().map(|id| id.0 as usize)) {
+        let known = level.iter().filter_map(|id| nodes.get(id.0 as usize));
+        scene.drawables().read_ahead(known.map(|node| node.first_drawable as usize));
+    }
 }
 
 /// What the cut of `scene` from `view` under `rule` does with `node`; for many nodes make one [`LodCut`].

@@ -5,6 +5,7 @@ use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
 use crate::View;
+use crate::lod_cut::looks;
 
 /// At most so many triangles of occluders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -37,9 +38,7 @@ pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, b
             let drawable = scene.drawables().get(id.index())?;
             let node = scene.nodes().get(drawable.node as usize)?;
             let triangles = u64::from(drawable.triangles);
-            let (min, max) = node.world_box();
-            let size = (max - min).length_squared() / node.distance_squared(eye);
-            Some(((size / triangles.max(1) as f64) as f32, id, triangles))
+            Some(((looks(node, eye) / triangles.max(1) as f64) as f32, id, triangles))
         })
         .collect();
     ids.clear();

@@ -58,6 +58,24 @@ fn an_interior_node_above_the_bound_is_refined_though_it_has_a_level() {
 }
 
 #[test]
+fn the_group_that_looks_largest_is_refined() {
+    let half = Vec3::splat(0.5);
+    // Eight crates near the eye, and far off eight as far from each other: four groups of four.
+    let row = |y: f64| (0..8).map(move |i| DVec3::new(f64::from(i) * 1.5 - 5.25, y, 0.0));
+    let objects = row(80.0).chain(row(8.0)).map(|at| Object::new(Mesh::cuboid(-half, half, 1)).at(at));
+    let scene = build(&objects.collect::<Vec<_>>(), false).unwrap();
+    let view = view();
+    let cut = LodCut::new(&scene, &view, LodRule::new(0.01).unwrap());
+    assert_eq!(cut.drawables().len(), 16);
+    let large = cut.large_drawables(1);
+    let distance = |id: &DrawableId| {
+        scene.nodes()[scene.drawables()[id.index()].node as usize].distance_squared(view.eye()).sqrt()
+    };
+    assert_eq!(large.len(), 4);
+    assert!(large.iter().all(|id| distance(id) < 10.0), "{large:?}");
+}
+
+#[test]
 fn what_is_outside_the_frustum_is_not_of_the_cut() {
     // Behind the eye, then beyond each side of a field of view of 90 degrees; then just within each.
     let rule = LodRule::new(1.0).unwrap();

@@ -59,6 +59,23 @@ proptest! {
     }
 
     #[test]
+    fn what_looks_large_is_of_the_cut_and_no_more_than_the_width_allows(seed: u64, epsilon in 0.1..20.0_f64) {
+        let (scene, views) = setting(seed);
+        for view in views.iter().step_by(4) {
+            let cut = LodCut::new(&scene, view, rule(epsilon));
+            let all = cut.drawables();
+            let set: BTreeSet<DrawableId> = all.iter().copied().collect();
+            prop_assert_eq!(&cut.large_drawables(scene.nodes().len()), &all);
+            for width in [1, 2, 8, 64] {
+                let large = cut.large_drawables(width);
+                prop_assert!(large.iter().all(|id| set.contains(id)), "{} nodes a level", width);
+                // Each level refines so many nodes at most, of up to eight children each.
+                prop_assert!(large.len() <= 8 * width * 32, "{} of {}", large.len(), width);
+            }
+        }
+    }
+
+    #[test]
     fn a_looser_bound_never_draws_finer(seed: u64, epsilon in 0.1..50.0_f64, looser in 1.0..10.0_f64) {
         let (scene, views) = setting(seed);
         let (fine, coarse) = (rule(epsilon), rule(epsilon * looser));

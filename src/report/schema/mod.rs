@@ -28,7 +28,7 @@ pub use frame::{
 };
 pub use metric::{METRICS, Metric};
 pub use model::Model;
-pub use run::{Machine, Mode, RoleInfo, Run, SceneInfo, ViewStateInfo, timestamp};
+pub use run::{Machine, MemoryUse, Mode, RoleInfo, Run, SceneInfo, ViewStateInfo, timestamp};
 use serde::{Deserialize, Serialize};
 pub use stat::{LowStat, Stat};
 pub use summary::{

@@ -98,9 +98,29 @@ pub struct Run {
     /// The view states that followed the one that the walk began in.
     #[serde(default)]
     pub view_states: Vec<ViewStateInfo>,
+    /// What the display's process held of the scene when the walk ended.
+    #[serde(default)]
+    pub memory: Option<MemoryUse>,
     /// Remarks that belong beside every figure, such as why an automatic path circles the scene.
     #[serde(default)]
     pub notes: Vec<String>,
+}
+
+/// What a process held of the scene, in its memory and on its device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MemoryUse {
+    /// Bytes of the scene's records in memory: what of its tree was asked for.
+    pub scene_bytes: u64,
+    /// Bytes of the device's memory that are taken for triangles.
+    pub device_taken_bytes: u64,
+    /// Bytes of triangles that are there.
+    pub device_bytes: u64,
+    /// Pieces of geometry that were brought to the device.
+    pub pieces_brought: u64,
+    /// Their bytes.
+    pub bytes_brought: u64,
+    /// Pieces that were dropped to make room.
+    pub pieces_dropped: u64,
 }
 
 impl Run {

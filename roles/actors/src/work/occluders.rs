@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use trimaran_cull::{
-    CullStats, Culler, CutRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, lod_cut,
+    CullStats, Culler, CutRule, LodCut, OccluderMapper, RoundRule, Rounds, TriangleBudget, View,
     select_occluders,
 };
 use trimaran_proto::DrawableId;
@@ -21,6 +21,10 @@ pub struct OccluderPolicy {
     /// Rounds at most: see [`Rounds`](trimaran_cull::Rounds).
     pub rounds: u32,
 }
+
+/// Where occluders are chosen among the LOD cut, so many nodes of each level of the tree are refined at most.
+/// Small things hide little, and to look at all of them takes long in a large scene.
+const WIDEST: usize = 2048;
 
 impl Default for OccluderPolicy {
     fn default() -> Self {
@@ -72,7 +76,7 @@ impl OccluderPolicy {
     }
 
     /// Chooses among all that is `due` for the `received` ids of the last frame. Where they say little of
-    /// this frame (the first one, or one after a jump), among all of the LOD cut.
+    /// this frame (the first one, or one after a jump), among what looks large of the LOD cut.
     pub(super) fn choose(
         self,
         scene: &Scene,
@@ -82,7 +86,7 @@ impl OccluderPolicy {
         due: &mut Vec<DrawableId>,
     ) {
         if due.len() * 2 <= received {
-            *due = lod_cut(scene, view, rule);
+            *due = LodCut::new(scene, view, rule).large_drawables(WIDEST);
             rule.retain_solid(scene, due);
             select_occluders(scene, view, due, self.budget);
         } else {

@@ -16,6 +16,8 @@ pub(super) struct Pages<T> {
     pages: Box<[OnceLock<Box<[T]>>]>,
     length: usize,
     section: Section,
+    /// The records of a page are two to the power of this.
+    bits: u32,
     check: Check<T>,
 }
 
@@ -25,7 +27,13 @@ pub(super) type Check<T> = fn(&Scene, usize, &[T]) -> Result<(), SceneError>;
 impl<T: Pod> Pages<T> {
     pub(super) fn new(section: Section, length: usize, check: Check<T>) -> Self {
         let pages = length.div_ceil(section.per_page());
-        Self { pages: (0..pages).map(|_| OnceLock::new()).collect(), length, section, check }
+        Self {
+            pages: (0..pages).map(|_| OnceLock::new()).collect(),
+            length,
+            section,
+            bits: section.page_bits(),
+            check,
+        }
     }
 
     /// Records that are in memory.
@@ -73,7 +81,7 @@ impl<'s, T: Pod> Records<'s, T> {
     #[must_use]
     #[inline]
     pub fn get(self, index: usize) -> Option<&'s T> {
-        let bits = self.pages.section.page_bits();
+        let bits = self.pages.bits;
         let page = index >> bits;
         let records = match self.pages.pages.get(page)?.get() {
             Some(records) => records,
@@ -105,12 +113,12 @@ impl<'s, T: Pod> Records<'s, T> {
     }
 
     /// Reads those of these records that were not read yet, on all threads of rayon's pool: for whoever is
-    /// about to look at many of them. Numbers past the last record mean nothing.
-    pub fn read_ahead(self, numbers: impl Iterator<Item = usize>)
+    /// about to look at many of them. Numbers past the last record mean nothing. Says whether there were any.
+    pub fn read_ahead(self, numbers: impl Iterator<Item = usize>) -> bool
     where
         T: Send + Sync,
     {
-        let bits = self.pages.section.page_bits();
+        let bits = self.pages.bits;
         let is_unread = |page: &usize| self.pages.pages.get(*page).is_some_and(|page| page.get().is_none());
         let mut last = usize::MAX;
         let mut unread: Vec<usize> = numbers
@@ -120,10 +128,11 @@ impl<'s, T: Pod> Records<'s, T> {
         if unread.len() > 1 {
             unread.sort_unstable();
             unread.dedup();
-            unread.into_par_iter().for_each(|page| {
-                self.load(page);
+            unread.par_iter().for_each(|page| {
+                self.load(*page);
             });
         }
+        !unread.is_empty()
     }
 
     /// Reads what was not read yet.

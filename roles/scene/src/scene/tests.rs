@@ -927,7 +927,9 @@ fn what_is_read_ahead_is_what_was_asked_for() {
     let scene = opened(&encoded(arrays.clone())).unwrap();
     let before = scene.resident_bytes();
     // Two pages, the second of which is the last. The nodes above them were read at open.
-    scene.nodes().read_ahead([4352, 4400, TREE - 1, 4607, TREE + 500, usize::MAX].into_iter());
+    let numbers = [4352, 4400, TREE - 1, 4607, TREE + 500, usize::MAX];
+    assert!(scene.nodes().read_ahead(numbers.into_iter()));
+    assert!(!scene.nodes().read_ahead(numbers.into_iter()), "all of them were read");
     let page = |first: usize| TREE.min(first + 256) - first;
     let read = (page(4352) + page(4608)) * size_of::<Node>();
     assert_eq!(scene.resident_bytes() - before, read as u64);

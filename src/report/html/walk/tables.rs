@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use crate::report::format::{culler_cells, cullers_differ, figure, grouped, sweep_cells};
 use crate::report::html::table;
 use crate::report::schema::{
-    METRICS, Machine, Metric, Mode, Report, RoleInfo, Run, SceneInfo, SweepPoint, ViewStateInfo,
+    METRICS, Machine, MemoryUse, Metric, Mode, Report, RoleInfo, Run, SceneInfo, SweepPoint, ViewStateInfo,
 };
 
 pub(super) fn tables(report: &Report) -> Markup {
@@ -20,6 +20,7 @@ pub(super) fn tables(report: &Report) -> Markup {
         h2 #settings { "Settings" }
         div.columns {
             (run(report)) (scene(&report.run.scene)) (machines(&report.run)) (view_states(&report.run))
+            @if let Some(held) = &report.run.memory { (memory(held)) }
         }
     }
 }
@@ -230,6 +231,21 @@ fn scene(scene: &SceneInfo) -> Markup {
             ("nodes × levels", grouped(scene.drawables as f64)),
             ("triangles, instances counted each", grouped(scene.triangles as f64)),
             ("made from", scene.sources.join(", ")),
+        ],
+    )
+}
+
+fn memory(memory: &MemoryUse) -> Markup {
+    let row = |name, value: u64| (name, grouped(value as f64));
+    pairs(
+        "Memory of the display's process when the walk ended",
+        [
+            row("the scene's records (bytes)", memory.scene_bytes),
+            row("taken on the device for triangles (bytes)", memory.device_taken_bytes),
+            row("triangles on the device (bytes)", memory.device_bytes),
+            row("pieces of geometry brought to the device", memory.pieces_brought),
+            row("their size (bytes)", memory.bytes_brought),
+            row("pieces dropped to make room", memory.pieces_dropped),
         ],
     )
 }
