@@ -78,11 +78,16 @@ fn a_scene_cut_short_or_changed_is_refused() {
     let whole = fs::read(bench.path("plant.scene")).unwrap();
     bench.write("short.scene", &whole[..whole.len() / 2]);
     bench.refuses(&["info", "short.scene"], &["short.scene", "cut short"]);
-    let mut changed = whole;
-    let middle = changed.len() / 2;
-    changed[middle] ^= 1;
-    bench.write("changed.scene", changed);
-    bench.refuses(&["run", "changed.scene"], &["changed.scene", "damaged"]);
+    let changed_at = |byte: usize| {
+        let mut changed = whole.clone();
+        changed[byte] ^= 1;
+        bench.write("changed.scene", changed);
+    };
+    // `info` reads all of it, and a walk begins with the top of the tree, which stands first.
+    changed_at(whole.len() / 2);
+    bench.refuses(&["info", "changed.scene"], &["changed.scene", "damaged"]);
+    changed_at(200);
+    bench.refuses(&["run", "changed.scene"], &["changed.scene", "nodes 0 to", "damaged"]);
 }
 
 #[test]

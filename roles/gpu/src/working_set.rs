@@ -87,7 +87,9 @@ pub(crate) struct HoldId(u64);
 struct HoldState {
     /// What was used at this tick or later.
     since: u64,
-    /// All draws that need it were submitted.
+    /// How often draws were placed.
+    batches: u64,
+    /// All of these draws were submitted.
     is_submitted: bool,
 }
 
@@ -151,7 +153,7 @@ impl WorkingSet {
             self.grow()?;
         }
         self.tick += 1;
-        self.holds.insert(hold.0, HoldState { since: self.tick, is_submitted: true });
+        self.holds.insert(hold.0, HoldState { since: self.tick, batches: 0, is_submitted: true });
         Ok(())
     }
 
@@ -160,7 +162,9 @@ impl WorkingSet {
         if !self.holds.contains_key(&hold.0) {
             self.tick += 1;
         }
-        let state = self.holds.entry(hold.0).or_insert(HoldState { since: self.tick, is_submitted: false });
+        let none = HoldState { since: self.tick, batches: 0, is_submitted: true };
+        let state = self.holds.entry(hold.0).or_insert(none);
+        state.batches += 1;
         state.is_submitted = false;
     }
 
@@ -407,6 +411,26 @@ mod tests {
         let budget = Budget { most: 1 << 20, first: 1 << 20 };
         let drawn = GpuScene::with(&gpu, &scene, budget, true).unwrap();
         assert!([&ids(500)[..1], &ids(500)].map(|ids| picture(&drawn, &view, ids)) == by_host);
+    }
+
+    #[test]
+    fn a_hold_that_went_on_is_not_released_for_what_it_was() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let budget = Budget { most: 1 << 20, first: 1 << 20 };
+        let mut set = WorkingSet::new(&gpu, &crowds(3), budget, false).unwrap();
+        let hold = set.hold();
+        set.renew(hold).unwrap();
+        set.begin_draws(hold);
+        set.end_draws(hold);
+        let submitted = set.submitted();
+        // More draws, submitted as well, of which those who look meanwhile know nothing.
+        set.begin_draws(hold);
+        set.end_draws(hold);
+        set.release_all(&submitted);
+        assert_eq!(set.submitted().0.len(), 1, "it still holds");
+        let submitted = set.submitted();
+        set.release_all(&submitted);
+        assert_eq!(set.submitted().0.len(), 0);
     }
 
     #[test]

@@ -35,7 +35,7 @@ pub enum ReadCause {
     #[error("the file cannot be read")]
     Io(#[source] Arc<io::Error>),
     /// The bytes are not those that were written.
-    #[error("its checksum does not match")]
+    #[error("it is damaged: its checksum does not match")]
     Damaged,
     /// The file was written to since it was opened.
     #[error("the file was overwritten while it was open")]
