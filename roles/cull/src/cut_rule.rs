@@ -39,8 +39,8 @@ pub(crate) enum NodeAppearance {
 }
 
 impl CutRule {
-    /// What `state` asks for in `scene`; looks at the objects that are drawn otherwise than most, and at what is
-    /// above them. Numbers that are none of the scene's objects mean nothing.
+    /// What `state` asks for in `scene`; looks at the objects that are drawn otherwise than most, and at what
+    /// is above them. Numbers that are none of the scene's objects mean nothing.
     #[must_use]
     pub fn new(scene: &Scene, state: &ViewState) -> Self {
         let nodes = (!state.is_all_solid()).then(|| Arc::new(NodeAppearances::new(scene, state)));

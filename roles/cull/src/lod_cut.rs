@@ -236,7 +236,8 @@ fn extent(direction: DVec3, half: DVec3) -> f64 {
     direction.x.abs() * half.x + direction.y.abs() * half.y + direction.z.abs() * half.z
 }
 
-/// How large a node looks: the square of its diagonal over its distance. Infinite where the eye is in its box.
+/// How large a node looks: the square of its diagonal over its distance. Infinite where the eye is in its
+/// box.
 pub(crate) fn looks(node: &Node, eye: DVec3) -> f64 {
     let (min, max) = node.world_box();
     (max - min).length_squared() / node.distance_squared(eye)

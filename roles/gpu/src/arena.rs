@@ -93,6 +93,11 @@ impl Arena {
         &self.buffer
     }
 
+    /// Whether there is room for a piece of geometry where there is nothing else.
+    pub(crate) fn could_hold(&self, geometry: &Geometry) -> bool {
+        units(geometry).is_some_and(|units| units <= self.units)
+    }
+
     /// A place for a piece of geometry; `None` if there is no room.
     pub(crate) fn allocate(&mut self, geometry: &Geometry) -> Option<Piece> {
         let units = units(geometry)?;

@@ -74,8 +74,8 @@ impl Draws {
         self.recorded < self.added
     }
 
-    /// Adds one draw for each of `ids` that has a place, as seen from `view`; with `opaque`, solids show their
-    /// front alone. An id that the scene does not have is an error, and none of the ids after it is added.
+    /// Adds one draw for each of `ids` that has a place, as seen from `view`; with `opaque`, solids show
+    /// their front alone. An id that the scene does not have is an error, and none of the ids after it is added.
     pub(crate) fn add(
         &mut self,
         scene: &GpuScene,

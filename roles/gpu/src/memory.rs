@@ -70,16 +70,16 @@ impl Buffer {
         self.bytes
     }
 
-    /// Whether the host sees its memory and writes to it without flushing, even where the location did not ask
-    /// for that: on a CPU driver all memory is such.
+    /// Whether the host sees its memory and writes to it without flushing, even where the location did not
+    /// ask for that: on a CPU driver all memory is such.
     pub(crate) fn is_writable(&self) -> bool {
         let properties = self.allocation.memory_properties();
         properties.contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT)
             && self.allocation.mapped_slice().is_some()
     }
 
-    /// Writes bytes from `offset` on, those within the buffer, if it is [writable](Self::is_writable). Nothing
-    /// reads or writes them meanwhile: no work under way on the device, and no other thread.
+    /// Writes bytes from `offset` on, those within the buffer, if it is [writable](Self::is_writable).
+    /// Nothing reads or writes them meanwhile: no work under way on the device, and no other thread.
     pub(crate) fn write(&self, offset: u64, bytes: &[u8]) {
         let room = self.bytes.saturating_sub(offset);
         let length = bytes.len().min(usize::try_from(room).unwrap_or(usize::MAX));

@@ -36,8 +36,8 @@ pub(crate) enum Absent {
 }
 
 impl GpuScene {
-    /// Takes memory for a scene's triangles, as much as [`GpuOptions::memory`](crate::GpuOptions::memory) says.
-    /// They are read from the scene when they are first drawn.
+    /// Takes memory for a scene's triangles, as much as
+    /// [`GpuOptions::memory`](crate::GpuOptions::memory) says. They are read from the scene when they are first drawn.
     ///
     /// # Errors
     /// If the device has no memory.
@@ -73,8 +73,8 @@ impl GpuScene {
         self.set.lock()
     }
 
-    /// Brings the triangles of `ids` to the device and appends to `places` where they are, in order: `None` for
-    /// those that are left out. Fewer than the ids where there is no room for more. Gives the bytes that were
+    /// Brings the triangles of `ids` to the device and appends to `places` where they are, in order: `None`
+    /// for those that are left out. Fewer than the ids where there is no room for more. Gives the bytes that were
     /// brought. They stay as long as a pass holds the set.
     ///
     /// # Errors

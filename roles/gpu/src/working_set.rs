@@ -65,7 +65,7 @@ pub(crate) struct WorkingSet {
     keys: Vec<u32>,
     tick: u64,
     /// By the passes' numbers.
-    holds: HashMap<u64, HoldState>,
+    holds: HashMap<HoldId, HoldState>,
     next_hold: u64,
     /// Something was dropped, or found no room, though the budget allows more memory.
     is_cramped: bool,
@@ -95,7 +95,7 @@ struct HoldState {
 
 /// Holds as they were at a time.
 #[derive(Debug)]
-pub(crate) struct SubmittedHolds(Vec<(u64, HoldState)>);
+pub(crate) struct SubmittedHolds(Vec<(HoldId, HoldState)>);
 
 impl Budget {
     /// What was asked for, or most of what the device has; within what it can address.
@@ -153,24 +153,24 @@ impl WorkingSet {
             self.grow()?;
         }
         self.tick += 1;
-        self.holds.insert(hold.0, HoldState { since: self.tick, batches: 0, is_submitted: true });
+        self.holds.insert(hold, HoldState { since: self.tick, batches: 0, is_submitted: true });
         Ok(())
     }
 
     /// Holds what is placed from here on, if the pass holds nothing; its draws are not submitted yet.
     pub(crate) fn begin_draws(&mut self, hold: HoldId) {
-        if !self.holds.contains_key(&hold.0) {
+        if !self.holds.contains_key(&hold) {
             self.tick += 1;
         }
         let none = HoldState { since: self.tick, batches: 0, is_submitted: true };
-        let state = self.holds.entry(hold.0).or_insert(none);
+        let state = self.holds.entry(hold).or_insert(none);
         state.batches += 1;
         state.is_submitted = false;
     }
 
     /// All draws of the pass that were placed so far were submitted.
     pub(crate) fn end_draws(&mut self, hold: HoldId) {
-        if let Some(state) = self.holds.get_mut(&hold.0) {
+        if let Some(state) = self.holds.get_mut(&hold) {
             state.is_submitted = true;
         }
     }
@@ -193,7 +193,7 @@ impl WorkingSet {
 
     /// The device is done with all that the pass has drawn.
     pub(crate) fn release(&mut self, hold: HoldId) {
-        self.holds.remove(&hold.0);
+        self.holds.remove(&hold);
     }
 
     /// The buffer that pieces are in now. Another one takes its place when the set grows.
@@ -218,8 +218,7 @@ impl WorkingSet {
             Absent::Read => u64::MAX,
             Absent::ReadOrSkip { most } => most,
         };
-        let mut is_full = false;
-        for numbers in numbers.chunks(LOOKED_UP_AT_ONCE) {
+        'all: for numbers in numbers.chunks(LOOKED_UP_AT_ONCE) {
             let mut read = self.read_missing(numbers, most - (self.stats.loaded_bytes - before).min(most))?;
             for &number in numbers {
                 let piece = match (self.find(number), read.remove(&number), absent) {
@@ -232,17 +231,13 @@ impl WorkingSet {
                     }
                     (None, None, Absent::ReadOrSkip { .. }) => None,
                 };
-                is_full = piece.is_none() && absent == Absent::Read;
-                if is_full {
-                    break;
+                if piece.is_none() && absent == Absent::Read {
+                    break 'all;
                 }
                 places.push(piece.map(|piece| Place {
                     first_index: piece.first_index(),
                     first_vertex: piece.first_vertex(),
                 }));
-            }
-            if is_full {
-                break;
             }
         }
         self.arena.finish()?;
@@ -310,6 +305,9 @@ impl WorkingSet {
             return Some(piece);
         }
         self.is_cramped = self.can_grow();
+        if !self.arena.could_hold(geometry) {
+            return None; // whatever is dropped for it
+        }
         let oldest_hold = self.holds.values().map(|state| state.since).min().unwrap_or(u64::MAX);
         let free = self.residents.iter().filter(|(_, resident)| resident.used < oldest_hold);
         let mut by_age: Vec<(u64, usize)> = free.map(|(key, resident)| (resident.used, key)).collect();
@@ -371,7 +369,7 @@ mod tests {
 
     use super::*;
     use crate::common::{self, CheckedGpu, ids, triangles, view};
-    use crate::{GpuScene, PicturePass};
+    use crate::{GpuScene, OccluderPass, PicturePass};
 
     /// So many crowds of 200 triangles, one before the other, each of another place.
     fn crowds(count: u32) -> Arc<Scene> {
@@ -431,6 +429,25 @@ mod tests {
         let submitted = set.submitted();
         set.release_all(&submitted);
         assert_eq!(set.submitted().0.len(), 0);
+    }
+
+    #[test]
+    fn nothing_is_dropped_for_what_would_not_fit_alone() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let small = triangles(&[[0.0, 0.0, -2.0], [1.0, 0.0, -2.0], [0.0, 1.0, -2.0]]);
+        let large = FlatObject { indices: [0, 1, 2].repeat(10_000), ..small.clone() };
+        let scene = Arc::new(common::scene(&[small, large]));
+        let budget = Budget { most: 100_000, first: 100_000 };
+        let drawn = GpuScene::with(&gpu, &scene, budget, false).unwrap();
+        let view = view(8, 8, DVec3::ZERO);
+        let mut pass = OccluderPass::new(&drawn, view.viewport()).unwrap();
+        for ids in [&ids(2)[..1], &ids(2)[1..], &ids(2)[..1]] {
+            pass.begin(&view).unwrap();
+            pass.draw(ids).unwrap();
+            pass.finish().unwrap();
+        }
+        let set = drawn.working_set();
+        assert_eq!((set.loaded, set.dropped), (1, 0), "the small one stayed");
     }
 
     #[test]

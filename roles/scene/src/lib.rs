@@ -20,7 +20,7 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | `scene` | [`Scene`]: the file, its records as they are asked for, and the checks that later code relies on |
+//! | `scene` | [`Scene`]: the file, its records as they are asked for, and their checks |
 //! | [`path`] | camera paths: made for a scene by a seed, or read from a file |
 //! | [`random`] | random numbers that are the same everywhere |
 

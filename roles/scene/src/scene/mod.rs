@@ -37,8 +37,8 @@ pub use validate::SceneError;
 
 /// A cooked scene, of which what was asked for is in memory.
 ///
-/// Records are read from its file, a page at a time, when they are first asked for, and stay. Geometry is read
-/// each time. Each page is checked when it is read: its bytes against the fingerprint, and its records
+/// Records are read from its file, a page at a time, when they are first asked for, and stay. Geometry is
+/// read each time. Each page is checked when it is read: its bytes against the fingerprint, and its records
 /// against the rules, so that later code can trust them: every index is in range, every box finite, errors
 /// never fall towards the root.
 ///
@@ -91,11 +91,11 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Opens a scene that [`Scene::save`] wrote: reads and checks its header, its directory and the top of its
-    /// tree. All else is checked when it is first asked for.
+    /// Opens a scene that [`Scene::save`] wrote: reads and checks its header, its directory and the top of
+    /// its tree. All else is checked when it is first asked for.
     ///
-    /// **What was opened never changes.** A file that is replaced or deleted is read on as it was. One that is
-    /// overwritten where it stands no longer matches its fingerprint: what was read stays, and what was not
+    /// **What was opened never changes.** A file that is replaced or deleted is read on as it was. One that
+    /// is overwritten where it stands no longer matches its fingerprint: what was read stays, and what was not
     /// is a [`fault`](Self::fault).
     ///
     /// # Errors
