@@ -8,7 +8,10 @@ use trimaran_net::Instant;
 use trimaran_udp::{Connection, ConnectionId, STEPS_PER_BYTE, STEPS_PER_PACKET, UnitLane};
 use trimaran_wire::{FrameEnd, FrameMessage, FrameNumber};
 
-use crate::wire::{Block, acknowledgement, begin, config, give_up, message_part, part, repair, sealed};
+use crate::wire::{
+    BLOCK_PART, Block, MESSAGE_PART, acknowledgement, begin, config, give_up, part, record_part, repair,
+    sealed,
+};
 
 const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
@@ -57,7 +60,8 @@ fn chunk(reader: &mut impl Iterator<Item = u8>, sent: u64) -> Option<Vec<u8>> {
             let data = vec![kind; (usize::from(next()) * 5).min(1100)];
             match kind >> 4 {
                 tail @ 0..8 => part(unit, offset, tail, &data),
-                tail => message_part(unit, offset, tail > 8, &data),
+                tail @ 8..12 => record_part(MESSAGE_PART, unit, offset, tail > 8, &data),
+                tail => record_part(BLOCK_PART, unit, offset, tail > 12, &data),
             }
         }
         6..=9 => {
@@ -104,7 +108,7 @@ fn send_frame(connection: &mut Connection, number: u32) {
 /// Reads and sends what there is, and looks at what that has cost.
 fn settle(connection: &mut Connection, now: Instant) {
     let mut out = Vec::new();
-    for lane in [UnitLane::Frames, UnitLane::Messages] {
+    for lane in UnitLane::ALL {
         while connection.recv(lane).is_some() {}
     }
     if connection.poll_timeout().is_some_and(|due| due <= now) {

@@ -74,7 +74,7 @@ fn answer(security: &Security, datagram: &[u8]) {
 pub fn chunks(bytes: &[u8]) {
     let mut connection = Connection::plaintext(now(), HERE, THERE, config());
     connection.publish(value());
-    for lane in [UnitLane::Frames, UnitLane::Messages] {
+    for lane in UnitLane::ALL {
         connection.end_lane(lane, CloseReason::new(0, "over"));
     }
     connection.follow(HOME, SECRET);
@@ -88,12 +88,13 @@ pub fn chunks(bytes: &[u8]) {
         let (from, datagram) = (if number & 2 == 0 { ELSEWHERE } else { HOME }, sealed(HERE.0, number, body));
         connection.handle_from(at, from, &datagram);
         elsewhere += if from == ELSEWHERE { 3 * datagram.len() } else { 0 };
-        for lane in [UnitLane::Frames, UnitLane::Messages] {
+        for lane in UnitLane::ALL {
             while let Some(item) = connection.recv(lane) {
                 assert_eq!(closed, None, "nothing comes after the end");
                 match item {
                     Received::Frame(FrameMessage::Batch(bytes) | FrameMessage::Coded(bytes))
-                    | Received::Message(bytes) => passed += bytes.len(),
+                    | Received::Message(bytes)
+                    | Received::Block(bytes) => passed += bytes.len(),
                     _ => {}
                 }
             }

@@ -1,7 +1,7 @@
 //! What must hold for any bytes in place of a handshake over byte streams. The fuzz targets search for bytes
 //! that break it; an ordinary test of `trimaran-netsim` replays the corpus.
 //!
-//! An input is what is said on each of the three connections, one after the other, each but the last behind a
+//! An input is what is said on each of the four connections, one after the other, each but the last behind a
 //! byte of its length. The application is the one of the conformance suite.
 
 use std::sync::Arc;
@@ -17,10 +17,11 @@ use trimaran_wire::{Decoder, Format, Message};
 
 const MINUTE: Duration = Duration::from_secs(60);
 
-fn said(bytes: &[u8]) -> [&[u8]; 3] {
+fn said(bytes: &[u8]) -> [&[u8]; 4] {
     let (first, rest) = next_said(bytes);
-    let (second, third) = next_said(rest);
-    [first, second, third]
+    let (second, rest) = next_said(rest);
+    let (third, fourth) = next_said(rest);
+    [first, second, third, fourth]
 }
 
 fn next_said(bytes: &[u8]) -> (&[u8], &[u8]) {

@@ -50,10 +50,14 @@ pub fn part(unit: u64, offset: u64, tail: u8, data: &[u8]) -> Vec<u8> {
     out
 }
 
-/// A part of a message.
-pub fn message_part(unit: u64, offset: u64, ends: bool, data: &[u8]) -> Vec<u8> {
+/// The first byte of a part of a message, and of a block, behind which more follows.
+pub const MESSAGE_PART: u8 = 0x40;
+pub const BLOCK_PART: u8 = 0x50;
+
+/// A part of a message or of a block, as `code` says.
+pub fn record_part(code: u8, unit: u64, offset: u64, ends: bool, data: &[u8]) -> Vec<u8> {
     let mut out = part(unit, offset, 0, data);
-    out[0] = 0x40 | u8::from(ends) << 1;
+    out[0] = code | u8::from(ends) << 1;
     out
 }
 

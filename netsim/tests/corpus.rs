@@ -16,7 +16,13 @@ const TARGETS: [(&str, Check, &[&str]); 2] = [
     (
         "hellos",
         hellos::hellos,
-        &["a-peer", "a-peer-latest-lane-first", "a-peer-messages-lane-first", "a-peer-without-a-role"],
+        &[
+            "a-peer",
+            "a-peer-latest-lane-first",
+            "a-peer-messages-lane-first",
+            "a-peer-bulk-lane-first",
+            "a-peer-without-a-role",
+        ],
     ),
     ("answers", hellos::answers, &["accept", "accept-with-a-batch-size-and-a-close"]),
 ];

@@ -27,7 +27,7 @@ conformance_in_virtual_time!(|| {
     let (send_buffer, recv_buffer) = (Some(64 * 1024), Some(64 * 1024));
     let tcp = TcpOptions { send_buffer, recv_buffer, ..TcpOptions::default() };
     let options = Options { tcp, ..Options::default() };
-    let overhead = Overhead { header_bytes: 4, handshake: 3, coded: true };
+    let overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
     (simulation, Machines { scheme: "tcp", overhead, nets, options: [options.clone(), options] })
 });
 

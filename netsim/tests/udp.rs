@@ -15,6 +15,7 @@ use trimaran_transport::{
     FrameEvent, FrameOutcome, LinkConfig, MessageReceiver, MessageSender, Options, RecvError, UdpMode,
     sleep_until,
 };
+use virtual_time::priorities::{beside_blocks, blocks_alone, narrow};
 use virtual_time::{Machines, two_hosts};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
@@ -31,6 +32,29 @@ fn machines_between(way: &LinkModel, back: &LinkModel, seed: u64, udp: UdpOption
 }
 
 connection_in_virtual_time!(machines);
+
+/// Whoever sends blocks without end keeps so few under way that a frame and a message hardly notice: each
+/// comes as soon as on an empty line, but for the packets that the round trips cannot tell from none.
+#[test]
+fn a_frame_and_a_message_come_beside_blocks_as_soon_as_without() {
+    let longest = |blocks| {
+        let (simulation, machines) = machines(&narrow(), 1);
+        simulation.run(beside_blocks(&machines, blocks)).unwrap()
+    };
+    let (alone, beside) = (longest(0), longest(40));
+    for (alone, beside) in alone.into_iter().zip(beside) {
+        // A packet takes 1 ms over this line.
+        assert!(beside < alone + Duration::from_millis(4), "{beside:?} beside blocks, {alone:?} alone");
+    }
+}
+
+/// The little that is under way of blocks is enough for most of the line, which takes 524 ms for these.
+#[test]
+fn blocks_alone_have_most_of_a_line() {
+    let (simulation, machines) = machines(&narrow(), 1);
+    let took = simulation.run(blocks_alone(&machines)).unwrap();
+    assert!(took < Duration::from_millis(700), "{took:?}");
+}
 
 /// Over a way that loses many packets and leaves time to send them again once: whole or with gaps, but never
 /// what was not sent.

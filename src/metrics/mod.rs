@@ -167,9 +167,12 @@ impl Carried {
 
 impl From<Traffic> for Carried {
     fn from(traffic: Traffic) -> Self {
-        let Traffic { latest, begin, batches, items, end, messages: said, control, header_bytes } = traffic;
-        let messages =
-            [latest, begin, batches, end, said, control].iter().map(|tally: &Tally| tally.messages).sum();
+        let Traffic { latest, begin, batches, items, end, messages: said, bulk, control, header_bytes } =
+            traffic;
+        let messages = [latest, begin, batches, end, said, bulk, control]
+            .iter()
+            .map(|tally: &Tally| tally.messages)
+            .sum();
         Self {
             frames: end.messages,
             ids: items,
@@ -179,7 +182,7 @@ impl From<Traffic> for Carried {
             id_bytes: batches.bytes,
             end_bytes: end.bytes,
             // What roles say beside cameras and ids is counted with it.
-            control_bytes: control.bytes + said.bytes,
+            control_bytes: control.bytes + said.bytes + bulk.bytes,
             header_bytes,
         }
     }

@@ -5,7 +5,7 @@
 //! cargo run -p trimaran-transport --features conformance --example a_transport_of_your_own
 //! ```
 //!
-//! A link has two byte streams, so it has two WebSockets. Bytes travel as binary messages, of any size: where
+//! A link has four byte streams, so it has four WebSockets. Bytes travel as binary messages, of any size: where
 //! one ends means nothing.
 
 use std::io;
@@ -204,7 +204,7 @@ mod tests {
 
     use super::*;
 
-    const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 3, coded: true };
+    const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
 
     fn web_sockets() -> Joined {
         let options = Options { transports: vec![Arc::new(WebSockets::default())], ..Options::default() };

@@ -1,8 +1,8 @@
 //! Links for data that belongs to frames, over pluggable transports and an application's own types.
 //!
-//! A [`Link`] joins two peers by three lanes: the *latest* lane is a cell of size one, the *frames* lane
-//! carries begin, batches of items, end, the *messages* lane what is said beside. An application says what
-//! they hold by a [`Protocol`]. [`connect`] and [`Listener`] make links over the transport that an
+//! A [`Link`] joins two peers by four lanes: the *latest* lane is a cell of size one, the *frames* lane
+//! carries begin, batches of items, end, the *messages* lane what is said beside, and the *bulk* lane blocks
+//! of bytes that are in nobody's way. An application says what they hold by a [`Protocol`]. [`connect`] and [`Listener`] make links over the transport that an
 //! [`Endpoint`] names; using them is the same over each.
 //!
 //! ```
@@ -115,6 +115,7 @@ pub use endpoint::{
 pub use endpoints::Endpoints;
 pub use error::{Loss, ProtocolError, RecvError, SendError};
 pub use handshake::{HandshakeError, HelloTooLong};
+pub use lanes::bulk::{BulkReceiver, BulkSender};
 pub use lanes::frames::{FrameReceiver, FrameSender};
 pub use lanes::latest::{LatestReceiver, LatestSender};
 pub use lanes::messages::{MessageReceiver, MessageSender};
@@ -135,8 +136,8 @@ pub use trimaran_udp::PathStats;
 pub use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, CloseReason,
     CodingError, DecodeError, DecodeFault, Delivery, Explanation, Fixed, FrameEnd, FrameEvent, FrameNumber,
-    FrameOrderError, FrameOutcome, FrameStart, FrameViolation, Item, Kind, Lane, MAX_MESSAGE, Protocol,
-    ProtocolName, Refusal, Rejection, SessionId, WireVersion,
+    FrameOrderError, FrameOutcome, FrameStart, FrameViolation, Item, Kind, Lane, MAX_BLOCK, MAX_MESSAGE,
+    Protocol, ProtocolName, Refusal, Rejection, SessionId, WireVersion,
 };
 #[cfg(feature = "unix")]
 pub use unix::{ForeignUser, UnixOptions};

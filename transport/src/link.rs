@@ -7,11 +7,14 @@ use std::time::Duration;
 use trimaran_net::{Net, until};
 use trimaran_wire::{CloseReason, Protocol};
 
-use crate::error::{RecvError, SendError};
+use crate::application::whole;
+use crate::error::{ProtocolError, RecvError, SendError};
 use crate::inproc::lanes as inproc;
+use crate::lanes::bulk::{BulkReceiver, BulkSender};
 use crate::lanes::frames::{FrameReceiver, FrameRx, FrameSender, FrameTx};
 use crate::lanes::latest::{LatestReceiver, LatestRx, LatestSender, LatestTx};
-use crate::lanes::messages::{MessageReceiver, MessageRx, MessageSender, MessageTx};
+use crate::lanes::messages::{MessageReceiver, MessageSender};
+use crate::lanes::records::{RecordReceiver, RecordRx, RecordSender, RecordTx};
 use crate::options::link::LinkConfig;
 use crate::parts::{Lanes, Parts};
 use crate::peer::{PeerAddress, PeerInfo};
@@ -23,8 +26,8 @@ use crate::transport::Capabilities;
 /// How long a peer that leaves waits for the other one to leave as well.
 const LINGER: Duration = Duration::from_millis(500);
 
-/// A link to a peer: a lane for the latest value, a lane for frames of items and a lane for messages, each in
-/// both directions.
+/// A link to a peer: a lane for the latest value, a lane for frames of items, a lane for messages and, behind
+/// these, a lane for blocks of bytes; each in both directions.
 ///
 /// The halves are independent: take the struct apart and use each where it is needed, from any thread.
 /// Waiting calls work inside a runtime as well as under `Handle::block_on` on a thread of the caller's.
@@ -46,6 +49,10 @@ pub struct Link<P: Protocol> {
     pub messages_tx: MessageSender<P>,
     /// Receives messages.
     pub messages_rx: MessageReceiver<P>,
+    /// Sends blocks of bytes that nothing else has to wait for.
+    pub bulk_tx: BulkSender,
+    /// Receives such blocks.
+    pub bulk_rx: BulkReceiver,
     /// Counts what travels, for reading at any time.
     pub stats: StatsHandle,
     pub(crate) capabilities: Capabilities,
@@ -71,20 +78,22 @@ impl<P: Protocol> Link<P> {
     pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, .. } = self;
         let (messages_tx, mut messages_rx, net) = (self.messages_tx, self.messages_rx, self.net);
+        let (bulk_tx, mut bulk_rx) = (self.bulk_tx, self.bulk_rx);
         let say = async {
-            let (frames, latest, messages) = tokio::join!(
+            let (frames, latest, messages, bulk) = tokio::join!(
                 frames_tx.close(reason.clone()),
                 latest_tx.close(reason.clone()),
-                messages_tx.close(reason.clone())
+                messages_tx.close(reason.clone()),
+                bulk_tx.close(reason.clone())
             );
-            frames.and(latest).and(messages)
+            frames.and(latest).and(messages).and(bulk)
         };
         // A connection that is closed while it holds unread data is reset, and on some systems the reset
         // overtakes the close on the peer's side. So whatever comes is read until the peer closes.
         let hear = async {
-            let (frames, latest, messages) =
-                tokio::join!(frames_rx.drain(), latest_rx.drain(), messages_rx.drain());
-            let ends = [frames, latest, messages];
+            let (frames, latest, messages, bulk) =
+                tokio::join!(frames_rx.drain(), latest_rx.drain(), messages_rx.0.drain(), bulk_rx.0.drain());
+            let ends = [frames, latest, messages, bulk];
             (ends.iter().any(|end| matches!(end, RecvError::Closed { .. })), latest_rx)
         };
         let (mut say, mut hear) = (pin!(say), pin!(hear));
@@ -122,23 +131,27 @@ impl Parts {
         let most = if local { u32::MAX } else { config.messages_per_s };
         let timeouts = || Timeouts::new(net, config.timeout, config.idle_timeout);
         let batching = peer.batching.unwrap_or(config.batching);
-        let (latest, frames, messages) = match lanes {
+        let (latest, frames, messages, bulk) = match lanes {
             Lanes::Wire(wire) => (
                 (LatestTx::Wire(wire.latest.0), LatestRx::Wire(Box::new(wire.latest.1))),
                 (FrameTx::Wire(wire.frames.0), FrameRx::Wire(wire.frames.1)),
-                (MessageTx::Wire(wire.messages.0), MessageRx::Wire(wire.messages.1)),
+                (RecordTx::Wire(wire.messages.0), RecordRx::Wire(wire.messages.1)),
+                (RecordTx::Wire(wire.bulk.0), RecordRx::Wire(wire.bulk.1)),
             ),
             Lanes::Local(lanes) => {
-                let inproc::Lanes { latest, frames, messages } =
+                let inproc::Lanes { latest, frames, messages, bulk } =
                     *lanes.downcast::<inproc::Lanes<P>>().ok()?;
                 (
                     (LatestTx::Local(latest.0), LatestRx::Local(latest.1)),
                     (FrameTx::Local(frames.0), FrameRx::Local(frames.1)),
-                    (MessageTx::Local(messages.0), MessageRx::Local(messages.1)),
+                    (RecordTx::Local(messages.0), RecordRx::Local(messages.1)),
+                    (RecordTx::Local(bulk.0), RecordRx::Local(bulk.1)),
                 )
             }
         };
         let (max_frame, rate) = (config.max_frame, || Messages::new(most));
+        // A peer may have no message and no block to send for ever.
+        let patient = || Timeouts::new(net, Duration::MAX, config.idle_timeout);
         Some(Link {
             peer: PeerInfo { name: peer.name, hello, session, address },
             capabilities,
@@ -155,13 +168,26 @@ impl Parts {
                 timeouts(),
             ),
             frames_rx: FrameReceiver::new(max_frame, frames.1, shared.clone(), timeouts(), rate()),
-            messages_tx: MessageSender { lane: messages.0, shared: shared.clone(), timeouts: timeouts() },
-            messages_rx: MessageReceiver {
+            messages_tx: MessageSender(RecordSender {
+                lane: messages.0,
+                shared: shared.clone(),
+                timeouts: timeouts(),
+            }),
+            messages_rx: MessageReceiver(RecordReceiver {
                 lane: messages.1,
+                shared: shared.clone(),
+                timeouts: patient(),
+                rate: Some(rate()),
+                read: |bytes| whole(&bytes).map_err(ProtocolError::Message),
+            }),
+            bulk_tx: BulkSender(RecordSender { lane: bulk.0, shared: shared.clone(), timeouts: timeouts() }),
+            bulk_rx: BulkReceiver(RecordReceiver {
+                lane: bulk.1,
                 shared,
-                timeouts: Timeouts::new(net, Duration::MAX, config.idle_timeout),
-                rate: rate(),
-            },
+                timeouts: patient(),
+                rate: None,
+                read: Ok,
+            }),
         })
     }
 }

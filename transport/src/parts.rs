@@ -7,7 +7,7 @@ use trimaran_wire::SessionId;
 use crate::handshake::HandshakeError;
 use crate::lanes::frames::{WireFrameRx, WireFrameTx};
 use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::messages::{WireMessageRx, WireMessageTx};
+use crate::lanes::records::{WireRecordRx, WireRecordTx};
 use crate::lanes::shared::Shared;
 use crate::peer::{Peer, PeerAddress};
 use crate::transport::Capabilities;
@@ -30,7 +30,8 @@ pub(crate) struct Parts {
 pub(crate) struct Wire {
     pub(crate) latest: (WireLatestTx, WireLatestRx),
     pub(crate) frames: (WireFrameTx, WireFrameRx),
-    pub(crate) messages: (WireMessageTx, WireMessageRx),
+    pub(crate) messages: (WireRecordTx, WireRecordRx),
+    pub(crate) bulk: (WireRecordTx, WireRecordRx),
 }
 
 /// The lanes.

@@ -9,7 +9,7 @@ use tokio::sync::oneshot;
 use crate::rates::Origin;
 
 /// How many slots one link takes: over byte streams each of its connections shakes hands.
-const SLOTS_PER_LINK: usize = 3;
+const SLOTS_PER_LINK: usize = 4;
 
 /// Has a slot for each handshake under way. None of their peers is authenticated yet, so a new handshake
 /// always gets a slot.
@@ -120,18 +120,22 @@ mod tests {
     #[test]
     fn who_comes_last_has_a_slot_and_an_address_with_many_gives_way_by_its_oldest() {
         assert_eq!(survivors(4, &[1, 1, 1, 1]), [0, 1, 2, 3], "there is room");
-        assert_eq!(survivors(5, &[2, 1, 1, 1, 1, 1]), [0, 2, 3, 4, 5], "1 has four");
-        assert_eq!(survivors(5, &[1, 1, 1, 1, 2, 2, 2]), [2, 3, 4, 5, 6], "1 had more than 2");
+        assert_eq!(survivors(6, &[2, 1, 1, 1, 1, 1, 1]), [0, 2, 3, 4, 5, 6], "1 has five");
+        assert_eq!(survivors(6, &[1, 1, 1, 1, 1, 2, 2, 2]), [2, 3, 4, 5, 6, 7], "1 had more than 2");
         assert_eq!(survivors(3, &[1, 2, 3, 4, 5]), [2, 3, 4], "all have one");
     }
 
     #[test]
-    fn a_link_of_three_connections_is_no_crowd_among_single_ones() {
-        assert_eq!(survivors(5, &[2, 3, 1, 1, 1, 4]), [1, 2, 3, 4, 5], "the oldest, not one of 1's three");
+    fn a_link_of_four_connections_is_no_crowd_among_single_ones() {
         assert_eq!(
-            survivors(6, &[1, 1, 2, 2, 2, 2, 3]),
-            [0, 1, 3, 4, 5, 6],
-            "four are more than a link takes"
+            survivors(6, &[2, 3, 1, 1, 1, 1, 4]),
+            [1, 2, 3, 4, 5, 6],
+            "the oldest, not one of 1's four"
+        );
+        assert_eq!(
+            survivors(7, &[1, 1, 2, 2, 2, 2, 2, 3]),
+            [0, 1, 3, 4, 5, 6, 7],
+            "five are more than a link takes"
         );
     }
 

@@ -43,6 +43,8 @@ pub struct Traffic {
     pub end: Tally,
     /// Messages of the messages lane.
     pub messages: Tally,
+    /// Blocks of the bulk lane.
+    pub bulk: Tally,
     /// Handshake, close and keep-alives; within one process these have no size.
     pub control: Tally,
     /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0
@@ -69,6 +71,7 @@ impl Traffic {
             + self.batches.bytes
             + self.end.bytes
             + self.messages.bytes
+            + self.bulk.bytes
             + self.control.bytes
             + self.header_bytes
     }
@@ -101,6 +104,7 @@ impl Add for Traffic {
             items: self.items + other.items,
             end: self.end + other.end,
             messages: self.messages + other.messages,
+            bulk: self.bulk + other.bulk,
             control: self.control + other.control,
             header_bytes: self.header_bytes + other.header_bytes,
         }
@@ -118,6 +122,7 @@ impl Sub for Traffic {
             items: self.items.saturating_sub(earlier.items),
             end: self.end - earlier.end,
             messages: self.messages - earlier.messages,
+            bulk: self.bulk - earlier.bulk,
             control: self.control - earlier.control,
             header_bytes: self.header_bytes.saturating_sub(earlier.header_bytes),
         }

@@ -30,7 +30,7 @@ pub trait Transport: fmt::Debug + Send + Sync {
 
     /// Opens a byte stream to whoever listens at `address`, the part of the endpoint behind its scheme.
     ///
-    /// A link opens one for each of its three lanes: for all but the first one `beside` is the peer of the
+    /// A link opens one for each of its four lanes: for all but the first one `beside` is the peer of the
     /// first, in case that the address has several.
     ///
     /// Dropping the future gives up.

@@ -118,11 +118,11 @@ fn accept() -> BytesMut {
     bytes(&Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) }))
 }
 
-const LANES: [Lane; 3] = [Lane::Frames, Lane::Latest, Lane::Messages];
+const LANES: [Lane; 4] = [Lane::Frames, Lane::Latest, Lane::Messages, Lane::Bulk];
 
 /// A panel of bare streams in the order of [`LANES`], and the listener's link with it.
-async fn raw_panel(listener: &mut Listener, at: &Endpoint, session: u64) -> (Link, [Box<dyn Duplex>; 3]) {
-    let mut lanes = [dial(at).await, dial(at).await, dial(at).await];
+async fn raw_panel(listener: &mut Listener, at: &Endpoint, session: u64) -> (Link, [Box<dyn Duplex>; 4]) {
+    let mut lanes = [dial(at).await, dial(at).await, dial(at).await, dial(at).await];
     for (stream, lane) in lanes.iter_mut().zip(LANES) {
         stream.write_all(&hello(session, lane)).await.unwrap();
     }
@@ -165,7 +165,8 @@ mod cases {
             let on_frames = link.frames_rx.recv().await.unwrap_err();
             let on_latest = link.latest_rx.latest().await.unwrap_err();
             let on_messages = link.messages_rx.recv().await.unwrap_err();
-            for error in [on_frames, on_latest, on_messages] {
+            let on_bulk = link.bulk_rx.recv().await.unwrap_err();
+            for error in [on_frames, on_latest, on_messages, on_bulk] {
                 assert_eq!(length_of(&error), Some((kind, MOST)), "{error:?}");
             }
             drop(link);
@@ -272,8 +273,8 @@ mod cases {
         let (bare, at) = Bare::bind(endpoint).await;
         let serve = async {
             loop {
-                let (mut frames, _latest, _messages) =
-                    (bare.accept().await, bare.accept().await, bare.accept().await);
+                let (mut frames, _beside) =
+                    (bare.accept().await, [bare.accept().await, bare.accept().await, bare.accept().await]);
                 // Who runs out of time has gone.
                 if frames.read_exact(&mut [0; 8]).await.is_ok() {
                     frames.write_all(&[0x03, 4, 0, 0, 0x07, 0x00, 0xff, 0xff]).await.ok();
@@ -306,11 +307,12 @@ mod cases {
         }
         for step in 0..whole {
             let session = 1000 + step as u64;
-            let (mut frames, mut latest, mut messages) = (dial(&at).await, dial(&at).await, dial(&at).await);
-            frames.write_all(&hello(session, Lane::Frames)).await.unwrap();
-            latest.write_all(&hello(session, Lane::Latest)).await.unwrap();
-            messages.write_all(&hello(session, Lane::Messages)[..step]).await.unwrap();
-            drop((frames, latest, messages));
+            let mut lanes = [dial(&at).await, dial(&at).await, dial(&at).await, dial(&at).await];
+            for (at, (stream, lane)) in lanes.iter_mut().zip(LANES).enumerate() {
+                let length = if at + 1 < LANES.len() { whole } else { step };
+                stream.write_all(&hello(session, lane)[..length]).await.unwrap();
+            }
+            drop(lanes);
             let failure = last_failure(&mut listener).await;
             assert!(
                 matches!(failure, HandshakeError::Closed | HandshakeError::Io(_)),
@@ -327,18 +329,21 @@ mod cases {
             // How much of the hellos it reads, and then of the answers it gives, before it dies.
             let (whole, half) = (answer.len(), answer.len() / 2);
             for (of_each, to_each) in [
-                ([0, 0, 0], [0, 0, 0]),
-                ([7, 0, 0], [0, 0, 0]),
-                ([hello, 0, 0], [0, 0, 0]),
-                ([hello, hello, 0], [0, 0, 0]),
-                ([hello; 3], [0, 0, 0]),
-                ([hello; 3], [half, 0, 0]),
-                ([hello; 3], [whole, 0, 0]),
-                ([hello; 3], [whole, half, 0]),
-                ([hello; 3], [whole, whole, half]),
-                ([hello; 3], [whole; 3]),
+                ([0; 4], [0; 4]),
+                ([7, 0, 0, 0], [0; 4]),
+                ([hello, 0, 0, 0], [0; 4]),
+                ([hello, hello, 0, 0], [0; 4]),
+                ([hello, hello, hello, 0], [0; 4]),
+                ([hello; 4], [0; 4]),
+                ([hello; 4], [half, 0, 0, 0]),
+                ([hello; 4], [whole, 0, 0, 0]),
+                ([hello; 4], [whole, half, 0, 0]),
+                ([hello; 4], [whole, whole, half, 0]),
+                ([hello; 4], [whole, whole, whole, half]),
+                ([hello; 4], [whole; 4]),
             ] {
-                let mut lanes = [bare.accept().await, bare.accept().await, bare.accept().await];
+                let mut lanes =
+                    [bare.accept().await, bare.accept().await, bare.accept().await, bare.accept().await];
                 for (stream, length) in lanes.iter_mut().zip(of_each) {
                     stream.read_exact(&mut vec![0; length]).await.unwrap();
                 }

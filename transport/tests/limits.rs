@@ -92,7 +92,7 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next() {
 #[tokio::test]
 async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
     for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0", "quic://127.0.0.1:0"] {
-        let limits = Limits { handshakes_per_s_per_address: 3, ..Limits::default() };
+        let limits = Limits { handshakes_per_s_per_address: 4, ..Limits::default() };
         let options = Options {
             limits,
             link: LinkConfig { handshake_timeout: Duration::from_millis(300), ..LinkConfig::default() },
@@ -110,7 +110,7 @@ async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
             let by = net.now().after(Duration::from_millis(500));
             // At once, so that they begin within a second however slow the machine is.
             let refused = || connect(&net, &at, other.clone(), &options, by);
-            let _refused = tokio::join!(refused(), refused(), refused(), refused());
+            let _refused = tokio::join!(refused(), refused(), refused(), refused(), refused());
         }
         a_panel_gets_in(&mut listener, &at, &options).await;
         assert_eq!(listener.turned_away().in_all, 0, "{endpoint}");

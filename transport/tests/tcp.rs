@@ -23,7 +23,7 @@ struct Tcp;
 
 impl Pairs for Tcp {
     fn overhead(&self) -> Overhead {
-        Overhead { header_bytes: 4, handshake: 3, coded: true }
+        Overhead { header_bytes: 4, handshake: 4, coded: true }
     }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {

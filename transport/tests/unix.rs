@@ -25,7 +25,7 @@ struct Unix;
 
 impl Pairs for Unix {
     fn overhead(&self) -> Overhead {
-        Overhead { header_bytes: 4, handshake: 3, coded: true }
+        Overhead { header_bytes: 4, handshake: 4, coded: true }
     }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {

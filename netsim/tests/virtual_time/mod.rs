@@ -57,6 +57,13 @@ macro_rules! connection_in_virtual_time {
         }
 
         #[test]
+        fn everything_goes_before_blocks() {
+            let (simulation, machines) = $machines(&$crate::virtual_time::priorities::narrow(), 1);
+            let talk = $crate::virtual_time::priorities::everything_goes_before_blocks(&machines);
+            simulation.run(talk).unwrap();
+        }
+
+        #[test]
         fn the_same_seed_gives_the_same_packets_at_the_same_nanoseconds() {
             $crate::virtual_time::lossy::a_seed_decides_the_run($machines);
         }

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_transport::LinkConfig;
-use trimaran_transport::conformance::{Pairs, command, points, pose, receive, send_frame, start};
+use trimaran_transport::conformance::{Pairs, Robot, command, points, pose, receive, send_frame, start};
+use trimaran_transport::{BulkReceiver, BulkSender, Link, MAX_BLOCK, sleep_until};
 
 /// A frame of so many points takes 160 ms over the [narrow line](narrow).
 const LONG: u32 = 50_000;
@@ -56,4 +57,80 @@ pub(crate) async fn a_value_and_a_message_go_before_a_frame(pairs: &impl Pairs) 
         seen * 4 < complete && heard * 4 < complete,
         "the value after {seen:?}, the message after {heard:?}, the frame after {complete:?}"
     );
+}
+
+/// So many blocks take half a second over the [narrow line](narrow).
+const BLOCKS: u32 = 40;
+
+/// How long so many blocks take where nothing else is sent.
+pub(crate) async fn blocks_alone(pairs: &impl Pairs) -> Duration {
+    let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
+    let begun = pairs.net().now();
+    tokio::join!(send_blocks(&mut arm.bulk_tx, BLOCKS), take_blocks(&mut panel.bulk_rx, BLOCKS));
+    pairs.net().now().since(begun)
+}
+
+async fn send_blocks(tx: &mut BulkSender, count: u32) {
+    for number in 0..count {
+        tx.send(number.to_le_bytes().repeat(MAX_BLOCK / 4).into()).await.unwrap();
+    }
+}
+
+async fn take_blocks(rx: &mut BulkReceiver, count: u32) {
+    for number in 0..count {
+        assert_eq!(rx.recv().await.unwrap()[..4], number.to_le_bytes());
+    }
+}
+
+/// A frame, a value and a message that are sent behind blocks are there long before all of these are.
+pub(crate) async fn everything_goes_before_blocks(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
+    let net = pairs.net();
+    let begun = net.now();
+    let blocks = async {
+        tokio::join!(send_blocks(&mut arm.bulk_tx, BLOCKS), take_blocks(&mut panel.bulk_rx, BLOCKS));
+        net.now().since(begun)
+    };
+    let others = async {
+        sleep_until(&*net, begun.after(Duration::from_millis(1))).await;
+        send_frame(&mut arm.frames_tx, 0, &points(1000)).await.unwrap();
+        arm.latest_tx.publish(pose(7)).unwrap();
+        arm.messages_tx.send(&command(7)).await.unwrap();
+        receive(&mut panel.frames_rx).await.unwrap();
+        assert_eq!(panel.latest_rx.latest().await.unwrap(), pose(7));
+        assert_eq!(panel.messages_rx.recv().await.unwrap(), command(7));
+        net.now().since(begun)
+    };
+    let (complete, there) = tokio::join!(blocks, others);
+    assert!(there * 4 < complete, "the others after {there:?}, the blocks after {complete:?}");
+}
+
+/// How long a frame and a message take that are sent at once, one each 20 ms, while so many blocks are sent
+/// as fast as they are taken; the longest times.
+pub(crate) async fn beside_blocks(pairs: &impl Pairs, blocks: u32) -> [Duration; 2] {
+    let (arm, panel) = pairs.pair(LinkConfig::default()).await;
+    let Link { mut bulk_tx, mut frames_tx, mut messages_tx, latest_tx: _latest_tx, .. }: Link<Robot> = arm;
+    let Link { mut bulk_rx, mut frames_rx, mut messages_rx, latest_rx: _latest_rx, .. } = panel;
+    let (net, mut longest) = (pairs.net(), [Duration::ZERO; 2]);
+    let begun = net.now();
+    let measure = async {
+        for number in 0..20 {
+            let at = begun.after(Duration::from_millis(20) * number);
+            sleep_until(&*net, at).await;
+            send_frame(&mut frames_tx, number, &points(1000)).await.unwrap();
+            messages_tx.send(&command(number + 11)).await.unwrap();
+            let frame = async {
+                assert_eq!(receive(&mut frames_rx).await.unwrap().start, start(number));
+                net.now().since(at)
+            };
+            let message = async {
+                assert_eq!(messages_rx.recv().await.unwrap(), command(number + 11));
+                net.now().since(at)
+            };
+            let (frame, message) = tokio::join!(frame, message);
+            longest = [longest[0].max(frame), longest[1].max(message)];
+        }
+    };
+    tokio::join!(measure, send_blocks(&mut bulk_tx, blocks), take_blocks(&mut bulk_rx, blocks));
+    longest
 }

@@ -30,13 +30,14 @@ pub const fn sent_bytes(traffic: Traffic) -> SentBytes {
         begin: traffic.begin.bytes,
         ids: traffic.batches.bytes,
         end: traffic.end.bytes,
-        control: traffic.control.bytes + traffic.messages.bytes,
+        control: traffic.control.bytes + traffic.messages.bytes + traffic.bulk.bytes,
         headers: traffic.header_bytes,
         messages: traffic.latest.messages
             + traffic.begin.messages
             + traffic.batches.messages
             + traffic.end.messages
             + traffic.messages.messages
+            + traffic.bulk.messages
             + traffic.control.messages,
     }
 }

@@ -2,7 +2,7 @@
 
 use super::pairs::{Overhead, Pairs};
 use super::robot::{Pose, Robot};
-use super::talk::{PANEL, command, points, pose, receive, send_frame, start};
+use super::talk::{PANEL, block, command, points, pose, receive, send_frame, start};
 use super::talk::{batches_of, patient};
 use crate::{
     Fixed, FrameEvent, FrameNumber, FrameOrderError, Link, LinkConfig, LinkStats, SendError, Tally, Traffic,
@@ -114,6 +114,8 @@ pub async fn every_byte_is_counted(pairs: &impl Pairs) {
     panel.latest_rx.latest().await.unwrap();
     arm.messages_tx.send(&command(3)).await.unwrap();
     panel.messages_rx.recv().await.unwrap();
+    arm.bulk_tx.send(block(3)).await.unwrap();
+    panel.bulk_rx.recv().await.unwrap();
 
     let sent = (arm.stats.read() - before).sent;
     assert_eq!(sent.begin, Tally { messages: 1, bytes: 4 + POSE });
@@ -124,12 +126,13 @@ pub async fn every_byte_is_counted(pairs: &impl Pairs) {
     assert_eq!(sent.control, Tally::default());
     // A number, a length, three letters.
     assert_eq!(sent.messages, Tally { messages: 1, bytes: 5 });
-    assert_eq!(sent.header_bytes, 7 * header_bytes);
-    assert_eq!(sent.total_bytes(), 4 + POSE + 100 + 16 + POSE + 5 + 7 * header_bytes);
+    assert_eq!(sent.bulk, Tally { messages: 1, bytes: 3 });
+    assert_eq!(sent.header_bytes, 8 * header_bytes);
+    assert_eq!(sent.total_bytes(), 4 + POSE + 100 + 16 + POSE + 5 + 3 + 8 * header_bytes);
     let received = panel.stats.read().received;
     assert_eq!((received.begin, received.batches), (sent.begin, sent.batches));
     assert_eq!((received.end, received.latest), (sent.end, sent.latest));
-    assert_eq!(received.messages, sent.messages);
+    assert_eq!((received.messages, received.bulk), (sent.messages, sent.bulk));
     assert_eq!(received.control.messages, handshake);
     assert_eq!(received.control, arm.stats.read().sent.control);
 }

@@ -8,8 +8,8 @@
 //!     use trimaran_transport::Options;
 //!     use trimaran_transport::conformance::{Joined, Overhead};
 //!
-//!     // Messages have a header of 4 bytes, and a handshake takes 3 messages in each direction.
-//!     const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 3, coded: true };
+//!     // Messages have a header of 4 bytes, and a handshake takes 4 messages in each direction.
+//!     const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
 //!
 //!     trimaran_transport::conformance!(Joined::at("tcp://127.0.0.1:0", Options::default(), OVERHEAD));
 //! }
@@ -43,7 +43,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `frames`, `latest`, `messages`, `waiting`, `endings` | the cases |
+//! | `frames`, `latest`, `records`, `waiting`, `endings` | the cases |
 //! | `robot`, `coding` | the protocol that they speak |
 //! | `talk`, `pairs` | what its peers say, and how they meet |
 
@@ -53,8 +53,8 @@ mod coding;
 mod endings;
 mod frames;
 mod latest;
-mod messages;
 mod pairs;
+mod records;
 mod robot;
 mod talk;
 mod waiting;
@@ -62,12 +62,12 @@ mod waiting;
 pub use endings::*;
 pub use frames::*;
 pub use latest::*;
-pub use messages::*;
 pub use pairs::{Joined, Overhead, Pairs};
+pub use records::*;
 pub use robot::{Command, Greeting, Pose, PoseError, RejectionCode, Robot};
 pub use talk::{
-    ARM, GRIPPER, MAP, PANEL, Received, command, finished, greeting, next_event, next_pose, points, pose,
-    receive, send_frame, start,
+    ARM, GRIPPER, MAP, PANEL, Received, block, command, finished, greeting, next_event, next_pose, points,
+    pose, receive, send_frame, start,
 };
 pub use waiting::*;
 
@@ -128,6 +128,17 @@ macro_rules! conformance_cases {
                 a_message_that_is_too_long_is_refused,
                 a_peer_without_a_message_fails_nobody,
                 dropping_a_wait_for_messages_loses_none,
+                links_close_in_the_middle_of_messages,
+                blocks_arrive_in_order_beside_a_frame_that_nobody_reads,
+                a_sender_of_blocks_waits_for_its_receiver,
+                a_sender_of_blocks_waits_no_longer_than_its_timeout,
+                blocks_arrive_before_the_close,
+                blocks_arrive_before_a_link_is_dropped,
+                a_dead_receiver_of_blocks_fails_the_sender,
+                a_block_that_is_too_long_is_refused,
+                a_peer_without_a_block_fails_nobody,
+                dropping_a_wait_for_blocks_loses_none,
+                links_close_in_the_middle_of_blocks,
                 a_slow_receiver_holds_the_sender_back,
                 a_receiver_that_catches_up_gets_everything,
                 silence_ends_in_an_error,

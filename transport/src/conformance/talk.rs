@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use trimaran_wire::{BatchSize, CloseReason, FrameEnd, FrameNumber, FrameOutcome};
+use bytes::Bytes;
+use trimaran_wire::{BatchSize, CloseReason, FrameEnd, FrameNumber, FrameOutcome, MAX_BLOCK};
 
 use super::robot::{Command, Greeting, Pose, Robot};
 use crate::{
@@ -35,6 +36,13 @@ pub fn pose(number: u32) -> Pose {
 pub fn command(number: u32) -> Command {
     let length = if number % 50 == 10 { 16_000 } else { number as usize % 100 };
     Command { number, program: "go ".chars().cycle().take(length).collect() }
+}
+
+/// A block of this number: some are as long as any may be, some empty.
+#[must_use]
+pub fn block(number: u32) -> Bytes {
+    let length = if number % 50 == 10 { MAX_BLOCK } else { number as usize % 100 };
+    number.to_le_bytes().into_iter().cycle().take(length).collect()
 }
 
 /// How a frame of this number begins.

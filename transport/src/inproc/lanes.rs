@@ -2,13 +2,15 @@
 
 use std::collections::VecDeque;
 
+use bytes::Bytes;
 use tokio::sync::watch;
 use trimaran_net::Instant;
 use trimaran_wire::{CloseReason, Fixed, FrameEvent, Kind, Protocol};
 
-use super::messages::{MessageRx, MessageTx, messages};
 use super::queue;
+use super::records::{RecordRx, RecordTx, records};
 use crate::error::{LaneError, LaneSendError, Loss};
+use crate::lanes::records::RecordLane;
 use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 
@@ -21,7 +23,8 @@ const QUEUE: usize = 256;
 pub(crate) struct Lanes<P: Protocol> {
     pub(crate) latest: (LatestTx<P>, LatestRx<P>),
     pub(crate) frames: (FrameTx<P>, FrameRx<P>),
-    pub(crate) messages: (MessageTx<P>, MessageRx<P>),
+    pub(crate) messages: (RecordTx<P::Message>, RecordRx<P::Message>),
+    pub(crate) bulk: (RecordTx<Bytes>, RecordRx<Bytes>),
 }
 
 impl<P: Protocol> Lanes<P> {
@@ -29,17 +32,21 @@ impl<P: Protocol> Lanes<P> {
     pub(crate) fn pair() -> [Self; 2] {
         let ((latest_a, latest_rx_b), (latest_b, latest_rx_a)) = (latest(), latest());
         let ((frames_a, frames_rx_b), (frames_b, frames_rx_a)) = (frames(), frames());
-        let ((messages_a, messages_rx_b), (messages_b, messages_rx_a)) = (messages(), messages());
+        let [(messages_a, messages_rx_b), (messages_b, messages_rx_a)] =
+            [RecordLane::Messages; 2].map(records);
+        let [(bulk_a, bulk_rx_b), (bulk_b, bulk_rx_a)] = [RecordLane::Bulk; 2].map(records);
         [
             Self {
                 latest: (latest_a, latest_rx_a),
                 frames: (frames_a, frames_rx_a),
                 messages: (messages_a, messages_rx_a),
+                bulk: (bulk_a, bulk_rx_a),
             },
             Self {
                 latest: (latest_b, latest_rx_b),
                 frames: (frames_b, frames_rx_b),
                 messages: (messages_b, messages_rx_b),
+                bulk: (bulk_b, bulk_rx_b),
             },
         ]
     }

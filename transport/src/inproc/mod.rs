@@ -1,8 +1,8 @@
 //! Links within one process: values travel as they are, nothing is encoded.
 
 pub(crate) mod lanes;
-pub(crate) mod messages;
 mod queue;
+pub(crate) mod records;
 mod scheme;
 
 #[cfg(feature = "inproc")]

@@ -1,8 +1,5 @@
 //! The frames lane: begin, batches, end.
 
-use std::pin::pin;
-use std::task::{Context, Poll, Waker};
-
 use bytes::Bytes;
 use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, Batching, CloseReason, Delivery, Fixed, FrameAssembler, FrameEnd,
@@ -12,7 +9,7 @@ use trimaran_wire::{
 
 use crate::error::{LaneError, LaneSendError, ProtocolError, RecvError, SendError};
 use crate::inproc::lanes as inproc;
-use crate::lanes::shared::Shared;
+use crate::lanes::shared::{Shared, at_once};
 #[cfg(feature = "quic")]
 use crate::quic::frames as quic;
 use crate::rates::Messages;
@@ -285,13 +282,7 @@ impl<P: Protocol> FrameReceiver<P> {
     /// # Errors
     /// When the peer closed the link, is lost, or broke the protocol.
     pub fn try_recv(&mut self) -> Result<Option<FrameEvent<P>>, RecvError> {
-        // Not bound by the runtime's budget of a task, which would show a full queue as an empty one to a
-        // loop that never yields.
-        let next = pin!(tokio::task::unconstrained(self.recv_until(None)));
-        match next.poll(&mut Context::from_waker(Waker::noop())) {
-            Poll::Ready(event) => event.map(Some),
-            Poll::Pending => Ok(None),
-        }
+        at_once(self.recv_until(None))
     }
 
     /// Throws away what comes until the lane ends, and says how it ended.

@@ -29,7 +29,9 @@ macro_rules! whichever {
     };
 }
 
+pub(crate) mod bulk;
 pub(crate) mod frames;
 pub(crate) mod latest;
 pub(crate) mod messages;
+pub(crate) mod records;
 pub(crate) mod shared;

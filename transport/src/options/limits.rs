@@ -16,7 +16,7 @@ pub struct Limits {
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::above_zero"))]
     pub handshakes_per_s: u32,
     /// And by one address, of IPv6 one network of 64 bits, or over Unix sockets one user. A link over byte
-    /// streams takes three. Default 500.
+    /// streams takes four. Default 500.
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::above_zero"))]
     pub handshakes_per_s_per_address: u32,
 }

@@ -77,19 +77,19 @@ async fn introduce(
         let streams = connection.open_bi().await.map_err(|e| HandshakeError::Io(e.into()))?;
         let mut control = Control::new(connection.clone(), streams, application.format());
         control.send(&Message::Hello(application.introduce(session, Lane::Frames))).await?;
-        let messages = control.open_messages().await?;
+        let beside = control.open_beside().await?;
         let theirs = application.recognize(&control.recv_answer().await?)?;
-        Ok::<_, HandshakeError>((control, messages, theirs))
+        Ok::<_, HandshakeError>((control, beside, theirs))
     };
     // The listener judges our certificate after we have judged its own: a refusal comes on what seemed a
     // connection.
-    let (control, messages, theirs) = shake.await.map_err(|e| match (e, connection.close_reason()) {
+    let (control, beside, theirs) = shake.await.map_err(|e| match (e, connection.close_reason()) {
         (HandshakeError::Io(_), Some(reason)) => explained(reason),
         (e, _) => failed(e),
     })?;
     let judged = tls::key_of(&connection).ok_or(HandshakeError::Stranger);
     let judged = judged.and_then(|key| Ok(security.judge(key, theirs.role.as_deref())?));
-    let parts = control.into_parts(net, theirs, (session, messages), None);
+    let parts = control.into_parts(net, theirs, (session, beside), None);
     Ok(Parts { doubt: judged.err(), ..parts })
 }
 

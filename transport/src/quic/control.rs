@@ -13,14 +13,14 @@ use trimaran_wire::{
 use super::carrier::Carrier;
 use super::frames::{FrameRx, FrameTx, poll_fill};
 use super::latest::{LatestRx, LatestTx};
-use super::messages::{MessageRx, MessageTx};
+use super::records::{RecordRx, RecordTx};
 use super::tls::Verifier;
 use crate::error::{LaneError, Loss};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Fingerprint;
 use crate::lanes::frames::{WireFrameRx, WireFrameTx};
 use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::messages::{WireMessageRx, WireMessageTx};
+use crate::lanes::records::{RecordLane, WireRecordRx, WireRecordTx};
 use crate::lanes::shared::Shared;
 use crate::parts::{Lanes, Parts, Wire};
 use crate::peer::Peer;
@@ -38,6 +38,12 @@ const NO_DATAGRAMS: VarInt = VarInt::from_u32(1);
 const CERTIFICATE_UNKNOWN: u8 = 46;
 const NO_APPLICATION_PROTOCOL: u8 = 120;
 
+/// A stream in both directions.
+pub(super) type BothWays = (SendStream, RecvStream);
+
+/// The streams beside the control stream: that of messages, and that of blocks.
+pub(super) type Beside = [BothWays; 2];
+
 /// The stream on which the two sides introduce themselves.
 #[derive(Debug)]
 pub(super) struct Control {
@@ -50,11 +56,7 @@ pub(super) struct Control {
 }
 
 impl Control {
-    pub(super) fn new(
-        connection: Connection,
-        (send, recv): (SendStream, RecvStream),
-        format: Format,
-    ) -> Self {
+    pub(super) fn new(connection: Connection, (send, recv): BothWays, format: Format) -> Self {
         // Fails only for a stream that is closed.
         let _ = send.set_priority(i32::MAX);
         Self { connection, send, recv, format, decoder: Decoder::new(format), counters: Counters::framed() }
@@ -70,8 +72,17 @@ impl Control {
         })
     }
 
-    /// Opens the messages stream, and has the other side know of it.
-    pub(super) async fn open_messages(&self) -> Result<(SendStream, RecvStream), HandshakeError> {
+    /// Opens the streams beside this one, and has the other side know of them.
+    pub(super) async fn open_beside(&self) -> Result<Beside, HandshakeError> {
+        Ok([self.open().await?, self.open().await?])
+    }
+
+    /// Waits for those of the side that connects. They come in the order in which they were opened.
+    pub(super) async fn accept_beside(&self) -> Result<Beside, HandshakeError> {
+        Ok([self.accept().await?, self.accept().await?])
+    }
+
+    async fn open(&self) -> Result<BothWays, HandshakeError> {
         let (mut send, recv) = self.connection.open_bi().await.map_err(|e| HandshakeError::Io(e.into()))?;
         let mut bytes = BytesMut::new();
         Message::KeepAlive.encode(&mut bytes);
@@ -80,8 +91,7 @@ impl Control {
         Ok((send, recv))
     }
 
-    /// Waits for the messages stream of the side that connects.
-    pub(super) async fn accept_messages(&self) -> Result<(SendStream, RecvStream), HandshakeError> {
+    async fn accept(&self) -> Result<BothWays, HandshakeError> {
         self.connection.accept_bi().await.map_err(|e| HandshakeError::Io(e.into()))
     }
 
@@ -89,7 +99,7 @@ impl Control {
         self,
         net: &Arc<dyn Net>,
         peer: Peer,
-        (session, messages): (SessionId, (SendStream, RecvStream)),
+        (session, [messages, bulk]): (SessionId, Beside),
         place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
     ) -> Parts {
         let Self { connection, send, recv, format, decoder, counters } = self;
@@ -98,6 +108,12 @@ impl Control {
         let carrier = Carrier::new(net, connection);
         // The lane that lives on in its task must not keep the peer's place.
         let copier = Shared { _place: None, ..shared.clone() };
+        let records = |lane, (send, recv): BothWays| {
+            (
+                WireRecordTx::Quic(RecordTx::new(&carrier, lane, send)),
+                WireRecordRx::Quic(RecordRx::new(&carrier, lane, recv, format)),
+            )
+        };
         let lanes = Lanes::Wire(Box::new(Wire {
             latest: (
                 WireLatestTx::Quic(LatestTx::new(&carrier, send, copier)),
@@ -107,10 +123,8 @@ impl Control {
                 WireFrameTx::Quic(FrameTx::new(&carrier)),
                 WireFrameRx::Quic(FrameRx::new(&carrier, format)),
             ),
-            messages: (
-                WireMessageTx::Quic(MessageTx::new(&carrier, messages.0)),
-                WireMessageRx::Quic(MessageRx::new(&carrier, messages.1, format)),
-            ),
+            messages: records(RecordLane::Messages, messages),
+            bulk: records(RecordLane::Bulk, bulk),
         }));
         Parts { lanes, peer, session, address, capabilities: CAPABILITIES, shared, doubt: None }
     }

@@ -4,13 +4,13 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use bytes::Bytes;
+use quinn::Connection;
 use quinn::crypto::rustls::QuicClientConfig;
-use quinn::{Connection, SendStream};
 use trimaran_wire::{Fixed, Format, Message, Numbered};
 
 use super::QuicOptions;
 use super::connect::endpoint;
-use super::control::Control;
+use super::control::{Beside, Control};
 use super::tls::{self, Verifier};
 use crate::application::{Application, Side};
 use crate::conformance::{ARM, PANEL, Pose, Robot, greeting};
@@ -59,17 +59,17 @@ impl Setting {
     }
 
     /// A link, and the liar's end of it.
-    async fn joined(&mut self, session: u64) -> (Link<Robot>, Connection, Control, SendStream) {
+    async fn joined(&mut self, session: u64) -> (Link<Robot>, Connection, Control, Beside) {
         let connection = self.dial().await;
         let streams = connection.open_bi().await.unwrap();
         let mut control = Control::new(connection.clone(), streams, Format::of::<Robot>());
         let hello = panel().introduce(SessionId(session), Lane::Frames);
         control.send(&Message::Hello(hello)).await.unwrap();
-        let (messages, _) = control.open_messages().await.unwrap();
+        let beside = control.open_beside().await.unwrap();
         let soon = self.net.now().after(std::time::Duration::from_secs(60));
         let link = self.listener.accept(soon).await.unwrap();
         control.recv_answer().await.unwrap();
-        (link, connection, control, messages)
+        (link, connection, control, beside)
     }
 }
 
@@ -109,13 +109,16 @@ async fn a_lie_in_every_length_of_the_handshake_is_named() {
 async fn a_lie_in_every_length_of_a_lane_ends_it() {
     let mut setting = Setting::new().await;
     for (session, kind) in (1..).zip(kinds()) {
-        let (mut link, connection, _control, mut messages) = setting.joined(session).await;
+        let (mut link, connection, _control, [mut messages, mut bulk]) = setting.joined(session).await;
         let mut stream = connection.open_uni().await.unwrap();
         stream.write_all(&header(kind)).await.unwrap();
         let error = link.frames_rx.recv().await.unwrap_err();
         assert!(lied(&error, kind), "{kind:?}: {error:?}");
-        messages.write_all(&header(kind)).await.unwrap();
+        messages.0.write_all(&header(kind)).await.unwrap();
         let error = link.messages_rx.recv().await.unwrap_err();
+        assert!(lied(&error, kind), "{kind:?}: {error:?}");
+        bulk.0.write_all(&header(kind)).await.unwrap();
+        let error = link.bulk_rx.recv().await.unwrap_err();
         assert!(lied(&error, kind), "{kind:?}: {error:?}");
     }
 }
@@ -125,7 +128,7 @@ async fn a_value_of_another_length_ends_the_lane() {
     let mut setting = Setting::new().await;
     let whole = Numbered::NUMBER_BYTES + Pose::SIZE;
     for (session, length) in (1..).zip([0, 1, whole - 1, whole + 1]) {
-        let (mut link, connection, _control, _messages) = setting.joined(session).await;
+        let (mut link, connection, _control, _beside) = setting.joined(session).await;
         connection.send_datagram(Bytes::from(vec![0; length])).unwrap();
         let error = link.latest_rx.latest().await.unwrap_err();
         assert!(matches!(error, RecvError::Protocol { .. }), "{length} bytes: {error:?}");
@@ -135,8 +138,8 @@ async fn a_value_of_another_length_ends_the_lane() {
 #[tokio::test]
 async fn whoever_lied_may_come_back_with_the_truth() {
     let mut setting = Setting::new().await;
-    let (link, connection, control, messages) = setting.joined(1).await;
-    drop((link, connection, control, messages));
+    let (link, connection, control, beside) = setting.joined(1).await;
+    drop((link, connection, control, beside));
     let security =
         Some(Security { keys: setting.liar.clone(), peers: vec![setting.listens.public().clone().into()] });
     let options = Options { security, ..Options::default() };

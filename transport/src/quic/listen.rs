@@ -120,14 +120,16 @@ async fn shake_hands(
             security.judge(key, theirs.role.as_deref())?;
             acceptor.enter(&hello.application).map_err(HandshakeError::Refused)
         }),
-        Lane::Latest | Lane::Messages => Err(HandshakeError::Refused(Refusal::Session { session, lane })),
+        Lane::Latest | Lane::Messages | Lane::Bulk => {
+            Err(HandshakeError::Refused(Refusal::Session { session, lane }))
+        }
     };
     match entered {
         Ok((peer, place)) => {
-            let messages = control.accept_messages().await?;
+            let beside = control.accept_beside().await?;
             control.send(&Message::Accept(Accept { application: application.hello().clone() })).await?;
             let place = Some(Arc::new(place) as _);
-            acceptor.hand_out(control.into_parts(net, peer, (session, messages), place)).await;
+            acceptor.hand_out(control.into_parts(net, peer, (session, beside), place)).await;
             Ok(())
         }
         Err(error) => {

@@ -11,6 +11,10 @@ use crate::{LinkConfig, UdpSocketOptions};
 
 /// How many values of the latest lane may wait for their reader; the oldest go first.
 const VALUES: usize = 16;
+/// How many lanes may each have a whole window under way.
+const LANES: u32 = 4;
+/// The streams in both directions: control, messages, bulk.
+const STREAMS: u32 = 3;
 
 /// Options of QUIC connections.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,8 +31,8 @@ pub struct QuicOptions {
         schemars(with = "f64")
     )]
     pub initial_rtt: Duration,
-    /// How many bytes of a frame may be under way in each direction, sent and not read; twice as many on all
-    /// lanes together. Default 8 MiB.
+    /// How many bytes of a frame may be under way in each direction, sent and not read, and as many of
+    /// messages and of blocks; four times as many on all lanes together. Default 8 MiB.
     pub window: u32,
     /// How many frames may be under way in each direction. Default 64.
     pub frames: u32,
@@ -83,10 +87,10 @@ impl QuicOptions {
             .keep_alive_interval(Some(link.keepalive()))
             .initial_rtt(self.initial_rtt)
             .stream_receive_window(VarInt::from_u32(self.window))
-            // A frame that nobody reads, or that is on its way, leaves room for messages.
-            .receive_window(VarInt::from_u32(self.window.saturating_mul(2)))
-            .send_window(2 * u64::from(self.window))
-            .max_concurrent_bidi_streams(VarInt::from_u32(2))
+            // Frames, messages and blocks that nobody reads, or that are on their way, leave room for the others.
+            .receive_window(VarInt::from_u32(self.window.saturating_mul(LANES)))
+            .send_window(u64::from(LANES) * u64::from(self.window))
+            .max_concurrent_bidi_streams(VarInt::from_u32(STREAMS))
             .max_concurrent_uni_streams(VarInt::from_u32(self.frames))
             .datagram_send_buffer_size(datagram)
             .datagram_receive_buffer_size(Some(datagram * VALUES))
@@ -191,7 +195,7 @@ mod tests {
         const LARGE: u32 = 4 << 20;
         let with = |window| QuicOptions { window, ..QuicOptions::default() };
         // More than one stream may have by quinn's own defaults, and less.
-        for (window, streams, all) in [(SMALL, 1, SMALL), (SMALL, 3, 2 * SMALL), (LARGE, 1, LARGE)] {
+        for (window, streams, all) in [(SMALL, 1, SMALL), (SMALL, 5, 4 * SMALL), (LARGE, 1, LARGE)] {
             let [(ours, _here), (_theirs, _there)] =
                 connected(with(LARGE), with(window), LinkConfig::default()).await;
             let mut open = Vec::new();
@@ -203,20 +207,20 @@ mod tests {
         let [(ours, _here), _there] = connected(with(SMALL), with(LARGE), LinkConfig::default()).await;
         assert_eq!(
             fill(&mut ours.open_uni().await.unwrap()),
-            2 * SMALL as usize,
+            4 * SMALL as usize,
             "before anything was acknowledged"
         );
     }
 
     #[tokio::test]
-    async fn as_many_frames_are_under_way_as_was_set_and_two_streams_in_both_directions() {
+    async fn as_many_frames_are_under_way_as_was_set_and_three_streams_in_both_directions() {
         for frames in [3, 100] {
             let theirs = QuicOptions { frames, ..QuicOptions::default() };
             let [(ours, _here), _there] =
                 connected(QuicOptions::default(), theirs, LinkConfig::default()).await;
             let opened = std::iter::from_fn(|| at_once(ours.open_uni())).take(1000).count();
             assert_eq!(opened, frames as usize);
-            assert_eq!(std::iter::from_fn(|| at_once(ours.open_bi())).take(1000).count(), 2);
+            assert_eq!(std::iter::from_fn(|| at_once(ours.open_bi())).take(1000).count(), 3);
         }
     }
 }

@@ -119,6 +119,7 @@ pub(crate) struct Direction {
     items: AtomicU64,
     end: AtomicTally,
     messages: AtomicTally,
+    bulk: AtomicTally,
     control: AtomicTally,
 }
 
@@ -149,6 +150,7 @@ impl Direction {
             Kind::Batch | Kind::Coded => &self.batches,
             Kind::End => &self.end,
             Kind::Message => &self.messages,
+            Kind::Block => &self.bulk,
             Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Close | Kind::KeepAlive => &self.control,
         };
         tally.messages.fetch_add(1, Ordering::Relaxed);
@@ -166,13 +168,14 @@ impl Direction {
     }
 
     fn absorb(&self, other: &Self) {
-        let Self { latest, begin, batches, items, end, messages, control } = self;
+        let Self { latest, begin, batches, items, end, messages, bulk, control } = self;
         items.fetch_add(other.items.load(Ordering::Relaxed), Ordering::Relaxed);
         latest.absorb(&other.latest);
         begin.absorb(&other.begin);
         batches.absorb(&other.batches);
         end.absorb(&other.end);
         messages.absorb(&other.messages);
+        bulk.absorb(&other.bulk);
         control.absorb(&other.control);
     }
 
@@ -184,6 +187,7 @@ impl Direction {
             items: self.items.load(Ordering::Relaxed),
             end: self.end.read(),
             messages: self.messages.read(),
+            bulk: self.bulk.read(),
             control: self.control.read(),
             header_bytes: 0,
         };
@@ -192,6 +196,7 @@ impl Direction {
             + traffic.batches.messages
             + traffic.end.messages
             + traffic.messages.messages
+            + traffic.bulk.messages
             + traffic.control.messages;
         traffic.header_bytes = messages * header;
         traffic

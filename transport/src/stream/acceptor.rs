@@ -23,7 +23,7 @@ use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// With so many lanes of a session there, the next one completes it.
-const LANES_BEFORE_THE_LAST: usize = 2;
+const LANES_BEFORE_THE_LAST: usize = 3;
 
 /// Accepts until nobody takes the links any more.
 pub(crate) async fn serve(acceptor: Arc<Acceptor>, socket: Box<dyn Listen>, transport: Arc<dyn Transport>) {
@@ -47,6 +47,7 @@ struct Waiting {
     latest: Option<Arrived>,
     frames: Option<Arrived>,
     messages: Option<Arrived>,
+    bulk: Option<Arrived>,
 }
 
 /// A connection whose session lacks another lane.
@@ -59,7 +60,7 @@ struct Arrived {
 
 impl Waiting {
     const fn new(application: Bytes) -> Self {
-        Self { application, latest: None, frames: None, messages: None }
+        Self { application, latest: None, frames: None, messages: None, bulk: None }
     }
 
     const fn of(&mut self, lane: Lane) -> &mut Option<Arrived> {
@@ -67,11 +68,12 @@ impl Waiting {
             Lane::Latest => &mut self.latest,
             Lane::Frames => &mut self.frames,
             Lane::Messages => &mut self.messages,
+            Lane::Bulk => &mut self.bulk,
         }
     }
 
     fn count(&self) -> usize {
-        [&self.latest, &self.frames, &self.messages].into_iter().flatten().count()
+        [&self.latest, &self.frames, &self.messages, &self.bulk].into_iter().flatten().count()
     }
 }
 
@@ -223,11 +225,16 @@ impl Reception {
         let Some((peer, place)) = place else { return Entry::Wait(watch) };
         match sessions.remove(&session) {
             Some(Waiting {
-                latest: Some(latest), frames: Some(frames), messages: Some(messages), ..
+                latest: Some(latest),
+                frames: Some(frames),
+                messages: Some(messages),
+                bulk: Some(bulk),
+                ..
             }) => {
-                let [latest, frames, messages] = [latest, frames, messages].map(|arrived| arrived.connection);
+                let [latest, frames, messages, bulk] =
+                    [latest, frames, messages, bulk].map(|arrived| arrived.connection);
                 let capabilities = Capabilities::over(&*self.transport);
-                Entry::Complete(Lanes { latest, frames, messages, capabilities }, peer, place)
+                Entry::Complete(Lanes { latest, frames, messages, bulk, capabilities }, peer, place)
             }
             _ => Entry::Wait(watch),
         }
@@ -246,6 +253,7 @@ impl Reception {
         lanes.latest.send(&accept).await?;
         lanes.frames.send(&accept).await?;
         lanes.messages.send(&accept).await?;
+        lanes.bulk.send(&accept).await?;
         let parts = lanes.into_parts(net, &options.link, application.format(), peer, session, Some(place));
         self.acceptor.hand_out(parts).await;
         Ok(())

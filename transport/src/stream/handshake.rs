@@ -7,15 +7,15 @@ use trimaran_wire::{Format, Hello, Message, Refusal, SessionId};
 
 use super::frames::{Outlet, frames as frames_lane};
 use super::latest::{LatestRx, LatestTx};
-use super::messages::messages as messages_lane;
 use super::pulse::{Pulse, keep_alive};
+use super::records::{RecordRx, RecordTx, records};
 use super::source::{Sink, Source};
 use super::writer::Cell;
 use crate::acceptor::Place;
 use crate::handshake::{Handshake, HandshakeError};
 use crate::lanes::frames::{WireFrameRx, WireFrameTx};
 use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::messages::{WireMessageRx, WireMessageTx};
+use crate::lanes::records::{RecordLane, WireRecordRx, WireRecordTx};
 use crate::lanes::shared::Shared;
 use crate::options::link::LinkConfig;
 use crate::parts::{Lanes as AnyLanes, Parts, Wire};
@@ -90,6 +90,7 @@ pub(super) struct Lanes {
     pub(super) latest: Connection,
     pub(super) frames: Connection,
     pub(super) messages: Connection,
+    pub(super) bulk: Connection,
     pub(super) capabilities: Capabilities,
 }
 
@@ -103,9 +104,9 @@ impl Lanes {
         session: SessionId,
         place: Option<Place>,
     ) -> Parts {
-        let Self { latest, frames, messages, capabilities } = self;
+        let Self { latest, frames, messages, bulk, capabilities } = self;
         let (counters, address) = (frames.counters, frames.address);
-        for other in [&latest.counters, &messages.counters] {
+        for other in [&latest.counters, &messages.counters, &bulk.counters] {
             if !Arc::ptr_eq(&counters, other) {
                 counters.absorb(other);
             }
@@ -114,17 +115,26 @@ impl Lanes {
         let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
         let latest_tx = LatestTx::new(net, latest.sink, &shared.counters);
         let (frames_tx, frames_rx) = frames_lane(frames.sink, frames.source, &shared.counters);
-        let (messages_tx, messages_rx) = messages_lane(net, messages.sink, messages.source, &shared.counters);
+        let records = |lane, of: Connection| records(lane, net, of.sink, of.source, &shared.counters);
+        let messages = records(RecordLane::Messages, messages);
+        let bulk = records(RecordLane::Bulk, bulk);
         let latest_pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(latest_tx.cell());
         let frames_pulse: Arc<dyn Pulse> = Arc::<Outlet>::clone(frames_tx.outlet());
-        let messages_pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(messages_tx.cell());
-        let lanes = [&latest_pulse, &frames_pulse, &messages_pulse].map(Arc::downgrade);
+        let [messages_pulse, bulk_pulse] =
+            [&messages.0, &bulk.0].map(|tx| Arc::<Cell>::clone(tx.cell()) as Arc<dyn Pulse>);
+        let lanes = [&latest_pulse, &frames_pulse, &messages_pulse, &bulk_pulse].map(Arc::downgrade);
         keep_alive(net, config.keepalive(), lanes);
         let lanes = AnyLanes::Wire(Box::new(Wire {
             latest: (WireLatestTx::Stream(latest_tx), WireLatestRx::Stream(LatestRx::new(latest.source))),
             frames: (WireFrameTx::Stream(frames_tx), WireFrameRx::Stream(frames_rx)),
-            messages: (WireMessageTx::Stream(messages_tx), WireMessageRx::Stream(messages_rx)),
+            messages: over_stream(messages),
+            bulk: over_stream(bulk),
         }));
         Parts { lanes, peer, session, address, capabilities, shared, doubt: None }
     }
+}
+
+/// Both halves of a lane of records, as a link holds them.
+fn over_stream((tx, rx): (RecordTx, RecordRx)) -> (WireRecordTx, WireRecordRx) {
+    (WireRecordTx::Stream(tx), WireRecordRx::Stream(rx))
 }

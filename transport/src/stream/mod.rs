@@ -5,8 +5,8 @@ pub(crate) mod frames;
 mod handshake;
 mod inlet;
 pub(crate) mod latest;
-pub(crate) mod messages;
 mod pulse;
+pub(crate) mod records;
 mod scheme;
 mod source;
 #[cfg(all(test, feature = "tcp"))]

@@ -13,7 +13,7 @@ pub(super) trait Pulse: Send + Sync {
 }
 
 /// Has each of `lanes` show a keep-alive every `interval` in which it says nothing, until all are over.
-pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dyn Pulse>; 3]) {
+pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dyn Pulse>; 4]) {
     let clock = Arc::clone(net);
     net.spawn(Box::pin(async move {
         loop {

@@ -64,21 +64,26 @@ async fn introduce(
         Ok::<_, AttemptError>((connection, peer))
     };
     let (mut frames, peer) = connection(None).await?;
-    let ((mut latest, _), (mut messages, _)) =
-        tokio::try_join!(connection(Some(peer)), connection(Some(peer)))?;
+    let ((mut latest, _), (mut messages, _), (mut bulk, _)) =
+        tokio::try_join!(connection(Some(peer)), connection(Some(peer)), connection(Some(peer)))?;
     let address = frames.address.to_string();
     let failed = |cause| AttemptError::Handshake { address, cause };
     let theirs = async {
         frames.greet(application.introduce(session, Lane::Frames)).await?;
         latest.greet(application.introduce(session, Lane::Latest)).await?;
         messages.greet(application.introduce(session, Lane::Messages)).await?;
+        bulk.greet(application.introduce(session, Lane::Bulk)).await?;
         // Whichever lane is refused says why at once, and the others only when they have waited for it.
-        let (theirs, _, _) =
-            tokio::try_join!(frames.recv_answer(), latest.recv_answer(), messages.recv_answer())?;
+        let (theirs, ..) = tokio::try_join!(
+            frames.recv_answer(),
+            latest.recv_answer(),
+            messages.recv_answer(),
+            bulk.recv_answer()
+        )?;
         application.recognize(&theirs)
     }
     .await
     .map_err(failed)?;
-    let lanes = Lanes { latest, frames, messages, capabilities: Capabilities::over(transport) };
+    let lanes = Lanes { latest, frames, messages, bulk, capabilities: Capabilities::over(transport) };
     Ok(lanes.into_parts(net, &options.link, format, theirs, session, None))
 }

@@ -26,7 +26,7 @@ fn net() -> Arc<dyn Net> {
     Arc::new(TokioNet::current().unwrap())
 }
 
-fn link(net: &Arc<dyn Net>, [latest, frames, messages]: [DuplexStream; 3], timeout: Duration) -> Link {
+fn link(net: &Arc<dyn Net>, [latest, frames, messages, bulk]: [DuplexStream; 4], timeout: Duration) -> Link {
     let counters = Counters::framed();
     let connection = |stream| {
         let (reader, writer) = split(stream);
@@ -41,6 +41,7 @@ fn link(net: &Arc<dyn Net>, [latest, frames, messages]: [DuplexStream; 3], timeo
         latest: connection(latest),
         frames: connection(frames),
         messages: connection(messages),
+        bulk: connection(bulk),
         capabilities: Capabilities { reliable: true, ordered: true, encrypted: false, local: false },
     };
     let parts = lanes.into_parts(net, &config, application.format(), peer, SessionId(1), None);
@@ -48,9 +49,9 @@ fn link(net: &Arc<dyn Net>, [latest, frames, messages]: [DuplexStream; 3], timeo
 }
 
 /// Both ends of a pipe of `room` bytes for each lane.
-fn pipes(room: usize) -> ([DuplexStream; 3], [DuplexStream; 3]) {
-    let [(a, x), (b, y), (c, z)] = [duplex(room), duplex(room), duplex(room)];
-    ([a, b, c], [x, y, z])
+fn pipes(room: usize) -> ([DuplexStream; 4], [DuplexStream; 4]) {
+    let [(a, w), (b, x), (c, y), (d, z)] = [duplex(room), duplex(room), duplex(room), duplex(room)];
+    ([a, b, c, d], [w, x, y, z])
 }
 
 /// Two links over pipes of `room` bytes.
@@ -69,10 +70,12 @@ async fn a_peer_with_nothing_to_say_lives() {
     assert!(matches!(silent, RecvError::Silent { .. }), "{silent:?}");
     assert!(net.now().as_nanos() >= (IDLE_TIMEOUT * 20).as_nanos() as u64);
     // Four in each idle timeout, on each lane.
-    assert!((210..=240).contains(&there.stats.read().sent.control.messages));
+    assert!((280..=320).contains(&there.stats.read().sent.control.messages));
     // Nobody has to say anything there, for however long.
     let soon = net.now().after(IDLE_TIMEOUT * 100);
     let silent = here.messages_rx.recv_by(soon).await.unwrap_err();
+    assert!(matches!(silent, RecvError::Deadline { .. }), "{silent:?}");
+    let silent = here.bulk_rx.recv_by(net.now().after(IDLE_TIMEOUT * 100)).await.unwrap_err();
     assert!(matches!(silent, RecvError::Deadline { .. }), "{silent:?}");
 }
 
@@ -81,12 +84,13 @@ async fn a_peer_that_hangs_is_lost_when_the_idle_timeout_is_over() {
     let net = net();
     let (here, _hangs) = pipes(4096);
     let mut here = link(&net, here, IDLE_TIMEOUT * 10);
-    for lane in [Lane::Frames, Lane::Latest, Lane::Messages] {
+    for lane in [Lane::Frames, Lane::Latest, Lane::Messages, Lane::Bulk] {
         let since = net.now();
         let lost = match lane {
             Lane::Frames => here.frames_rx.recv().await.unwrap_err(),
             Lane::Latest => here.latest_rx.latest().await.unwrap_err(),
             Lane::Messages => here.messages_rx.recv().await.unwrap_err(),
+            Lane::Bulk => here.bulk_rx.recv().await.unwrap_err(),
         };
         assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
         assert_eq!(net.now().since(since).as_secs(), IDLE_TIMEOUT.as_secs());
@@ -164,13 +168,15 @@ async fn a_beat_never_comes_between_what_a_sender_who_waits_has_to_say() {
 async fn nothing_follows_a_close() {
     let net = net();
     let (here, mut raw) = pipes(4096);
-    let Link { latest_tx, latest_rx, frames_tx, frames_rx, messages_tx, messages_rx, .. } =
-        link(&net, here, IDLE_TIMEOUT * 10);
+    let Link {
+        latest_tx, latest_rx, frames_tx, frames_rx, messages_tx, messages_rx, bulk_tx, bulk_rx, ..
+    } = link(&net, here, IDLE_TIMEOUT * 10);
     frames_tx.close(finished()).await.unwrap();
     latest_tx.close(finished()).await.unwrap();
     messages_tx.close(finished()).await.unwrap();
+    bulk_tx.close(finished()).await.unwrap();
     sleep_until(&*net, net.now().after(IDLE_TIMEOUT * 5)).await;
-    drop((latest_rx, frames_rx, messages_rx));
+    drop((latest_rx, frames_rx, messages_rx, bulk_rx));
     for raw in &mut raw {
         let mut all = Vec::new();
         raw.read_to_end(&mut all).await.unwrap();

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use trimaran_udp::{DeadlineTooShort, Received, UnitLane};
 use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Kind};
 
-use super::messages::wrong_unit;
 use super::port::{Carrier, State};
+use super::records::wrong_unit;
 use super::units::{UnitRx, UnitTx};
 use crate::error::{LaneError, LaneSendError};
 use crate::lanes::shared::Shared;

@@ -7,12 +7,12 @@ use trimaran_wire::{Format, SessionId};
 
 use super::frames::{FrameRx, FrameTx};
 use super::latest::{LatestRx, LatestTx};
-use super::messages::{MessageRx, MessageTx};
 use super::options::UdpOptions;
 use super::port::{Carrier, Port};
+use super::records::{RecordRx, RecordTx};
 use crate::lanes::frames::{WireFrameRx, WireFrameTx};
 use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::messages::{WireMessageRx, WireMessageTx};
+use crate::lanes::records::{RecordLane, WireRecordRx, WireRecordTx};
 use crate::lanes::shared::Shared;
 use crate::parts::{Lanes, Parts, Wire};
 use crate::peer::{Peer, PeerAddress};
@@ -31,13 +31,14 @@ pub(super) fn parts(
 ) -> Parts {
     let carrier = Carrier::new(port);
     counters.watch(port.watch());
+    let records = |lane| {
+        (WireRecordTx::Udp(RecordTx::new(&carrier, lane)), WireRecordRx::Udp(RecordRx::new(&carrier, lane)))
+    };
     let lanes = Lanes::Wire(Box::new(Wire {
         latest: (WireLatestTx::Udp(LatestTx::new(&carrier)), WireLatestRx::Udp(LatestRx::new(&carrier))),
         frames: (WireFrameTx::Udp(FrameTx::new(&carrier)), WireFrameRx::Udp(FrameRx::new(&carrier))),
-        messages: (
-            WireMessageTx::Udp(MessageTx::new(&carrier)),
-            WireMessageRx::Udp(MessageRx::new(&carrier)),
-        ),
+        messages: records(RecordLane::Messages),
+        bulk: records(RecordLane::Bulk),
     }));
     Parts {
         lanes,

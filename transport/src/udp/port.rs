@@ -55,8 +55,11 @@ pub(super) struct State {
     pub(super) armed: Option<Instant>,
     /// No half of the link is left.
     pub(super) left: bool,
-    waiting: [Option<Waker>; 8],
+    waiting: [Option<Waker>; WAITERS],
 }
+
+/// How many may wait for a connection.
+const WAITERS: usize = 10;
 
 /// Who waits for a connection.
 #[derive(Debug, Clone, Copy)]
@@ -89,7 +92,7 @@ impl Port {
             waits: false,
             armed: None,
             left: false,
-            waiting: [const { None }; 8],
+            waiting: [const { None }; WAITERS],
         };
         Arc::new(Self {
             net: Arc::clone(net),
@@ -189,13 +192,15 @@ impl State {
         let over = connection.closed().is_some();
         let drained = connection.is_drained();
         let sends = |lane| connection.is_writable(lane) || connection.is_stopped(lane) || drained;
-        let (frames, messages) = (UnitLane::Frames, UnitLane::Messages);
+        let (frames, messages, bulk) = (UnitLane::Frames, UnitLane::Messages, UnitLane::Bulk);
         let ready = [
             (Waiter::Greeter, connection.is_confirmed()),
             (Waiter::UnitTx(frames), sends(frames)),
             (Waiter::UnitRx(frames), connection.is_readable(frames)),
             (Waiter::UnitTx(messages), sends(messages)),
             (Waiter::UnitRx(messages), connection.is_readable(messages)),
+            (Waiter::UnitTx(bulk), sends(bulk)),
+            (Waiter::UnitRx(bulk), connection.is_readable(bulk)),
             (Waiter::LatestTx, drained),
             (Waiter::LatestRx, connection.is_latest_readable()),
         ];
@@ -238,8 +243,18 @@ impl State {
     }
 
     fn slot(&mut self, who: Waiter) -> &mut Option<Waker> {
-        let [driver, greeter, frame_tx, frame_rx, message_tx, message_rx, latest_tx, latest_rx] =
-            &mut self.waiting;
+        let [
+            driver,
+            greeter,
+            frame_tx,
+            frame_rx,
+            message_tx,
+            message_rx,
+            bulk_tx,
+            bulk_rx,
+            latest_tx,
+            latest_rx,
+        ] = &mut self.waiting;
         match who {
             Waiter::Driver => driver,
             Waiter::Greeter => greeter,
@@ -247,6 +262,8 @@ impl State {
             Waiter::UnitRx(UnitLane::Frames) => frame_rx,
             Waiter::UnitTx(UnitLane::Messages) => message_tx,
             Waiter::UnitRx(UnitLane::Messages) => message_rx,
+            Waiter::UnitTx(UnitLane::Bulk) => bulk_tx,
+            Waiter::UnitRx(UnitLane::Bulk) => bulk_rx,
             Waiter::LatestTx => latest_tx,
             Waiter::LatestRx => latest_rx,
         }

@@ -48,10 +48,12 @@ async fn whoever_stops_in_the_middle_of_the_handshake_is_dropped() {
 }
 
 #[tokio::test]
-async fn one_lane_alone_or_two_are_refused_in_time() {
+async fn fewer_lanes_than_four_are_refused_in_time() {
     let net = net();
     let (_listener, address) = listener(&net, &quick()).await;
-    for lanes in [&[Lane::Frames][..], &[Lane::Messages, Lane::Latest]] {
+    for lanes in
+        [&[Lane::Frames][..], &[Lane::Messages, Lane::Latest], &[Lane::Frames, Lane::Bulk, Lane::Latest]]
+    {
         let mut streams = Vec::new();
         for lane in lanes {
             streams.push(dial(address, &hello(*lane)).await);
@@ -82,7 +84,7 @@ async fn whatever_a_listener_refuses_for_is_tried_again() {
         let options = Options::default();
         let refuse = async {
             // The connections of the first attempt.
-            for _ in 0..3 {
+            for _ in 0..4 {
                 let (mut stream, _) = stranger.accept().await.unwrap();
                 stream.write_all(&bytes(&[Message::Refuse(refusal.clone())])).await.ok();
             }
@@ -113,12 +115,14 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
     assert_eq!(answers(&mut dial(address, &other_role).await).await, refusal(Lane::Latest));
     let mut latest = dial(address, &hello(Lane::Latest)).await;
     let mut messages = dial(address, &hello(Lane::Messages)).await;
+    let mut bulk = dial(address, &hello(Lane::Bulk)).await;
     assert_eq!(listener.accept(soon(&net)).await.unwrap().peer.session, SESSION);
     let mut accept =
         vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
     frames.read_exact(&mut accept).await.unwrap();
     latest.read_exact(&mut accept).await.unwrap();
     messages.read_exact(&mut accept).await.unwrap();
+    bulk.read_exact(&mut accept).await.unwrap();
 }
 
 #[tokio::test]
@@ -126,7 +130,7 @@ async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     let net = net();
     // Who is inside stays there until it is sent away.
     let handshake_timeout = Duration::from_secs(3600);
-    let limits = Limits { handshakes: 4, ..Limits::default() };
+    let limits = Limits { handshakes: 5, ..Limits::default() };
     let options = Options {
         limits,
         link: LinkConfig { handshake_timeout, ..LinkConfig::default() },
@@ -134,7 +138,7 @@ async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     };
     let (mut listener, address) = listener(&net, &options).await;
     let mut crowd = Vec::new();
-    for _ in 0..4 {
+    for _ in 0..5 {
         crowd.push(TcpStream::connect(address).await.unwrap());
     }
     // Connections are accepted in the order in which they came, and each takes its slot at once.
@@ -144,10 +148,10 @@ async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
         listener.accept(soon(&net))
     );
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
-    for oldest in &mut crowd[..3] {
+    for oldest in &mut crowd[..4] {
         assert_eq!(answers(oldest).await, [Message::Refuse(Refusal::Busy)]);
     }
-    assert_eq!(listener.turned_away().no_room, 3);
+    assert_eq!(listener.turned_away().no_room, 4);
 }
 
 /// A server that says what makes no sense once, and then nothing to those who come again.
@@ -155,7 +159,7 @@ async fn no_peer(server: TcpListener) {
     let mut connections = Vec::new();
     loop {
         let (mut connection, _) = server.accept().await.unwrap();
-        if connections.len() < 3 {
+        if connections.len() < 4 {
             connection.write_all(b"220 smtp ready\r\n").await.ok();
         }
         connections.push(connection);

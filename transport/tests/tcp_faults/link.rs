@@ -14,13 +14,13 @@ use trimaran_transport::{
 };
 use trimaran_wire::{Accept, FrameMessage, Message, to_bytes};
 
-/// The link that the arm has to a panel of bare sockets, and these: of the frames lane, of the latest lane
-/// and of the messages lane.
-async fn raw_panel() -> (Link, [TcpStream; 3]) {
+/// The link that the arm has to a panel of bare sockets, and these: of the frames lane, of the latest lane,
+/// of the messages lane and of the bulk lane.
+async fn raw_panel() -> (Link, [TcpStream; 4]) {
     raw_panel_of(&Options::default()).await
 }
 
-async fn raw_panel_of(options: &Options) -> (Link, [TcpStream; 3]) {
+async fn raw_panel_of(options: &Options) -> (Link, [TcpStream; 4]) {
     let net = net();
     let (mut listener, address) = listener(&net, options).await;
     let connection = async |lane| {
@@ -28,8 +28,12 @@ async fn raw_panel_of(options: &Options) -> (Link, [TcpStream; 3]) {
         stream.write_all(&bytes(&[hello(lane)])).await.unwrap();
         stream
     };
-    let mut panel =
-        [connection(Lane::Frames).await, connection(Lane::Latest).await, connection(Lane::Messages).await];
+    let mut panel = [
+        connection(Lane::Frames).await,
+        connection(Lane::Latest).await,
+        connection(Lane::Messages).await,
+        connection(Lane::Bulk).await,
+    ];
     let link = listener.accept(soon(&net)).await.unwrap();
     // Read, lest closing with unread data resets the connection.
     let mut accept =
@@ -73,7 +77,7 @@ async fn error(rx: &mut FrameReceiver<Robot>) -> RecvError {
 
 #[tokio::test]
 async fn a_panel_of_bare_sockets_is_a_panel() {
-    let (mut link, [mut frames, mut latest, _messages]) = raw_panel().await;
+    let (mut link, [mut frames, mut latest, _messages, _bulk]) = raw_panel().await;
     latest.write_all(&bytes(&[published(1), published(2)])).await.unwrap();
     assert_eq!(link.latest_rx.latest().await.unwrap(), pose(2));
     let begin = bytes(&[begin(0)]);
@@ -86,10 +90,13 @@ async fn a_panel_of_bare_sockets_is_a_panel() {
 
 #[tokio::test]
 async fn garbage_after_the_handshake_is_an_error() {
-    let (mut link, [mut frames, mut latest, mut messages]) = raw_panel().await;
+    let (mut link, [mut frames, mut latest, mut messages, mut bulk]) = raw_panel().await;
     messages.write_all(&[0x77; 100]).await.unwrap();
     let on_messages = fault(link.messages_rx.recv().await.unwrap_err());
     assert_eq!(on_messages, DecodeFault::UnknownKind { code: 0x77 });
+    bulk.write_all(&[0x88; 100]).await.unwrap();
+    let on_bulk = fault(link.bulk_rx.recv().await.unwrap_err());
+    assert_eq!(on_bulk, DecodeFault::UnknownKind { code: 0x88 });
     frames.write_all(&[0xee; 100]).await.unwrap();
     latest.write_all(&[0x99; 100]).await.unwrap();
     assert_eq!(fault(error(&mut link.frames_rx).await), DecodeFault::UnknownKind { code: 0xee });
@@ -99,8 +106,9 @@ async fn garbage_after_the_handshake_is_an_error() {
 
 #[tokio::test]
 async fn messages_on_the_wrong_lane_are_errors() {
-    let (mut link, [mut frames, mut latest, mut messages]) = raw_panel().await;
+    let (mut link, [mut frames, mut latest, mut messages, mut bulk]) = raw_panel().await;
     messages.write_all(&bytes(&[begin(0)])).await.unwrap();
+    bulk.write_all(&bytes(&[Message::Message(vec![7, 0].into())])).await.unwrap();
     frames.write_all(&bytes(&[published(0)])).await.unwrap();
     latest.write_all(&bytes(&[begin(0)])).await.unwrap();
     let misplaced = |error: RecvError| match error {
@@ -110,11 +118,12 @@ async fn messages_on_the_wrong_lane_are_errors() {
     assert_eq!(misplaced(error(&mut link.frames_rx).await), (Kind::Latest, Lane::Frames));
     assert_eq!(misplaced(link.latest_rx.latest().await.unwrap_err()), (Kind::Begin, Lane::Latest));
     assert_eq!(misplaced(link.messages_rx.recv().await.unwrap_err()), (Kind::Begin, Lane::Messages));
+    assert_eq!(misplaced(link.bulk_rx.recv().await.unwrap_err()), (Kind::Message, Lane::Bulk));
 }
 
 #[tokio::test]
 async fn frames_that_break_the_rules_are_errors() {
-    let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
+    let (mut link, [mut frames, _latest, _messages, _bulk]) = raw_panel().await;
     let end = FrameEnd { frame: FrameNumber(0), items: 0, hash: 1 };
     frames.write_all(&bytes(&[begin(0), Message::Frame(FrameMessage::End(end))])).await.unwrap();
     let received = 0x2d06_8005_38d3_94c2;
@@ -126,7 +135,7 @@ async fn frames_that_break_the_rules_are_errors() {
 #[tokio::test]
 async fn a_message_that_is_none_is_an_error() {
     for message in [&[7][..], &[7, 1, b'x', 0], &[7; MAX_MESSAGE + 1]] {
-        let (mut link, [_frames, _latest, mut messages]) = raw_panel().await;
+        let (mut link, [_frames, _latest, mut messages, _bulk]) = raw_panel().await;
         messages.write_all(&bytes(&[Message::Message(message.to_vec().into())])).await.unwrap();
         let error = link.messages_rx.recv().await.unwrap_err();
         match error {
@@ -139,7 +148,7 @@ async fn a_message_that_is_none_is_an_error() {
 
 #[tokio::test]
 async fn a_frame_with_missing_points_says_how_many() {
-    let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
+    let (mut link, [mut frames, _latest, _messages, _bulk]) = raw_panel().await;
     let end = FrameEnd { frame: FrameNumber(0), items: 9, hash: 1 };
     frames.write_all(&bytes(&[begin(0), Message::Frame(FrameMessage::End(end))])).await.unwrap();
     link.frames_rx.recv().await.unwrap();
@@ -149,7 +158,7 @@ async fn a_frame_with_missing_points_says_how_many() {
 
 #[tokio::test]
 async fn death_within_a_message_says_where() {
-    let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
+    let (mut link, [mut frames, _latest, _messages, _bulk]) = raw_panel().await;
     frames.write_all(&bytes(&[begin(0)])[..40]).await.unwrap();
     drop(frames);
     let error = error(&mut link.frames_rx).await;
@@ -158,7 +167,7 @@ async fn death_within_a_message_says_where() {
 
 #[tokio::test]
 async fn a_reset_is_a_loss() {
-    let (mut link, [frames, _latest, _messages]) = raw_panel().await;
+    let (mut link, [frames, _latest, _messages, _bulk]) = raw_panel().await;
     // What a killed process with unread data looks like.
     frames.set_zero_linger().unwrap();
     drop(frames);
@@ -192,7 +201,7 @@ async fn close_survives_unread_data() {
 async fn a_panel_that_went_without_a_word_and_reads_nothing_has_not_heard_a_close() {
     let timeout = Duration::from_secs(1);
     let link = LinkConfig { timeout, ..LinkConfig::default() };
-    let (mut link, [mut frames, mut latest, _messages]) =
+    let (mut link, [mut frames, mut latest, _messages, _bulk]) =
         raw_panel_of(&Options { link, ..Options::default() }).await;
     let (net, points) = (net(), points(16_384));
     link.frames_tx.begin(start(0)).await.unwrap();

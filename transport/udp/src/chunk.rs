@@ -22,6 +22,13 @@ pub enum UnitLane {
     Frames,
     /// A unit is a message.
     Messages,
+    /// A unit is a block. Its bytes leave when no other lane has anything to send.
+    Bulk,
+}
+
+impl UnitLane {
+    /// Every lane, in the order of its precedence; of frames and messages neither waits for the other.
+    pub const ALL: [Self; 3] = [Self::Frames, Self::Messages, Self::Bulk];
 }
 
 /// How a part of a unit relates to what follows it.
@@ -70,7 +77,7 @@ pub(crate) enum Chunk<'a> {
     Challenge { cookie: CookieBytes },
     /// The cookie of a challenge.
     Response { cookie: CookieBytes },
-    /// Bytes of a unit. Those of the messages lane have no other tail than more and end.
+    /// Bytes of a unit. Those of messages and of blocks have no other tail than more and end.
     Part { lane: UnitLane, unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
     /// What has not arrived of a frame will not come any more.
     GiveUp { unit: u64, about: GivenUp, head: &'a [u8] },

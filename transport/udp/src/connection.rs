@@ -15,6 +15,7 @@ use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM};
 use crate::peer_path::PeerPath;
 use crate::recovery::Recovery;
+use crate::scavenger::Scavenger;
 
 mod closed;
 mod config;
@@ -27,7 +28,7 @@ mod transmit;
 mod units;
 
 #[cfg(test)]
-pub(crate) use units::MESSAGES_WINDOW;
+pub(crate) use units::RECORDS_WINDOW;
 use units::Units;
 
 pub use closed::Closed;
@@ -49,10 +50,13 @@ pub struct Connection {
     recovery: Recovery,
     pacer: Pacer,
     paced_until: Option<Instant>,
+    /// How much may be under way for the bulk lane to add to it.
+    scavenger: Scavenger,
     mtu: Mtu,
     acks: Acks,
     frames: Units,
     messages: Units,
+    bulk: Units,
     latest_out: LatestOut,
     latest_in: LatestIn,
     /// When the peer was answered, if its first packet shows how long a round trip takes.
@@ -107,10 +111,12 @@ impl Connection {
             recovery: Recovery::new(MIN_DATAGRAM, config.initial_window, config.ack_delay),
             pacer: Pacer::new(MIN_DATAGRAM),
             paced_until: None,
+            scavenger: Scavenger::new(MIN_DATAGRAM),
             acks: Acks::default(),
             mtu: Mtu::new(now, config.max_datagram),
             frames: Units::frames(&config),
-            messages: Units::messages(&config),
+            messages: Units::records(UnitLane::Messages, &config),
+            bulk: Units::records(UnitLane::Bulk, &config),
             latest_out: LatestOut::default(),
             latest_in: LatestIn::new(config.format),
             answered: None,
@@ -186,6 +192,7 @@ impl Connection {
         match lane {
             UnitLane::Frames => &self.frames,
             UnitLane::Messages => &self.messages,
+            UnitLane::Bulk => &self.bulk,
         }
     }
 
@@ -193,6 +200,7 @@ impl Connection {
         match lane {
             UnitLane::Frames => &mut self.frames,
             UnitLane::Messages => &mut self.messages,
+            UnitLane::Bulk => &mut self.bulk,
         }
     }
 

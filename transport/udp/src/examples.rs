@@ -14,7 +14,7 @@ use trimaran_wire::{CloseReason, FixedBytes, Format, FrameMessage, FrameNumber, 
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
-use crate::connection::{Config, Connection, MESSAGES_WINDOW};
+use crate::connection::{Config, Connection, RECORDS_WINDOW};
 use crate::cookie::TokenKey;
 use crate::handshake::{Acceptor, Connecting, Handled, Progress, Security};
 use crate::inbox::{Inbox, Received};
@@ -129,6 +129,8 @@ fn every_chunk_has_an_example() {
         ("unread", Chunk::StopSending { lane: UnitLane::Frames }),
         ("max-data-messages", Chunk::MaxData { lane: UnitLane::Messages, bytes: 64 << 10, units: 1024 }),
         ("unread-messages", Chunk::StopSending { lane: UnitLane::Messages }),
+        ("max-data-bulk", Chunk::MaxData { lane: UnitLane::Bulk, bytes: 64 << 10, units: 1024 }),
+        ("unread-bulk", Chunk::StopSending { lane: UnitLane::Bulk }),
         ("challenge", Chunk::Challenge { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
         ("response", Chunk::Response { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
         ("last-value", Chunk::LastLatest { number: 1, close: &close }),
@@ -156,7 +158,10 @@ fn every_chunk_has_an_example() {
     Message::Message(Bytes::from_static(b"\x01\x04dock")).encode(&mut message);
     let message =
         Chunk::Part { lane: UnitLane::Messages, unit: 0, offset: 0, tail: Tail::End, data: &message };
-    let chunks = [&chunks[..], &[("part-message", message)]].concat();
+    let mut block = BytesMut::new();
+    Message::Block(Bytes::from_static(b"map tile")).encode(&mut block);
+    let block = Chunk::Part { lane: UnitLane::Bulk, unit: 0, offset: 0, tail: Tail::End, data: &block };
+    let chunks = [&chunks[..], &[("part-message", message), ("part-block", block)]].concat();
     let mut inbox = inbox();
     for (name, chunk) in &chunks {
         let mut out = Vec::new();
@@ -251,7 +256,7 @@ fn the_handshake_in_the_clear_is_the_examples() {
 
 /// The Noise state of one side, its ephemeral key no secret, built without this crate's code.
 fn noise(ephemeral: [u8; 32], initiates: bool) -> snow::HandshakeState {
-    let prologue = b"trimaran/udp/2\x0a\x00\x00\x00";
+    let prologue = b"trimaran/udp/3\x0a\x00\x00\x00";
     let builder = snow::Builder::new("Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s".parse().unwrap())
         .prologue(prologue)
         .unwrap()
@@ -312,7 +317,7 @@ fn the_page_says_what_the_constants_are() {
         format!("at most {} bytes of hello", crate::MAX_HELLO),
         format!("at most {} ranges", crate::chunk::ACK_RANGES),
         format!("the first {} units", Inbox::initial_units()),
-        format!("{MESSAGES_WINDOW} bytes of messages"),
+        format!("{RECORDS_WINDOW} bytes of messages"),
         format!("at most {} *shards*", crate::repair::BLOCK),
         format!("1 to {}", crate::repair::MOST),
         format!(
@@ -323,5 +328,5 @@ fn the_page_says_what_the_constants_are() {
     ] {
         assert!(page.contains(&fact), "{fact:?}");
     }
-    assert_eq!(examples().len(), 31, "every example is checked by a test here");
+    assert_eq!(examples().len(), 34, "every example is checked by a test here");
 }

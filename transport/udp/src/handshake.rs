@@ -79,7 +79,7 @@ const PINNED: &str = "Noise_IK_25519_ChaChaPoly_BLAKE2s";
 impl Half {
     /// The initiator's connection id is bound to the handshake: it cannot be changed on the way.
     fn new(security: &Security, initiator: ConnectionId, initiates: bool) -> Result<Self, HandshakeError> {
-        let prologue = [b"trimaran/udp/2".as_slice(), &initiator.0.to_le_bytes()].concat();
+        let prologue = [b"trimaran/udp/3".as_slice(), &initiator.0.to_le_bytes()].concat();
         let build = |builder: Builder<'_>| {
             let builder = builder.prologue(&prologue)?;
             if initiates { builder.build_initiator() } else { builder.build_responder() }

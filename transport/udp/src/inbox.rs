@@ -29,6 +29,8 @@ pub enum Received {
     Frame(FrameMessage),
     /// A message of the messages lane, as the application wrote it.
     Message(Bytes),
+    /// A block of the bulk lane.
+    Block(Bytes),
     /// The peer leaves.
     Closed(CloseReason),
     /// The peer is gone without a close.
@@ -211,12 +213,13 @@ impl Inbox {
 
     /// What was received, if it may come on this lane.
     fn belongs(&self, item: Received) -> Result<Received, LaneViolation> {
-        match (self.lane, &item) {
-            (UnitLane::Frames, Received::Message(_)) | (UnitLane::Messages, Received::Frame(_)) => {
-                Err(LaneViolation::Unit)
-            }
-            _ => Ok(item),
-        }
+        let belongs = match &item {
+            Received::Frame(_) => self.lane == UnitLane::Frames,
+            Received::Message(_) => self.lane == UnitLane::Messages,
+            Received::Block(_) => self.lane == UnitLane::Bulk,
+            Received::Closed(_) | Received::Gone => true,
+        };
+        if belongs { Ok(item) } else { Err(LaneViolation::Unit) }
     }
 
     /// What was done for what came, in steps of eight bytes or one look-up each.

@@ -1,7 +1,7 @@
 //! Frames and messages over datagrams: the state machine of a connection, without sockets or a clock.
 //!
 //! A [`Connection`] carries the lanes of a link in packets that fit the path: the newest value, sent
-//! again until it or a newer one has arrived, and two lanes of units: frames, and messages. Each unit is put
+//! again until it or a newer one has arrived, and three lanes of units: frames, messages, blocks. Each unit is put
 //! together by itself, so that the loss of a packet holds up no other one on the wire; they are passed on in
 //! order.
 //!
@@ -34,7 +34,7 @@
 //! | `connection` | [`Connection`]: what came, what is to be sent, when to wake |
 //! | `latest`, `outbox`, `inbox` | the lanes: the newest value; units to be sent, and received |
 //! | `packet`, `chunk`, `wire`, `ranges` | packets and what they hold |
-//! | `recovery`, `acks`, `rtt`, `congestion`, `pacer` | what is lost, and how much may be in flight |
+//! | `recovery`, `acks`, `rtt`, `congestion`, `pacer`, `scavenger` | what is lost, and how much may be in flight |
 //! | `repair` | forward error correction of frames |
 //! | `mtu`, `peer_path` | the size of datagrams; a peer that moves |
 
@@ -60,6 +60,7 @@ mod ranges;
 mod recovery;
 mod repair;
 mod rtt;
+mod scavenger;
 mod spare;
 mod wire;
 

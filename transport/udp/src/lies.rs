@@ -2,7 +2,7 @@
 
 use bytes::{Bytes, BytesMut};
 use trimaran_net::Instant;
-use trimaran_wire::{FrameMessage, FrameNumber, MAX_MESSAGE, Message};
+use trimaran_wire::{FrameMessage, FrameNumber, MAX_BLOCK, MAX_MESSAGE, Message};
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
 use crate::connection::{Closed, Connection};
@@ -33,8 +33,9 @@ fn told(plain: &[u8]) -> Option<Closed> {
     let (mut out, mut at) = (Vec::new(), now());
     for _ in 0..100 {
         while connection.poll_transmit(at, &mut out) {}
-        while connection.recv(UnitLane::Frames).is_some() {}
-        while connection.recv(UnitLane::Messages).is_some() {}
+        for lane in UnitLane::ALL {
+            while connection.recv(lane).is_some() {}
+        }
         let Some(due) = connection.poll_timeout() else { break };
         at = at.max(due);
         connection.handle_timeout(at);
@@ -113,17 +114,26 @@ fn a_unit_on_the_wrong_lane_ends_the_connection() {
     assert_eq!(lie(&part(UnitLane::Messages, &unit)), None);
     assert_eq!(lie(&part(UnitLane::Frames, &unit)), lane(LaneViolation::Unit));
     assert_eq!(lie(&part(UnitLane::Messages, &begin)), lane(LaneViolation::Unit));
-    let end = lie(&part(UnitLane::Messages, &long));
-    assert!(matches!(end, Some(Closed::Lane(LaneViolation::Decode(_)))), "{end:?}");
-    // The window of the lane is its own.
-    let end = lie(&Chunk::Part {
-        lane: UnitLane::Messages,
-        unit: 0,
-        offset: 1 << 20,
-        tail: Tail::More,
-        data: b"1",
-    });
-    assert_eq!(end, lane(LaneViolation::FlowControl));
+    let (mut block, mut long_block) = (BytesMut::new(), BytesMut::new());
+    Message::Block(Bytes::from_static(b"tile")).encode(&mut block);
+    Message::Block(vec![0; MAX_BLOCK + 1].into()).encode(&mut long_block);
+    assert_eq!(lie(&part(UnitLane::Bulk, &block)), None);
+    for (wrong, data) in [
+        (UnitLane::Frames, &block),
+        (UnitLane::Messages, &block),
+        (UnitLane::Bulk, &unit),
+        (UnitLane::Bulk, &begin),
+    ] {
+        assert_eq!(lie(&part(wrong, data)), lane(LaneViolation::Unit), "{wrong:?}");
+    }
+    for end in [lie(&part(UnitLane::Messages, &long)), lie(&part(UnitLane::Bulk, &long_block))] {
+        assert!(matches!(end, Some(Closed::Lane(LaneViolation::Decode(_)))), "{end:?}");
+    }
+    // The windows of these lanes are their own.
+    for own in [UnitLane::Messages, UnitLane::Bulk] {
+        let end = lie(&Chunk::Part { lane: own, unit: 0, offset: 1 << 20, tail: Tail::More, data: b"1" });
+        assert_eq!(end, lane(LaneViolation::FlowControl), "{own:?}");
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use bytes::{BufMut, Bytes, BytesMut};
+use bytes::{BufMut, BytesMut};
 use trimaran_wire::{CloseReason, Format, FrameEnd, FrameMessage, FrameNumber, Message};
 
 use crate::chunk::{CODED_UNIT, Tail, UnitLane};
@@ -21,8 +21,8 @@ use unit::Unit;
 /// What a unit costs beside its bytes, so that many small ones are not for nothing.
 const UNIT_COST: usize = 256;
 
-/// Units in order of their numbers. A unit is a frame, a message, a close, or, empty, the end of the
-/// lane without one.
+/// Units in order of their numbers. A unit is a frame, a message, a block, a close, or, empty, the end of
+/// the lane without one.
 #[derive(Debug)]
 pub(crate) struct Outbox {
     lane: UnitLane,
@@ -129,9 +129,12 @@ impl Outbox {
         }
     }
 
-    /// Takes the next message of the messages lane.
-    pub(crate) fn say(&mut self, message: Bytes, path: Path) {
-        self.whole(|out| Message::Message(message).encode(out), path);
+    /// Takes a message that is a unit by itself: that of an application, a block, or a close.
+    pub(crate) fn put_whole(&mut self, message: &Message, path: Path) {
+        let unit = Unit::new(&self.format, path.shard, self.spare.take());
+        self.add(unit);
+        self.append(path, |out| message.encode(out));
+        self.end(Tail::End, path);
     }
 
     pub(crate) const fn set_coded(&mut self, coded: bool) {
@@ -144,20 +147,13 @@ impl Outbox {
 
     pub(crate) fn end_with(&mut self, reason: CloseReason, path: Path) {
         self.cut(path);
-        self.whole(|out| Message::Close(reason).encode(out), path);
+        self.put_whole(&Message::Close(reason), path);
     }
 
     /// Ends the lane without a close.
     pub(crate) fn gone(&mut self, path: Path) {
         self.cut(path);
         self.add(Unit::new(&self.format, path.shard, BytesMut::new()));
-        self.end(Tail::End, path);
-    }
-
-    fn whole(&mut self, write: impl FnOnce(&mut BytesMut), path: Path) {
-        let unit = Unit::new(&self.format, path.shard, self.spare.take());
-        self.add(unit);
-        self.append(path, write);
         self.end(Tail::End, path);
     }
 

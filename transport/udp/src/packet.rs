@@ -3,7 +3,7 @@
 use crate::wire::{Malformed, Reader};
 
 /// The version of the datagrams' layout.
-pub const VERSION: u64 = 2;
+pub const VERSION: u64 = 3;
 
 /// The smallest path that is used: every path of IPv6 carries that much, and the first packet of a connection
 /// is as long, so that a path that does not carry it is found at once (RFC 9000, section 14).

@@ -116,6 +116,11 @@ impl Rtt {
         self.measured.map(|rtt| rtt.minimum / 2)
     }
 
+    /// The round trip that was measured last, and the shortest one, once there is any.
+    pub(crate) fn latest_and_least(&self) -> Option<(Duration, Duration)> {
+        self.measured.map(|rtt| (rtt.latest, rtt.minimum))
+    }
+
     /// Whether packets wait somewhere on the path: all round trips take longer than they must.
     pub(crate) fn queues(&self) -> bool {
         self.measured.is_some_and(|rtt| rtt.lately.shortest() > rtt.minimum + (rtt.minimum / 4).max(SLACK))

@@ -14,7 +14,7 @@ pub struct WireVersion(pub u16);
 
 impl WireVersion {
     /// The version that this crate speaks.
-    pub const CURRENT: Self = Self(2);
+    pub const CURRENT: Self = Self(3);
 }
 
 impl fmt::Display for WireVersion {
@@ -32,6 +32,8 @@ pub enum Lane {
     Frames,
     /// Messages in order.
     Messages,
+    /// Blocks of bytes in order, behind everything else.
+    Bulk,
 }
 
 impl fmt::Display for Lane {
@@ -40,6 +42,7 @@ impl fmt::Display for Lane {
             Self::Latest => "latest",
             Self::Frames => "frames",
             Self::Messages => "messages",
+            Self::Bulk => "bulk",
         })
     }
 }

@@ -11,10 +11,13 @@ pub const HEADER_BYTES: usize = 4;
 /// The most bytes of a message of the messages lane, as postcard writes it.
 pub const MAX_MESSAGE: usize = 16_384;
 
+/// The most bytes of a block of the bulk lane.
+pub const MAX_BLOCK: usize = 16_384;
+
 /// What a message is: the first byte of its header.
 ///
 /// The upper half of the code says where it belongs: 0 control, 1 the latest lane, 2 the frames
-/// lane, 3 the messages lane.
+/// lane, 3 the messages lane, 4 the bulk lane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
@@ -42,11 +45,13 @@ pub enum Kind {
     Coded = 0x24,
     /// What the application says on the messages lane.
     Message = 0x30,
+    /// A block of the bulk lane.
+    Block = 0x40,
 }
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
@@ -59,6 +64,7 @@ impl Kind {
         Self::End,
         Self::Coded,
         Self::Message,
+        Self::Block,
     ];
 
     /// The kind with this code, if there is one.
@@ -94,6 +100,7 @@ impl Kind {
             // Shorter than the same items plain.
             Self::Coded => 1..=format.batch(BatchSize::MAX),
             Self::Message => 0..=MAX_MESSAGE,
+            Self::Block => 0..=MAX_BLOCK,
         }
     }
 
@@ -118,6 +125,7 @@ impl fmt::Display for Kind {
             Self::Coded => "coded batch",
             Self::End => "end",
             Self::Message => "message",
+            Self::Block => "block",
         })
     }
 }

@@ -51,7 +51,7 @@ pub use frame::{
     FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome,
     FrameStart, FrameStep, FrameViolation, FrameWriter,
 };
-pub use kind::{HEADER_BYTES, Kind, MAX_MESSAGE};
+pub use kind::{HEADER_BYTES, Kind, MAX_BLOCK, MAX_MESSAGE};
 pub use message::Message;
 pub use protocol::{BatchDecoder, BatchEncoder, Batching, CodingError, Delivery, Protocol};
 pub use serial::{Numbered, Serial};

@@ -34,6 +34,8 @@ pub enum Message {
     Frame(FrameMessage),
     /// A message of the messages lane, as postcard writes it.
     Message(Bytes),
+    /// A block of the bulk lane, which only the application understands.
+    Block(Bytes),
 }
 
 impl From<FrameMessage> for Message {
@@ -62,6 +64,7 @@ impl Message {
             Self::Numbered(_) => Kind::Numbered,
             Self::Frame(message) => message.kind(),
             Self::Message(_) => Kind::Message,
+            Self::Block(_) => Kind::Block,
         }
     }
 
@@ -92,8 +95,8 @@ impl Message {
                 numbered.write(out);
             }
             Self::Frame(message) => message.encode(out),
-            Self::Message(bytes) => {
-                out.put_slice(&Kind::Message.header(bytes.len()));
+            Self::Message(bytes) | Self::Block(bytes) => {
+                out.put_slice(&self.kind().header(bytes.len()));
                 out.put_slice(bytes);
             }
         }
@@ -121,6 +124,7 @@ impl Message {
             }
             Kind::Coded => Ok(Self::Frame(FrameMessage::Coded(payload))),
             Kind::Message => Ok(Self::Message(payload)),
+            Kind::Block => Ok(Self::Block(payload)),
             Kind::End => {
                 let words: &[u8; 16] = payload.first_chunk().ok_or(short)?;
                 let word = u128::from_le_bytes(*words);

@@ -9,8 +9,9 @@ use bytes::{Bytes, BytesMut};
 use proptest::prelude::*;
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd,
-    FrameMessage, FrameNumber, FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, Lane, MAX_HELLO,
-    MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion,
+    FrameMessage, FrameNumber, FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, Lane, MAX_BLOCK,
+    MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId,
+    WireVersion,
 };
 
 /// Of an application whose values and headers take more room than a [`FixedBytes`] has on the stack, and
@@ -30,7 +31,7 @@ fn text() -> impl Strategy<Value = Explanation> {
 }
 
 fn lane() -> impl Strategy<Value = Lane> {
-    prop_oneof![Just(Lane::Latest), Just(Lane::Frames), Just(Lane::Messages)]
+    prop_oneof![Just(Lane::Latest), Just(Lane::Frames), Just(Lane::Messages), Just(Lane::Bulk)]
 }
 
 fn hello() -> impl Strategy<Value = Message> {
@@ -82,6 +83,7 @@ fn message() -> impl Strategy<Value = Message> {
             .prop_map(|(number, value)| Message::Numbered(Numbered { number: Serial(number), value })),
         frame.prop_map(Message::Frame),
         bytes(0..1000_usize).prop_map(|bytes| Message::Message(bytes.into())),
+        bytes(0..1000_usize).prop_map(|bytes| Message::Block(bytes.into())),
     ]
 }
 
@@ -270,6 +272,7 @@ fn the_longest_control_messages_are_taken() {
         Message::Accept(Accept { application }),
         Message::Close(CloseReason { code: u16::MAX, why: text }),
         Message::Message(vec![0; MAX_MESSAGE].into()),
+        Message::Block(vec![0; MAX_BLOCK].into()),
     ];
     messages.extend(refusals.map(Message::Refuse));
     for message in messages {

@@ -10,8 +10,8 @@ use bytes::{Bytes, BytesMut};
 use robot::{Command, NotFinite, Pose, Robot, Time};
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, Fixed, Format, FrameEnd, FrameMessage, FrameNumber,
-    FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_FIXED, MAX_HELLO, MAX_MESSAGE, Message, Numbered,
-    Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
+    FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK, MAX_FIXED, MAX_HELLO, MAX_MESSAGE,
+    Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
 };
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -57,6 +57,7 @@ fn messages() -> Vec<(&'static str, Message)> {
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
     let command = postcard::to_stdvec(&Command::GoTo("dock".to_owned())).unwrap();
     messages.push(("message", Message::Message(command.into())));
+    messages.push(("block", Message::Block(Bytes::from_static(b"map tile"))));
     messages
 }
 
@@ -101,9 +102,9 @@ fn the_empty_frame_is_begin_and_end() {
 #[test]
 fn another_versions_hello_says_which() {
     let mut decoder = Decoder::new(Format::of::<Robot>());
-    decoder.push(&examples()["hello-3"]);
+    decoder.push(&examples()["hello-4"]);
     let error = decoder.next_message().unwrap_err().to_string();
-    assert!(error.contains("the peer speaks version 3 of the protocol, this one version 2"), "{error}");
+    assert!(error.contains("the peer speaks version 4 of the protocol, this one version 3"), "{error}");
 }
 
 /// What a length of the page comes to: a sum of numbers, each of which may be followed by a letter to be
@@ -137,19 +138,23 @@ fn the_table_of_codes_and_lengths_is_the_crates() {
 #[test]
 fn the_limits_are_the_crates() {
     let format = Format::of::<Robot>();
+    let page = WIRE.split_whitespace().collect::<Vec<_>>().join(" ");
     for said in [
         format!("L is {}", format.latest),
         format!("H is {}", format.header),
         format!("I is {}", <u32 as Item>::SIZE),
         format!("| {MAX_FIXED} |"),
         format!("at most {} bytes, the application's hello {MAX_HELLO}", ProtocolName::MAX_BYTES),
-        format!("a message {MAX_MESSAGE}, each text for people {} bytes", Explanation::MAX_BYTES),
+        format!(
+            "a message {MAX_MESSAGE}, a block {MAX_BLOCK}, each text for people {} bytes",
+            Explanation::MAX_BYTES
+        ),
         format!("refuses a peer {}.", Rejection::new(0, &"x".repeat(1000)).why.as_str().len()),
         format!("1 to {} items of I bytes", BatchSize::MAX.items()),
         format!("close with code {}", CloseReason::REFUSED),
-        format!("version {}\n", WireVersion::CURRENT),
+        format!("# The wire of links, version {} ", WireVersion::CURRENT),
     ] {
-        assert!(WIRE.contains(&said), "the page does not say {said:?}");
+        assert!(page.contains(&said), "the page does not say {said:?}");
     }
 }
 

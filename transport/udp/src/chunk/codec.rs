@@ -20,6 +20,8 @@ const CHALLENGE: u8 = 0x06;
 const RESPONSE: u8 = 0x07;
 const MESSAGES_MAX_DATA: u8 = 0x08;
 const STOP_MESSAGES: u8 = 0x09;
+const BULK_MAX_DATA: u8 = 0x0a;
+const STOP_BULK: u8 = 0x0b;
 const LATEST: u8 = 0x10;
 const LAST_LATEST: u8 = 0x11;
 const PART: u8 = 0x20;
@@ -28,7 +30,8 @@ const GIVE_UP_CODED: u8 = 0x25;
 const REPAIR: u8 = 0x30;
 const LAST_REPAIR: u8 = 0x33;
 const MESSAGE_PART: u8 = 0x40;
-/// What a part's code has beside [`PART`] or [`MESSAGE_PART`] where its unit ends, and is no whole frame.
+const BLOCK_PART: u8 = 0x50;
+/// What the code of a part has beside that of its lane where its unit ends, and is no whole frame.
 const END: u8 = 2;
 
 impl<'a> Chunk<'a> {
@@ -56,13 +59,17 @@ impl<'a> Chunk<'a> {
                 out.push(match lane {
                     UnitLane::Frames => MAX_DATA,
                     UnitLane::Messages => MESSAGES_MAX_DATA,
+                    UnitLane::Bulk => BULK_MAX_DATA,
                 });
                 put_varint(out, *bytes);
                 put_varint(out, *units);
             }
             Self::Close => out.push(CLOSE),
-            Self::StopSending { lane: UnitLane::Frames } => out.push(STOP_SENDING),
-            Self::StopSending { lane: UnitLane::Messages } => out.push(STOP_MESSAGES),
+            Self::StopSending { lane } => out.push(match lane {
+                UnitLane::Frames => STOP_SENDING,
+                UnitLane::Messages => STOP_MESSAGES,
+                UnitLane::Bulk => STOP_BULK,
+            }),
             Self::Challenge { cookie } => {
                 out.push(CHALLENGE);
                 out.extend_from_slice(cookie);
@@ -86,6 +93,8 @@ impl<'a> Chunk<'a> {
                 out.push(match (lane, tail) {
                     (UnitLane::Messages, Tail::End) => MESSAGE_PART | END,
                     (UnitLane::Messages, _) => MESSAGE_PART,
+                    (UnitLane::Bulk, Tail::End) => BLOCK_PART | END,
+                    (UnitLane::Bulk, _) => BLOCK_PART,
                     (UnitLane::Frames, Tail::More) => PART,
                     (UnitLane::Frames, Tail::Pause) => PART | 1,
                     (UnitLane::Frames, Tail::End) => PART | END,
@@ -133,12 +142,12 @@ impl<'a> Chunk<'a> {
             PAD => Ok(Self::Pad),
             PING => Ok(Self::Ping),
             ACK => read_ack(reader),
-            MAX_DATA | MESSAGES_MAX_DATA => {
+            MAX_DATA | MESSAGES_MAX_DATA | BULK_MAX_DATA => {
                 let (bytes, units) = (reader.varint("max data")?, reader.varint("max data")?);
-                Ok(Self::MaxData { lane: lane_of(code, MESSAGES_MAX_DATA), bytes, units })
+                Ok(Self::MaxData { lane: lane_of(code), bytes, units })
             }
             CLOSE => Ok(Self::Close),
-            STOP_SENDING | STOP_MESSAGES => Ok(Self::StopSending { lane: lane_of(code, STOP_MESSAGES) }),
+            STOP_SENDING | STOP_MESSAGES | STOP_BULK => Ok(Self::StopSending { lane: lane_of(code) }),
             CHALLENGE => Ok(Self::Challenge { cookie: *reader.array("cookie")? }),
             RESPONSE => Ok(Self::Response { cookie: *reader.array("cookie")? }),
             LATEST => {
@@ -150,7 +159,7 @@ impl<'a> Chunk<'a> {
                 let length = usize::from(reader.u16("close length")?);
                 Ok(Self::LastLatest { number, close: reader.take(length, "close")? })
             }
-            0x20..=0x23 | MESSAGE_PART | 0x42 => {
+            0x20..=0x23 | MESSAGE_PART | 0x42 | BLOCK_PART | 0x52 => {
                 let unit = reader.varint("unit")?;
                 let offset = reader.varint("offset")?;
                 let length = usize::from(reader.u16("part length")?);
@@ -160,8 +169,7 @@ impl<'a> Chunk<'a> {
                     2 => Tail::End,
                     _ => Tail::Frame(reader.u64("hash")?),
                 };
-                let lane = lane_of(code & !3, MESSAGE_PART);
-                Ok(Self::Part { lane, unit, offset, tail, data: reader.take(length, "part")? })
+                Ok(Self::Part { lane: lane_of(code), unit, offset, tail, data: reader.take(length, "part")? })
             }
             GIVE_UP | GIVE_UP_CODED => {
                 let unit = reader.varint("unit")?;
@@ -201,9 +209,13 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// The lane of a chunk with that code, which one of the messages lane has.
-const fn lane_of(code: u8, of_messages: u8) -> UnitLane {
-    if code == of_messages { UnitLane::Messages } else { UnitLane::Frames }
+/// The lane of a chunk with that code, which is one of those that each lane has.
+const fn lane_of(code: u8) -> UnitLane {
+    match code {
+        MESSAGES_MAX_DATA | STOP_MESSAGES | MESSAGE_PART | 0x42 => UnitLane::Messages,
+        BULK_MAX_DATA | STOP_BULK | BLOCK_PART | 0x52 => UnitLane::Bulk,
+        _ => UnitLane::Frames,
+    }
 }
 
 fn read_ack<'a>(reader: &mut Reader<'a>) -> Result<Chunk<'a>, Malformed> {
@@ -255,7 +267,7 @@ mod tests {
     fn chunks_come_back_and_their_parts_do_not() {
         back(&Chunk::Ping);
         back(&Chunk::Close);
-        for lane in [UnitLane::Frames, UnitLane::Messages] {
+        for lane in UnitLane::ALL {
             back(&Chunk::MaxData { lane, bytes: 1 << 40, units: 7 });
             back(&Chunk::StopSending { lane });
         }
@@ -273,8 +285,10 @@ mod tests {
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {
             back(&Chunk::Part { lane: UnitLane::Frames, unit: 1 << 30, offset: 80, tail, data: b"items" });
         }
-        for tail in [Tail::More, Tail::End] {
-            back(&Chunk::Part { lane: UnitLane::Messages, unit: 1 << 30, offset: 80, tail, data: b"stop" });
+        for lane in [UnitLane::Messages, UnitLane::Bulk] {
+            for tail in [Tail::More, Tail::End] {
+                back(&Chunk::Part { lane, unit: 1 << 30, offset: 80, tail, data: b"stop" });
+            }
         }
         let mut numbers = RangeSet::default();
         for range in [0..1, 3..9, 200..1000] {

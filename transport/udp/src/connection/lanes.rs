@@ -1,7 +1,7 @@
 //! The lanes as their owner uses them: what is given to the connection, and what is taken from it.
 
 use bytes::Bytes;
-use trimaran_wire::{CloseReason, FixedBytes, FrameMessage, FrameNumber};
+use trimaran_wire::{CloseReason, FixedBytes, FrameMessage, FrameNumber, Message};
 
 use super::Connection;
 use crate::chunk::UnitLane;
@@ -24,7 +24,7 @@ impl Connection {
     /// Whether everything that was sent has arrived.
     #[must_use]
     pub fn is_drained(&self) -> bool {
-        self.frames.outbox.is_empty() && self.messages.outbox.is_empty() && self.latest_out.is_drained()
+        UnitLane::ALL.into_iter().all(|lane| self.is_lane_drained(lane)) && self.latest_out.is_drained()
     }
 
     /// Whether everything that was sent on the lane has arrived.
@@ -67,7 +67,12 @@ impl Connection {
     /// Sends a message of the messages lane, as the application wrote it: at most
     /// [`MAX_MESSAGE`](trimaran_wire::MAX_MESSAGE) bytes.
     pub fn say(&mut self, message: Bytes) {
-        self.messages.outbox.say(message, self.path());
+        self.messages.outbox.put_whole(&Message::Message(message), self.path());
+    }
+
+    /// Sends a block of the bulk lane: at most [`MAX_BLOCK`](trimaran_wire::MAX_BLOCK) bytes.
+    pub fn carry(&mut self, block: Bytes) {
+        self.bulk.outbox.put_whole(&Message::Block(block), self.path());
     }
 
     /// Sends a close behind everything else on the lane.

@@ -12,6 +12,7 @@ use crate::pacer::Pacer;
 use crate::packet::MIN_DATAGRAM;
 use crate::peer_path::{Arrival, Migration, Moved, PeerPath};
 use crate::recovery::Verdict;
+use crate::scavenger::Scavenger;
 
 impl Connection {
     /// Follows the peer from `remote` on, wherever it goes: `secret` are 32 random bytes, for this connection
@@ -81,6 +82,7 @@ impl Connection {
             self.recovery.on_new_path(MIN_DATAGRAM, initial_window);
             self.mtu = Mtu::new(now, self.config.max_datagram);
             self.pacer = Pacer::new(MIN_DATAGRAM);
+            self.scavenger = Scavenger::new(MIN_DATAGRAM);
         }
     }
 }

@@ -80,8 +80,12 @@ impl Connection {
                 }
                 Chunk::Ack { delay_us, numbers } => {
                     let delay = Duration::from_micros(delay_us);
+                    let in_flight = self.recovery.in_flight();
                     let verdict =
                         self.recovery.on_ack(now, &numbers, delay).map_err(|_| Closed::NeverSent)?;
+                    if let Some((latest, least)) = self.recovery.rtt.latest_and_least() {
+                        self.scavenger.on_ack(now, in_flight, latest, least);
+                    }
                     self.judge(now, verdict);
                 }
                 Chunk::MaxData { lane, bytes, units } => self.units_mut(lane).outbox.allow(bytes, units),
@@ -102,6 +106,7 @@ impl Connection {
         }
         self.frames.discard_unread();
         self.messages.discard_unread();
+        self.bulk.discard_unread();
         Ok(taken.then_some(asks))
     }
 

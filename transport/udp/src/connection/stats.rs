@@ -20,7 +20,7 @@ pub struct PathStats {
     pub forged: u64,
     /// Packets that were sent and found lost. Probes for larger datagrams are not counted.
     pub lost: u64,
-    /// Parts of frames and messages that were sent again.
+    /// Parts of frames, messages and blocks that were sent again.
     pub repeated: u64,
     /// Repair shards that were sent.
     pub repair_sent: u64,
@@ -93,8 +93,7 @@ impl Connection {
     /// [`STEPS_PER_PACKET`] for each packet sent or received.
     #[must_use]
     pub const fn work(&self) -> u64 {
-        let units = self.frames.inbox.work() + self.messages.inbox.work();
-        units + self.frames.outbox.visited + self.messages.outbox.visited + self.recovery.visited
+        self.frames.work() + self.messages.work() + self.bulk.work() + self.recovery.visited
     }
 
     /// What became of the packets, and what is known of the path.
@@ -108,7 +107,7 @@ impl Connection {
             received_bytes: self.received_bytes,
             forged: self.forged,
             lost: recovery.lost_packets,
-            repeated: outbox.repeated + self.messages.outbox.repeated,
+            repeated: outbox.repeated + self.messages.outbox.repeated + self.bulk.outbox.repeated,
             repair_sent: outbox.repair_sent,
             frames_repaired: self.frames.inbox.frames_repaired,
             frames_given_up: outbox.frames_given_up,

@@ -77,5 +77,6 @@ impl Connection {
     pub(super) fn resize(&mut self) {
         self.recovery.window.set_segment(self.mtu.known());
         self.pacer.set_segment(self.mtu.known());
+        self.scavenger.set_segment(self.mtu.known());
     }
 }

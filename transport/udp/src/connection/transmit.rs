@@ -66,14 +66,18 @@ impl Connection {
         }
         self.frames.write_words(plain, &mut contents);
         self.messages.write_words(plain, &mut contents);
+        self.bulk.write_words(plain, &mut contents);
         self.latest_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
-        // In turn: neither lane waits for all of the other one.
+        // In turn: neither of the two waits for all of the other one.
         let (first, second) = match self.recovery.next_number() % 2 {
             0 => (&mut self.messages, &mut self.frames),
             _ => (&mut self.frames, &mut self.messages),
         };
         first.write(all, plain, &mut contents);
         second.write(all, plain, &mut contents);
+        if self.has_room_for_bulk() {
+            self.bulk.write(all, plain, &mut contents);
+        }
         if ping {
             return Some(contents);
         }
@@ -119,7 +123,21 @@ impl Connection {
     }
 
     fn has_data(&self) -> bool {
-        self.latest_out.is_due() || self.frames.has_due() || self.messages.has_due()
+        self.has_precedence() || self.bulk.outbox.has_due() && self.has_room_for_bulk()
+    }
+
+    /// Whether there is anything that goes before blocks.
+    fn has_precedence(&self) -> bool {
+        self.latest_out.is_due()
+            || self.frames.has_due()
+            || self.messages.has_due()
+            || self.bulk.has_words_due()
+    }
+
+    /// Whether blocks may have what room there is: nothing else wants it, and it is not under way what would
+    /// queue.
+    fn has_room_for_bulk(&self) -> bool {
+        !self.has_precedence() && self.scavenger.allows(self.recovery.in_flight())
     }
 
     pub(super) fn seal(

@@ -7,9 +7,9 @@ use crate::outbox::Outbox;
 use crate::recovery::{Content, Contents};
 use crate::repair::{Budget, Repair};
 
-/// Bytes of the messages lane that the receiver keeps for a reader who does not read, and that the sender
-/// keeps until they are acknowledged: four of the longest messages.
-pub(crate) const MESSAGES_WINDOW: u64 = 64 * 1024;
+/// Bytes of the messages lane, and of the bulk lane, that the receiver keeps for a reader who does not read,
+/// and that the sender keeps until they are acknowledged: four of the longest messages or blocks.
+pub(crate) const RECORDS_WINDOW: u64 = 64 * 1024;
 
 /// What is sent and received on one lane, and what the peer must be told of it.
 #[derive(Debug)]
@@ -42,13 +42,13 @@ impl Units {
         Self::new(UnitLane::Frames, outbox, Inbox::new(UnitLane::Frames, format, batch, window), send_buffer)
     }
 
-    /// Messages have no deadline, and no repair: what is lost of them is few, and sent again.
-    pub(super) fn messages(config: &Config) -> Self {
-        let (lane, format) = (UnitLane::Messages, config.format);
-        let allowed = (MESSAGES_WINDOW, Inbox::initial_units());
+    /// Messages or blocks: they have no deadline, and no repair. What is lost of them is sent again.
+    pub(super) fn records(lane: UnitLane, config: &Config) -> Self {
+        let format = config.format;
+        let allowed = (RECORDS_WINDOW, Inbox::initial_units());
         let outbox = Outbox::new(lane, format, allowed, None, Budget::new(Repair::Off, 0), false);
-        let inbox = Inbox::new(lane, format, config.batch, MESSAGES_WINDOW);
-        Self::new(lane, outbox, inbox, MESSAGES_WINDOW as usize)
+        let inbox = Inbox::new(lane, format, config.batch, RECORDS_WINDOW);
+        Self::new(lane, outbox, inbox, RECORDS_WINDOW as usize)
     }
 
     const fn new(lane: UnitLane, outbox: Outbox, inbox: Inbox, send_buffer: usize) -> Self {
@@ -93,8 +93,18 @@ impl Units {
         Ok(received)
     }
 
+    /// What the peer's packets have cost on this lane, in steps.
+    pub(super) const fn work(&self) -> u64 {
+        self.inbox.work() + self.outbox.visited
+    }
+
     pub(super) fn has_due(&self) -> bool {
-        self.max_data_due || self.stop_sending_due || self.outbox.has_due()
+        self.has_words_due() || self.outbox.has_due()
+    }
+
+    /// Whether the peer must be told something of the lane.
+    pub(super) const fn has_words_due(&self) -> bool {
+        self.max_data_due || self.stop_sending_due
     }
 
     /// Writes what the peer must be told of the lane.

@@ -4,10 +4,10 @@
 mod changes;
 mod coded;
 mod lossy;
-mod messages;
 mod moving;
 mod network;
 mod paused;
+mod records;
 mod sizes;
 mod talk;
 

@@ -206,6 +206,7 @@ impl Unit {
                 Ok(Step::Item(Received::Frame(FrameMessage::Begin { frame, header })))
             }
             Message::Message(bytes) => Ok(Step::Last(Some(Received::Message(bytes)))),
+            Message::Block(bytes) => Ok(Step::Last(Some(Received::Block(bytes)))),
             Message::Close(reason) => Ok(Step::Last(Some(Received::Closed(reason)))),
             _ => Err(LaneViolation::Unit),
         }

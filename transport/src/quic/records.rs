@@ -1,5 +1,5 @@
-//! The messages lane over QUIC: a stream of its own in both directions. A task writes it, so that whoever
-//! sends may stop waiting at any time and leaves no half of a message.
+//! A lane of records, messages or blocks, over QUIC: a stream of its own in both directions. A task writes it,
+//! so that whoever sends may stop waiting at any time and leaves no half of a record.
 
 use std::future::poll_fn;
 use std::sync::Arc;
@@ -8,24 +8,34 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use quinn::{RecvStream, SendStream};
 use tokio::sync::{mpsc, oneshot};
-use trimaran_wire::{CloseReason, Decoder, Format, HEADER_BYTES, Kind, Lane, Message};
+use trimaran_wire::{CloseReason, Decoder, Format, HEADER_BYTES, Kind, Message};
 
 use super::carrier::{Carrier, all_arrived, loss};
 use super::frames::poll_fill;
-use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
+use crate::error::{LaneError, LaneSendError, Loss, ProtocolError};
+use crate::lanes::records::RecordLane;
 use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 use trimaran_net::{Instant, sleep_until};
 
-/// How many messages may wait for room on the stream.
+/// How many records may wait for room on the stream.
 const QUEUE: usize = 8;
-/// Before frames, whose streams have negative ones.
-const PRIORITY: i32 = 1;
 /// How long what was sent may wait for room once the sending half was dropped.
 const LINGER: Duration = Duration::from_secs(2);
 
+impl RecordLane {
+    /// The precedence of its stream. Those of frames have negative ones.
+    const fn priority(self) -> i32 {
+        match self {
+            Self::Messages => 1,
+            Self::Bulk => i32::MIN,
+        }
+    }
+}
+
 #[derive(Debug)]
-pub(crate) struct MessageTx {
+pub(crate) struct RecordTx {
+    lane: RecordLane,
     carrier: Arc<Carrier>,
     queue: mpsc::Sender<Said>,
     /// Dropped with this half.
@@ -34,27 +44,27 @@ pub(crate) struct MessageTx {
     ended: oneshot::Receiver<()>,
 }
 
-/// A message as it travels, and whether nothing follows it.
+/// A record or the close as it travels, and whether nothing follows it.
 type Said = (Bytes, bool);
 
-impl MessageTx {
-    pub(super) fn new(carrier: &Arc<Carrier>, stream: SendStream) -> Self {
+impl RecordTx {
+    pub(super) fn new(carrier: &Arc<Carrier>, lane: RecordLane, stream: SendStream) -> Self {
         // Fails only for a stream that is closed.
-        let _ = stream.set_priority(PRIORITY);
+        let _ = stream.set_priority(lane.priority());
         let ((queue, waiting), (_open, left), (end, ended)) =
             (mpsc::channel(QUEUE), oneshot::channel(), oneshot::channel());
         let task = write(Arc::clone(carrier), stream, waiting, left, end);
         carrier.net.spawn(Box::pin(task));
-        Self { carrier: Arc::clone(carrier), queue, _open, ended }
+        Self { lane, carrier: Arc::clone(carrier), queue, _open, ended }
     }
 
     pub(crate) async fn send(
         &mut self,
-        message: Bytes,
+        record: Bytes,
         shared: &Shared,
         timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
-        self.say(&Message::Message(message), shared, timeouts).await
+        self.say(&self.lane.message(record), shared, timeouts).await
     }
 
     /// Closes the lane, and waits until all of it has arrived.
@@ -125,7 +135,8 @@ async fn write(
 }
 
 #[derive(Debug)]
-pub(crate) struct MessageRx {
+pub(crate) struct RecordRx {
+    lane: RecordLane,
     /// Kept as long as anybody reads.
     _carrier: Arc<Carrier>,
     stream: RecvStream,
@@ -133,9 +144,9 @@ pub(crate) struct MessageRx {
     closed: Option<CloseReason>,
 }
 
-impl MessageRx {
-    pub(super) fn new(carrier: &Arc<Carrier>, stream: RecvStream, format: Format) -> Self {
-        Self { _carrier: Arc::clone(carrier), stream, decoder: Decoder::new(format), closed: None }
+impl RecordRx {
+    pub(super) fn new(carrier: &Arc<Carrier>, lane: RecordLane, stream: RecvStream, format: Format) -> Self {
+        Self { lane, _carrier: Arc::clone(carrier), stream, decoder: Decoder::new(format), closed: None }
     }
 
     pub(crate) async fn next(
@@ -165,13 +176,12 @@ impl MessageRx {
             let bytes = decoder.position().saturating_sub(before) as usize;
             shared.counters.received.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
             match message {
-                Message::Message(bytes) => return Ok(bytes),
                 Message::KeepAlive => {}
                 Message::Close(reason) => {
                     self.closed = Some(reason.clone());
                     return Err(LaneError::Closed(reason));
                 }
-                other => return Err(misplaced(other.kind(), Lane::Messages)),
+                record => return self.lane.record(record),
             }
         }
     }

@@ -1,50 +1,55 @@
-//! The messages lane: values move through a bounded queue.
+//! A lane of records, messages or blocks: they move through a bounded queue as they are.
 
 use tokio::sync::mpsc;
-use trimaran_wire::{CloseReason, Kind, Protocol};
+use trimaran_wire::{CloseReason, Kind};
 
 use crate::error::{LaneError, LaneSendError, Loss};
+use crate::lanes::records::RecordLane;
 use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 
-/// How many messages may wait for their reader.
+/// How many records may wait for their reader: of blocks 1 MiB at most.
 const QUEUE: usize = 64;
 
 /// What travels.
 #[derive(Debug)]
-enum Said<M> {
-    /// A message, and how many bytes it would have.
-    Message(M, usize),
+enum Said<T> {
+    /// A record, and how many bytes it would have.
+    Record(T, usize),
     Close(CloseReason),
 }
 
 #[derive(Debug)]
-pub(crate) struct MessageTx<P: Protocol>(mpsc::Sender<Said<P::Message>>);
+pub(crate) struct RecordTx<T> {
+    lane: RecordLane,
+    queue: mpsc::Sender<Said<T>>,
+}
 
 #[derive(Debug)]
-pub(crate) struct MessageRx<P: Protocol> {
-    queue: mpsc::Receiver<Said<P::Message>>,
+pub(crate) struct RecordRx<T> {
+    lane: RecordLane,
+    queue: mpsc::Receiver<Said<T>>,
     closed: Option<CloseReason>,
 }
 
 /// The lane in one direction.
-pub(super) fn messages<P: Protocol>() -> (MessageTx<P>, MessageRx<P>) {
+pub(super) fn records<T>(lane: RecordLane) -> (RecordTx<T>, RecordRx<T>) {
     let (queue, said) = mpsc::channel(QUEUE);
-    (MessageTx(queue), MessageRx { queue: said, closed: None })
+    (RecordTx { lane, queue }, RecordRx { lane, queue: said, closed: None })
 }
 
-impl<P: Protocol> MessageTx<P> {
-    /// Sends a message that would have so many bytes.
+impl<T> RecordTx<T> {
+    /// Sends a record that would have so many bytes.
     pub(crate) async fn send(
         &mut self,
-        message: P::Message,
+        record: T,
         bytes: usize,
         shared: &Shared,
         timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
-        self.say(Said::Message(message, bytes), timeouts).await?;
-        shared.counters.sent.count(Kind::Message, bytes);
+        self.say(Said::Record(record, bytes), timeouts).await?;
+        shared.counters.sent.count(self.lane.kind(), bytes);
         Ok(())
     }
 
@@ -59,27 +64,27 @@ impl<P: Protocol> MessageTx<P> {
         Ok(())
     }
 
-    async fn say(&self, said: Said<P::Message>, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        let sent = timeouts.wait(None, self.0.send(said)).await.map_err(|_| LaneSendError::Stalled)?;
+    async fn say(&self, said: Said<T>, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
+        let sent = timeouts.wait(None, self.queue.send(said)).await.map_err(|_| LaneSendError::Stalled)?;
         sent.map_err(|_gone| LaneSendError::Lost(Loss::Closed))
     }
 }
 
-impl<P: Protocol> MessageRx<P> {
+impl<T> RecordRx<T> {
     pub(crate) async fn next(
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
         timeouts: &mut Timeouts,
-    ) -> Result<P::Message, LaneError> {
+    ) -> Result<T, LaneError> {
         if let Some(reason) = &self.closed {
             return Err(LaneError::Closed(reason.clone()));
         }
         let said = timeouts.wait(by, self.queue.recv()).await.map_err(LaneError::Expired)?;
         match said.ok_or(LaneError::Lost(Loss::Closed))? {
-            Said::Message(message, bytes) => {
-                shared.counters.received.count(Kind::Message, bytes);
-                Ok(message)
+            Said::Record(record, bytes) => {
+                shared.counters.received.count(self.lane.kind(), bytes);
+                Ok(record)
             }
             Said::Close(reason) => {
                 shared.counters.received.count(Kind::Close, 0);

@@ -1,4 +1,5 @@
-//! The messages lane beside frames: all of it arrives in order, whatever is lost and whoever reads.
+//! The lanes of messages and of blocks beside frames: all of it arrives in order, whatever is lost and whoever
+//! reads.
 
 use std::time::Duration;
 
@@ -11,6 +12,7 @@ use crate::network::{CLEAN, Network, ONE_WAY, Pair};
 use crate::talk::{DEADLINE, RELIABLE, Reader, Sender, items};
 
 const MESSAGES: UnitLane = UnitLane::Messages;
+const BULK: UnitLane = UnitLane::Bulk;
 
 /// The longest message each eleventh time, and short ones between.
 fn message(number: u32) -> Bytes {
@@ -18,11 +20,13 @@ fn message(number: u32) -> Bytes {
     number.to_le_bytes().into_iter().cycle().take(length).collect()
 }
 
-/// Says messages from number `next` on, as long as there is room and up to `count`; then closes.
-fn say(end: &mut Connection, next: &mut u32, count: u32) {
-    while *next <= count && end.is_writable(MESSAGES) {
+/// Says messages or blocks from number `next` on, as long as there is room and up to `count`; then closes.
+fn say(end: &mut Connection, lane: UnitLane, next: &mut u32, count: u32) {
+    while *next <= count && end.is_writable(lane) {
         if *next == count {
-            end.end_lane(MESSAGES, CloseReason::new(0, "over"));
+            end.end_lane(lane, CloseReason::new(0, "over"));
+        } else if lane == BULK {
+            end.carry(message(*next));
         } else {
             end.say(message(*next));
         }
@@ -39,11 +43,11 @@ struct Read {
 }
 
 impl Read {
-    fn read(&mut self, end: &mut Connection) {
-        while let Some(item) = end.recv(MESSAGES) {
+    fn read(&mut self, end: &mut Connection, lane: UnitLane) {
+        while let Some(item) = end.recv(lane) {
             assert!(!self.closed, "nothing comes after the end");
             match item {
-                Received::Message(bytes) => {
+                Received::Message(bytes) | Received::Block(bytes) => {
                     assert_eq!(bytes, message(self.messages));
                     self.messages += 1;
                 }
@@ -54,9 +58,9 @@ impl Read {
     }
 }
 
-/// Both ends say `count` messages and a close, while the first one sends frames, sixty a second. Gives how
+/// Both ends say `count` messages or blocks and a close, while the first one sends frames, sixty a second. Gives how
 /// many of these were not whole.
-fn converse(network: Network, config: Config, count: u32, frame: &[u32]) -> usize {
+fn converse(network: Network, config: Config, lane: UnitLane, count: u32, frame: &[u32]) -> usize {
     let mut pair = Pair::new(network, config);
     let (mut sender, mut reader) = (Sender::new(config), Reader::default());
     let (mut said, mut read) = ([0; 2], <[Read; 2]>::default());
@@ -68,12 +72,12 @@ fn converse(network: Network, config: Config, count: u32, frame: &[u32]) -> usiz
             (frames, due) = (frames + 1, pair.now.after(Duration::from_micros(16_667)));
         }
         for (end, said) in pair.ends.iter_mut().zip(&mut said) {
-            say(end, said, count);
+            say(end, lane, said, count);
         }
         assert!(pair.step_until(if due > pair.now { due } else { late }, late), "stuck at {:?}", pair.now);
         assert_eq!((pair.ends[0].closed(), pair.ends[1].closed()), (None, None));
         for (end, read) in pair.ends.iter_mut().zip(&mut read) {
-            read.read(end);
+            read.read(end, lane);
         }
         reader.read(&mut pair.ends[1]);
     }
@@ -82,16 +86,48 @@ fn converse(network: Network, config: Config, count: u32, frame: &[u32]) -> usiz
 }
 
 #[test]
-fn messages_arrive_both_ways_in_order_beside_frames() {
-    assert_eq!(converse(CLEAN, RELIABLE, 2000, &items(4000)), 0);
+fn messages_and_blocks_arrive_both_ways_in_order_beside_frames() {
+    for lane in [MESSAGES, BULK] {
+        assert_eq!(converse(CLEAN, RELIABLE, lane, 2000, &items(4000)), 0);
+    }
 }
 
-/// Frames are given up by the dozen, messages never.
+/// Frames are given up by the dozen, messages and blocks never.
 #[test]
-fn every_message_arrives_once_where_a_third_is_lost_and_frames_have_a_deadline() {
+fn every_message_and_block_arrives_once_where_a_third_is_lost_and_frames_have_a_deadline() {
     let lossy = Network { loss: 300, twice: 50, late: 100, ..CLEAN };
-    let gaps = converse(lossy, DEADLINE, 300, &items(1000));
-    assert!(gaps > 10, "only {gaps} frames with gaps: the network loses too little");
+    for lane in [MESSAGES, BULK] {
+        // Long frames leave such a network nothing for blocks, which go last.
+        let frame = if lane == BULK { 100 } else { 1000 };
+        let gaps = converse(lossy, DEADLINE, lane, 300, &items(frame));
+        assert!(gaps > 10, "only {gaps} frames with gaps: the network loses too little");
+    }
+}
+
+/// Of a block that was there first nothing leaves, first or again, while a frame or a message has anything to
+/// send.
+#[test]
+fn a_block_goes_behind_all_of_a_frame_and_of_messages() {
+    for loss in [0, 100] {
+        let mut pair = Pair::new(Network { loss, ..CLEAN }, RELIABLE);
+        let mut reader = Reader::default();
+        let (mut said, mut heard, mut carried, mut came) = (0, Read::default(), 0, Read::default());
+        pair.ends[0].carry(message(0));
+        say(&mut pair.ends[0], MESSAGES, &mut said, 50);
+        Sender::new(RELIABLE).send(&mut pair.ends[0], 0, &items(100_000));
+        carried += 1;
+        while came.messages < carried {
+            assert!(pair.step(Instant::from_nanos(0).after(Duration::from_secs(60))), "stuck");
+            say(&mut pair.ends[0], MESSAGES, &mut said, 50);
+            reader.read(&mut pair.ends[1]);
+            heard.read(&mut pair.ends[1], MESSAGES);
+            came.read(&mut pair.ends[1], BULK);
+            let all_sent = !reader.frames.is_empty() && heard.messages == 50;
+            // Where packets are lost, the last ones of the frame may be under way when the block leaves.
+            assert!(came.messages == 0 || all_sent || loss > 0, "the block came first");
+        }
+        assert!(loss > 0 || heard.messages == 50);
+    }
 }
 
 /// Nobody reads frames, and all that may be under way of them is.
@@ -132,10 +168,10 @@ fn a_message_overtakes_a_frame_on_its_way() {
 fn a_frame_goes_on_beside_messages_without_end() {
     let mut pair = Pair::new(Network { loss: 300, ..CLEAN }, RELIABLE);
     let (mut reader, mut said) = (Reader::default(), 0);
-    say(&mut pair.ends[0], &mut said, u32::MAX);
+    say(&mut pair.ends[0], MESSAGES, &mut said, u32::MAX);
     Sender::new(RELIABLE).send(&mut pair.ends[0], 0, &items(100_000));
     while reader.frames.is_empty() {
-        say(&mut pair.ends[0], &mut said, u32::MAX);
+        say(&mut pair.ends[0], MESSAGES, &mut said, u32::MAX);
         assert!(pair.step(Instant::from_nanos(u64::MAX)));
         reader.read(&mut pair.ends[1]);
         while pair.ends[1].recv(MESSAGES).is_some() {}
@@ -146,28 +182,34 @@ fn a_frame_goes_on_beside_messages_without_end() {
 /// A reader that does not read holds the sender up, and nothing is lost.
 #[test]
 fn a_sender_waits_for_a_reader_and_loses_nothing() {
-    let mut pair = Pair::new(CLEAN, RELIABLE);
-    let (mut said, mut read) = (0, Read::default());
-    let mut go_on = |pair: &mut Pair| {
-        say(&mut pair.ends[0], &mut said, 5000);
-        pair.step(Instant::from_nanos(0).after(Duration::from_secs(60)));
-        said
-    };
-    let waits = (0..200).map(|_| go_on(&mut pair)).last();
-    let waits = waits.unwrap_or_default();
-    assert!(waits < 500, "{waits} messages, and nobody reads");
-    while !read.closed {
-        read.read(&mut pair.ends[1]);
-        go_on(&mut pair);
+    for lane in [MESSAGES, BULK] {
+        let mut pair = Pair::new(CLEAN, RELIABLE);
+        let (mut said, mut read) = (0, Read::default());
+        let mut go_on = |pair: &mut Pair| {
+            say(&mut pair.ends[0], lane, &mut said, 5000);
+            pair.step(Instant::from_nanos(0).after(Duration::from_secs(60)));
+            said
+        };
+        let waits = (0..200).map(|_| go_on(&mut pair)).last();
+        let waits = waits.unwrap_or_default();
+        assert!(waits < 500, "{waits} of {lane:?}, and nobody reads");
+        while !read.closed {
+            read.read(&mut pair.ends[1], lane);
+            go_on(&mut pair);
+        }
+        assert_eq!(read.messages, 5000);
     }
-    assert_eq!(read.messages, 5000);
 }
 
 #[test]
 fn who_reads_no_more_stops_the_sender_of_that_lane_alone() {
-    let mut pair = Pair::new(CLEAN, RELIABLE);
-    pair.ends[1].stop_reading(MESSAGES);
-    pair.ends[0].say(message(0));
-    while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
-    assert!(pair.ends[0].is_stopped(MESSAGES) && !pair.ends[0].is_stopped(UnitLane::Frames));
+    for lane in [MESSAGES, BULK] {
+        let mut pair = Pair::new(CLEAN, RELIABLE);
+        pair.ends[1].stop_reading(lane);
+        say(&mut pair.ends[0], lane, &mut 0, 1);
+        while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
+        let stopped: Vec<_> =
+            UnitLane::ALL.into_iter().filter(|lane| pair.ends[0].is_stopped(*lane)).collect();
+        assert_eq!(stopped, [lane]);
+    }
 }
