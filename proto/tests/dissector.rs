@@ -102,7 +102,7 @@ fn the_examples_are_read_field_by_field() {
         (
             "refuse",
             &["trimaran.version", "trimaran.reason", "trimaran.rejection", "trimaran.text"],
-            "2|2|3|the listener is a culler as well: connect displays with cullers",
+            "3|2|3|the listener is a culler as well: connect displays with cullers",
         ),
         ("close", &["trimaran.close", "trimaran.text"], "2|it failed: no GPU"),
         (
@@ -188,7 +188,7 @@ fn of_another_application_only_kinds_are_read() {
         (0, say("hello")),
         (1, say("accept")),
         (0, say("latest-value")),
-        (0, [say("begin"), say("batch"), say("end"), say("message")].concat()),
+        (0, [say("begin"), say("batch"), say("end"), say("message"), say("block")].concat()),
         (0, say("close")),
     ];
     let fields =
@@ -199,7 +199,7 @@ fn of_another_application_only_kinds_are_read() {
     assert_eq!(shown[2], "0x10||||0000803f00000040000040c0");
     assert_eq!(
         shown[3],
-        "0x20;0x21;0x22;0x30||||09000000e803000000000000;0100000002010000;09000000020000000df1431b580e4f7a;0104646f636b"
+        "0x20;0x21;0x22;0x30;0x40||||09000000e803000000000000;0100000002010000;09000000020000000df1431b580e4f7a;0104646f636b;6d61702074696c65"
     );
     assert!(shown[4].starts_with("0x04||||03"), "{}", shown[4]);
 }

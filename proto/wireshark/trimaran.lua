@@ -11,12 +11,12 @@ local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "close", [0x05] = "keep-alive",
   [0x10] = "latest value", [0x11] = "numbered value",
   [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x24] = "coded batch",
-  [0x30] = "message",
+  [0x30] = "message", [0x40] = "block",
 }
-local VERSION = 2
+local VERSION = 3
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
 local ROLES = { [0] = "culler", "display" }
-local LANES = { [0] = "latest", "frames", "messages" }
+local LANES = { [0] = "latest", "frames", "messages", "bulk" }
 local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view" }
 local CODINGS = { [0] = "plain", "changes" }
 local OCCLUSION_TESTS = { [0] = "query", "raster", "hzb" }
@@ -86,9 +86,10 @@ local f = {
   view_part = ProtoField.bytes("trimaran.view.part", "Bytes of it"),
   view_last = ProtoField.bool("trimaran.view.last", "Last part"),
   switch_from = ProtoField.uint32("trimaran.switch.first", "From frame on"),
+  block = ProtoField.bytes("trimaran.block", "Bytes of the block"),
 }
 local e = {
-  malformed = ProtoExpert.new("trimaran.malformed", "No message of version 2", expert.group.MALFORMED, expert.severity.ERROR),
+  malformed = ProtoExpert.new("trimaran.malformed", "No message of version 3", expert.group.MALFORMED, expert.severity.ERROR),
 }
 trimaran.fields, trimaran.experts = f, e
 
@@ -116,6 +117,10 @@ local u = {
   messages_max_data = ProtoField.uint64("trimaran_udp.messages.max_data", "Flow control limit of messages (bytes)"),
   messages_units = ProtoField.uint64("trimaran_udp.messages.max_data.units", "Flow control limit of messages (units)"),
   messages_unit = ProtoField.uint64("trimaran_udp.messages.unit", "Unit of the messages lane"),
+  unread_blocks = ProtoField.none("trimaran_udp.unread.blocks", "Unread blocks"),
+  bulk_max_data = ProtoField.uint64("trimaran_udp.bulk.max_data", "Flow control limit of blocks (bytes)"),
+  bulk_units = ProtoField.uint64("trimaran_udp.bulk.max_data.units", "Flow control limit of blocks (units)"),
+  bulk_unit = ProtoField.uint64("trimaran_udp.bulk.unit", "Unit of the bulk lane"),
   challenge = ProtoField.bytes("trimaran_udp.challenge", "Challenge"),
   response = ProtoField.bytes("trimaran_udp.response", "Response"),
   camera = ProtoField.uint64("trimaran_udp.camera", "Number of the camera"),
@@ -126,6 +131,7 @@ local u = {
   part = ProtoField.uint8("trimaran_udp.part", "Part", base.HEX, {
     [0x20] = "more follows", [0x21] = "nothing follows for now", [0x22] = "the unit ends here", [0x23] = "the frame ends here",
     [0x40] = "more of the message follows", [0x42] = "the message ends here",
+    [0x50] = "more of the block follows", [0x52] = "the block ends here",
   }),
   hash = ProtoField.uint64("trimaran_udp.hash", "Hash of the frame's ids", base.HEX),
   given_up = ProtoField.uint64("trimaran_udp.given_up", "Given up: bytes of the unit"),
@@ -138,7 +144,7 @@ local u = {
 }
 local ue = {
   unseen = ProtoExpert.new("trimaran_udp.not_rebuilt", "Bytes came by repair, which is not rebuilt here", expert.group.UNDECODED, expert.severity.WARN),
-  malformed = ProtoExpert.new("trimaran_udp.malformed", "No chunk of version 2", expert.group.MALFORMED, expert.severity.ERROR),
+  malformed = ProtoExpert.new("trimaran_udp.malformed", "No chunk of version 3", expert.group.MALFORMED, expert.severity.ERROR),
 }
 datagrams.fields, datagrams.experts = u, ue
 
@@ -502,6 +508,10 @@ local function message(tvb, from, to, pinfo, tree, key)
     return coded(r, sub, pinfo, key)
   elseif kind == 0x30 then
     return said(r, sub)
+  elseif kind == 0x40 then
+    local bytes = r.left()
+    if bytes > 0 then sub:add(f.block, r.take(bytes)) end
+    return "block of " .. bytes .. " bytes"
   end
   sub:add_proto_expert_info(e.malformed)
   return "unknown kind"
@@ -748,6 +758,13 @@ local function chunk(r, tvb, tree, pinfo, key)
   elseif code == 0x09 then
     tree:add(u.unread_messages, tvb(start, 1))
     return "unread messages"
+  elseif code == 0x0a then
+    add_wide(tree, u.bulk_max_data, r)
+    add_wide(tree, u.bulk_units, r)
+    return "max data of blocks"
+  elseif code == 0x0b then
+    tree:add(u.unread_blocks, tvb(start, 1))
+    return "unread blocks"
   elseif code == 0x10 then
     add_wide(tree, u.camera, r)
     return "camera of frame " .. camera(r, tree)
@@ -772,20 +789,21 @@ local function chunk(r, tvb, tree, pinfo, key)
     local said = unit_part(r, tvb, sub, pinfo, unit, offset, length:le_uint(), ends, key)
     sub:set_len(r.at() - start)
     return "unit " .. unit .. ": " .. said .. (code == 0x23 and ", end" or "")
-  elseif code == 0x40 or code == 0x42 then
-    local sub = tree:add("Part of a message")
+  elseif code == 0x40 or code == 0x42 or code == 0x50 or code == 0x52 then
+    local what = code < 0x50 and "message" or "block"
+    local sub = tree:add("Part of a " .. what)
     sub:add(u.part, tvb(start, 1))
-    local unit = add_wide(sub, u.messages_unit, r)
+    local unit = add_wide(sub, code < 0x50 and u.messages_unit or u.bulk_unit, r)
     local offset = add_wide(sub, u.offset, r)
     local length = r.take(2)
     sub:add_le(u.bytes, length)
     local from, count = r.at(), length:le_uint()
     if count > 0 then r.take(count) end
     sub:set_len(r.at() - start)
-    -- Most messages are one part; of the others the parts are named.
-    local whole = offset == 0 and code == 0x42 and count > 0
-    local said = whole and message(tvb, from, from + count, pinfo, sub, key) or count == 0 and "nothing" or "part of a message"
-    return "message " .. unit .. ": " .. said
+    -- Most messages are one part; of the others, and of most blocks, the parts are named.
+    local whole = offset == 0 and (code == 0x42 or code == 0x52) and count > 0
+    local said = whole and message(tvb, from, from + count, pinfo, sub, key) or count == 0 and "nothing" or "part of a " .. what
+    return what .. " " .. unit .. ": " .. said
   elseif code == 0x24 or code == 0x25 then
     local sub = tree:add("Give-up")
     local unit = add_wide(sub, u.unit, r)

@@ -202,20 +202,20 @@ fn a_session_over_tcp_is_read_id_by_id() {
     let ids: Vec<&String> = ends.iter().flat_map(|[_, ids]| ids).collect();
     assert_eq!(ids.len() as u32, 2 * FRAMES);
     assert!(ids.iter().all(|ids| *ids == "1000"));
-    // Three links of three lanes, a hello and an accept each. Who connects says what the display decides.
+    // Three links of four lanes, a hello and an accept each. Who connects says what the display decides.
     let hellos =
         capture.read("trimaran.kind == 1", ["trimaran.version", "trimaran.session", "trimaran.lane"]);
-    assert_eq!(hellos.len(), 9);
+    assert_eq!(hellos.len(), 12);
     assert!(
         hellos
             .iter()
-            .all(|[version, session, lane]| version[0] == "2" && session.len() == 1 && lane.len() == 1)
+            .all(|[version, session, lane]| version[0] == "3" && session.len() == 1 && lane.len() == 1)
     );
     let fields = ["trimaran.role", "trimaran.settings.width", "trimaran.settings.batch"];
     let hellos = capture.read("trimaran.kind == 1 && trimaran.session_key", fields);
-    assert_eq!(hellos.len(), 9, "{hellos:?}");
+    assert_eq!(hellos.len(), 12, "{hellos:?}");
     let says = |hello: &[Vec<String>; 3]| hello.each_ref().map(|values| values[0].clone());
-    for (role, lanes) in [("0", 3), ("1", 6)] {
+    for (role, lanes) in [("0", 4), ("1", 8)] {
         let expected = [role, "1024", "100"].map(str::to_owned);
         assert_eq!(hellos.iter().filter(|hello| says(hello) == expected).count(), lanes, "{hellos:?}");
     }
