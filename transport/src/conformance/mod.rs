@@ -45,6 +45,7 @@
 //! |---|---|
 //! | `frames`, `latest`, `records`, `waiting`, `endings` | the cases |
 //! | `robot`, `coding` | the protocol that they speak |
+//! | `record_lanes` | messages and blocks, for cases of both |
 //! | `talk`, `pairs` | what its peers say, and how they meet |
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a check that fails panics: that is how a test fails")]
@@ -54,6 +55,7 @@ mod endings;
 mod frames;
 mod latest;
 mod pairs;
+mod record_lanes;
 mod records;
 mod robot;
 mod talk;
