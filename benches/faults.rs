@@ -307,7 +307,7 @@ fn walk(
     let sought = Sought {
         identity: Identity {
             role: Role::Display,
-            scene: devices.scene.hash(),
+            scene: Some(devices.scene.outline()),
             session: Some((key, settings)),
         },
         role: Role::Culler,
@@ -322,7 +322,8 @@ fn walk(
             VulkanDisplay::new(&devices.display, plan.viewport)?,
             &settings,
         ),
-        alone: SceneCulling::new(&devices.scene, culler, &settings, &turns),
+        alone: Some(SceneCulling::new(&devices.scene, culler, &settings, &turns)),
+        supplied: None,
         cullers: Peers::seek(&net, sought),
         session: key,
         settings,

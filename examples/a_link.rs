@@ -39,7 +39,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
 
 /// Both ends of a link: the culler's, then the display's.
 async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), Box<dyn Error>> {
-    let identity = |role| Identity { role, scene: SceneHash(0x1234), session: None };
+    let identity = |role| Identity { role, scene: Some(SceneHash(0x1234).into()), session: None };
     let (options, deadline) = (Options::default(), net.now().after(Duration::from_secs(10)));
     let mut listener = Listener::bind(net, endpoint, identity(Role::Culler), &options).await?;
     let there = listener.local_endpoint().clone();

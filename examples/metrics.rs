@@ -15,7 +15,7 @@ use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until};
 async fn main() -> Result<(), Box<dyn Error>> {
     let address: Option<SocketAddr> = std::env::args().nth(1).map(|arg| arg.parse()).transpose()?;
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
-    let identity = |role| Identity { role, scene: SceneHash(0x1234), session: None };
+    let identity = |role| Identity { role, scene: Some(SceneHash(0x1234).into()), session: None };
     let config = LinkConfig::default();
     let (culler, display) =
         inproc::pair::<Walkthrough>(&net, identity(Role::Culler), identity(Role::Display), &config)?;

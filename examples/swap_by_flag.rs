@@ -103,7 +103,7 @@ async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), 
         security: Some(Security { keys: own.clone(), peers: vec![other.public().clone().into()] }),
         ..Options::default()
     };
-    let identity = |role| Identity { role, scene: SceneHash(0x1234), session: None };
+    let identity = |role| Identity { role, scene: Some(SceneHash(0x1234).into()), session: None };
     let (here, there) = (options(&culler, &display), options(&display, &culler));
     let deadline = net.now().after(Duration::from_secs(10));
     let mut listener = Listener::bind(net, endpoint, identity(Role::Culler), &here).await?;

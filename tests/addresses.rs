@@ -56,7 +56,7 @@ fn on<T: Send>(machine: &Namespace, act: impl AsyncFnOnce(Arc<dyn Net>) -> T + S
 }
 
 fn identity(role: Role) -> Identity {
-    Identity { role, scene: SceneHash(1), session: None }
+    Identity { role, scene: Some(SceneHash(1).into()), session: None }
 }
 
 #[test]

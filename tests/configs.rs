@@ -33,7 +33,7 @@ fn the_example_display_spells_out_the_defaults() {
     let display: DisplayConfig = example("display.toml");
     let defaults = SessionConfig::from_layer(Layer::default_values()).unwrap();
     assert_eq!(display.session, SessionConfig { frames: Some(200), ..defaults });
-    assert_eq!(display.scene, example::<CullerConfig>("culler.toml").scene);
+    assert_eq!(display.scene, Some(example::<CullerConfig>("culler.toml").scene));
 }
 
 #[test]

@@ -89,7 +89,7 @@ fn a_running_session_shows_what_its_links_carry() {
 async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
     let soon = net.now().after(Duration::from_secs(60));
-    let identity = |role| Identity { role, scene: SceneHash(1), session: None };
+    let identity = |role| Identity { role, scene: Some(SceneHash(1).into()), session: None };
     let limits = Limits { peers: 1, handshakes: 3, ..Limits::default() };
     let link = LinkConfig { messages_per_s: 2, ..LinkConfig::default() };
     let strict = Options { limits, link, ..Options::default() };

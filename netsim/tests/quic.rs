@@ -48,7 +48,8 @@ fn who_leaves_waits_half_a_second_for_a_peer_that_has_left_and_cannot_tell_what_
         let (arm, panel) = machines.pair(LinkConfig::default()).await;
         sleep_until(&*machines.net(), Instant::from_nanos(2_000_000_000)).await;
         // It hears nothing, and nothing tells it that its own close has arrived.
-        let Link { frames_tx, latest_tx, messages_tx, bulk_tx, .. } = panel;
+        let Link { frames_tx, latest_tx, messages_tx, bulk, .. } = panel;
+        let trimaran_transport::Bulk { tx: bulk_tx, rx: _bulk_rx } = bulk.unwrap();
         let left = async {
             tokio::join!(
                 frames_tx.close(finished()),

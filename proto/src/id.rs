@@ -51,7 +51,7 @@ pub type IdBatch = Batch<DrawableId>;
 
 /// The fingerprint of a cooked scene: the first half of the BLAKE3 hash at the root of its tree of hashes.
 /// Peers that hold different scenes refuse each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct SceneHash(pub u128);
 

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use trimaran_wire::{CloseReason, Rejection};
 
-use crate::{SceneHash, Settings};
+use crate::{SceneOutline, Settings};
 
 /// What a peer does in a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -43,8 +43,8 @@ pub struct SessionKey(pub u64);
 pub struct Identity {
     /// What it does.
     pub role: Role,
-    /// The scene it holds.
-    pub scene: SceneHash,
+    /// The scene it holds. A display may hold none, and show what its cullers hold.
+    pub scene: Option<SceneOutline>,
     /// The session, and what the display has decided for it. A display names its own, and a culler that
     /// meets another one theirs; a culler that serves whoever comes has none.
     pub session: Option<(SessionKey, Settings)>,
@@ -74,10 +74,12 @@ impl Identity {
     /// # Errors
     /// The first of scene and role in which the two do not go together.
     pub fn admits(&self, connector: &Self) -> Result<(), Rejection> {
-        if self.scene != connector.scene {
+        if let (Some(ours), Some(theirs)) = (self.scene, connector.scene)
+            && ours != theirs
+        {
             let why = format!(
                 "the listener holds scene {}, the connecting peer scene {}: give both the same cooked file",
-                self.scene, connector.scene
+                ours.hash, theirs.hash
             );
             return Err(Rejection::new(RejectionCode::Scene as u16, &why));
         }

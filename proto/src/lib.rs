@@ -20,7 +20,8 @@
 //! | `walkthrough` | [`Walkthrough`]: the protocol of the three roles, whom a listener takes |
 //! | `camera`, `id` | what travels: a camera, a drawable's id |
 //! | `coding` | ids as changes against an earlier frame |
-//! | `identity`, `settings` | who a role is, and what the display decides for a session |
+//! | `identity`, `outline`, `settings` | who a role is, what it holds, and what the display decides for a session |
+//! | `supply` | what travels on the bulk lane: geometry for a display without the scene |
 //! | `view_state` | what a user changes while walking: sections, hidden objects, picture size, error bound |
 //! | `stats` | what a culler did for a frame |
 
@@ -30,9 +31,12 @@ mod id;
 mod identity;
 mod lod_rule;
 mod object_set;
+mod outline;
 mod section;
 mod settings;
 mod stats;
+mod supply;
+mod varint;
 mod view_state;
 mod viewport;
 mod walkthrough;
@@ -43,9 +47,11 @@ pub use id::{DrawableId, ID_BYTES, IdBatch, SceneHash};
 pub use identity::{CloseCode, Identity, RejectionCode, Role, SessionKey};
 pub use lod_rule::{LodRule, LodRuleError};
 pub use object_set::{ObjectSet, ObjectSetError};
+pub use outline::SceneOutline;
 pub use section::{Section, SectionBox, SectionError, SectionPlane, Sections};
 pub use settings::{OcclusionTestKind, Settings, SettingsError};
 pub use stats::{CullCounts, FrameStats, RoundCounts, SentBytes};
+pub use supply::{BulkError, Demand, NumberList, Supply, items, put_item};
 pub use trimaran_wire::{BatchSize, BatchSizeError, FrameNumber};
 pub use view_state::{Appearance, ViewReader, ViewState, ViewStateError, ViewVersion};
 pub use viewport::Viewport;

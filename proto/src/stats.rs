@@ -57,6 +57,8 @@ pub struct SentBytes {
     pub end: u64,
     /// Statistics and other control messages.
     pub control: u64,
+    /// Geometry for a display without the scene, and what that says of it.
+    pub geometry: u64,
     /// Headers.
     pub headers: u64,
     /// The number of messages, not bytes.
@@ -67,7 +69,7 @@ impl SentBytes {
     /// All bytes.
     #[must_use]
     pub const fn total(&self) -> u64 {
-        self.camera + self.begin + self.ids + self.end + self.control + self.headers
+        self.camera + self.begin + self.ids + self.end + self.control + self.geometry + self.headers
     }
 }
 
@@ -81,6 +83,7 @@ impl Add for SentBytes {
             ids: self.ids + other.ids,
             end: self.end + other.end,
             control: self.control + other.control,
+            geometry: self.geometry + other.geometry,
             headers: self.headers + other.headers,
             messages: self.messages + other.messages,
         }
@@ -98,6 +101,7 @@ impl Sub for SentBytes {
             ids: self.ids - earlier.ids,
             end: self.end - earlier.end,
             control: self.control - earlier.control,
+            geometry: self.geometry - earlier.geometry,
             headers: self.headers - earlier.headers,
             messages: self.messages - earlier.messages,
         }

@@ -26,7 +26,7 @@ fn settings() -> Settings {
 
 fn identity(role: Role, settings: Option<Settings>) -> Identity {
     let session = settings.map(|settings| (SessionKey(u64::MAX), settings));
-    Identity { role, scene: SceneHash(u128::MAX), session }
+    Identity { role, scene: Some(SceneHash(u128::MAX).into()), session }
 }
 
 fn batch(ids: impl IntoIterator<Item = u32>) -> IdBatch {
@@ -174,7 +174,7 @@ fn a_peer_is_called_by_its_role() {
 #[test]
 fn a_peer_is_told_the_first_thing_that_does_not_fit() {
     let ours = identity(Role::Display, Some(settings()));
-    let other = Identity { scene: SceneHash(1), ..ours };
+    let other = Identity { scene: Some(SceneHash(1).into()), ..ours };
     let code = |theirs: &Identity| Walkthrough::admit(&ours, theirs).map_err(|rejection| rejection.code);
     assert_eq!(code(&other), Err(RejectionCode::Scene as u16));
     let why = Walkthrough::admit(&ours, &other).unwrap_err().to_string();
@@ -239,7 +239,7 @@ fn the_longest_rejection_is_not_cut() {
     assert!(why.to_string().ends_with("connect displays with cullers"), "{why}");
     let why = Walkthrough::admit(
         &identity(Role::Display, None),
-        &Identity { scene: SceneHash(0), ..identity(Role::Culler, None) },
+        &Identity { scene: Some(SceneHash(0).into()), ..identity(Role::Culler, None) },
     );
     assert!(why.unwrap_err().to_string().ends_with("give both the same cooked file"));
 }

@@ -39,11 +39,11 @@ fn display() -> Identity {
         coding: IdCoding::Changes,
         occlusion_test: OcclusionTestKind::Raster,
     };
-    Identity { role: Role::Display, scene: SceneHash(0x1234), session: Some((KEY, settings)) }
+    Identity { role: Role::Display, scene: Some(SceneHash(0x1234).into()), session: Some((KEY, settings)) }
 }
 
 fn culler() -> Identity {
-    Identity { role: Role::Culler, scene: SceneHash(0x1234), session: None }
+    Identity { role: Role::Culler, scene: Some(SceneHash(0x1234).into()), session: None }
 }
 
 fn stats() -> FrameStats {

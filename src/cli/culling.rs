@@ -75,7 +75,8 @@ impl Host<'_> {
         tracing::info!(display = name, settings = %session.settings, address = %session.display.peer.address, "serves");
         links.add(name.clone(), &session.display);
         let work = |settings: &Settings| Culling::open(self.method, &file.scene, drawn, settings, turns);
-        let played = runtime.block_on(session.play(work, turns, max_frame(&file.scene), stop));
+        let played =
+            runtime.block_on(session.play(work, turns, max_frame(&file.scene), Some(&file.scene), stop));
         links.remove(&name);
         match played {
             Err(error) if error.device_failure().is_none() => {

@@ -3,6 +3,7 @@
 
 use std::{future::pending, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 
+use bytesize::ByteSize;
 use indicatif::ProgressBar;
 use tokio::runtime::Runtime;
 use trimaran::{
@@ -13,15 +14,15 @@ use trimaran::{
         schema::{Machine, RoleInfo, timestamp},
     },
     vulkan::VulkanDisplay,
-    walkthrough::{CameraPath, Progress, Recorder, SceneFile, Walk, begin, how_ended},
+    walkthrough::{CameraPath, Progress, Recorder, SceneFile, Walk, begin, how_ended, memory_use},
 };
 use trimaran_actors::{
     Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers,
-    RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Turns, max_frame,
+    RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, max_frame,
 };
-use trimaran_gpu::{GpuInfo, GpuScene};
-use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SessionKey, Settings};
-use trimaran_scene::path::PathKind;
+use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
+use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SceneOutline, SessionKey, Settings};
+use trimaran_scene::{Scene, path::PathKind};
 use trimaran_transport::{Net, causes, until};
 
 use super::{
@@ -33,6 +34,8 @@ use super::{
 /// A display that is ready to walk.
 pub(super) struct DisplaySession<'s> {
     pub(super) walk: Walk<'s>,
+    /// Where it begins without the scene: on what it draws what its cullers send.
+    pub(super) empty: Option<EmptyScene>,
     pub(super) about: Run,
     /// Where the report goes, until there is something to report.
     pub(super) folder: Option<Writer>,
@@ -47,13 +50,44 @@ pub(super) struct DisplaySession<'s> {
     pub(super) key: SessionKey,
     /// How far the walk is, if it goes on where it was when its process was killed.
     pub(super) progress: Option<Progress>,
-    /// Where its cullers are.
-    pub(super) cullers: Vec<PeerEndpoint>,
-    /// Where others come to.
-    pub(super) listener: Option<Listener>,
+    pub(super) cullers: Cullers,
     pub(super) turns: Turns,
     /// Shows how far the walk is, and what becomes of cullers; without it only the recording tells.
     pub(super) bar: Option<ProgressBar>,
+}
+
+/// The cullers of a display.
+pub(super) struct Cullers {
+    /// Where it connects to some.
+    pub(super) endpoints: Vec<PeerEndpoint>,
+    /// Where others come to.
+    pub(super) listener: Option<Listener>,
+    /// All of them as they come, where they are looked for already.
+    pub(super) sought: Option<Peers>,
+}
+
+/// A scene of which a display's device has nothing but what cullers send.
+pub(super) struct EmptyScene {
+    supplied: Supplied,
+    drawn: Arc<GpuScene>,
+}
+
+impl EmptyScene {
+    /// Keeps so many bytes of what was sent.
+    pub(super) fn new(outline: SceneOutline, gpu: &Arc<Gpu>, memory: ByteSize) -> Result<Self, Failure> {
+        let scene = Arc::new(Scene::empty(outline));
+        let drawn = GpuScene::new(gpu, &scene).map_err(Failure::broken)?;
+        Ok(Self { supplied: Supplied { scene, memory: memory.as_u64() }, drawn })
+    }
+
+    /// As a report knows it, where there is no file.
+    pub(super) fn file(&self, from: &str) -> SceneFile {
+        SceneFile { path: from.into(), scene: Arc::clone(&self.supplied.scene) }
+    }
+
+    pub(super) const fn drawn(&self) -> &Arc<GpuScene> {
+        &self.drawn
+    }
 }
 
 /// What a report says of a walk beside its frames, before the cullers have come.
@@ -77,8 +111,8 @@ pub(super) fn role_info(machine: Machine, drawn: &GpuScene) -> RoleInfo {
 }
 
 /// How a display introduces itself.
-pub(super) fn identity(file: &SceneFile, session: SessionKey, settings: Settings) -> Identity {
-    Identity { role: Role::Display, scene: file.scene.hash(), session: Some((session, settings)) }
+pub(super) fn identity(scene: Option<&Scene>, session: SessionKey, settings: Settings) -> Identity {
+    Identity { role: Role::Display, scene: scene.map(Scene::outline), session: Some((session, settings)) }
 }
 
 impl<'s> DisplaySession<'s> {
@@ -91,8 +125,9 @@ impl<'s> DisplaySession<'s> {
         no_cullers: impl Future<Output = Failure>,
         beside: impl FnOnce(&mut dyn FnMut() -> Result<(), Early>) -> Result<(), Early>,
     ) -> Result<Recording<'s>, Failure> {
-        (self.about.link, self.about.transport) = transports(&self.cullers, self.listener.as_ref());
-        self.about.cullers = u32::try_from(self.cullers.len()).unwrap_or(u32::MAX);
+        let Cullers { endpoints, listener, .. } = &self.cullers;
+        (self.about.link, self.about.transport) = transports(endpoints, listener.as_ref());
+        self.about.cullers = u32::try_from(endpoints.len()).unwrap_or(u32::MAX);
         let bar = self.bar.clone();
         let mut advance = |frame: FrameNumber| {
             if let Some(bar) = &bar {
@@ -106,7 +141,8 @@ impl<'s> DisplaySession<'s> {
         // What was walked before a failure is worth a report.
         let early = beside(&mut walk).err();
         bar.iter().for_each(ProgressBar::finish_and_clear);
-        let Self { walk, about, folder: unused, trace, .. } = self;
+        let Self { walk, empty, mut about, folder: unused, trace, .. } = self;
+        about.memory = empty.map(|empty| memory_use(&empty.supplied.scene, &empty.drawn));
         let shown = watched.recorder.has_shown();
         let (records, notes, journal) = watched.recorder.into_parts();
         let stop = stop.clone();
@@ -131,7 +167,7 @@ impl<'s> DisplaySession<'s> {
             self.progress.as_ref().map(|so_far| (so_far.first(), so_far.walked())).unwrap_or_default();
         if plan.frames_due(path.frames()) == Some(first.0) {
             // Only the report is missing.
-            self.cullers.clear();
+            self.cullers.endpoints.clear();
         }
         let cullers = tokio::select! {
             biased;
@@ -143,8 +179,12 @@ impl<'s> DisplaySession<'s> {
         };
         let mut prepare = || {
             let open = RoleError::device;
-            let display = VulkanDisplay::new(drawn, settings.viewport).map_err(open("opening it"))?;
-            let alone = Culling::open(plan.culling, &file.scene, drawn, &settings, &self.turns)?;
+            let drawn_here = self.empty.as_ref().map_or(drawn, |empty| &empty.drawn);
+            let display = VulkanDisplay::new(drawn_here, settings.viewport).map_err(open("opening it"))?;
+            let alone = match self.empty {
+                Some(_) => None,
+                None => Some(Culling::open(plan.culling, &file.scene, drawn, &settings, &self.turns)?),
+            };
             if let Some(folder) = self.folder.take() {
                 let journal = begin(folder, self.walk, self.about.clone(), self.progress.as_ref());
                 watched.recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
@@ -155,9 +195,12 @@ impl<'s> DisplaySession<'s> {
             Ok((display, alone))
         };
         let (display, alone) = prepare().map_err(SessionError::Role)?;
+        let supplied = self.empty.as_ref().map(|empty| empty.supplied.clone());
+        let scene = supplied.as_ref().map_or(&file.scene, |supplied| &supplied.scene);
         let role = DisplayRole {
-            work: ScenePictures::new(&file.scene, display, &settings),
+            work: ScenePictures::new(scene, display, &settings),
             alone,
+            supplied,
             cullers,
             session: self.key,
             settings,
@@ -176,15 +219,14 @@ impl<'s> DisplaySession<'s> {
     /// Waits for those cullers that it connects to, until its timeout; it goes on looking for the
     /// others.
     async fn find_cullers(&mut self, settings: Settings) -> Result<Peers, Failure> {
-        let endpoints: Vec<_> = self.cullers.iter().map(|peer| peer.endpoint.clone()).collect();
-        let sought = Sought {
-            identity: identity(self.walk.file, self.key, settings),
-            role: Role::Culler,
-            endpoints: std::mem::take(&mut self.cullers),
-            listener: self.listener.take(),
-            most: CullerId::MOST,
+        let Cullers { endpoints: peers, listener, sought } = &mut self.cullers;
+        let endpoints: Vec<_> = peers.iter().map(|peer| peer.endpoint.clone()).collect();
+        let scene = self.empty.is_none().then_some(&*self.walk.file.scene);
+        let mut seek = || {
+            let identity = identity(scene, self.key, settings);
+            seek(&self.net, identity, std::mem::take(peers), listener.take())
         };
-        let mut cullers = Peers::seek(&self.net, sought);
+        let mut cullers = sought.take().unwrap_or_else(&mut seek);
         let deadline = self.net.now().after(self.join_timeout);
         let mut came = Vec::new();
         while came.len() < cullers.expected() {
@@ -203,6 +245,16 @@ impl<'s> DisplaySession<'s> {
         came.into_iter().for_each(|arrival| cullers.put_back(arrival));
         Ok(cullers)
     }
+}
+
+/// Looks for a display's cullers.
+pub(super) fn seek(
+    net: &Arc<dyn Net>,
+    identity: Identity,
+    endpoints: Vec<PeerEndpoint>,
+    listener: Option<Listener>,
+) -> Peers {
+    Peers::seek(net, Sought { identity, role: Role::Culler, endpoints, listener, most: CullerId::MOST })
 }
 
 /// What watches a walk: it is recorded, its links are counted, and what becomes of cullers is told.

@@ -58,7 +58,7 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
 
 /// Serves one guest after the other.
 async fn keep_answering(net: &Arc<dyn Net>, at: &Endpoint, options: &Options) -> Result<(), Failure> {
-    let identity = Identity { role: Role::Culler, scene: NO_SCENE, session: None };
+    let identity = Identity { role: Role::Culler, scene: Some(NO_SCENE.into()), session: None };
     let mut listener = Listener::bind(net, at, identity, options).await.map_err(Failure::bad_input)?;
     eprintln!("trimaran: answers pings on {}", listener.local_endpoint());
     loop {
@@ -80,7 +80,7 @@ async fn ping(
     tally: &mut Tally,
 ) -> Result<Cost, Failure> {
     let timeout = Duration::from_secs_f64(args.timeout);
-    let identity = Identity { role: Role::Display, scene: NO_SCENE, session: None };
+    let identity = Identity { role: Role::Display, scene: Some(NO_SCENE.into()), session: None };
     let begun = net.now();
     let mut link: Link = connect::<Walkthrough>(net, &args.endpoint, identity, options, begun.after(timeout))
         .await

@@ -1,6 +1,6 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
-use std::time::Duration;
+use std::{sync::Arc, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran::{
@@ -10,14 +10,15 @@ use trimaran::{
     walkthrough::{CameraPath, PathChoice, Plan, Progress, Walk},
 };
 use trimaran_actors::{CullerService, Listener, PeerEndpoint, ServiceEndpoints, Turns, max_frame};
-use trimaran_proto::{BatchSize, LodRule, Role, SessionKey, Viewport};
-use trimaran_transport::{Endpoint, Endpoints, ListenError, Net, Options, TokioNet, sleep_until};
+use trimaran_gpu::Gpu;
+use trimaran_proto::{BatchSize, Identity, LodRule, Role, SessionKey, Viewport};
+use trimaran_transport::{Endpoint, Endpoints, ListenError, Net, Options, TokioNet, sleep_until, until};
 
 use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
     culling::Host,
-    display::{DisplaySession, about, identity, role_info},
+    display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
     progress,
     recording::{Recording, check_trace, open_folder},
     walking::{self, Metrics, Start, gpu_options, scene, upload},
@@ -91,7 +92,7 @@ fn culler(
         options: options.clone(),
     };
     let serve = async || {
-        let started = CullerService::start(&start.net, file.scene.hash(), at.clone()).await;
+        let started = CullerService::start(&start.net, file.scene.outline(), at.clone()).await;
         started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })
     };
     let Some(service) = start.until(serve)? else { return Ok(()) };
@@ -121,12 +122,22 @@ fn display(
     let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
         return Ok(());
     };
-    let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
+    let Some(path) = &config.scene else {
+        return display_without_scene(config, options, &plan, folder, &start);
+    };
+    let Some(file) = start.until(async || scene(path))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let views = walking::view_states(config.session.state.as_deref(), &plan, &file.scene)?;
     let path =
         CameraPath::find(&choice, &file.scene, views, config.session.frames).map_err(Failure::bad_input)?;
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
+    let empty = match config.empty_display {
+        true => {
+            let gpu = Gpu::open(&gpu).map_err(Failure::broken)?;
+            Some(EmptyScene::new(file.scene.outline(), &gpu, config.geometry_cache)?)
+        }
+        false => None,
+    };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
     let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
@@ -141,12 +152,8 @@ fn display(
     let key = progress.session;
     let listening = async || match &config.listen {
         Some(at) => {
-            let identity = identity(&file, key, plan.settings());
-            let bound = Listener::bind_all(&start.net, at, identity, &options).await;
-            let failed = |e: ListenError| {
-                if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) }
-            };
-            bound.map(Some).map_err(failed)
+            let scene = (!config.empty_display).then_some(&*file.scene);
+            listen(&start.net, at, identity(scene, key, plan.settings()), &options).await.map(Some)
         }
         None => Ok(None),
     };
@@ -168,8 +175,12 @@ fn display(
         net: start.net,
         key,
         progress: Some(progress),
-        cullers: config.cullers.iter().flat_map(Endpoints::iter).map(peer).collect(),
-        listener,
+        cullers: Cullers {
+            endpoints: config.cullers.iter().flat_map(Endpoints::iter).map(peer).collect(),
+            listener,
+            sought: None,
+        },
+        empty,
         turns: Turns::at_once(),
         bar: Some(progress::walk(plan.pace, &path)),
     };
@@ -178,6 +189,92 @@ fn display(
         Err(failure) if failure.is_stop() => Ok(()),
         shown => shown?.conclude(&config.out, false),
     }
+}
+
+/// A display that has nothing but what its cullers send: it learns from the first of them which scene it
+/// shows. It begins anew each time it is started.
+fn display_without_scene(
+    config: &DisplayConfig,
+    mut options: Options,
+    plan: &Plan,
+    folder: Writer,
+    start: &Start<'_>,
+) -> Result<(), Failure> {
+    // How many ids a frame can have is not known before the first culler has come. It is judged then.
+    options.link.max_frame = u32::MAX;
+    let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
+    let gpu = Gpu::open(&gpu).map_err(Failure::broken)?;
+    let runtime = start.runtime();
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
+    let key = SessionKey(start.net.random().map_err(Failure::broken)?);
+    let identity = identity(None, key, plan.settings());
+    let listening = async || match &config.listen {
+        Some(at) => listen(&start.net, at, identity, &options).await.map(Some),
+        None => Ok(None),
+    };
+    let Some(listener) = start.until(listening)? else { return Ok(()) };
+    let from =
+        config.cullers.iter().chain(&config.listen).map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
+    let endpoints: Vec<_> = config.cullers.iter().flat_map(Endpoints::iter).map(peer).collect();
+    let mut peers = runtime.block_on(async { seek(&start.net, identity, endpoints.clone(), listener) });
+    let first = async {
+        loop {
+            let arrival = peers.next().await.map_err(Failure::bad_input)?;
+            if let Some(outline) = arrival.link.peer.hello.scene {
+                peers.put_back(arrival);
+                return Ok(outline);
+            }
+        }
+    };
+    let deadline = start.net.now().after(start.join_timeout);
+    let first = until(&*start.net, deadline, start.stop.unless_requested(first));
+    let outline = match runtime.block_on(first) {
+        Some(Some(outline)) => outline?,
+        Some(None) => return Ok(()),
+        None => {
+            return Err(Failure::broken(format!("no culler has come from {from}: there is nothing to show")));
+        }
+    };
+    let empty = EmptyScene::new(outline, &gpu, config.geometry_cache)?;
+    let (file, drawn) = (empty.file(&from), Arc::clone(empty.drawn()));
+    let choice = PathChoice::parse(&config.session.path, config.session.seed);
+    let views = walking::view_states(None, plan, &file.scene)?;
+    let path = CameraPath::find(&choice, &file.scene, views, config.session.frames);
+    let path = path.map_err(Failure::bad_input)?;
+    let walk = Walk { file: &file, drawn: &drawn, plan, path: &path };
+    let roles = vec![role_info(Machine::Display, &drawn)];
+    let about = about(walk, &config.session.path, config.session.seed, roles);
+    let session = DisplaySession {
+        walk,
+        empty: Some(empty),
+        about,
+        folder: Some(folder),
+        join_timeout: Duration::ZERO,
+        metrics,
+        trace: config.record.clone(),
+        net: Arc::clone(&start.net),
+        key,
+        progress: None,
+        cullers: Cullers { endpoints, listener: None, sought: Some(peers) },
+        turns: Turns::at_once(),
+        bar: Some(progress::walk(plan.pace, &path)),
+    };
+    match session.show_to_others(runtime, &start.stop).and_then(Recording::report) {
+        Err(failure) if failure.is_stop() => Ok(()),
+        shown => shown?.conclude(&config.out, false),
+    }
+}
+
+/// Listens for cullers that come by themselves.
+async fn listen(
+    net: &Arc<dyn Net>,
+    at: &Endpoints,
+    identity: Identity,
+    options: &Options,
+) -> Result<Listener, Failure> {
+    let bound = Listener::bind_all(net, at, identity, options).await;
+    bound.map_err(|e: ListenError| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })
 }
 
 /// What the configuration asks for.

@@ -11,13 +11,14 @@ use trimaran::{
     walkthrough::{SceneFile, SceneOnDevices, Walk},
 };
 use trimaran_actors::{CullerId, LocalCullers, Stop, Turns, max_frame};
+use trimaran_gpu::Gpu;
 use trimaran_proto::{SessionKey, Settings};
 use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
     args::{LinkKind, RunArgs, WalkArgs},
-    display::{DisplaySession, about, role_info},
+    display::{Cullers, DisplaySession, EmptyScene, about, role_info},
     processes::{CullerProcesses, Keyring, endpoints},
     progress,
     recording::{Outcome, Recording, check_trace, open_folder},
@@ -99,6 +100,13 @@ pub(super) fn record<'w>(
     let machines = cullers.clone().map(Some).chain([None]);
     let drawn_by = |culler| devices.map_or(drawn, |devices| devices.drawn_by(culler));
     let roles = machines.map(|culler| role_info(Machine::of(culler), drawn_by(culler)));
+    let empty = match args.empty_display {
+        true => {
+            let gpu = Gpu::open(&walk.gpu_options()).map_err(Failure::broken)?;
+            Some(EmptyScene::new(file.scene.outline(), &gpu, args.geometry_cache)?)
+        }
+        false => None,
+    };
     let session = DisplaySession {
         walk: way,
         about: about(way, &walk.path, walk.seed, roles.collect()),
@@ -109,8 +117,8 @@ pub(super) fn record<'w>(
         key: SessionKey(net.random().map_err(Failure::broken)?),
         progress: None,
         net,
-        cullers: Vec::new(),
-        listener: None,
+        cullers: Cullers { endpoints: Vec::new(), listener: None, sought: None },
+        empty,
         turns: turns.clone(),
         bar,
     };
@@ -124,14 +132,16 @@ pub(super) fn record<'w>(
         options.security = keyring.as_ref().map(|keyring| keyring.security.clone());
         let mut children =
             CullerProcesses::start(args, &options, endpoints, keyring.as_ref(), folder.path(), runtime)?;
-        let session = DisplaySession { cullers: children.peers(&options), ..session };
+        let cullers = Cullers { endpoints: children.peers(&options), ..session.cullers };
+        let session = DisplaySession { cullers, ..session };
         return session.show(runtime, stop, children.ended_early(), |walk| walk());
     };
     let local = LocalCullers { options, ..LocalCullers::new(&file.scene, cullers.len(), &turns) };
     let cull = |culler: CullerId, settings: &Settings| {
         Culling::open(args.culling, &file.scene, devices.drawn_by(Some(culler)), settings, &turns)
     };
-    let session = DisplaySession { cullers: local.peers().collect(), ..session };
+    let cullers = Cullers { endpoints: local.peers().collect(), ..session.cullers };
+    let session = DisplaySession { cullers, ..session };
     session.show(runtime, stop, std::future::pending(), |walk| local.beside(cull, runtime.handle(), walk))
 }
 

@@ -178,6 +178,11 @@ impl<'r> Start<'r> {
         Self { runtime, net, stop, join_timeout }
     }
 
+    /// The runtime of its links.
+    pub(super) const fn runtime(&self) -> &'r Runtime {
+        self.runtime
+    }
+
     /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again
     /// while what it fails with may pass, until `join_timeout`.
     pub(super) fn until<T>(

@@ -117,9 +117,27 @@ pub struct CullerPeers {
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct DisplayConfig {
-    /// The cooked scene. Paths in a file start at the file's folder.
+    /// The cooked scene. Paths in a file start at the file's folder. Without it the display begins empty, and
+    /// its cullers send it what becomes visible.
     #[config(env = "TRIMARAN_SCENE", layer_attr(arg(long, value_name = "X.scene")))]
-    pub scene: PathBuf,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene: Option<PathBuf>,
+    /// Whether the display begins empty though it has the scene, which is for audits alone then.
+    #[config(
+        env = "TRIMARAN_EMPTY_DISPLAY",
+        default = false,
+        layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL"))
+    )]
+    pub empty_display: bool,
+    /// The most memory for what cullers send to a display that began empty, packed. What was not shown for
+    /// the longest time goes first, and is sent again where it is needed.
+    #[config(
+        env = "TRIMARAN_GEOMETRY_CACHE",
+        default = "256MiB",
+        validate = enough_memory,
+        layer_attr(arg(long, value_name = "SIZE", value_parser = memory))
+    )]
+    pub geometry_cache: ByteSize,
     /// Where the cullers listen, at most 8: `tcp://one:7400,tcp://two:7400`. Without any the display culls
     /// for itself.
     #[config(env = "TRIMARAN_CULLERS", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
@@ -356,6 +374,18 @@ impl RoleConfig for DisplayConfig {
         let count = self.cullers.iter().flat_map(Endpoints::iter).count();
         if count > CullerId::MOST {
             return Err(ConfigError::Value { key: "cullers", why: "give at most 8" });
+        }
+        if self.scene.is_none() && count == 0 && self.listen.is_none() {
+            let why = "without it say in `cullers` or `listen` who sends what becomes visible";
+            return Err(ConfigError::Value { key: "scene", why });
+        }
+        if self.scene.is_none() && self.session.path == "auto" {
+            let why = "an automatic path needs the scene: give a path file";
+            return Err(ConfigError::Value { key: "session.path", why });
+        }
+        if self.scene.is_none() && self.session.state.is_some() {
+            let why = "view states name objects, which only the scene knows: leave it out";
+            return Err(ConfigError::Value { key: "session.state", why });
         }
         if self.schedule == Schedule::Switch.name() && count != 2 {
             return Err(ConfigError::Value { key: "schedule", why: "`switch` takes two `cullers`" });

@@ -78,6 +78,8 @@ pub struct Carried {
     pub end_bytes: u64,
     /// Payload bytes of handshake, statistics and close.
     pub control_bytes: u64,
+    /// Geometry for a display without the scene, and what that says of it.
+    pub geometry_bytes: u64,
     /// Bytes of this protocol's headers; those of the layers below are not seen from here.
     pub header_bytes: u64,
 }
@@ -147,13 +149,14 @@ impl LinkMetrics {
 impl Carried {
     /// Bytes by kind.
     #[must_use]
-    pub const fn bytes(&self) -> [(&'static str, u64); 6] {
+    pub const fn bytes(&self) -> [(&'static str, u64); 7] {
         [
             ("camera", self.camera_bytes),
             ("begin", self.begin_bytes),
             ("ids", self.id_bytes),
             ("end", self.end_bytes),
             ("control", self.control_bytes),
+            ("geometry", self.geometry_bytes),
             ("header", self.header_bytes),
         ]
     }
@@ -182,7 +185,8 @@ impl From<Traffic> for Carried {
             id_bytes: batches.bytes,
             end_bytes: end.bytes,
             // What roles say beside cameras and ids is counted with it.
-            control_bytes: control.bytes + said.bytes + bulk.bytes,
+            control_bytes: control.bytes + said.bytes,
+            geometry_bytes: bulk.bytes,
             header_bytes,
         }
     }

@@ -97,12 +97,12 @@ impl Roles {
             return Ok(());
         };
         let at = ServiceEndpoints { listen: Some(endpoint.into()), displays: Vec::new(), options };
-        let mut service = CullerService::start(net, SCENE, at).await?;
+        let mut service = CullerService::start(net, SCENE.into(), at).await?;
         let session = service.next().await?;
         self.recording.log(|log| log.stats.push(session.display.stats.clone()));
         let (recording, (_stopper, stop)) = (&self.recording, Stop::new());
         let work = |settings: &Settings| Ok(RecordedCulling::new(recording, clock, settings.batch));
-        Ok(session.play(work, &Turns::at_once(), recording.drawables(), &stop).await?)
+        Ok(session.play(work, &Turns::at_once(), recording.drawables(), None, &stop).await?)
     }
 
     /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says
@@ -122,7 +122,11 @@ impl Roles {
             options: self.display.clone(),
         };
         let sought = Sought {
-            identity: Identity { role: Role::Display, scene: SCENE, session: Some((SESSION, self.settings)) },
+            identity: Identity {
+                role: Role::Display,
+                scene: Some(SCENE.into()),
+                session: Some((SESSION, self.settings)),
+            },
             role: Role::Culler,
             endpoints: self.cullers.iter().map(peer).collect(),
             listener: None,
@@ -146,7 +150,8 @@ impl Roles {
         let mut cameras = work.clone();
         let role = DisplayRole {
             work,
-            alone: RecordedCulling::new(recording, clock, self.settings.batch),
+            alone: Some(RecordedCulling::new(recording, clock, self.settings.batch)),
+            supplied: None,
             cullers,
             session: SESSION,
             settings: self.settings,

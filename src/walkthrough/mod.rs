@@ -35,7 +35,7 @@ pub use path::{CameraPath, CameraPathError, PathChoice};
 pub use plan::{Pace, Plan};
 pub use record::Recorder;
 pub use reference::{CullingDifference, Reference};
-pub use reporting::{SceneFile, Walk, Written, begin, how_ended, report_of, write_report};
+pub use reporting::{SceneFile, Walk, Written, begin, how_ended, memory_use, report_of, write_report};
 pub use resume::Progress;
 pub use view_file::{ViewChangeError, ViewFileError};
 pub use view_states::{ViewChange, ViewStates};

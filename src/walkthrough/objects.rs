@@ -12,7 +12,7 @@ pub fn count_objects(scene: &Scene, drawn: impl IntoIterator<Item = DrawableId>)
     let mut merged = 0;
     for drawable in drawn.into_iter().filter_map(|id| scene.drawables().get(id.index())) {
         match scene.nodes().get(drawable.node as usize) {
-            Some(node) if node.object == Node::NONE => merged += u64::from(node.objects),
+            Some(node) if node.objects > 1 || node.object == Node::NONE => merged += u64::from(node.objects),
             Some(node) => {
                 objects.insert(node.object);
             }

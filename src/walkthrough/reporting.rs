@@ -106,12 +106,14 @@ pub fn write_report(
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Written, ReportError> {
     // Before pictures are drawn once more.
-    run.memory = Some(walk.memory());
+    run.memory.get_or_insert_with(|| memory_use(&walk.file.scene, walk.drawn));
     let mut composer = walk.composer(&[]);
     let mut frames: Vec<Frame> = records.iter().map(|record| composer.frame(record)).collect();
     let mut checked = 0;
     let incomplete = match failure {
         Some(failure) => Some(failure),
+        // Of what its cullers sent there may not be all any more: what was read back is all there is.
+        None if !walk.file.scene.is_whole() => None,
         None => {
             let mut count = |frame| {
                 checked += 1;
@@ -239,21 +241,22 @@ impl Walk<'_> {
         }
     }
 
-    /// What is held of the scene now.
-    fn memory(&self) -> MemoryUse {
-        let set = self.drawn.working_set();
-        MemoryUse {
-            scene_bytes: self.file.scene.resident_bytes(),
-            device_taken_bytes: set.taken_bytes,
-            device_bytes: set.resident_bytes,
-            pieces_brought: set.loaded,
-            bytes_brought: set.loaded_bytes,
-            pieces_dropped: set.dropped,
-        }
-    }
-
     fn composer(&self, before: &[FrameRecord]) -> Composer {
         Composer::new(&self.file.scene, self.path, self.plan.alone, before)
+    }
+}
+
+/// What a display holds of a scene now.
+#[must_use]
+pub fn memory_use(scene: &Scene, drawn: &GpuScene) -> MemoryUse {
+    let set = drawn.working_set();
+    MemoryUse {
+        scene_bytes: scene.resident_bytes(),
+        device_taken_bytes: set.taken_bytes,
+        device_bytes: set.resident_bytes,
+        pieces_brought: set.loaded,
+        bytes_brought: set.loaded_bytes,
+        pieces_dropped: set.dropped,
     }
 }
 

@@ -309,7 +309,7 @@ fn between_two(datagrams: &[(usize, Vec<u8>)]) -> Vec<u8> {
 
 /// The hello of a machine, as bytes.
 fn hello() -> BytesMut {
-    let identity = Identity { role: Role::Culler, scene: SCENE, session: None };
+    let identity = Identity { role: Role::Culler, scene: Some(SCENE.into()), session: None };
     let hello = Hello {
         protocol: ProtocolName::new(Walkthrough::NAME),
         session: SessionId(7),
@@ -371,7 +371,7 @@ impl Drop for Sniffer {
 async fn a_real_link_over_loopback_is_read_the_same() {
     let Some(capture) = capture() else { return };
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
-    let identity = |role| Identity { role, scene: SCENE, session: None };
+    let identity = |role| Identity { role, scene: Some(SCENE.into()), session: None };
     let endpoint = "tcp://127.0.0.1:0".parse().unwrap();
     let options = Options::default();
     let mut listener = Listener::bind(&net, &endpoint, identity(Role::Display), &options).await.unwrap();

@@ -119,7 +119,7 @@ pub use lanes::bulk::{BulkReceiver, BulkSender};
 pub use lanes::frames::{FrameReceiver, FrameSender};
 pub use lanes::latest::{LatestReceiver, LatestSender};
 pub use lanes::messages::{MessageReceiver, MessageSender};
-pub use link::Link;
+pub use link::{Bulk, Link};
 pub use listen::{AcceptError, ListenError, Listener};
 pub use options::Options;
 pub use options::limits::Limits;

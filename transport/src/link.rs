@@ -49,14 +49,21 @@ pub struct Link<P: Protocol> {
     pub messages_tx: MessageSender<P>,
     /// Receives messages.
     pub messages_rx: MessageReceiver<P>,
-    /// Sends blocks of bytes that nothing else has to wait for.
-    pub bulk_tx: BulkSender,
-    /// Receives such blocks.
-    pub bulk_rx: BulkReceiver,
+    /// Blocks of bytes that nothing else has to wait for. A task of its own may take it out.
+    pub bulk: Option<Bulk>,
     /// Counts what travels, for reading at any time.
     pub stats: StatsHandle,
     pub(crate) capabilities: Capabilities,
     net: Arc<dyn Net>,
+}
+
+/// Both halves of a bulk lane.
+#[derive(Debug)]
+pub struct Bulk {
+    /// Sends blocks.
+    pub tx: BulkSender,
+    /// Receives blocks.
+    pub rx: BulkReceiver,
 }
 
 impl<P: Protocol> Link<P> {
@@ -70,6 +77,8 @@ impl<P: Protocol> Link<P> {
     /// peer to leave as well, or for what was said to arrive when the peer has left already. What still
     /// comes from it is thrown away.
     ///
+    /// A bulk lane that was taken out stays open: put it back before.
+    ///
     /// Dropping the future drops the link: the peer may have heard the close on some lanes only or on
     /// none, and then takes this side for lost.
     ///
@@ -78,13 +87,18 @@ impl<P: Protocol> Link<P> {
     pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, .. } = self;
         let (messages_tx, mut messages_rx, net) = (self.messages_tx, self.messages_rx, self.net);
-        let (bulk_tx, mut bulk_rx) = (self.bulk_tx, self.bulk_rx);
+        let (bulk_tx, mut bulk_rx) = self.bulk.map(|Bulk { tx, rx }| (tx, rx)).unzip();
         let say = async {
             let (frames, latest, messages, bulk) = tokio::join!(
                 frames_tx.close(reason.clone()),
                 latest_tx.close(reason.clone()),
                 messages_tx.close(reason.clone()),
-                bulk_tx.close(reason.clone())
+                async {
+                    match bulk_tx {
+                        Some(bulk) => bulk.close(reason.clone()).await,
+                        None => Ok(()),
+                    }
+                }
             );
             frames.and(latest).and(messages).and(bulk)
         };
@@ -92,9 +106,14 @@ impl<P: Protocol> Link<P> {
         // overtakes the close on the peer's side. So whatever comes is read until the peer closes.
         let hear = async {
             let (frames, latest, messages, bulk) =
-                tokio::join!(frames_rx.drain(), latest_rx.drain(), messages_rx.0.drain(), bulk_rx.0.drain());
-            let ends = [frames, latest, messages, bulk];
-            (ends.iter().any(|end| matches!(end, RecvError::Closed { .. })), latest_rx)
+                tokio::join!(frames_rx.drain(), latest_rx.drain(), messages_rx.0.drain(), async {
+                    match &mut bulk_rx {
+                        Some(bulk) => Some(bulk.0.drain().await),
+                        None => None,
+                    }
+                });
+            let ends = [Some(frames), Some(latest), Some(messages), bulk];
+            (ends.iter().flatten().any(|end| matches!(end, RecvError::Closed { .. })), latest_rx)
         };
         let (mut say, mut hear) = (pin!(say), pin!(hear));
         let soon = || net.now().after(LINGER);
@@ -180,13 +199,15 @@ impl Parts {
                 rate: Some(rate()),
                 read: |bytes| whole(&bytes).map_err(ProtocolError::Message),
             }),
-            bulk_tx: BulkSender(RecordSender { lane: bulk.0, shared: shared.clone(), timeouts: timeouts() }),
-            bulk_rx: BulkReceiver(RecordReceiver {
-                lane: bulk.1,
-                shared,
-                timeouts: patient(),
-                rate: None,
-                read: Ok,
+            bulk: Some(Bulk {
+                tx: BulkSender(RecordSender { lane: bulk.0, shared: shared.clone(), timeouts: timeouts() }),
+                rx: BulkReceiver(RecordReceiver {
+                    lane: bulk.1,
+                    shared,
+                    timeouts: patient(),
+                    rate: None,
+                    read: Ok,
+                }),
             }),
         })
     }

@@ -165,7 +165,7 @@ mod cases {
             let on_frames = link.frames_rx.recv().await.unwrap_err();
             let on_latest = link.latest_rx.latest().await.unwrap_err();
             let on_messages = link.messages_rx.recv().await.unwrap_err();
-            let on_bulk = link.bulk_rx.recv().await.unwrap_err();
+            let on_bulk = link.bulk.as_mut().unwrap().rx.recv().await.unwrap_err();
             for error in [on_frames, on_latest, on_messages, on_bulk] {
                 assert_eq!(length_of(&error), Some((kind, MOST)), "{error:?}");
             }

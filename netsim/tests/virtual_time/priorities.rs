@@ -66,7 +66,10 @@ const BLOCKS: u32 = 40;
 pub(crate) async fn blocks_alone(pairs: &impl Pairs) -> Duration {
     let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
     let begun = pairs.net().now();
-    tokio::join!(send_blocks(&mut arm.bulk_tx, BLOCKS), take_blocks(&mut panel.bulk_rx, BLOCKS));
+    tokio::join!(
+        send_blocks(&mut arm.bulk.as_mut().unwrap().tx, BLOCKS),
+        take_blocks(&mut panel.bulk.as_mut().unwrap().rx, BLOCKS)
+    );
     pairs.net().now().since(begun)
 }
 
@@ -88,7 +91,10 @@ pub(crate) async fn everything_goes_before_blocks(pairs: &impl Pairs) {
     let net = pairs.net();
     let begun = net.now();
     let blocks = async {
-        tokio::join!(send_blocks(&mut arm.bulk_tx, BLOCKS), take_blocks(&mut panel.bulk_rx, BLOCKS));
+        tokio::join!(
+            send_blocks(&mut arm.bulk.as_mut().unwrap().tx, BLOCKS),
+            take_blocks(&mut panel.bulk.as_mut().unwrap().rx, BLOCKS)
+        );
         net.now().since(begun)
     };
     let others = async {
@@ -109,8 +115,10 @@ pub(crate) async fn everything_goes_before_blocks(pairs: &impl Pairs) {
 /// as fast as they are taken; the longest times.
 pub(crate) async fn beside_blocks(pairs: &impl Pairs, blocks: u32) -> [Duration; 2] {
     let (arm, panel) = pairs.pair(LinkConfig::default()).await;
-    let Link { mut bulk_tx, mut frames_tx, mut messages_tx, latest_tx: _latest_tx, .. }: Link<Robot> = arm;
-    let Link { mut bulk_rx, mut frames_rx, mut messages_rx, latest_rx: _latest_rx, .. } = panel;
+    let Link { bulk: blocks_out, mut frames_tx, mut messages_tx, latest_tx: _latest_tx, .. }: Link<Robot> =
+        arm;
+    let Link { bulk: blocks_in, mut frames_rx, mut messages_rx, latest_rx: _latest_rx, .. } = panel;
+    let (mut blocks_out, mut blocks_in) = (blocks_out.unwrap(), blocks_in.unwrap());
     let (net, mut longest) = (pairs.net(), [Duration::ZERO; 2]);
     let begun = net.now();
     let measure = async {
@@ -131,6 +139,6 @@ pub(crate) async fn beside_blocks(pairs: &impl Pairs, blocks: u32) -> [Duration;
             longest = [longest[0].max(frame), longest[1].max(message)];
         }
     };
-    tokio::join!(measure, send_blocks(&mut bulk_tx, blocks), take_blocks(&mut bulk_rx, blocks));
+    tokio::join!(measure, send_blocks(&mut blocks_out.tx, blocks), take_blocks(&mut blocks_in.rx, blocks));
     longest
 }

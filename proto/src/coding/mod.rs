@@ -7,7 +7,6 @@
 
 mod coder;
 mod reference;
-mod varint;
 
 use std::fmt;
 use std::str::FromStr;
@@ -16,9 +15,9 @@ use bytes::{BufMut, Bytes, BytesMut};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::varint::{get_varint, put_varint};
 pub use coder::{CodedViolation, IdDecoder, IdEncoder};
 use reference::References;
-use varint::{get_varint, put_varint};
 
 use crate::{BatchSize, FrameNumber, ID_BYTES, IdBatch, SettingsError};
 

@@ -34,6 +34,7 @@
 //! | `driver` | the loop of a role: dealer, links and work together |
 //! | `work`, `device` | what a role does with a frame, and what it needs of a GPU |
 //! | `peers`, `join`, `meeting` | how roles find each other, and again after a loss |
+//! | `supply` | geometry for displays that hold no scene |
 //! | `service`, `local` | a culler as a service; all roles in one process |
 //! | `links`, `ids` | links that carry what Trimaran says; the ids of a frame, checked |
 //! | `stop`, `turn`, `clock` | being asked to stop; computing one after another; measuring |
@@ -50,6 +51,7 @@ mod meeting;
 mod peers;
 mod service;
 mod stop;
+mod supply;
 mod turn;
 mod work;
 
@@ -58,7 +60,7 @@ pub use deal::{CullerId, Dealer, Disorder, Pace, Schedule, UnknownSchedule};
 pub use device::{CullerDevice, PictureDevice};
 pub use driver::{
     BoxedError, Cameras, CullerEvent, CullerRole, CullerWork, DisplayRole, DisplayWork, LinkError, Observer,
-    RoleError, ShownFrame, VisibleIds,
+    RoleError, ShownFrame, Supplied, VisibleIds,
 };
 pub use ids::{IdError, max_frame};
 pub use join::{JoinError, PeerEndpoint, again};
@@ -71,5 +73,6 @@ pub use meeting::{Expected, Meeting};
 pub use peers::{Arrival, Peers, Seat, Sought};
 pub use service::{CullerService, NewSession, ServiceEndpoints, SessionError};
 pub use stop::{Stop, Stopper};
+pub use supply::{SupplyError, SupplyFault};
 pub use turn::Turns;
 pub use work::{CulledFrame, Gaps, OccluderPolicy, SceneCulling, ScenePictures};

@@ -30,7 +30,8 @@ pub const fn sent_bytes(traffic: Traffic) -> SentBytes {
         begin: traffic.begin.bytes,
         ids: traffic.batches.bytes,
         end: traffic.end.bytes,
-        control: traffic.control.bytes + traffic.messages.bytes + traffic.bulk.bytes,
+        control: traffic.control.bytes + traffic.messages.bytes,
+        geometry: traffic.bulk.bytes,
         headers: traffic.header_bytes,
         messages: traffic.latest.messages
             + traffic.begin.messages

@@ -10,7 +10,7 @@ use trimaran_transport::{Endpoint, Name, Net, Options, TokioNet};
 use crate::{
     deal::{CullerId, Pace, Schedule},
     device::{CullerDevice, PictureDevice},
-    driver::{Cameras, CullerWork, DisplayRole, Observer, RoleError},
+    driver::{Cameras, CullerWork, DisplayRole, Observer, RoleError, Supplied},
     ids::max_frame,
     join::PeerEndpoint,
     peers::{Peers, Sought},
@@ -99,10 +99,13 @@ impl LocalCullers {
             displays: Vec::new(),
             options: options.clone(),
         };
-        let mut service = CullerService::start(net, scene.hash(), at).await?;
+        let mut service = CullerService::start(net, scene.outline(), at).await?;
         while let Some(session) = stop.unless_requested(service.next()).await {
             let session = session?;
-            match session.play(|settings| work(id, settings), turns, max_frame(scene), stop).await {
+            match session
+                .play(|settings| work(id, settings), turns, max_frame(scene), Some(scene), stop)
+                .await
+            {
                 Err(error) if error.lost_a_peer() => {}
                 played => played?,
             }
@@ -126,6 +129,8 @@ pub struct LocalSession {
     pub schedule: Schedule,
     /// Whether the roles compute one after another.
     pub turns: Turns,
+    /// Where the display is to begin without the scene.
+    pub supplied: Option<Supplied>,
 }
 
 impl LocalSession {
@@ -139,6 +144,7 @@ impl LocalSession {
             cullers: 2,
             schedule: Schedule::Independent,
             turns: Turns::at_once(),
+            supplied: None,
         }
     }
 
@@ -177,17 +183,21 @@ impl LocalSession {
         runtime: &Handle,
         stop: &Stop,
     ) -> Result<(), SessionError> {
-        let Self { scene, settings, pace, cullers, schedule, turns } = self;
+        let Self { scene, settings, pace, cullers, schedule, turns, supplied } = self;
         let local = LocalCullers::new(&scene, cullers, &turns);
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
         let session = SessionKey(net.random().map_err(SessionError::Random)?);
-        let alone = cull(None, &settings)?;
-        let work = ScenePictures::new(&scene, display, &settings);
+        let alone = match supplied {
+            Some(_) => None,
+            None => Some(cull(None, &settings)?),
+        };
+        let shown = supplied.as_ref().map_or(&scene, |supplied| &supplied.scene);
+        let work = ScenePictures::new(shown, display, &settings);
         let show = || {
             let sought = Sought {
                 identity: Identity {
                     role: Role::Display,
-                    scene: scene.hash(),
+                    scene: supplied.is_none().then(|| scene.outline()),
                     session: Some((session, settings)),
                 },
                 role: Role::Culler,
@@ -198,6 +208,7 @@ impl LocalSession {
             let role = DisplayRole {
                 work,
                 alone,
+                supplied,
                 cullers: Peers::seek(&net, sought),
                 session,
                 settings,

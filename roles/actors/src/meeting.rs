@@ -4,7 +4,7 @@ use std::{collections::VecDeque, sync::Arc, time::Duration};
 
 use parking_lot::Mutex;
 use tokio::sync::oneshot;
-use trimaran_proto::{Identity, Role, SceneHash, SessionKey, Settings, Walkthrough};
+use trimaran_proto::{Identity, Role, SceneOutline, SessionKey, Settings, Walkthrough};
 use trimaran_transport::{Endpoint, Net, Options, causes, connect};
 
 use crate::links::Link;
@@ -18,7 +18,7 @@ pub struct Meeting {
     /// The time it waits by.
     pub net: Arc<dyn Net>,
     /// The scene.
-    pub scene: SceneHash,
+    pub scene: SceneOutline,
     /// What the display has decided.
     pub settings: Settings,
     /// What holds for the link, and which cullers are known.
@@ -37,7 +37,8 @@ impl Meeting {
         let (said, met) = oneshot::channel();
         let Self { net, scene, settings, options, .. } = self.clone();
         self.net.spawn(Box::pin(async move {
-            let identity = Identity { role: Role::Culler, scene, session: Some((key, settings)) };
+            let identity =
+                Identity { role: Role::Culler, scene: Some(scene), session: Some((key, settings)) };
             let link = match at.parse::<Endpoint>() {
                 Ok(endpoint) => {
                     connect::<Walkthrough>(&net, &endpoint, identity, &options, net.now().after(LIMIT))

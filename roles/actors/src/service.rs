@@ -3,7 +3,8 @@
 use std::{io, sync::Arc};
 
 use thiserror::Error;
-use trimaran_proto::{Identity, Role, SceneHash, SessionKey, Settings};
+use trimaran_proto::{Identity, Role, SceneOutline, SessionKey, Settings};
+use trimaran_scene::Scene;
 use trimaran_transport::{Endpoints, ListenError, Net, Options};
 
 use crate::{
@@ -41,7 +42,7 @@ pub enum SessionError {
 #[derive(Debug)]
 pub struct CullerService {
     net: Arc<dyn Net>,
-    scene: SceneHash,
+    scene: SceneOutline,
     displays: Peers,
     /// What holds for links to other cullers.
     others: Options,
@@ -82,10 +83,10 @@ impl CullerService {
     /// When it cannot listen.
     pub async fn start(
         net: &Arc<dyn Net>,
-        scene: SceneHash,
+        scene: SceneOutline,
         ServiceEndpoints { listen, displays, options }: ServiceEndpoints,
     ) -> Result<Self, ListenError> {
-        let identity = Identity { role: Role::Culler, scene, session: None };
+        let identity = Identity { role: Role::Culler, scene: Some(scene), session: None };
         let listener = match &listen {
             Some(at) => Some(Listener::bind_all(net, at, identity, &options).await?),
             None => None,
@@ -127,7 +128,8 @@ impl CullerService {
 
 impl NewSession {
     /// Plays the culler in it, with the `work` that what the display has decided asks for, until the display
-    /// leaves or `stop` asks. `drawables` is how many the scene has.
+    /// leaves or `stop` asks. `drawables` is how many the scene has. With the `scene` itself it can serve a
+    /// display that holds none.
     ///
     /// # Errors
     /// When `work` cannot be had, the display dies, or the device fails. The display is told.
@@ -136,12 +138,14 @@ impl NewSession {
         work: impl FnOnce(&Settings) -> Result<W, RoleError>,
         turns: &Turns,
         drawables: u32,
+        scene: Option<&Arc<Scene>>,
         stop: &Stop,
     ) -> Result<(), RoleError> {
         let Self { settings, display, meeting, seat: _seat, .. } = self;
         match work(&settings) {
             Ok(work) => {
-                CullerRole { work, display, meeting, turns: turns.clone(), drawables }.run(stop).await
+                let (turns, scene) = (turns.clone(), scene.map(Arc::clone));
+                CullerRole { work, display, meeting, turns, drawables, scene }.run(stop).await
             }
             Err(error) => {
                 leave_unable(display, &error).await;

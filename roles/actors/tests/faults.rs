@@ -108,7 +108,8 @@ impl Setting {
         }
         let role = DisplayRole {
             work: ScenePictures::new(&self.scene, Device::default(), &settings),
-            alone: SceneCulling::new(&self.scene, alone, &settings, &turns),
+            alone: Some(SceneCulling::new(&self.scene, alone, &settings, &turns)),
+            supplied: None,
             cullers: peers,
             session: SessionKey(1),
             settings,

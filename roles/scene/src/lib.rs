@@ -29,7 +29,8 @@ pub mod random;
 mod scene;
 
 pub use scene::{
-    Drawable, FlatObject, Geometry, GeometryError, GeometryPlace, GeometryReader, Node, NodeId, Normal,
-    ObjectRecord, OpenError, ReadCause, ReadError, Records, Rgba8, SaveError, Scene, SceneArrays, SceneError,
-    Shading, Sides, Totals, Vertex,
+    Drawable, DrawableEntry, EntriesError, FlatObject, Geometry, GeometryError, GeometryPlace,
+    GeometryReader, GiveError, MOST_ENTRIES, Node, NodeId, Normal, ObjectRecord, OpenError, ReadCause,
+    ReadError, Records, Rgba8, SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex,
+    pack_entries, unpack_entries,
 };

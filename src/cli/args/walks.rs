@@ -138,6 +138,14 @@ pub(crate) struct RunArgs {
     /// their file.
     #[arg(long)]
     pub(crate) visible: bool,
+    /// Let the display begin without the scene: its cullers send it what becomes visible. The scene is for
+    /// audits alone then.
+    #[arg(long)]
+    pub(crate) empty_display: bool,
+    /// The most memory for what cullers send to such a display, packed; what was not shown for the longest
+    /// time goes first, and is sent again where it is needed.
+    #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = memory)]
+    pub(crate) geometry_cache: ByteSize,
     /// Record what each frame asked of the roles (ids, when they were found, computing times, camera), for
     /// `trimaran sim --trace`.
     #[arg(long, value_name = "FILE")]
@@ -165,6 +173,8 @@ impl RunArgs {
             live: None,
             state: None,
             visible: false,
+            empty_display: false,
+            geometry_cache: ByteSize::mib(256),
             record: None,
             out,
             json: false,

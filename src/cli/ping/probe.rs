@@ -175,7 +175,7 @@ mod tests {
 
     fn pair() -> (Arc<dyn Net>, Link, Link) {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
-        let identity = |role| Identity { role, scene: SceneHash(0), session: None };
+        let identity = |role| Identity { role, scene: Some(SceneHash(0).into()), session: None };
         let config = LinkConfig::default();
         let (here, there) =
             inproc::pair::<Walkthrough>(&net, identity(Role::Display), identity(Role::Culler), &config)

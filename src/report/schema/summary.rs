@@ -169,7 +169,7 @@ impl Bandwidth {
             batch: run.batch,
             header_bytes: h,
             receivers,
-            measured_bytes: mean(counted.iter().map(|(b, _)| b.total() as f64).sum()),
+            measured_bytes: mean(counted.iter().map(|(b, _)| (b.total() - b.geometry) as f64).sum()),
             paper_formula_bytes: load.paper_bytes(),
             corrected_formula_bytes: load.sent_bytes(),
         })

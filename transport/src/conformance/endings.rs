@@ -30,7 +30,10 @@ pub async fn close_comes_after_everything(pairs: &impl Pairs) {
     }
     assert_eq!(said(panel.latest_rx.try_latest().unwrap_err()), CloseReason::new(2, "out of memory"));
     assert_eq!(said(panel.messages_rx.recv().await.unwrap_err()), CloseReason::new(2, "out of memory"));
-    assert_eq!(said(panel.bulk_rx.recv().await.unwrap_err()), CloseReason::new(2, "out of memory"));
+    assert_eq!(
+        said(panel.bulk.as_mut().unwrap().rx.recv().await.unwrap_err()),
+        CloseReason::new(2, "out of memory")
+    );
     // Who leaves second finds nobody, and that is no error.
     panel.close(finished()).await.unwrap();
 }
@@ -76,7 +79,7 @@ pub async fn death_within_a_frame_is_no_close(pairs: &impl Pairs) {
         matches!(messages, Err(RecvError::Lost { ref peer, .. }) if peer.as_str() == ARM),
         "{messages:?}"
     );
-    let blocks = panel.bulk_rx.recv().await;
+    let blocks = panel.bulk.as_mut().unwrap().rx.recv().await;
     assert!(matches!(blocks, Err(RecvError::Lost { ref peer, .. }) if peer.as_str() == ARM), "{blocks:?}");
 }
 
@@ -94,7 +97,7 @@ pub async fn a_dead_receiver_fails_the_sender(pairs: &impl Pairs) {
         }
     };
     assert!(matches!(error, SendError::Lost { ref peer, .. } if peer.as_str() == ARM), "{error:?}");
-    drop((arm.latest_rx, arm.latest_tx, arm.messages_rx, arm.messages_tx, arm.bulk_rx, arm.bulk_tx));
+    drop((arm.latest_rx, arm.latest_tx, arm.messages_rx, arm.messages_tx, arm.bulk));
     let error = loop {
         match panel.latest_tx.publish(pose(1)) {
             Ok(()) => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,

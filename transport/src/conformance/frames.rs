@@ -114,8 +114,8 @@ pub async fn every_byte_is_counted(pairs: &impl Pairs) {
     panel.latest_rx.latest().await.unwrap();
     arm.messages_tx.send(&command(3)).await.unwrap();
     panel.messages_rx.recv().await.unwrap();
-    arm.bulk_tx.send(block(3)).await.unwrap();
-    panel.bulk_rx.recv().await.unwrap();
+    arm.bulk.as_mut().unwrap().tx.send(block(3)).await.unwrap();
+    panel.bulk.as_mut().unwrap().rx.recv().await.unwrap();
 
     let sent = (arm.stats.read() - before).sent;
     assert_eq!(sent.begin, Tally { messages: 1, bytes: 4 + POSE });

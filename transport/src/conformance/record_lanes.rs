@@ -67,8 +67,8 @@ impl Lane for Messages {
     }
 
     fn without(link: Link<Robot>) -> impl Sized {
-        let Link { latest_tx, latest_rx, frames_tx, frames_rx, bulk_tx, bulk_rx, .. } = link;
-        (latest_tx, latest_rx, frames_tx, frames_rx, bulk_tx, bulk_rx)
+        let Link { latest_tx, latest_rx, frames_tx, frames_rx, bulk, .. } = link;
+        (latest_tx, latest_rx, frames_tx, frames_rx, bulk)
     }
 
     fn record(number: u32) -> Command {
@@ -106,7 +106,8 @@ impl Lane for Bulk {
     const MOST: usize = MAX_BLOCK;
 
     fn halves(link: &mut Link<Robot>) -> Halves<'_, Self> {
-        let Link { bulk_tx: tx, bulk_rx: rx, frames_tx, frames_rx, latest_tx, latest_rx, .. } = link;
+        let Link { bulk, frames_tx, frames_rx, latest_tx, latest_rx, .. } = link;
+        let crate::Bulk { tx, rx } = bulk.as_mut().unwrap();
         Halves { tx, rx, frames_tx, frames_rx, latest_tx, latest_rx }
     }
 

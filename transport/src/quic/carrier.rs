@@ -108,7 +108,7 @@ mod tests {
     use crate::conformance::{ARM, PANEL, Robot, finished, greeting};
     use crate::keys::{Keys, Security};
     use crate::lanes::latest::{LatestRx, WireLatestRx};
-    use crate::{Link, Listener, Options, RecvError, TokioNet, connect};
+    use crate::{Bulk, Link, Listener, Options, RecvError, TokioNet, connect};
     use tokio::runtime::Builder;
 
     use super::*;
@@ -142,12 +142,13 @@ mod tests {
             let mut listener = Listener::<Robot>::bind(&net, &loopback, greeting(ARM), &ours).await.unwrap();
             tell.send(listener.local_endpoint().clone()).unwrap();
             let link = listener.accept(net.now().after(SECONDS)).await.unwrap();
-            let Link { frames_tx, latest_tx, messages_tx, bulk_tx, latest_rx, .. } = link;
+            let Link { frames_tx, latest_tx, messages_tx, bulk, latest_rx, .. } = link;
             let LatestRx::Wire(lane) = &latest_rx.lane else { unreachable!("not within one process") };
             let WireLatestRx::Quic(lane) = &**lane else { unreachable!("a link over QUIC") };
             frames_tx.close(finished()).await.unwrap();
             latest_tx.close(finished()).await.unwrap();
             messages_tx.close(finished()).await.unwrap();
+            let Bulk { tx: bulk_tx, rx: _bulk_rx } = bulk.unwrap();
             bulk_tx.close(finished()).await.unwrap();
             // Not that it was silent for the length of the idle timeout.
             let end = lane.connection().closed().await;

@@ -118,7 +118,7 @@ async fn a_lie_in_every_length_of_a_lane_ends_it() {
         let error = link.messages_rx.recv().await.unwrap_err();
         assert!(lied(&error, kind), "{kind:?}: {error:?}");
         bulk.0.write_all(&header(kind)).await.unwrap();
-        let error = link.bulk_rx.recv().await.unwrap_err();
+        let error = link.bulk.as_mut().unwrap().rx.recv().await.unwrap_err();
         assert!(lied(&error, kind), "{kind:?}: {error:?}");
     }
 }

@@ -75,7 +75,8 @@ async fn a_peer_with_nothing_to_say_lives() {
     let soon = net.now().after(IDLE_TIMEOUT * 100);
     let silent = here.messages_rx.recv_by(soon).await.unwrap_err();
     assert!(matches!(silent, RecvError::Deadline { .. }), "{silent:?}");
-    let silent = here.bulk_rx.recv_by(net.now().after(IDLE_TIMEOUT * 100)).await.unwrap_err();
+    let silent =
+        here.bulk.as_mut().unwrap().rx.recv_by(net.now().after(IDLE_TIMEOUT * 100)).await.unwrap_err();
     assert!(matches!(silent, RecvError::Deadline { .. }), "{silent:?}");
 }
 
@@ -90,7 +91,7 @@ async fn a_peer_that_hangs_is_lost_when_the_idle_timeout_is_over() {
             Lane::Frames => here.frames_rx.recv().await.unwrap_err(),
             Lane::Latest => here.latest_rx.latest().await.unwrap_err(),
             Lane::Messages => here.messages_rx.recv().await.unwrap_err(),
-            Lane::Bulk => here.bulk_rx.recv().await.unwrap_err(),
+            Lane::Bulk => here.bulk.as_mut().unwrap().rx.recv().await.unwrap_err(),
         };
         assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
         assert_eq!(net.now().since(since).as_secs(), IDLE_TIMEOUT.as_secs());
@@ -168,12 +169,12 @@ async fn a_beat_never_comes_between_what_a_sender_who_waits_has_to_say() {
 async fn nothing_follows_a_close() {
     let net = net();
     let (here, mut raw) = pipes(4096);
-    let Link {
-        latest_tx, latest_rx, frames_tx, frames_rx, messages_tx, messages_rx, bulk_tx, bulk_rx, ..
-    } = link(&net, here, IDLE_TIMEOUT * 10);
+    let Link { latest_tx, latest_rx, frames_tx, frames_rx, messages_tx, messages_rx, bulk, .. } =
+        link(&net, here, IDLE_TIMEOUT * 10);
     frames_tx.close(finished()).await.unwrap();
     latest_tx.close(finished()).await.unwrap();
     messages_tx.close(finished()).await.unwrap();
+    let crate::Bulk { tx: bulk_tx, rx: bulk_rx } = bulk.unwrap();
     bulk_tx.close(finished()).await.unwrap();
     sleep_until(&*net, net.now().after(IDLE_TIMEOUT * 5)).await;
     drop((latest_rx, frames_rx, messages_rx, bulk_rx));

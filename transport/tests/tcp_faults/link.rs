@@ -95,7 +95,7 @@ async fn garbage_after_the_handshake_is_an_error() {
     let on_messages = fault(link.messages_rx.recv().await.unwrap_err());
     assert_eq!(on_messages, DecodeFault::UnknownKind { code: 0x77 });
     bulk.write_all(&[0x88; 100]).await.unwrap();
-    let on_bulk = fault(link.bulk_rx.recv().await.unwrap_err());
+    let on_bulk = fault(link.bulk.as_mut().unwrap().rx.recv().await.unwrap_err());
     assert_eq!(on_bulk, DecodeFault::UnknownKind { code: 0x88 });
     frames.write_all(&[0xee; 100]).await.unwrap();
     latest.write_all(&[0x99; 100]).await.unwrap();
@@ -118,7 +118,10 @@ async fn messages_on_the_wrong_lane_are_errors() {
     assert_eq!(misplaced(error(&mut link.frames_rx).await), (Kind::Latest, Lane::Frames));
     assert_eq!(misplaced(link.latest_rx.latest().await.unwrap_err()), (Kind::Begin, Lane::Latest));
     assert_eq!(misplaced(link.messages_rx.recv().await.unwrap_err()), (Kind::Begin, Lane::Messages));
-    assert_eq!(misplaced(link.bulk_rx.recv().await.unwrap_err()), (Kind::Message, Lane::Bulk));
+    assert_eq!(
+        misplaced(link.bulk.as_mut().unwrap().rx.recv().await.unwrap_err()),
+        (Kind::Message, Lane::Bulk)
+    );
 }
 
 #[tokio::test]

@@ -1,8 +1,10 @@
 //! A culler: which messages move when (paper, algorithm 4.2).
 
-use std::{future::Future, mem, time::Duration};
+use std::{future::Future, mem, sync::Arc, time::Duration};
 
+use trimaran_cull::View;
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, ViewState, ViewVersion};
+use trimaran_scene::Scene;
 
 use super::{
     close::{part, worked},
@@ -13,6 +15,7 @@ use crate::{
     links::{FrameSender, FrameStart, Link},
     meeting::Meeting,
     stop::Stop,
+    supply::CullerEnd,
     turn::{Turn, Turns},
 };
 
@@ -76,13 +79,15 @@ pub struct VisibleIds<'l> {
     found: Vec<DrawableId>,
     display: Option<&'l mut FrameSender>,
     other: Option<&'l mut Pair>,
+    /// For a display that holds no scene.
+    supply: Option<(&'l CullerEnd, View)>,
 }
 
 impl VisibleIds<'_> {
     /// Keeps what is found, and sends it to nobody.
     #[must_use]
     pub const fn kept() -> Self {
-        Self { found: Vec::new(), display: None, other: None }
+        Self { found: Vec::new(), display: None, other: None, supply: None }
     }
 
     /// Sends what was found visible. It waits where a receiver has no room.
@@ -95,10 +100,13 @@ impl VisibleIds<'_> {
         if let Some(other) = &mut self.other {
             other.push(ids).await;
         }
-        match &mut self.display {
-            Some(display) => display.push(ids).await.map_err(link("sending ids")),
-            None => Ok(()),
+        if let Some(display) = &mut self.display {
+            display.push(ids).await.map_err(link("sending ids"))?;
         }
+        if let Some((supply, view)) = &self.supply {
+            supply.found(view, ids)?;
+        }
+        Ok(())
     }
 
     /// All that was found.
@@ -121,6 +129,8 @@ pub struct CullerRole<W> {
     pub turns: Turns,
     /// How many drawables the scene has.
     pub drawables: u32,
+    /// The scene, for displays that hold none; without it such a display is sent ids alone.
+    pub scene: Option<Arc<Scene>>,
 }
 
 impl<W: CullerWork> CullerRole<W> {
@@ -133,13 +143,18 @@ impl<W: CullerWork> CullerRole<W> {
     pub async fn run(mut self, stop: &Stop) -> Result<(), RoleError> {
         self.work.cancel_on(stop);
         let turn = self.turns.of_a_role();
+        let (net, scene) = (&self.meeting.net, &self.scene);
+        let bulk = scene.as_ref().and_then(|scene| Some((scene, self.display.bulk.take()?)));
+        let supply = bulk.map(|(scene, bulk)| CullerEnd::start(net, bulk, scene));
         let session = Session {
             work: self.work,
             pair: Pair::new(self.meeting, self.drawables),
             display: self.display,
+            supply,
             turn: &turn,
             sent: FrameNumber(0),
             view: ViewVersion(0),
+            state: None,
             last: None,
         };
         let (display, result) = session.play(stop).await;
@@ -151,11 +166,13 @@ struct Session<'t, W> {
     work: W,
     pair: Pair,
     display: Link,
+    supply: Option<CullerEnd>,
     turn: &'t Turn,
     /// The number of the next frame that is sent over the display's link.
     sent: FrameNumber,
     /// The view state of the last frame.
     view: ViewVersion,
+    state: Option<Arc<ViewState>>,
     /// What was found visible in the last frame.
     last: Option<(FrameNumber, Vec<DrawableId>)>,
 }
@@ -165,6 +182,9 @@ impl<W: CullerWork> Session<'_, W> {
         let turn = self.turn;
         let result = worked(self.frames(), turn, stop).await;
         self.pair.part();
+        if let Some(supply) = self.supply.take() {
+            self.display.bulk = supply.give_back().await;
+        }
         (self.display, result)
     }
 
@@ -179,6 +199,7 @@ impl<W: CullerWork> Session<'_, W> {
             if mem::replace(&mut self.view, camera.view()) != camera.view() {
                 self.work.change_view(&state);
             }
+            self.state = Some(state);
             self.work.has_camera(&camera);
             let occluders_of = self.occlude(camera).await?;
             self.cull(camera, occluders_of).await?;
@@ -224,7 +245,9 @@ impl<W: CullerWork> Session<'_, W> {
             ids.clear();
             ids
         });
-        let mut visible = VisibleIds { found, display: Some(&mut self.display.frames_tx), other };
+        let view = self.state.as_ref().map(|state| View::of(camera, state));
+        let supply = self.supply.as_ref().zip(view);
+        let mut visible = VisibleIds { found, display: Some(&mut self.display.frames_tx), other, supply };
         self.work.cull(camera, &mut visible).await?;
         self.last = Some((camera.frame(), mem::take(&mut visible.found)));
         let to_other = self.pair.finish().await;

@@ -1,10 +1,10 @@
 //! A culler's end at the display: what comes over its link, put together to frames.
 
-use std::{collections::VecDeque, future::pending, time::Duration};
+use std::{collections::VecDeque, future::pending, sync::Arc, time::Duration};
 
 use futures_util::{FutureExt, future::select_all};
 use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes, ViewVersion};
-use trimaran_transport::{FrameOutcome, LinkStats, RecvError};
+use trimaran_transport::{FrameOutcome, LinkStats, Net, RecvError};
 
 use super::{
     close::left_early,
@@ -16,6 +16,7 @@ use crate::{
     ids::FrameIds,
     links::{FrameEvent, Link, MessageSender, sent_bytes},
     peers::{Arrival, Seat},
+    supply::{DisplayEnd, Holdings, SupplyError},
 };
 
 /// A culler of a display.
@@ -30,6 +31,8 @@ pub(super) struct CullerLink {
     /// What it has no room for yet.
     unsaid: VecDeque<RoleMessage>,
     ids: FrameIds,
+    /// Where the display has no scene.
+    pub(super) supply: Option<DisplayEnd>,
     arriving: Option<Arriving>,
     /// What the link had carried at the end of the last frame.
     carried: LinkStats,
@@ -52,6 +55,8 @@ pub(super) struct Culled {
     /// Who culled it; none if the display itself did.
     pub(super) by: Option<CullerId>,
     pub(super) ids: Vec<DrawableId>,
+    /// Which of them are not all there, where the display has no scene.
+    pub(super) lacking: Vec<DrawableId>,
     /// How many more it should have: they were lost on a link with deadlines.
     pub(super) missing: u32,
     /// When its begin arrived.
@@ -95,10 +100,26 @@ impl CullerLink {
             told: ViewVersion(0),
             unsaid: VecDeque::new(),
             ids,
+            supply: None,
             arriving: None,
             carried,
             _seat: seat,
         }
+    }
+
+    /// Begins to take geometry from it.
+    pub(super) fn take_supply(&mut self, net: &Arc<dyn Net>, holdings: &Arc<Holdings>) {
+        let bulk = self.link.bulk.take();
+        self.supply = bulk.map(|bulk| DisplayEnd::start(net, bulk, holdings));
+    }
+
+    /// The link alone.
+    pub(super) async fn into_link(self) -> Link {
+        let Self { mut link, supply, .. } = self;
+        if let Some(supply) = supply {
+            link.bulk = supply.give_back().await;
+        }
+        link
     }
 
     /// Tells it something as soon as it has room for that. Nobody waits for a culler that stalls.
@@ -122,6 +143,9 @@ impl CullerLink {
                         Ok(said) => return Heard::Said(said),
                         Err(end) => (Err(end), false),
                     },
+                    cause = failed(&mut self.supply) => {
+                        return Heard::Gone(RoleError::Supplied { peer: self.id.to_string(), cause });
+                    }
                     () = say_all(&mut self.link.messages_tx, &mut self.unsaid) => continue,
                     end = left_early(&mut self.link.latest_rx) => (Err(end), false),
                 },
@@ -169,6 +193,7 @@ impl CullerLink {
                     camera,
                     by: Some(peer),
                     ids: self.ids.finish(),
+                    lacking: Vec::new(),
                     missing: match outcome {
                         FrameOutcome::Complete(_) => 0,
                         FrameOutcome::Incomplete { expected, received, .. } => {
@@ -183,6 +208,14 @@ impl CullerLink {
             (FrameEvent::Begin(_), Some(_)) => Err(disorder(Disorder::Unexpected("the begin of a frame"))),
             (FrameEvent::Batch(_), None) => Err(disorder(Disorder::Unexpected("a batch of ids"))),
         }
+    }
+}
+
+/// Why what it sends cannot be taken. Never ends where nothing is sent. Dropping the future loses nothing.
+async fn failed(supply: &mut Option<DisplayEnd>) -> SupplyError {
+    match supply {
+        Some(supply) => supply.failed().await,
+        None => pending().await,
     }
 }
 

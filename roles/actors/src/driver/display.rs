@@ -4,6 +4,7 @@ use std::{future::Future, sync::Arc, time::Duration};
 
 use trimaran_cull::Image;
 use trimaran_proto::{Camera, DrawableId, FrameNumber, SessionKey, Settings, ViewState};
+use trimaran_scene::Scene;
 use trimaran_transport::Net;
 
 use super::{
@@ -52,13 +53,24 @@ pub trait DisplayWork {
     fn picture(&mut self) -> Result<Option<&Image>, RoleError>;
 }
 
+/// A scene that a display is supplied by its cullers.
+#[derive(Debug, Clone)]
+pub struct Supplied {
+    /// The scene, [empty](Scene::empty) at first.
+    pub scene: Arc<Scene>,
+    /// The most bytes of packed geometry that are kept beside what the frame under way needs.
+    pub memory: u64,
+}
+
 /// A display and its cullers.
 #[derive(Debug)]
 pub struct DisplayRole<W, A> {
     /// What it does with a frame.
     pub work: W,
-    /// How it culls a frame itself, where no culler does.
-    pub alone: A,
+    /// How it culls a frame itself, where no culler does. Without it such a frame waits for a culler.
+    pub alone: Option<A>,
+    /// Where it holds no scene: what it is supplied.
+    pub supplied: Option<Supplied>,
     /// The cullers.
     pub cullers: Peers,
     /// How the session is known to cullers.
@@ -96,10 +108,12 @@ impl<W: DisplayWork, A: CullerWork> DisplayRole<W, A> {
         stop: &Stop,
     ) -> Result<(), RoleError> {
         self.work.cancel_on(stop);
-        self.alone.cancel_on(stop);
+        if let Some(alone) = &mut self.alone {
+            alone.cancel_on(stop);
+        }
         let turn = self.turns.of_a_role();
         let mut session = Session::new(self, &turn, stop, cameras, observer);
         let result = worked(session.play(), &turn, stop).await;
-        part(session.into_links(), result, stop).await
+        part(session.into_links().await, result, stop).await
     }
 }

@@ -6,7 +6,11 @@ use trimaran_cull::{CullError, OccluderError};
 use trimaran_proto::{CloseCode, ViewStateError, ViewVersion};
 use trimaran_transport::{RecvError, SendError};
 
-use crate::{deal::Disorder, ids::IdError};
+use crate::{
+    deal::Disorder,
+    ids::IdError,
+    supply::{SupplyError, SupplyFault},
+};
 
 /// An error of a device or an observer, whatever these are.
 pub type BoxedError = Box<dyn Error + Send + Sync>;
@@ -45,6 +49,18 @@ pub enum RoleError {
         #[source]
         cause: IdError,
     },
+    /// A peer sent geometry that the display cannot take.
+    #[error("the {peer} sent geometry that cannot be taken")]
+    Supplied {
+        /// The peer.
+        peer: String,
+        /// Why.
+        #[source]
+        cause: SupplyError,
+    },
+    /// The display cannot be sent what it needs of the scene.
+    #[error("the display cannot be supplied")]
+    Supply(#[from] SupplyFault),
     /// The device failed.
     #[error("the device failed while {doing}")]
     Device {

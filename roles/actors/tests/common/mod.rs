@@ -21,7 +21,7 @@ pub(crate) fn settings(side: u32, epsilon_px: f64) -> Settings {
 
 /// A link within this process between two roles that have this scene.
 pub(crate) fn link(net: &Arc<dyn Net>, scene: &Scene, ours: Role, theirs: Role) -> (Link, Link) {
-    let identity = |role| Identity { role, scene: scene.hash(), session: None };
+    let identity = |role| Identity { role, scene: Some(scene.outline()), session: None };
     let config = LinkConfig { max_frame: max_frame(scene), ..LinkConfig::default() };
     inproc::pair::<Walkthrough>(net, identity(ours), identity(theirs), &config).unwrap()
 }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use bytemuck::Zeroable;
 use thiserror::Error;
+use trimaran_proto::SceneOutline;
 use zstd::bulk::Decompressor;
 
 use super::geometry::GeometryPlace;
@@ -65,6 +66,17 @@ impl SceneFile {
             opened => opened?,
         };
         Ok(Self { path: path.to_owned(), source, header, directory })
+    }
+
+    /// No file: a header without pages, where what is read is an error.
+    pub(super) fn absent(outline: &SceneOutline) -> Self {
+        let SceneOutline { hash, nodes, drawables, geometries, objects } = *outline;
+        let mut header = Header { nodes, drawables, geometries, objects, ..Header::zeroed() };
+        if let Some(half) = header.fingerprint.first_chunk_mut() {
+            *half = hash.0.to_le_bytes();
+        }
+        let path = PathBuf::from(format!("{hash}, which comes over a link"));
+        Self { path, source: Source::Memory(Vec::new()), header, directory: Vec::new() }
     }
 
     pub(super) const fn header(&self) -> &Header {

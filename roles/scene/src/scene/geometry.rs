@@ -43,6 +43,15 @@ pub struct GeometryPlace {
     pub triangles: u32,
 }
 
+impl GeometryPlace {
+    /// Of a piece that lies in no page, of so many bytes packed.
+    pub(super) fn alone(geometry: &Geometry, length: usize) -> Self {
+        let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
+        let (vertices, triangles) = (count(geometry.vertices.len()), count(geometry.triangles()));
+        Self { page: 0, offset: 0, length: count(length), vertices, triangles }
+    }
+}
+
 /// Why bytes are no geometry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]

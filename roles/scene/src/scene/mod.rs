@@ -1,9 +1,11 @@
 //! The cooked scene: what all roles share, in memory or in a file, read as it is needed.
 
 mod encode;
+mod entries;
 mod file;
 mod flat;
 mod geometry;
+mod given;
 mod layout;
 mod open_error;
 mod read_error;
@@ -20,10 +22,13 @@ use glam::Vec3;
 use rayon::prelude::*;
 use trimaran_proto::SceneHash;
 
+pub use entries::{EntriesError, MOST_ENTRIES, pack_entries, unpack_entries};
 pub use file::SaveError;
 use file::SceneFile;
 pub use flat::FlatObject;
 pub use geometry::{Geometry, GeometryError, GeometryPlace};
+use given::Given;
+pub use given::{DrawableEntry, GiveError};
 pub use layout::Totals;
 use layout::{Firsts, Section};
 pub use open_error::OpenError;
@@ -54,6 +59,8 @@ pub struct Scene {
     names: OnceLock<String>,
     sources: Vec<String>,
     fault: OnceLock<ReadError>,
+    /// Where there is no file: what others gave.
+    given: Option<Box<Given>>,
 }
 
 /// Reads geometry, and keeps the last page of it: pieces with numbers near each other share pages.
@@ -148,7 +155,24 @@ impl Scene {
             sources,
             fault: OnceLock::new(),
             file,
+            given: None,
         })
+    }
+
+    /// A scene without pages, but for what is given.
+    fn of_nothing(file: Arc<SceneFile>, given: Given) -> Self {
+        let header = file.header();
+        Self {
+            nodes: validate::node_pages(header.nodes as usize).without_pages(),
+            drawables: validate::drawable_pages(header.drawables as usize).without_pages(),
+            places: validate::place_pages(header.geometries as usize).without_pages(),
+            objects: validate::object_pages(header.objects as usize).without_pages(),
+            names: OnceLock::new(),
+            sources: Vec::new(),
+            fault: OnceLock::new(),
+            file,
+            given: Some(Box::new(given)),
+        }
     }
 
     /// Writes the scene to `path`: to a temporary name in the same folder, flushed to the disk and then
@@ -286,10 +310,11 @@ impl Scene {
         self.fault.get()
     }
 
-    /// Bytes of records that are in memory.
+    /// Bytes of records that are in memory, and of geometry that was given.
     #[must_use]
     pub fn resident_bytes(&self) -> u64 {
-        let bytes = self.nodes.resident() * size_of::<Node>()
+        let bytes = self.given().map_or(0, Given::bytes)
+            + self.nodes.resident() * size_of::<Node>()
             + self.drawables.resident() * size_of::<Drawable>()
             + self.places.resident() * size_of::<GeometryPlace>()
             + self.objects.resident() * size_of::<ObjectRecord>();
@@ -342,6 +367,18 @@ impl Scene {
         }
     }
 
+    /// A piece of geometry as it lies in the file: see [`Geometry::unpack`].
+    ///
+    /// # Errors
+    /// If there is none of this number, or it cannot be read.
+    pub fn packed_geometry(&self, number: u32) -> Result<Vec<u8>, ReadError> {
+        self.reader().packed(number, <[u8]>::to_vec)
+    }
+
+    fn given(&self) -> Option<&Given> {
+        self.given.as_deref()
+    }
+
     fn file(&self) -> &SceneFile {
         &self.file
     }
@@ -373,23 +410,34 @@ impl GeometryReader<'_> {
     /// # Errors
     /// If there is none of this number, or it cannot be read.
     pub fn read(&mut self, number: u32) -> Result<Geometry, ReadError> {
-        let scene = self.scene;
-        let error = |place: Option<&GeometryPlace>, cause| {
-            let (page, index) = (place.map_or(0, |place| place.page as usize), number as usize);
-            scene.file.error(Section::Geometry, page, &(index..index + 1), cause)
-        };
-        let Some(place) = scene.places().get(number as usize) else {
-            let missing = ReadCause::Geometry(GeometryError::Length(0));
-            return Err(scene.fault().cloned().unwrap_or_else(|| error(None, missing)));
-        };
-        let packed = scene.file.geometry(number as usize, place, &mut self.page)?;
-        let geometry = Geometry::unpack(packed).map_err(|cause| error(Some(place), cause.into()))?;
+        let (geometry, length) = self.packed(number, |bytes| (Geometry::unpack(bytes), bytes.len()))?;
+        let place = self.scene.places().get(number as usize);
+        let geometry = geometry.map_err(|cause| self.error(number, cause.into()))?;
         let sizes = (geometry.vertices.len(), geometry.triangles());
-        if sizes != (place.vertices as usize, place.triangles as usize) {
-            let cause = ReadCause::Geometry(GeometryError::Length(packed.len()));
-            return Err(error(Some(place), cause));
+        match place {
+            Some(place) if sizes == (place.vertices as usize, place.triangles as usize) => Ok(geometry),
+            _ => Err(self.error(number, GeometryError::Length(length).into())),
         }
-        Ok(geometry)
+    }
+
+    /// What `take` makes of a piece as it lies in the file.
+    fn packed<T>(&mut self, number: u32, take: impl FnOnce(&[u8]) -> T) -> Result<T, ReadError> {
+        let scene = self.scene;
+        let missing = || {
+            let error = self.error(number, GeometryError::Length(0).into());
+            scene.fault().cloned().unwrap_or(error)
+        };
+        if let Some(given) = &scene.given {
+            return given.geometry(number).map(|bytes| take(&bytes)).ok_or_else(missing);
+        }
+        let place = scene.places().get(number as usize).ok_or_else(missing)?;
+        Ok(take(scene.file.geometry(number as usize, place, &mut self.page)?))
+    }
+
+    fn error(&self, number: u32, cause: ReadCause) -> ReadError {
+        let page = self.scene.places().get(number as usize).map_or(0, |place| place.page as usize);
+        let index = number as usize;
+        self.scene.file.error(Section::Geometry, page, &(index..index + 1), cause)
     }
 }
 

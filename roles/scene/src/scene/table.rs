@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 use bytemuck::Pod;
 use rayon::prelude::*;
 
+use super::given::Given;
 use super::layout::Section;
 use super::{ReadError, Scene, SceneError};
 
@@ -19,13 +20,17 @@ pub(super) struct Pages<T> {
     /// The records of a page are two to the power of this.
     bits: u32,
     check: Check<T>,
+    given: FindGiven<T>,
 }
+
+/// Finds a record among those that were given.
+pub(super) type FindGiven<T> = fn(&Given, u32) -> Option<&T>;
 
 /// Checks the records of a page, the first of which has the number given.
 pub(super) type Check<T> = fn(&Scene, usize, &[T]) -> Result<(), SceneError>;
 
 impl<T: Pod> Pages<T> {
-    pub(super) fn new(section: Section, length: usize, check: Check<T>) -> Self {
+    pub(super) fn new(section: Section, length: usize, check: Check<T>, given: FindGiven<T>) -> Self {
         let pages = length.div_ceil(section.per_page());
         Self {
             pages: (0..pages).map(|_| OnceLock::new()).collect(),
@@ -33,7 +38,13 @@ impl<T: Pod> Pages<T> {
             section,
             bits: section.page_bits(),
             check,
+            given,
         }
+    }
+
+    /// The same without a page: its records are given.
+    pub(super) fn without_pages(self) -> Self {
+        Self { pages: Box::default(), ..self }
     }
 
     /// Records that are in memory.
@@ -83,11 +94,19 @@ impl<'s, T: Pod> Records<'s, T> {
     pub fn get(self, index: usize) -> Option<&'s T> {
         let bits = self.pages.bits;
         let page = index >> bits;
-        let records = match self.pages.pages.get(page)?.get() {
-            Some(records) => records,
-            None => self.load(page)?,
-        };
-        records.get(index & ((1 << bits) - 1))
+        match self.pages.pages.get(page) {
+            Some(slot) => {
+                let records = slot.get().map_or_else(|| self.load(page), |records| Some(&**records))?;
+                records.get(index & ((1 << bits) - 1))
+            }
+            None => self.given(index),
+        }
+    }
+
+    /// A record of a scene without pages, if it was given.
+    #[cold]
+    fn given(self, index: usize) -> Option<&'s T> {
+        (self.pages.given)(self.scene.given()?, u32::try_from(index).ok()?)
     }
 
     /// The first record.

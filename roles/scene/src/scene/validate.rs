@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use super::geometry::GeometryPlace;
 use super::layout::Section;
-use super::table::Pages;
+use super::table::{self, Pages};
 use super::{Drawable, NO_NAME, Node, ObjectRecord, Scene};
 
 /// Why records are not a scene.
@@ -50,15 +50,15 @@ fn malformed(what: &'static str, index: usize) -> impl FnOnce(&'static str) -> S
 }
 
 pub(super) fn node_pages(count: usize) -> Pages<Node> {
-    Pages::new(Section::Nodes, count, nodes::check)
+    Pages::new(Section::Nodes, count, nodes::check, |given, number| given.nodes.get(&number))
 }
 
 pub(super) fn drawable_pages(count: usize) -> Pages<Drawable> {
-    Pages::new(Section::Drawables, count, drawables::check)
+    Pages::new(Section::Drawables, count, drawables::check, |given, number| given.drawables.get(&number))
 }
 
 pub(super) fn place_pages(count: usize) -> Pages<GeometryPlace> {
-    Pages::new(Section::Places, count, |scene, first, places| {
+    let check: table::Check<GeometryPlace> = |scene, first, places| {
         let sound = |place: &GeometryPlace| {
             let page = scene.file().geometry_page_length(place.page);
             page.is_some_and(|length| u64::from(place.offset) + u64::from(place.length) <= u64::from(length))
@@ -67,16 +67,19 @@ pub(super) fn place_pages(count: usize) -> Pages<GeometryPlace> {
             Some(index) => Err(malformed("geometry", first + index)("it lies outside of the file")),
             None => Ok(()),
         }
-    })
+    };
+    Pages::new(Section::Places, count, check, |given, number| given.places.get(&number))
 }
 
 pub(super) fn object_pages(count: usize) -> Pages<ObjectRecord> {
-    Pages::new(Section::Objects, count, |scene, first, objects| {
+    let check: table::Check<ObjectRecord> = |scene, first, objects| {
         for (index, object) in (first..).zip(objects) {
             check_object(scene, object).map_err(malformed("object", index))?;
         }
         Ok(())
-    })
+    };
+    // Who draws needs no objects.
+    Pages::new(Section::Objects, count, check, |_, _| None)
 }
 
 fn check_object(scene: &Scene, object: &ObjectRecord) -> Check {

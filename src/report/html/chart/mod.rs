@@ -25,7 +25,7 @@ const DOTS_UP_TO: usize = 90;
 pub(in crate::report) struct Series {
     /// Its name in the legend.
     pub(in crate::report) name: String,
-    /// The class that gives its colour: `or`, `hc`, `rvg`, `drawn`, `exact`, `paper`, `model`, `k0` to `k5`.
+    /// The class that gives its colour: `or`, `hc`, `rvg`, `drawn`, `exact`, `paper`, `model`, `k0` to `k6`.
     pub(in crate::report) class: &'static str,
     /// How it is drawn.
     pub(in crate::report) mark: Mark,

@@ -263,6 +263,7 @@ fn bytes(report: &Report) -> Markup {
         area(frames, "EOF", "k3", |b| b.end),
         area(frames, "begin", "k4", |b| b.begin),
         area(frames, "control", "k5", |b| b.control),
+        area(frames, "geometry", "k6", |b| b.geometry),
     ];
     if all.iter().all(|s| s.points.is_empty()) {
         all = vec![series(frames, "bytes", "sent", "drawn", Mark::Line)];

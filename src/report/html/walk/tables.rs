@@ -98,6 +98,7 @@ pub(super) fn bandwidth(report: &Report) -> Markup {
             ("– end of frame", kinds.end),
             ("– begin of frame", kinds.begin),
             ("– control", kinds.control),
+            ("– geometry", kinds.geometry),
         ];
         rows.extend(kinds.map(|(name, bytes)| row(name, bytes as f64 / counted)));
     }

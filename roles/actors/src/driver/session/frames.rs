@@ -75,9 +75,11 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         if self.culled_in != camera.view() {
             self.culled_in = camera.view();
             let state = self.view_state(camera.view())?;
-            self.role.alone.change_view(&state);
+            if let Some(alone) = &mut self.role.alone {
+                alone.change_view(&state);
+            }
         }
-        let alone = &mut self.role.alone;
+        let Some(alone) = &mut self.role.alone else { return Ok(()) };
         alone.begin_occluders(camera, false)?;
         alone.take_occluders(&self.last)?;
         alone.complete_occluders(camera).await?;
@@ -93,6 +95,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             camera,
             by: None,
             ids: visible.into_found(),
+            lacking: Vec::new(),
             missing: 0,
             begun,
             arrivals: Vec::new(),
@@ -108,7 +111,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let older = self.dealer.shown(frame);
         self.there.retain(|there, _| !older.contains(there));
         let Some(culled) = self.there.remove(&frame) else { return Ok(()) };
-        let Culled { camera, by, mut ids, missing, begun, arrivals, traffic } = culled;
+        let Culled { camera, by, mut ids, missing, begun, arrivals, traffic, .. } = culled;
         // What it does until now is to take messages: that is no computing to wait for.
         self.turn.take().await;
         let drawing = self.clock.elapsed();
@@ -117,6 +120,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             let state = self.view_state(camera.view())?;
             self.role.work.change_view(&state);
         }
+        self.note_drawn(&ids);
         let for_loss = self.role.work.draw(camera, &mut ids, missing).await?;
         let shown = self.clock.elapsed();
         let published = self.published.when(&camera).unwrap_or(begun);
@@ -142,6 +146,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         self.turn.give_back();
         self.last = ids;
         self.published.shown(frame);
+        self.note_shown(frame)?;
         if let Some(stats) = self.said.shown(frame) {
             self.observer.culled(&stats);
         }

@@ -1,10 +1,11 @@
 //! A display's loop: deals cameras, takes what cullers send, and shows frames that are due.
 
 mod frames;
+mod supply;
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
-use futures_util::FutureExt;
+use futures_util::{FutureExt, future::join_all};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, RoleMessage, ViewVersion};
 use trimaran_transport::{Instant, sleep_until, until};
 
@@ -29,6 +30,8 @@ use crate::{
     turn::Turn,
 };
 
+use supply::Supplies;
+
 /// How often the display of a live session looks for a newer pose while it waits for the cullers.
 const REFRESH: Duration = Duration::from_millis(4);
 /// How long it waits after the last frame for what cullers say of theirs.
@@ -41,8 +44,10 @@ pub(super) struct Session<'r, W, A> {
     /// For the schedule `switch`.
     introduction: Option<Introduction>,
     cullers: Vec<CullerLink>,
-    /// Frames that can be shown.
+    /// Frames that can be shown, once what they lack has come.
     there: BTreeMap<FrameNumber, Culled>,
+    /// Where the display has no scene.
+    supplies: Option<Supplies>,
     published: Published,
     /// Live: the newest pose that was handed out.
     newest: Option<Camera>,
@@ -63,6 +68,8 @@ pub(super) struct Session<'r, W, A> {
 enum Event {
     Heard(CullerId, Heard),
     Arrived(Box<Result<Arrival, JoinError>>),
+    /// Geometry has come.
+    Supplied,
     /// Something may be due by the clock.
     Tick,
 }
@@ -81,6 +88,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             introduction: switch.then(|| Introduction::new(role.session)),
             cullers: Vec::new(),
             there: BTreeMap::new(),
+            supplies: role.supplied.as_ref().map(|supplied| Supplies::new(supplied, role.net.now())),
             published: Published::default(),
             newest: None,
             said: Said::from(role.first),
@@ -97,11 +105,11 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
     }
 
     /// The links to the cullers, for the end. Nobody is looked for any more.
-    pub(super) fn into_links(self) -> Vec<Link> {
+    pub(super) async fn into_links(self) -> Vec<Link> {
         let Self { role, cullers, .. } = self;
         // First of all: the cullers' places are free in a moment, and nobody is to take them again.
         drop(role);
-        cullers.into_iter().map(|culler| culler.link).collect()
+        join_all(cullers.into_iter().map(CullerLink::into_link)).await
     }
 
     /// Shows frames until the last one, or until it is asked to stop.
@@ -116,9 +124,9 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
                 self.take(event);
             }
             self.deal()?;
-            if let Some(frame) = self.dealer.due() {
+            if let Some(frame) = self.due() {
                 self.show(frame).await?;
-            } else if let Some(frame) = self.dealer.to_cull_itself() {
+            } else if let Some(frame) = self.to_cull_itself() {
                 self.cull_itself(frame).await?;
             } else {
                 let event = self.event(Some(self.next_look())).await;
@@ -127,6 +135,10 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         }
         self.hear_last_words().await;
         Ok(())
+    }
+
+    fn to_cull_itself(&self) -> Option<FrameNumber> {
+        self.dealer.to_cull_itself().filter(|_| self.role.alone.is_some())
     }
 
     fn is_over(&self) -> bool {
@@ -144,7 +156,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
 
     /// What happens next, until `look` at the latest. Dropping the future loses nothing.
     async fn event(&mut self, look: Option<Instant>) -> Event {
-        let Self { role: DisplayRole { net, cullers: peers, .. }, cullers, clock, .. } = self;
+        let Self { role: DisplayRole { net, cullers: peers, .. }, cullers, supplies, clock, .. } = self;
         let tick = async {
             match look {
                 Some(look) => sleep_until(&**net, look).await,
@@ -154,6 +166,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         tokio::select! {
             biased;
             (id, heard) = first_of(cullers, clock) => Event::Heard(id, heard),
+            () = Self::supplied(supplies.as_ref()) => Event::Supplied,
             arrival = peers.next() => Event::Arrived(Box::new(arrival)),
             () = tick => Event::Tick,
         }
@@ -169,6 +182,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             .into_iter()
             .chain(late)
             .chain(meeting)
+            .chain(self.supplier_late())
             .min()
             .unwrap_or_else(|| now.after(Duration::from_secs(3600)))
     }
@@ -179,8 +193,10 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             Event::Heard(from, Heard::Began(camera)) => (from, self.began(from, &camera)),
             Event::Heard(from, Heard::Whole(culled)) => {
                 let ended = self.dealer.ended(from, now);
-                if let Ok(Some(frame)) = ended {
-                    self.there.insert(frame, *culled);
+                if let Ok(Some(frame)) = ended
+                    && let Err(cause) = self.note_whole(frame, *culled)
+                {
+                    self.lose_supplier(cause);
                 }
                 (from, ended.map(drop))
             }
@@ -201,7 +217,16 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
                 }
                 return;
             }
+            Event::Supplied => {
+                if let Err(cause) = self.note_supplied(now) {
+                    self.lose_supplier(cause);
+                }
+                return;
+            }
             Event::Tick => {
+                if self.supplier_late().is_some_and(|at| at <= now) {
+                    self.change_supplier(now);
+                }
                 if let Some((id, _)) = self.dealer.late().filter(|(_, at)| *at <= now) {
                     tracing::warn!(%id, "it is late: others cull its frames until it answers");
                     self.observer.culler(CullerEvent::Late(id));
@@ -236,10 +261,18 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
     fn welcome(&mut self, arrival: Arrival, now: Instant) {
         let Some(id) = CullerId::of(arrival.place) else { return };
         tracing::info!(%id, address = %arrival.link.peer.address, "has come");
-        let culler = CullerLink::new(id, arrival, self.role.drawables);
+        if let Some(error) = self.foreign_scene(&arrival) {
+            tracing::error!(%id, error, "is let go");
+            return;
+        }
+        let mut culler = CullerLink::new(id, arrival, self.role.drawables);
+        if let Some(supplies) = &self.supplies {
+            culler.take_supply(&self.role.net, &supplies.holdings);
+        }
         self.observer.culler(CullerEvent::Came(id, &culler.link));
         self.cullers.push(culler);
         self.dealer.join(id, now);
+        self.choose_supplier(now);
         self.arrange();
     }
 
@@ -253,7 +286,8 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         self.arrange();
         // Nobody waits until it has heard.
         let why = reason(&error);
-        self.role.net.spawn(Box::pin(leave(vec![culler.link], why)));
+        self.role.net.spawn(Box::pin(async move { leave(vec![culler.into_link().await], why).await }));
+        self.choose_supplier(self.role.net.now());
     }
 
     fn hear(&mut self, from: CullerId, said: RoleMessage) {

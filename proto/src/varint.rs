@@ -4,7 +4,7 @@
 use bytes::BufMut;
 
 /// Appends `value`: 1 to 5 bytes.
-pub(super) fn put_varint(out: &mut impl BufMut, mut value: u32) {
+pub(crate) fn put_varint(out: &mut impl BufMut, mut value: u32) {
     while value >= 0x80 {
         out.put_u8(value as u8 | 0x80);
         value >>= 7;
@@ -13,7 +13,7 @@ pub(super) fn put_varint(out: &mut impl BufMut, mut value: u32) {
 }
 
 /// Takes a number off the front of `bytes`; `None` if it is cut short or above 32 bits.
-pub(super) fn get_varint(bytes: &mut &[u8]) -> Option<u32> {
+pub(crate) fn get_varint(bytes: &mut &[u8]) -> Option<u32> {
     let mut value = 0;
     for shift in (0..35).step_by(7) {
         let (byte, rest) = bytes.split_first()?;

@@ -1,0 +1,203 @@
+//! A display without a scene: which of its frames lack what, and which culler supplies it.
+
+use std::{sync::Arc, time::Duration};
+
+use trimaran_proto::{DrawableId, FrameNumber};
+use trimaran_transport::Instant;
+
+use super::super::{
+    culler::CullerWork,
+    culler_link::{Culled, CullerLink},
+    display::{DisplayWork, Supplied},
+    error::RoleError,
+};
+use super::Session;
+use crate::{
+    deal::{CullerId, Pace},
+    peers::Arrival,
+    supply::{DisplayEnd, Holdings, SupplyError},
+};
+
+/// How long a culler may send nothing of what the display lacks before another one supplies it.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// How many frames wait for their geometry at most in a live session: the first ones and the newest.
+const WAITING: usize = 8;
+
+/// What a display that was given no scene has of it, and who supplies it.
+#[derive(Debug)]
+pub(super) struct Supplies {
+    pub(super) holdings: Arc<Holdings>,
+    supplier: Option<CullerId>,
+    /// When something came last, or the supplier was chosen.
+    heard: Instant,
+}
+
+impl Supplies {
+    pub(super) fn new(supplied: &Supplied, now: Instant) -> Self {
+        let holdings = Arc::new(Holdings::new(&supplied.scene, supplied.memory));
+        Self { holdings, supplier: None, heard: now }
+    }
+}
+
+impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
+    /// A frame is whole: it can be shown once all of it is there.
+    pub(super) fn note_whole(&mut self, frame: FrameNumber, mut culled: Culled) -> Result<(), SupplyError> {
+        if let Some(supplies) = &self.supplies {
+            let supplier = find(&self.cullers, supplies.supplier);
+            let taken = supplier.map_or(0, |supplier| supplier.taken());
+            culled.lacking = supplies.holdings.lacking(&culled.ids)?;
+            if let Some(supplier) = supplier.filter(|_| !culled.lacking.is_empty()) {
+                supplier.lacks(frame, taken, &culled.lacking);
+            }
+        }
+        self.there.insert(frame, culled);
+        if self.supplies.is_some() && self.role.pace == Pace::Live {
+            // The first one will be there first, and the newest is what is wanted.
+            while self.there.len() > WAITING {
+                let middle = self.there.keys().nth(WAITING / 2).copied();
+                middle.and_then(|frame| self.there.remove(&frame));
+            }
+        }
+        Ok(())
+    }
+
+    /// The frame to show now, if all of one is there: in lockstep the next one, live the newest.
+    pub(super) fn due(&self) -> Option<FrameNumber> {
+        let due = self.dealer.due()?;
+        if self.supplies.is_none() {
+            return Some(due);
+        }
+        let is_there = |culled: &&Culled| culled.lacking.is_empty();
+        match self.role.pace {
+            Pace::Lockstep { .. } => self.there.get(&due).filter(is_there).map(|_| due),
+            Pace::Live => {
+                self.there.iter().rev().find(|(_, culled)| is_there(culled)).map(|(frame, _)| *frame)
+            }
+        }
+    }
+
+    /// Geometry has come.
+    pub(super) fn note_supplied(&mut self, now: Instant) -> Result<(), SupplyError> {
+        let Some(supplies) = &mut self.supplies else { return Ok(()) };
+        supplies.heard = now;
+        for culled in self.there.values_mut().filter(|culled| !culled.lacking.is_empty()) {
+            culled.lacking = supplies.holdings.lacking(&culled.lacking)?;
+        }
+        self.trim()
+    }
+
+    /// A frame was shown: tells the supplier, and throws away what is more than the budget.
+    pub(super) fn note_shown(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
+        let Some(supplies) = &self.supplies else { return Ok(()) };
+        if let Some(supplier) = find(&self.cullers, supplies.supplier) {
+            supplier.shown(frame);
+        }
+        // What was sent broke no rule when it came, and frames are of what came.
+        self.trim().map_err(|cause| RoleError::Supplied { peer: "supplier".to_owned(), cause })
+    }
+
+    /// Throws away what is more than the budget, but nothing that the next frame needs. What other frames
+    /// lack then is asked for again.
+    fn trim(&mut self) -> Result<(), SupplyError> {
+        let Some(supplies) = &self.supplies else { return Ok(()) };
+        let due = self.there.first_key_value().map_or(&self.last, |(_, culled)| &culled.ids);
+        let dropped = supplies.holdings.trim(due);
+        if dropped.is_empty() {
+            return Ok(());
+        }
+        let supplier = find(&self.cullers, supplies.supplier);
+        if let Some(supplier) = supplier {
+            supplier.dropped(&dropped);
+        }
+        let taken = supplier.map_or(0, |supplier| supplier.taken());
+        for (frame, culled) in &mut self.there {
+            culled.lacking = supplies.holdings.lacking(&culled.ids)?;
+            if let Some(supplier) = supplier.filter(|_| !culled.lacking.is_empty()) {
+                supplier.lacks(*frame, taken, &culled.lacking);
+            }
+        }
+        Ok(())
+    }
+
+    /// Sees to it that one of the cullers that are there supplies the display.
+    pub(super) fn choose_supplier(&mut self, now: Instant) {
+        let Some(supplies) = &self.supplies else { return };
+        if find(&self.cullers, supplies.supplier).is_none() {
+            self.next_supplier(now);
+        }
+    }
+
+    /// When another culler is to supply the display, if nothing comes until then.
+    pub(super) fn supplier_late(&self) -> Option<Instant> {
+        let supplies = self.supplies.as_ref()?;
+        let waits = self.there.values().any(|culled| !culled.lacking.is_empty());
+        let others = self.cullers.iter().filter(|culler| culler.supply.is_some()).count() > 1;
+        (waits && others).then(|| supplies.heard.after(PATIENCE))
+    }
+
+    /// Lets another culler supply the display.
+    pub(super) fn change_supplier(&mut self, now: Instant) {
+        let supplier = self.supplies.as_ref().and_then(|supplies| supplies.supplier);
+        tracing::warn!(id = ?supplier, "it sends nothing of what is lacking: another culler supplies the display");
+        if let Some(supplier) = find(&self.cullers, supplier) {
+            supplier.end();
+        }
+        self.next_supplier(now);
+    }
+
+    /// The next one supplies it, round and round.
+    fn next_supplier(&mut self, now: Instant) {
+        let Some(supplies) = &mut self.supplies else { return };
+        let before = supplies.supplier;
+        let able = self.cullers.iter().filter(|culler| culler.supply.is_some());
+        let next = able.min_by_key(|culler| (before.is_some_and(|before| culler.id <= before), culler.id));
+        supplies.heard = now;
+        supplies.supplier = next.map(|culler| culler.id);
+        let Some(supplier) = next.and_then(|culler| culler.supply.as_ref()) else { return };
+        tracing::debug!(id = ?supplies.supplier, "supplies the display");
+        supplier.begin(&supplies.holdings);
+        let taken = supplier.taken();
+        for (frame, culled) in self.there.iter().filter(|(_, culled)| !culled.lacking.is_empty()) {
+            supplier.lacks(*frame, taken, &culled.lacking);
+        }
+    }
+
+    /// What was sent cannot be shown: the supplier goes.
+    pub(super) fn lose_supplier(&mut self, cause: SupplyError) {
+        let supplier = self.supplies.as_ref().and_then(|supplies| supplies.supplier);
+        if let Some(id) = supplier {
+            self.lose(id, RoleError::Supplied { peer: id.to_string(), cause });
+        }
+    }
+
+    /// Why a culler cannot serve this display: it holds another scene than the first one did.
+    pub(super) fn foreign_scene(&self, arrival: &Arrival) -> Option<String> {
+        let ours = self.role.supplied.as_ref()?.scene.outline();
+        let theirs = arrival.link.peer.hello.scene;
+        (theirs != Some(ours)).then(|| match theirs {
+            Some(theirs) => format!("it holds scene {}, and this display shows {}", theirs.hash, ours.hash),
+            None => "it holds no scene".to_owned(),
+        })
+    }
+
+    /// Waits until something has come. Never ends where the display has its scene.
+    pub(super) async fn supplied(supplies: Option<&Supplies>) {
+        match supplies {
+            Some(supplies) => supplies.holdings.came.notified().await,
+            None => std::future::pending().await,
+        }
+    }
+
+    /// A frame of these is drawn now.
+    pub(super) fn note_drawn(&self, ids: &[DrawableId]) {
+        if let Some(supplies) = &self.supplies {
+            supplies.holdings.used(ids);
+        }
+    }
+}
+
+/// The end of the bulk lane of the culler that supplies the display.
+fn find(cullers: &[CullerLink], supplier: Option<CullerId>) -> Option<&DisplayEnd> {
+    let id = supplier?;
+    cullers.iter().find(|culler| culler.id == id)?.supply.as_ref()
+}

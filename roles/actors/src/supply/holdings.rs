@@ -1,0 +1,228 @@
+//! What a display without a scene has of it, within a budget.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use bytes::{Bytes, BytesMut};
+use parking_lot::Mutex;
+use thiserror::Error;
+use tokio::sync::Notify;
+use trimaran_proto::{BulkError, DrawableId, NumberList, Supply, items};
+use trimaran_scene::{EntriesError, GiveError, Scene, unpack_entries};
+
+/// The most bytes of a piece of geometry: far more than cooking makes.
+const LARGEST_PIECE: u32 = 64 << 20;
+/// The most records: about a gigabyte of them.
+const MOST_RECORDS: usize = 4 << 20;
+/// So much more than the budget may come until there is time to look what can go.
+const SLACK: u64 = 64 << 20;
+
+/// Why a display does not take what it is sent. It lets the culler go.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SupplyError {
+    /// The bytes are none of the bulk lane's.
+    #[error(transparent)]
+    Block(#[from] BulkError),
+    /// Records cannot be unpacked.
+    #[error(transparent)]
+    Entries(#[from] EntriesError),
+    /// What was sent is not of the scene.
+    #[error(transparent)]
+    Give(#[from] GiveError),
+    /// A part of a piece of geometry came where another one was due.
+    #[error("a part of the geometry {0} came where that was not due")]
+    Part(u32),
+    /// A piece of geometry is larger than any may be.
+    #[error("the geometry {number} is said to have {length} bytes, and none has more than {LARGEST_PIECE}")]
+    Large {
+        /// Its number.
+        number: u32,
+        /// Its bytes.
+        length: u32,
+    },
+    /// It sent more records than a display keeps.
+    #[error("it sent more than {MOST_RECORDS} records of drawables")]
+    Records,
+}
+
+/// What a display has of its scene. What comes is noted by tasks, and what frames use by the display.
+#[derive(Debug)]
+pub(crate) struct Holdings {
+    scene: Arc<Scene>,
+    budget: u64,
+    inner: Mutex<Inner>,
+    /// Something came.
+    pub(crate) came: Notify,
+    /// There is room again.
+    pub(super) room: Notify,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    records: Vec<u32>,
+    /// When each piece of geometry was used last.
+    pieces: HashMap<u32, u64>,
+    bytes: u64,
+    /// What may be held before more is taken.
+    limit: u64,
+    tick: u64,
+}
+
+/// A piece of geometry of which parts have come.
+#[derive(Debug, Default)]
+pub(super) struct Arriving(Option<(u32, u32, BytesMut)>);
+
+impl Holdings {
+    /// Of a scene that is [empty](Scene::empty), within so many bytes of packed geometry. What one frame needs
+    /// is held whatever the budget is.
+    pub(crate) fn new(scene: &Arc<Scene>, budget: u64) -> Self {
+        let inner = Inner { limit: budget + SLACK, ..Inner::default() };
+        Self {
+            scene: Arc::clone(scene),
+            budget,
+            inner: Mutex::new(inner),
+            came: Notify::new(),
+            room: Notify::new(),
+        }
+    }
+
+    /// Takes a block of one culler.
+    pub(super) fn take(&self, block: &[u8], arriving: &mut Arriving) -> Result<(), SupplyError> {
+        for item in items(block)? {
+            match item {
+                Supply::Entries { packed } => {
+                    for entry in unpack_entries(&packed)? {
+                        let known = self.scene.drawables().get(entry.id as usize).is_some();
+                        self.scene.give(&entry)?;
+                        let records = &mut self.inner.lock().records;
+                        if !known {
+                            records.push(entry.id);
+                        }
+                        if records.len() > MOST_RECORDS {
+                            return Err(SupplyError::Records);
+                        }
+                    }
+                }
+                Supply::Geometry { number, length, offset, part } => {
+                    if let Some(bytes) = arriving.take(number, length, offset, part)? {
+                        self.take_piece(number, bytes)?;
+                    }
+                }
+                _ => {}
+            }
+        }
+        self.came.notify_one();
+        Ok(())
+    }
+
+    fn take_piece(&self, number: u32, packed: Bytes) -> Result<(), GiveError> {
+        let bytes = packed.len() as u64;
+        self.scene.give_geometry(number, packed)?;
+        let mut inner = self.inner.lock();
+        let used = inner.tick;
+        if inner.pieces.insert(number, used).is_none() {
+            inner.bytes += bytes;
+        }
+        Ok(())
+    }
+
+    /// Whether more may come.
+    pub(super) fn has_room(&self) -> bool {
+        let inner = self.inner.lock();
+        inner.bytes <= inner.limit
+    }
+
+    /// Which of these drawables are not all there.
+    pub(crate) fn lacking(&self, ids: &[DrawableId]) -> Result<Vec<DrawableId>, GiveError> {
+        let mut lacking = Vec::new();
+        for id in ids {
+            if !self.scene.has(*id)? {
+                lacking.push(*id);
+            }
+        }
+        Ok(lacking)
+    }
+
+    /// Everything there is: records and pieces of geometry.
+    pub(crate) fn all(&self) -> [NumberList; 2] {
+        let inner = self.inner.lock();
+        [inner.records.clone(), inner.pieces.keys().copied().collect()].map(NumberList::of)
+    }
+
+    /// A frame of these drawables is drawn.
+    pub(crate) fn used(&self, ids: &[DrawableId]) {
+        let mut inner = self.inner.lock();
+        inner.tick += 1;
+        inner.touch(&self.scene, ids);
+    }
+
+    /// Where there is more than the budget, throws away what was not used for the longest time, but nothing
+    /// of the frame that is `due`. Gives what.
+    pub(crate) fn trim(&self, due: &[DrawableId]) -> NumberList {
+        let mut inner = self.inner.lock();
+        if inner.bytes <= self.budget {
+            return NumberList::default();
+        }
+        inner.tick += 1;
+        inner.touch(&self.scene, due);
+        let now = inner.tick;
+        let idle = inner.pieces.iter().filter(|(_, used)| **used < now);
+        let mut by_age: Vec<_> = idle.map(|(number, used)| (*used, *number)).collect();
+        by_age.sort_unstable();
+        let mut dropped = Vec::new();
+        for (_, number) in by_age {
+            if inner.bytes <= self.budget {
+                break;
+            }
+            inner.pieces.remove(&number);
+            inner.bytes -= self.scene.take_back_geometry(number) as u64;
+            dropped.push(number);
+        }
+        inner.limit = self.budget.max(inner.bytes) + SLACK;
+        drop(inner);
+        self.room.notify_waiters();
+        NumberList::of(dropped)
+    }
+}
+
+impl Inner {
+    fn touch(&mut self, scene: &Scene, ids: &[DrawableId]) {
+        let now = self.tick;
+        for drawable in ids.iter().filter_map(|id| scene.drawables().get(id.index())) {
+            if let Some(used) = self.pieces.get_mut(&drawable.geometry) {
+                *used = now;
+            }
+        }
+    }
+}
+
+impl Arriving {
+    /// Adds a part; gives the piece if that was the last one.
+    fn take(
+        &mut self,
+        number: u32,
+        length: u32,
+        offset: u32,
+        part: Bytes,
+    ) -> Result<Option<Bytes>, SupplyError> {
+        if length > LARGEST_PIECE {
+            return Err(SupplyError::Large { number, length });
+        }
+        let (known, whole, mut bytes) = self.0.take().unwrap_or((number, length, BytesMut::new()));
+        let ends = bytes.len() + part.len();
+        if (known, whole, bytes.len()) != (number, length, offset as usize) || ends > length as usize {
+            return Err(SupplyError::Part(number));
+        }
+        // What comes in one part need not be copied.
+        if ends == length as usize && bytes.is_empty() {
+            return Ok(Some(part));
+        }
+        bytes.extend_from_slice(&part);
+        if ends == length as usize {
+            return Ok(Some(bytes.freeze()));
+        }
+        self.0 = Some((number, length, bytes));
+        Ok(None)
+    }
+}

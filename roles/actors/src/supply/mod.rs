@@ -1,0 +1,17 @@
+//! Geometry for displays that hold no scene: what becomes visible travels to them on the bulk lane.
+//!
+//! A display asks one of its cullers. That one sends what it finds visible itself at once, and what the
+//! display lacks of frames of other cullers when the display says so. So nothing is sent twice, whichever
+//! culler finds it. How much is under way at once is bounded so that cameras and ids wait for none of it.
+
+mod culler_end;
+mod display_end;
+mod holdings;
+mod supplier;
+mod window;
+
+pub(crate) use culler_end::CullerEnd;
+pub(crate) use display_end::DisplayEnd;
+pub(crate) use holdings::Holdings;
+pub use holdings::SupplyError;
+pub use supplier::SupplyFault;

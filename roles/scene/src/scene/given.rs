@@ -1,0 +1,264 @@
+//! A scene of which only what was given is there: what a display holds that has no file of it.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use bytes::Bytes;
+use elsa::sync::FrozenMap;
+use parking_lot::RwLock;
+use thiserror::Error;
+use trimaran_proto::{DrawableId, SceneOutline};
+
+use super::file::SceneFile;
+use super::{Drawable, Geometry, GeometryError, GeometryPlace, Node, Scene, Sides};
+
+/// What drawing needs of a drawable and its node.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct DrawableEntry {
+    /// [`Node::world_min`], metres.
+    pub world_min: [f64; 3],
+    /// [`Node::world_max`], metres.
+    pub world_max: [f64; 3],
+    /// [`Node::origin`], metres.
+    pub origin: [f64; 3],
+    /// [`Node::linear`].
+    pub linear: [f32; 9],
+    /// The drawable.
+    pub id: u32,
+    /// Its node.
+    pub node: u32,
+    /// [`Drawable::geometry`].
+    pub geometry: u32,
+    /// [`Drawable::triangles`].
+    pub triangles: u32,
+    /// [`Drawable::sides`].
+    pub sides: Sides,
+    /// An object that the drawable shows. A level of several objects is drawn only where all of them look
+    /// alike, so that any of them tells how.
+    pub object: u32,
+    /// How many objects the drawable shows; 1 for an object and for a part of one.
+    pub objects: u32,
+}
+
+/// Why something was not taken into a scene.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum GiveError {
+    /// A drawable, node, piece of geometry or object of this number is not in the outline.
+    #[error("it has {what} {number}, and the scene only {count} of these")]
+    Number {
+        /// What.
+        what: &'static str,
+        /// Its number.
+        number: u32,
+        /// How many the scene has.
+        count: u32,
+    },
+    /// A record holds what none of a cooked scene does.
+    #[error("{0} is malformed: {1}")]
+    Malformed(DrawableId, &'static str),
+    /// A record differs from one that was given before.
+    #[error("{0} came once more, and is another one")]
+    Other(DrawableId),
+    /// A piece of geometry cannot be unpacked.
+    #[error("the geometry {number} is malformed")]
+    Geometry {
+        /// Its number.
+        number: u32,
+        /// What is wrong with it.
+        #[source]
+        cause: GeometryError,
+    },
+    /// A drawable and its geometry do not go together.
+    #[error("{0} has another number of triangles than its geometry")]
+    Triangles(DrawableId),
+}
+
+/// What was given.
+#[derive(Debug)]
+pub(super) struct Given {
+    outline: SceneOutline,
+    pub(super) nodes: FrozenMap<u32, Box<Node>>,
+    pub(super) drawables: FrozenMap<u32, Box<Drawable>>,
+    pub(super) places: FrozenMap<u32, Box<GeometryPlace>>,
+    geometry: RwLock<HashMap<u32, Bytes>>,
+}
+
+impl DrawableEntry {
+    /// Of a drawable of `scene`. `None` if there is none of this number, or it cannot be read.
+    #[must_use]
+    pub fn of(scene: &Scene, id: DrawableId) -> Option<Self> {
+        let drawable = scene.drawables().get(id.index())?;
+        let node = scene.nodes().get(drawable.node as usize)?;
+        Some(Self {
+            world_min: node.world_min,
+            world_max: node.world_max,
+            origin: node.origin,
+            linear: node.linear,
+            id: id.0,
+            node: drawable.node,
+            geometry: drawable.geometry,
+            triangles: drawable.triangles,
+            sides: drawable.sides,
+            object: an_object(scene, node)?,
+            objects: node.objects,
+        })
+    }
+
+    fn drawable(&self) -> Drawable {
+        let Self { node, geometry, triangles, sides, .. } = *self;
+        Drawable { error: 0.0, node, geometry, triangles, sides }
+    }
+
+    fn node(&self) -> Node {
+        let Self { world_min, world_max, origin, linear, object, objects, .. } = *self;
+        Node { world_min, world_max, origin, linear, object, objects, ..Node::default() }
+    }
+
+    fn check(&self, outline: &SceneOutline) -> Result<(), GiveError> {
+        let SceneOutline { nodes, drawables, geometries, objects, .. } = *outline;
+        let within = |what, number, count| match number < count {
+            true => Ok(()),
+            false => Err(GiveError::Number { what, number, count }),
+        };
+        within("drawable", self.id, drawables)?;
+        within("node", self.node, nodes)?;
+        within("geometry", self.geometry, geometries)?;
+        within("object", self.object, objects)?;
+        let malformed = |why| Err(GiveError::Malformed(DrawableId(self.id), why));
+        let finite = self.linear.iter().all(|x| x.is_finite()) && self.origin.iter().all(|x| x.is_finite());
+        let corners = || self.world_min.iter().zip(&self.world_max);
+        if !finite || !corners().all(|(min, max)| min.is_finite() && max.is_finite()) {
+            malformed("a number is not finite")
+        } else if !corners().all(|(min, max)| min <= max) {
+            malformed("its box is inside out")
+        } else if !self.sides.is_known() {
+            malformed("its sides are unknown")
+        } else if self.triangles == 0 {
+            malformed("it has no triangles")
+        } else {
+            Ok(())
+        }
+    }
+}
+
+/// The object that a node is a part of, or one of those below it.
+fn an_object(scene: &Scene, node: &Node) -> Option<u32> {
+    let mut below = node;
+    while below.object == Node::NONE && !below.is_leaf() {
+        below = scene.nodes().get(below.first_child as usize)?;
+    }
+    Some(below.object)
+}
+
+impl Scene {
+    /// A scene of which nothing is there but what is [given](Self::give). Of nodes it has what
+    /// [`DrawableEntry`] has; a node of several objects names one of them.
+    #[must_use]
+    pub fn empty(outline: SceneOutline) -> Self {
+        let given = Given {
+            outline,
+            nodes: FrozenMap::new(),
+            drawables: FrozenMap::new(),
+            places: FrozenMap::new(),
+            geometry: RwLock::default(),
+        };
+        Self::of_nothing(Arc::new(SceneFile::absent(&outline)), given)
+    }
+
+    /// What others have to know of it before they are given any of it.
+    #[must_use]
+    pub fn outline(&self) -> SceneOutline {
+        let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
+        SceneOutline {
+            hash: self.hash(),
+            nodes: count(self.nodes().len()),
+            drawables: count(self.drawables().len()),
+            geometries: count(self.places().len()),
+            objects: count(self.objects().len()),
+        }
+    }
+
+    /// Whether all of it is there, or can be read: whether it was not [empty](Self::empty) at first.
+    #[must_use]
+    pub const fn is_whole(&self) -> bool {
+        self.given.is_none()
+    }
+
+    /// Takes what drawing needs of a drawable, of a scene that was [empty](Self::empty).
+    ///
+    /// # Errors
+    /// If it cannot be of this scene; nothing is taken then.
+    pub fn give(&self, entry: &DrawableEntry) -> Result<(), GiveError> {
+        let Some(given) = &self.given else { return Ok(()) };
+        entry.check(&given.outline)?;
+        let (drawable, node) = (entry.drawable(), entry.node());
+        let other = Err(GiveError::Other(DrawableId(entry.id)));
+        if *given.nodes.insert(entry.node, Box::new(node)) != node {
+            return other;
+        }
+        match *given.drawables.insert(entry.id, Box::new(drawable)) == drawable {
+            true => Ok(()),
+            false => other,
+        }
+    }
+
+    /// Takes a piece of geometry as it lies in the file, of a scene that was [empty](Self::empty).
+    ///
+    /// # Errors
+    /// If it cannot be of this scene; nothing is taken then.
+    pub fn give_geometry(&self, number: u32, packed: Bytes) -> Result<(), GiveError> {
+        let Some(given) = &self.given else { return Ok(()) };
+        let count = given.outline.geometries;
+        if number >= count {
+            return Err(GiveError::Number { what: "geometry", number, count });
+        }
+        let malformed = |cause| GiveError::Geometry { number, cause };
+        let geometry = Geometry::unpack(&packed).map_err(malformed)?;
+        let place = GeometryPlace::alone(&geometry, packed.len());
+        if *given.places.insert(number, Box::new(place)) != place {
+            return Err(malformed(GeometryError::Length(packed.len())));
+        }
+        given.geometry.write().insert(number, packed);
+        Ok(())
+    }
+
+    /// Forgets a piece of geometry that was given; gives how many bytes it had. Its sizes stay known.
+    pub fn take_back_geometry(&self, number: u32) -> usize {
+        let given = self.given.as_ref();
+        given.and_then(|given| given.geometry.write().remove(&number)).map_or(0, |bytes| bytes.len())
+    }
+
+    /// Whether a drawable can be drawn: a scene from a file has all of its own.
+    ///
+    /// # Errors
+    /// If what was given of it does not go together.
+    pub fn has(&self, id: DrawableId) -> Result<bool, GiveError> {
+        let Some(given) = &self.given else { return Ok(id.index() < self.drawables().len()) };
+        let Some(drawable) = given.drawables.get(&id.0) else { return Ok(false) };
+        if !given.geometry.read().contains_key(&drawable.geometry) {
+            return Ok(false);
+        }
+        match given.places.get(&drawable.geometry) {
+            Some(place) if place.triangles == drawable.triangles => Ok(true),
+            _ => Err(GiveError::Triangles(id)),
+        }
+    }
+}
+
+impl Given {
+    /// Bytes of records and packed geometry.
+    pub(super) fn bytes(&self) -> usize {
+        let pieces = self.geometry.read();
+        self.nodes.len() * size_of::<Node>()
+            + self.drawables.len() * size_of::<Drawable>()
+            + pieces.values().map(Bytes::len).sum::<usize>()
+    }
+
+    /// A piece of geometry, if it is there.
+    pub(super) fn geometry(&self, number: u32) -> Option<Bytes> {
+        self.geometry.read().get(&number).cloned()
+    }
+}
