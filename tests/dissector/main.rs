@@ -276,7 +276,7 @@ fn datagrams_in_the_clear_are_read_and_sealed_ones_called_so() {
     assert!(!capture.read("trimaran.kind == 0x24", ["frame.number"]).is_empty(), "frames travel as changes");
     holds_every_id(&capture, &workload, Schedule::Independent);
     let hellos = capture.read("trimaran_udp.form == 1", ["trimaran.role", "trimaran_udp.version"]);
-    assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "2"), "{hellos:?}");
+    assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "3"), "{hellos:?}");
 
     session(&capture, Transport::Udp, &workload, Knobs::default());
     capture.is_sound();
