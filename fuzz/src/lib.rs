@@ -7,5 +7,6 @@ pub mod files;
 pub mod handshakes;
 pub mod hellos;
 pub mod models;
+pub mod supply;
 pub mod walkthrough;
 pub mod wire;

@@ -100,6 +100,21 @@ fn the_examples_are_read_field_by_field() {
         ),
         ("accept", &["trimaran.role", "trimaran.settings.width"], "0|"),
         (
+            "accept",
+            &[
+                "trimaran.scene.nodes",
+                "trimaran.scene.drawables",
+                "trimaran.scene.geometries",
+                "trimaran.scene.objects",
+            ],
+            "400|600|250|100",
+        ),
+        (
+            "hello-without-a-scene",
+            &["trimaran.lane", "trimaran.scene", "trimaran.session_key", "trimaran.settings.batch"],
+            "3||0x0000000000005eed|256",
+        ),
+        (
             "refuse",
             &["trimaran.version", "trimaran.reason", "trimaran.rejection", "trimaran.text"],
             "3|2|3|the listener is a culler as well: connect displays with cullers",
@@ -125,6 +140,50 @@ fn the_examples_are_read_field_by_field() {
         let Some(shown) = read(&[(0, examples[name].clone())], fields) else { return };
         assert_eq!(shown, [expected], "{name}");
     }
+}
+
+/// What a block holds depends on who sends it, which the hellos have said.
+#[test]
+fn blocks_are_read_item_by_item() {
+    let examples = examples();
+    let say = |name: &str| examples[name].clone();
+    let entries = encoded(Message::Block(Bytes::from_static(&[0, 3, 2, 0, 0xaa])));
+    let packets = [
+        (0, say("hello-without-a-scene")),
+        (1, say("accept")),
+        (0, say("holds-and-begin")),
+        (0, say("lacks")),
+        (0, say("taken-and-shown")),
+        (1, say("geometry-part")),
+        (1, entries.clone()),
+    ];
+    let fields = [
+        "trimaran.demand",
+        "trimaran.demand.frame",
+        "trimaran.demand.taken",
+        "trimaran.demand.drawable",
+        "trimaran.demand.geometry",
+    ];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[2..5], ["2;0|||4;5;134|7", "3|9|300|2;258|", "5;6|9|17000||"]);
+    let fields = [
+        "trimaran.supply",
+        "trimaran.supply.geometry",
+        "trimaran.supply.length",
+        "trimaran.supply.offset",
+        "trimaran.supply.part",
+        "trimaran.supply.records",
+        "trimaran.supply.entries",
+    ];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[4..], ["||||||", "1|8|300|296|deadbeef||", "0|||||2|aa"]);
+    let Some(shown) = read(&packets, &["_ws.col.Info"]) else { return };
+    assert!(shown[0].contains("hello from display without a scene, bulk"), "{shown:?}");
+    assert!(shown[3].contains("block of 8 bytes: frame 9 lacks 2 drawables"), "{shown:?}");
+
+    // From a capture without hellos only the bytes are known.
+    let Some(shown) = read(&[(0, entries)], &["trimaran.supply", "trimaran.block"]) else { return };
+    assert_eq!(shown, ["|00030200aa"]);
 }
 
 #[test]

@@ -4,7 +4,8 @@
 use bytes::Bytes;
 use trimaran_proto::{
     BatchSize, CloseCode, CodedViolation, CodingFault, FrameNumber, IdBatch, IdCoding, Identity, LodRule,
-    OcclusionTestKind, RejectionCode, Role, SceneHash, SessionKey, Settings, Viewport, Walkthrough,
+    OcclusionTestKind, RejectionCode, Role, SceneHash, SceneOutline, SessionKey, Settings, Viewport,
+    Walkthrough,
 };
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Batching, CloseReason, CodingError, Delivery, Explanation, FrameEnd,
@@ -194,6 +195,32 @@ fn a_culler_takes_displays_and_those_cullers_that_name_a_meeting() {
 }
 
 #[test]
+fn a_peer_without_a_scene_is_taken_by_one_that_has_it() {
+    let (culler, display) = (identity(Role::Culler, None), identity(Role::Display, Some(settings())));
+    let empty = Identity { scene: None, ..display };
+    assert_eq!(Walkthrough::admit(&culler, &empty), Ok(()));
+    assert_eq!(Walkthrough::admit(&empty, &culler), Ok(()));
+    let refused = Walkthrough::admit(&display, &empty).unwrap_err();
+    assert!(RejectionCode::Role.is_of(&refused), "{refused}");
+}
+
+/// A fingerprint alone does not make what is sent safe to take.
+#[test]
+fn scenes_of_one_fingerprint_and_other_counts_are_not_the_same() {
+    let (culler, display) = (identity(Role::Culler, None), identity(Role::Display, Some(settings())));
+    let scene = culler.scene.unwrap();
+    for scene in [
+        SceneOutline { nodes: 1, ..scene },
+        SceneOutline { drawables: 1, ..scene },
+        SceneOutline { geometries: 1, ..scene },
+        SceneOutline { objects: 1, ..scene },
+    ] {
+        let refused = Walkthrough::admit(&culler, &Identity { scene: Some(scene), ..display }).unwrap_err();
+        assert!(RejectionCode::Scene.is_of(&refused), "{refused}");
+    }
+}
+
+#[test]
 fn a_code_is_of_its_own_rejections() {
     let codes = [RejectionCode::Scene, RejectionCode::Role];
     for code in codes {
@@ -227,7 +254,14 @@ fn a_peer_that_leaves_says_why_to_programs_and_people() {
 
 #[test]
 fn the_longest_identity_fits_a_hello() {
-    let longest = identity(Role::Display, Some(settings()));
+    let scene = SceneOutline {
+        hash: SceneHash(u128::MAX),
+        nodes: u32::MAX,
+        drawables: u32::MAX,
+        geometries: u32::MAX,
+        objects: u32::MAX,
+    };
+    let longest = Identity { scene: Some(scene), ..identity(Role::Display, Some(settings())) };
     assert!(postcard::to_stdvec(&longest).unwrap().len() <= MAX_HELLO);
 }
 

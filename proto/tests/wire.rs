@@ -8,9 +8,10 @@ use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, CullCounts, DrawableId, FrameNumber, FrameStats, IdBatch, IdCoding,
-    Identity, LodRule, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash, Section, SectionPlane,
-    Sections, SessionKey, Settings, ViewReader, ViewState, ViewVersion, Viewport, Walkthrough,
+    BatchSize, Camera, CloseCode, CullCounts, Demand, DrawableId, FrameNumber, FrameStats, IdBatch, IdCoding,
+    Identity, LodRule, NumberList, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash,
+    SceneOutline, Section, SectionPlane, Sections, SessionKey, Settings, Supply, ViewReader, ViewState,
+    ViewVersion, Viewport, Walkthrough, items, put_item,
 };
 use trimaran_wire::{
     Accept, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane, Message,
@@ -31,6 +32,9 @@ const VIEW: ViewVersion = ViewVersion(3);
 
 const KEY: SessionKey = SessionKey(0x5eed);
 
+const SCENE: SceneOutline =
+    SceneOutline { hash: SceneHash(0x1234), nodes: 400, drawables: 600, geometries: 250, objects: 100 };
+
 fn display() -> Identity {
     let settings = Settings {
         viewport: Viewport::new(1024, 768).unwrap(),
@@ -39,11 +43,15 @@ fn display() -> Identity {
         coding: IdCoding::Changes,
         occlusion_test: OcclusionTestKind::Raster,
     };
-    Identity { role: Role::Display, scene: Some(SceneHash(0x1234).into()), session: Some((KEY, settings)) }
+    Identity { role: Role::Display, scene: Some(SCENE), session: Some((KEY, settings)) }
+}
+
+fn empty_display() -> Identity {
+    Identity { scene: None, ..display() }
 }
 
 fn culler() -> Identity {
-    Identity { role: Role::Culler, scene: Some(SceneHash(0x1234).into()), session: None }
+    Identity { role: Role::Culler, scene: Some(SCENE), session: None }
 }
 
 fn stats() -> FrameStats {
@@ -105,14 +113,45 @@ fn said() -> [(&'static str, RoleMessage); 4] {
     ]
 }
 
-/// The messages that the examples spell out.
-fn messages() -> Vec<(&'static str, Message)> {
-    let hello = Hello {
+fn numbers<const N: usize>(numbers: [u32; N]) -> NumberList {
+    NumberList::of(numbers.into())
+}
+
+/// Blocks of what a display says.
+fn demanded() -> [(&'static str, Vec<Demand>); 3] {
+    let holds = Demand::Holds { drawables: numbers([4, 5, 134]), geometries: numbers([7]) };
+    let lacks = Demand::Lacks { frame: FrameNumber(9), taken: 300, drawables: numbers([2, 258]) };
+    let taken = Demand::Taken { bytes: 17_000 };
+    [
+        ("holds-and-begin", vec![holds, Demand::Begin]),
+        ("lacks", vec![lacks]),
+        ("taken-and-shown", vec![taken, Demand::Shown { frame: FrameNumber(9) }]),
+    ]
+}
+
+/// Blocks of what a culler sends.
+fn supplied() -> [(&'static str, Vec<Supply>); 1] {
+    let part = Bytes::from_static(&[0xde, 0xad, 0xbe, 0xef]);
+    [("geometry-part", vec![Supply::Geometry { number: 8, length: 300, offset: 296, part }])]
+}
+
+fn block(items: &[impl serde::Serialize]) -> Message {
+    let mut block = Vec::new();
+    assert!(items.iter().all(|item| put_item(&mut block, item)));
+    Message::Block(block.into())
+}
+
+fn hello(lane: Lane, identity: Identity) -> Message {
+    Message::Hello(Hello {
         protocol: ProtocolName::new(Walkthrough::NAME),
         session: SessionId(5),
-        lane: Lane::Latest,
-        application: postcard(&display()),
-    };
+        lane,
+        application: postcard(&identity),
+    })
+}
+
+/// The messages that the examples spell out.
+fn messages() -> Vec<(&'static str, Message)> {
     let header = to_bytes(&camera());
     let frames = [
         ("begin", FrameMessage::Begin { frame: FrameNumber(9), header: header.clone() }),
@@ -120,7 +159,8 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("coded-ids", FrameMessage::Coded(coded())),
     ];
     let mut messages = vec![
-        ("hello", Message::Hello(hello)),
+        ("hello", hello(Lane::Latest, display())),
+        ("hello-without-a-scene", hello(Lane::Bulk, empty_display())),
         ("accept", Message::Accept(Accept { application: postcard(&culler()) })),
         ("refuse", Message::Refuse(Refusal::Rejected(Walkthrough::admit(&culler(), &culler()).unwrap_err()))),
         ("close", Message::Close(CloseCode::Failed.because("no GPU"))),
@@ -128,6 +168,8 @@ fn messages() -> Vec<(&'static str, Message)> {
     ];
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
     messages.extend(said().map(|(name, said)| (name, Message::Message(postcard(&said)))));
+    messages.extend(demanded().map(|(name, items)| (name, block(&items))));
+    messages.extend(supplied().map(|(name, items)| (name, block(&items))));
     messages
 }
 
@@ -163,8 +205,10 @@ fn the_examples_read_back_as_messages() {
 
 #[test]
 fn the_examples_read_back_as_what_they_stand_for() {
-    let Message::Hello(hello) = read("hello") else { panic!("no hello") };
-    assert_eq!(postcard::from_bytes(&hello.application), Ok(display()));
+    for (name, identity) in [("hello", display()), ("hello-without-a-scene", empty_display())] {
+        let Message::Hello(hello) = read(name) else { panic!("no hello") };
+        assert_eq!(postcard::from_bytes(&hello.application), Ok(identity));
+    }
     let Message::Accept(accept) = read("accept") else { panic!("no accept") };
     assert_eq!(postcard::from_bytes(&accept.application), Ok(culler()));
     let Message::Refuse(Refusal::Rejected(rejection)) = read("refuse") else { panic!("not refused") };
@@ -180,6 +224,14 @@ fn the_examples_read_back_as_what_they_stand_for() {
     for (name, expected) in said() {
         let Message::Message(said) = read(name) else { panic!("no {name}") };
         assert_eq!(postcard::from_bytes(&said), Ok(expected));
+    }
+    for (name, expected) in demanded() {
+        let Message::Block(block) = read(name) else { panic!("no {name}") };
+        assert_eq!(items(&block), Ok(expected));
+    }
+    for (name, expected) in supplied() {
+        let Message::Block(block) = read(name) else { panic!("no {name}") };
+        assert_eq!(items(&block), Ok(expected));
     }
     let RoleMessage::View { version, part, last } = view().to_messages(VIEW).unwrap().remove(0) else {
         panic!("no part of a view state")
@@ -234,4 +286,40 @@ fn the_tables_of_lengths_and_codes_are_the_crates() {
         let number = postcard(&message)[0];
         assert!(WIRE.contains(&format!("| {number} | {name} |")), "no row of {name}");
     }
+}
+
+/// The rows of a table whose first cells are a number and a name.
+fn rows(head: &str) -> Vec<(u8, &'static str)> {
+    let (_, table) = WIRE.split_once(head).unwrap();
+    let lines = table.lines().skip(2).take_while(|line| line.starts_with('|'));
+    let row = |line: &'static str| {
+        let mut cells = line.split('|').skip(1).map(str::trim);
+        (cells.next().unwrap().parse().unwrap(), cells.next().unwrap())
+    };
+    lines.map(row).collect()
+}
+
+#[test]
+fn the_tables_of_items_of_blocks_are_the_crates() {
+    let list = NumberList::default;
+    let frame = FrameNumber(0);
+    let demands = [
+        ("begin", Demand::Begin),
+        ("end", Demand::End),
+        ("holds", Demand::Holds { drawables: list(), geometries: list() }),
+        ("lacks", Demand::Lacks { frame, taken: 0, drawables: list() }),
+        ("dropped", Demand::Dropped { geometries: list() }),
+        ("taken", Demand::Taken { bytes: 0 }),
+        ("shown", Demand::Shown { frame }),
+    ];
+    let demands = demands.map(|(name, demand)| (postcard(&demand)[0], name));
+    assert_eq!(rows("| number | item | values | what it says |"), demands);
+    let supplies = [
+        ("entries", Supply::Entries { packed: Bytes::new() }),
+        ("geometry", Supply::Geometry { number: 0, length: 0, offset: 0, part: Bytes::new() }),
+    ];
+    let supplies = supplies.map(|(name, supply)| (postcard(&supply)[0], name));
+    assert_eq!(rows("| number | item | values | what it holds |"), supplies);
+    let most = format!("{},{:03} numbers", NumberList::MOST / 1000, NumberList::MOST % 1000);
+    assert!(WIRE.contains(&most), "the page does not say {most}");
 }

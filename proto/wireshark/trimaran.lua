@@ -18,6 +18,9 @@ local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 
 local ROLES = { [0] = "culler", "display" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
 local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view" }
+-- Items of blocks: what a display says, and what a culler sends.
+local DEMANDS = { [0] = "begin", "end", "holds", "lacks", "dropped", "taken", "shown" }
+local SUPPLIES = { [0] = "entries", "geometry" }
 local CODINGS = { [0] = "plain", "changes" }
 local OCCLUSION_TESTS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
@@ -44,6 +47,10 @@ local f = {
   application = ProtoField.bytes("trimaran.application", "Another application's"),
   role = ProtoField.uint8("trimaran.role", "Role", base.DEC, ROLES),
   scene = ProtoField.string("trimaran.scene", "Scene"),
+  scene_nodes = ProtoField.uint32("trimaran.scene.nodes", "Nodes of the scene"),
+  scene_drawables = ProtoField.uint32("trimaran.scene.drawables", "Drawables of the scene"),
+  scene_geometries = ProtoField.uint32("trimaran.scene.geometries", "Pieces of geometry of the scene"),
+  scene_objects = ProtoField.uint32("trimaran.scene.objects", "Objects of the scene"),
   width = ProtoField.uint32("trimaran.settings.width", "Width"),
   height = ProtoField.uint32("trimaran.settings.height", "Height"),
   epsilon = ProtoField.double("trimaran.settings.epsilon", "Epsilon (px)"),
@@ -87,6 +94,18 @@ local f = {
   view_last = ProtoField.bool("trimaran.view.last", "Last part"),
   switch_from = ProtoField.uint32("trimaran.switch.first", "From frame on"),
   block = ProtoField.bytes("trimaran.block", "Bytes of the block"),
+  demand = ProtoField.uint8("trimaran.demand", "Demand", base.DEC, DEMANDS),
+  demand_frame = ProtoField.uint32("trimaran.demand.frame", "For frame"),
+  taken = ProtoField.uint64("trimaran.demand.taken", "Bytes taken of blocks"),
+  drawable = ProtoField.uint32("trimaran.demand.drawable", "Drawable"),
+  piece = ProtoField.uint32("trimaran.demand.geometry", "Piece of geometry"),
+  supply = ProtoField.uint8("trimaran.supply", "Supply", base.DEC, SUPPLIES),
+  packed = ProtoField.bytes("trimaran.supply.entries", "Packed records"),
+  records = ProtoField.uint16("trimaran.supply.records", "Records"),
+  supply_piece = ProtoField.uint32("trimaran.supply.geometry", "Piece of geometry"),
+  supply_length = ProtoField.uint32("trimaran.supply.length", "Length of the piece"),
+  supply_offset = ProtoField.uint32("trimaran.supply.offset", "Where the part begins"),
+  supply_part = ProtoField.bytes("trimaran.supply.part", "Part"),
 }
 local e = {
   malformed = ProtoExpert.new("trimaran.malformed", "No message of version 3", expert.group.MALFORMED, expert.severity.ERROR),
@@ -246,17 +265,6 @@ local function settings(r, tree)
   add_varint(tree, f.occlusion_test, r)
 end
 
-local function identity(r, tree)
-  local role = add_varint(tree, f.role, r)
-  local scene, range = r.hex()
-  tree:add(f.scene, range, scene)
-  if r.take(1):uint() == 1 then
-    add_wide(tree, f.session_key, r)
-    settings(r, tree:add("Settings"))
-  end
-  return ROLES[role] or "?"
-end
-
 -- What each direction of each lane has said so far, so that coded ids can be read. Only the first look at a packet adds to it; later
 -- ones find there what the first one made of each message.
 local lanes, decoded = {}, {}
@@ -264,7 +272,29 @@ local lanes, decoded = {}, {}
 -- The application of each connection whose hello names another one than Trimaran.
 local others = {}
 
-function trimaran.init() lanes, decoded, others = {}, {}, {} end
+-- The role that each direction of each connection has said: what blocks hold depends on it.
+local roles = {}
+
+function trimaran.init() lanes, decoded, others, roles = {}, {}, {}, {} end
+
+-- `key` names the sender's direction.
+local function identity(r, tree, key)
+  local role = add_varint(tree, f.role, r)
+  roles[key] = role
+  local said = ROLES[role] or "?"
+  if r.take(1):uint() == 1 then
+    local scene, range = r.hex()
+    tree:add(f.scene, range, scene)
+    for _, field in ipairs({ f.scene_nodes, f.scene_drawables, f.scene_geometries, f.scene_objects }) do add_varint(tree, field, r) end
+  else
+    said = said .. " without a scene"
+  end
+  if r.take(1):uint() == 1 then
+    add_wide(tree, f.session_key, r)
+    settings(r, tree:add("Settings"))
+  end
+  return said
+end
 
 local function pair_of(pinfo)
   local here = tostring(pinfo.src) .. ":" .. pinfo.src_port
@@ -272,8 +302,16 @@ local function pair_of(pinfo)
   return here < there and here .. "|" .. there or there .. "|" .. here
 end
 
+local function direction_of(pinfo)
+  return tostring(pinfo.src) .. ":" .. pinfo.src_port .. ">" .. tostring(pinfo.dst) .. ":" .. pinfo.dst_port
+end
+
+local function opposite_of(pinfo)
+  return tostring(pinfo.dst) .. ":" .. pinfo.dst_port .. ">" .. tostring(pinfo.src) .. ":" .. pinfo.src_port
+end
+
 local function lane_of(pinfo)
-  local key = tostring(pinfo.src) .. ":" .. pinfo.src_port .. ">" .. tostring(pinfo.dst) .. ":" .. pinfo.dst_port
+  local key = direction_of(pinfo)
   lanes[key] = lanes[key] or { kept = {}, order = {}, units = {} }
   return lanes[key]
 end
@@ -382,7 +420,8 @@ local STATS = {
   "nodes visited", "outside", "tested", "hidden", "visible by a near corner", "visible by the eye inside",
   "visible by a number that is not finite", "drawn for few pixels", "emitted", "refined", "batches of tests",
   "further rounds", "triangles drawn in them", "drawing them, ns", "boxes tested again", "hidden in further rounds",
-  "bytes of camera", "bytes of begin", "bytes of ids", "bytes of end", "bytes of control", "bytes of headers", "messages",
+  "bytes of camera", "bytes of begin", "bytes of ids", "bytes of end", "bytes of control", "bytes of geometry", "bytes of headers",
+  "messages",
 }
 
 local function stats(r, tree)
@@ -412,6 +451,81 @@ local function said(r, tree)
   end
   if what == 4 then return "switch from frame " .. add_varint(tree, f.switch_from, r) .. " on" end
   return MESSAGES[what] or "message of another kind"
+end
+
+-- A list of numbers that rise. Gives how many there are.
+local function numbers(r, tree, field)
+  local stop, least, count = r.varint(), 0, 0
+  stop = stop + r.at()
+  while r.at() < stop do
+    local gap, _, range = r.varint(5)
+    local number = least + gap
+    if r.at() > stop or number >= 2 ^ 32 then error(SHORT) end
+    tree:add(field, range, number)
+    least = number + 1
+    count = count + 1
+  end
+  return count
+end
+
+local function demand(r, tree)
+  local what = add_varint(tree, f.demand, r)
+  if what == 2 then
+    local drawables = numbers(r, tree, f.drawable)
+    return "holds " .. drawables .. " drawables and " .. numbers(r, tree, f.piece) .. " pieces"
+  elseif what == 3 then
+    local frame = add_varint(tree, f.demand_frame, r)
+    add_wide(tree, f.taken, r)
+    return "frame " .. frame .. " lacks " .. numbers(r, tree, f.drawable) .. " drawables"
+  elseif what == 4 then
+    return "dropped " .. numbers(r, tree, f.piece) .. " pieces"
+  elseif what == 5 then
+    return "taken " .. add_wide(tree, f.taken, r) .. " bytes"
+  elseif what == 6 then
+    return "shown " .. add_varint(tree, f.demand_frame, r)
+  end
+  if not DEMANDS[what] then error(SHORT) end
+  return DEMANDS[what]
+end
+
+local function supply(r, tree)
+  local what = add_varint(tree, f.supply, r)
+  if what == 0 then
+    local length, records = r.varint(), r.take(2)
+    tree:add_le(f.records, records)
+    if length < 2 then error(SHORT) end
+    if length > 2 then tree:add(f.packed, r.take(length - 2)) end
+    return records:le_uint() .. " records"
+  elseif what == 1 then
+    local number = add_varint(tree, f.supply_piece, r)
+    local length = add_varint(tree, f.supply_length, r)
+    local offset = add_varint(tree, f.supply_offset, r)
+    local bytes = r.varint()
+    if bytes > 0 then tree:add(f.supply_part, r.take(bytes)) end
+    return string.format("piece %d from %d to %d of %d", number, offset, offset + bytes, length)
+  end
+  error(SHORT)
+end
+
+-- So many items of a block the information column names.
+local MOST_SAID = 4
+
+-- Who sends a block, or who gets it, was said by the hellos of the connection; without these only the bytes are shown.
+local function block(r, tree, pinfo)
+  local bytes = r.left()
+  local from, to = roles[direction_of(pinfo)], roles[opposite_of(pinfo)]
+  if not from and to then from = 1 - to end
+  local item, said = from == 0 and supply or from == 1 and demand, {}
+  while item and r.left() > 0 do
+    local start = r.at()
+    local sub = tree:add("Item")
+    said[#said + 1] = item(r, sub)
+    sub:set_len(r.at() - start)
+  end
+  if r.left() > 0 then tree:add(f.block, r.take(r.left())) end
+  local more = #said > MOST_SAID and ", and " .. #said - MOST_SAID .. " more" or ""
+  local items = #said > 0 and ": " .. table.concat(said, ", ", 1, math.min(#said, MOST_SAID)) or ""
+  return "block of " .. bytes .. " bytes" .. items .. more
 end
 
 local function refusal(r, tree)
@@ -464,13 +578,13 @@ local function message(tvb, from, to, pinfo, tree, key)
     local which = LANES[add_varint(sub, f.lane, r)] or "?"
     others[pair_of(pinfo)] = protocol ~= APPLICATION and protocol or nil
     if protocol ~= APPLICATION then return foreign(r, sub, "hello of " .. protocol .. ", " .. which) end
-    return "hello from " .. identity(r, sub) .. ", " .. which
+    return "hello from " .. identity(r, sub, direction_of(pinfo)) .. ", " .. which
   elseif kind == 0x05 then
     return name
   elseif others[pair_of(pinfo)] then
     return foreign(r, sub, name .. " of " .. others[pair_of(pinfo)])
   elseif kind == 0x02 then
-    return "accept from " .. identity(r, sub)
+    return "accept from " .. identity(r, sub, direction_of(pinfo))
   elseif kind == 0x03 then
     return refusal(r, sub)
   elseif kind == 0x04 then
@@ -509,9 +623,7 @@ local function message(tvb, from, to, pinfo, tree, key)
   elseif kind == 0x30 then
     return said(r, sub)
   elseif kind == 0x40 then
-    local bytes = r.left()
-    if bytes > 0 then sub:add(f.block, r.take(bytes)) end
-    return "block of " .. bytes .. " bytes"
+    return block(r, sub, pinfo)
   end
   sub:add_proto_expert_info(e.malformed)
   return "unknown kind"

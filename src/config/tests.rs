@@ -37,7 +37,7 @@ fn a_short_configuration_is_filled_with_defaults_and_paths_start_beside_it() {
     assert_eq!(options, Options::default());
     assert_eq!(config.session, defaults());
     assert_eq!((config.session.width, config.session.occlusion_test.as_str()), (1024, "hzb"));
-    assert_eq!(config.scene, dir.path().join("a.scene"));
+    assert_eq!(config.scene, Some(dir.path().join("a.scene")));
     assert_eq!(config.keys, Some(dir.path().join("k/one.key")));
     assert_eq!(config.out, Path::new("/tmp/x"));
 }
@@ -53,7 +53,7 @@ fn a_flag_goes_before_the_file_and_its_paths_start_where_the_user_is() {
     let (config, options) = DisplayConfig::load(flags, &given, Some(&path)).unwrap();
     assert_eq!((options.udp.window, options.udp.initial_window, options.udp.repair_percent), (9, 8, 15));
     assert_eq!((config.session.batch, config.session.seed, config.session.audit_every), (9, 8, 10));
-    assert_eq!(config.scene, Path::new("b.scene"));
+    assert_eq!(config.scene, Some(Path::new("b.scene").to_owned()));
 }
 
 #[test]

@@ -110,6 +110,7 @@ fn frame(frame: u32) -> Frame {
         end: 48,
         begin: 16,
         control: if frame.is_multiple_of(10) { 120 } else { 0 },
+        geometry: 0,
         headers: 8 * (7 + 2 * drawn.div_ceil(1024)),
         messages: 7 + 2 * drawn.div_ceil(1024),
     };

@@ -32,9 +32,8 @@ impl DisplayEnd {
         Self { demands, taken, over, ended: None }
     }
 
-    /// Asks for what becomes visible.
+    /// Asks for what becomes visible, but what is there.
     pub(crate) fn begin(&self, holdings: &Holdings) {
-        self.say(Demand::Begin);
         let [drawables, geometries] = holdings.all();
         for drawables in drawables.parts() {
             self.say(Demand::Holds { drawables, geometries: NumberList::default() });
@@ -42,6 +41,7 @@ impl DisplayEnd {
         for geometries in geometries.parts() {
             self.say(Demand::Holds { drawables: NumberList::default(), geometries });
         }
+        self.say(Demand::Begin);
     }
 
     /// Asks for nothing more.

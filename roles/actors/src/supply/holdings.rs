@@ -226,3 +226,7 @@ impl Arriving {
         Ok(None)
     }
 }
+
+#[cfg(test)]
+#[path = "holdings_tests.rs"]
+mod tests;

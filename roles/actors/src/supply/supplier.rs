@@ -48,6 +48,8 @@ pub(crate) struct Supplier {
     scene: Arc<Scene>,
     /// Whether the display has asked for anything.
     has_begun: bool,
+    /// What was found in the newest frame before that: the first camera may overtake the request.
+    early: Vec<DrawableId>,
     view: Option<View>,
     /// Where in all that was sent the record of a drawable ended, and its geometry; 0 for what the display
     /// had. What ended at or before what the display has taken is there, unless the display says otherwise.
@@ -93,6 +95,7 @@ impl Supplier {
         Self {
             scene: Arc::clone(scene),
             has_begun: false,
+            early: Vec::new(),
             view: None,
             records: HashMap::new(),
             geometries: HashMap::new(),
@@ -110,6 +113,11 @@ impl Supplier {
     /// These were found visible from `view`. Gives whether some of them are to be sent.
     pub(crate) fn found(&mut self, view: &View, ids: &[DrawableId]) -> bool {
         if !self.has_begun {
+            if self.view != Some(*view) {
+                self.early.clear();
+            }
+            self.view = Some(*view);
+            self.early.extend_from_slice(ids);
             return false;
         }
         self.view = Some(*view);
@@ -122,7 +130,7 @@ impl Supplier {
     /// Takes what the display says.
     pub(crate) fn hear(&mut self, demand: Demand, now: Instant) -> Result<(), SupplyFault> {
         match demand {
-            Demand::Begin => self.has_begun = true,
+            Demand::Begin => self.begin(),
             Demand::End => self.end(),
             Demand::Holds { drawables, geometries } => {
                 self.records.extend(drawables.iter().map(|id| (id, 0)));
@@ -179,6 +187,14 @@ impl Supplier {
             }
         }
         Ok(Some(block.into()))
+    }
+
+    fn begin(&mut self) {
+        self.has_begun = true;
+        if let Some(view) = self.view {
+            let early = std::mem::take(&mut self.early);
+            self.found(&view, &early);
+        }
     }
 
     /// Sends no more than the rest of what was begun, and knows nothing of what the display has.
@@ -327,3 +343,7 @@ impl PartialEq for Due {
 }
 
 impl Eq for Due {}
+
+#[cfg(test)]
+#[path = "supplier_tests.rs"]
+mod tests;

@@ -195,14 +195,13 @@ impl Scene {
         let Some(given) = &self.given else { return Ok(()) };
         entry.check(&given.outline)?;
         let (drawable, node) = (entry.drawable(), entry.node());
-        let other = Err(GiveError::Other(DrawableId(entry.id)));
-        if *given.nodes.insert(entry.node, Box::new(node)) != node {
-            return other;
+        let other_node = given.nodes.get(&entry.node).is_some_and(|known| *known != node);
+        if other_node || given.drawables.get(&entry.id).is_some_and(|known| *known != drawable) {
+            return Err(GiveError::Other(DrawableId(entry.id)));
         }
-        match *given.drawables.insert(entry.id, Box::new(drawable)) == drawable {
-            true => Ok(()),
-            false => other,
-        }
+        given.nodes.insert(entry.node, Box::new(node));
+        given.drawables.insert(entry.id, Box::new(drawable));
+        Ok(())
     }
 
     /// Takes a piece of geometry as it lies in the file, of a scene that was [empty](Self::empty).
@@ -262,3 +261,7 @@ impl Given {
         self.geometry.read().get(&number).cloned()
     }
 }
+
+#[cfg(test)]
+#[path = "given_tests.rs"]
+mod tests;

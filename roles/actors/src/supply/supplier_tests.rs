@@ -1,0 +1,572 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::LazyLock;
+
+use proptest::prelude::*;
+use trimaran_cook::generate::{PlantOptions, plant};
+use trimaran_cook::{CookOptions, cook};
+use trimaran_cull::Viewport;
+use trimaran_proto::{Camera, items};
+use trimaran_scene::{
+    Drawable, Geometry, Node, ObjectRecord, Rgba8, SceneArrays, Vertex, random::Random, unpack_entries,
+};
+
+use super::super::holdings::{Arriving, Holdings};
+use super::*;
+
+const NOW: Instant = Instant::from_nanos(0);
+
+static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
+    let model = plant(&PlantOptions { objects: 500, triangles: 40_000, ..PlantOptions::small(3) });
+    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
+});
+
+/// Two leaves whose triangles lie at random: each piece is larger than a few blocks.
+static LARGE: LazyLock<Arc<Scene>> = LazyLock::new(|| {
+    let mut random = Random::new(1);
+    let mut noise = || {
+        let mut vertex = || Vertex::new([(); 3].map(|()| random.between(0.0, 1.0) as f32), Rgba8([9; 4]));
+        let vertices = (0..6_000).map(|_| vertex()).collect();
+        Geometry { vertices, indices: (0..6_000).collect() }
+    };
+    let node = Node { world_max: [1.0; 3], local_max: [1.0; 3], ..Node::default() };
+    let leaf = |object| Node { parent: 0, first_drawable: object, drawable_count: 1, object, ..node };
+    let drawable = |number| Drawable {
+        error: 0.0,
+        node: number + 1,
+        geometry: number,
+        triangles: 2_000,
+        sides: trimaran_scene::Sides::BOTH,
+    };
+    let object = ObjectRecord { source: 0, source_index: 0, name_start: 0, name_length: 0, node: Node::NONE };
+    let scene = Scene::from_arrays(SceneArrays {
+        nodes: vec![Node { first_child: 1, child_count: 2, ..node }, leaf(0), leaf(1)],
+        drawables: vec![drawable(0), drawable(1)],
+        geometries: vec![noise(), noise()],
+        objects: vec![object; 2],
+        sources: vec![String::new()],
+        ..SceneArrays::default()
+    });
+    Arc::new(scene.unwrap())
+});
+
+fn view(frame: u32) -> View {
+    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
+    View::new(camera, Viewport::new(64, 64).unwrap())
+}
+
+fn ids(numbers: impl IntoIterator<Item = u32>) -> Vec<DrawableId> {
+    numbers.into_iter().map(DrawableId).collect()
+}
+
+fn list(ids: &[DrawableId]) -> NumberList {
+    NumberList::of(ids.iter().map(|id| id.0).collect())
+}
+
+fn geometry_of(scene: &Scene, id: DrawableId) -> u32 {
+    scene.drawables()[id.index()].geometry
+}
+
+fn geometries_of(scene: &Scene, ids: &[DrawableId]) -> BTreeSet<u32> {
+    ids.iter().map(|id| geometry_of(scene, *id)).collect()
+}
+
+/// Drawables whose geometry no other one of them shares.
+fn unlike(scene: &Scene, count: usize) -> Vec<DrawableId> {
+    let mut seen = BTreeSet::new();
+    let all = ids(0..scene.drawables().len() as u32);
+    all.into_iter().filter(|id| seen.insert(geometry_of(scene, *id))).take(count).collect()
+}
+
+/// A supplier, and a display that takes each block as soon as it comes.
+struct Pair {
+    supplier: Supplier,
+    taken: u64,
+}
+
+/// What came: the numbers of records and of pieces, in their order.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Came {
+    records: Vec<u32>,
+    pieces: Vec<u32>,
+}
+
+impl Pair {
+    fn new(scene: &Arc<Scene>) -> Self {
+        let mut new = Self { supplier: Supplier::new(scene), taken: 0 };
+        new.hear(Demand::Begin);
+        new
+    }
+
+    fn hear(&mut self, demand: Demand) {
+        self.supplier.hear(demand, NOW).unwrap();
+    }
+
+    fn block(&mut self) -> Option<Vec<Supply>> {
+        let block = self.supplier.next_block(NOW).unwrap()?;
+        assert!(block.len() <= MAX_BLOCK);
+        self.taken += block.len() as u64;
+        Some(items(&block).unwrap())
+    }
+
+    /// All that it sends.
+    fn items(&mut self) -> Vec<Supply> {
+        let mut all = Vec::new();
+        while let Some(block) = self.block() {
+            all.extend(block);
+            self.hear(Demand::Taken { bytes: self.taken });
+        }
+        all
+    }
+
+    fn came(&mut self) -> Came {
+        came(&self.items())
+    }
+
+    fn lacks(&mut self, frame: u32, taken: u64, ids: &[DrawableId]) {
+        self.hear(Demand::Lacks { frame: FrameNumber(frame), taken, drawables: list(ids) });
+    }
+}
+
+fn came(items: &[Supply]) -> Came {
+    let mut came = Came::default();
+    for item in items {
+        match item {
+            Supply::Entries { packed } => {
+                came.records.extend(unpack_entries(packed).unwrap().iter().map(|entry| entry.id));
+            }
+            Supply::Geometry { number, length, offset, part } => {
+                if *offset as usize + part.len() == *length as usize {
+                    came.pieces.push(*number);
+                }
+            }
+            _ => panic!("nothing else is sent"),
+        }
+    }
+    came
+}
+
+fn sorted(mut numbers: Vec<u32>) -> Vec<u32> {
+    numbers.sort_unstable();
+    numbers
+}
+
+#[test]
+fn what_was_found_is_sent_once_and_records_come_before_their_geometry() {
+    let (mut pair, ids) = (Pair::new(&PLANT), ids(0..300));
+    assert!(pair.supplier.found(&view(0), &ids));
+    let items = pair.items();
+    let all = came(&items);
+    assert_eq!(sorted(all.records.clone()), (0..300).collect::<Vec<_>>());
+    assert_eq!(sorted(all.pieces.clone()), Vec::from_iter(geometries_of(&PLANT, &ids)));
+    // A piece is known to be of use when it comes.
+    for (end, item) in items.iter().enumerate() {
+        if let Supply::Geometry { number, .. } = item {
+            let before = came(&items[..end]).records;
+            let is_needed = |id: &u32| geometry_of(&PLANT, DrawableId(*id)) == *number;
+            assert!(before.iter().any(is_needed), "piece {number} came before all records that need it");
+        }
+    }
+    assert!(!pair.supplier.found(&view(1), &ids), "all of it was sent");
+    assert_eq!(pair.came(), Came::default());
+}
+
+#[test]
+fn what_is_largest_on_the_screen_comes_first() {
+    let (mut pair, mut ids) = (Pair::new(&PLANT), unlike(&PLANT, 200));
+    pair.supplier.found(&view(0), &ids);
+    let size = |id: &DrawableId| {
+        let node = &PLANT.nodes()[PLANT.drawables()[id.index()].node as usize];
+        let (min, max) = node.world_box();
+        (max - min).length_squared() / node.distance_squared(view(0).eye()).max(1e-6)
+    };
+    ids.sort_by(|a, b| size(b).total_cmp(&size(a)).then(a.cmp(b)));
+    assert!(size(&ids[0]) > 10.0 * size(&ids[199]));
+    let due: Vec<_> = ids.iter().map(|id| geometry_of(&PLANT, *id)).collect();
+    assert_eq!(pair.came().pieces, due);
+}
+
+#[test]
+fn instances_share_their_geometry() {
+    let mut by_geometry = BTreeMap::<u32, Vec<DrawableId>>::new();
+    for id in ids(0..PLANT.drawables().len() as u32) {
+        by_geometry.entry(geometry_of(&PLANT, id)).or_default().push(id);
+    }
+    let (geometry, instances) = by_geometry.iter().max_by_key(|(_, ids)| ids.len()).unwrap();
+    assert!(instances.len() > 2);
+    let mut pair = Pair::new(&PLANT);
+    pair.supplier.found(&view(0), &instances[1..]);
+    let first = pair.came();
+    assert_eq!((first.records.len(), first.pieces), (instances.len() - 1, vec![*geometry]));
+    pair.supplier.found(&view(1), instances);
+    assert_eq!(pair.came(), Came { records: vec![instances[0].0], pieces: vec![] });
+}
+
+#[test]
+fn nothing_is_sent_before_the_display_asks() {
+    let mut supplier = Supplier::new(&PLANT);
+    assert!(!supplier.found(&view(0), &ids(0..9)));
+    assert_eq!(supplier.next_block(NOW).unwrap(), None);
+    supplier.hear(Demand::Begin, NOW).unwrap();
+    assert!(supplier.next_block(NOW).unwrap().is_some());
+}
+
+/// The first camera may overtake the request.
+#[test]
+fn what_the_newest_frame_before_the_request_found_is_sent_but_what_the_display_holds() {
+    let all = unlike(&PLANT, 30);
+    let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
+    pair.supplier.found(&view(0), &all[..10]);
+    pair.supplier.found(&view(1), &all[10..20]);
+    pair.supplier.found(&view(1), &all[20..]);
+    let geometries = NumberList::of(geometries_of(&PLANT, &all[20..]).into_iter().collect());
+    pair.hear(Demand::Holds { drawables: list(&all[20..]), geometries });
+    assert_eq!(pair.came(), Came::default());
+    pair.hear(Demand::Begin);
+    let came = pair.came();
+    assert_eq!(sorted(came.records), all[10..20].iter().map(|id| id.0).collect::<Vec<_>>());
+    assert_eq!(sorted(came.pieces), Vec::from_iter(geometries_of(&PLANT, &all[10..20])));
+}
+
+#[test]
+fn what_the_display_holds_is_not_sent() {
+    let (mut pair, all) = (Pair::new(&PLANT), unlike(&PLANT, 90));
+    let (whole, rest) = all.split_at(30);
+    let (records, others) = rest.split_at(30);
+    pair.hear(Demand::Holds {
+        drawables: list(&[whole, records].concat()),
+        geometries: NumberList::of(geometries_of(&PLANT, whole).into_iter().collect()),
+    });
+    pair.supplier.found(&view(0), &all);
+    let came = pair.came();
+    assert_eq!(sorted(came.records), others.iter().map(|id| id.0).collect::<Vec<_>>());
+    assert_eq!(sorted(came.pieces), Vec::from_iter(geometries_of(&PLANT, rest)));
+}
+
+#[test]
+fn what_is_under_way_is_not_sent_again_where_it_is_lacked() {
+    let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
+    pair.supplier.found(&view(0), &few);
+    let first = pair.block().unwrap();
+    let taken = pair.taken;
+    let rest: Vec<_> = std::iter::from_fn(|| pair.block()).flatten().collect();
+    let sent = came(&[first, rest].concat());
+    assert_eq!((sent.records.len(), sent.pieces.len()), (5, 5), "the window holds all of it");
+    let last = few.iter().find(|id| sent.pieces.ends_with(&[geometry_of(&PLANT, **id)])).unwrap();
+    pair.lacks(0, 0, &few);
+    assert_eq!(pair.block(), None);
+    pair.lacks(0, taken, &[*last]);
+    assert_eq!(pair.block(), None, "its record was taken, and its geometry is on its way");
+}
+
+#[test]
+fn what_was_taken_and_is_lacked_is_sent_again() {
+    let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
+    pair.supplier.found(&view(0), &few);
+    let first = pair.came();
+    pair.lacks(1, pair.taken, &few);
+    assert_eq!(pair.came(), first);
+}
+
+#[test]
+fn what_other_cullers_found_is_sent_where_it_is_lacked() {
+    let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
+    pair.lacks(3, 0, &few);
+    let came = pair.came();
+    assert_eq!(sorted(came.records), few.iter().map(|id| id.0).collect::<Vec<_>>());
+    assert_eq!(sorted(came.pieces), Vec::from_iter(geometries_of(&PLANT, &few)));
+}
+
+#[test]
+fn what_was_dropped_is_sent_again_when_it_is_found_again() {
+    let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
+    pair.supplier.found(&view(0), &few);
+    pair.came();
+    let dropped = geometry_of(&PLANT, few[2]);
+    pair.hear(Demand::Dropped { geometries: NumberList::of(vec![dropped]) });
+    assert_eq!(pair.came(), Came::default(), "nobody needs it now");
+    assert!(pair.supplier.found(&view(1), &few));
+    assert_eq!(pair.came(), Came { records: vec![], pieces: vec![dropped] });
+}
+
+#[test]
+fn what_only_frames_that_were_shown_needed_is_not_sent() {
+    let (mut pair, all) = (Pair::new(&PLANT), unlike(&PLANT, 30));
+    pair.supplier.found(&view(3), &all[..20]);
+    pair.supplier.found(&view(5), &all[10..]);
+    pair.hear(Demand::Shown { frame: FrameNumber(3) });
+    let came = pair.came();
+    assert_eq!(sorted(came.records), all[10..].iter().map(|id| id.0).collect::<Vec<_>>());
+    pair.supplier.found(&view(3), &all[..10]);
+    assert_eq!(pair.came(), Came::default());
+    pair.hear(Demand::Shown { frame: FrameNumber(1) });
+    pair.supplier.found(&view(2), &all[..10]);
+    assert_eq!(pair.came(), Came::default(), "frames are shown in order");
+    pair.supplier.found(&view(6), &all[..10]);
+    assert_eq!(pair.came().records.len(), 10);
+}
+
+/// Of pieces in parts each comes whole before the next one begins.
+fn assert_parts_are_in_order(items: &[Supply]) {
+    let mut open: Option<(u32, u32)> = None;
+    for item in items {
+        let Supply::Geometry { number, length, offset, part } = item else { continue };
+        let due = open.unwrap_or((*number, 0));
+        assert_eq!((*number, *offset), due);
+        let end = offset + part.len() as u32;
+        open = (end < *length).then_some((*number, end));
+    }
+    assert_eq!(open, None);
+}
+
+#[test]
+fn a_piece_larger_than_a_block_comes_in_parts_in_order() {
+    let mut pair = Pair::new(&LARGE);
+    pair.supplier.found(&view(0), &ids([0, 1]));
+    let items = pair.items();
+    assert_parts_are_in_order(&items);
+    for number in [0, 1] {
+        let whole = LARGE.packed_geometry(number).unwrap();
+        assert!(whole.len() > 2 * MAX_BLOCK);
+        let parts: Vec<_> = items
+            .iter()
+            .filter_map(|item| match item {
+                Supply::Geometry { number: of, part, .. } if *of == number => Some(&part[..]),
+                _ => None,
+            })
+            .collect();
+        assert!(parts.len() > 2);
+        assert_eq!(parts.concat(), whole);
+    }
+}
+
+#[test]
+fn who_begins_anew_is_sent_all_anew_behind_the_rest_of_a_piece() {
+    let mut pair = Pair::new(&LARGE);
+    pair.supplier.found(&view(0), &ids([0, 1]));
+    let mut items = pair.block().unwrap();
+    pair.hear(Demand::End);
+    assert!(!pair.supplier.found(&view(1), &ids([0, 1])), "another culler supplies the display");
+    pair.hear(Demand::Begin);
+    pair.hear(Demand::Taken { bytes: pair.taken });
+    pair.supplier.found(&view(2), &ids([0, 1]));
+    items.extend(pair.items());
+    assert_parts_are_in_order(&items);
+    let all = came(&items);
+    assert_eq!(all.records, [0, 1, 0, 1]);
+    assert_eq!(all.pieces, [0, 0, 1], "the piece that had begun, and then both");
+}
+
+#[test]
+fn who_is_asked_for_nothing_more_sends_the_rest_of_a_piece_alone() {
+    let mut pair = Pair::new(&LARGE);
+    pair.supplier.found(&view(0), &ids([0, 1]));
+    let mut items = pair.block().unwrap();
+    pair.hear(Demand::End);
+    pair.hear(Demand::Taken { bytes: pair.taken });
+    items.extend(pair.items());
+    assert_parts_are_in_order(&items);
+    assert_eq!(came(&items).pieces, [0]);
+}
+
+#[test]
+fn a_full_window_gives_no_block_until_some_was_taken() {
+    let mut pair = Pair::new(&LARGE);
+    pair.supplier.found(&view(0), &ids([0, 1]));
+    let mut before = 0;
+    while let Some(sent) = Some(pair.taken).filter(|_| pair.block().is_some()) {
+        before = sent;
+    }
+    assert!(before < 64 << 10 && pair.taken >= 64 << 10, "64 KiB at first: {before}, {}", pair.taken);
+    pair.hear(Demand::Taken { bytes: 1 });
+    assert!(pair.block().is_none(), "the first block is still under way");
+    pair.hear(Demand::Taken { bytes: pair.taken });
+    assert!(pair.block().is_some());
+}
+
+#[test]
+fn a_display_that_takes_what_was_not_sent_is_no_display() {
+    let mut supplier = Supplier::new(&PLANT);
+    let heard = supplier.hear(Demand::Taken { bytes: 1 }, NOW);
+    assert!(matches!(heard, Err(SupplyFault::NotSent)), "{heard:?}");
+}
+
+#[test]
+fn drawables_that_no_scene_has_are_passed_over() {
+    let mut pair = Pair::new(&PLANT);
+    let none = ids([PLANT.drawables().len() as u32, u32::MAX]);
+    assert!(!pair.supplier.found(&view(0), &none));
+    pair.lacks(0, 0, &none);
+    assert_eq!(pair.came(), Came::default());
+}
+
+/// What may happen while a display is supplied.
+#[derive(Debug, Clone)]
+enum Step {
+    /// The culler finds these in the next frame.
+    Finds(Vec<u32>),
+    /// A frame of another culler is whole at the display.
+    Whole(Vec<u32>),
+    /// The display throws away what its first frame does not need.
+    Trims,
+    /// The display shows its first frame, if all of it is there.
+    Shows,
+    /// The culler sends a block.
+    Sends,
+    /// A block arrives.
+    Arrives,
+    /// What the display said arrives.
+    Heard,
+}
+
+fn any_step() -> impl Strategy<Value = Step> {
+    let some = || prop::collection::vec(0..120_u32, 1..40);
+    prop_oneof![
+        2 => some().prop_map(Step::Finds),
+        2 => some().prop_map(Step::Whole),
+        1 => Just(Step::Trims),
+        2 => Just(Step::Shows),
+        4 => Just(Step::Sends),
+        4 => Just(Step::Arrives),
+        4 => Just(Step::Heard),
+    ]
+}
+
+/// A display with a budget of a byte, a culler, and what travels between them.
+struct World {
+    supplier: Supplier,
+    empty: Arc<Scene>,
+    holdings: Holdings,
+    arriving: Arriving,
+    blocks: VecDeque<Bytes>,
+    demands: VecDeque<Demand>,
+    taken: u64,
+    next: u32,
+    /// Frames that were not shown, and what each needs. Those that were found are not whole yet.
+    frames: BTreeMap<u32, (Vec<DrawableId>, bool)>,
+    has_trimmed: bool,
+}
+
+impl World {
+    fn new() -> Self {
+        let empty = Arc::new(Scene::empty(PLANT.outline()));
+        Self {
+            supplier: Supplier::new(&PLANT),
+            holdings: Holdings::new(&empty, 1),
+            empty,
+            arriving: Arriving::default(),
+            blocks: VecDeque::new(),
+            demands: VecDeque::from([Demand::Begin]),
+            taken: 0,
+            next: 0,
+            frames: BTreeMap::new(),
+            has_trimmed: false,
+        }
+    }
+
+    fn lacking(&self, ids: &[DrawableId]) -> Vec<DrawableId> {
+        self.holdings.lacking(ids).unwrap()
+    }
+
+    /// As a session does when a frame is whole, and when it has thrown something away.
+    fn ask(&mut self, frame: u32) {
+        let lacking = self.lacking(&self.frames[&frame].0);
+        if !lacking.is_empty() {
+            let (frame, taken, drawables) = (FrameNumber(frame), self.taken, list(&lacking));
+            self.demands.push_back(Demand::Lacks { frame, taken, drawables });
+        }
+    }
+
+    fn step(&mut self, step: Step) {
+        match step {
+            Step::Finds(numbers) => {
+                let ids = ids(numbers);
+                self.supplier.found(&view(self.next), &ids);
+                if self.supplier.has_begun {
+                    self.frames.insert(self.next, (ids, false));
+                    self.next += 1;
+                }
+            }
+            Step::Whole(numbers) => {
+                self.frames.insert(self.next, (ids(numbers), true));
+                self.ask(self.next);
+                self.next += 1;
+            }
+            Step::Trims => {
+                let Some((due, _)) = self.frames.values().next() else { return };
+                let before = self.lacking(due);
+                let dropped = self.holdings.trim(due);
+                assert_eq!(self.lacking(due), before, "the first frame loses nothing");
+                if dropped.is_empty() {
+                    return;
+                }
+                self.has_trimmed = true;
+                self.demands.push_back(Demand::Dropped { geometries: dropped });
+                let whole = self.frames.iter().filter(|(_, (_, whole))| *whole);
+                for frame in whole.map(|(frame, _)| *frame).collect::<Vec<_>>() {
+                    self.ask(frame);
+                }
+            }
+            Step::Shows => {
+                let first = self.frames.first_key_value();
+                let there = first.filter(|(_, (ids, whole))| *whole && self.lacking(ids).is_empty());
+                if let Some(frame) = there.map(|(frame, _)| *frame) {
+                    self.frames.remove(&frame);
+                    self.demands.push_back(Demand::Shown { frame: FrameNumber(frame) });
+                }
+            }
+            Step::Sends => self.blocks.extend(self.supplier.next_block(NOW).unwrap()),
+            Step::Arrives => {
+                if let Some(block) = self.blocks.pop_front() {
+                    self.holdings.take(&block, &mut self.arriving).unwrap();
+                    self.taken += block.len() as u64;
+                    self.demands.push_back(Demand::Taken { bytes: self.taken });
+                }
+            }
+            Step::Heard => {
+                if let Some(demand) = self.demands.pop_front() {
+                    self.supplier.hear(demand, NOW).unwrap();
+                }
+            }
+        }
+    }
+
+    /// Until nothing moves any more.
+    fn drain(&mut self) {
+        loop {
+            self.step(Step::Sends);
+            if self.demands.is_empty() && self.blocks.is_empty() {
+                return;
+            }
+            self.step(Step::Arrives);
+            self.step(Step::Heard);
+        }
+    }
+
+    fn assert_all_is_there(&self) {
+        for (frame, (ids, _)) in &self.frames {
+            assert_eq!(self.lacking(ids), [], "frame {frame}");
+            for id in ids {
+                let (ours, theirs) = (&self.empty.drawables()[id.index()], &PLANT.drawables()[id.index()]);
+                assert_eq!((ours.geometry, ours.node), (theirs.geometry, theirs.node));
+                let number = ours.geometry;
+                assert_eq!(self.empty.geometry(number).unwrap(), PLANT.geometry(number).unwrap());
+            }
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn all_that_frames_need_is_there_in_the_end(steps in prop::collection::vec(any_step(), 1..120)) {
+        let mut world = World::new();
+        steps.into_iter().for_each(|step| world.step(step));
+        if world.has_trimmed {
+            // What was thrown away before a frame was whole is asked for then.
+            for frame in world.frames.keys().copied().collect::<Vec<_>>() {
+                world.ask(frame);
+            }
+        }
+        world.drain();
+        world.assert_all_is_there();
+    }
+}

@@ -1,0 +1,84 @@
+//! The program with a display that begins without the scene: culling is exact, and the pictures are those of a
+//! display that has the scene.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+
+#[path = "../transport/tests/common/ports.rs"]
+mod ports;
+#[path = "common/program.rs"]
+mod program;
+
+use std::fs;
+
+use ports::unused_port;
+use program::{Bench, said};
+use serde_json::Value;
+
+const FRAMES: usize = 6;
+const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "128x128", "--audit-every", "1"];
+
+fn pictures(bench: &Bench, out: &str) -> Vec<Vec<u8>> {
+    let picture = |frame| bench.path(out).join(format!("frames/{frame:05}.png"));
+    (0..FRAMES).map(|frame| fs::read(picture(frame)).unwrap()).collect()
+}
+
+/// Walks with a display that has the scene.
+fn with_the_scene(bench: &Bench) {
+    bench.done(&[&WALK[..], &["--out", "whole"]].concat());
+    let report = bench.report("whole");
+    assert_eq!(report["summary"]["bytes_by_kind"]["geometry"].as_u64().unwrap_or(0), 0);
+    assert!(pictures(bench, "whole").windows(2).any(|pair| pair[0] != pair[1]));
+}
+
+fn assert_exact(report: &Value, what: &str) {
+    let summary = &report["summary"];
+    for figure in ["false_culled_pixels_total", "cut_mismatch_pixels_total"] {
+        assert_eq!(summary[figure], 0, "{what}: {figure} in {summary}");
+    }
+}
+
+#[test]
+fn over_every_link_a_display_without_the_scene_shows_what_one_with_it_shows() {
+    let bench = Bench::with_plant(300);
+    with_the_scene(&bench);
+    for link in ["inproc", "unix", "tcp", "quic", "udp"] {
+        let empty = ["--empty-display", "--geometry-cache", "1MiB", "--link", link, "--out", link];
+        bench.done(&[&WALK[..], &empty].concat());
+        let report = bench.report(link);
+        assert_exact(&report, link);
+        assert_eq!(report["frames"].as_array().unwrap().len(), FRAMES, "{link}");
+        assert!(report["summary"]["bytes_by_kind"]["geometry"].as_u64().unwrap() > 0, "{link}");
+        assert!(pictures(&bench, link) == pictures(&bench, "whole"), "{link}: other pictures");
+    }
+}
+
+#[test]
+fn a_display_of_its_own_needs_no_scene() {
+    let bench = Bench::with_plant(300);
+    with_the_scene(&bench);
+    let at = format!("tcp://127.0.0.1:{}", unused_port());
+    let mut culler = bench.start(&["role", "culler", "--scene", "plant.scene", "--listen", &at]);
+    culler.says("the culler listens on");
+    let display = ["role", "display", "--cullers", &at, "--path", "whole/report.json", "--out", "walk"];
+    let size = ["--frames", "6", "--width", "128", "--height", "128", "--audit-every", "1"];
+    let output = bench.trimaran(&[&display[..], &size].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(pictures(&bench, "walk") == pictures(&bench, "whole"), "other pictures");
+    let report = bench.report("walk");
+    assert_eq!(report["frames"].as_array().unwrap().len(), FRAMES);
+    assert!(report["summary"]["bytes_by_kind"]["geometry"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn a_display_without_the_scene_needs_cullers_and_a_path() {
+    let bench = Bench::empty();
+    for (more, words) in [
+        (&["--cullers", "tcp://127.0.0.1:1"][..], ["session.path", "give a path file"]),
+        (&["--path", "path.json"][..], ["scene", "culler"]),
+    ] {
+        let output = bench.trimaran(&[&["role", "display", "--out", "walk"], more].concat());
+        let said = said(&output);
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{said}");
+        assert!(!bench.path("walk").exists(), "something was left behind");
+    }
+}
