@@ -1,5 +1,5 @@
-//! The program with a display that begins without the scene: culling is exact, and the pictures are those of a
-//! display that has the scene.
+//! The program with a display that begins without the scene: culling is exact, and its pictures are those of
+//! a display that has the scene.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 #[path = "../transport/tests/common/ports.rs"]

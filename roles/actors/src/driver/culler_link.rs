@@ -144,7 +144,7 @@ impl CullerLink {
                         Err(end) => (Err(end), false),
                     },
                     cause = failed(&mut self.supply) => {
-                        return Heard::Gone(RoleError::Supplied { peer: self.id.to_string(), cause });
+                        return Heard::Gone(RoleError::Supplied { peer: self.id.to_string(), cause: Box::new(cause) });
                     }
                     () = say_all(&mut self.link.messages_tx, &mut self.unsaid) => continue,
                     end = left_early(&mut self.link.latest_rx) => (Err(end), false),

@@ -56,11 +56,11 @@ pub enum RoleError {
         peer: String,
         /// Why.
         #[source]
-        cause: SupplyError,
+        cause: Box<SupplyError>,
     },
     /// The display cannot be sent what it needs of the scene.
     #[error("the display cannot be supplied")]
-    Supply(#[from] SupplyFault),
+    Supply(#[source] Box<SupplyFault>),
     /// The device failed.
     #[error("the device failed while {doing}")]
     Device {
@@ -149,6 +149,12 @@ pub enum LinkError {
     /// Nothing more goes out.
     #[error(transparent)]
     Send(#[from] SendError),
+}
+
+impl From<SupplyFault> for RoleError {
+    fn from(fault: SupplyFault) -> Self {
+        Self::Supply(Box::new(fault))
+    }
 }
 
 impl<D: Error + Send + Sync + 'static> From<CullError<D>> for RoleError {

@@ -46,6 +46,14 @@ pub enum SupplyError {
     Records,
 }
 
+impl SupplyError {
+    /// Whether what came before may be what is wrong: then nothing can be shown any more.
+    #[must_use]
+    pub const fn doubts_what_is_there(&self) -> bool {
+        matches!(self, Self::Give(error) if error.doubts_what_is_there())
+    }
+}
+
 /// What a display has of its scene. What comes is noted by tasks, and what frames use by the display.
 #[derive(Debug)]
 pub(crate) struct Holdings {

@@ -2,7 +2,7 @@
 
 use std::{
     cmp::Ordering,
-    collections::{BinaryHeap, HashMap, VecDeque},
+    collections::{BinaryHeap, HashMap, VecDeque, hash_map::Entry},
     sync::Arc,
 };
 
@@ -275,8 +275,8 @@ impl Supplier {
                 self.records.insert(id.0, NOT_YET);
                 entries.push(entry);
             }
-            if !self.geometries.contains_key(&drawable.geometry) {
-                self.geometries.insert(drawable.geometry, NOT_YET);
+            if let Entry::Vacant(place) = self.geometries.entry(drawable.geometry) {
+                place.insert(NOT_YET);
                 self.pieces.push_back(drawable.geometry);
             }
         }

@@ -62,6 +62,9 @@ pub enum GiveError {
     /// A record differs from one that was given before.
     #[error("{0} came once more, and is another one")]
     Other(DrawableId),
+    /// A piece of geometry differs from one that was given before.
+    #[error("the geometry {0} came once more, and is another one")]
+    OtherGeometry(u32),
     /// A piece of geometry cannot be unpacked.
     #[error("the geometry {number} is malformed")]
     Geometry {
@@ -84,6 +87,14 @@ pub(super) struct Given {
     pub(super) drawables: FrozenMap<u32, Box<Drawable>>,
     pub(super) places: FrozenMap<u32, Box<GeometryPlace>>,
     geometry: RwLock<HashMap<u32, Bytes>>,
+}
+
+impl GiveError {
+    /// Whether what was given before may be what is wrong. It stays, so that nothing right can take its place.
+    #[must_use]
+    pub const fn doubts_what_is_there(&self) -> bool {
+        matches!(self, Self::Other(_) | Self::OtherGeometry(_) | Self::Triangles(_))
+    }
 }
 
 impl DrawableEntry {
@@ -199,9 +210,12 @@ impl Scene {
         if other_node || given.drawables.get(&entry.id).is_some_and(|known| *known != drawable) {
             return Err(GiveError::Other(DrawableId(entry.id)));
         }
-        given.nodes.insert(entry.node, Box::new(node));
-        given.drawables.insert(entry.id, Box::new(drawable));
-        Ok(())
+        // Of two that are given at once one comes first.
+        let same_node = *given.nodes.insert(entry.node, Box::new(node)) == node;
+        match *given.drawables.insert(entry.id, Box::new(drawable)) == drawable && same_node {
+            true => Ok(()),
+            false => Err(GiveError::Other(DrawableId(entry.id))),
+        }
     }
 
     /// Takes a piece of geometry as it lies in the file, of a scene that was [empty](Self::empty).
@@ -218,7 +232,7 @@ impl Scene {
         let geometry = Geometry::unpack(&packed).map_err(malformed)?;
         let place = GeometryPlace::alone(&geometry, packed.len());
         if *given.places.insert(number, Box::new(place)) != place {
-            return Err(malformed(GeometryError::Length(packed.len())));
+            return Err(GiveError::OtherGeometry(number));
         }
         given.geometry.write().insert(number, packed);
         Ok(())

@@ -182,9 +182,7 @@ fn geometry_that_cannot_be_unpacked_or_is_another_one_is_refused() {
     assert_eq!(empty.give_geometry(1, whole.slice(..5)), Err(short));
     assert_eq!(empty.places().get(1), None);
     empty.give_geometry(1, whole.clone()).unwrap();
-    let other = packed(2);
-    let cause = GeometryError::Length(other.len());
-    assert_eq!(empty.give_geometry(1, other), Err(GiveError::Geometry { number: 1, cause }));
+    assert_eq!(empty.give_geometry(1, packed(2)), Err(GiveError::OtherGeometry(1)));
     assert_eq!(empty.geometry(1).unwrap(), scene().geometry(1).unwrap());
 }
 

@@ -48,6 +48,8 @@ pub(super) struct Session<'r, W, A> {
     there: BTreeMap<FrameNumber, Culled>,
     /// Where the display has no scene.
     supplies: Option<Supplies>,
+    /// Why it can show nothing any more.
+    failed: Option<RoleError>,
     published: Published,
     /// Live: the newest pose that was handed out.
     newest: Option<Camera>,
@@ -65,6 +67,7 @@ pub(super) struct Session<'r, W, A> {
     observer: &'r mut dyn Observer,
 }
 
+#[expect(clippy::large_enum_variant, reason = "none is kept")]
 enum Event {
     Heard(CullerId, Heard),
     Arrived(Box<Result<Arrival, JoinError>>),
@@ -89,6 +92,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             cullers: Vec::new(),
             there: BTreeMap::new(),
             supplies: role.supplied.as_ref().map(|supplied| Supplies::new(supplied, role.net.now())),
+            failed: None,
             published: Published::default(),
             newest: None,
             said: Said::from(role.first),
@@ -122,6 +126,9 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             // All that has come, before anything is done that takes long.
             while let Some(event) = self.event(None).now_or_never() {
                 self.take(event);
+            }
+            if let Some(error) = self.failed.take() {
+                return Err(error);
             }
             self.deal()?;
             if let Some(frame) = self.due() {
@@ -204,6 +211,12 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
                 self.hear(from, said);
                 return;
             }
+            Event::Heard(_, Heard::Gone(RoleError::Supplied { peer, cause }))
+                if cause.doubts_what_is_there() =>
+            {
+                self.failed = Some(RoleError::Supplied { peer, cause });
+                return;
+            }
             Event::Heard(from, Heard::Gone(error)) => {
                 self.lose(from, error);
                 return;
@@ -261,8 +274,9 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
     fn welcome(&mut self, arrival: Arrival, now: Instant) {
         let Some(id) = CullerId::of(arrival.place) else { return };
         tracing::info!(%id, address = %arrival.link.peer.address, "has come");
-        if let Some(error) = self.foreign_scene(&arrival) {
-            tracing::error!(%id, error, "is let go");
+        if let Some(why) = self.foreign_scene(&arrival) {
+            tracing::error!(%id, why, "is let go, and looked for again");
+            self.turn_away(arrival, &why);
             return;
         }
         let mut culler = CullerLink::new(id, arrival, self.role.drawables);

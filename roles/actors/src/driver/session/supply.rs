@@ -2,10 +2,11 @@
 
 use std::{sync::Arc, time::Duration};
 
-use trimaran_proto::{DrawableId, FrameNumber};
-use trimaran_transport::Instant;
+use trimaran_proto::{CloseCode, DrawableId, FrameNumber};
+use trimaran_transport::{Instant, sleep_until};
 
 use super::super::{
+    close::leave,
     culler::CullerWork,
     culler_link::{Culled, CullerLink},
     display::{DisplayWork, Supplied},
@@ -20,6 +21,8 @@ use crate::{
 
 /// How long a culler may send nothing of what the display lacks before another one supplies it.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// How long the place of a culler of another scene stays taken.
+const PAUSE: Duration = Duration::from_secs(5);
 /// How many frames wait for their geometry at most in a live session: the first ones and the newest.
 const WAITING: usize = 8;
 
@@ -93,7 +96,8 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             supplier.shown(frame);
         }
         // What was sent broke no rule when it came, and frames are of what came.
-        self.trim().map_err(|cause| RoleError::Supplied { peer: "supplier".to_owned(), cause })
+        self.trim()
+            .map_err(|cause| RoleError::Supplied { peer: "supplier".to_owned(), cause: Box::new(cause) })
     }
 
     /// Throws away what is more than the budget, but nothing that the next frame needs. What other frames
@@ -165,8 +169,11 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     /// What was sent cannot be shown: the supplier goes.
     pub(super) fn lose_supplier(&mut self, cause: SupplyError) {
         let supplier = self.supplies.as_ref().and_then(|supplies| supplies.supplier);
-        if let Some(id) = supplier {
-            self.lose(id, RoleError::Supplied { peer: id.to_string(), cause });
+        if cause.doubts_what_is_there() {
+            let peer = supplier.map_or_else(|| "culler".to_owned(), |id| id.to_string());
+            self.failed = Some(RoleError::Supplied { peer, cause: Box::new(cause) });
+        } else if let Some(id) = supplier {
+            self.lose(id, RoleError::Supplied { peer: id.to_string(), cause: Box::new(cause) });
         }
     }
 
@@ -178,6 +185,17 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             Some(theirs) => format!("it holds scene {}, and this display shows {}", theirs.hash, ours.hash),
             None => "it holds no scene".to_owned(),
         })
+    }
+
+    /// Tells a culler why it is not taken. Its place is free after a pause: it may be started again with
+    /// another scene.
+    pub(super) fn turn_away(&self, Arrival { link, seat, .. }: Arrival, why: &str) {
+        let (net, reason) = (Arc::clone(&self.role.net), CloseCode::Failed.because(why));
+        self.role.net.spawn(Box::pin(async move {
+            leave(vec![link], reason).await;
+            sleep_until(&*net, net.now().after(PAUSE)).await;
+            drop(seat);
+        }));
     }
 
     /// Waits until something has come. Never ends where the display has its scene.
