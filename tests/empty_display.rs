@@ -82,3 +82,14 @@ fn a_display_without_the_scene_needs_cullers_and_a_path() {
         assert!(!bench.path("walk").exists(), "something was left behind");
     }
 }
+
+#[test]
+fn a_walk_with_an_empty_display_needs_a_culler() {
+    let bench = Bench::with_plant(30);
+    let output =
+        bench.trimaran(&["run", "plant.scene", "--empty-display", "--cullers", "0", "--out", "walk"]);
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("give --cullers 1 or more"), "{said}");
+    assert!(!bench.path("walk").exists(), "something was left behind");
+}

@@ -36,6 +36,11 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             "--metrics shows what links between processes carry: add --link unix, tcp, quic or udp",
         ));
     }
+    if args.empty_display && args.cullers.cullers == 0 {
+        return Err(Failure::bad_input(
+            "--empty-display is sent what becomes visible by a culler: give --cullers 1 or more",
+        ));
+    }
     if args.state.is_some() && args.record.is_some() {
         return Err(Failure::bad_input(
             "--record keeps walks of one view state: leave --state or --record out",

@@ -379,6 +379,10 @@ impl RoleConfig for DisplayConfig {
             let why = "without it say in `cullers` or `listen` who sends what becomes visible";
             return Err(ConfigError::Value { key: "scene", why });
         }
+        if self.empty_display && count == 0 && self.listen.is_none() {
+            let why = "say in `cullers` or `listen` who sends what becomes visible";
+            return Err(ConfigError::Value { key: "empty_display", why });
+        }
         if self.scene.is_none() && self.session.path == "auto" {
             let why = "an automatic path needs the scene: give a path file";
             return Err(ConfigError::Value { key: "session.path", why });
