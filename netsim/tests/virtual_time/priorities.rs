@@ -112,14 +112,14 @@ pub(crate) async fn everything_goes_before_blocks(pairs: &impl Pairs) {
 }
 
 /// How long a frame and a message take that are sent at once, one each 20 ms, while so many blocks are sent
-/// as fast as they are taken; the longest times of the first 100 ms, and of what comes later.
-pub(crate) async fn beside_blocks(pairs: &impl Pairs, blocks: u32) -> [[Duration; 2]; 2] {
+/// as fast as they are taken; the longest times.
+pub(crate) async fn beside_blocks(pairs: &impl Pairs, blocks: u32) -> [Duration; 2] {
     let (arm, panel) = pairs.pair(LinkConfig::default()).await;
     let Link { bulk: blocks_out, mut frames_tx, mut messages_tx, latest_tx: _latest_tx, .. }: Link<Robot> =
         arm;
     let Link { bulk: blocks_in, mut frames_rx, mut messages_rx, latest_rx: _latest_rx, .. } = panel;
     let (mut blocks_out, mut blocks_in) = (blocks_out.unwrap(), blocks_in.unwrap());
-    let (net, mut longest) = (pairs.net(), [[Duration::ZERO; 2]; 2]);
+    let (net, mut longest) = (pairs.net(), [Duration::ZERO; 2]);
     let begun = net.now();
     let measure = async {
         for number in 0..20 {
@@ -136,8 +136,7 @@ pub(crate) async fn beside_blocks(pairs: &impl Pairs, blocks: u32) -> [[Duration
                 net.now().since(at)
             };
             let (frame, message) = tokio::join!(frame, message);
-            let longest = &mut longest[usize::from(number >= 5)];
-            *longest = [longest[0].max(frame), longest[1].max(message)];
+            longest = [longest[0].max(frame), longest[1].max(message)];
         }
     };
     tokio::join!(measure, send_blocks(&mut blocks_out.tx, blocks), take_blocks(&mut blocks_in.rx, blocks));

@@ -144,7 +144,8 @@ impl CullerLink {
                         Err(end) => (Err(end), false),
                     },
                     cause = failed(&mut self.supply) => {
-                        return Heard::Gone(RoleError::Supplied { peer: self.id.to_string(), cause: Box::new(cause) });
+                        let (peer, cause) = (self.id.to_string(), Box::new(cause));
+                        return Heard::Gone(RoleError::Supplied { peer, cause });
                     }
                     () = say_all(&mut self.link.messages_tx, &mut self.unsaid) => continue,
                     end = left_early(&mut self.link.latest_rx) => (Err(end), false),

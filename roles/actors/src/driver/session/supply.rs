@@ -142,7 +142,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     /// Lets another culler supply the display.
     pub(super) fn change_supplier(&mut self, now: Instant) {
         let supplier = self.supplies.as_ref().and_then(|supplies| supplies.supplier);
-        tracing::warn!(id = ?supplier, "it sends nothing of what is lacking: another culler supplies the display");
+        tracing::warn!(id = ?supplier, "it sends nothing of what is lacking: another one supplies the display");
         if let Some(supplier) = find(&self.cullers, supplier) {
             supplier.end();
         }
