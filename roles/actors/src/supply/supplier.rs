@@ -60,8 +60,8 @@ pub(crate) struct Supplier {
     order: BinaryHeap<Due>,
     shown: Option<FrameNumber>,
     window: Window,
-    /// Made ready, and first to be sent: items, then pieces of geometry.
-    ready: VecDeque<Supply>,
+    /// Made ready, and first to be sent: items and what ends with them, then pieces of geometry.
+    ready: VecDeque<(Supply, Vec<Ending>)>,
     pieces: VecDeque<u32>,
     piece: Option<Piece>,
     /// What ends in the block that is being made.
@@ -159,10 +159,11 @@ impl Supplier {
         let mut block = Vec::new();
         loop {
             self.make_ready()?;
-            if let Some(item) = self.ready.front() {
+            if let Some((item, ending)) = self.ready.front_mut() {
                 if !put_item(&mut block, item) {
                     break;
                 }
+                self.ending.append(ending);
                 self.ready.pop_front();
             } else if self.piece.is_some() {
                 if !self.put_part(&mut block) {
@@ -296,8 +297,8 @@ impl Supplier {
             self.pack(first);
             self.pack(second);
         } else {
-            self.ready.push_back(Supply::Entries { packed });
-            self.ending.extend(entries.iter().map(|entry| Ending::Record(entry.id)));
+            let ending = entries.iter().map(|entry| Ending::Record(entry.id)).collect();
+            self.ready.push_back((Supply::Entries { packed }, ending));
         }
     }
 
