@@ -83,14 +83,14 @@ fn a_running_session_shows_what_its_links_carry() {
     assert!(readings[0]["received"]["ids"].as_u64().unwrap() > 0);
 }
 
-/// A listener with room for one peer and three handshakes, which a link over TCP takes, meets a crowd, and a
+/// A listener with room for one peer and four handshakes, which a link over TCP takes, meets a crowd, and a
 /// peer that says more than it may.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
     let soon = net.now().after(Duration::from_secs(60));
     let identity = |role| Identity { role, scene: Some(SceneHash(1).into()), session: None };
-    let limits = Limits { peers: 1, handshakes: 3, ..Limits::default() };
+    let limits = Limits { peers: 1, handshakes: 4, ..Limits::default() };
     let link = LinkConfig { messages_per_s: 2, ..LinkConfig::default() };
     let strict = Options { limits, link, ..Options::default() };
     let anywhere = "tcp://127.0.0.1:0".parse().unwrap();
@@ -102,7 +102,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let culler = connect::<Walkthrough>(&net, &there, identity(Role::Culler), &options, soon).await;
     let (mut culler, mut display) = (culler.unwrap(), listener.accept(soon).await.unwrap());
     let mut silent = Vec::new();
-    for _ in 0..3 {
+    for _ in 0..4 {
         silent.push(Dial::connect(at.to_string()).await.unwrap());
     }
     while listener.turned_away().no_room == 0 {

@@ -10,14 +10,15 @@ pub struct Limits {
     pub peers: usize,
     /// How many handshakes a listener has under way at once. One more takes the slot of the oldest: of the
     /// address that holds most, where one holds more than a link takes. Default 64.
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::of_a_link"))]
     pub handshakes: usize,
     /// How many handshakes may begin at a listener in a second, by all together. More are turned away,
     /// except that each address may begin its even share. Default 1,000.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::above_zero"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::of_a_link"))]
     pub handshakes_per_s: u32,
     /// And by one address, of IPv6 one network of 64 bits, or over Unix sockets one user. A link over byte
     /// streams takes four. Default 500.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::above_zero"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::of_a_link"))]
     pub handshakes_per_s_per_address: u32,
 }
 

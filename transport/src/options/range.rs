@@ -26,6 +26,19 @@ pub(crate) fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u
     within(deserializer, &(1..=u32::MAX))
 }
 
+/// A count of handshakes with which a link can come about: over byte streams it takes four.
+pub(crate) fn of_a_link<'de, D, T>(deserializer: D) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: DeserializeOwned + PartialOrd + Display + From<u8>,
+{
+    let value = T::deserialize(deserializer)?;
+    if value >= T::from(4) {
+        return Ok(value);
+    }
+    Err(D::Error::custom(format_args!("{value} is out of range: a link takes 4, so give at least that")))
+}
+
 /// The time after which a silent peer counts as lost.
 pub(crate) mod idle_timeout_s {
     pub(crate) use trimaran_net::config::seconds::serialize;
