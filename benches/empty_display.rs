@@ -13,7 +13,7 @@ use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran_actors::{
     BoxedError, CullerEvent, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint, Peers,
     RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints, ShownFrame, Sought, Stop, Supplied,
-    Turns, max_frame,
+    Turns, WhileLoading, max_frame,
 };
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
@@ -140,7 +140,11 @@ impl Bench {
         let [ours, theirs] = acquainted(max_frame(&self.scene))?;
         let at = format!("{scheme}://{}:7400", host.v4()).parse()?;
         let turns = Turns::at_once();
-        let supplied = Supplied { scene: Arc::new(Scene::empty(self.scene.outline())), memory: CACHE };
+        let supplied = Supplied {
+            scene: Arc::new(Scene::empty(self.scene.outline())),
+            memory: CACHE,
+            while_loading: WhileLoading::default(),
+        };
         let shown_on = GpuScene::new(&self.display, &supplied.scene)?;
         let pictures = VulkanDisplay::new(&shown_on, self.settings.viewport)?;
         let sought = Sought {

@@ -9,8 +9,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use thiserror::Error;
 use trimaran_wire::MAX_BLOCK;
 
-use crate::FrameNumber;
 use crate::varint::{get_varint, put_varint};
+use crate::{DrawableId, FrameNumber};
 
 /// What a culler sends to a display that holds no scene.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,6 +33,18 @@ pub enum Supply {
         /// The part.
         part: Bytes,
     },
+    /// A coarser drawable that may be shown in the place of others until these have come.
+    StandIn {
+        /// Its id.
+        id: DrawableId,
+        /// What it stands in for.
+        drawables: NumberList,
+    },
+    /// These pieces of geometry come next, or have come, though no frame needs them yet.
+    Ahead {
+        /// The pieces.
+        geometries: NumberList,
+    },
 }
 
 /// What a display without a scene says to the culler that supplies it.
@@ -40,7 +52,13 @@ pub enum Supply {
 #[non_exhaustive]
 pub enum Demand {
     /// From now on send what becomes visible.
-    Begin,
+    Begin {
+        /// Whether coarser drawables are sent first, which stand in for what is still to come.
+        coarser_first: bool,
+        /// How many bytes of geometry may come before a frame needs them, as long as none has used them. Such
+        /// bytes count for ten seconds. With 0 none come.
+        ahead: u64,
+    },
     /// Send nothing more: another culler does.
     End,
     /// What the display has already.
@@ -189,7 +207,7 @@ mod tests {
     fn any_demand() -> impl Strategy<Value = Demand> {
         let frame = any::<u32>().prop_map(FrameNumber);
         prop_oneof![
-            Just(Demand::Begin),
+            any::<(bool, u64)>().prop_map(|(coarser_first, ahead)| Demand::Begin { coarser_first, ahead }),
             Just(Demand::End),
             (any_numbers(), any_numbers())
                 .prop_map(|(drawables, geometries)| Demand::Holds { drawables, geometries }),
@@ -208,6 +226,9 @@ mod tests {
             (any::<[u32; 3]>(), bytes()).prop_map(|([number, length, offset], part)| {
                 Supply::Geometry { number, length, offset, part }
             }),
+            (any::<u32>(), any_numbers())
+                .prop_map(|(id, drawables)| Supply::StandIn { id: DrawableId(id), drawables }),
+            any_numbers().prop_map(|geometries| Supply::Ahead { geometries }),
         ]
     }
 

@@ -18,7 +18,8 @@ use trimaran::{
 };
 use trimaran_actors::{
     Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers,
-    RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, max_frame,
+    RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading,
+    max_frame,
 };
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SceneOutline, SessionKey, Settings};
@@ -77,7 +78,10 @@ impl EmptyScene {
     pub(super) fn new(outline: SceneOutline, gpu: &Arc<Gpu>, memory: ByteSize) -> Result<Self, Failure> {
         let scene = Arc::new(Scene::empty(outline));
         let drawn = GpuScene::new(gpu, &scene).map_err(Failure::broken)?;
-        Ok(Self { supplied: Supplied { scene, memory: memory.as_u64() }, drawn })
+        Ok(Self {
+            supplied: Supplied { scene, memory: memory.as_u64(), while_loading: WhileLoading::default() },
+            drawn,
+        })
     }
 
     /// As a report knows it, where there is no file.

@@ -60,7 +60,7 @@ pub use deal::{CullerId, Dealer, Disorder, Pace, Schedule, UnknownSchedule};
 pub use device::{CullerDevice, PictureDevice};
 pub use driver::{
     BoxedError, Cameras, CullerEvent, CullerRole, CullerWork, DisplayRole, DisplayWork, LinkError, Observer,
-    RoleError, ShownFrame, Supplied, VisibleIds,
+    RoleError, ShownFrame, Supplied, VisibleIds, WhileLoading,
 };
 pub use ids::{IdError, max_frame};
 pub use join::{JoinError, PeerEndpoint, again};

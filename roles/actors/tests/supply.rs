@@ -23,7 +23,7 @@ use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     Arrival, BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, CullerRole, DisplayRole, Expected,
     FrameStart, Link, LocalSession, Meeting, Observer, Pace, Peers, PictureDevice, RoleError, SceneCulling,
-    ScenePictures, Schedule, Seat, ShownFrame, Stop, Supplied, Turns, max_frame,
+    ScenePictures, Schedule, Seat, ShownFrame, Stop, Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_audit::{IdBuffer, Placement, ReferenceTest, TriangleId, rasterize};
 use trimaran_cook::{
@@ -57,7 +57,7 @@ fn runtime() -> Runtime {
 }
 
 fn supplied(memory: u64) -> Supplied {
-    Supplied { scene: Arc::new(Scene::empty(PLANT.outline())), memory }
+    Supplied { scene: Arc::new(Scene::empty(PLANT.outline())), memory, while_loading: WhileLoading::Wait }
 }
 
 /// A device on the CPU, of a culler that fails at a frame, if it is to.

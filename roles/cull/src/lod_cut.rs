@@ -113,6 +113,29 @@ impl<'s> LodCut<'s> {
         self.magnification(node).error_on_screen(error)
     }
 
+    /// What can stand in for a drawable of the cut, finest first: coarser levels of its node and of those
+    /// above, as long as their error on the screen is at most `bound_px`. A level that shows objects which are
+    /// not all drawn alike can not.
+    pub fn coarser(&self, id: DrawableId, bound_px: f64) -> impl Iterator<Item = DrawableId> + '_ {
+        let drawables = self.scene.drawables();
+        let node = drawables.get(id.index()).map(|drawable| NodeId(drawable.node));
+        let up = node.into_iter().flat_map(|node| self.scene.ancestors(node));
+        let alike = up.take_while(|(id, node)| {
+            !matches!(self.rule.appearance(*id, node), NodeAppearance::Mixed | NodeAppearance::Hidden)
+        });
+        let levels = alike.flat_map(move |(_, node)| {
+            let magnification = self.magnification(node);
+            node.levels().map(move |level| (level, magnification))
+        });
+        let coarser = levels.skip_while(move |(level, _)| *level != id).skip(1);
+        coarser
+            .take_while(move |(level, magnification)| {
+                let error = drawables.get(level.index()).map_or(f64::INFINITY, |level| level.error.into());
+                magnification.error_on_screen(error) <= bound_px
+            })
+            .map(|(level, _)| level)
+    }
+
     /// All drawables of the cut that are not outside the frustum, in the order of a breadth-first traversal:
     /// what is drawn without culling.
     #[must_use]

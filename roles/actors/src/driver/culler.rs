@@ -199,6 +199,11 @@ impl<W: CullerWork> Session<'_, W> {
             if mem::replace(&mut self.view, camera.view()) != camera.view() {
                 self.work.change_view(&state);
             }
+            if let Some(supply) = &self.supply
+                && self.state.as_ref().is_none_or(|before| !Arc::ptr_eq(before, &state))
+            {
+                supply.change_view(&state);
+            }
             self.state = Some(state);
             self.work.has_camera(&camera);
             let occluders_of = self.occlude(camera).await?;

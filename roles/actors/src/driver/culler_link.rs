@@ -1,6 +1,11 @@
 //! A culler's end at the display: what comes over its link, put together to frames.
 
-use std::{collections::VecDeque, future::pending, sync::Arc, time::Duration};
+use std::{
+    collections::{HashSet, VecDeque},
+    future::pending,
+    sync::Arc,
+    time::Duration,
+};
 
 use futures_util::{FutureExt, future::select_all};
 use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes, ViewVersion};
@@ -57,6 +62,8 @@ pub(super) struct Culled {
     pub(super) ids: Vec<DrawableId>,
     /// Which of them are not all there, where the display has no scene.
     pub(super) lacking: Vec<DrawableId>,
+    /// What can be shown in the place of these meanwhile, if coarser drawables may be.
+    pub(super) stand_ins: Option<Vec<DrawableId>>,
     /// How many more it should have: they were lost on a link with deadlines.
     pub(super) missing: u32,
     /// When its begin arrived.
@@ -65,6 +72,15 @@ pub(super) struct Culled {
     pub(super) arrivals: Vec<(u32, Duration)>,
     /// What travelled over the culler's link since its last frame.
     pub(super) traffic: SentBytes,
+}
+
+impl Culled {
+    /// What can be drawn of it now, with what stands in for the rest.
+    pub(super) fn there(&self) -> Vec<DrawableId> {
+        let lacking: HashSet<_> = self.lacking.iter().collect();
+        let ids = self.ids.iter().filter(|id| !lacking.contains(id));
+        ids.chain(self.stand_ins.iter().flatten()).copied().collect()
+    }
 }
 
 /// What a culler has to say.
@@ -195,6 +211,7 @@ impl CullerLink {
                     by: Some(peer),
                     ids: self.ids.finish(),
                     lacking: Vec::new(),
+                    stand_ins: None,
                     missing: match outcome {
                         FrameOutcome::Complete(_) => 0,
                         FrameOutcome::Incomplete { expected, received, .. } => {

@@ -53,6 +53,17 @@ pub trait DisplayWork {
     fn picture(&mut self) -> Result<Option<&Image>, RoleError>;
 }
 
+/// What a live display that has no scene shows of a frame, while some of it is still to come. In lockstep it
+/// always waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum WhileLoading {
+    /// Coarser drawables in the place of what is still to come, which are sent first.
+    #[default]
+    Coarser,
+    /// Nothing: it waits until all of the frame has come.
+    Wait,
+}
+
 /// A scene that a display is supplied by its cullers.
 #[derive(Debug, Clone)]
 pub struct Supplied {
@@ -60,6 +71,8 @@ pub struct Supplied {
     pub scene: Arc<Scene>,
     /// The most bytes of packed geometry that are kept beside what the frame under way needs.
     pub memory: u64,
+    /// What is shown while some of a frame is still to come.
+    pub while_loading: WhileLoading,
 }
 
 /// A display and its cullers.

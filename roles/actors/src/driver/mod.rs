@@ -19,7 +19,7 @@ mod views;
 
 pub(crate) use close::leave_unable;
 pub use culler::{CullerRole, CullerWork, VisibleIds};
-pub use display::{DisplayRole, DisplayWork, Supplied};
+pub use display::{DisplayRole, DisplayWork, Supplied, WhileLoading};
 pub use error::{BoxedError, LinkError, RoleError};
 pub use observer::{CullerEvent, Observer, ShownFrame};
 pub use published::Cameras;

@@ -19,6 +19,11 @@ pub struct ShownFrame<'f> {
     pub ids: &'f [DrawableId],
     /// How many of them were drawn only because ids of the frame were lost on a link with deadlines.
     pub for_loss: u32,
+    /// How many drawables of the frame had not come yet, where the display has no scene: coarser ones were
+    /// drawn in their place. 0 where the picture is exact.
+    pub lacking: u32,
+    /// The last frame is shown again, as more of it has come.
+    pub again: bool,
     /// The picture, if it was asked for.
     pub picture: Option<&'f Image>,
     /// When its camera was handed out, since the session's start.

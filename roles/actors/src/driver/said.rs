@@ -58,6 +58,11 @@ impl Said {
         said.and_then(|stats| self.as_shown(stats))
     }
 
+    /// The last frame is shown again: nothing new is said of it.
+    pub(super) fn shown_again(&mut self) {
+        self.count = FrameNumber(self.count.0.saturating_add(1));
+    }
+
     /// Takes what is said of a frame. Gives it if that is shown already.
     pub(super) fn note(&mut self, stats: FrameStats) -> Option<FrameStats> {
         if self.last_shown().is_some_and(|last| stats.frame <= last) {

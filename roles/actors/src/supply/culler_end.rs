@@ -5,7 +5,7 @@ use std::{future::pending, sync::Arc};
 use parking_lot::Mutex;
 use tokio::sync::{Notify, oneshot};
 use trimaran_cull::View;
-use trimaran_proto::{Demand, DrawableId, items};
+use trimaran_proto::{Demand, DrawableId, ViewState, items};
 use trimaran_scene::Scene;
 use trimaran_transport::{Bulk, Net, RecvError};
 
@@ -40,6 +40,11 @@ impl CullerEnd {
         let task = serve(Arc::clone(net), bulk, Arc::clone(&shared), stopped, gives);
         net.spawn(Box::pin(task));
         Self { shared, stop, over }
+    }
+
+    /// Frames are culled in this view state from now on.
+    pub(crate) fn change_view(&self, state: &ViewState) {
+        self.shared.supplier.lock().change_view(state);
     }
 
     /// These were found visible from `view`.

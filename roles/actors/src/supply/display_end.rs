@@ -32,8 +32,8 @@ impl DisplayEnd {
         Self { demands, taken, over, ended: None }
     }
 
-    /// Asks for what becomes visible, but what is there.
-    pub(crate) fn begin(&self, holdings: &Holdings) {
+    /// Asks for what becomes visible, but what is there; for coarser drawables first, if it is to.
+    pub(crate) fn begin(&self, holdings: &Holdings, coarser_first: bool) {
         let [drawables, geometries] = holdings.all();
         for drawables in drawables.parts() {
             self.say(Demand::Holds { drawables, geometries: NumberList::default() });
@@ -41,7 +41,7 @@ impl DisplayEnd {
         for geometries in geometries.parts() {
             self.say(Demand::Holds { drawables: NumberList::default(), geometries });
         }
-        self.say(Demand::Begin);
+        self.say(Demand::Begin { coarser_first, ahead: 0 });
     }
 
     /// Asks for nothing more.

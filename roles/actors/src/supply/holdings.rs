@@ -1,6 +1,6 @@
 //! What a display without a scene has of it, within a budget.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
 use bytes::{Bytes, BytesMut};
@@ -71,6 +71,8 @@ struct Inner {
     records: Vec<u32>,
     /// When each piece of geometry was used last.
     pieces: HashMap<u32, u64>,
+    /// What may be shown in the place of which drawables.
+    stand_ins: HashMap<DrawableId, DrawableId>,
     bytes: u64,
     /// What may be held before more is taken.
     limit: u64,
@@ -117,6 +119,13 @@ impl Holdings {
                         self.take_piece(number, bytes)?;
                     }
                 }
+                Supply::StandIn { id, drawables } => {
+                    let stand_ins = &mut self.inner.lock().stand_ins;
+                    stand_ins.extend(drawables.iter().map(|finer| (DrawableId(finer), id)));
+                    if stand_ins.len() > MOST_RECORDS {
+                        return Err(SupplyError::Records);
+                    }
+                }
                 _ => {}
             }
         }
@@ -152,6 +161,22 @@ impl Holdings {
         Ok(lacking)
     }
 
+    /// What may be shown in the place of drawables that are not all there, each once; nothing where something
+    /// is missing that could stand in for one of them.
+    pub(crate) fn stand_ins(&self, lacking: &[DrawableId]) -> Result<Option<Vec<DrawableId>>, GiveError> {
+        let mut stand_ins = BTreeSet::new();
+        let inner = self.inner.lock();
+        for id in lacking {
+            let stand_in = inner.stand_ins.get(id).copied();
+            let Some(stand_in) = stand_in else { return Ok(None) };
+            if !stand_ins.contains(&stand_in) && !self.scene.has(stand_in)? {
+                return Ok(None);
+            }
+            stand_ins.insert(stand_in);
+        }
+        Ok(Some(stand_ins.into_iter().collect()))
+    }
+
     /// Everything there is: records and pieces of geometry.
     pub(crate) fn all(&self) -> [NumberList; 2] {
         let inner = self.inner.lock();
@@ -166,14 +191,14 @@ impl Holdings {
     }
 
     /// Where there is more than the budget, throws away what was not used for the longest time, but nothing
-    /// of the frame that is `due`. Gives what.
-    pub(crate) fn trim(&self, due: &[DrawableId]) -> NumberList {
+    /// of the frame that is due, which is of all `these`. Gives what.
+    pub(crate) fn trim(&self, these: &[&[DrawableId]]) -> NumberList {
         let mut inner = self.inner.lock();
         if inner.bytes <= self.budget {
             return NumberList::default();
         }
         inner.tick += 1;
-        inner.touch(&self.scene, due);
+        these.iter().for_each(|ids| inner.touch(&self.scene, ids));
         let now = inner.tick;
         let idle = inner.pieces.iter().filter(|(_, used)| **used < now);
         let mut by_age: Vec<_> = idle.map(|(number, used)| (*used, *number)).collect();

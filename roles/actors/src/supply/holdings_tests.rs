@@ -185,9 +185,9 @@ fn what_the_due_frame_needs_stays_whatever_the_budget_is() {
     ids.iter().for_each(|id| give(&holdings, *id));
     holdings.used(&ids[3..]);
     let due = &ids[..3];
-    assert_eq!(holdings.trim(due), NumberList::of(ids[3..].iter().map(|id| geometry_of(*id)).collect()));
+    assert_eq!(holdings.trim(&[due]), NumberList::of(ids[3..].iter().map(|id| geometry_of(*id)).collect()));
     assert_eq!(holdings.lacking(&ids).unwrap(), ids[3..]);
-    assert_eq!(holdings.trim(due), NumberList::default());
+    assert_eq!(holdings.trim(&[due]), NumberList::default());
     // Records stay.
     assert_eq!(holdings.all()[0], NumberList::of(ids.iter().map(|id| id.0).collect()));
     give(&holdings, ids[4]);
@@ -203,6 +203,6 @@ fn there_is_no_room_beyond_the_slack_until_it_is_trimmed() {
     holdings.inner.lock().bytes += SLACK;
     assert!(!holdings.has_room());
     // What is due cannot go, and more is to come all the same.
-    assert_eq!(holdings.trim(&[id]), NumberList::default());
+    assert_eq!(holdings.trim(&[&[id]]), NumberList::default());
     assert!(holdings.has_room());
 }

@@ -7,6 +7,7 @@
 mod culler_end;
 mod display_end;
 mod holdings;
+mod queue;
 mod supplier;
 mod window;
 

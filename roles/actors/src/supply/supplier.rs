@@ -1,19 +1,21 @@
 //! What a culler has to send to a display that holds no scene: which, in which order, and how much at once.
 
 use std::{
-    cmp::Ordering,
-    collections::{BinaryHeap, HashMap, VecDeque, hash_map::Entry},
+    collections::{BTreeMap, HashMap, VecDeque, hash_map::Entry},
     sync::Arc,
 };
 
 use bytes::Bytes;
 use thiserror::Error;
-use trimaran_cull::View;
-use trimaran_proto::{BulkError, Demand, DrawableId, FrameNumber, NumberList, Supply, put_item};
+use trimaran_cull::{CutRule, LodCut, View};
+use trimaran_proto::{BulkError, Demand, DrawableId, FrameNumber, NumberList, Supply, ViewState, put_item};
 use trimaran_scene::{DrawableEntry, ReadError, Scene, pack_entries};
 use trimaran_transport::{Instant, MAX_BLOCK, SendError};
 
-use super::window::{NotSent, Window};
+use super::{
+    queue::{Purpose, Queue},
+    window::{NotSent, Window},
+};
 
 /// How many drawables are made ready together: their records are packed as one.
 const BATCH: usize = 64;
@@ -21,6 +23,8 @@ const BATCH: usize = 64;
 const LEAST_PART: usize = 256;
 /// The bytes of a part beside its content, at most.
 const PART_HEAD: usize = 24;
+/// How much larger than the bound of the view state the error of what stands in for others may be.
+const COARSER: f64 = 16.0;
 /// Of what is on its way nobody knows yet where it ends.
 const NOT_YET: u64 = u64::MAX;
 
@@ -46,8 +50,12 @@ pub enum SupplyFault {
 #[derive(Debug)]
 pub(crate) struct Supplier {
     scene: Arc<Scene>,
+    /// How drawables are chosen; none before the first view state came.
+    rule: Option<CutRule>,
     /// Whether the display has asked for anything.
     has_begun: bool,
+    /// Whether it wants coarser drawables first.
+    coarser_first: bool,
     /// What was found in the newest frame before that: the first camera may overtake the request.
     early: Vec<DrawableId>,
     view: Option<View>,
@@ -55,10 +63,13 @@ pub(crate) struct Supplier {
     /// had. What ended at or before what the display has taken is there, unless the display says otherwise.
     records: HashMap<u32, u64>,
     geometries: HashMap<u32, u64>,
-    /// What is to be sent, and for which frame it is needed last.
-    due: HashMap<DrawableId, FrameNumber>,
-    order: BinaryHeap<Due>,
-    shown: Option<FrameNumber>,
+    /// What is to be sent.
+    queue: Queue,
+    /// New in it, and nothing stands in for them yet.
+    bare: Vec<(DrawableId, FrameNumber)>,
+    /// What stands in for which drawables, as the display was told, and is to be told.
+    stand_ins: HashMap<DrawableId, DrawableId>,
+    untold: BTreeMap<DrawableId, Vec<u32>>,
     window: Window,
     /// Made ready, and first to be sent: items and what ends with them, then pieces of geometry.
     ready: VecDeque<(Supply, Vec<Ending>)>,
@@ -82,32 +93,32 @@ struct Piece {
     sent: usize,
 }
 
-/// A drawable by how soon it is to be sent: what looks largest first.
-#[derive(Debug, Clone, Copy)]
-struct Due {
-    /// About its size on the screen, squared.
-    size: f64,
-    id: DrawableId,
-}
-
 impl Supplier {
     pub(crate) fn new(scene: &Arc<Scene>) -> Self {
         Self {
             scene: Arc::clone(scene),
+            rule: None,
             has_begun: false,
+            coarser_first: false,
             early: Vec::new(),
             view: None,
             records: HashMap::new(),
             geometries: HashMap::new(),
-            due: HashMap::new(),
-            order: BinaryHeap::new(),
-            shown: None,
+            queue: Queue::default(),
+            bare: Vec::new(),
+            stand_ins: HashMap::new(),
+            untold: BTreeMap::new(),
             window: Window::new(),
             ready: VecDeque::new(),
             pieces: VecDeque::new(),
             piece: None,
             ending: Vec::new(),
         }
+    }
+
+    /// Frames are culled in this view state from now on.
+    pub(crate) fn change_view(&mut self, state: &ViewState) {
+        self.rule = Some(CutRule::new(&self.scene, state));
     }
 
     /// These were found visible from `view`. Gives whether some of them are to be sent.
@@ -121,16 +132,15 @@ impl Supplier {
             return false;
         }
         self.view = Some(*view);
-        let before = self.order.len();
         let frame = view.camera().frame();
-        ids.iter().for_each(|id| self.need(frame, *id));
-        self.order.len() > before
+        let news = ids.iter().filter(|id| self.need(frame, **id)).count();
+        news > 0
     }
 
     /// Takes what the display says.
     pub(crate) fn hear(&mut self, demand: Demand, now: Instant) -> Result<(), SupplyFault> {
         match demand {
-            Demand::Begin => self.begin(),
+            Demand::Begin { coarser_first, .. } => self.begin(coarser_first),
             Demand::End => self.end(),
             Demand::Holds { drawables, geometries } => {
                 self.records.extend(drawables.iter().map(|id| (id, 0)));
@@ -145,7 +155,7 @@ impl Supplier {
             Demand::Taken { bytes } => {
                 self.window.take(bytes, now).map_err(|NotSent| SupplyFault::NotSent)?;
             }
-            Demand::Shown { frame } => self.shown = self.shown.max(Some(frame)),
+            Demand::Shown { frame } => self.queue.shown(frame),
             _ => {}
         }
         Ok(())
@@ -190,8 +200,9 @@ impl Supplier {
         Ok(Some(block.into()))
     }
 
-    fn begin(&mut self) {
+    fn begin(&mut self, coarser_first: bool) {
         self.has_begun = true;
+        self.coarser_first = coarser_first;
         if let Some(view) = self.view {
             let early = std::mem::take(&mut self.early);
             self.found(&view, &early);
@@ -203,29 +214,69 @@ impl Supplier {
         self.has_begun = false;
         self.records.clear();
         self.geometries.clear();
-        self.due.clear();
-        self.order.clear();
+        self.queue.clear();
+        self.bare.clear();
+        self.stand_ins.clear();
+        self.untold.clear();
         self.ready.clear();
         self.pieces.clear();
     }
 
-    /// Sends a drawable for a frame, unless the display has it or it is on its way.
-    fn need(&mut self, frame: FrameNumber, id: DrawableId) {
-        let Some(drawable) = self.scene.drawables().get(id.index()) else { return };
-        if self.records.contains_key(&id.0) && self.geometries.contains_key(&drawable.geometry) {
-            return;
+    /// Sends a drawable for a frame, unless the display has it or it is on its way. Gives whether it was not
+    /// to be sent before.
+    fn need(&mut self, frame: FrameNumber, id: DrawableId) -> bool {
+        if self.scene.drawables().get(id.index()).is_none() || self.has(id) || self.queue.renew(id, frame) {
+            return false;
         }
-        if let Some(needed) = self.due.get_mut(&id) {
-            *needed = frame.max(*needed);
-            return;
+        self.queue.push(id, frame, Purpose::Shows, self.size(id));
+        if self.coarser_first {
+            self.bare.push((id, frame));
         }
-        let node = self.scene.nodes().get(drawable.node as usize);
-        let size = node.zip(self.view).map_or(0.0, |(node, view)| {
+        true
+    }
+
+    /// Whether the display has it, or it is on its way.
+    fn has(&self, id: DrawableId) -> bool {
+        let drawable = self.scene.drawables().get(id.index());
+        drawable.is_some_and(|drawable| {
+            self.records.contains_key(&id.0) && self.geometries.contains_key(&drawable.geometry)
+        })
+    }
+
+    /// About its size on the screen, squared.
+    fn size(&self, id: DrawableId) -> f64 {
+        let drawable = self.scene.drawables().get(id.index());
+        let node = drawable.and_then(|drawable| self.scene.nodes().get(drawable.node as usize));
+        node.zip(self.view).map_or(0.0, |(node, view)| {
             let (min, max) = node.world_box();
             (max - min).length_squared() / node.distance_squared(view.eye()).max(1e-6)
-        });
-        self.due.insert(id, frame);
-        self.order.push(Due { size, id });
+        })
+    }
+
+    /// Looks for what stands in for new drawables: what the display has, or else the coarsest. Where nothing
+    /// can, the drawable itself comes as soon as what stands in for others.
+    fn find_stand_ins(&mut self) {
+        let bare = std::mem::take(&mut self.bare);
+        let (Some(view), Some(rule)) = (self.view, &self.rule) else { return };
+        let scene = Arc::clone(&self.scene);
+        let cut = LodCut::new(&scene, &view, rule);
+        let bound_px = COARSER * rule.lod().epsilon_px();
+        for (id, frame) in bare {
+            let mut coarsest = None;
+            for coarser in cut.coarser(id, bound_px) {
+                coarsest = Some(coarser);
+                if self.has(coarser) {
+                    break;
+                }
+            }
+            let stand_in = coarsest.unwrap_or(id);
+            if stand_in != id && self.stand_ins.insert(id, stand_in) != Some(stand_in) {
+                self.untold.entry(stand_in).or_default().push(id.0);
+            }
+            if !self.has(stand_in) {
+                self.queue.push(stand_in, frame, Purpose::StandsIn, self.size(stand_in));
+            }
+        }
     }
 
     fn lacks(&mut self, frame: FrameNumber, taken: u64, drawables: &NumberList) {
@@ -247,6 +298,8 @@ impl Supplier {
             return Ok(());
         }
         if self.pieces.is_empty() {
+            self.find_stand_ins();
+            self.tell_stand_ins();
             self.take_batch();
         }
         if self.ready.is_empty()
@@ -258,17 +311,24 @@ impl Supplier {
         Ok(())
     }
 
+    fn tell_stand_ins(&mut self) {
+        for (id, drawables) in std::mem::take(&mut self.untold) {
+            let parts = NumberList::of(drawables);
+            let items = parts.parts().map(|drawables| (Supply::StandIn { id, drawables }, Vec::new()));
+            self.ready.extend(items);
+        }
+    }
+
+    /// What stands in for others and what does not are no batch together.
     fn take_batch(&mut self) {
         let mut entries = Vec::new();
         let mut taken = 0;
+        let purpose = self.queue.purpose();
         while taken < BATCH
-            && let Some(Due { id, .. }) = self.order.pop()
+            && self.queue.purpose() == purpose
+            && let Some(id) = self.queue.pop()
         {
-            // What only frames that were shown needed is left.
-            let needed = self.due.remove(&id).filter(|frame| Some(*frame) > self.shown);
-            let Some(drawable) = self.scene.drawables().get(id.index()).filter(|_| needed.is_some()) else {
-                continue;
-            };
+            let Some(drawable) = self.scene.drawables().get(id.index()) else { continue };
             taken += 1;
             if !self.records.contains_key(&id.0)
                 && let Some(entry) = DrawableEntry::of(&self.scene, id)
@@ -324,26 +384,6 @@ impl Supplier {
         true
     }
 }
-
-impl Ord for Due {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.size.total_cmp(&other.size).then(other.id.cmp(&self.id))
-    }
-}
-
-impl PartialOrd for Due {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Due {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Due {}
 
 #[cfg(test)]
 #[path = "supplier_tests.rs"]

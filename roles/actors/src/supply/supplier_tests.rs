@@ -93,7 +93,7 @@ struct Came {
 impl Pair {
     fn new(scene: &Arc<Scene>) -> Self {
         let mut new = Self { supplier: Supplier::new(scene), taken: 0 };
-        new.hear(Demand::Begin);
+        new.hear(Demand::Begin { coarser_first: false, ahead: 0 });
         new
     }
 
@@ -206,7 +206,7 @@ fn nothing_is_sent_before_the_display_asks() {
     let mut supplier = Supplier::new(&PLANT);
     assert!(!supplier.found(&view(0), &ids(0..9)));
     assert_eq!(supplier.next_block(NOW).unwrap(), None);
-    supplier.hear(Demand::Begin, NOW).unwrap();
+    supplier.hear(Demand::Begin { coarser_first: false, ahead: 0 }, NOW).unwrap();
     assert!(supplier.next_block(NOW).unwrap().is_some());
 }
 
@@ -221,7 +221,7 @@ fn what_the_newest_frame_before_the_request_found_is_sent_but_what_the_display_h
     let geometries = NumberList::of(geometries_of(&PLANT, &all[20..]).into_iter().collect());
     pair.hear(Demand::Holds { drawables: list(&all[20..]), geometries });
     assert_eq!(pair.came(), Came::default());
-    pair.hear(Demand::Begin);
+    pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
     let came = pair.came();
     assert_eq!(sorted(came.records), all[10..20].iter().map(|id| id.0).collect::<Vec<_>>());
     assert_eq!(sorted(came.pieces), Vec::from_iter(geometries_of(&PLANT, &all[10..20])));
@@ -346,7 +346,7 @@ fn who_begins_anew_is_sent_all_anew_behind_the_rest_of_a_piece() {
     let mut items = pair.block().unwrap();
     pair.hear(Demand::End);
     assert!(!pair.supplier.found(&view(1), &ids([0, 1])), "another culler supplies the display");
-    pair.hear(Demand::Begin);
+    pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
     pair.hear(Demand::Taken { bytes: pair.taken });
     pair.supplier.found(&view(2), &ids([0, 1]));
     items.extend(pair.items());
@@ -455,7 +455,7 @@ impl World {
             empty,
             arriving: Arriving::default(),
             blocks: VecDeque::new(),
-            demands: VecDeque::from([Demand::Begin]),
+            demands: VecDeque::from([Demand::Begin { coarser_first: false, ahead: 0 }]),
             taken: 0,
             next: 0,
             frames: BTreeMap::new(),
@@ -494,7 +494,7 @@ impl World {
             Step::Trims => {
                 let Some((due, _)) = self.frames.values().next() else { return };
                 let before = self.lacking(due);
-                let dropped = self.holdings.trim(due);
+                let dropped = self.holdings.trim(&[due]);
                 assert_eq!(self.lacking(due), before, "the first frame loses nothing");
                 if dropped.is_empty() {
                     return;

@@ -1,6 +1,6 @@
 //! What a display does with a frame: hands out its camera, culls it itself where nobody else does, shows it.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Duration};
 
 use trimaran_proto::{Camera, FrameNumber, FrameStats, SentBytes, ViewState, ViewVersion};
 
@@ -11,7 +11,7 @@ use super::super::{
     error::RoleError,
     observer::ShownFrame,
 };
-use super::Session;
+use super::{Loading, Session};
 use crate::deal::{CullerId, Pace};
 
 impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
@@ -96,6 +96,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             by: None,
             ids: visible.into_found(),
             lacking: Vec::new(),
+            stand_ins: None,
             missing: 0,
             begun,
             arrivals: Vec::new(),
@@ -106,24 +107,50 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         Ok(())
     }
 
-    /// RVG: draws the frame, and tells the observer.
+    /// Shows a frame that is due.
     pub(super) async fn show(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
         let older = self.dealer.shown(frame);
         self.there.retain(|there, _| !older.contains(there));
         let Some(culled) = self.there.remove(&frame) else { return Ok(()) };
-        let Culled { camera, by, mut ids, missing, begun, arrivals, traffic, .. } = culled;
+        let published = self.published.when(&culled.camera).unwrap_or(culled.begun);
+        self.published.shown(frame);
+        self.draw(frame, culled, published, false).await?;
+        if let Some(stats) = self.said.shown(frame) {
+            self.observer.culled(&stats);
+        }
+        Ok(())
+    }
+
+    /// Shows the last frame again, as more of it has come.
+    pub(super) async fn show_again(&mut self) -> Result<(), RoleError> {
+        let Some(Loading { frame, culled, published, .. }) = self.loading.take() else { return Ok(()) };
+        self.draw(frame, culled, published, true).await?;
+        self.said.shown_again();
+        Ok(())
+    }
+
+    /// RVG: draws the frame, and tells the observer.
+    async fn draw(
+        &mut self,
+        frame: FrameNumber,
+        mut culled: Culled,
+        published: Duration,
+        again: bool,
+    ) -> Result<(), RoleError> {
         // What it does until now is to take messages: that is no computing to wait for.
         self.turn.take().await;
         let drawing = self.clock.elapsed();
+        let camera = culled.camera;
         if self.drawn_in != camera.view() {
             self.drawn_in = camera.view();
             let state = self.view_state(camera.view())?;
             self.role.work.change_view(&state);
         }
+        let lacking = culled.lacking.len();
+        let mut ids = if lacking == 0 { std::mem::take(&mut culled.ids) } else { culled.there() };
         self.note_drawn(&ids);
-        let for_loss = self.role.work.draw(camera, &mut ids, missing).await?;
+        let for_loss = self.role.work.draw(camera, &mut ids, culled.missing).await?;
         let shown = self.clock.elapsed();
-        let published = self.published.when(&camera).unwrap_or(begun);
         let number = self.said.next_number();
         let picture = match self.observer.wants_picture(number) {
             true => self.role.work.picture()?,
@@ -131,25 +158,23 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         };
         let seen = ShownFrame {
             camera: camera.for_frame(number),
-            culler: by,
+            culler: culled.by,
             ids: &ids,
             for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
+            lacking: u32::try_from(lacking).unwrap_or(u32::MAX),
+            again,
             picture,
             published,
-            begun,
+            begun: culled.begun,
             drawing,
             shown,
-            traffic,
-            arrivals: &arrivals,
+            traffic: std::mem::take(&mut culled.traffic),
+            arrivals: &std::mem::take(&mut culled.arrivals),
         };
         self.observer.shown(&seen).map_err(RoleError::Observer)?;
         self.turn.give_back();
         self.last = ids;
-        self.published.shown(frame);
-        self.note_shown(frame)?;
-        if let Some(stats) = self.said.shown(frame) {
-            self.observer.culled(&stats);
-        }
-        Ok(())
+        self.loading = (lacking > 0).then_some(Loading { frame, culled, published, lacked: lacking });
+        self.note_shown(frame)
     }
 }

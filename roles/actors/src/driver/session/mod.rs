@@ -46,6 +46,8 @@ pub(super) struct Session<'r, W, A> {
     cullers: Vec<CullerLink>,
     /// Frames that can be shown, once what they lack has come.
     there: BTreeMap<FrameNumber, Culled>,
+    /// The frame shown last, if that is not exact yet.
+    loading: Option<Loading>,
     /// Where the display has no scene.
     supplies: Option<Supplies>,
     /// Why it can show nothing any more.
@@ -65,6 +67,16 @@ pub(super) struct Session<'r, W, A> {
     stop: &'r Stop,
     cameras: &'r mut dyn Cameras,
     observer: &'r mut dyn Observer,
+}
+
+/// A frame that was shown with coarser drawables in the place of some that had not come yet.
+struct Loading {
+    frame: FrameNumber,
+    culled: Culled,
+    /// When its camera was handed out.
+    published: Duration,
+    /// How many drawables it lacked when it was drawn.
+    lacked: usize,
 }
 
 #[expect(clippy::large_enum_variant, reason = "none is kept")]
@@ -91,7 +103,11 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             introduction: switch.then(|| Introduction::new(role.session)),
             cullers: Vec::new(),
             there: BTreeMap::new(),
-            supplies: role.supplied.as_ref().map(|supplied| Supplies::new(supplied, role.net.now())),
+            loading: None,
+            supplies: role
+                .supplied
+                .as_ref()
+                .map(|supplied| Supplies::new(supplied, role.pace, role.net.now())),
             failed: None,
             published: Published::default(),
             newest: None,
@@ -133,6 +149,8 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             self.deal()?;
             if let Some(frame) = self.due() {
                 self.show(frame).await?;
+            } else if self.has_more() {
+                self.show_again().await?;
             } else if let Some(frame) = self.to_cull_itself() {
                 self.cull_itself(frame).await?;
             } else {

@@ -3,16 +3,17 @@
 use std::{sync::Arc, time::Duration};
 
 use trimaran_proto::{CloseCode, DrawableId, FrameNumber};
+use trimaran_scene::GiveError;
 use trimaran_transport::{Instant, sleep_until};
 
 use super::super::{
     close::leave,
     culler::CullerWork,
     culler_link::{Culled, CullerLink},
-    display::{DisplayWork, Supplied},
+    display::{DisplayWork, Supplied, WhileLoading},
     error::RoleError,
 };
-use super::Session;
+use super::{Loading, Session};
 use crate::{
     deal::{CullerId, Pace},
     peers::Arrival,
@@ -30,25 +31,48 @@ const WAITING: usize = 8;
 #[derive(Debug)]
 pub(super) struct Supplies {
     pub(super) holdings: Arc<Holdings>,
+    /// Whether coarser drawables may be shown in the place of what is still to come.
+    coarser_first: bool,
     supplier: Option<CullerId>,
     /// When something came last, or the supplier was chosen.
     heard: Instant,
 }
 
 impl Supplies {
-    pub(super) fn new(supplied: &Supplied, now: Instant) -> Self {
+    pub(super) fn new(supplied: &Supplied, pace: Pace, now: Instant) -> Self {
         let holdings = Arc::new(Holdings::new(&supplied.scene, supplied.memory));
-        Self { holdings, supplier: None, heard: now }
+        let coarser_first = pace == Pace::Live && supplied.while_loading == WhileLoading::Coarser;
+        Self { holdings, coarser_first, supplier: None, heard: now }
+    }
+
+    /// Looks again what a frame lacks of all its drawables, and what can stand in.
+    fn look(&self, culled: &mut Culled) -> Result<(), GiveError> {
+        culled.lacking = self.holdings.lacking(&culled.ids)?;
+        self.look_for_stand_ins(culled)
+    }
+
+    /// The same, where nothing was thrown away since it was looked for.
+    fn look_again(&self, culled: &mut Culled) -> Result<(), GiveError> {
+        culled.lacking = self.holdings.lacking(&culled.lacking)?;
+        self.look_for_stand_ins(culled)
+    }
+
+    fn look_for_stand_ins(&self, culled: &mut Culled) -> Result<(), GiveError> {
+        culled.stand_ins = match self.coarser_first && !culled.lacking.is_empty() {
+            true => self.holdings.stand_ins(&culled.lacking)?,
+            false => None,
+        };
+        Ok(())
     }
 }
 
 impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
-    /// A frame is whole: it can be shown once all of it is there.
+    /// A frame is whole: it can be shown once all of it is there, or something that stands in for the rest.
     pub(super) fn note_whole(&mut self, frame: FrameNumber, mut culled: Culled) -> Result<(), SupplyError> {
         if let Some(supplies) = &self.supplies {
             let supplier = find(&self.cullers, supplies.supplier);
             let taken = supplier.map_or(0, |supplier| supplier.taken());
-            culled.lacking = supplies.holdings.lacking(&culled.ids)?;
+            supplies.look(&mut culled)?;
             if let Some(supplier) = supplier.filter(|_| !culled.lacking.is_empty()) {
                 supplier.lacks(frame, taken, &culled.lacking);
             }
@@ -64,27 +88,37 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         Ok(())
     }
 
-    /// The frame to show now, if all of one is there: in lockstep the next one, live the newest.
+    /// The frame to show now, if one can be shown: in lockstep the next one, live the newest.
     pub(super) fn due(&self) -> Option<FrameNumber> {
         let due = self.dealer.due()?;
         if self.supplies.is_none() {
             return Some(due);
         }
-        let is_there = |culled: &&Culled| culled.lacking.is_empty();
+        let can_be_shown = |culled: &&Culled| culled.lacking.is_empty() || culled.stand_ins.is_some();
         match self.role.pace {
-            Pace::Lockstep { .. } => self.there.get(&due).filter(is_there).map(|_| due),
+            Pace::Lockstep { .. } => self.there.get(&due).filter(can_be_shown).map(|_| due),
             Pace::Live => {
-                self.there.iter().rev().find(|(_, culled)| is_there(culled)).map(|(frame, _)| *frame)
+                self.there.iter().rev().find(|(_, culled)| can_be_shown(culled)).map(|(frame, _)| *frame)
             }
         }
+    }
+
+    /// Whether so much more of the frame shown last has come that it is to be drawn again: all of it, or half
+    /// of what it lacked.
+    pub(super) fn has_more(&self) -> bool {
+        self.loading.as_ref().is_some_and(|Loading { culled, lacked, .. }| {
+            let lacks = culled.lacking.len();
+            lacks == 0 || culled.stand_ins.is_some() && 2 * lacks <= *lacked
+        })
     }
 
     /// Geometry has come.
     pub(super) fn note_supplied(&mut self, now: Instant) -> Result<(), SupplyError> {
         let Some(supplies) = &mut self.supplies else { return Ok(()) };
         supplies.heard = now;
-        for culled in self.there.values_mut().filter(|culled| !culled.lacking.is_empty()) {
-            culled.lacking = supplies.holdings.lacking(&culled.lacking)?;
+        let loading = self.loading.iter_mut().map(|loading| &mut loading.culled);
+        for culled in self.there.values_mut().chain(loading).filter(|culled| !culled.lacking.is_empty()) {
+            supplies.look_again(culled)?;
         }
         self.trim()
     }
@@ -92,8 +126,11 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     /// A frame was shown: tells the supplier, and throws away what is more than the budget.
     pub(super) fn note_shown(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
         let Some(supplies) = &self.supplies else { return Ok(()) };
-        if let Some(supplier) = find(&self.cullers, supplies.supplier) {
-            supplier.shown(frame);
+        // While it is not exact, only those before it need nothing more.
+        let exact =
+            if self.loading.is_none() { Some(frame) } else { frame.0.checked_sub(1).map(FrameNumber) };
+        if let Some((supplier, exact)) = find(&self.cullers, supplies.supplier).zip(exact) {
+            supplier.shown(exact);
         }
         // What was sent broke no rule when it came, and frames are of what came.
         self.trim()
@@ -104,8 +141,9 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     /// lack then is asked for again.
     fn trim(&mut self) -> Result<(), SupplyError> {
         let Some(supplies) = &self.supplies else { return Ok(()) };
-        let due = self.there.first_key_value().map_or(&self.last, |(_, culled)| &culled.ids);
-        let dropped = supplies.holdings.trim(due);
+        let waits = self.there.values().next().or_else(|| Some(&self.loading.as_ref()?.culled));
+        let stand_ins = waits.and_then(|culled| culled.stand_ins.as_deref()).unwrap_or_default();
+        let dropped = supplies.holdings.trim(&[waits.map_or(&self.last, |culled| &culled.ids), stand_ins]);
         if dropped.is_empty() {
             return Ok(());
         }
@@ -114,13 +152,21 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             supplier.dropped(&dropped);
         }
         let taken = supplier.map_or(0, |supplier| supplier.taken());
-        for (frame, culled) in &mut self.there {
-            culled.lacking = supplies.holdings.lacking(&culled.ids)?;
+        let loading = self.loading.iter_mut().map(|loading| (loading.frame, &mut loading.culled));
+        for (frame, culled) in self.there.iter_mut().map(|(frame, culled)| (*frame, culled)).chain(loading) {
+            supplies.look(culled)?;
             if let Some(supplier) = supplier.filter(|_| !culled.lacking.is_empty()) {
-                supplier.lacks(*frame, taken, &culled.lacking);
+                supplier.lacks(frame, taken, &culled.lacking);
             }
         }
         Ok(())
+    }
+
+    /// Frames that lack something.
+    fn lacking(&self) -> impl Iterator<Item = (FrameNumber, &Culled)> {
+        let loading = self.loading.iter().map(|loading| (loading.frame, &loading.culled));
+        let waiting = self.there.iter().map(|(frame, culled)| (*frame, culled));
+        waiting.chain(loading).filter(|(_, culled)| !culled.lacking.is_empty())
     }
 
     /// Sees to it that one of the cullers that are there supplies the display.
@@ -134,7 +180,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     /// When another culler is to supply the display, if nothing comes until then.
     pub(super) fn supplier_late(&self) -> Option<Instant> {
         let supplies = self.supplies.as_ref()?;
-        let waits = self.there.values().any(|culled| !culled.lacking.is_empty());
+        let waits = self.lacking().next().is_some();
         let others = self.cullers.iter().filter(|culler| culler.supply.is_some()).count() > 1;
         (waits && others).then(|| supplies.heard.after(PATIENCE))
     }
@@ -159,10 +205,10 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         supplies.supplier = next.map(|culler| culler.id);
         let Some(supplier) = next.and_then(|culler| culler.supply.as_ref()) else { return };
         tracing::debug!(id = ?supplies.supplier, "supplies the display");
-        supplier.begin(&supplies.holdings);
+        supplier.begin(&supplies.holdings, supplies.coarser_first);
         let taken = supplier.taken();
-        for (frame, culled) in self.there.iter().filter(|(_, culled)| !culled.lacking.is_empty()) {
-            supplier.lacks(*frame, taken, &culled.lacking);
+        for (frame, culled) in self.lacking() {
+            supplier.lacks(frame, taken, &culled.lacking);
         }
     }
 

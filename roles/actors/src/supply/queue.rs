@@ -1,0 +1,137 @@
+//! Which drawables are to be sent, in which order.
+
+use std::{
+    cmp::Ordering,
+    collections::{BinaryHeap, HashMap},
+};
+
+use trimaran_proto::{DrawableId, FrameNumber};
+
+/// Why a drawable is to be sent. What comes later here is sent first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Purpose {
+    /// A frame shows it.
+    Shows,
+    /// It stands in for finer ones until these have come.
+    StandsIn,
+}
+
+/// Drawables that are to be sent: what stands in for others first, and of each purpose what looks largest.
+#[derive(Debug, Default)]
+pub(super) struct Queue {
+    /// For which frame each is needed last.
+    due: HashMap<DrawableId, FrameNumber>,
+    /// May hold one more than once, and some that are not due any more.
+    order: BinaryHeap<Entry>,
+    shown: Option<FrameNumber>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    purpose: Purpose,
+    /// About its size on the screen, squared.
+    size: f64,
+    id: DrawableId,
+}
+
+impl Queue {
+    /// A frame needs it. Gives false, and changes no order, where it is due already.
+    pub(super) fn renew(&mut self, id: DrawableId, frame: FrameNumber) -> bool {
+        let Some(needed) = self.due.get_mut(&id) else { return false };
+        *needed = frame.max(*needed);
+        true
+    }
+
+    /// Adds one that looks so large. One that is due already may come sooner by that.
+    pub(super) fn push(&mut self, id: DrawableId, frame: FrameNumber, purpose: Purpose, size: f64) {
+        if !self.renew(id, frame) {
+            self.due.insert(id, frame);
+        }
+        self.order.push(Entry { purpose, size, id });
+    }
+
+    /// Takes the next one.
+    pub(super) fn pop(&mut self) -> Option<DrawableId> {
+        self.purpose()?;
+        let Entry { id, .. } = self.order.pop()?;
+        self.due.remove(&id);
+        Some(id)
+    }
+
+    /// What the next one is for. What only frames that were shown needed is left out.
+    pub(super) fn purpose(&mut self) -> Option<Purpose> {
+        while let Some(Entry { id, purpose, .. }) = self.order.peek() {
+            if self.due.get(id).is_some_and(|frame| Some(*frame) > self.shown) {
+                return Some(*purpose);
+            }
+            self.due.remove(id);
+            self.order.pop();
+        }
+        None
+    }
+
+    /// This frame, and all before it, need nothing more.
+    pub(super) fn shown(&mut self, frame: FrameNumber) {
+        self.shown = self.shown.max(Some(frame));
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.due.clear();
+        self.order.clear();
+    }
+}
+
+impl Ord for Entry {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_size = self.purpose.cmp(&other.purpose).then(self.size.total_cmp(&other.size));
+        by_size.then(other.id.cmp(&self.id))
+    }
+}
+
+impl PartialOrd for Entry {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Entry {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Entry {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_stands_in_comes_first_then_what_is_largest_and_each_once() {
+        let mut queue = Queue::default();
+        for (id, purpose, size) in [
+            (1, Purpose::Shows, 9.0),
+            (2, Purpose::StandsIn, 1.0),
+            (3, Purpose::Shows, 99.0),
+            (1, Purpose::StandsIn, 5.0),
+            (4, Purpose::StandsIn, 1.0),
+        ] {
+            queue.push(DrawableId(id), FrameNumber(0), purpose, size);
+        }
+        let order: Vec<_> = std::iter::from_fn(|| queue.pop()).map(|id| id.0).collect();
+        assert_eq!(order, [1, 2, 4, 3]);
+    }
+
+    #[test]
+    fn what_only_shown_frames_needed_is_left_out() {
+        let mut queue = Queue::default();
+        for id in 0..4 {
+            queue.push(DrawableId(id), FrameNumber(id), Purpose::Shows, 1.0);
+        }
+        assert!(queue.renew(DrawableId(0), FrameNumber(7)));
+        assert!(!queue.renew(DrawableId(9), FrameNumber(7)));
+        queue.shown(FrameNumber(2));
+        let order: Vec<_> = std::iter::from_fn(|| queue.pop()).map(|id| id.0).collect();
+        assert_eq!(order, [0, 3]);
+    }
+}
