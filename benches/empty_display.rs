@@ -2,8 +2,8 @@
 //! transport, in the simulator's time. Computing takes no time there, so all of it is the network's.
 //!
 //! `cargo bench --bench empty_display -- X.scene [FRAMES [EPSILON]]`: a walk of 120 frames at 2 px, if not
-//! given. *First* is from the moment at which the display begins to connect, over 16 views with an empty
-//! display each. *Jump* is from the camera to the picture, where one display jumps from view to view. *Walk*
+//! given. *Coarse* and *exact* are from the moment at which the display begins to connect to a picture that may
+//! lack something, and to one that does not, over 16 views with an empty display each. *Jump* is from the camera to the picture, where one display jumps from view to view. *Walk*
 //! is an automatic walk without a jump, at 30 frames a second.
 #![allow(clippy::disallowed_methods, reason = "keys are drawn at random")]
 
@@ -11,9 +11,9 @@ use std::{cell::RefCell, error::Error, path::Path, pin::pin, sync::Arc, time::Du
 
 use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran_actors::{
-    BoxedError, CullerEvent, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint, Peers,
-    RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints, ShownFrame, Sought, Stop, Supplied,
-    Turns, WhileLoading, max_frame,
+    BoxedError, Cameras, CullerEvent, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint,
+    Peers, RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints, ShownFrame, Sought, Stop,
+    Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
@@ -58,27 +58,35 @@ fn main() -> Outcome<()> {
     let epsilon = rest.get(1).map_or(Ok(2.0), |word| word.parse())?;
     let bench = Bench::new(Path::new(scene), frames, epsilon)?;
     println!(
-        "| network | transport | first: median, max, MB | jump: median, max | walk: median, p95, MB, Mbit/s |"
+        "| network | transport | coarse: median, max, MB | exact: median, max, MB | jump: median, max | \
+         walk: median, p95, MB, Mbit/s |"
     );
-    println!("|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|");
     for (name, rate, delay, loss) in NETWORKS {
         for scheme in ["tcp", "quic", "udp"] {
             let network = profile(rate, delay, loss)?;
-            let mut first = Vec::new();
-            let mut bytes = 0;
+            let (mut any, mut first) = (Vec::new(), Vec::new());
+            let (mut any_bytes, mut bytes) = (0, 0);
             // A seed for each: lost packets are others each time.
             for (seed, view) in (1..).zip(&bench.views) {
-                let seen = bench.walk(&network, scheme, seed, std::slice::from_ref(view))?;
-                first.extend(seen.shown.iter().map(|(_, shown)| *shown));
+                let seen = bench.walk(&network, scheme, seed, std::slice::from_ref(view), Pace::Live)?;
+                any.extend(seen.shown.first().map(|shown| shown.at_ms));
+                first.extend(seen.shown.last().map(|shown| shown.at_ms));
+                any_bytes += seen.first_bytes;
                 bytes += seen.bytes;
             }
-            let jumps = bench.walk(&network, scheme, 1, &bench.views)?;
+            let lockstep = |cameras: &[Camera]| Pace::Lockstep { frames: Some(cameras.len() as u32) };
+            let jumps = bench.walk(&network, scheme, 1, &bench.views, lockstep(&bench.views))?;
             // The first one is no jump.
             let jumped: Vec<_> = jumps.latencies().skip(1).collect();
-            let walk = bench.walk(&network, scheme, 1, &bench.path)?;
+            let walk = bench.walk(&network, scheme, 1, &bench.path, lockstep(&bench.path))?;
             let later: Vec<_> = walk.latencies().skip(1).collect();
             println!(
-                "| {name} | {scheme} | {:.0} ms, {:.0} ms, {:.2} | {:.0} ms, {:.0} ms | {:.0} ms, {:.0} ms, {:.2}, {:.2} |",
+                "| {name} | {scheme} | {:.0} ms, {:.0} ms, {:.2} | {:.0} ms, {:.0} ms, {:.2} \
+                 | {:.0} ms, {:.0} ms | {:.0} ms, {:.0} ms, {:.2}, {:.2} |",
+                share(&any, 0.5),
+                share(&any, 1.0),
+                any_bytes as f64 / 1e6 / bench.views.len() as f64,
                 share(&first, 0.5),
                 share(&first, 1.0),
                 bytes as f64 / 1e6 / bench.views.len() as f64,
@@ -130,8 +138,16 @@ impl Bench {
         })
     }
 
-    /// What a display that begins empty shows of these cameras, one frame each.
-    fn walk(&self, network: &Profile, scheme: &str, seed: u64, cameras: &[Camera]) -> Outcome<Seen> {
+    /// What a display that begins empty shows of these cameras, one frame each; live, it ends with the first
+    /// picture that lacks nothing.
+    fn walk(
+        &self,
+        network: &Profile,
+        scheme: &str,
+        seed: u64,
+        cameras: &[Camera],
+        pace: Pace,
+    ) -> Outcome<Seen> {
         let (topology, machines) = network.topology(1);
         let simulation = Simulation::new(&topology, seed);
         let (listener, host) = (Arc::new(simulation.net(machines.cullers[0])), machines.cullers[0]);
@@ -182,7 +198,7 @@ impl Bench {
                 session: SessionKey(1),
                 settings: self.settings,
                 schedule: Schedule::Independent,
-                pace: Pace::Lockstep { frames: Some(cameras.len() as u32) },
+                pace,
                 first: FrameNumber(0),
                 join_timeout: Duration::from_secs(30),
                 drawables: max_frame(&self.scene),
@@ -190,10 +206,7 @@ impl Bench {
                 turns: turns.clone(),
             };
             let mut watch = Watch { net: &net, seen: &seen };
-            let mut hand_out = |frame: FrameNumber| {
-                seen.borrow_mut().handed_out.push(net.now().as_nanos());
-                cameras[frame.0 as usize].for_frame(frame)
-            };
+            let mut hand_out = HandOut { net: &net, seen: &seen, cameras, is_live: pace == Pace::Live };
             role.run(&mut hand_out, &mut watch, &stop).await
         };
         let (culled, shown) = simulation.run(async {
@@ -211,22 +224,48 @@ impl Bench {
 struct Seen {
     /// When each frame's camera was handed out, nanoseconds.
     handed_out: Vec<u64>,
-    /// Of each frame: its number, and when it was shown, milliseconds.
-    shown: Vec<(u32, f64)>,
+    shown: Vec<Shown>,
     /// Bytes of geometry, of all frames and until the first.
     bytes: u64,
     first_bytes: u64,
     link: Option<StatsHandle>,
 }
 
+#[derive(Clone, Copy)]
+struct Shown {
+    frame: u32,
+    /// Milliseconds.
+    at_ms: f64,
+    is_exact: bool,
+}
+
 impl Seen {
     /// From handing a camera out, or showing the frame before if that was later, to the picture: ms.
     fn latencies(&self) -> impl Iterator<Item = f64> + '_ {
-        let before = std::iter::once(0.0).chain(self.shown.iter().map(|(_, shown)| *shown));
-        self.shown.iter().zip(before).map(|((frame, shown), before)| {
-            let handed_out = self.handed_out.get(*frame as usize).map_or(0.0, |at| *at as f64 * 1e-6);
-            shown - handed_out.max(before)
+        let before = std::iter::once(0.0).chain(self.shown.iter().map(|shown| shown.at_ms));
+        self.shown.iter().zip(before).map(|(shown, before)| {
+            let handed_out = self.handed_out.get(shown.frame as usize).map_or(0.0, |at| *at as f64 * 1e-6);
+            shown.at_ms - handed_out.max(before)
         })
+    }
+}
+
+/// Hands out these cameras, in lockstep one a frame, live the first one alone.
+struct HandOut<'w> {
+    net: &'w Arc<dyn Net>,
+    seen: &'w RefCell<Seen>,
+    cameras: &'w [Camera],
+    is_live: bool,
+}
+
+impl Cameras for HandOut<'_> {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        self.seen.borrow_mut().handed_out.push(self.net.now().as_nanos());
+        self.cameras[if self.is_live { 0 } else { frame.0 as usize }].for_frame(frame)
+    }
+
+    fn is_over(&self) -> bool {
+        self.seen.borrow().shown.last().is_some_and(|shown| shown.is_exact)
     }
 }
 
@@ -238,7 +277,8 @@ struct Watch<'w> {
 impl Observer for Watch<'_> {
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         let mut seen = self.seen.borrow_mut();
-        seen.shown.push((frame.camera.frame().0, self.net.now().as_nanos() as f64 * 1e-6));
+        let at_ms = self.net.now().as_nanos() as f64 * 1e-6;
+        seen.shown.push(Shown { frame: frame.camera.frame().0, at_ms, is_exact: frame.lacking == 0 });
         seen.bytes = seen.link.as_ref().map_or(0, |link| link.read().received.bulk.bytes);
         if seen.shown.len() == 1 {
             seen.first_bytes = seen.bytes;

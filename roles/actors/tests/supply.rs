@@ -5,7 +5,7 @@
 mod common;
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     future::pending,
     sync::{
         Arc, LazyLock,
@@ -31,11 +31,11 @@ use trimaran_cook::{
     generate::{PlantOptions, plant},
 };
 use trimaran_cull::{
-    Answer, CutRule, DepthImage, Image, OcclusionTest, TestBox, View, Viewport, draw_order, lod_cut,
+    Answer, CutRule, DepthImage, Image, LodCut, OcclusionTest, TestBox, View, Viewport, draw_order, lod_cut,
 };
 use trimaran_proto::{
-    Camera, DrawableId, FrameNumber, Identity, LodRule, ObjectSet, Role, Section, SectionBox, Sections,
-    SessionKey, Settings, Supply, ViewState, ViewVersion, Walkthrough, put_item,
+    Camera, DrawableId, FrameNumber, Identity, LodRule, NumberList, ObjectSet, Role, Section, SectionBox,
+    Sections, SessionKey, Settings, Supply, ViewState, ViewVersion, Walkthrough, put_item,
 };
 use trimaran_scene::{DrawableEntry, Scene, pack_entries, random::Random};
 use trimaran_transport::{Bulk, LinkConfig, Net, Options, RecvError, TokioNet, causes, inproc};
@@ -56,8 +56,8 @@ fn runtime() -> Runtime {
     Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap()
 }
 
-fn supplied(memory: u64) -> Supplied {
-    Supplied { scene: Arc::new(Scene::empty(PLANT.outline())), memory, while_loading: WhileLoading::Wait }
+fn supplied(memory: u64, while_loading: WhileLoading) -> Supplied {
+    Supplied { scene: Arc::new(Scene::empty(PLANT.outline())), memory, while_loading }
 }
 
 /// A device on the CPU, of a culler that fails at a frame, if it is to.
@@ -251,6 +251,8 @@ impl Cameras for Way {
 #[derive(Debug, Default)]
 struct Seen {
     by: Vec<Option<usize>>,
+    /// Of each picture: how many drawables it lacked, and whether it showed a frame again.
+    lacking: Vec<(u32, bool)>,
     left: Vec<(usize, String)>,
     count: Arc<AtomicU32>,
 }
@@ -258,6 +260,8 @@ struct Seen {
 impl Observer for Seen {
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.by.push(frame.culler.map(CullerId::index));
+        assert_eq!(frame.camera.frame().0 as usize, self.lacking.len(), "pictures are counted");
+        self.lacking.push((frame.lacking, frame.again));
         self.count.fetch_add(1, Ordering::SeqCst);
         Ok(())
     }
@@ -276,18 +280,25 @@ struct Walk {
     schedule: Schedule,
     /// Where the display begins without the scene: what it keeps.
     memory: Option<u64>,
+    while_loading: WhileLoading,
     /// The frame at which the first culler's device fails.
     dies_at: Option<u32>,
 }
 
-const WHOLE: Walk = Walk { cullers: 1, schedule: Schedule::Independent, memory: None, dies_at: None };
+const WHOLE: Walk = Walk {
+    cullers: 1,
+    schedule: Schedule::Independent,
+    memory: None,
+    while_loading: WhileLoading::Wait,
+    dies_at: None,
+};
 const EMPTY: Walk = Walk { memory: Some(1 << 30), ..WHOLE };
 
 impl Walk {
     fn walk(self, way: &mut Way) -> (Vec<Picture>, Seen) {
-        let Self { cullers, schedule, memory, dies_at } = self;
+        let Self { cullers, schedule, memory, while_loading, dies_at } = self;
         let frames = u32::try_from(way.poses.len()).unwrap();
-        let supplied = memory.map(supplied);
+        let supplied = memory.map(|memory| supplied(memory, while_loading));
         let scene = supplied.as_ref().map_or(&*PLANT, |supplied| &supplied.scene);
         let pictures = Arc::default();
         let screen = Screen { scene: Arc::clone(scene), pictures: Arc::clone(&pictures) };
@@ -388,28 +399,125 @@ fn a_live_display_without_the_scene_shows_complete_frames_alone() {
     }
 }
 
+#[test]
+fn a_live_display_shows_exact_pictures_where_nothing_is_lacking() {
+    for (seed, memory, cullers) in [(1, 1 << 30, 1), (2, 1 << 30, 2), (3, 1, 2), (4, 16 << 10, 3)] {
+        let mut way = Way::new(seed, 40).live();
+        let walk = Walk { memory: Some(memory), cullers, while_loading: WhileLoading::Coarser, ..EMPTY };
+        let (pictures, seen) = walk.walk(&mut way);
+        assert!(pictures.len() >= 40);
+        let exact = pictures.iter().zip(&seen.lacking).filter(|(_, (lacking, _))| *lacking == 0);
+        let pictures: Vec<_> = exact.map(|(picture, _)| picture.clone()).collect();
+        let exact: Vec<_> = pictures.iter().map(|picture| way.exact(picture.camera)).collect();
+        assert_alike(&pictures, &exact, walk);
+    }
+}
+
+/// The culler sends what stands in for the rest, and more whenever a picture was shown.
+#[test]
+fn what_stands_in_is_shown_until_the_rest_has_come() {
+    let mut random = Random::new(3);
+    let (min, max) = PLANT.nodes()[0].world_box();
+    let camera =
+        Camera::new(random.point(min, max).to_array(), [0.0, 0.0, 0.0, 1.0], 0.8, 0.1, FrameNumber(0));
+    let view = View::new(camera.unwrap(), settings().viewport);
+    let cut = lod_cut(&PLANT, &view, settings().lod);
+    let lods = LodCut::new(&PLANT, &view, settings().lod);
+    let stand_ins: BTreeMap<_, _> =
+        cut.iter().filter_map(|id| Some((*id, lods.coarser(*id, 64.0).last()?))).collect();
+    let first: BTreeSet<_> = cut.iter().map(|id| *stand_ins.get(id).unwrap_or(id)).collect();
+    let rest: Vec<_> = stand_ins.keys().copied().collect();
+    assert!(rest.len() > 20, "{} drawables have something that stands in", rest.len());
+    let words = stand_ins
+        .iter()
+        .map(|(finer, id)| Supply::StandIn { id: *id, drawables: NumberList::of(vec![finer.0]) });
+    let first_blocks = whole(&first).into_iter().chain(words.map(|word| block(&[word])));
+    let (some, others) = rest.split_at(rest.len() * 3 / 4);
+    let sent = vec![first_blocks.collect(), whole(some), whole(others)];
+
+    let mut still = Still { view, shown: Arc::default(), until: 3 };
+    let count = Arc::clone(&still.shown);
+    let far = [Far::SendsAsShown(sent, Arc::clone(&count))];
+    let (played, pictures, seen) = try_play(&far, Pace::Live, &mut still, Seen { count, ..Seen::default() });
+    played.unwrap();
+    let lacking: Vec<_> = seen.lacking.iter().map(|(lacking, _)| *lacking as usize).collect();
+    assert_eq!(lacking, [rest.len(), others.len(), 0]);
+    assert_eq!(seen.lacking.iter().map(|(_, again)| *again).collect::<Vec<_>>(), [false, true, true]);
+    let shown = |coarser: &[DrawableId]| {
+        let there = cut.iter().filter(|id| !coarser.contains(id)).copied();
+        let ids: BTreeSet<_> = there.chain(coarser.iter().map(|id| stand_ins[id])).collect();
+        let mut ids: Vec<_> = ids.into_iter().collect();
+        draw_order(&PLANT, &view, &mut ids);
+        Picture::draw(&PLANT, &view, &ids, &[])
+    };
+    let expected = [shown(&rest), shown(others), Picture::exact(&view, &settings().into())];
+    assert_ne!(expected[0], expected[2], "it shows which was drawn");
+    assert_alike(&pictures, &expected, "while loading");
+}
+
+/// A pose that stays, until so many pictures were shown.
+struct Still {
+    view: View,
+    shown: Arc<AtomicU32>,
+    until: u32,
+}
+
+impl Cameras for Still {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        self.view.camera().for_frame(frame)
+    }
+
+    fn is_over(&self) -> bool {
+        self.shown.load(Ordering::SeqCst) >= self.until
+    }
+}
+
+/// Blocks of all that drawing these needs, of which the last one alone makes them be there.
+fn whole<'i>(ids: impl IntoIterator<Item = &'i DrawableId>) -> Vec<Bytes> {
+    let entries: Vec<_> = ids.into_iter().map(|id| DrawableEntry::of(&PLANT, *id).unwrap()).collect();
+    let numbers: BTreeSet<_> = entries.iter().map(|entry| entry.geometry).collect();
+    let pieces = numbers.into_iter().flat_map(|number| {
+        let bytes = Bytes::from(PLANT.packed_geometry(number).unwrap());
+        let length = bytes.len() as u32;
+        (0..length).step_by(16_000).map(move |offset| {
+            let part = bytes.slice(offset as usize..(offset + 16_000).min(length) as usize);
+            block(&[Supply::Geometry { number, length, offset, part }])
+        })
+    });
+    pieces.chain([block(&[records(&entries)])]).collect()
+}
+
 /// What a culler does that a test plays itself.
 enum Far {
     /// What a culler should.
     Sound,
     /// It culls soundly, and sends these blocks once it is asked for geometry, and nothing behind them.
     Sends(Vec<Bytes>),
+    /// It culls one frame, and sends the first of these once it is asked for geometry, and the next ones as
+    /// pictures are shown.
+    SendsAsShown(Vec<Vec<Bytes>>, Arc<AtomicU32>),
     /// It culls soundly, and holds another scene.
     Foreign,
 }
 
 /// What a display without the scene shows whose cullers do this: the first of them supplies it at first.
 fn play(cullers: &[Far], way: &mut Way) -> (Vec<Picture>, Seen) {
-    let (played, pictures, seen) = try_play(cullers, way);
+    let pace = Pace::Lockstep { frames: Some(u32::try_from(way.poses.len()).unwrap()) };
+    let (played, pictures, seen) = try_play(cullers, pace, way, Seen::default());
     played.unwrap();
     (pictures, seen)
 }
 
 /// The same, and how its walk ends.
-fn try_play(cullers: &[Far], way: &mut Way) -> (Result<(), RoleError>, Vec<Picture>, Seen) {
+fn try_play(
+    cullers: &[Far],
+    pace: Pace,
+    way: &mut dyn Cameras,
+    mut seen: Seen,
+) -> (Result<(), RoleError>, Vec<Picture>, Seen) {
     let runtime = runtime();
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-    let (turns, supplied) = (Turns::at_once(), supplied(1 << 30));
+    let (turns, supplied) = (Turns::at_once(), supplied(1 << 30, WhileLoading::Coarser));
     let mut peers = Peers::none();
     let mut far = Vec::new();
     for (place, culler) in cullers.iter().enumerate() {
@@ -430,7 +538,7 @@ fn try_play(cullers: &[Far], way: &mut Way) -> (Result<(), RoleError>, Vec<Pictu
         session: SessionKey(1),
         settings: settings(),
         schedule: Schedule::Independent,
-        pace: Pace::Lockstep { frames: Some(u32::try_from(way.poses.len()).unwrap()) },
+        pace,
         first: FrameNumber(0),
         join_timeout: Duration::ZERO,
         drawables: max_frame(&PLANT),
@@ -438,14 +546,14 @@ fn try_play(cullers: &[Far], way: &mut Way) -> (Result<(), RoleError>, Vec<Pictu
         turns,
     };
     let (_stopper, stop) = Stop::new();
-    let mut seen = Seen::default();
     let played = thread::scope(|scope| {
         for (culler, link) in far {
             let (net, stop, runtime) = (&net, &stop, &runtime);
             scope.spawn(move || match culler {
                 Far::Sound => runtime.block_on(sound(net, link, stop)),
-                Far::Sends(blocks) => runtime.block_on(sends(link, blocks)),
-                Far::Foreign => runtime.block_on(culls(link)),
+                Far::Sends(blocks) => runtime.block_on(sends(link, std::slice::from_ref(blocks), None)),
+                Far::SendsAsShown(parts, shown) => runtime.block_on(sends(link, parts, Some(shown))),
+                Far::Foreign => runtime.block_on(culls(link, u32::MAX)),
             });
         }
         runtime.block_on(role.run(way, &mut seen, &stop))
@@ -485,13 +593,19 @@ async fn sound(net: &Arc<dyn Net>, display: Link, stop: &Stop) {
     let _ended = role.run(stop).await;
 }
 
-async fn sends(mut link: Link, blocks: &[Bytes]) {
+/// Sends the parts one after the other, each once so many pictures were shown as there are before it.
+async fn sends(mut link: Link, parts: &[Vec<Bytes>], shown: Option<&AtomicU32>) {
     let Bulk { mut tx, mut rx } = link.bulk.take().unwrap();
     let supply = async {
         if rx.recv().await.is_ok() {
-            for block in blocks {
-                if tx.send(block.clone()).await.is_err() {
-                    break;
+            for (before, part) in (0..).zip(parts) {
+                while shown.is_some_and(|shown| shown.load(Ordering::SeqCst) < before) {
+                    tokio::time::sleep(Duration::from_millis(1)).await;
+                }
+                for block in part {
+                    if tx.send(block.clone()).await.is_err() {
+                        break;
+                    }
                 }
             }
         }
@@ -499,15 +613,15 @@ async fn sends(mut link: Link, blocks: &[Bytes]) {
         pending::<()>().await;
     };
     tokio::select! {
-        () = culls(link) => {}
+        () = culls(link, if shown.is_some() { 1 } else { u32::MAX }) => {}
         () = supply => {}
     }
 }
 
-/// Finds all visible until the display ends it.
-async fn culls(mut link: Link) {
+/// Finds all visible in so many frames, until the display ends it.
+async fn culls(mut link: Link, frames: u32) {
     let rule = settings().lod;
-    for sent in 0.. {
+    for sent in 0..frames {
         let camera = loop {
             match link.latest_rx.latest().await {
                 Ok(camera) => break camera,
@@ -528,6 +642,7 @@ async fn culls(mut link: Link) {
             return;
         }
     }
+    while matches!(link.messages_rx.recv().await, Ok(_) | Err(RecvError::Silent { .. })) {}
 }
 
 fn block(items: &[Supply]) -> Bytes {
@@ -573,7 +688,9 @@ fn a_display_ends_that_cannot_tell_who_has_sent_it_false_records() {
     let all = (0..max_frame(&PLANT)).filter_map(|id| DrawableEntry::of(&PLANT, DrawableId(id)));
     let lies: Vec<_> = all.map(|entry| DrawableEntry { triangles: entry.triangles + 1, ..entry }).collect();
     let sent = lies.chunks(64).map(|lies| block(&[records(lies)])).collect();
-    let (played, ..) = try_play(&[Far::Sends(sent), Far::Sound], &mut Way::new(7, 8));
+    let pace = Pace::Lockstep { frames: Some(8) };
+    let cullers = [Far::Sends(sent), Far::Sound];
+    let (played, ..) = try_play(&cullers, pace, &mut Way::new(7, 8), Seen::default());
     let error = played.unwrap_err();
     assert!(matches!(&error, RoleError::Supplied { cause, .. } if cause.doubts_what_is_there()), "{error:?}");
 }

@@ -5,8 +5,8 @@
 use glam::{DVec3, Mat3, Vec3};
 use proptest::prelude::*;
 use trimaran_audit::cases::{Mesh, Object, build, looking};
-use trimaran_cull::{Choice, LodCut, LodRule, View, Viewport, choose, lod_cut};
-use trimaran_proto::{Camera, DrawableId, FrameNumber};
+use trimaran_cull::{Choice, CutRule, LodCut, LodRule, View, Viewport, choose, lod_cut};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Settings, ViewState};
 use trimaran_scene::{NodeId, Scene, random::Random};
 
 fn view() -> View {
@@ -202,4 +202,33 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn what_can_stand_in_is_coarser_within_the_bound_and_of_objects_drawn_alike() {
+    let half = Vec3::splat(0.5);
+    let objects = [-2.0, 2.0].map(|x| {
+        let mesh = Mesh::cuboid(-half, half, 1);
+        let coarser = vec![(0.01, mesh.clone()), (0.1, mesh.clone())];
+        Object { coarser, ..Object::new(mesh) }.at(DVec3::new(x, 20.0, 0.0))
+    });
+    let scene = build(&objects, true).unwrap();
+    let above: Vec<_> = scene.nodes()[0].levels().collect();
+    let own: Vec<_> = scene.nodes()[1].levels().collect();
+    assert_eq!((above.len(), own.len()), (1, 3));
+    let (view, lod) = (view(), LodRule::new(0.001).unwrap());
+    let coarser = |rule: CutRule, id, bound_px| -> Vec<_> {
+        LodCut::new(&scene, &view, rule).coarser(id, bound_px).collect()
+    };
+    assert_eq!(coarser(lod.into(), own[0], 1e9), [own[1], own[2], above[0]]);
+    assert_eq!(coarser(lod.into(), own[1], 1e9), [own[2], above[0]]);
+    assert_eq!(coarser(lod.into(), above[0], 1e9), []);
+    assert_eq!(coarser(lod.into(), DrawableId(99), 1e9), []);
+    // A metre is seen as 2.6 px or so.
+    assert_eq!(coarser(lod.into(), own[0], 0.1), [own[1]]);
+    assert_eq!(coarser(lod.into(), own[0], 1e-3), []);
+
+    let state = ViewState::from(Settings::new(view.viewport(), lod));
+    let hidden = ViewState { hidden: [1].into_iter().collect(), ..state };
+    assert_eq!(coarser(CutRule::new(&scene, &hidden), own[0], 1e9), [own[1], own[2]], "one of two is hidden");
 }

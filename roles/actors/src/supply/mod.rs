@@ -8,6 +8,7 @@ mod culler_end;
 mod display_end;
 mod holdings;
 mod queue;
+mod stand_ins;
 mod supplier;
 mod window;
 

@@ -1,19 +1,20 @@
 //! What a culler has to send to a display that holds no scene: which, in which order, and how much at once.
 
 use std::{
-    collections::{BTreeMap, HashMap, VecDeque, hash_map::Entry},
+    collections::{HashMap, VecDeque, hash_map::Entry},
     sync::Arc,
 };
 
 use bytes::Bytes;
 use thiserror::Error;
-use trimaran_cull::{CutRule, LodCut, View};
+use trimaran_cull::{CutRule, View};
 use trimaran_proto::{BulkError, Demand, DrawableId, FrameNumber, NumberList, Supply, ViewState, put_item};
 use trimaran_scene::{DrawableEntry, ReadError, Scene, pack_entries};
 use trimaran_transport::{Instant, MAX_BLOCK, SendError};
 
 use super::{
     queue::{Purpose, Queue},
+    stand_ins::StandIns,
     window::{NotSent, Window},
 };
 
@@ -23,8 +24,6 @@ const BATCH: usize = 64;
 const LEAST_PART: usize = 256;
 /// The bytes of a part beside its content, at most.
 const PART_HEAD: usize = 24;
-/// How much larger than the bound of the view state the error of what stands in for others may be.
-const COARSER: f64 = 16.0;
 /// Of what is on its way nobody knows yet where it ends.
 const NOT_YET: u64 = u64::MAX;
 
@@ -65,11 +64,7 @@ pub(crate) struct Supplier {
     geometries: HashMap<u32, u64>,
     /// What is to be sent.
     queue: Queue,
-    /// New in it, and nothing stands in for them yet.
-    bare: Vec<(DrawableId, FrameNumber)>,
-    /// What stands in for which drawables, as the display was told, and is to be told.
-    stand_ins: HashMap<DrawableId, DrawableId>,
-    untold: BTreeMap<DrawableId, Vec<u32>>,
+    stand_ins: StandIns,
     window: Window,
     /// Made ready, and first to be sent: items and what ends with them, then pieces of geometry.
     ready: VecDeque<(Supply, Vec<Ending>)>,
@@ -105,9 +100,7 @@ impl Supplier {
             records: HashMap::new(),
             geometries: HashMap::new(),
             queue: Queue::default(),
-            bare: Vec::new(),
-            stand_ins: HashMap::new(),
-            untold: BTreeMap::new(),
+            stand_ins: StandIns::default(),
             window: Window::new(),
             ready: VecDeque::new(),
             pieces: VecDeque::new(),
@@ -215,9 +208,7 @@ impl Supplier {
         self.records.clear();
         self.geometries.clear();
         self.queue.clear();
-        self.bare.clear();
-        self.stand_ins.clear();
-        self.untold.clear();
+        self.stand_ins = StandIns::default();
         self.ready.clear();
         self.pieces.clear();
     }
@@ -230,7 +221,7 @@ impl Supplier {
         }
         self.queue.push(id, frame, Purpose::Shows, self.size(id));
         if self.coarser_first {
-            self.bare.push((id, frame));
+            self.stand_ins.add(id, frame);
         }
         true
     }
@@ -253,30 +244,15 @@ impl Supplier {
         })
     }
 
-    /// Looks for what stands in for new drawables: what the display has, or else the coarsest. Where nothing
-    /// can, the drawable itself comes as soon as what stands in for others.
+    /// Finds what stands in for what is new, which comes first, and tells the display.
     fn find_stand_ins(&mut self) {
-        let bare = std::mem::take(&mut self.bare);
-        let (Some(view), Some(rule)) = (self.view, &self.rule) else { return };
-        let scene = Arc::clone(&self.scene);
-        let cut = LodCut::new(&scene, &view, rule);
-        let bound_px = COARSER * rule.lod().epsilon_px();
-        for (id, frame) in bare {
-            let mut coarsest = None;
-            for coarser in cut.coarser(id, bound_px) {
-                coarsest = Some(coarser);
-                if self.has(coarser) {
-                    break;
-                }
-            }
-            let stand_in = coarsest.unwrap_or(id);
-            if stand_in != id && self.stand_ins.insert(id, stand_in) != Some(stand_in) {
-                self.untold.entry(stand_in).or_default().push(id.0);
-            }
-            if !self.has(stand_in) {
-                self.queue.push(stand_in, frame, Purpose::StandsIn, self.size(stand_in));
-            }
+        let (Some(view), Some(rule)) = (self.view, self.rule.clone()) else { return };
+        let mut stand_ins = std::mem::take(&mut self.stand_ins);
+        for (id, frame) in stand_ins.find(&self.scene, &view, &rule, |id| self.has(id)) {
+            self.queue.push(id, frame, Purpose::StandsIn, self.size(id));
         }
+        self.ready.extend(stand_ins.tell().into_iter().map(|item| (item, Vec::new())));
+        self.stand_ins = stand_ins;
     }
 
     fn lacks(&mut self, frame: FrameNumber, taken: u64, drawables: &NumberList) {
@@ -299,7 +275,6 @@ impl Supplier {
         }
         if self.pieces.is_empty() {
             self.find_stand_ins();
-            self.tell_stand_ins();
             self.take_batch();
         }
         if self.ready.is_empty()
@@ -309,14 +284,6 @@ impl Supplier {
             self.piece = Some(Piece { number, bytes, sent: 0 });
         }
         Ok(())
-    }
-
-    fn tell_stand_ins(&mut self) {
-        for (id, drawables) in std::mem::take(&mut self.untold) {
-            let parts = NumberList::of(drawables);
-            let items = parts.parts().map(|drawables| (Supply::StandIn { id, drawables }, Vec::new()));
-            self.ready.extend(items);
-        }
     }
 
     /// What stands in for others and what does not are no batch together.

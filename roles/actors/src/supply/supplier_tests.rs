@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 use proptest::prelude::*;
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
-use trimaran_cull::Viewport;
-use trimaran_proto::{Camera, items};
+use trimaran_cull::{Viewport, lod_cut};
+use trimaran_proto::{Camera, LodRule, Settings, items};
 use trimaran_scene::{
     Drawable, Geometry, Node, ObjectRecord, Rgba8, SceneArrays, Vertex, random::Random, unpack_entries,
 };
@@ -139,7 +139,8 @@ fn came(items: &[Supply]) -> Came {
                     came.pieces.push(*number);
                 }
             }
-            _ => panic!("nothing else is sent"),
+            Supply::StandIn { .. } => {}
+            item => panic!("{item:?}"),
         }
     }
     came
@@ -183,6 +184,43 @@ fn what_is_largest_on_the_screen_comes_first() {
     assert!(size(&ids[0]) > 10.0 * size(&ids[199]));
     let due: Vec<_> = ids.iter().map(|id| geometry_of(&PLANT, *id)).collect();
     assert_eq!(pair.came().pieces, due);
+}
+
+#[test]
+fn what_stands_in_comes_before_what_it_stands_in_for() {
+    let rule = LodRule::new(2.0).unwrap();
+    let (min, max) = PLANT.nodes()[0].world_box();
+    let eye = (min + max) * 0.5 + (max - min).length() * glam::DVec3::Z;
+    let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(0)).unwrap();
+    let view = View::new(camera, Viewport::new(2048, 2048).unwrap());
+    let cut = lod_cut(&PLANT, &view, rule);
+    let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
+    pair.supplier.change_view(&Settings::new(view.viewport(), rule).into());
+    pair.hear(Demand::Begin { coarser_first: true, ahead: 0 });
+    pair.supplier.found(&view, &cut);
+    let items = pair.items();
+    let stand_ins: BTreeMap<u32, DrawableId> = items.iter().filter_map(stands_in).flatten().collect();
+    assert!(stand_ins.len() * 2 > cut.len(), "{} of {}", stand_ins.len(), cut.len());
+    let due: BTreeSet<_> = cut.iter().map(|id| geometry_of(&PLANT, *id)).collect();
+    let mut missing: BTreeSet<_> =
+        cut.iter().map(|id| geometry_of(&PLANT, *stand_ins.get(&id.0).unwrap_or(id))).collect();
+    let first = missing.len();
+    for number in came(&items).pieces {
+        let is_first = missing.remove(&number);
+        assert!(is_first || missing.is_empty(), "{number} came before all that is shown first");
+        assert!(is_first || due.contains(&number));
+    }
+    assert!(missing.is_empty() && first * 2 < due.len(), "{first} of {} pieces come first", due.len());
+    let came = came(&items);
+    assert!(cut.iter().all(|id| came.records.contains(&id.0)), "all of it comes in the end");
+}
+
+/// Which drawables it stands in for.
+fn stands_in(item: &Supply) -> Option<Vec<(u32, DrawableId)>> {
+    match item {
+        Supply::StandIn { id, drawables } => Some(drawables.iter().map(|finer| (finer, *id)).collect()),
+        _ => None,
+    }
 }
 
 #[test]
@@ -447,15 +485,17 @@ struct World {
 }
 
 impl World {
-    fn new() -> Self {
+    fn new(coarser_first: bool) -> Self {
+        let mut supplier = Supplier::new(&PLANT);
+        supplier.change_view(&Settings::new(view(0).viewport(), LodRule::new(1.0).unwrap()).into());
         let empty = Arc::new(Scene::empty(PLANT.outline()));
         Self {
-            supplier: Supplier::new(&PLANT),
+            supplier,
             holdings: Holdings::new(&empty, 1),
             empty,
             arriving: Arriving::default(),
             blocks: VecDeque::new(),
-            demands: VecDeque::from([Demand::Begin { coarser_first: false, ahead: 0 }]),
+            demands: VecDeque::from([Demand::Begin { coarser_first, ahead: 0 }]),
             taken: 0,
             next: 0,
             frames: BTreeMap::new(),
@@ -557,8 +597,11 @@ impl World {
 
 proptest! {
     #[test]
-    fn all_that_frames_need_is_there_in_the_end(steps in prop::collection::vec(any_step(), 1..120)) {
-        let mut world = World::new();
+    fn all_that_frames_need_is_there_in_the_end(
+        steps in prop::collection::vec(any_step(), 1..120),
+        coarser_first in any::<bool>(),
+    ) {
+        let mut world = World::new(coarser_first);
         steps.into_iter().for_each(|step| world.step(step));
         if world.has_trimmed {
             // What was thrown away before a frame was whole is asked for then.

@@ -1,0 +1,72 @@
+//! Coarser drawables that stand in for finer ones until these have come.
+
+use std::collections::{BTreeMap, HashMap};
+
+use trimaran_cull::{CutRule, LodCut, View};
+use trimaran_proto::{DrawableId, FrameNumber, NumberList, Supply};
+use trimaran_scene::Scene;
+
+/// How much larger than the bound of the view state the error of what stands in for others may be.
+const COARSER: f64 = 32.0;
+
+/// What stands in for what is being sent, and whether the display knows.
+#[derive(Debug, Default)]
+pub(super) struct StandIns {
+    /// Nothing stands in for these yet.
+    bare: Vec<(DrawableId, FrameNumber)>,
+    /// What stands in for drawables, as the display was told or is to be told.
+    known: HashMap<DrawableId, DrawableId>,
+    /// By what stands in: what the display is to be told.
+    untold: BTreeMap<DrawableId, Vec<u32>>,
+}
+
+impl StandIns {
+    /// A frame needs this one, and it is to be sent.
+    pub(super) fn add(&mut self, id: DrawableId, frame: FrameNumber) {
+        self.bare.push((id, frame));
+    }
+
+    /// Looks for what stands in for those that were added: the finest of what the display `has`, or else the
+    /// coarsest. Gives what is to be sent first, which is the drawable itself where nothing is coarser.
+    pub(super) fn find(
+        &mut self,
+        scene: &Scene,
+        view: &View,
+        rule: &CutRule,
+        has: impl Fn(DrawableId) -> bool,
+    ) -> Vec<(DrawableId, FrameNumber)> {
+        let cut = LodCut::new(scene, view, rule);
+        let bound_px = COARSER * rule.lod().epsilon_px();
+        let mut first = Vec::new();
+        for (id, frame) in self.bare.drain(..) {
+            let mut stand_in = id;
+            for coarser in cut.coarser(id, bound_px) {
+                stand_in = coarser;
+                if has(coarser) {
+                    break;
+                }
+            }
+            if stand_in != id && self.known.insert(id, stand_in) != Some(stand_in) {
+                self.untold.entry(stand_in).or_default().push(id.0);
+            }
+            if !has(stand_in) {
+                first.push((stand_in, frame));
+            }
+        }
+        first
+    }
+
+    /// What the display is to be told.
+    pub(super) fn tell(&mut self) -> Vec<Supply> {
+        let untold = std::mem::take(&mut self.untold).into_iter();
+        let parts = untold.flat_map(|(id, drawables)| {
+            let lists: Vec<_> = NumberList::of(drawables).parts().collect();
+            lists.into_iter().map(move |drawables| Supply::StandIn { id, drawables })
+        });
+        parts.collect()
+    }
+}
+
+#[cfg(test)]
+#[path = "stand_ins_tests.rs"]
+mod tests;

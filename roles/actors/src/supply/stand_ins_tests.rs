@@ -1,0 +1,108 @@
+use std::collections::BTreeSet;
+use std::sync::{Arc, LazyLock};
+
+use trimaran_cook::generate::{PlantOptions, plant};
+use trimaran_cook::{CookOptions, cook};
+use trimaran_cull::{Viewport, lod_cut};
+use trimaran_proto::{Camera, LodRule};
+use trimaran_scene::NodeId;
+
+use super::*;
+
+static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
+    let model = plant(&PlantOptions { objects: 500, triangles: 40_000, ..PlantOptions::small(3) });
+    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
+});
+
+const EPSILON_PX: f64 = 0.25;
+
+fn rule() -> CutRule {
+    LodRule::new(EPSILON_PX).unwrap().into()
+}
+
+/// From outside, so that all of the plant is seen.
+fn view() -> View {
+    let (min, max) = PLANT.nodes()[0].world_box();
+    let eye = (min + max) * 0.5 + (max - min).length() * glam::DVec3::Z;
+    let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(7)).unwrap();
+    View::new(camera, Viewport::new(512, 512).unwrap())
+}
+
+fn cut() -> Vec<DrawableId> {
+    lod_cut(&PLANT, &view(), rule())
+}
+
+/// What is sent first of these, and what the display is told.
+fn find(ids: &[DrawableId], has: &[DrawableId]) -> (BTreeSet<DrawableId>, Vec<(DrawableId, Vec<u32>)>) {
+    let mut stand_ins = StandIns::default();
+    ids.iter().for_each(|id| stand_ins.add(*id, FrameNumber(7)));
+    let first = stand_ins.find(&PLANT, &view(), &rule(), |id| has.contains(&id));
+    let told = stand_ins.tell().into_iter().map(|item| match item {
+        Supply::StandIn { id, drawables } => (id, drawables.iter().collect()),
+        item => panic!("{item:?}"),
+    });
+    (first.into_iter().map(|(id, _)| id).collect(), told.collect())
+}
+
+/// Whether `id` is a coarser level of the node of `finer`, or one of a node above.
+fn is_coarser(id: DrawableId, finer: DrawableId) -> bool {
+    let node_of = |id: DrawableId| NodeId(PLANT.drawables()[id.index()].node);
+    let (own, above) = (node_of(finer), node_of(id));
+    if own == above { id > finer } else { PLANT.ancestors(own).any(|(node, _)| node == above) }
+}
+
+#[test]
+fn each_drawable_comes_first_or_has_something_coarser_that_does() {
+    let cut = cut();
+    assert!(cut.len() > 100);
+    let (first, told) = find(&cut, &[]);
+    assert!(first.len() * 2 < cut.len(), "{} of {} come first", first.len(), cut.len());
+    let view = view();
+    let lods = LodCut::new(&PLANT, &view, rule());
+    let mut covered = BTreeSet::new();
+    for (id, drawables) in &told {
+        assert!(first.contains(id));
+        let drawable = &PLANT.drawables()[id.index()];
+        let error = lods.error_on_screen(&PLANT.nodes()[drawable.node as usize], drawable.error.into());
+        assert!(error <= COARSER * EPSILON_PX, "{error} px");
+        for finer in drawables {
+            assert!(is_coarser(*id, DrawableId(*finer)));
+            assert!(covered.insert(DrawableId(*finer)), "told once");
+        }
+    }
+    let alone = first.iter().filter(|id| cut.contains(id)).copied();
+    assert_eq!(covered.into_iter().chain(alone).collect::<BTreeSet<_>>(), cut.into_iter().collect());
+}
+
+/// One of the cut, and what can stand in for it.
+fn with_several_coarser() -> (DrawableId, Vec<DrawableId>) {
+    let view = view();
+    let lods = LodCut::new(&PLANT, &view, rule());
+    let coarser = |id: DrawableId| (id, lods.coarser(id, COARSER * EPSILON_PX).collect::<Vec<_>>());
+    cut()
+        .into_iter()
+        .map(coarser)
+        .max_by_key(|(_, coarser)| coarser.len())
+        .filter(|(_, c)| c.len() > 2)
+        .unwrap()
+}
+
+#[test]
+fn the_finest_that_the_display_has_stands_in_and_is_not_sent() {
+    let (id, coarser) = with_several_coarser();
+    let (first, told) = find(&[id], &coarser[1..3]);
+    assert_eq!((first.len(), told), (0, vec![(coarser[1], vec![id.0])]));
+}
+
+#[test]
+fn what_the_display_knows_it_is_not_told_again() {
+    let (id, mut stand_ins) = (with_several_coarser().0, StandIns::default());
+    let mut told = |has: &dyn Fn(DrawableId) -> bool| {
+        stand_ins.add(id, FrameNumber(7));
+        let _first = stand_ins.find(&PLANT, &view(), &rule(), has);
+        stand_ins.tell().len()
+    };
+    assert_eq!(told(&|_| false), 1);
+    assert_eq!(told(&|_| false), 0);
+    assert_eq!(told(&|coarser| coarser != id), 1, "another one stands in now");
+}
