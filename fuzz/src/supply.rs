@@ -1,6 +1,7 @@
 //! What must hold for any block of the bulk lane. The fuzz target searches for blocks that break it; an
 //! ordinary test of `proto` replays the corpus.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
 
 use bytes::Bytes;
@@ -56,13 +57,19 @@ pub struct Display {
     /// What was given.
     pub scene: Scene,
     arriving: Option<(u32, u32, Vec<u8>)>,
+    /// What stands in for which drawables, all of them of the scene.
+    stand_ins: BTreeMap<DrawableId, DrawableId>,
+    /// Pieces of the scene that were said to come ahead.
+    pub ahead: BTreeSet<u32>,
     /// Whether all that came was taken.
     pub takes_all: bool,
 }
 
 impl Default for Display {
     fn default() -> Self {
-        Self { scene: Scene::empty(OUTLINE), arriving: None, takes_all: true }
+        let scene = Scene::empty(OUTLINE);
+        let (stand_ins, ahead) = (BTreeMap::new(), BTreeSet::new());
+        Self { scene, arriving: None, stand_ins, ahead, takes_all: true }
     }
 }
 
@@ -78,9 +85,43 @@ impl Display {
                 Err(_) => self.takes_all = false,
             },
             Supply::Geometry { number, length, offset, part } => self.part(number, length, offset, &part),
+            Supply::StandIn { id, drawables } => {
+                list(&drawables);
+                self.stand_in(id, &drawables);
+            }
+            Supply::Ahead { geometries } => {
+                list(&geometries);
+                self.ahead.extend(geometries.iter().filter(|number| *number < OUTLINE.geometries));
+            }
             _ => {}
         }
         self.is_sound();
+    }
+
+    /// What is shown in the place of a drawable that is not there, if that is there itself.
+    pub fn stands_in_for(&self, id: DrawableId) -> Option<DrawableId> {
+        let stand_in = self.stand_ins.get(&id).filter(|_| self.scene.has(id) == Ok(false))?;
+        (self.scene.has(*stand_in) == Ok(true)).then_some(*stand_in)
+    }
+
+    /// The newest one counts. What the scene does not have stands for nothing.
+    fn stand_in(&mut self, id: DrawableId, drawables: &NumberList) {
+        let known = self.stand_ins.clone();
+        let named = drawables.iter().map(DrawableId).filter(|drawable| drawable.0 < OUTLINE.drawables);
+        if id.0 < OUTLINE.drawables {
+            self.stand_ins.extend(named.map(|drawable| (drawable, id)));
+        } else {
+            for drawable in named {
+                self.stand_ins.remove(&drawable);
+            }
+        }
+        for drawable in (0..OUTLINE.drawables).map(DrawableId) {
+            let expected = match drawables.iter().any(|named| named == drawable.0) {
+                true => Some(&id).filter(|id| id.0 < OUTLINE.drawables),
+                false => known.get(&drawable),
+            };
+            assert_eq!(self.stand_ins.get(&drawable), expected);
+        }
     }
 
     fn entry(&mut self, entry: &DrawableEntry) {
@@ -147,6 +188,9 @@ impl Display {
             assert!(node.origin().is_finite() && node.linear().is_finite());
             assert!(node.object < OUTLINE.objects && drawable.geometry < OUTLINE.geometries);
             assert!(drawable.triangles > 0);
+            if let Some(stand_in) = self.stands_in_for(id) {
+                assert!(stand_in != id && self.stands_in_for(stand_in).is_none());
+            }
             if has == Ok(true) {
                 let geometry = self.scene.geometry(drawable.geometry).ok();
                 let triangles = geometry.map(|geometry| geometry.triangles());
@@ -155,7 +199,10 @@ impl Display {
         }
         for number in [OUTLINE.drawables, u32::MAX] {
             assert_eq!(self.scene.has(DrawableId(number)), Ok(false));
+            assert_eq!(self.stands_in_for(DrawableId(number)), None);
         }
+        assert!(self.stand_ins.len() <= OUTLINE.drawables as usize);
+        assert!(self.ahead.len() <= OUTLINE.geometries as usize);
         assert!(self.scene.fault().is_none());
     }
 }

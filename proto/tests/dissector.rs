@@ -156,16 +156,20 @@ fn blocks_are_read_item_by_item() {
         (0, say("taken-and-shown")),
         (1, say("geometry-part")),
         (1, entries.clone()),
+        (1, say("stand-in")),
+        (1, say("ahead")),
     ];
     let fields = [
         "trimaran.demand",
+        "trimaran.demand.coarser_first",
+        "trimaran.demand.ahead",
         "trimaran.demand.frame",
         "trimaran.demand.taken",
         "trimaran.demand.drawable",
         "trimaran.demand.geometry",
     ];
     let Some(shown) = read(&packets, &fields) else { return };
-    assert_eq!(shown[2..5], ["2;0|||4;5;134|7", "3|9|300|2;258|", "5;6|9|17000||"]);
+    assert_eq!(shown[2..5], ["2;0|1|8388608|||4;5;134|7", "3|||9|300|2;258|", "5;6|||9|17000||"]);
     let fields = [
         "trimaran.supply",
         "trimaran.supply.geometry",
@@ -176,10 +180,21 @@ fn blocks_are_read_item_by_item() {
         "trimaran.supply.entries",
     ];
     let Some(shown) = read(&packets, &fields) else { return };
-    assert_eq!(shown[4..], ["||||||", "1|8|300|296|deadbeef||", "0|||||2|aa"]);
+    assert_eq!(shown[4..7], ["||||||", "1|8|300|296|deadbeef||", "0|||||2|aa"]);
+    let fields =
+        ["trimaran.supply", "trimaran.supply.stand_in", "trimaran.supply.drawable", "trimaran.supply.ahead"];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[6..], ["0|||", "2|300|2;258|", "3|||8;9"]);
     let Some(shown) = read(&packets, &["_ws.col.Info"]) else { return };
     assert!(shown[0].contains("hello from display without a scene, bulk"), "{shown:?}");
-    assert!(shown[3].contains("block of 8 bytes: frame 9 lacks 2 drawables"), "{shown:?}");
+    for (packet, said) in [
+        (2, "begin with coarser drawables first and 8388608 bytes ahead"),
+        (3, "block of 8 bytes: frame 9 lacks 2 drawables"),
+        (7, "block of 7 bytes: drawable 300 stands in for 2 drawables"),
+        (8, "block of 4 bytes: 2 pieces ahead"),
+    ] {
+        assert!(shown[packet].contains(said), "{shown:?}");
+    }
 
     // From a capture without hellos only the bytes are known.
     let Some(shown) = read(&[(0, entries)], &["trimaran.supply", "trimaran.block"]) else { return };

@@ -36,7 +36,7 @@ fn broken_inputs_of_the_corpus_do_no_harm() {
 }
 
 /// What becomes of a block. What a culler sends is taken or in part refused; and drawables can be drawn then,
-/// or do not go with their geometry.
+/// also in the place of others, or do not go with their geometry; or pieces are known to come ahead.
 fn outcome(block: &[u8]) -> &'static str {
     let Ok(items) = items::<Supply>(block) else {
         return if items::<Demand>(block).is_ok() { "demands" } else { "unread" };
@@ -47,7 +47,11 @@ fn outcome(block: &[u8]) -> &'static str {
     match display.takes_all {
         false => "refused",
         true if has.iter().any(Result::is_err) => "apart",
+        true if (0..OUTLINE.drawables).any(|id| display.stands_in_for(DrawableId(id)).is_some()) => {
+            "stands-in"
+        }
         true if has.contains(&Ok(true)) => "drawn",
+        true if !display.ahead.is_empty() => "ahead",
         true => "taken",
     }
 }
@@ -56,21 +60,28 @@ fn outcome(block: &[u8]) -> &'static str {
 type Make = fn() -> Vec<u8>;
 
 /// Each input, and what becomes of it.
-const FILES: [(&str, &str, Make); 42] = [
+const FILES: [(&str, &str, Make); 64] = [
     ("nothing", "taken", Vec::new),
-    ("begin-and-holds", "demands", || block(&[Demand::Begin, holds()])),
+    ("begin-and-holds", "demands", || block(&[begin(false, 0), holds()])),
+    ("begin-with-coarser-first", "demands", || block(&[holds(), begin(true, 0)])),
+    ("begin-with-bytes-ahead", "demands", || block(&[begin(false, 64 << 20)])),
+    ("begin-with-both", "demands", || block(&[begin(true, u64::MAX)])),
+    ("begin-that-is-records-of-one-byte-as-well", "refused", || block(&[begin(true, 0)])),
+    ("begin-with-a-flag-that-is-none", "unread", || vec![0, 2, 0]),
+    ("begin-with-a-flag-alone", "unread", || vec![0, 1]),
+    ("begin-with-more-than-64-bits-ahead", "unread", || [&[0, 0][..], &[0xff; 9], &[2]].concat()),
     ("lacks", "demands", || block(&[lacks(numbers([2, 258]))])),
     ("dropped", "demands", || block(&[Demand::Dropped { geometries: numbers([0, 3]) }])),
     ("taken-and-shown", "demands", || {
         block(&[Demand::Taken { bytes: u64::MAX }, Demand::Shown { frame: FrameNumber(u32::MAX) }])
     }),
-    ("end-and-begin", "demands", || block(&[Demand::End, Demand::Begin, Demand::End])),
+    ("end-and-begin", "demands", || block(&[Demand::End, begin(false, 0), Demand::End])),
     ("all-numbers-that-fit", "demands", || {
         let gap = u32::MAX / NumberList::MOST as u32;
         block(&[lacks(NumberList::of((0..NumberList::MOST as u32).map(|number| number * gap).collect()))])
     }),
     ("more-numbers-than-an-item-is-parted-to", "demands", || {
-        block(&[lacks(NumberList::of((0..NumberList::MOST as u32 + 1).collect()))])
+        block(&[lacks(NumberList::of((0..NumberList::MOST as u32 + 1).map(|number| 5 * number).collect()))])
     }),
     ("the-largest-number", "demands", || vec![4, 5, 0xff, 0xff, 0xff, 0xff, 0x0f]),
     ("a-number-above-the-largest", "unread", || vec![4, 6, 0xff, 0xff, 0xff, 0xff, 0x0f, 0]),
@@ -78,8 +89,8 @@ const FILES: [(&str, &str, Make); 42] = [
     ("a-number-longer-than-it-must-be", "demands", || vec![4, 2, 0x80, 0]),
     ("a-number-without-end", "unread", || vec![4, 1, 0x80]),
     ("a-list-longer-than-the-block", "unread", || vec![4, 9, 1, 1]),
-    ("a-demand-of-another-kind", "unread", || vec![0, 7]),
-    ("a-supply-of-another-kind", "unread", || [whole_piece(), vec![2, 0]].concat()),
+    ("a-demand-of-another-kind", "unread", || [block(&[begin(false, 0)]), vec![7]].concat()),
+    ("a-supply-of-another-kind", "unread", || [whole_piece(), vec![4, 0]].concat()),
     ("demands-behind-a-supply", "unread", || [whole_piece(), block(&[Demand::End])].concat()),
     ("cut-within-an-item", "unread", || whole_piece()[..20].to_vec()),
     ("one-drawable", "drawn", || block(&[entries(&[entry(0)]), piece(0, &square(1))])),
@@ -98,6 +109,57 @@ const FILES: [(&str, &str, Make); 42] = [
     ("records-between-parts", "taken", || {
         let mut items = parts(1, &packed(&square(9)), 100);
         items.insert(1, entries(&[entry(0)]));
+        block(&items)
+    }),
+    ("a-stand-in-that-is-there", "stands-in", || {
+        block(&[stand_in(6, numbers([0, 1])), entries(&[entry(6)]), piece(2, &square(1))])
+    }),
+    ("a-stand-in-that-was-there-before", "stands-in", || {
+        block(&[entries(&[entry(6)]), piece(2, &square(1)), stand_in(6, numbers([0, 1]))])
+    }),
+    ("a-stand-in-for-what-has-come", "drawn", || {
+        let pieces = [piece(2, &square(1)), piece(0, &square(1))];
+        let first = [stand_in(6, numbers([0])), entries(&[entry(6), entry(0)])];
+        block(&[first, pieces].concat())
+    }),
+    ("a-stand-in-that-never-comes", "taken", || block(&[stand_in(6, numbers([0])), entries(&[entry(0)])])),
+    ("a-stand-in-after-another-one", "drawn", || {
+        let named = [stand_in(6, numbers([0, 1])), stand_in(7, numbers([0, 1]))];
+        block(&[&named[..], &[entries(&[entry(6)]), piece(2, &square(1))]].concat())
+    }),
+    ("a-stand-in-for-itself", "drawn", || {
+        block(&[stand_in(0, numbers([0])), entries(&[entry(0)]), piece(0, &square(1))])
+    }),
+    ("a-stand-in-for-none", "taken", || block(&[stand_in(0, numbers([]))])),
+    ("a-stand-in-beyond-the-scene", "drawn", || {
+        let named = [6, OUTLINE.drawables, u32::MAX].map(|id| stand_in(id, numbers([0])));
+        block(&[&named[..], &[entries(&[entry(6)]), piece(2, &square(1))]].concat())
+    }),
+    ("a-stand-in-for-what-is-beyond-the-scene", "drawn", || {
+        let beyond = stand_in(6, numbers([OUTLINE.drawables, u32::MAX]));
+        block(&[beyond, entries(&[entry(6)]), piece(2, &square(1))])
+    }),
+    ("a-stand-in-for-all-numbers-that-fit", "taken", || {
+        let gap = u32::MAX / NumberList::MOST as u32;
+        let all = (0..NumberList::MOST as u32).map(|number| number * gap);
+        block(&[stand_in(u32::MAX, NumberList::of(all.collect()))])
+    }),
+    ("a-stand-in-for-a-number-above-the-largest", "unread", || {
+        vec![2, 6, 6, 0xff, 0xff, 0xff, 0xff, 0x0f, 0]
+    }),
+    ("pieces-ahead-of-their-records", "ahead", || {
+        block(&[ahead(numbers([0, 3])), piece(0, &square(1)), piece(3, &square(1))])
+    }),
+    ("a-piece-ahead-that-is-drawn-then", "drawn", || {
+        block(&[piece(0, &square(1)), ahead(numbers([0])), entries(&[entry(0)])])
+    }),
+    ("pieces-ahead-beyond-the-scene", "taken", || {
+        block(&[ahead(numbers([OUTLINE.geometries, u32::MAX])), ahead(numbers([]))])
+    }),
+    ("other-items-between-parts", "ahead", || {
+        let mut items = parts(1, &packed(&square(9)), 100);
+        items.insert(1, stand_in(1, numbers([0])));
+        items.insert(3, ahead(numbers([1])));
         block(&items)
     }),
     ("another-number-of-triangles", "apart", || block(&[entries(&[entry(0)]), piece(0, &square(2))])),
@@ -260,6 +322,10 @@ fn holds() -> Demand {
     Demand::Holds { drawables: numbers([4, 5, 134]), geometries: numbers([7]) }
 }
 
+fn begin(coarser_first: bool, ahead: u64) -> Demand {
+    Demand::Begin { coarser_first, ahead }
+}
+
 fn lacks(drawables: NumberList) -> Demand {
     Demand::Lacks { frame: FrameNumber(9), taken: 300, drawables }
 }
@@ -291,6 +357,14 @@ fn entry(id: u32) -> DrawableEntry {
 
 fn entries(records: &[DrawableEntry]) -> Supply {
     Supply::Entries { packed: pack_entries(records).into() }
+}
+
+fn stand_in(id: u32, drawables: NumberList) -> Supply {
+    Supply::StandIn { id: DrawableId(id), drawables }
+}
+
+fn ahead(geometries: NumberList) -> Supply {
+    Supply::Ahead { geometries }
 }
 
 /// A square of `2 * n * n` triangles that is not flat.

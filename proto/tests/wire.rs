@@ -122,17 +122,23 @@ fn demanded() -> [(&'static str, Vec<Demand>); 3] {
     let holds = Demand::Holds { drawables: numbers([4, 5, 134]), geometries: numbers([7]) };
     let lacks = Demand::Lacks { frame: FrameNumber(9), taken: 300, drawables: numbers([2, 258]) };
     let taken = Demand::Taken { bytes: 17_000 };
+    let begin = Demand::Begin { coarser_first: true, ahead: 8 << 20 };
     [
-        ("holds-and-begin", vec![holds, Demand::Begin]),
+        ("holds-and-begin", vec![holds, begin]),
         ("lacks", vec![lacks]),
         ("taken-and-shown", vec![taken, Demand::Shown { frame: FrameNumber(9) }]),
     ]
 }
 
 /// Blocks of what a culler sends.
-fn supplied() -> [(&'static str, Vec<Supply>); 1] {
+fn supplied() -> [(&'static str, Vec<Supply>); 3] {
     let part = Bytes::from_static(&[0xde, 0xad, 0xbe, 0xef]);
-    [("geometry-part", vec![Supply::Geometry { number: 8, length: 300, offset: 296, part }])]
+    let stand_in = Supply::StandIn { id: DrawableId(300), drawables: numbers([2, 258]) };
+    [
+        ("geometry-part", vec![Supply::Geometry { number: 8, length: 300, offset: 296, part }]),
+        ("stand-in", vec![stand_in]),
+        ("ahead", vec![Supply::Ahead { geometries: numbers([8, 9]) }]),
+    ]
 }
 
 fn block(items: &[impl serde::Serialize]) -> Message {
@@ -304,7 +310,7 @@ fn the_tables_of_items_of_blocks_are_the_crates() {
     let list = NumberList::default;
     let frame = FrameNumber(0);
     let demands = [
-        ("begin", Demand::Begin),
+        ("begin", Demand::Begin { coarser_first: false, ahead: 0 }),
         ("end", Demand::End),
         ("holds", Demand::Holds { drawables: list(), geometries: list() }),
         ("lacks", Demand::Lacks { frame, taken: 0, drawables: list() }),
@@ -317,6 +323,8 @@ fn the_tables_of_items_of_blocks_are_the_crates() {
     let supplies = [
         ("entries", Supply::Entries { packed: Bytes::new() }),
         ("geometry", Supply::Geometry { number: 0, length: 0, offset: 0, part: Bytes::new() }),
+        ("stand-in", Supply::StandIn { id: DrawableId(0), drawables: list() }),
+        ("ahead", Supply::Ahead { geometries: list() }),
     ];
     let supplies = supplies.map(|(name, supply)| (postcard(&supply)[0], name));
     assert_eq!(rows("| number | item | values | what it holds |"), supplies);

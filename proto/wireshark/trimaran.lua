@@ -20,7 +20,7 @@ local LANES = { [0] = "latest", "frames", "messages", "bulk" }
 local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view" }
 -- Items of blocks: what a display says, and what a culler sends.
 local DEMANDS = { [0] = "begin", "end", "holds", "lacks", "dropped", "taken", "shown" }
-local SUPPLIES = { [0] = "entries", "geometry" }
+local SUPPLIES = { [0] = "entries", "geometry", "stand-in", "ahead" }
 local CODINGS = { [0] = "plain", "changes" }
 local OCCLUSION_TESTS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
@@ -95,6 +95,8 @@ local f = {
   switch_from = ProtoField.uint32("trimaran.switch.first", "From frame on"),
   block = ProtoField.bytes("trimaran.block", "Bytes of the block"),
   demand = ProtoField.uint8("trimaran.demand", "Demand", base.DEC, DEMANDS),
+  coarser_first = ProtoField.bool("trimaran.demand.coarser_first", "Coarser drawables first"),
+  demand_ahead = ProtoField.uint64("trimaran.demand.ahead", "Bytes ahead at most"),
   demand_frame = ProtoField.uint32("trimaran.demand.frame", "For frame"),
   taken = ProtoField.uint64("trimaran.demand.taken", "Bytes taken of blocks"),
   drawable = ProtoField.uint32("trimaran.demand.drawable", "Drawable"),
@@ -106,6 +108,9 @@ local f = {
   supply_length = ProtoField.uint32("trimaran.supply.length", "Length of the piece"),
   supply_offset = ProtoField.uint32("trimaran.supply.offset", "Where the part begins"),
   supply_part = ProtoField.bytes("trimaran.supply.part", "Part"),
+  stand_in = ProtoField.uint32("trimaran.supply.stand_in", "Stand-in"),
+  stood_in_for = ProtoField.uint32("trimaran.supply.drawable", "Stands in for drawable"),
+  supply_ahead = ProtoField.uint32("trimaran.supply.ahead", "Piece of geometry ahead"),
 }
 local e = {
   malformed = ProtoExpert.new("trimaran.malformed", "No message of version 3", expert.group.MALFORMED, expert.severity.ERROR),
@@ -470,7 +475,13 @@ end
 
 local function demand(r, tree)
   local what = add_varint(tree, f.demand, r)
-  if what == 2 then
+  if what == 0 then
+    local flag = r.take(1)
+    if flag:uint() > 1 then error(SHORT) end
+    tree:add(f.coarser_first, flag)
+    local ahead = add_wide(tree, f.demand_ahead, r)
+    return "begin with " .. (flag:uint() == 1 and "coarser drawables first and " or "") .. ahead .. " bytes ahead"
+  elseif what == 2 then
     local drawables = numbers(r, tree, f.drawable)
     return "holds " .. drawables .. " drawables and " .. numbers(r, tree, f.piece) .. " pieces"
   elseif what == 3 then
@@ -503,6 +514,11 @@ local function supply(r, tree)
     local bytes = r.varint()
     if bytes > 0 then tree:add(f.supply_part, r.take(bytes)) end
     return string.format("piece %d from %d to %d of %d", number, offset, offset + bytes, length)
+  elseif what == 2 then
+    local id = add_varint(tree, f.stand_in, r)
+    return "drawable " .. id .. " stands in for " .. numbers(r, tree, f.stood_in_for) .. " drawables"
+  elseif what == 3 then
+    return numbers(r, tree, f.supply_ahead) .. " pieces ahead"
   end
   error(SHORT)
 end
