@@ -73,6 +73,6 @@ pub use meeting::{Expected, Meeting};
 pub use peers::{Arrival, Peers, Seat, Sought};
 pub use service::{CullerService, NewSession, ServiceEndpoints, SessionError};
 pub use stop::{Stop, Stopper};
-pub use supply::{SupplyError, SupplyFault};
+pub use supply::{AheadUse, SupplyError, SupplyFault};
 pub use turn::Turns;
 pub use work::{CulledFrame, Gaps, OccluderPolicy, SceneCulling, ScenePictures};

@@ -38,7 +38,7 @@ use trimaran_proto::{
     Sections, SessionKey, Settings, Supply, ViewState, ViewVersion, Walkthrough, put_item,
 };
 use trimaran_scene::{DrawableEntry, Scene, pack_entries, random::Random};
-use trimaran_transport::{Bulk, LinkConfig, Net, Options, RecvError, TokioNet, causes, inproc};
+use trimaran_transport::{Bulk, LinkConfig, Net, Options, RecvError, TokioNet, causes, inproc, sleep_until};
 
 const SIDE: u32 = 40;
 const EPSILON_PX: f64 = 1.0;
@@ -551,8 +551,8 @@ fn try_play(
             let (net, stop, runtime) = (&net, &stop, &runtime);
             scope.spawn(move || match culler {
                 Far::Sound => runtime.block_on(sound(net, link, stop)),
-                Far::Sends(blocks) => runtime.block_on(sends(link, std::slice::from_ref(blocks), None)),
-                Far::SendsAsShown(parts, shown) => runtime.block_on(sends(link, parts, Some(shown))),
+                Far::Sends(blocks) => runtime.block_on(sends(net, link, std::slice::from_ref(blocks), None)),
+                Far::SendsAsShown(parts, shown) => runtime.block_on(sends(net, link, parts, Some(shown))),
                 Far::Foreign => runtime.block_on(culls(link, u32::MAX)),
             });
         }
@@ -594,13 +594,13 @@ async fn sound(net: &Arc<dyn Net>, display: Link, stop: &Stop) {
 }
 
 /// Sends the parts one after the other, each once so many pictures were shown as there are before it.
-async fn sends(mut link: Link, parts: &[Vec<Bytes>], shown: Option<&AtomicU32>) {
+async fn sends(net: &Arc<dyn Net>, mut link: Link, parts: &[Vec<Bytes>], shown: Option<&AtomicU32>) {
     let Bulk { mut tx, mut rx } = link.bulk.take().unwrap();
     let supply = async {
         if rx.recv().await.is_ok() {
             for (before, part) in (0..).zip(parts) {
                 while shown.is_some_and(|shown| shown.load(Ordering::SeqCst) < before) {
-                    tokio::time::sleep(Duration::from_millis(1)).await;
+                    sleep_until(&**net, net.now().after(Duration::from_millis(1))).await;
                 }
                 for block in part {
                     if tx.send(block.clone()).await.is_err() {

@@ -127,6 +127,7 @@ impl<W: DisplayWork, A: CullerWork> DisplayRole<W, A> {
         let turn = self.turns.of_a_role();
         let mut session = Session::new(self, &turn, stop, cameras, observer);
         let result = worked(session.play(), &turn, stop).await;
+        session.tell_ahead_use();
         part(session.into_links().await, result, stop).await
     }
 }

@@ -6,7 +6,7 @@ use trimaran_cull::Image;
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, SentBytes};
 
 use super::error::{BoxedError, RoleError};
-use crate::{deal::CullerId, links::Link};
+use crate::{deal::CullerId, links::Link, supply::AheadUse};
 
 /// A frame that has been drawn, as the display's observer sees it.
 #[derive(Debug)]
@@ -64,6 +64,12 @@ pub trait Observer {
     /// What became of a culler.
     fn culler(&mut self, event: CullerEvent<'_>) {
         let _ = event;
+    }
+
+    /// The session is over: what came of geometry that was sent before a frame needed it, where the display
+    /// has no scene.
+    fn ahead(&mut self, sent: &AheadUse) {
+        let _ = sent;
     }
 }
 

@@ -14,6 +14,7 @@ use super::supplier::{Supplier, SupplyFault};
 /// What a culler's session holds of the task. The task ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct CullerEnd {
+    net: Arc<dyn Net>,
     shared: Arc<Shared>,
     stop: oneshot::Sender<()>,
     over: oneshot::Receiver<Bulk>,
@@ -39,7 +40,7 @@ impl CullerEnd {
         let ((stop, stopped), (gives, over)) = (oneshot::channel(), oneshot::channel());
         let task = serve(Arc::clone(net), bulk, Arc::clone(&shared), stopped, gives);
         net.spawn(Box::pin(task));
-        Self { shared, stop, over }
+        Self { net: Arc::clone(net), shared, stop, over }
     }
 
     /// Frames are culled in this view state from now on.
@@ -55,7 +56,7 @@ impl CullerEnd {
         if let Some(fault) = self.shared.fault.lock().take() {
             return Err(fault);
         }
-        if self.shared.supplier.lock().found(view, ids) {
+        if self.shared.supplier.lock().found(view, ids, self.net.now()) {
             self.shared.news.notify_one();
         }
         Ok(())

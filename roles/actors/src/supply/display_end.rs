@@ -32,8 +32,9 @@ impl DisplayEnd {
         Self { demands, taken, over, ended: None }
     }
 
-    /// Asks for what becomes visible, but what is there; for coarser drawables first, if it is to.
-    pub(crate) fn begin(&self, holdings: &Holdings, coarser_first: bool) {
+    /// Asks for what becomes visible, but what is there; for coarser drawables first, if it is to, and for so
+    /// many bytes before a frame needs them.
+    pub(crate) fn begin(&self, holdings: &Holdings, coarser_first: bool, ahead: u64) {
         let [drawables, geometries] = holdings.all();
         for drawables in drawables.parts() {
             self.say(Demand::Holds { drawables, geometries: NumberList::default() });
@@ -41,7 +42,7 @@ impl DisplayEnd {
         for geometries in geometries.parts() {
             self.say(Demand::Holds { drawables: NumberList::default(), geometries });
         }
-        self.say(Demand::Begin { coarser_first, ahead: 0 });
+        self.say(Demand::Begin { coarser_first, ahead });
     }
 
     /// Asks for nothing more.

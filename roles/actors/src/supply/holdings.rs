@@ -54,6 +54,19 @@ impl SupplyError {
     }
 }
 
+/// Geometry that came before a frame needed it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct AheadUse {
+    /// Pieces.
+    pub pieces: u64,
+    /// Their bytes, packed.
+    pub bytes: u64,
+    /// Pieces of these that a frame has used since.
+    pub used_pieces: u64,
+    /// Their bytes.
+    pub used_bytes: u64,
+}
+
 /// What a display has of its scene. What comes is noted by tasks, and what frames use by the display.
 #[derive(Debug)]
 pub(crate) struct Holdings {
@@ -71,6 +84,10 @@ struct Inner {
     records: Vec<u32>,
     /// When each piece of geometry was used last.
     pieces: HashMap<u32, u64>,
+    /// Pieces that were sent before a frame needed them, and that none has used; and their bytes once they
+    /// have come.
+    ahead: HashMap<u32, u64>,
+    ahead_use: AheadUse,
     /// What may be shown in the place of which drawables.
     stand_ins: HashMap<DrawableId, DrawableId>,
     bytes: u64,
@@ -126,6 +143,16 @@ impl Holdings {
                         return Err(SupplyError::Records);
                     }
                 }
+                Supply::Ahead { geometries } => {
+                    let mut inner = self.inner.lock();
+                    // What it has it was not sent now.
+                    let new: Vec<_> =
+                        geometries.iter().filter(|number| !inner.pieces.contains_key(number)).collect();
+                    inner.ahead.extend(new.into_iter().map(|number| (number, 0)));
+                    if inner.ahead.len() > MOST_RECORDS {
+                        return Err(SupplyError::Records);
+                    }
+                }
                 _ => {}
             }
         }
@@ -138,6 +165,11 @@ impl Holdings {
         self.scene.give_geometry(number, packed)?;
         let mut inner = self.inner.lock();
         let used = inner.tick;
+        if let Some(came) = inner.ahead.get_mut(&number) {
+            *came = bytes;
+            inner.ahead_use.pieces += 1;
+            inner.ahead_use.bytes += bytes;
+        }
         if inner.pieces.insert(number, used).is_none() {
             inner.bytes += bytes;
         }
@@ -183,6 +215,11 @@ impl Holdings {
         [inner.records.clone(), inner.pieces.keys().copied().collect()].map(NumberList::of)
     }
 
+    /// What came of what was sent ahead.
+    pub(crate) fn ahead_use(&self) -> AheadUse {
+        self.inner.lock().ahead_use
+    }
+
     /// A frame of these drawables is drawn.
     pub(crate) fn used(&self, ids: &[DrawableId]) {
         let mut inner = self.inner.lock();
@@ -209,6 +246,7 @@ impl Holdings {
                 break;
             }
             inner.pieces.remove(&number);
+            inner.ahead.remove(&number);
             inner.bytes -= self.scene.take_back_geometry(number) as u64;
             dropped.push(number);
         }
@@ -225,6 +263,10 @@ impl Inner {
         for drawable in ids.iter().filter_map(|id| scene.drawables().get(id.index())) {
             if let Some(used) = self.pieces.get_mut(&drawable.geometry) {
                 *used = now;
+                if let Some(bytes) = self.ahead.remove(&drawable.geometry) {
+                    self.ahead_use.used_pieces += 1;
+                    self.ahead_use.used_bytes += bytes;
+                }
             }
         }
     }

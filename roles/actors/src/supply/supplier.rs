@@ -13,6 +13,7 @@ use trimaran_scene::{DrawableEntry, ReadError, Scene, pack_entries};
 use trimaran_transport::{Instant, MAX_BLOCK, SendError};
 
 use super::{
+    ahead::Ahead,
     queue::{Purpose, Queue},
     stand_ins::StandIns,
     window::{NotSent, Window},
@@ -20,6 +21,8 @@ use super::{
 
 /// How many drawables are made ready together: their records are packed as one.
 const BATCH: usize = 64;
+/// How many pieces of geometry that no frame needs yet.
+const AHEAD_BATCH: usize = 8;
 /// A block with fewer bytes left than this takes no part of a piece that does not end in it.
 const LEAST_PART: usize = 256;
 /// The bytes of a part beside its content, at most.
@@ -65,6 +68,7 @@ pub(crate) struct Supplier {
     /// What is to be sent.
     queue: Queue,
     stand_ins: StandIns,
+    ahead: Ahead,
     window: Window,
     /// Made ready, and first to be sent: items and what ends with them, then pieces of geometry.
     ready: VecDeque<(Supply, Vec<Ending>)>,
@@ -101,6 +105,7 @@ impl Supplier {
             geometries: HashMap::new(),
             queue: Queue::default(),
             stand_ins: StandIns::default(),
+            ahead: Ahead::new(0),
             window: Window::new(),
             ready: VecDeque::new(),
             pieces: VecDeque::new(),
@@ -115,7 +120,7 @@ impl Supplier {
     }
 
     /// These were found visible from `view`. Gives whether some of them are to be sent.
-    pub(crate) fn found(&mut self, view: &View, ids: &[DrawableId]) -> bool {
+    pub(crate) fn found(&mut self, view: &View, ids: &[DrawableId], now: Instant) -> bool {
         if !self.has_begun {
             if self.view != Some(*view) {
                 self.early.clear();
@@ -127,13 +132,13 @@ impl Supplier {
         self.view = Some(*view);
         let frame = view.camera().frame();
         let news = ids.iter().filter(|id| self.need(frame, **id)).count();
-        news > 0
+        self.ahead.found(&self.scene, view, ids, now) || news > 0
     }
 
     /// Takes what the display says.
     pub(crate) fn hear(&mut self, demand: Demand, now: Instant) -> Result<(), SupplyFault> {
         match demand {
-            Demand::Begin { coarser_first, .. } => self.begin(coarser_first),
+            Demand::Begin { coarser_first, ahead } => self.begin(coarser_first, ahead, now),
             Demand::End => self.end(),
             Demand::Holds { drawables, geometries } => {
                 self.records.extend(drawables.iter().map(|id| (id, 0)));
@@ -143,6 +148,7 @@ impl Supplier {
             Demand::Dropped { geometries } => {
                 for number in geometries.iter() {
                     self.geometries.remove(&number);
+                    self.ahead.count_off(number);
                 }
             }
             Demand::Taken { bytes } => {
@@ -161,7 +167,7 @@ impl Supplier {
         }
         let mut block = Vec::new();
         loop {
-            self.make_ready()?;
+            self.make_ready(now)?;
             if let Some((item, ending)) = self.ready.front_mut() {
                 if !put_item(&mut block, item) {
                     break;
@@ -193,12 +199,13 @@ impl Supplier {
         Ok(Some(block.into()))
     }
 
-    fn begin(&mut self, coarser_first: bool) {
+    fn begin(&mut self, coarser_first: bool, ahead: u64, now: Instant) {
         self.has_begun = true;
         self.coarser_first = coarser_first;
+        self.ahead = Ahead::new(ahead);
         if let Some(view) = self.view {
             let early = std::mem::take(&mut self.early);
-            self.found(&view, &early);
+            self.found(&view, &early, now);
         }
     }
 
@@ -209,6 +216,7 @@ impl Supplier {
         self.geometries.clear();
         self.queue.clear();
         self.stand_ins = StandIns::default();
+        self.ahead = Ahead::new(0);
         self.ready.clear();
         self.pieces.clear();
     }
@@ -269,7 +277,7 @@ impl Supplier {
     }
 
     /// Takes the next drawables, where nothing else is ready.
-    fn make_ready(&mut self) -> Result<(), SupplyFault> {
+    fn make_ready(&mut self, now: Instant) -> Result<(), SupplyFault> {
         if !self.ready.is_empty() || self.piece.is_some() {
             return Ok(());
         }
@@ -277,10 +285,13 @@ impl Supplier {
             self.find_stand_ins();
             self.take_batch();
         }
+        if self.pieces.is_empty() && self.ready.is_empty() {
+            self.take_ahead(now);
+        }
         if self.ready.is_empty()
             && let Some(number) = self.pieces.pop_front()
         {
-            let bytes = self.scene.packed_geometry(number).map_err(SupplyFault::Scene)?.into();
+            let bytes = Bytes::from(self.scene.packed_geometry(number).map_err(SupplyFault::Scene)?);
             self.piece = Some(Piece { number, bytes, sent: 0 });
         }
         Ok(())
@@ -295,19 +306,48 @@ impl Supplier {
             && self.queue.purpose() == purpose
             && let Some(id) = self.queue.pop()
         {
-            let Some(drawable) = self.scene.drawables().get(id.index()) else { continue };
             taken += 1;
-            if !self.records.contains_key(&id.0)
-                && let Some(entry) = DrawableEntry::of(&self.scene, id)
-            {
-                self.records.insert(id.0, NOT_YET);
-                entries.push(entry);
-            }
-            if let Entry::Vacant(place) = self.geometries.entry(drawable.geometry) {
-                place.insert(NOT_YET);
-                self.pieces.push_back(drawable.geometry);
+            self.take(id, &mut entries);
+        }
+        self.pack_in_order(entries);
+    }
+
+    /// Takes what no frame needs yet, while next to nothing is under way.
+    fn take_ahead(&mut self, now: Instant) {
+        let Some(rule) = self.rule.clone().filter(|_| self.window.is_quiet()) else { return };
+        let (mut entries, mut numbers) = (Vec::new(), Vec::new());
+        while numbers.len() < AHEAD_BATCH
+            && let Some(id) = self.ahead.pop(&self.scene, &rule, now)
+        {
+            if let Some(number) = self.take(id, &mut entries) {
+                let bytes = self.scene.places().get(number as usize).map_or(0, |place| place.length.into());
+                self.ahead.sent(number, bytes, now);
+                numbers.push(number);
             }
         }
+        if !numbers.is_empty() {
+            let geometries = NumberList::of(numbers);
+            self.ready.push_back((Supply::Ahead { geometries }, Vec::new()));
+        }
+        self.pack_in_order(entries);
+    }
+
+    /// Takes what the display lacks of a drawable. Gives the piece of geometry, if that is to be sent.
+    fn take(&mut self, id: DrawableId, entries: &mut Vec<DrawableEntry>) -> Option<u32> {
+        let drawable = self.scene.drawables().get(id.index())?;
+        if !self.records.contains_key(&id.0)
+            && let Some(entry) = DrawableEntry::of(&self.scene, id)
+        {
+            self.records.insert(id.0, NOT_YET);
+            entries.push(entry);
+        }
+        let Entry::Vacant(place) = self.geometries.entry(drawable.geometry) else { return None };
+        place.insert(NOT_YET);
+        self.pieces.push_back(drawable.geometry);
+        Some(drawable.geometry)
+    }
+
+    fn pack_in_order(&mut self, mut entries: Vec<DrawableEntry>) {
         // In their order they pack better.
         entries.sort_unstable_by_key(|entry| entry.id);
         self.pack(&entries);

@@ -154,7 +154,7 @@ fn sorted(mut numbers: Vec<u32>) -> Vec<u32> {
 #[test]
 fn what_was_found_is_sent_once_and_records_come_before_their_geometry() {
     let (mut pair, ids) = (Pair::new(&PLANT), ids(0..300));
-    assert!(pair.supplier.found(&view(0), &ids));
+    assert!(pair.supplier.found(&view(0), &ids, NOW));
     let items = pair.items();
     let all = came(&items);
     assert_eq!(sorted(all.records.clone()), (0..300).collect::<Vec<_>>());
@@ -167,14 +167,14 @@ fn what_was_found_is_sent_once_and_records_come_before_their_geometry() {
             assert!(before.iter().any(is_needed), "piece {number} came before all records that need it");
         }
     }
-    assert!(!pair.supplier.found(&view(1), &ids), "all of it was sent");
+    assert!(!pair.supplier.found(&view(1), &ids, NOW), "all of it was sent");
     assert_eq!(pair.came(), Came::default());
 }
 
 #[test]
 fn what_is_largest_on_the_screen_comes_first() {
     let (mut pair, mut ids) = (Pair::new(&PLANT), unlike(&PLANT, 200));
-    pair.supplier.found(&view(0), &ids);
+    pair.supplier.found(&view(0), &ids, NOW);
     let size = |id: &DrawableId| {
         let node = &PLANT.nodes()[PLANT.drawables()[id.index()].node as usize];
         let (min, max) = node.world_box();
@@ -197,7 +197,7 @@ fn what_stands_in_comes_before_what_it_stands_in_for() {
     let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
     pair.supplier.change_view(&Settings::new(view.viewport(), rule).into());
     pair.hear(Demand::Begin { coarser_first: true, ahead: 0 });
-    pair.supplier.found(&view, &cut);
+    pair.supplier.found(&view, &cut, NOW);
     let items = pair.items();
     let stand_ins: BTreeMap<u32, DrawableId> = items.iter().filter_map(stands_in).flatten().collect();
     assert!(stand_ins.len() * 2 > cut.len(), "{} of {}", stand_ins.len(), cut.len());
@@ -232,17 +232,17 @@ fn instances_share_their_geometry() {
     let (geometry, instances) = by_geometry.iter().max_by_key(|(_, ids)| ids.len()).unwrap();
     assert!(instances.len() > 2);
     let mut pair = Pair::new(&PLANT);
-    pair.supplier.found(&view(0), &instances[1..]);
+    pair.supplier.found(&view(0), &instances[1..], NOW);
     let first = pair.came();
     assert_eq!((first.records.len(), first.pieces), (instances.len() - 1, vec![*geometry]));
-    pair.supplier.found(&view(1), instances);
+    pair.supplier.found(&view(1), instances, NOW);
     assert_eq!(pair.came(), Came { records: vec![instances[0].0], pieces: vec![] });
 }
 
 #[test]
 fn nothing_is_sent_before_the_display_asks() {
     let mut supplier = Supplier::new(&PLANT);
-    assert!(!supplier.found(&view(0), &ids(0..9)));
+    assert!(!supplier.found(&view(0), &ids(0..9), NOW));
     assert_eq!(supplier.next_block(NOW).unwrap(), None);
     supplier.hear(Demand::Begin { coarser_first: false, ahead: 0 }, NOW).unwrap();
     assert!(supplier.next_block(NOW).unwrap().is_some());
@@ -253,9 +253,9 @@ fn nothing_is_sent_before_the_display_asks() {
 fn what_the_newest_frame_before_the_request_found_is_sent_but_what_the_display_holds() {
     let all = unlike(&PLANT, 30);
     let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
-    pair.supplier.found(&view(0), &all[..10]);
-    pair.supplier.found(&view(1), &all[10..20]);
-    pair.supplier.found(&view(1), &all[20..]);
+    pair.supplier.found(&view(0), &all[..10], NOW);
+    pair.supplier.found(&view(1), &all[10..20], NOW);
+    pair.supplier.found(&view(1), &all[20..], NOW);
     let geometries = NumberList::of(geometries_of(&PLANT, &all[20..]).into_iter().collect());
     pair.hear(Demand::Holds { drawables: list(&all[20..]), geometries });
     assert_eq!(pair.came(), Came::default());
@@ -274,7 +274,7 @@ fn what_the_display_holds_is_not_sent() {
         drawables: list(&[whole, records].concat()),
         geometries: NumberList::of(geometries_of(&PLANT, whole).into_iter().collect()),
     });
-    pair.supplier.found(&view(0), &all);
+    pair.supplier.found(&view(0), &all, NOW);
     let came = pair.came();
     assert_eq!(sorted(came.records), others.iter().map(|id| id.0).collect::<Vec<_>>());
     assert_eq!(sorted(came.pieces), Vec::from_iter(geometries_of(&PLANT, rest)));
@@ -283,7 +283,7 @@ fn what_the_display_holds_is_not_sent() {
 #[test]
 fn what_is_under_way_is_not_sent_again_where_it_is_lacked() {
     let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
-    pair.supplier.found(&view(0), &few);
+    pair.supplier.found(&view(0), &few, NOW);
     let first = pair.block().unwrap();
     let taken = pair.taken;
     let rest: Vec<_> = std::iter::from_fn(|| pair.block()).flatten().collect();
@@ -299,7 +299,7 @@ fn what_is_under_way_is_not_sent_again_where_it_is_lacked() {
 #[test]
 fn what_was_taken_and_is_lacked_is_sent_again() {
     let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
-    pair.supplier.found(&view(0), &few);
+    pair.supplier.found(&view(0), &few, NOW);
     let first = pair.came();
     pair.lacks(1, pair.taken, &few);
     assert_eq!(pair.came(), first);
@@ -317,29 +317,29 @@ fn what_other_cullers_found_is_sent_where_it_is_lacked() {
 #[test]
 fn what_was_dropped_is_sent_again_when_it_is_found_again() {
     let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
-    pair.supplier.found(&view(0), &few);
+    pair.supplier.found(&view(0), &few, NOW);
     pair.came();
     let dropped = geometry_of(&PLANT, few[2]);
     pair.hear(Demand::Dropped { geometries: NumberList::of(vec![dropped]) });
     assert_eq!(pair.came(), Came::default(), "nobody needs it now");
-    assert!(pair.supplier.found(&view(1), &few));
+    assert!(pair.supplier.found(&view(1), &few, NOW));
     assert_eq!(pair.came(), Came { records: vec![], pieces: vec![dropped] });
 }
 
 #[test]
 fn what_only_frames_that_were_shown_needed_is_not_sent() {
     let (mut pair, all) = (Pair::new(&PLANT), unlike(&PLANT, 30));
-    pair.supplier.found(&view(3), &all[..20]);
-    pair.supplier.found(&view(5), &all[10..]);
+    pair.supplier.found(&view(3), &all[..20], NOW);
+    pair.supplier.found(&view(5), &all[10..], NOW);
     pair.hear(Demand::Shown { frame: FrameNumber(3) });
     let came = pair.came();
     assert_eq!(sorted(came.records), all[10..].iter().map(|id| id.0).collect::<Vec<_>>());
-    pair.supplier.found(&view(3), &all[..10]);
+    pair.supplier.found(&view(3), &all[..10], NOW);
     assert_eq!(pair.came(), Came::default());
     pair.hear(Demand::Shown { frame: FrameNumber(1) });
-    pair.supplier.found(&view(2), &all[..10]);
+    pair.supplier.found(&view(2), &all[..10], NOW);
     assert_eq!(pair.came(), Came::default(), "frames are shown in order");
-    pair.supplier.found(&view(6), &all[..10]);
+    pair.supplier.found(&view(6), &all[..10], NOW);
     assert_eq!(pair.came().records.len(), 10);
 }
 
@@ -359,7 +359,7 @@ fn assert_parts_are_in_order(items: &[Supply]) {
 #[test]
 fn a_piece_larger_than_a_block_comes_in_parts_in_order() {
     let mut pair = Pair::new(&LARGE);
-    pair.supplier.found(&view(0), &ids([0, 1]));
+    pair.supplier.found(&view(0), &ids([0, 1]), NOW);
     let items = pair.items();
     assert_parts_are_in_order(&items);
     for number in [0, 1] {
@@ -380,13 +380,13 @@ fn a_piece_larger_than_a_block_comes_in_parts_in_order() {
 #[test]
 fn who_begins_anew_is_sent_all_anew_behind_the_rest_of_a_piece() {
     let mut pair = Pair::new(&LARGE);
-    pair.supplier.found(&view(0), &ids([0, 1]));
+    pair.supplier.found(&view(0), &ids([0, 1]), NOW);
     let mut items = pair.block().unwrap();
     pair.hear(Demand::End);
-    assert!(!pair.supplier.found(&view(1), &ids([0, 1])), "another culler supplies the display");
+    assert!(!pair.supplier.found(&view(1), &ids([0, 1]), NOW), "another culler supplies the display");
     pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
     pair.hear(Demand::Taken { bytes: pair.taken });
-    pair.supplier.found(&view(2), &ids([0, 1]));
+    pair.supplier.found(&view(2), &ids([0, 1]), NOW);
     items.extend(pair.items());
     assert_parts_are_in_order(&items);
     let all = came(&items);
@@ -397,7 +397,7 @@ fn who_begins_anew_is_sent_all_anew_behind_the_rest_of_a_piece() {
 #[test]
 fn who_is_asked_for_nothing_more_sends_the_rest_of_a_piece_alone() {
     let mut pair = Pair::new(&LARGE);
-    pair.supplier.found(&view(0), &ids([0, 1]));
+    pair.supplier.found(&view(0), &ids([0, 1]), NOW);
     let mut items = pair.block().unwrap();
     pair.hear(Demand::End);
     pair.hear(Demand::Taken { bytes: pair.taken });
@@ -409,7 +409,7 @@ fn who_is_asked_for_nothing_more_sends_the_rest_of_a_piece_alone() {
 #[test]
 fn a_full_window_gives_no_block_until_some_was_taken() {
     let mut pair = Pair::new(&LARGE);
-    pair.supplier.found(&view(0), &ids([0, 1]));
+    pair.supplier.found(&view(0), &ids([0, 1]), NOW);
     let mut before = 0;
     while let Some(sent) = Some(pair.taken).filter(|_| pair.block().is_some()) {
         before = sent;
@@ -432,7 +432,7 @@ fn a_display_that_takes_what_was_not_sent_is_no_display() {
 fn drawables_that_no_scene_has_are_passed_over() {
     let mut pair = Pair::new(&PLANT);
     let none = ids([PLANT.drawables().len() as u32, u32::MAX]);
-    assert!(!pair.supplier.found(&view(0), &none));
+    assert!(!pair.supplier.found(&view(0), &none, NOW));
     pair.lacks(0, 0, &none);
     assert_eq!(pair.came(), Came::default());
 }
@@ -520,7 +520,7 @@ impl World {
         match step {
             Step::Finds(numbers) => {
                 let ids = ids(numbers);
-                self.supplier.found(&view(self.next), &ids);
+                self.supplier.found(&view(self.next), &ids, NOW);
                 if self.supplier.has_begun {
                     self.frames.insert(self.next, (ids, false));
                     self.next += 1;

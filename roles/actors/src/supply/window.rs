@@ -58,6 +58,11 @@ impl Window {
         self.sent - self.taken < self.size
     }
 
+    /// Whether next to nothing is under way.
+    pub(super) const fn is_quiet(&self) -> bool {
+        self.sent - self.taken < LEAST
+    }
+
     pub(super) fn send(&mut self, bytes: u64, now: Instant) {
         self.sent += bytes;
         self.under_way.push_back((self.sent, now));

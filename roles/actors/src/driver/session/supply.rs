@@ -24,6 +24,9 @@ use crate::{
 const PATIENCE: Duration = Duration::from_secs(2);
 /// How long the place of a culler of another scene stays taken.
 const PAUSE: Duration = Duration::from_secs(5);
+/// How many bytes may come that no frame needs yet, unless less is kept: in ten seconds, so that what is sent
+/// in vain takes little of a line.
+const AHEAD: u64 = 256 << 10;
 /// How many frames wait for their geometry at most in a live session: the first ones and the newest.
 const WAITING: usize = 8;
 
@@ -33,6 +36,8 @@ pub(super) struct Supplies {
     pub(super) holdings: Arc<Holdings>,
     /// Whether coarser drawables may be shown in the place of what is still to come.
     coarser_first: bool,
+    /// How many bytes may come that no frame needs yet.
+    ahead: u64,
     supplier: Option<CullerId>,
     /// When something came last, or the supplier was chosen.
     heard: Instant,
@@ -42,7 +47,8 @@ impl Supplies {
     pub(super) fn new(supplied: &Supplied, pace: Pace, now: Instant) -> Self {
         let holdings = Arc::new(Holdings::new(&supplied.scene, supplied.memory));
         let coarser_first = pace == Pace::Live && supplied.while_loading == WhileLoading::Coarser;
-        Self { holdings, coarser_first, supplier: None, heard: now }
+        let ahead = AHEAD.min(supplied.memory / 4);
+        Self { holdings, coarser_first, ahead, supplier: None, heard: now }
     }
 
     /// Looks again what a frame lacks of all its drawables, and what can stand in.
@@ -205,7 +211,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         supplies.supplier = next.map(|culler| culler.id);
         let Some(supplier) = next.and_then(|culler| culler.supply.as_ref()) else { return };
         tracing::debug!(id = ?supplies.supplier, "supplies the display");
-        supplier.begin(&supplies.holdings, supplies.coarser_first);
+        supplier.begin(&supplies.holdings, supplies.coarser_first, supplies.ahead);
         let taken = supplier.taken();
         for (frame, culled) in self.lacking() {
             supplier.lacks(frame, taken, &culled.lacking);
@@ -249,6 +255,13 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         match supplies {
             Some(supplies) => supplies.holdings.came.notified().await,
             None => std::future::pending().await,
+        }
+    }
+
+    /// The session is over.
+    pub(in crate::driver) fn tell_ahead_use(&mut self) {
+        if let Some(supplies) = &self.supplies {
+            self.observer.ahead(&supplies.holdings.ahead_use());
         }
     }
 

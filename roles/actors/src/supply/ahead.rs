@@ -1,0 +1,188 @@
+//! Geometry that a moving camera is about to need, sent before a frame does.
+//!
+//! Where the eye will be is worked out from its motion. There, what was found visible lately has other levels
+//! of detail, and what comes into the picture at its edge looks large.
+
+use std::{
+    collections::{HashMap, VecDeque},
+    sync::Arc,
+    time::Duration,
+};
+
+use glam::{DQuat, DVec3};
+use trimaran_cull::{CutRule, LodCut, OccluderMapper, View};
+use trimaran_proto::{Camera, DrawableId};
+use trimaran_scene::Scene;
+use trimaran_transport::Instant;
+
+/// How far it looks ahead.
+const HORIZON: Duration = Duration::from_millis(500);
+/// How long a piece counts that no frame has used.
+const COUNTED: Duration = Duration::from_secs(10);
+/// A camera that has moved by so many times what it moved before has jumped.
+const JUMP: f64 = 4.0;
+/// What looks large ahead is looked for in so many nodes of each level of the tree.
+const WIDEST: usize = 16;
+
+/// What is to be sent ahead, and what was sent and not used.
+#[derive(Debug)]
+pub(super) struct Ahead {
+    /// How many bytes may have been sent that no frame has used; with 0 nothing is sent.
+    budget: u64,
+    mapper: Option<OccluderMapper>,
+    /// The frame that is being found, and when that began.
+    frame: Option<(View, Instant)>,
+    found: Vec<DrawableId>,
+    /// How the camera moved to the frame before.
+    before: Option<Motion>,
+    /// The frame that was found last, as it looks after [`HORIZON`]: not looked at yet.
+    next: Option<(View, Vec<DrawableId>)>,
+    /// To be sent, first what stands last.
+    due: Vec<DrawableId>,
+    /// Pieces that were sent and not used, oldest first, and their bytes.
+    sent: VecDeque<(Instant, u32)>,
+    unused: HashMap<u32, u64>,
+    unused_bytes: u64,
+}
+
+/// How a camera moved from a frame to the next.
+#[derive(Debug, Clone, Copy)]
+struct Motion {
+    way: DVec3,
+    turn: DQuat,
+    time: Duration,
+}
+
+impl Ahead {
+    /// Sends at most so many bytes that no frame uses within ten seconds.
+    pub(super) fn new(budget: u64) -> Self {
+        Self {
+            budget,
+            mapper: None,
+            frame: None,
+            found: Vec::new(),
+            before: None,
+            next: None,
+            due: Vec::new(),
+            sent: VecDeque::new(),
+            unused: HashMap::new(),
+            unused_bytes: 0,
+        }
+    }
+
+    /// These were found visible from `view`. Gives whether something may be sent ahead now.
+    pub(super) fn found(&mut self, scene: &Scene, view: &View, ids: &[DrawableId], now: Instant) -> bool {
+        if self.budget == 0 {
+            return false;
+        }
+        let is_new = self.frame.is_none_or(|(before, _)| before != *view);
+        if is_new {
+            self.begin(view, now);
+        }
+        self.found.extend_from_slice(ids);
+        if !self.unused.is_empty() {
+            for drawable in ids.iter().filter_map(|id| scene.drawables().get(id.index())) {
+                self.count_off(drawable.geometry);
+            }
+        }
+        is_new && self.next.is_some()
+    }
+
+    /// The next drawable to send ahead, as long as there is room for it.
+    pub(super) fn pop(&mut self, scene: &Arc<Scene>, rule: &CutRule, now: Instant) -> Option<DrawableId> {
+        while let Some((_, number)) = self.sent.front().filter(|(at, _)| now.since(*at) > COUNTED) {
+            let number = *number;
+            self.sent.pop_front();
+            self.count_off(number);
+        }
+        if self.unused_bytes >= self.budget {
+            return None;
+        }
+        if let Some((view, found)) = self.next.take() {
+            self.plan(scene, rule, view, &found);
+        }
+        self.due.pop()
+    }
+
+    /// A piece of so many bytes was sent.
+    pub(super) fn sent(&mut self, number: u32, bytes: u64, now: Instant) {
+        self.sent.push_back((now, number));
+        self.unused_bytes += bytes;
+        self.unused.insert(number, bytes);
+    }
+
+    /// A piece that was sent counts no more: it was used, or the display has thrown it away.
+    pub(super) fn count_off(&mut self, number: u32) {
+        if let Some(bytes) = self.unused.remove(&number) {
+            self.unused_bytes -= bytes;
+        }
+    }
+
+    /// Begins a frame: that before it has been found.
+    fn begin(&mut self, view: &View, now: Instant) {
+        let Some((last, at)) = self.frame.replace((*view, now)) else { return };
+        let found = std::mem::take(&mut self.found);
+        let motion = Motion::between(&last, view, now.since(at));
+        let is_steady = self.before.is_some_and(|before| motion.goes_on_from(&before));
+        self.before = Some(motion);
+        self.due.clear();
+        self.next = None;
+        if is_steady && !motion.is_none() {
+            self.next = motion.after(view, HORIZON).map(|view| (view, found));
+        }
+    }
+
+    /// What the cut has from `view` in the place of what was found, and what looks large.
+    fn plan(&mut self, scene: &Arc<Scene>, rule: &CutRule, view: View, found: &[DrawableId]) {
+        match &mut self.mapper {
+            Some(mapper) => mapper.begin(view, rule),
+            None => self.mapper = Some(OccluderMapper::new(Arc::clone(scene), view, rule)),
+        }
+        let mut due = Vec::new();
+        if let Some(mapper) = &mut self.mapper {
+            // A scene that cannot be read is an error where frames are culled.
+            let _unreadable = mapper.push(found, &mut due);
+        }
+        self.due = LodCut::new(scene, &view, rule).large_drawables(WIDEST);
+        self.due.append(&mut due);
+    }
+}
+
+impl Motion {
+    fn between(from: &View, to: &View, time: Duration) -> Self {
+        let orientation = |view: &View| DQuat::from_array(view.camera().orientation()).normalize();
+        Self { way: to.eye() - from.eye(), turn: orientation(to) * orientation(from).inverse(), time }
+    }
+
+    fn is_none(&self) -> bool {
+        self.way == DVec3::ZERO && self.angle() < 1e-6
+    }
+
+    fn angle(&self) -> f64 {
+        self.turn.angle_between(DQuat::IDENTITY)
+    }
+
+    /// Whether it is no jump.
+    fn goes_on_from(&self, before: &Self) -> bool {
+        let room = JUMP * self.time.as_secs_f64() / before.time.as_secs_f64().max(1e-3);
+        self.way.length() <= room * before.way.length() && self.angle() <= room * before.angle() + 1e-3
+    }
+
+    /// How `view` looks if the motion goes on for so long.
+    fn after(&self, view: &View, time: Duration) -> Option<View> {
+        let times = time.as_secs_f64() / self.time.as_secs_f64().max(1e-3);
+        let (axis, angle) = self.turn.to_axis_angle();
+        // Further than that nobody turns before they see something else.
+        let turn = DQuat::from_axis_angle(axis, (angle * times).clamp(-0.5, 0.5));
+        let camera = view.camera();
+        let eye = view.eye() + self.way * times;
+        let orientation = (turn * DQuat::from_array(camera.orientation())).normalize();
+        let (tan, near) = (camera.tan_half_fov_y(), camera.near());
+        let ahead = Camera::new(eye.to_array(), orientation.to_array(), tan, near, camera.frame()).ok()?;
+        Some(View::new(ahead.in_view(camera.view()), view.viewport()).with_sections(*view.sections()))
+    }
+}
+
+#[cfg(test)]
+#[path = "ahead_tests.rs"]
+mod tests;
