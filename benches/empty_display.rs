@@ -3,17 +3,19 @@
 //!
 //! `cargo bench --bench empty_display -- X.scene [FRAMES [EPSILON]]`: a walk of 120 frames at 2 px, if not
 //! given. *Coarse* and *exact* are from the moment at which the display begins to connect to a picture that may
-//! lack something, and to one that does not, over 16 views with an empty display each. *Jump* is from the camera to the picture, where one display jumps from view to view. *Walk*
-//! is an automatic walk without a jump, at 30 frames a second.
+//! lack something, and to one that does not, over 16 views with an empty display each. *Jump*
+//! is from the camera to the exact picture, where one display jumps from view to view. *Walk* is an automatic
+//! walk without a jump, at 30 poses a second: from the camera to the picture, how many pictures lacked
+//! something, what came after the first exact picture, and how much of what was sent ahead was used.
 #![allow(clippy::disallowed_methods, reason = "keys are drawn at random")]
 
 use std::{cell::RefCell, error::Error, path::Path, pin::pin, sync::Arc, time::Duration};
 
 use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran_actors::{
-    BoxedError, Cameras, CullerEvent, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint,
-    Peers, RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints, ShownFrame, Sought, Stop,
-    Supplied, Turns, WhileLoading, max_frame,
+    AheadUse, BoxedError, Cameras, CullerEvent, CullerId, CullerService, DisplayRole, Observer, Pace,
+    PeerEndpoint, Peers, RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints, ShownFrame,
+    Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
@@ -24,7 +26,7 @@ use trimaran_scene::{
     path::{AutoPathOptions, Pose, auto},
 };
 use trimaran_transport::{
-    Endpoint, Net, Options, StatsHandle,
+    Endpoint, Instant, Net, Options, StatsHandle,
     keys::{Keys, Security},
 };
 
@@ -58,10 +60,10 @@ fn main() -> Outcome<()> {
     let epsilon = rest.get(1).map_or(Ok(2.0), |word| word.parse())?;
     let bench = Bench::new(Path::new(scene), frames, epsilon)?;
     println!(
-        "| network | transport | coarse: median, max, MB | exact: median, max, MB | jump: median, max | \
-         walk: median, p95, MB, Mbit/s |"
+        "| network | transport | coarse: median, max, MB | exact: median, max, MB | jump: median, max \
+         | walk: median, p95 | lacked something | MB, Mbit/s | ahead: MB, used |"
     );
-    println!("|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for (name, rate, delay, loss) in NETWORKS {
         for scheme in ["tcp", "quic", "udp"] {
             let network = profile(rate, delay, loss)?;
@@ -69,21 +71,22 @@ fn main() -> Outcome<()> {
             let (mut any_bytes, mut bytes) = (0, 0);
             // A seed for each: lost packets are others each time.
             for (seed, view) in (1..).zip(&bench.views) {
-                let seen = bench.walk(&network, scheme, seed, std::slice::from_ref(view), Pace::Live)?;
+                let seen = bench.walk(&network, scheme, seed, std::slice::from_ref(view), Walk::First)?;
                 any.extend(seen.shown.first().map(|shown| shown.at_ms));
                 first.extend(seen.shown.last().map(|shown| shown.at_ms));
                 any_bytes += seen.first_bytes;
                 bytes += seen.bytes;
             }
-            let lockstep = |cameras: &[Camera]| Pace::Lockstep { frames: Some(cameras.len() as u32) };
-            let jumps = bench.walk(&network, scheme, 1, &bench.views, lockstep(&bench.views))?;
+            let jumps = bench.walk(&network, scheme, 1, &bench.views, Walk::Jumps)?;
             // The first one is no jump.
             let jumped: Vec<_> = jumps.latencies().skip(1).collect();
-            let walk = bench.walk(&network, scheme, 1, &bench.path, lockstep(&bench.path))?;
+            let walk = bench.walk(&network, scheme, 1, &bench.path, Walk::Live)?;
             let later: Vec<_> = walk.latencies().skip(1).collect();
+            let lacked = walk.shown.iter().filter(|shown| !shown.is_exact).count();
+            let seconds = bench.path.len() as f64 / HZ;
             println!(
                 "| {name} | {scheme} | {:.0} ms, {:.0} ms, {:.2} | {:.0} ms, {:.0} ms, {:.2} \
-                 | {:.0} ms, {:.0} ms | {:.0} ms, {:.0} ms, {:.2}, {:.2} |",
+                 | {:.0} ms, {:.0} ms | {:.0} ms, {:.0} ms | {lacked} of {} | {:.2}, {:.2} | {:.2}, {:.0} % |",
                 share(&any, 0.5),
                 share(&any, 1.0),
                 any_bytes as f64 / 1e6 / bench.views.len() as f64,
@@ -94,12 +97,26 @@ fn main() -> Outcome<()> {
                 share(&jumped, 1.0),
                 share(&later, 0.5),
                 share(&later, 0.95),
+                walk.shown.len(),
                 walk.bytes as f64 / 1e6,
-                8e-6 * (walk.bytes - walk.first_bytes) as f64 * HZ / (walk.shown.len() - 1) as f64,
+                8e-6 * (walk.bytes - walk.exact_bytes.unwrap_or(0)) as f64 / seconds,
+                walk.ahead.bytes as f64 / 1e6,
+                100.0 * walk.ahead.used_bytes as f64 / walk.ahead.bytes as f64,
             );
         }
     }
     Ok(())
+}
+
+/// What a display does.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Walk {
+    /// It shows the first camera until it has an exact picture.
+    First,
+    /// It shows an exact picture of each camera.
+    Jumps,
+    /// It shows what it has of the newest camera.
+    Live,
 }
 
 struct Bench {
@@ -138,16 +155,19 @@ impl Bench {
         })
     }
 
-    /// What a display that begins empty shows of these cameras, one frame each; live, it ends with the first
-    /// picture that lacks nothing.
+    /// What a display that begins empty shows of these cameras.
     fn walk(
         &self,
         network: &Profile,
         scheme: &str,
         seed: u64,
         cameras: &[Camera],
-        pace: Pace,
+        walk: Walk,
     ) -> Outcome<Seen> {
+        let pace = match walk {
+            Walk::Jumps => Pace::Lockstep { frames: Some(cameras.len() as u32) },
+            Walk::First | Walk::Live => Pace::Live,
+        };
         let (topology, machines) = network.topology(1);
         let simulation = Simulation::new(&topology, seed);
         let (listener, host) = (Arc::new(simulation.net(machines.cullers[0])), machines.cullers[0]);
@@ -206,7 +226,7 @@ impl Bench {
                 turns: turns.clone(),
             };
             let mut watch = Watch { net: &net, seen: &seen };
-            let mut hand_out = HandOut { net: &net, seen: &seen, cameras, is_live: pace == Pace::Live };
+            let mut hand_out = HandOut { net: &net, seen: &seen, cameras, walk, began: None };
             role.run(&mut hand_out, &mut watch, &stop).await
         };
         let (culled, shown) = simulation.run(async {
@@ -222,18 +242,20 @@ impl Bench {
 /// What was shown, in the simulator's time.
 #[derive(Default)]
 struct Seen {
-    /// When each frame's camera was handed out, nanoseconds.
-    handed_out: Vec<u64>,
+    /// When each camera was handed out first, milliseconds.
+    handed_out: Vec<(Camera, f64)>,
     shown: Vec<Shown>,
     /// Bytes of geometry, of all frames and until the first.
     bytes: u64,
     first_bytes: u64,
+    /// The same until the first exact picture.
+    exact_bytes: Option<u64>,
+    ahead: AheadUse,
     link: Option<StatsHandle>,
 }
 
-#[derive(Clone, Copy)]
 struct Shown {
-    frame: u32,
+    camera: Camera,
     /// Milliseconds.
     at_ms: f64,
     is_exact: bool,
@@ -244,29 +266,58 @@ impl Seen {
     fn latencies(&self) -> impl Iterator<Item = f64> + '_ {
         let before = std::iter::once(0.0).chain(self.shown.iter().map(|shown| shown.at_ms));
         self.shown.iter().zip(before).map(|(shown, before)| {
-            let handed_out = self.handed_out.get(shown.frame as usize).map_or(0.0, |at| *at as f64 * 1e-6);
-            shown.at_ms - handed_out.max(before)
+            let handed_out = self.handed_out.iter().find(|(camera, _)| *camera == shown.camera);
+            shown.at_ms - handed_out.map_or(0.0, |(_, at_ms)| *at_ms).max(before)
         })
     }
 }
 
-/// Hands out these cameras, in lockstep one a frame, live the first one alone.
+/// Hands out these cameras.
 struct HandOut<'w> {
     net: &'w Arc<dyn Net>,
     seen: &'w RefCell<Seen>,
     cameras: &'w [Camera],
-    is_live: bool,
+    walk: Walk,
+    /// When the first one was.
+    began: Option<Instant>,
+}
+
+impl HandOut<'_> {
+    /// Which camera is the newest.
+    fn newest(&self) -> usize {
+        let since = self.began.map_or(Duration::ZERO, |began| self.net.now().since(began));
+        (since.as_secs_f64() * HZ) as usize
+    }
 }
 
 impl Cameras for HandOut<'_> {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
-        self.seen.borrow_mut().handed_out.push(self.net.now().as_nanos());
-        self.cameras[if self.is_live { 0 } else { frame.0 as usize }].for_frame(frame)
+        let now = self.net.now();
+        self.began.get_or_insert(now);
+        let place = match self.walk {
+            Walk::First => 0,
+            Walk::Jumps => frame.0 as usize,
+            Walk::Live => self.newest().min(self.cameras.len() - 1),
+        };
+        let camera = self.cameras[place];
+        let mut seen = self.seen.borrow_mut();
+        if seen.handed_out.last().is_none_or(|(last, _)| *last != camera) {
+            seen.handed_out.push((camera, milliseconds(now)));
+        }
+        camera.for_frame(frame)
     }
 
     fn is_over(&self) -> bool {
-        self.seen.borrow().shown.last().is_some_and(|shown| shown.is_exact)
+        match self.walk {
+            Walk::First => self.seen.borrow().exact_bytes.is_some(),
+            Walk::Jumps => false,
+            Walk::Live => self.newest() >= self.cameras.len(),
+        }
     }
+}
+
+fn milliseconds(time: Instant) -> f64 {
+    time.as_nanos() as f64 * 1e-6
 }
 
 struct Watch<'w> {
@@ -277,13 +328,20 @@ struct Watch<'w> {
 impl Observer for Watch<'_> {
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         let mut seen = self.seen.borrow_mut();
-        let at_ms = self.net.now().as_nanos() as f64 * 1e-6;
-        seen.shown.push(Shown { frame: frame.camera.frame().0, at_ms, is_exact: frame.lacking == 0 });
+        let (at_ms, is_exact) = (milliseconds(self.net.now()), frame.lacking == 0);
+        seen.shown.push(Shown { camera: frame.camera.for_frame(FrameNumber(0)), at_ms, is_exact });
         seen.bytes = seen.link.as_ref().map_or(0, |link| link.read().received.bulk.bytes);
         if seen.shown.len() == 1 {
             seen.first_bytes = seen.bytes;
         }
+        if is_exact && seen.exact_bytes.is_none() {
+            seen.exact_bytes = Some(seen.bytes);
+        }
         Ok(())
+    }
+
+    fn ahead(&mut self, sent: &AheadUse) {
+        self.seen.borrow_mut().ahead = *sent;
     }
 
     fn culler(&mut self, event: CullerEvent<'_>) {

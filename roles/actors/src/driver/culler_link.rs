@@ -9,7 +9,7 @@ use std::{
 
 use futures_util::{FutureExt, future::select_all};
 use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes, ViewVersion};
-use trimaran_transport::{FrameOutcome, LinkStats, Net, RecvError};
+use trimaran_transport::{FrameOutcome, Instant, LinkStats, Net, RecvError};
 
 use super::{
     close::left_early,
@@ -64,6 +64,8 @@ pub(super) struct Culled {
     pub(super) lacking: Vec<DrawableId>,
     /// What can be shown in the place of these meanwhile, if coarser drawables may be.
     pub(super) stand_ins: Option<Vec<DrawableId>>,
+    /// From when on it may be shown so.
+    pub(super) may_lack_from: Option<Instant>,
     /// How many more it should have: they were lost on a link with deadlines.
     pub(super) missing: u32,
     /// When its begin arrived.
@@ -75,6 +77,11 @@ pub(super) struct Culled {
 }
 
 impl Culled {
+    /// From when on it may be shown with what stands in for the rest, where that is there.
+    pub(super) fn has_stand_ins_from(&self) -> Option<Instant> {
+        self.may_lack_from.filter(|_| !self.lacking.is_empty() && self.stand_ins.is_some())
+    }
+
     /// What can be drawn of it now, with what stands in for the rest.
     pub(super) fn there(&self) -> Vec<DrawableId> {
         let lacking: HashSet<_> = self.lacking.iter().collect();
@@ -212,6 +219,7 @@ impl CullerLink {
                     ids: self.ids.finish(),
                     lacking: Vec::new(),
                     stand_ins: None,
+                    may_lack_from: None,
                     missing: match outcome {
                         FrameOutcome::Complete(_) => 0,
                         FrameOutcome::Incomplete { expected, received, .. } => {

@@ -97,6 +97,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             ids: visible.into_found(),
             lacking: Vec::new(),
             stand_ins: None,
+            may_lack_from: None,
             missing: 0,
             begun,
             arrivals: Vec::new(),

@@ -208,6 +208,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             .chain(late)
             .chain(meeting)
             .chain(self.supplier_late())
+            .chain(self.stands_in())
             .min()
             .unwrap_or_else(|| now.after(Duration::from_secs(3600)))
     }
@@ -219,7 +220,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             Event::Heard(from, Heard::Whole(culled)) => {
                 let ended = self.dealer.ended(from, now);
                 if let Ok(Some(frame)) = ended
-                    && let Err(cause) = self.note_whole(frame, *culled)
+                    && let Err(cause) = self.note_whole(frame, *culled, now)
                 {
                     self.lose_supplier(cause);
                 }

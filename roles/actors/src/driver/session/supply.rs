@@ -27,6 +27,9 @@ const PAUSE: Duration = Duration::from_secs(5);
 /// How many bytes may come that no frame needs yet, unless less is kept: in ten seconds, so that what is sent
 /// in vain takes little of a line.
 const AHEAD: u64 = 256 << 10;
+/// How long a live frame waits for all of it before it is shown with what stands in for the rest: in most cases
+/// the rest is right behind it, and nobody is to see levels change for nothing.
+const GRACE: Duration = Duration::from_millis(5);
 /// How many frames wait for their geometry at most in a live session: the first ones and the newest.
 const WAITING: usize = 8;
 
@@ -74,8 +77,14 @@ impl Supplies {
 
 impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     /// A frame is whole: it can be shown once all of it is there, or something that stands in for the rest.
-    pub(super) fn note_whole(&mut self, frame: FrameNumber, mut culled: Culled) -> Result<(), SupplyError> {
+    pub(super) fn note_whole(
+        &mut self,
+        frame: FrameNumber,
+        mut culled: Culled,
+        now: Instant,
+    ) -> Result<(), SupplyError> {
         if let Some(supplies) = &self.supplies {
+            culled.may_lack_from = supplies.coarser_first.then(|| now.after(GRACE));
             let supplier = find(&self.cullers, supplies.supplier);
             let taken = supplier.map_or(0, |supplier| supplier.taken());
             supplies.look(&mut culled)?;
@@ -100,13 +109,21 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         if self.supplies.is_none() {
             return Some(due);
         }
-        let can_be_shown = |culled: &&Culled| culled.lacking.is_empty() || culled.stand_ins.is_some();
+        let now = self.role.net.now();
+        let can_be_shown = |culled: &&Culled| {
+            culled.lacking.is_empty() || culled.has_stand_ins_from().is_some_and(|from| from <= now)
+        };
         match self.role.pace {
             Pace::Lockstep { .. } => self.there.get(&due).filter(can_be_shown).map(|_| due),
             Pace::Live => {
                 self.there.iter().rev().find(|(_, culled)| can_be_shown(culled)).map(|(frame, _)| *frame)
             }
         }
+    }
+
+    /// When a frame can be shown with what stands in for the rest.
+    pub(super) fn stands_in(&self) -> Option<Instant> {
+        self.there.values().filter_map(Culled::has_stand_ins_from).min()
     }
 
     /// Whether so much more of the frame shown last has come that it is to be drawn again: all of it, or half
