@@ -206,3 +206,28 @@ fn there_is_no_room_beyond_the_slack_until_it_is_trimmed() {
     assert_eq!(holdings.trim(&[&[id]]), NumberList::default());
     assert!(holdings.has_room());
 }
+
+#[test]
+fn what_came_ahead_is_counted_and_what_of_it_is_used() {
+    let (holdings, ids) = (holdings(1), unlike(4));
+    let [early, late, dropped, asked] = [0, 1, 2, 3].map(|place| geometry_of(ids[place]));
+    let bytes = |number| packed(number).len() as u64;
+    take(&holdings, &[records(&ids.iter().map(|id| entry(*id)).collect::<Vec<_>>()), whole(asked)]).unwrap();
+    let geometries = NumberList::of(vec![early, late, dropped, asked]);
+    take(&holdings, &[whole(early), Supply::Ahead { geometries: geometries.clone() }]).unwrap();
+    assert_eq!(holdings.ahead_use(), AheadUse::default(), "what is there was not sent ahead now");
+    take(&holdings, &[whole(late), whole(dropped)]).unwrap();
+    let came = AheadUse { pieces: 2, bytes: bytes(late) + bytes(dropped), ..AheadUse::default() };
+    assert_eq!(holdings.ahead_use(), came);
+    holdings.used(&ids[..1]);
+    assert_eq!(holdings.ahead_use(), came);
+    holdings.used(&ids[..2]);
+    let used = AheadUse { used_pieces: 1, used_bytes: bytes(late), ..came };
+    assert_eq!(holdings.ahead_use(), used);
+    holdings.used(&ids[..2]);
+    assert_eq!(holdings.ahead_use(), used, "counted once");
+    assert!(!holdings.trim(&[&ids[..1]]).is_empty());
+    take(&holdings, &[whole(dropped)]).unwrap();
+    holdings.used(&ids);
+    assert_eq!(holdings.ahead_use(), used, "it was thrown away, and came again for a frame");
+}

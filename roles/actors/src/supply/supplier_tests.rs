@@ -139,7 +139,7 @@ fn came(items: &[Supply]) -> Came {
                     came.pieces.push(*number);
                 }
             }
-            Supply::StandIn { .. } => {}
+            Supply::StandIn { .. } | Supply::Ahead { .. } => {}
             item => panic!("{item:?}"),
         }
     }
@@ -213,6 +213,67 @@ fn what_stands_in_comes_before_what_it_stands_in_for() {
     assert!(missing.is_empty() && first * 2 < due.len(), "{first} of {} pieces come first", due.len());
     let came = came(&items);
     assert!(cut.iter().all(|id| came.records.contains(&id.0)), "all of it comes in the end");
+}
+
+/// A camera that moves on evenly.
+#[test]
+fn what_a_moving_camera_is_about_to_need_comes_when_nothing_else_is_due_and_within_the_budget() {
+    let rule = LodRule::new(0.3).unwrap();
+    let seen = |frame: u32, distance: f64| {
+        let (min, max) = PLANT.nodes()[0].world_box();
+        let eye = (min + max) * 0.5 + distance * glam::DVec3::Z;
+        let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
+        View::new(camera, Viewport::new(512, 512).unwrap())
+    };
+    // Nobody would think of these.
+    let cuts: BTreeSet<_> =
+        (20..=40).flat_map(|distance| lod_cut(&PLANT, &seen(0, distance.into()), rule)).collect();
+    let all = (0..PLANT.drawables().len() as u32).map(DrawableId);
+    let others: Vec<_> = all.filter(|id| !cuts.contains(id)).take(10).collect();
+    let sent_ahead = |budget| {
+        let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
+        pair.supplier.change_view(&Settings::new(seen(0, 0.0).viewport(), rule).into());
+        pair.hear(Demand::Begin { coarser_first: false, ahead: budget });
+        let (mut before, mut last) = (Vec::new(), Vec::new());
+        for frame in 0..4 {
+            let view = seen(frame, 40.0 - f64::from(frame));
+            let now = NOW.after(std::time::Duration::from_millis(50) * frame);
+            pair.supplier.found(&view, &lod_cut(&PLANT, &view, rule), now);
+            if frame == 3 {
+                pair.supplier.found(&view, &others, now);
+            }
+            before.append(&mut last);
+            last = pair.items();
+        }
+        (before, last)
+    };
+    let (before, items) = sent_ahead(u64::MAX);
+    let first = items.iter().position(|item| matches!(item, Supply::Ahead { .. })).unwrap();
+    let due = came(&items[..first]);
+    assert!(items.iter().skip(first).all(|item| !matches!(item, Supply::StandIn { .. })));
+    assert!(others.iter().all(|id| due.records.contains(&id.0)), "what is due comes first");
+    let named: BTreeSet<_> = items.iter().filter_map(ahead).flatten().collect();
+    let pieces: BTreeSet<_> = came(&items[first..]).pieces.into_iter().collect();
+    assert_eq!(named, pieces, "each is named");
+    assert!(pieces.len() > 10, "{} pieces", pieces.len());
+
+    let bytes = |(before, last): &(Vec<Supply>, Vec<Supply>)| -> u64 {
+        let numbers = before.iter().chain(last).filter_map(ahead).flatten();
+        numbers.map(|number| u64::from(PLANT.places()[number as usize].length)).sum()
+    };
+    let all = bytes(&(before, items));
+    let some = bytes(&sent_ahead(all / 4));
+    let largest = PLANT.places().iter().map(|place| u64::from(place.length)).max().unwrap();
+    assert!((all / 4..all / 4 + largest).contains(&some), "{some} of {all} bytes");
+    assert_eq!(bytes(&sent_ahead(0)), 0);
+}
+
+/// Which pieces are said to come before they are needed.
+fn ahead(item: &Supply) -> Option<Vec<u32>> {
+    match item {
+        Supply::Ahead { geometries } => Some(geometries.iter().collect()),
+        _ => None,
+    }
 }
 
 /// Which drawables it stands in for.
