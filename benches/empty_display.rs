@@ -5,7 +5,7 @@
 //! given. *Coarse* and *exact* are from the moment at which the display begins to connect to a picture that may
 //! lack something, and to one that does not, over 16 views with an empty display each. *Jump*
 //! is from the camera to the exact picture, where one display jumps from view to view. *Walk* is an automatic
-//! walk without a jump, at 30 poses a second: from the camera to the picture, how many pictures lacked
+//! walk without a jump, at 30 poses and 60 pictures a second: from the camera to the picture, how many pictures lacked
 //! something, what came after the first exact picture, and how much of what was sent ahead was used.
 #![allow(clippy::disallowed_methods, reason = "keys are drawn at random")]
 
@@ -13,14 +13,16 @@ use std::{cell::RefCell, error::Error, path::Path, pin::pin, sync::Arc, time::Du
 
 use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran_actors::{
-    AheadUse, BoxedError, Cameras, CullerEvent, CullerId, CullerService, DisplayRole, Observer, Pace,
-    PeerEndpoint, Peers, RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints, ShownFrame,
-    Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
+    AheadUse, BoxedError, Cameras, CullerEvent, CullerId, CullerService, DisplayRole, DisplayWork, Observer,
+    Pace, PeerEndpoint, Peers, RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints,
+    ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
 };
-use trimaran_cull::{LodRule, Viewport};
+use trimaran_cull::{Image, LodRule, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_netsim::{Profile, Simulation};
-use trimaran_proto::{Camera, FrameNumber, Identity, OcclusionTestKind, Role, SessionKey, Settings};
+use trimaran_proto::{
+    Camera, DrawableId, FrameNumber, Identity, OcclusionTestKind, Role, SessionKey, Settings,
+};
 use trimaran_scene::{
     Scene,
     path::{AutoPathOptions, Pose, auto},
@@ -28,6 +30,7 @@ use trimaran_scene::{
 use trimaran_transport::{
     Endpoint, Instant, Net, Options, StatsHandle,
     keys::{Keys, Security},
+    sleep_until,
 };
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
@@ -37,6 +40,8 @@ const SIDE: u32 = 1024;
 const VIEWS: usize = 16;
 /// Frames a second of a walk, for its rate.
 const HZ: f64 = 30.0;
+/// How long a screen shows a picture of a walk.
+const REFRESH: Duration = Duration::from_micros(16_667);
 /// Bytes of geometry that a display keeps.
 const CACHE: u64 = 256 << 20;
 
@@ -211,7 +216,11 @@ impl Bench {
         let seen = RefCell::new(Seen::default());
         let showing = async {
             let role = DisplayRole {
-                work: ScenePictures::new(&supplied.scene, pictures, &self.settings),
+                work: Screen {
+                    pictures: ScenePictures::new(&supplied.scene, pictures, &self.settings),
+                    net: Arc::clone(&net),
+                    takes: if walk == Walk::Live { REFRESH } else { Duration::ZERO },
+                },
                 alone: None::<SceneCulling<VulkanCuller>>,
                 supplied: Some(supplied.clone()),
                 cullers: Peers::seek(&net, sought),
@@ -269,6 +278,31 @@ impl Seen {
             let handed_out = self.handed_out.iter().find(|(camera, _)| *camera == shown.camera);
             shown.at_ms - handed_out.map_or(0.0, |(_, at_ms)| *at_ms).max(before)
         })
+    }
+}
+
+/// Draws pictures, each of which takes so long at least: as on a screen.
+struct Screen<W> {
+    pictures: W,
+    net: Arc<dyn Net>,
+    takes: Duration,
+}
+
+impl<W: DisplayWork> DisplayWork for Screen<W> {
+    async fn draw(
+        &mut self,
+        camera: Camera,
+        ids: &mut Vec<DrawableId>,
+        missing: u32,
+    ) -> Result<usize, RoleError> {
+        let until = self.net.now().after(self.takes);
+        let drawn = self.pictures.draw(camera, ids, missing).await;
+        sleep_until(&*self.net, until).await;
+        drawn
+    }
+
+    fn picture(&mut self) -> Result<Option<&Image>, RoleError> {
+        self.pictures.picture()
     }
 }
 
