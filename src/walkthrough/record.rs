@@ -118,7 +118,8 @@ impl<'p> Recorder<'p> {
 
     /// How many frames, from the first on, the cullers have nothing more to say of.
     fn complete(&self) -> usize {
-        let known = self.frames.iter().skip(self.written).take_while(|record| record.stats.is_some()).count();
+        let known = |record: &&FrameRecord| record.stats.is_some() || record.again;
+        let known = self.frames.iter().skip(self.written).take_while(known).count();
         (self.written + known).max(self.frames.len().saturating_sub(STATS_LAG))
     }
 }
@@ -134,6 +135,8 @@ impl Observer for Recorder<'_> {
             culler: frame.culler,
             ids: frame.ids.to_vec(),
             for_loss: frame.for_loss,
+            lacking: frame.lacking,
+            again: frame.again,
             picture: frame.picture.map(|picture| xxh3_64(&picture.rgba)),
             published: self.walked + frame.published,
             begun: self.walked + frame.begun,
