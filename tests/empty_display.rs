@@ -17,6 +17,8 @@ const FRAMES: usize = 6;
 const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "128x128", "--audit-every", "1"];
 /// The same by the clock.
 const LIVE: [&str; 3] = ["--live", "20", "--empty-display"];
+/// A link of few bytes at a time: over it frames are mostly shown before all of them has come.
+const SLOW: [&str; 6] = ["--link", "udp", "-o", "udp.window=4096", "-o", "udp.send_buffer=4096"];
 
 fn pictures(bench: &Bench, out: &str) -> Vec<Vec<u8>> {
     let picture = |frame| bench.path(out).join(format!("frames/{frame:05}.png"));
@@ -98,9 +100,9 @@ fn a_walk_with_an_empty_display_needs_a_culler() {
 
 #[test]
 fn a_live_display_without_the_scene_is_exact_but_for_what_it_says_it_lacks() {
-    let bench = Bench::with_plant(300);
-    for (link, more) in [("inproc", &[][..]), ("tcp", &["--while-loading", "coarser"])] {
-        let text = bench.done(&[&WALK[..], &LIVE, &["--link", link, "--out", link], more].concat());
+    let bench = Bench::with_plant(1000);
+    for (link, more) in [("inproc", &["--while-loading", "coarser"][..]), ("udp", &SLOW)] {
+        let text = bench.done(&[&WALK[..], &LIVE, more, &["--out", link]].concat());
         let report = bench.report(link);
         let frames = report["frames"].as_array().unwrap();
         assert!(!frames.is_empty());
@@ -141,10 +143,10 @@ fn a_live_display_without_the_scene_is_exact_but_for_what_it_says_it_lacks() {
 
 #[test]
 fn a_live_display_that_waits_lacks_nothing() {
-    let bench = Bench::with_plant(300);
-    bench.done(
-        &[&WALK[..], &LIVE, &["--while-loading", "wait", "--record", "walk.trace", "--out", "walk"]].concat(),
-    );
+    let bench = Bench::with_plant(1000);
+    let waits = ["--while-loading", "wait", "--record", "walk.trace", "--out", "walk"];
+    bench.done(&[&WALK[..], &LIVE, &SLOW, &waits].concat());
+    assert!(bench.path("walk.trace").exists());
     let report = bench.report("walk");
     assert_exact(&report, "waits");
     let frames = report["frames"].as_array().unwrap();
