@@ -123,6 +123,7 @@ fn a_live_display_without_the_scene_is_exact_but_for_what_it_says_it_lacks() {
             }
             let again = frame["again"].as_bool().unwrap();
             assert_eq!((frame["latency_ms"].is_null(), frame["bytes"].is_null()), (again, again), "{at}");
+            assert!(again || frame["bytes"].as_u64() > Some(0), "{at}");
             if again {
                 let before = before.unwrap();
                 assert_eq!(

@@ -69,7 +69,7 @@ pub enum RecordError {
     },
     /// Coarser drawables were drawn in the place of some that were found.
     #[error(
-        "{frame} was shown before all of it had come, so that what was culled is not known: record with `--while-loading wait`"
+        "{frame} was shown before all that was culled for it had come: record with `--while-loading wait`"
     )]
     Loading {
         /// The frame.

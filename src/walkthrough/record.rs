@@ -162,3 +162,38 @@ impl Observer for Recorder<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{Camera, SentBytes};
+
+    use super::*;
+
+    #[test]
+    fn what_a_picture_lacks_and_whether_it_was_shown_before_is_noted() {
+        let mut quiet = |_| {};
+        let mut recorder = Recorder::new(0, &mut quiet);
+        let said = [(0, false), (7, false), (2, true), (0, true)];
+        for (number, (lacking, again)) in (0..).zip(said) {
+            let shown = ShownFrame {
+                camera: Camera::at_origin(FrameNumber(number)),
+                culler: None,
+                ids: &[],
+                for_loss: 0,
+                lacking,
+                again,
+                picture: None,
+                published: Duration::ZERO,
+                begun: Duration::ZERO,
+                drawing: Duration::ZERO,
+                shown: Duration::ZERO,
+                traffic: SentBytes::default(),
+                arrivals: &[],
+            };
+            recorder.shown(&shown).unwrap();
+        }
+        let noted: Vec<_> =
+            recorder.into_frames().iter().map(|record| (record.lacking, record.again)).collect();
+        assert_eq!(noted, said);
+    }
+}
