@@ -194,6 +194,7 @@ fn faults_are_named(devices: &SceneOnDevices, path: &PathChoice) {
     let last = dropped.last_mut().unwrap();
     (last.picture, last.ids) = (None, last.ids.iter().copied().skip(1).step_by(2).collect());
     assert_cause(&lost(devices, &hzb, Fault::None, &dropped), FalseCullCause::LostIds);
+    no_cause_without_what_was_found(devices, &hzb, &dropped);
 
     let mut swapped = sound;
     let last = swapped.last_mut().unwrap();
@@ -203,6 +204,41 @@ fn faults_are_named(devices: &SceneOnDevices, path: &PathChoice) {
     };
     (last.picture, last.ids) = (None, last.ids.iter().map(other_level).collect());
     assert_cause(&lost(devices, &hzb, Fault::None, &swapped), FalseCullCause::LevelMismatch);
+}
+
+/// The last frame of `walk` lacks something that shows. No cause is named if a frame that it takes was shown
+/// before all of it had come; one that is shown again in between takes nothing away.
+fn no_cause_without_what_was_found(devices: &SceneOnDevices, plan: &Plan, walk: &[FrameRecord]) {
+    let named = |walk: &[FrameRecord]| {
+        let mut last = None;
+        audit(devices, plan, walk, 1, Faulty::new(devices, None, plan, Fault::None), |_, frame| {
+            last = Some(frame);
+        });
+        let last = last.unwrap();
+        assert!(last.false_culled_nodes > Some(0));
+        last.false_culls
+    };
+    let causes = named(walk);
+    assert!(!causes.is_empty());
+    let number = |back: usize| walk.len() - 1 - back;
+    let source = walk[number(0)].stats.unwrap().occluders_of.unwrap().0 as usize;
+    let own_source = walk[source].stats.unwrap().occluders_of.unwrap().0 as usize;
+    for needed in [number(1), number(2), source, own_source] {
+        let mut loading = walk.to_vec();
+        loading[needed].lacking = 1;
+        assert_eq!(named(&loading), [], "frame {needed}");
+    }
+    let mut long_ago = walk.to_vec();
+    long_ago[0].lacking = 1;
+    assert_eq!(named(&long_ago), causes);
+    let mut again = walk.to_vec();
+    let last_again =
+        FrameRecord { again: true, ids: Vec::new(), picture: None, stats: None, ..walk[number(1)].clone() };
+    again.insert(number(0), FrameRecord { lacking: 1, ..last_again });
+    assert_eq!(named(&again), causes);
+    let last = again.last_mut().unwrap();
+    (last.again, last.stats) = (true, None);
+    assert_eq!(named(&again), []);
 }
 
 fn diagonal(scene: &Scene) -> f64 {

@@ -15,6 +15,10 @@ use serde_json::Value;
 
 const FRAMES: usize = 6;
 const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "128x128", "--audit-every", "1"];
+/// The same by the clock.
+const LIVE: [&str; 3] = ["--live", "20", "--empty-display"];
+/// A link of few bytes at a time: over it frames are mostly shown before all of them has come.
+const SLOW: [&str; 6] = ["--link", "udp", "-o", "udp.window=4096", "-o", "udp.send_buffer=4096"];
 
 fn pictures(bench: &Bench, out: &str) -> Vec<Vec<u8>> {
     let picture = |frame| bench.path(out).join(format!("frames/{frame:05}.png"));
@@ -92,4 +96,92 @@ fn a_walk_with_an_empty_display_needs_a_culler() {
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("give --cullers 1 or more"), "{said}");
     assert!(!bench.path("walk").exists(), "something was left behind");
+}
+
+#[test]
+fn a_live_display_without_the_scene_is_exact_but_for_what_it_says_it_lacks() {
+    let bench = Bench::with_plant(1000);
+    for (link, more) in [("inproc", &["--while-loading", "coarser"][..]), ("udp", &SLOW)] {
+        let text = bench.done(&[&WALK[..], &LIVE, more, &["--out", link]].concat());
+        let report = bench.report(link);
+        let frames = report["frames"].as_array().unwrap();
+        assert!(!frames.is_empty());
+        let mut before: Option<&Value> = None;
+        for (number, frame) in frames.iter().enumerate() {
+            let at = format!("{link}: {frame}");
+            assert_eq!(frame["frame"], number, "{at}");
+            if frame["lacking"] == 0 {
+                assert_eq!(
+                    (&frame["cut_mismatch_pixels"], &frame["false_culled_pixels"]),
+                    (&0.into(), &0.into()),
+                    "{at}"
+                );
+                assert!(frame["loading_pixels"].is_null() && !frame["full_detail"].is_null(), "{at}");
+            } else {
+                assert!(frame["loading_pixels"].is_u64(), "{at}");
+                assert!(frame["cut_mismatch_pixels"].is_null() && frame["full_detail"].is_null(), "{at}");
+            }
+            let again = frame["again"].as_bool().unwrap();
+            assert_eq!((frame["latency_ms"].is_null(), frame["bytes"].is_null()), (again, again), "{at}");
+            assert!(again || frame["bytes"].as_u64() > Some(0), "{at}");
+            if again {
+                let before = before.unwrap();
+                assert_eq!(
+                    ["eye", "forward"].map(|key| &frame[key]),
+                    ["eye", "forward"].map(|key| &before[key])
+                );
+                assert!(frame["lacking"].as_u64() < before["lacking"].as_u64(), "{at}");
+            }
+            before = Some(frame);
+        }
+        let lacking = frames.iter().filter(|frame| frame["lacking"] != 0).count();
+        let loading = &report["summary"]["loading"];
+        assert_eq!(loading["frames"].as_u64().unwrap_or(0), lacking as u64, "{link}");
+        assert_eq!(loading.is_null(), lacking == 0, "{link}");
+        assert_eq!(text.contains("\nloading "), lacking > 0, "{text}");
+    }
+}
+
+#[test]
+fn a_live_display_that_waits_lacks_nothing() {
+    let bench = Bench::with_plant(1000);
+    let waits = ["--while-loading", "wait", "--record", "walk.trace", "--out", "walk"];
+    bench.done(&[&WALK[..], &LIVE, &SLOW, &waits].concat());
+    assert!(bench.path("walk.trace").exists());
+    let report = bench.report("walk");
+    assert_exact(&report, "waits");
+    let frames = report["frames"].as_array().unwrap();
+    assert!(!frames.is_empty());
+    assert!(frames.iter().all(|frame| frame["lacking"] == 0 && frame["again"] == false));
+    assert!(report["summary"]["loading"].is_null());
+}
+
+#[test]
+fn what_is_shown_while_loading_is_asked_of_live_displays_that_begin_empty() {
+    let bench = Bench::with_plant(30);
+    for (more, words) in [
+        (&["--live", "30"][..], &["--while-loading", "add --empty-display"][..]),
+        (&["--empty-display"], &["--while-loading", "add --live", "In lockstep the display always waits"]),
+    ] {
+        for what in ["wait", "coarser"] {
+            let output = bench.trimaran(
+                &[&["run", "plant.scene", "--while-loading", what, "--out", "walk"], more].concat(),
+            );
+            let said = said(&output);
+            assert_eq!(output.status.code(), Some(2), "{said}");
+            assert!(words.iter().all(|word| said.contains(word)), "{said}");
+            assert!(!bench.path("walk").exists(), "something was left behind");
+        }
+    }
+    let output = bench.trimaran(&[
+        "run",
+        "plant.scene",
+        "--empty-display",
+        "--live",
+        "30",
+        "--while-loading",
+        "guess",
+    ]);
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("coarser, wait"), "{}", said(&output));
 }

@@ -5,6 +5,7 @@ use std::cell::Cell;
 use std::path::Path;
 use std::time::Duration;
 
+use trimaran::report::{Frame, Projection, Report, Run, schema::Ended};
 use trimaran::simulate::{
     Knobs, Load, Outcome, Scenario, Times, Transport, Workload, WorkloadError, pooled, simulate,
     simulate_watched,
@@ -187,6 +188,28 @@ fn a_deadline_no_longer_than_the_way_is_hopeless() {
     let (told, warned, incomplete) = run(30_000, Transport::UdpDeadline);
     assert!(!told && !warned && incomplete < 5, "{told} {warned} {incomplete}");
     assert_eq!(run(2000, Transport::Udp), (false, false, 0), "no deadline holds there");
+}
+
+#[test]
+fn a_frame_that_lacked_something_does_not_say_what_was_sent() {
+    let frame = |number: u32, lacking| Frame {
+        frame: number,
+        or_ms: Some(1.0),
+        hc_ms: Some(1.0),
+        rvg_ms: Some(1.0),
+        nodes_drawn: Some(u64::from(100 + number)),
+        lacking,
+        ..Frame::default()
+    };
+    let projection = Projection { width: 8, height: 8, vfov_deg: 60.0, near: 0.1 };
+    let frames = vec![frame(0, 0), frame(1, 7), frame(2, 0)];
+    let report = Report::new(Run::default(), projection, frames, None, Ended::default());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.json");
+    std::fs::write(&path, serde_json::to_vec(&report).unwrap()).unwrap();
+    let workload = Workload::recorded(&path).unwrap();
+    assert_eq!([0, 1].map(|frame| workload.of(frame).nodes), [100, 102]);
+    assert_eq!(workload.frames(), 2);
 }
 
 #[test]

@@ -12,6 +12,7 @@ use common::{
         walk_in_process, walk_with,
     },
 };
+use trimaran::report::Frame;
 use trimaran::vulkan::VulkanCuller;
 use trimaran::walkthrough::{CameraPath, PathChoice, Plan, SceneOnDevices};
 use trimaran_actors::Schedule;
@@ -62,6 +63,34 @@ fn levels_that_claim_too_much_are_found_out() {
     // The plant has walls all around: no background shows, and no outline against it.
     let [_, surface] = farthest_off(&boasting, &plan);
     assert!(surface > bound, "a surface off by {surface} px");
+}
+
+#[test]
+fn a_picture_that_is_not_exact_yet_is_compared_and_no_fault_of_culling() {
+    let Some(devices) = on_devices(&small_plant()) else { return };
+    let plan = plan(OcclusionTestKind::Hzb);
+    let mut records = walk_in_process(&devices, &plan, &automatic(&devices, &plan));
+    // As if a third of it had not come, and a picture that lacks only what does not show.
+    let [.., hidden, loading] = &mut records[..] else { panic!("a walk of {FRAMES} frames") };
+    hidden.lacking = 1;
+    (loading.lacking, loading.picture) = (7, None);
+    loading.ids = loading.ids.iter().enumerate().filter(|(at, _)| at % 3 > 0).map(|(_, id)| *id).collect();
+    let mut frames = Vec::new();
+    audit(&devices, &plan, &records, 1, culler(&devices, &plan), |_, frame| frames.push(frame));
+    let [exact @ .., hidden, loading] = &frames[..] else { panic!("{} frames", frames.len()) };
+    assert!(exact.iter().all(|frame| frame.cut_mismatch_pixels == Some(0) && frame.loading_pixels.is_none()));
+    assert_eq!(hidden.loading_pixels, Some(0));
+    assert!(loading.loading_pixels > Some(100), "{:?}", loading.loading_pixels);
+    for frame in [hidden, loading] {
+        let only_loading = Frame {
+            loading_pixels: frame.loading_pixels,
+            objects_exact_full: frame.objects_exact_full,
+            triangles_exact_full: frame.triangles_exact_full,
+            ..Frame::default()
+        };
+        assert_eq!(*frame, only_loading);
+        assert!(frame.objects_exact_full > Some(0), "what the camera sees does not depend on the picture");
+    }
 }
 
 #[test]

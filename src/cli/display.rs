@@ -7,6 +7,7 @@ use bytesize::ByteSize;
 use indicatif::ProgressBar;
 use tokio::runtime::Runtime;
 use trimaran::{
+    config::WhileLoading,
     culling::Culling,
     metrics::LinkMetrics,
     report::{
@@ -18,8 +19,7 @@ use trimaran::{
 };
 use trimaran_actors::{
     Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers,
-    RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading,
-    max_frame,
+    RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, max_frame,
 };
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SceneOutline, SessionKey, Settings};
@@ -75,13 +75,16 @@ pub(super) struct EmptyScene {
 
 impl EmptyScene {
     /// Keeps so many bytes of what was sent.
-    pub(super) fn new(outline: SceneOutline, gpu: &Arc<Gpu>, memory: ByteSize) -> Result<Self, Failure> {
+    pub(super) fn new(
+        outline: SceneOutline,
+        gpu: &Arc<Gpu>,
+        memory: ByteSize,
+        while_loading: WhileLoading,
+    ) -> Result<Self, Failure> {
         let scene = Arc::new(Scene::empty(outline));
         let drawn = GpuScene::new(gpu, &scene).map_err(Failure::broken)?;
-        Ok(Self {
-            supplied: Supplied { scene, memory: memory.as_u64(), while_loading: WhileLoading::default() },
-            drawn,
-        })
+        let (memory, while_loading) = (memory.as_u64(), while_loading.into());
+        Ok(Self { supplied: Supplied { scene, memory, while_loading }, drawn })
     }
 
     /// As a report knows it, where there is no file.

@@ -134,7 +134,7 @@ fn display(
     let empty = match config.empty_display {
         true => {
             let gpu = Gpu::open(&gpu).map_err(Failure::broken)?;
-            Some(EmptyScene::new(file.scene.outline(), &gpu, config.geometry_cache)?)
+            Some(EmptyScene::new(file.scene.outline(), &gpu, config.geometry_cache, config.while_loading)?)
         }
         false => None,
     };
@@ -236,7 +236,7 @@ fn display_without_scene(
             return Err(Failure::broken(format!("no culler has come from {from}: there is nothing to show")));
         }
     };
-    let empty = EmptyScene::new(outline, &gpu, config.geometry_cache)?;
+    let empty = EmptyScene::new(outline, &gpu, config.geometry_cache, config.while_loading)?;
     let (file, drawn) = (empty.file(&from), Arc::clone(empty.drawn()));
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let views = walking::view_states(None, plan, &file.scene)?;

@@ -41,6 +41,16 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             "--empty-display is sent what becomes visible by a culler: give --cullers 1 or more",
         ));
     }
+    if args.while_loading.is_some() && !args.empty_display {
+        return Err(Failure::bad_input(
+            "--while-loading is for a display that begins without the scene: add --empty-display",
+        ));
+    }
+    if args.while_loading.is_some() && args.live.is_none() {
+        return Err(Failure::bad_input(
+            "--while-loading is for walks by the clock: add --live HZ. In lockstep the display always waits",
+        ));
+    }
     if args.state.is_some() && args.record.is_some() {
         return Err(Failure::bad_input(
             "--record keeps walks of one view state: leave --state or --record out",
@@ -108,7 +118,8 @@ pub(super) fn record<'w>(
     let empty = match args.empty_display {
         true => {
             let gpu = Gpu::open(&walk.gpu_options()).map_err(Failure::broken)?;
-            Some(EmptyScene::new(file.scene.outline(), &gpu, args.geometry_cache)?)
+            let while_loading = args.while_loading.unwrap_or_default();
+            Some(EmptyScene::new(file.scene.outline(), &gpu, args.geometry_cache, while_loading)?)
         }
         false => None,
     };

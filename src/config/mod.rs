@@ -22,7 +22,7 @@ use toml::{Spanned, Table, de::DeTable};
 use trimaran_transport::{Endpoint, Options, keys::KeysError};
 
 pub use options::{GivenOption, GivenOptionError, OptionKey, options};
-pub use role::{CullerConfig, CullerPeers, DisplayConfig, DisplayPeers, SessionConfig};
+pub use role::{CullerConfig, CullerPeers, DisplayConfig, DisplayPeers, SessionConfig, WhileLoading};
 pub use security::{PeerFiles, needs_keys, security};
 
 /// Why a configuration could not be used.

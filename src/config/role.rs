@@ -3,8 +3,9 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use bytesize::ByteSize;
+use clap::ValueEnum;
 use confique::Config;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use trimaran_actors::{CullerId, Schedule};
 use trimaran_proto::{IdCoding, OcclusionTestKind};
 use trimaran_transport::Endpoints;
@@ -138,6 +139,15 @@ pub struct DisplayConfig {
         layer_attr(arg(long, value_name = "SIZE", value_parser = memory))
     )]
     pub geometry_cache: ByteSize,
+    /// What a display that began empty shows while some of a frame is still to come: `coarser` drawables in
+    /// its place, or with `wait` nothing. It acts in a live session only: in lockstep the display always
+    /// waits.
+    #[config(
+        env = "TRIMARAN_WHILE_LOADING",
+        default = "coarser",
+        layer_attr(arg(long, value_name = "WHAT", value_enum))
+    )]
+    pub while_loading: WhileLoading,
     /// Where the cullers listen, at most 8: `tcp://one:7400,tcp://two:7400`. Without any the display culls
     /// for itself.
     #[config(env = "TRIMARAN_CULLERS", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
@@ -209,6 +219,26 @@ pub struct DisplayConfig {
     /// What is walked and how.
     #[config(nested, layer_attr(command(flatten)))]
     pub session: SessionConfig,
+}
+
+/// What a live display that began empty shows while some of a frame is still to come.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum WhileLoading {
+    /// Coarser drawables in the place of what is still to come, which are sent first.
+    #[default]
+    Coarser,
+    /// Nothing: it waits until all of the frame has come.
+    Wait,
+}
+
+impl From<WhileLoading> for trimaran_actors::WhileLoading {
+    fn from(told: WhileLoading) -> Self {
+        match told {
+            WhileLoading::Coarser => Self::Coarser,
+            WhileLoading::Wait => Self::Wait,
+        }
+    }
 }
 
 /// By what the display knows the cullers.

@@ -115,6 +115,7 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "session.coding = 'zip'",
         "session.occlusion_test = 'guess'",
         "schedule = 'guess'",
+        "while_loading = 'guess'",
         "join_timeout_s = -1",
         "link.timeout_s = 1e9",
         "quic.congestion = 'reno'",
@@ -161,6 +162,17 @@ fn a_display_has_as_many_cullers_as_its_schedule_can_take() {
     for count in [1, 3] {
         assert!(config(count, "switch").unwrap_err().contains("schedule"));
     }
+}
+
+#[test]
+fn a_display_that_began_empty_is_told_what_to_show_while_it_loads() {
+    let told = |line: &str| {
+        let config = file::<DisplayConfig>(&format!("{DISPLAY}{line}\n")).unwrap();
+        trimaran_actors::WhileLoading::from(config.while_loading)
+    };
+    assert_eq!(told(""), trimaran_actors::WhileLoading::Coarser);
+    assert_eq!(told("while_loading = 'coarser'"), trimaran_actors::WhileLoading::Coarser);
+    assert_eq!(told("while_loading = 'wait'"), trimaran_actors::WhileLoading::Wait);
 }
 
 /// Every leaf below `meta`, with its path.

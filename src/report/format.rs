@@ -2,7 +2,7 @@
 
 use indicatif::HumanCount;
 
-use super::schema::SweepPoint;
+use super::schema::{Loading, SweepPoint};
 
 /// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`,
 /// `78.9`, `1 234`.
@@ -51,6 +51,28 @@ pub(super) fn with_unit(value: Option<f64>, unit: &str, none: &str) -> String {
 /// `one` or `many`, after its number.
 pub(super) fn plural(count: u64, one: &str, many: &str) -> String {
     format!("{} {}", grouped(count as f64), if count == 1 { one } else { many })
+}
+
+/// How many of so many pictures were not exact yet, and when they were: a sentence each.
+pub(super) fn loading(found: &Loading, pictures: u32) -> Vec<String> {
+    let lacking = format!(
+        "{} of {} had coarser drawables in the place of some that had not come yet.",
+        grouped(f64::from(found.frames)),
+        plural(u64::from(pictures), "picture", "pictures"),
+    );
+    let pixels = found.pixels.map(|pixels| {
+        let audited = plural(u64::from(found.audited_frames), "audited picture", "audited pictures");
+        format!("Not exact yet: {} of {audited}.", plural(pixels, "pixel", "pixels"))
+    });
+    let exact = found.exact_after_ms.map_or_else(
+        || "None of these frames was exact before the next one was shown.".to_owned(),
+        |after| {
+            let frames = plural(u64::from(after.frames), "such frame", "such frames");
+            let (median, max) = (figure(after.median), figure(after.max));
+            format!("{frames} became exact, {median} ms after the camera (median; at most {max} ms).")
+        },
+    );
+    [Some(lacking), pixels, Some(exact)].into_iter().flatten().collect()
 }
 
 /// Whether a sweep's runs differ in who culls.

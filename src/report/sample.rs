@@ -88,8 +88,53 @@ fn noise(frame: u32, salt: u32) -> f64 {
     f64::from(mixed >> 8) / f64::from(1 << 24)
 }
 
-/// A frame; every third is audited, and one of those has false culls.
-fn frame(frame: u32) -> Frame {
+/// A frame; every third is audited, and one of those has false culls. Frame 39 is shown before all of it has
+/// come, and again as 40 and, at last exact, as 41.
+fn frame(number: u32) -> Frame {
+    let frame = exact_frame(number);
+    let lacking = match number {
+        39 => 7,
+        40 => 3,
+        _ => 0,
+    };
+    if lacking == 0 && number != 41 {
+        return frame;
+    }
+    Frame {
+        lacking,
+        again: number > 39,
+        loading_pixels: (number == 39).then_some(512),
+        cut_mismatch_pixels: None,
+        false_culled_nodes: None,
+        false_culled_pixels: None,
+        false_culled_blob_px: None,
+        nodes_exact: None,
+        objects_exact: None,
+        triangles_exact: None,
+        full_detail: None,
+        ..if number == 39 { frame } else { shown_again(frame) }
+    }
+}
+
+/// What is told of a frame once is not told again.
+fn shown_again(frame: Frame) -> Frame {
+    Frame {
+        or_ms: None,
+        hc_ms: None,
+        latency_frames: None,
+        latency_ms: None,
+        occluders_drawn: None,
+        occluder_triangles: None,
+        culling: None,
+        rounds: None,
+        conservatively_visible: Default::default(),
+        bytes: None,
+        bytes_by_kind: None,
+        ..frame
+    }
+}
+
+fn exact_frame(frame: u32) -> Frame {
     let turn = std::f64::consts::TAU * f64::from(frame) / f64::from(FRAMES);
     let load = 1.0 + 0.5 * (2.0 * turn).sin() + 0.15 * noise(frame, 1);
     let (or, hc, rvg) = (9.0 * load, 14.0 * load + noise(frame, 2), 11.0 * load);
@@ -126,6 +171,8 @@ fn frame(frame: u32) -> Frame {
         frame_ms: (frame > 0).then_some(or + hc + rvg + 3.0 * noise(frame, 4)),
         latency_frames: Some(1),
         latency_ms: Some(or + hc + rvg),
+        lacking: 0,
+        again: false,
         culled_by: Some(machine),
         timeline: vec![
             span(Role::Or, machine, start, or),
@@ -170,6 +217,7 @@ fn frame(frame: u32) -> Frame {
             Vec::new()
         },
         cut_mismatch_pixels: audited.then_some(if wrong { 41 } else { 0 }),
+        loading_pixels: None,
         full_detail: audited.then(|| {
             let (shown, full) = (picture(frame, 1), picture(frame, 0));
             let picture = |rgba| ImageRef::new(SIZE, SIZE, rgba).unwrap();

@@ -1,7 +1,7 @@
 //! What is printed at the end of a run.
 
 use super::comparison::tables;
-use super::format::{culler_cells, cullers_differ, figure, grouped, plural, sweep_cells, with_unit};
+use super::format::{culler_cells, cullers_differ, figure, grouped, loading, plural, sweep_cells, with_unit};
 use super::schema::{Comparison, METRICS, Report, Run, SweepPoint};
 
 /// The metrics that the printed summary shows; `report.json` has all.
@@ -75,6 +75,9 @@ pub fn summary(report: &Report) -> String {
         );
     }
     out += &format!("culling    {}\n", culling(report));
+    if let Some(found) = &summary.loading {
+        out += &format!("loading    {}\n", loading(found, summary.frames).join("\n           "));
+    }
     for (what, found) in [("silhouette", summary.silhouette), ("surfaces", summary.surfaces)] {
         if let Some(found) = found {
             out += &format!(
@@ -136,7 +139,8 @@ pub(super) fn model_hint(run: &Run) -> &'static str {
 fn culling(report: &Report) -> String {
     let summary = &report.summary;
     let Some(pixels) = summary.cut_mismatch_pixels_total else {
-        return "not audited: nothing is known of its error".to_owned();
+        let none = if summary.audits_only_loading() { "no exact frame was audited" } else { "not audited" };
+        return format!("{none}: nothing is known of its error");
     };
     let frames = plural(u64::from(summary.audited_frames), "audited frame", "audited frames");
     let nodes = summary.false_culled_nodes_total.unwrap_or(0);
@@ -250,7 +254,10 @@ mod tests {
         assert!(text.lines().any(|l| l.starts_with("MODEL") && l.contains("not measured")), "{text}");
         assert!(text.contains("ended early, after 60 of 120 frames: it was asked to stop <twice>"), "{text}");
         assert!(text.lines().all(|l| !l.starts_with("measured")), "no walk's speed stands beside it: {text}");
-        assert!(text.contains("41 pixels changed, 3 visible nodes lost, on 20 audited frames"), "{text}");
+        assert!(text.contains("41 pixels changed, 3 visible nodes lost, on 19 audited frames"), "{text}");
+        assert!(text.contains("\nloading    2 of 60 pictures had coarser"), "{text}");
+        assert!(text.contains("\n           Not exact yet: 512 pixels of 1 audited picture."), "{text}");
+        assert!(text.contains("1 such frame became exact, "), "{text}");
         assert!(text.contains("its box covers none of its pixels: 2 nodes, 11 pixels"), "{text}");
         assert!(text.lines().all(|l| l.chars().count() <= 130), "{text}");
     }
@@ -260,6 +267,17 @@ mod tests {
         let text = summary(&sample::bare());
         assert!(text.contains("not audited: nothing is known of its error"), "{text}");
         assert!(text.contains("measured   not measured"), "{text}");
+        assert!(!text.contains("loading"), "{text}");
+    }
+
+    #[test]
+    fn frames_that_were_all_still_loading_claim_nothing_of_culling() {
+        let Report { run, width, height, vfov_deg, near, frames, .. } = sample::report();
+        let frames = frames.into_iter().filter(|frame| frame.lacking > 0).collect();
+        let projection = Projection { width, height, vfov_deg, near };
+        let text = summary(&Report::new(run, projection, frames, None, Ended::default()));
+        assert!(text.contains("culling    no exact frame was audited: nothing is known"), "{text}");
+        assert!(text.contains("None of these frames was exact before the next one"), "{text}");
     }
 
     #[test]

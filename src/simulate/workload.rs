@@ -128,6 +128,8 @@ impl Workload {
         let loads: Arc<[Load]> = report
             .frames
             .iter()
+            // What was drawn of one that lacked something is not what was sent for it.
+            .filter(|frame| frame.lacking == 0)
             .filter_map(|frame| {
                 let nodes = u32::try_from(frame.nodes_drawn?).ok()?;
                 Some(Load { nodes, or: time(frame.or_ms)?, hc: time(frame.hc_ms)?, rvg: time(frame.rvg_ms)? })

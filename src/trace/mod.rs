@@ -67,6 +67,14 @@ pub enum RecordError {
         /// The frame.
         frame: FrameNumber,
     },
+    /// Coarser drawables were drawn in the place of some that were found.
+    #[error(
+        "{frame} was shown before all that was culled for it had come: record with `--while-loading wait`"
+    )]
+    Loading {
+        /// The frame.
+        frame: FrameNumber,
+    },
 }
 
 impl Trace {
@@ -74,13 +82,18 @@ impl Trace {
     /// not say what it did.
     ///
     /// # Errors
-    /// When there is no such frame, or one lost ids.
+    /// When there is no such frame, or one lost ids or was shown before all of it had come.
     pub fn of(scene: SceneHash, plan: &Plan, records: &[FrameRecord]) -> Result<Self, RecordError> {
         let mut frames = Vec::with_capacity(records.len());
-        for record in records {
+        // A frame that is shown again asks the cullers for nothing.
+        for record in records.iter().filter(|record| !record.again) {
             let Some(stats) = &record.stats else { break };
+            let frame = record.camera.frame();
             if record.for_loss > 0 {
-                return Err(RecordError::Lost { frame: record.camera.frame() });
+                return Err(RecordError::Lost { frame });
+            }
+            if record.lacking > 0 {
+                return Err(RecordError::Loading { frame });
             }
             let mut ids = record.ids.clone();
             ids.sort_unstable();
@@ -135,7 +148,51 @@ impl TraceFrame {
 
 #[cfg(test)]
 mod tests {
+    use trimaran_actors::Schedule;
+    use trimaran_proto::{BatchSize, FrameStats, IdCoding, LodRule, OcclusionTestKind, SentBytes, Viewport};
+
     use super::*;
+    use crate::{culling::CullingMethod, walkthrough::Pace};
+
+    #[test]
+    fn what_was_shown_before_all_of_it_had_come_makes_no_trace_and_what_was_shown_again_is_left_out() {
+        let plan = Plan {
+            viewport: Viewport::new(64, 64).unwrap(),
+            lod: LodRule::new(2.0).unwrap(),
+            batch: BatchSize::new(64).unwrap(),
+            coding: IdCoding::Changes,
+            culling: CullingMethod::Trimaran,
+            occlusion_test: OcclusionTestKind::Hzb,
+            pace: Pace::Live { hz: 30.0 },
+            schedule: Schedule::Independent,
+            audit_every: 0,
+            visible: false,
+            alone: false,
+        };
+        let record = |number, again: bool, lacking| FrameRecord {
+            camera: Camera::at_origin(FrameNumber(number)),
+            culler: None,
+            ids: vec![DrawableId(number)],
+            for_loss: 0,
+            lacking,
+            again,
+            picture: None,
+            published: Duration::ZERO,
+            begun: Duration::ZERO,
+            drawing: Duration::ZERO,
+            shown: Duration::ZERO,
+            traffic: SentBytes::default(),
+            arrivals: Vec::new(),
+            stats: (!again).then(FrameStats::default),
+        };
+        let trace = |records: &[FrameRecord]| Trace::of(SceneHash(7), &plan, records);
+        let whole = trace(&[record(0, false, 0), record(1, true, 0), record(2, false, 0)]).unwrap();
+        let ids: Vec<_> = whole.frames().iter().map(|frame| frame.ids[0].0).collect();
+        assert_eq!(ids, [0, 2]);
+        let error = trace(&[record(0, false, 0), record(1, false, 5)]).unwrap_err();
+        assert_eq!(error, RecordError::Loading { frame: FrameNumber(1) });
+        assert!(error.to_string().contains("--while-loading wait"), "{error}");
+    }
 
     #[test]
     fn ids_are_found_when_they_were_seen_and_within_the_time_of_culling() {

@@ -27,7 +27,8 @@ pub enum AttributionError {
 
 /// The false culls of the last frame of `walk`, by cause. A session is deterministic: from the frames before
 /// and the frame's camera, `machine` draws the same occluders and tests the same boxes as the machine of the
-/// session did.
+/// session did. None are given where what these frames found is not known: of some only what had come was
+/// drawn.
 ///
 /// # Errors
 /// If the machine fails, or the frames are not of this scene.
@@ -39,21 +40,24 @@ pub(super) fn false_culls<D: CullerDevice>(
     missing: &[Missing],
 ) -> Result<Vec<FalseCull>, AttributionError> {
     let [earlier @ .., record] = walk else { return Ok(Vec::new()) };
+    // No culler did anything for a frame that is shown again.
+    let earlier: Vec<&FrameRecord> = earlier.iter().filter(|earlier| !earlier.again).collect();
+    let before: Vec<&FrameRecord> = earlier.iter().rev().take(2).copied().collect();
+    if record.again || before.iter().any(|before| before.lacking > 0) {
+        return Ok(Vec::new());
+    }
     let mut session = Session { culler: Culler::new(Arc::clone(scene)), views };
     // What its culler did for its last frame may be the cause.
     if let Some(place) = earlier.iter().rposition(|own| own.culler == record.culler)
         && let Some((own, own_earlier)) = earlier.get(..=place).and_then(<[_]>::split_last)
+        && session.draw_occluders(machine, own_earlier, own)?.is_none()
     {
-        session.draw_occluders(machine, own_earlier, own)?;
+        return Ok(Vec::new());
     }
-    let occluders = session.draw_occluders(machine, earlier, record)?;
+    let Some(occluders) = session.draw_occluders(machine, &earlier, record)? else { return Ok(Vec::new()) };
     let depth = machine.read_depth().map_err(device)?.depth().to_vec();
-    let before: Vec<(View, &[DrawableId])> = earlier
-        .iter()
-        .rev()
-        .take(2)
-        .map(|before| (views.view(before.camera), before.ids.as_slice()))
-        .collect();
+    let before: Vec<(View, &[DrawableId])> =
+        before.iter().map(|before| (views.view(before.camera), before.ids.as_slice())).collect();
     let frame = CulledFrame {
         scene,
         view: &views.view(record.camera),
@@ -77,20 +81,24 @@ struct Session<'v> {
 
 impl Session<'_> {
     /// Culls a frame again, whose occluders come from one of those before: returns what was drawn of them.
+    /// `None` if it is not known what that one found.
     fn draw_occluders<D: CullerDevice>(
         &mut self,
         machine: &mut D,
-        earlier: &[FrameRecord],
+        earlier: &[&FrameRecord],
         record: &FrameRecord,
-    ) -> Result<Vec<DrawableId>, AttributionError> {
+    ) -> Result<Option<Vec<DrawableId>>, AttributionError> {
         let view = self.views.view(record.camera);
         let rule = self.views.rule(self.culler.scene(), &record.camera);
         machine.change_occlusion_test(self.views.of(&record.camera).occlusion_test);
         let source = record.stats.and_then(|stats| stats.occluders_of);
         let before = earlier.iter().rfind(|before| Some(before.camera.frame()) == source);
+        if before.is_some_and(|before| before.lacking > 0) {
+            return Ok(None);
+        }
         let last = before.map(|before| before.ids.as_slice()).unwrap_or_default();
         let policy = OccluderPolicy::default();
-        Ok(policy.cull(&mut self.culler, machine, &view, &rule, last)?.occluders)
+        Ok(Some(policy.cull(&mut self.culler, machine, &view, &rule, last)?.occluders))
     }
 }
 

@@ -124,7 +124,8 @@ impl Auditor {
     /// Checks the last frame of `walk`, which holds all frames up to it: enters what it finds into `frame`,
     /// with the names of the visible objects if `names`, and leaves the pictures in `pictures`. If
     /// something visible is missing, `machine` does again what the frame's machine did, to find the
-    /// cause; without it none is looked for.
+    /// cause; without it none is looked for. Of a picture that lacks something only the pixels are counted
+    /// that are not exact yet.
     ///
     /// # Errors
     /// If a device fails.
@@ -139,9 +140,21 @@ impl Auditor {
         let Some(record) = walk.last() else { return Ok(()) };
         let (view, rule) = self.seen_from(&record.camera);
         self.picture(record, &mut pictures.shown)?;
-        let shown_items = self.draw_items(&view, &rule, &record.ids)?;
-
         let cut = self.unculled(record.camera, &mut pictures.unculled)?;
+        let full = self.full(record.camera)?;
+        pictures.full.clone_from(&full.picture);
+        frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full.items)?, &full.items.triangle);
+        let objects = self.objects(&exactly_visible(&items_of(&full.items)?));
+        frame.objects_exact_full = Some(objects.len() as u64);
+        if names {
+            frame.visible = Some(objects.iter().map(|&object| self.named(object)).collect());
+        }
+        if record.lacking > 0 {
+            frame.loading_pixels = Some(pixels_unlike_unculled(pictures)?);
+            return Ok(());
+        }
+
+        let shown_items = self.draw_items(&view, &rule, &record.ids)?;
         let cut_items = self.draw_items(&view, &rule, &cut)?;
         let missing = enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
         if !missing.is_empty()
@@ -153,15 +166,6 @@ impl Auditor {
         }
         let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
         frame.objects_exact = Some(count_objects(&self.scene, exact));
-
-        let full = self.full(record.camera)?;
-        pictures.full.clone_from(&full.picture);
-        frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full.items)?, &full.items.triangle);
-        let objects = self.objects(&exactly_visible(&items_of(&full.items)?));
-        frame.objects_exact_full = Some(objects.len() as u64);
-        if names {
-            frame.visible = Some(objects.iter().map(|&object| self.named(object)).collect());
-        }
         let drawn = Drawn { ids: &record.ids, picture: &pictures.shown, items: &shown_items };
         frame.full_detail = Some(self.level_error(&view, &cut, drawn, &full)?);
         Ok(())
@@ -315,14 +319,17 @@ fn enter_culling(
     frame.false_culled_nodes = Some(lost.nodes.len() as u64);
     frame.false_culled_pixels = Some(lost.pixels);
     frame.false_culled_blob_px = Some(lost.largest_blob);
-    frame.cut_mismatch_pixels =
-        Some(mismatching_pixels(&ImageRef::of(&pictures.shown)?, &ImageRef::of(&pictures.unculled)?)?);
+    frame.cut_mismatch_pixels = Some(pixels_unlike_unculled(pictures)?);
     let mut pixels = deviation::pixels_by_owner(&cut_items);
     let missing = lost.nodes.iter().filter_map(|(id, _)| {
         let id = DrawableId(*id);
         Some(Missing { id, pixels: pixels.remove(&id)? })
     });
     Ok(missing.collect())
+}
+
+fn pixels_unlike_unculled(pictures: &AuditPictures) -> Result<u64, MetricError> {
+    mismatching_pixels(&ImageRef::of(&pictures.shown)?, &ImageRef::of(&pictures.unculled)?)
 }
 
 pub(super) fn items_of(image: &ItemImage) -> Result<metrics::IdBufferRef<'_>, MetricError> {

@@ -20,6 +20,11 @@ pub struct FrameRecord {
     pub ids: Vec<DrawableId>,
     /// How many of them were drawn only because ids of the frame were lost.
     pub for_loss: u32,
+    /// How many drawables of the frame had not come yet, where the display began without the scene: coarser
+    /// ones were drawn in their place. 0 where the picture is exact.
+    pub lacking: u32,
+    /// Whether it is the frame before, shown again as more of it has come.
+    pub again: bool,
     /// XXH3-64 of the picture's bytes, if it was read back.
     pub picture: Option<u64>,
     /// When its camera was handed out; all times are on the display's clock.
@@ -45,8 +50,10 @@ pub(super) struct Composer {
     path: CameraPath,
     /// Whether all roles measured by one clock.
     one_clock: bool,
-    /// When the frames so far were shown.
+    /// When the frames so far were shown first.
     shown: Vec<Duration>,
+    /// When the last picture was shown.
+    last: Option<Duration>,
 }
 
 impl Composer {
@@ -57,28 +64,40 @@ impl Composer {
         one_clock: bool,
         before: &[FrameRecord],
     ) -> Self {
-        let shown = before.iter().map(|record| record.shown).collect();
-        Self { scene: Arc::clone(scene), path: path.clone(), one_clock, shown }
+        let shown = before.iter().filter(|record| !record.again).map(|record| record.shown).collect();
+        let last = before.last().map(|record| record.shown);
+        Self { scene: Arc::clone(scene), path: path.clone(), one_clock, shown, last }
     }
 
     /// The next frame, in the order shown.
     pub(super) fn frame(&mut self, record: &FrameRecord) -> Frame {
-        let previous = self.shown.last().copied();
+        let previous = self.last.replace(record.shown);
+        let objects = count_objects(&self.scene, record.ids.iter().copied());
+        let frame = Frame {
+            objects_drawn: Some(objects),
+            timeline: timeline(record, self.one_clock),
+            ..frame(&self.scene, &self.path, record, previous)
+        };
+        if record.again { frame } else { self.shown_first(record, frame) }
+    }
+
+    /// What is told of a frame once, however often it is shown: how old it was, and what it cost.
+    fn shown_first(&mut self, record: &FrameRecord, frame: Frame) -> Frame {
         let frames_between = self.shown.iter().rev().take_while(|shown| **shown > record.published).count();
         self.shown.push(record.shown);
-        let frame = frame(&self.scene, &self.path, record, previous, frames_between);
-        let objects = count_objects(&self.scene, record.ids.iter().copied());
-        Frame { objects_drawn: Some(objects), timeline: timeline(record, self.one_clock), ..frame }
+        let bytes = record.traffic + record.stats.map(|stats| stats.to_other).unwrap_or_default();
+        Frame {
+            latency_frames: u32::try_from(frames_between).ok(),
+            latency_ms: Some(milliseconds(record.shown.saturating_sub(record.published))),
+            conservatively_visible: conservatively_visible(record),
+            bytes: Some(bytes.total()),
+            bytes_by_kind: Some(bytes),
+            ..frame
+        }
     }
 }
 
-fn frame(
-    scene: &Scene,
-    path: &CameraPath,
-    record: &FrameRecord,
-    previous: Option<Duration>,
-    frames_between: usize,
-) -> Frame {
+fn frame(scene: &Scene, path: &CameraPath, record: &FrameRecord, previous: Option<Duration>) -> Frame {
     let number = record.camera.frame();
     let pose = path.pose_of(&record.camera);
     let triangles = record
@@ -88,7 +107,6 @@ fn frame(
         .map(|drawable| u64::from(drawable.triangles))
         .sum();
     let stats = record.stats.as_ref();
-    let bytes = record.traffic + stats.map(|s| s.to_other).unwrap_or_default();
     Frame {
         frame: number.0,
         eye: pose.map(|p| p.eye().to_array()).unwrap_or_default(),
@@ -99,18 +117,15 @@ fn frame(
         hc_ms: stats.map(|s| s.hc_end_ns.saturating_sub(s.hc_start_ns) as f64 * 1e-6),
         rvg_ms: Some(milliseconds(record.shown.saturating_sub(record.drawing))),
         frame_ms: previous.map(|previous| milliseconds(record.shown.saturating_sub(previous))),
-        latency_frames: u32::try_from(frames_between).ok(),
-        latency_ms: Some(milliseconds(record.shown.saturating_sub(record.published))),
+        lacking: record.lacking.into(),
+        again: record.again,
         nodes_drawn: Some(record.ids.len() as u64),
         triangles_drawn: Some(triangles),
         occluders_drawn: stats.map(|s| u64::from(s.occluders)),
         occluder_triangles: stats.map(|s| s.occluder_triangles),
         culling: stats.map(|s| culling(&s.culling)),
         rounds: stats.map(|s| rounds(&s.rounds)),
-        conservatively_visible: conservatively_visible(record),
         culled_by: Some(Machine::of(record.culler)),
-        bytes: Some(bytes.total()),
-        bytes_by_kind: Some(bytes),
         ..Frame::default()
     }
 }
@@ -179,4 +194,67 @@ fn conservatively_visible(record: &FrameRecord) -> BTreeMap<String, u64> {
 
 fn milliseconds(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_cook::{
+        CookOptions, cook,
+        generate::{PlantOptions, plant},
+    };
+    use trimaran_cull::{LodRule, Viewport};
+    use trimaran_proto::{FrameNumber, Settings};
+
+    use super::*;
+    use crate::walkthrough::PathChoice;
+
+    #[test]
+    fn a_frame_shown_again_has_times_of_its_own_and_no_latency_and_no_bytes() {
+        let model = plant(&PlantOptions { objects: 20, triangles: 2000, ..PlantOptions::small(5) });
+        let scene = Arc::new(cook(&model, &CookOptions::default(), &()).unwrap());
+        let views = Settings::new(Viewport::new(64, 64).unwrap(), LodRule::new(2.0).unwrap()).into();
+        let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, views, Some(2)).unwrap();
+        let ms = Duration::from_millis;
+        let record =
+            |number: u32, pose: usize, [published, shown]: [u64; 2], lacking, again: bool| FrameRecord {
+                camera: path.all()[pose].for_frame(FrameNumber(number)),
+                culler: CullerId::of(0),
+                ids: vec![DrawableId(0)],
+                for_loss: u32::from(number > 0),
+                lacking,
+                again,
+                picture: None,
+                published: ms(published),
+                begun: ms(published),
+                drawing: ms(shown - 1),
+                shown: ms(shown),
+                traffic: SentBytes { ids: if again { 0 } else { 12 }, ..SentBytes::default() },
+                arrivals: Vec::new(),
+                stats: None,
+            };
+        let records = [
+            record(0, 0, [10, 20], 3, false),
+            record(1, 0, [10, 25], 1, true),
+            record(2, 0, [10, 31], 0, true),
+            record(3, 1, [15, 40], 0, false),
+        ];
+        let figures = |frame: &Frame| (frame.frame_ms, frame.latency_ms, frame.latency_frames, frame.bytes);
+        // A walk that goes on says the same as one that nobody killed.
+        for before in 0..records.len() {
+            let mut composer = Composer::new(&scene, &path, false, &records[..before]);
+            let frames: Vec<_> = records[before..].iter().map(|record| composer.frame(record)).collect();
+            let expected = [
+                (None, Some(10.0), Some(0), Some(12)),
+                (Some(5.0), None, None, None),
+                (Some(6.0), None, None, None),
+                (Some(9.0), Some(25.0), Some(1), Some(12)),
+            ];
+            assert_eq!(frames.iter().map(figures).collect::<Vec<_>>(), expected[before..], "{before}");
+            let said: Vec<_> = frames.iter().map(|frame| (frame.lacking, frame.again)).collect();
+            assert_eq!(said, [(3, false), (1, true), (0, true), (0, false)][before..]);
+            let lost: u64 = frames.iter().filter_map(|frame| frame.conservatively_visible.get("loss")).sum();
+            assert_eq!(lost, 1, "what was drawn for loss counts once");
+            assert!(frames.iter().all(|frame| frame.bytes == frame.bytes_by_kind.map(|kinds| kinds.total())));
+        }
+    }
 }

@@ -118,7 +118,8 @@ impl<'p> Recorder<'p> {
 
     /// How many frames, from the first on, the cullers have nothing more to say of.
     fn complete(&self) -> usize {
-        let known = self.frames.iter().skip(self.written).take_while(|record| record.stats.is_some()).count();
+        let known = |record: &&FrameRecord| record.stats.is_some() || record.again;
+        let known = self.frames.iter().skip(self.written).take_while(known).count();
         (self.written + known).max(self.frames.len().saturating_sub(STATS_LAG))
     }
 }
@@ -134,6 +135,8 @@ impl Observer for Recorder<'_> {
             culler: frame.culler,
             ids: frame.ids.to_vec(),
             for_loss: frame.for_loss,
+            lacking: frame.lacking,
+            again: frame.again,
             picture: frame.picture.map(|picture| xxh3_64(&picture.rgba)),
             published: self.walked + frame.published,
             begun: self.walked + frame.begun,
@@ -157,5 +160,40 @@ impl Observer for Recorder<'_> {
         if let Some(record) = place.and_then(|place| self.frames.get_mut(place)) {
             record.stats = Some(*stats);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{Camera, SentBytes};
+
+    use super::*;
+
+    #[test]
+    fn what_a_picture_lacks_and_whether_it_was_shown_before_is_noted() {
+        let mut quiet = |_| {};
+        let mut recorder = Recorder::new(0, &mut quiet);
+        let said = [(0, false), (7, false), (2, true), (0, true)];
+        for (number, (lacking, again)) in (0..).zip(said) {
+            let shown = ShownFrame {
+                camera: Camera::at_origin(FrameNumber(number)),
+                culler: None,
+                ids: &[],
+                for_loss: 0,
+                lacking,
+                again,
+                picture: None,
+                published: Duration::ZERO,
+                begun: Duration::ZERO,
+                drawing: Duration::ZERO,
+                shown: Duration::ZERO,
+                traffic: SentBytes::default(),
+                arrivals: &[],
+            };
+            recorder.shown(&shown).unwrap();
+        }
+        let noted: Vec<_> =
+            recorder.into_frames().iter().map(|record| (record.lacking, record.again)).collect();
+        assert_eq!(noted, said);
     }
 }

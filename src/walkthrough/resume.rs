@@ -59,6 +59,8 @@ pub(super) struct FrameState {
     /// The first such id, and how far each further one lies above the one before.
     changes: Vec<u32>,
     for_loss: u32,
+    lacking: u32,
+    again: bool,
     picture: Option<u64>,
     published: Duration,
     begun: Duration,
@@ -169,8 +171,8 @@ impl Keeper {
 
     /// The next frame.
     pub(super) fn keep(&mut self, record: &FrameRecord) -> FrameState {
-        let FrameRecord { camera, culler, ids, for_loss, picture, published, begun, .. } = record;
-        let FrameRecord { drawing, shown, traffic, arrivals, stats, .. } = record;
+        let FrameRecord { camera, culler, ids, for_loss, lacking, again, picture, .. } = record;
+        let FrameRecord { published, begun, drawing, shown, traffic, arrivals, stats, .. } = record;
         let ids: BTreeSet<_> = ids.iter().copied().collect();
         let mut below = 0;
         let gap = |id: &DrawableId| id.0 - std::mem::replace(&mut below, id.0);
@@ -181,6 +183,8 @@ impl Keeper {
             culler: culler.map(CullerId::index),
             changes,
             for_loss: *for_loss,
+            lacking: *lacking,
+            again: *again,
             picture: *picture,
             published: *published,
             begun: *begun,
@@ -221,6 +225,8 @@ impl FrameState {
             culler: self.culler.and_then(CullerId::of),
             ids,
             for_loss: self.for_loss,
+            lacking: self.lacking,
+            again: self.again,
             picture: self.picture,
             published: self.published,
             begun: self.begun,
@@ -263,6 +269,8 @@ mod tests {
                 culler: CullerId::of(number % 2),
                 ids,
                 for_loss: 3,
+                lacking: number as u32 % 3,
+                again: number % 4 == 2,
                 picture: Some(u64::MAX - 5),
                 published: Duration::from_nanos(1_000_000_007),
                 begun: Duration::from_nanos(2),

@@ -134,6 +134,8 @@ fn walk() -> Workload {
             .unwrap(),
             culler: CullerId::of(0),
             for_loss: 0,
+            lacking: 0,
+            again: false,
             picture: None,
             published: ms(0),
             begun: ms(1),

@@ -5,7 +5,7 @@ use std::{net::SocketAddr, path::PathBuf};
 use bytesize::ByteSize;
 use clap::{Args, ValueEnum};
 use trimaran::{
-    config::{memory, positive},
+    config::{WhileLoading, memory, positive},
     culling::CullingMethod,
 };
 
@@ -146,6 +146,10 @@ pub(crate) struct RunArgs {
     /// time goes first, and is sent again where it is needed.
     #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = memory)]
     pub(crate) geometry_cache: ByteSize,
+    /// What such a display shows while some of a frame is still to come [default: coarser]. With --live only:
+    /// in lockstep it always waits.
+    #[arg(long, value_name = "WHAT", value_enum)]
+    pub(crate) while_loading: Option<WhileLoading>,
     /// Record what each frame asked of the roles (ids, when they were found, computing times, camera), for
     /// `trimaran sim --trace`.
     #[arg(long, value_name = "FILE")]
@@ -175,6 +179,7 @@ impl RunArgs {
             visible: false,
             empty_display: false,
             geometry_cache: ByteSize::mib(256),
+            while_loading: None,
             record: None,
             out,
             json: false,

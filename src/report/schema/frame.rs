@@ -34,10 +34,18 @@ pub struct Frame {
     /// Time from the previous picture shown to this one, milliseconds.
     pub frame_ms: Option<f64>,
     /// Frames shown between the camera's publication and its own picture; 0 if its picture was the very
-    /// next.
+    /// next. `None` for one that is shown again.
     pub latency_frames: Option<u32>,
-    /// Time from the camera's publication to its picture, milliseconds.
+    /// Time from the camera's publication to its first picture, milliseconds. `None` for one that is shown
+    /// again.
     pub latency_ms: Option<f64>,
+    /// Drawables that had not come yet, where the display began without the scene: coarser ones were drawn in
+    /// their place. 0 where the picture is exact.
+    #[serde(default)]
+    pub lacking: u64,
+    /// Whether it is the frame before, shown again as more of it has come.
+    #[serde(default)]
+    pub again: bool,
     /// Who did OR and HC of this frame: a culler, or the display itself.
     #[serde(default)]
     pub culled_by: Option<super::Machine>,
@@ -82,15 +90,18 @@ pub struct Frame {
     pub false_culled_pixels: Option<u64>,
     /// Size of the largest 8-connected blob of such pixels.
     pub false_culled_blob_px: Option<u64>,
-    /// The false culls by cause; empty if there are none.
+    /// The false culls by cause; empty if there are none, or if no cause could be looked for.
     #[serde(default)]
     pub false_culls: Vec<FalseCull>,
     /// Pixels whose colour differs from the unculled picture of the same LOD cut. Must be 0.
     pub cut_mismatch_pixels: Option<u64>,
+    /// The same of a picture that lacks something: what of it is not exact yet.
+    #[serde(default)]
+    pub loading_pixels: Option<u64>,
     /// The picture against full detail: the error of the levels.
     pub full_detail: Option<ImageDifference>,
 
-    /// All bytes sent for this frame over all links, headers included.
+    /// All bytes sent for this frame over all links, headers included. `None` for one that is shown again.
     pub bytes: Option<u64>,
     /// The same by kind: 72 bytes a camera; 4 an id and receiver, where they are not coded.
     pub bytes_by_kind: Option<SentBytes>,

@@ -53,6 +53,7 @@ pub const METRICS: &[Metric] = &[
     metric("false_culled_pixels", "px", "pixels falsely culled", |f| count(f.false_culled_pixels)),
     metric("false_culled_blob_px", "px", "largest falsely culled blob", |f| count(f.false_culled_blob_px)),
     metric("cut_mismatch_pixels", "px", "pixels unlike the unculled cut", |f| count(f.cut_mismatch_pixels)),
+    metric("loading_pixels", "px", "pixels not exact yet", |f| count(f.loading_pixels)),
     metric("mismatching_pixels", "px", "pixels unlike full detail", |f| {
         f.full_detail.map(|e| e.mismatching_pixels as f64)
     }),

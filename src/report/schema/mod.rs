@@ -9,6 +9,7 @@
 mod comparison;
 mod ended;
 mod frame;
+mod loading;
 mod metric;
 mod model;
 mod run;
@@ -26,6 +27,7 @@ pub use frame::{
     CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, Role, RoundCounts,
     SentBytes, Span, VisibleObject,
 };
+pub use loading::Loading;
 pub use metric::{METRICS, Metric};
 pub use model::Model;
 pub use run::{Machine, MemoryUse, Mode, RoleInfo, Run, SceneInfo, ViewStateInfo, timestamp};
@@ -164,8 +166,10 @@ mod tests {
     #[test]
     fn the_sample_leaves_no_key_unfilled() {
         let report = sample::report();
-        // Frame 0 has no frame before it, and pictures are entered when they are written.
+        // Frame 0 has no frame before it, pictures are entered when they are written, and no audited frame is
+        // exact and still loading.
         let mut frame = serde_json::to_value(&report.frames[27]).unwrap();
+        frame["loading_pixels"] = report.frames[39].loading_pixels.into();
         frame.as_object_mut().unwrap().remove("pictures");
         let value = serde_json::json!([frame, report.run, report.summary, report.sweep]);
         fn nulls(path: &str, value: &Value, found: &mut Vec<String>) {

@@ -7,7 +7,9 @@ use trimaran_audit::SURFACE_SLACK_PX;
 
 use crate::report::FrameLoad;
 
-use super::{Ended, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Model, Run, SentBytes, Stat};
+use super::{
+    Ended, FalseCull, FalseCullCause, Frame, Loading, LowStat, METRICS, Model, Run, SentBytes, Stat,
+};
 
 /// Objects drawn over objects exactly visible in the paper's power plant (its tables 2 and 3).
 pub const PAPER_OBJECT_TIGHTNESS: f64 = 1.83;
@@ -40,6 +42,9 @@ pub struct Summary {
     pub cut_mismatch_pixels_total: Option<u64>,
     /// The false culls by cause, summed over the audited frames.
     pub false_culls: Vec<FalseCull>,
+    /// Pictures that were shown before all of them had come; `null` where there were none.
+    #[serde(default)]
+    pub loading: Option<Loading>,
     /// The silhouette's deviation against the claimed bound; `null` if it was not measured.
     pub silhouette: Option<DeviationVerdict>,
     /// The surfaces' deviation, likewise.
@@ -140,6 +145,7 @@ impl Summary {
             false_culled_pixels_total: sum(frames, |f| f.false_culled_pixels),
             cut_mismatch_pixels_total: sum(frames, |f| f.cut_mismatch_pixels),
             false_culls: false_culls(frames),
+            loading: Loading::of(frames),
             silhouette: DeviationVerdict::of(metrics.get("silhouette_max_px"), run.epsilon_px),
             surfaces: DeviationVerdict::of(metrics.get("surface_max_px"), run.epsilon_px),
             psnr_db: LowStat::of_psnr(frames),
@@ -148,6 +154,12 @@ impl Summary {
             bandwidth: Bandwidth::of(run, frames),
             metrics,
         }
+    }
+
+    /// Whether frames were audited, but none that was exact.
+    #[must_use]
+    pub fn audits_only_loading(&self) -> bool {
+        self.audited_frames == 0 && self.loading.is_some_and(|loading| loading.audited_frames > 0)
     }
 }
 
@@ -181,7 +193,7 @@ fn measured_fps(frames: usize, wall_ms: Option<f64>) -> Option<f64> {
     Some(1000.0 * (frames - 1) as f64 / wall_ms)
 }
 
-fn sum(frames: &[Frame], of: impl Fn(&Frame) -> Option<u64>) -> Option<u64> {
+pub(super) fn sum(frames: &[Frame], of: impl Fn(&Frame) -> Option<u64>) -> Option<u64> {
     frames.iter().filter_map(of).reduce(u64::saturating_add)
 }
 
@@ -223,6 +235,7 @@ mod tests {
         assert_eq!(summary.measured_fps, None);
         assert_eq!(summary.model, None);
         assert_eq!(summary.bandwidth, None);
+        assert_eq!(summary.loading, None);
         assert_eq!((summary.silhouette, summary.surfaces), (None, None));
         assert_eq!(summary.psnr_db, None);
     }
@@ -289,7 +302,32 @@ mod tests {
         let expected = [(FalseCullCause::MissedSamples, 2, 11), (FalseCullCause::Unattributed, 1, 30)];
         assert_eq!(causes, expected);
         assert_eq!(summary.false_culled_pixels_total, Some(41));
-        assert_eq!(summary.audited_frames, 20);
-        assert_eq!(summary.conservatively_visible["near_plane"], 240);
+        assert_eq!(summary.audited_frames, 19, "one of 20 was still loading");
+        assert_eq!(summary.conservatively_visible["near_plane"], 232, "what is shown again counts once");
+    }
+
+    #[test]
+    fn pictures_shown_again_and_not_exact_yet_leave_other_figures_alone() {
+        let report = sample::report();
+        let (loading, rest): (Vec<_>, Vec<_>) =
+            report.frames.iter().cloned().partition(|frame| frame.again || frame.lacking > 0);
+        assert_eq!(loading.len(), 3);
+        let first = loading.iter().filter(|frame| !frame.again).cloned();
+        let of = |frames: &[Frame]| Summary::of(&report.run, frames, None, Ended::default());
+        let (all, without) = (of(&report.frames), of(&rest));
+        let once = of(&rest.iter().cloned().chain(first).collect::<Vec<_>>());
+        assert_eq!((all.frames, without.frames), (60, 57));
+        assert_eq!(all.bandwidth.unwrap().measured_bytes, once.bandwidth.unwrap().measured_bytes);
+        for key in ["latency_ms", "latency_frames", "bytes", "or_ms", "hc_ms"] {
+            assert_eq!(all.metrics[key], once.metrics[key], "{key}");
+        }
+        for key in
+            ["cut_mismatch_pixels", "false_culled_pixels", "node_tightness", "flip_mean", "surface_max_px"]
+        {
+            assert_eq!(all.metrics[key], without.metrics[key], "{key}");
+        }
+        assert_eq!((all.surfaces, all.psnr_db), (without.surfaces, without.psnr_db));
+        assert_eq!(all.metrics["frame_ms"].frames, 59, "pictures have times");
+        assert_eq!((all.metrics["loading_pixels"].frames, without.loading), (1, None));
     }
 }

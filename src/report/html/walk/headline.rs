@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::file_name;
-use crate::report::format::{figure, grouped, plural, with_unit};
+use crate::report::format::{figure, grouped, loading, plural, with_unit};
 use crate::report::schema::{Bandwidth, DeviationVerdict, Mode, Report, Stat, Summary};
 use crate::report::text::model_hint;
 
@@ -30,6 +30,9 @@ pub(super) fn headline(report: &Report) -> Markup {
             }
             @for note in &run.notes { p.note { (note) } }
             (audit_verdict(summary))
+            @if let Some(found) = &summary.loading {
+                p.note { (loading(found, summary.frames).join(" ")) }
+            }
             div.tiles {
                 (measured(report))
                 (modelled(report))
@@ -53,6 +56,11 @@ fn audit_verdict(summary: &Summary) -> Markup {
     let audited = plural(u64::from(summary.audited_frames), "audited frame", "audited frames");
     let of_all = format!("{audited} of {}", grouped(f64::from(summary.frames)));
     match (summary.cut_mismatch_pixels_total, summary.false_culled_nodes_total) {
+        (None, _) if summary.audits_only_loading() => verdict(
+            "unknown",
+            "?",
+            "No exact frame was audited: this run says nothing about how right culling is.",
+        ),
         (None, _) => verdict(
             "unknown",
             "?",

@@ -51,6 +51,7 @@ pub(super) fn file_name(path: &str) -> &str {
 mod tests {
     use super::*;
     use crate::report::sample;
+    use crate::report::schema::Projection;
 
     #[test]
     fn the_page_refers_to_nothing_outside() {
@@ -85,6 +86,25 @@ mod tests {
         assert!(html.contains("No frame was audited"));
         assert!(!html.contains("Culling changed no pixel"));
         assert!(!html.contains("NaN") && !html.contains("inf\""));
+    }
+
+    #[test]
+    fn pictures_that_were_not_exact_yet_are_told_where_there_were_some() {
+        let html = page(&sample::report(), &[]).unwrap();
+        assert!(
+            html.contains("2 of 60 pictures had coarser drawables")
+                && html.contains("1 such frame became exact")
+        );
+        assert!(!page(&sample::bare(), &[]).unwrap().contains("coarser drawables"));
+    }
+
+    #[test]
+    fn falsely_culled_nodes_without_a_cause_are_not_none() {
+        let Report { run, width, height, vfov_deg, near, mut frames, summary, .. } = sample::report();
+        frames.iter_mut().for_each(|frame| frame.false_culls.clear());
+        let projection = Projection { width, height, vfov_deg, near };
+        let html = page(&Report::new(run, projection, frames, None, summary.ended), &[]).unwrap();
+        assert!(html.contains("no cause was looked for</th><td>3</td><td>41</td>"));
     }
 
     #[test]

@@ -62,8 +62,14 @@ fn false_culls(report: &Report) -> Markup {
         .map(|c| named(c.cause.words(), [grouped(c.nodes as f64), grouped(c.pixels as f64)]))
         .collect();
     if rows.is_empty() {
-        let (found, count) = if summary.audited_frames == 0 { ("not audited", "–") } else { ("none", "0") };
-        rows.push([found, count, count].map(str::to_owned).into());
+        let total = |of: Option<u64>| of.map_or_else(|| "–".to_owned(), |count| grouped(count as f64));
+        let found = match summary.false_culled_nodes_total {
+            _ if summary.audited_frames == 0 => "not audited",
+            None | Some(0) => "none",
+            Some(_) => "no cause was looked for",
+        };
+        let counts = [summary.false_culled_nodes_total, summary.false_culled_pixels_total];
+        rows.push(named(found, counts.map(total)));
     }
     table(
         "numbers",
