@@ -106,7 +106,7 @@ fn main() -> Outcome<()> {
                 walk.bytes as f64 / 1e6,
                 8e-6 * (walk.bytes - walk.exact_bytes.unwrap_or(0)) as f64 / seconds,
                 walk.ahead.bytes as f64 / 1e6,
-                100.0 * walk.ahead.used_bytes as f64 / walk.ahead.bytes as f64,
+                100.0 * walk.ahead.used_bytes as f64 / walk.ahead.bytes.max(1) as f64,
             );
         }
     }

@@ -31,7 +31,7 @@ fn walks_at_random(files: &[PathBuf]) {
     cooked(&imported(files)).save(&bench.path("model.scene")).unwrap();
     for seed in 1..4 {
         let mut random = Random::new(seed);
-        let mut pick = |from: &[&'static str]| from[random.below(from.len() as u64) as usize];
+        let mut pick = |from: &[&'static str]| from[random.below(from.len())];
         let cache = pick(&["1", "64KiB", "1MiB", "4MiB", "64MiB"]);
         let (link, cullers) = (pick(&["tcp", "quic", "udp"]), pick(&["1", "2", "3"]));
         let schedule = if cullers == "2" { pick(&["independent", "switch"]) } else { "independent" };

@@ -12,14 +12,14 @@ use trimaran::{
     metrics::LinkMetrics,
     report::{
         Run, Writer,
-        schema::{Machine, RoleInfo, timestamp},
+        schema::{Machine, RoleInfo, SentAhead, timestamp},
     },
     vulkan::VulkanDisplay,
     walkthrough::{CameraPath, Progress, Recorder, SceneFile, Walk, begin, how_ended, memory_use},
 };
 use trimaran_actors::{
-    Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers,
-    RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, max_frame,
+    AheadUse, Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint,
+    Peers, RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, max_frame,
 };
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SceneOutline, SessionKey, Settings};
@@ -81,6 +81,7 @@ impl EmptyScene {
         memory: ByteSize,
         while_loading: WhileLoading,
     ) -> Result<Self, Failure> {
+        tracing::info!("begins with nothing of the scene: cullers send what becomes visible");
         let scene = Arc::new(Scene::empty(outline));
         let drawn = GpuScene::new(gpu, &scene).map_err(Failure::broken)?;
         let (memory, while_loading) = (memory.as_u64(), while_loading.into());
@@ -142,13 +143,15 @@ impl<'s> DisplaySession<'s> {
             }
         };
         let recorder = Recorder::new(self.walk.plan.audit_every, &mut advance);
-        let mut watched = Watched { recorder, links: self.metrics.links(), bar: bar.as_ref() };
+        let links = self.metrics.links();
+        let mut watched = Watched { recorder, links, bar: bar.as_ref(), ahead: None };
         let mut no_cullers = Box::pin(no_cullers);
         let mut walk = || runtime.block_on(self.walk(&mut watched, stop, no_cullers.as_mut()));
         // What was walked before a failure is worth a report.
         let early = beside(&mut walk).err();
         bar.iter().for_each(ProgressBar::finish_and_clear);
         let Self { walk, empty, mut about, folder: unused, trace, .. } = self;
+        about.ahead = watched.ahead;
         about.memory = empty.map(|empty| memory_use(&empty.supplied.scene, &empty.drawn));
         let shown = watched.recorder.has_shown();
         let (records, notes, journal) = watched.recorder.into_parts();
@@ -269,6 +272,7 @@ struct Watched<'w, 'p> {
     recorder: Recorder<'p>,
     links: LinkMetrics,
     bar: Option<&'w ProgressBar>,
+    ahead: Option<SentAhead>,
 }
 
 impl Observer for Watched<'_, '_> {
@@ -305,6 +309,10 @@ impl Observer for Watched<'_, '_> {
             }
             self.recorder.note(said);
         }
+    }
+
+    fn ahead(&mut self, sent: &AheadUse) {
+        self.ahead = Some((*sent).into());
     }
 }
 

@@ -2,7 +2,7 @@
 
 use indicatif::HumanCount;
 
-use super::schema::{Loading, SweepPoint};
+use super::schema::{Loading, SentAhead, SweepPoint};
 
 /// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`,
 /// `78.9`, `1 234`.
@@ -73,6 +73,14 @@ pub(super) fn loading(found: &Loading, pictures: u32) -> Vec<String> {
         },
     );
     [Some(lacking), pixels, Some(exact)].into_iter().flatten().collect()
+}
+
+/// What came before a frame needed it, and how much of that was used.
+pub(super) fn sent_ahead(ahead: &SentAhead) -> String {
+    let megabytes = |bytes: u64| figure(bytes as f64 * 1e-6);
+    let share = 100.0 * ahead.used_bytes as f64 / ahead.bytes as f64;
+    let (came, used) = (megabytes(ahead.bytes), megabytes(ahead.used_bytes));
+    format!("{came} MB of geometry before a frame needed it; {used} MB were used, {share:.0} %")
 }
 
 /// Whether a sweep's runs differ in who culls.

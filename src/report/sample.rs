@@ -9,7 +9,8 @@ use super::schema::{
     AloneFigures, COMPARISON_VERSION, CoherencePoint, Comparison, ComparisonTable, CullingCounts, CurvePoint,
     DrawnFigures, Ended, ExactFrame, FalseCull, FalseCullCause, Frame, FrameCost, HowEnded, LagPoint,
     Machine, MeasuredFigures, MemoryUse, Mode, Projection, Report, Role, RoleInfo, RoundCounts, Run,
-    SceneInfo, SentBytes, Span, SweepPoint, SystemFigures, SystemFrame, ViewStateInfo, VisibleObject,
+    SceneInfo, SentAhead, SentBytes, Span, SweepPoint, SystemFigures, SystemFrame, ViewStateInfo,
+    VisibleObject,
 };
 use crate::comparison::{Coherence, System};
 use crate::culling::CullingMethod;
@@ -61,6 +62,7 @@ pub(super) fn run() -> Run {
             bytes_brought: 4_567_890,
             pieces_dropped: 17,
         }),
+        ahead: Some(SentAhead { pieces: 400, bytes: 480_000, used_pieces: 190, used_bytes: 252_000 }),
         view_states: vec![ViewStateInfo {
             version: 1,
             from_frame: 30,

@@ -1,7 +1,9 @@
 //! What is printed at the end of a run.
 
 use super::comparison::tables;
-use super::format::{culler_cells, cullers_differ, figure, grouped, loading, plural, sweep_cells, with_unit};
+use super::format::{
+    culler_cells, cullers_differ, figure, grouped, loading, plural, sent_ahead, sweep_cells, with_unit,
+};
 use super::schema::{Comparison, METRICS, Report, Run, SweepPoint};
 
 /// The metrics that the printed summary shows; `report.json` has all.
@@ -117,6 +119,9 @@ pub fn summary(report: &Report) -> String {
             megabytes(memory.bytes_brought),
             plural(memory.pieces_dropped, "piece", "pieces"),
         );
+    }
+    if let Some(ahead) = report.run.ahead.filter(|ahead| ahead.pieces > 0) {
+        out += &format!("ahead      {}\n", sent_ahead(&ahead));
     }
     if let Some(ended) = summary.ended.sentence(summary.frames) {
         out += &format!("INCOMPLETE {ended}\n");

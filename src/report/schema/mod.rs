@@ -30,7 +30,7 @@ pub use frame::{
 pub use loading::Loading;
 pub use metric::{METRICS, Metric};
 pub use model::Model;
-pub use run::{Machine, MemoryUse, Mode, RoleInfo, Run, SceneInfo, ViewStateInfo, timestamp};
+pub use run::{Machine, MemoryUse, Mode, RoleInfo, Run, SceneInfo, SentAhead, ViewStateInfo, timestamp};
 use serde::{Deserialize, Serialize};
 pub use stat::{LowStat, Stat};
 pub use summary::{

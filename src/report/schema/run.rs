@@ -3,7 +3,7 @@
 use std::{fmt, time::SystemTime};
 
 use serde::{Deserialize, Serialize};
-use trimaran_actors::{CullerId, Schedule};
+use trimaran_actors::{AheadUse, CullerId, Schedule};
 
 use crate::culling::CullingMethod;
 
@@ -101,6 +101,9 @@ pub struct Run {
     /// What the display's process held of the scene when the walk ended.
     #[serde(default)]
     pub memory: Option<MemoryUse>,
+    /// Where the display began without the scene: geometry that came before a frame needed it.
+    #[serde(default)]
+    pub ahead: Option<SentAhead>,
     /// Remarks that belong beside every figure, such as why an automatic path circles the scene.
     #[serde(default)]
     pub notes: Vec<String>,
@@ -121,6 +124,25 @@ pub struct MemoryUse {
     pub bytes_brought: u64,
     /// Pieces that were dropped to make room.
     pub pieces_dropped: u64,
+}
+
+/// Geometry that cullers sent to a display before a frame needed it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SentAhead {
+    /// Pieces that came.
+    pub pieces: u64,
+    /// Their bytes.
+    pub bytes: u64,
+    /// Pieces of these that a frame has used.
+    pub used_pieces: u64,
+    /// Their bytes.
+    pub used_bytes: u64,
+}
+
+impl From<AheadUse> for SentAhead {
+    fn from(AheadUse { pieces, bytes, used_pieces, used_bytes }: AheadUse) -> Self {
+        Self { pieces, bytes, used_pieces, used_bytes }
+    }
 }
 
 impl Run {

@@ -30,7 +30,7 @@ pub(super) struct Ahead {
     /// How many bytes may have been sent that no frame has used; with 0 nothing is sent.
     budget: u64,
     mapper: Option<OccluderMapper>,
-    /// The frame that is being found, and when that began.
+    /// The frame that is being found, and since when its pose is known.
     frame: Option<(View, Instant)>,
     found: Vec<DrawableId>,
     /// How the camera moved to the frame before.
@@ -120,16 +120,30 @@ impl Ahead {
 
     /// Begins a frame: that before it has been found.
     fn begin(&mut self, view: &View, now: Instant) {
-        let Some((last, at)) = self.frame.replace((*view, now)) else { return };
         let found = std::mem::take(&mut self.found);
+        let Some((last, at)) = self.frame.replace((*view, now)) else { return };
         let motion = Motion::between(&last, view, now.since(at));
+        if motion.is_none() {
+            // Frames may come faster than poses.
+            self.frame = Some((*view, at));
+            if now.since(at) > HORIZON {
+                self.stay();
+            }
+            return;
+        }
         let is_steady = self.before.is_some_and(|before| motion.goes_on_from(&before));
+        self.stay();
         self.before = Some(motion);
-        self.due.clear();
-        self.next = None;
-        if is_steady && !motion.is_none() {
+        if is_steady {
             self.next = motion.after(view, HORIZON).map(|view| (view, found));
         }
+    }
+
+    /// Nothing is known of where the eye will be.
+    fn stay(&mut self) {
+        self.before = None;
+        self.next = None;
+        self.due.clear();
     }
 
     /// What the cut has from `view` in the place of what was found, and what looks large.

@@ -72,6 +72,26 @@ fn where_the_eye_turns_what_looks_large_there_is_sent() {
 }
 
 #[test]
+fn frames_of_the_same_pose_change_nothing_until_the_eye_rests() {
+    let walk = |still: u32| {
+        let mut ahead = Ahead::new(1 << 20);
+        let mut frame = 0;
+        for pose in 0..4 {
+            let view = view(pose, 40.0 - f64::from(pose), 0.0);
+            for _ in 0..if pose == 3 { still } else { 2 } {
+                let again = View::new(view.camera().for_frame(FrameNumber(frame)), view.viewport());
+                ahead.found(&PLANT, &again, &cut(&again), at(frame));
+                frame += 1;
+            }
+        }
+        std::iter::from_fn(|| ahead.pop(&PLANT, &rule(), at(frame))).count()
+    };
+    assert!(walk(1) > 20);
+    assert_eq!(walk(2), walk(1));
+    assert_eq!(walk(12), 0, "it has stood still for more than half a second");
+}
+
+#[test]
 fn nothing_is_sent_ahead_of_an_eye_that_stays_or_jumps_or_without_a_budget() {
     let walk = |distances: [f64; 4], budget| {
         let views: Vec<_> =

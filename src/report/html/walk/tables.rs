@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::report::format::{culler_cells, cullers_differ, figure, grouped, sweep_cells};
+use crate::report::format::{culler_cells, cullers_differ, figure, grouped, sent_ahead, sweep_cells};
 use crate::report::html::table;
 use crate::report::schema::{
     METRICS, Machine, MemoryUse, Metric, Mode, Report, RoleInfo, Run, SceneInfo, SweepPoint, ViewStateInfo,
@@ -21,6 +21,9 @@ pub(super) fn tables(report: &Report) -> Markup {
         div.columns {
             (run(report)) (scene(&report.run.scene)) (machines(&report.run)) (view_states(&report.run))
             @if let Some(held) = &report.run.memory { (memory(held)) }
+            @if let Some(ahead) = report.run.ahead.filter(|ahead| ahead.pieces > 0) {
+                p.note { "Sent ahead: " (sent_ahead(&ahead)) "." }
+            }
         }
     }
 }
