@@ -7,6 +7,8 @@ use trimaran_net::Instant;
 
 /// So many packets may always be under way: one that travels, and one whose acknowledgement does.
 const LEAST: usize = 2;
+/// So many packets may be at first: on 10 Mbit/s a frame waits 4 ms behind them, once.
+const FIRST: usize = 4;
 /// What timers and late acknowledgements add to a round trip without any queue.
 const SLACK: Duration = Duration::from_millis(2);
 /// While the window doubles it can leap far beyond the path: a sign of a queue is enough, so much smaller.
@@ -37,7 +39,7 @@ struct Round {
 
 impl Scavenger {
     pub(crate) const fn new(segment: usize) -> Self {
-        Self { segment, window: LEAST * segment, doubles: true, settled: None, round: None }
+        Self { segment, window: FIRST * segment, doubles: true, settled: None, round: None }
     }
 
     /// The size of packets has changed.
@@ -102,28 +104,29 @@ mod tests {
 
     #[test]
     fn the_window_doubles_until_something_queues_and_grows_by_a_packet_then() {
-        assert_eq!(after(&[10; 4], true), 32);
-        assert_eq!(after(&[10, 10, 10, 10, 11], true), 16);
-        assert_eq!(after(&[10, 10, 10, 10, 11, 12, 12], true), 18);
+        assert_eq!(after(&[10; 3], true), 32);
+        assert_eq!(after(&[10, 10, 10, 11], true), 16);
+        assert_eq!(after(&[10, 10, 10, 11, 12, 12], true), 18);
     }
 
     #[test]
     fn a_window_that_is_not_used_up_does_not_grow_and_two_packets_are_always_allowed() {
-        assert_eq!(after(&[10; 9], false), 2);
-        assert_eq!(after(&[10, 10, 50, 50, 50, 50], true), 2);
-        assert!(Scavenger::new(SEGMENT).allows(SEGMENT) && !Scavenger::new(SEGMENT).allows(SEGMENT + 1));
+        assert_eq!(after(&[10; 9], false), FIRST);
+        assert_eq!(after(&[10, 50, 50, 50, 50], true), LEAST);
+        let at_first = Scavenger::new(SEGMENT);
+        assert!(at_first.allows(3 * SEGMENT) && !at_first.allows(3 * SEGMENT + 1));
     }
 
     #[test]
     fn one_short_round_trip_shows_that_the_others_found_a_busy_machine() {
         let mut scavenger = Scavenger::new(SEGMENT);
         for (at, latest) in [(0, 30), (20, 10), (40, 30)] {
-            scavenger.on_ack(Instant::from_nanos(at * 1_000_000), 2 * SEGMENT, ms(latest), ms(10));
+            scavenger.on_ack(Instant::from_nanos(at * 1_000_000), FIRST * SEGMENT, ms(latest), ms(10));
         }
-        assert_eq!(scavenger.window, 4 * SEGMENT);
+        assert_eq!(scavenger.window, 2 * FIRST * SEGMENT);
         // What was sent before the window grew shows nothing of it.
-        scavenger.on_ack(Instant::from_nanos(41_000_000), 4 * SEGMENT, ms(10), ms(10));
-        scavenger.on_ack(Instant::from_nanos(60_000_000), 4 * SEGMENT, ms(10), ms(10));
-        assert_eq!(scavenger.window, 4 * SEGMENT);
+        scavenger.on_ack(Instant::from_nanos(41_000_000), 2 * FIRST * SEGMENT, ms(10), ms(10));
+        scavenger.on_ack(Instant::from_nanos(60_000_000), 2 * FIRST * SEGMENT, ms(10), ms(10));
+        assert_eq!(scavenger.window, 2 * FIRST * SEGMENT);
     }
 }
