@@ -8,6 +8,8 @@ use trimaran_scene::Scene;
 
 /// How much larger than the bound of the view state the error of what stands in for others may be.
 const COARSER: f64 = 32.0;
+/// Where less than so many bytes are new, they come as soon as anything that stands in for them.
+const FEW: u64 = 64 << 10;
 
 /// What stands in for what is being sent, and whether the display knows.
 #[derive(Debug, Default)]
@@ -26,7 +28,7 @@ impl StandIns {
         self.bare.push((id, frame));
     }
 
-    /// Looks for what stands in for those that were added: the finest of what the display `has`, or else the
+    /// Looks for what stands in for those that were added: another level that the display `has`, or else the
     /// coarsest. Gives what is to be sent first, which is the drawable itself where nothing is coarser.
     pub(super) fn find(
         &mut self,
@@ -37,19 +39,16 @@ impl StandIns {
     ) -> Vec<(DrawableId, FrameNumber)> {
         let cut = LodCut::new(scene, view, rule);
         let bound_px = COARSER * rule.lod().epsilon_px();
+        let few = self.bare.iter().map(|(id, _)| bytes_of(scene, *id)).sum::<u64>() < FEW;
         let mut first = Vec::new();
         for (id, frame) in self.bare.drain(..) {
-            let mut stand_in = id;
-            for coarser in cut.coarser(id, bound_px) {
-                stand_in = coarser;
-                if has(coarser) {
-                    break;
-                }
-            }
+            let there = finer(scene, id).chain(cut.coarser(id, bound_px)).find(|level| has(*level));
+            let coarsest = || cut.coarser(id, bound_px).last().filter(|_| !few);
+            let stand_in = there.or_else(coarsest).unwrap_or(id);
             if stand_in != id && self.known.insert(id, stand_in) != Some(stand_in) {
                 self.untold.entry(stand_in).or_default().push(id.0);
             }
-            if !has(stand_in) {
+            if !has(stand_in) && !few {
                 first.push((stand_in, frame));
             }
         }
@@ -65,6 +64,21 @@ impl StandIns {
         });
         parts.collect()
     }
+}
+
+/// Finer levels of the same node, coarsest first.
+fn finer(scene: &Scene, id: DrawableId) -> impl Iterator<Item = DrawableId> + use<> {
+    let drawable = scene.drawables().get(id.index());
+    let node = drawable.and_then(|drawable| scene.nodes().get(drawable.node as usize));
+    let levels = node.map_or_else(Vec::new, |node| node.levels().take_while(|level| *level < id).collect());
+    levels.into_iter().rev()
+}
+
+/// Bytes of its geometry, packed.
+fn bytes_of(scene: &Scene, id: DrawableId) -> u64 {
+    let drawable = scene.drawables().get(id.index());
+    let place = drawable.and_then(|drawable| scene.places().get(drawable.geometry as usize));
+    place.map_or(0, |place| place.length.into())
 }
 
 #[cfg(test)]

@@ -44,9 +44,12 @@ fn find(ids: &[DrawableId], has: &[DrawableId]) -> (BTreeSet<DrawableId>, Vec<(D
     (first.into_iter().map(|(id, _)| id).collect(), told.collect())
 }
 
+fn node_of(id: DrawableId) -> NodeId {
+    NodeId(PLANT.drawables()[id.index()].node)
+}
+
 /// Whether `id` is a coarser level of the node of `finer`, or one of a node above.
 fn is_coarser(id: DrawableId, finer: DrawableId) -> bool {
-    let node_of = |id: DrawableId| NodeId(PLANT.drawables()[id.index()].node);
     let (own, above) = (node_of(finer), node_of(id));
     if own == above { id > finer } else { PLANT.ancestors(own).any(|(node, _)| node == above) }
 }
@@ -95,14 +98,30 @@ fn the_finest_that_the_display_has_stands_in_and_is_not_sent() {
 }
 
 #[test]
+fn a_finer_level_that_the_display_has_stands_in_first() {
+    let all = (0..PLANT.drawables().len() as u32).map(DrawableId);
+    let own = |id: &DrawableId| PLANT.nodes()[node_of(*id).0 as usize].levels().collect::<Vec<_>>();
+    let levels = all.map(|id| own(&id)).find(|levels| levels.len() > 2).unwrap();
+    let (first, told) = find(&levels[1..2], &[levels[0], levels[2]]);
+    assert_eq!((first.len(), told), (0, vec![(levels[0], vec![levels[1].0])]));
+}
+
+#[test]
+fn of_little_nothing_coarser_is_sent() {
+    let (id, _) = with_several_coarser();
+    assert!(bytes_of(&PLANT, id) < FEW);
+    assert_eq!(find(&[id], &[]), (BTreeSet::new(), Vec::new()));
+}
+
+#[test]
 fn what_the_display_knows_it_is_not_told_again() {
-    let (id, mut stand_ins) = (with_several_coarser().0, StandIns::default());
-    let mut told = |has: &dyn Fn(DrawableId) -> bool| {
+    let ((id, coarser), mut stand_ins) = (with_several_coarser(), StandIns::default());
+    let mut told = |has: DrawableId| {
         stand_ins.add(id, FrameNumber(7));
-        let _first = stand_ins.find(&PLANT, &view(), &rule(), has);
+        let _first = stand_ins.find(&PLANT, &view(), &rule(), |id| id == has);
         stand_ins.tell().len()
     };
-    assert_eq!(told(&|_| false), 1);
-    assert_eq!(told(&|_| false), 0);
-    assert_eq!(told(&|coarser| coarser != id), 1, "another one stands in now");
+    assert_eq!(told(coarser[0]), 1);
+    assert_eq!(told(coarser[0]), 0);
+    assert_eq!(told(coarser[1]), 1, "another one stands in now");
 }
