@@ -101,7 +101,7 @@ fn decoded(jpeg: &[u8]) -> Outcome<Image> {
 }
 
 fn difference(reference: &Image, picture: &Image) -> Outcome<f64> {
-    Ok(f64::from(flip(&ImageRef::of(reference)?, &ImageRef::of(picture)?)?.mean()))
+    Ok(flip(&ImageRef::of(reference)?, &ImageRef::of(picture)?)?.mean())
 }
 
 struct Screen {
