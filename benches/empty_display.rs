@@ -2,11 +2,11 @@
 //! transport, in the simulator's time. Computing takes no time there, so all of it is the network's.
 //!
 //! `cargo bench --bench empty_display -- X.scene [FRAMES [EPSILON]]`: a walk of 120 frames at 2 px, if not
-//! given. *Coarse* and *exact* are from the moment at which the display begins to connect to a picture that may
-//! lack something, and to one that does not, over 16 views with an empty display each. *Jump*
-//! is from the camera to the exact picture, where one display jumps from view to view. *Walk* is an automatic
-//! walk without a jump, at 30 poses and 60 pictures a second: from the camera to the picture, how many pictures lacked
-//! something, what came after the first exact picture, and how much of what was sent ahead was used.
+//! given. *Coarse* and *exact* are from the moment at which the display begins to connect to a picture that
+//! may lack something, and to one that does not, over 16 views with an empty display each. *Jump* is from
+//! the camera to the exact picture, where one display jumps from view to view. *Walk* is an automatic walk
+//! without a jump, at 30 poses and 60 pictures a second: from the camera to the picture, how many pictures
+//! lacked something, what came after the first exact picture, and how much of what was sent ahead was used.
 #![allow(clippy::disallowed_methods, reason = "keys are drawn at random")]
 
 use std::{cell::RefCell, error::Error, path::Path, pin::pin, sync::Arc, time::Duration};
@@ -91,7 +91,8 @@ fn main() -> Outcome<()> {
             let seconds = bench.path.len() as f64 / HZ;
             println!(
                 "| {name} | {scheme} | {:.0} ms, {:.0} ms, {:.2} | {:.0} ms, {:.0} ms, {:.2} \
-                 | {:.0} ms, {:.0} ms | {:.0} ms, {:.0} ms | {lacked} of {} | {:.2}, {:.2} | {:.2}, {:.0} % |",
+                 | {:.0} ms, {:.0} ms | {:.0} ms, {:.0} ms | {lacked} of {} | {:.2}, {:.2} \
+                 | {:.2}, {:.0} % |",
                 share(&any, 0.5),
                 share(&any, 1.0),
                 any_bytes as f64 / 1e6 / bench.views.len() as f64,

@@ -1,10 +1,10 @@
-//! What a stream of JPEG pictures of a walk takes that are as good as what a display draws of the scene itself:
-//! beside it stands what `empty_display` says of the same walk.
+//! What a stream of JPEG pictures of a walk takes that are as good as what a display draws of the scene
+//! itself: beside it stands what `empty_display` says of the same walk.
 //!
-//! `cargo bench --bench jpeg_stream -- X.scene [FRAMES [EPSILON [EVERY]]]`: an automatic walk without a jump of
-//! 120 frames at 2 px, if not given, of which each twelfth picture is looked at. As good is what differs from
-//! full detail by no more: the mean of FLIP (Andersson et al. 2020). The stream has pictures of full detail, at
-//! the least quality for that; at the best one where that is not as good.
+//! `cargo bench --bench jpeg_stream -- X.scene [FRAMES [EPSILON [EVERY]]]`: an automatic walk without a jump
+//! of 120 frames at 2 px, if not given, of which each twelfth picture is looked at. As good is what differs
+//! from full detail by no more: the mean of FLIP (Andersson et al. 2020). The stream has pictures of full
+//! detail, at the least quality for that; at the best one where that is not as good.
 
 use std::{error::Error, path::Path, sync::Arc};
 

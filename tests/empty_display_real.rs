@@ -96,6 +96,8 @@ fn cullers_that_come_and_go_and_a_display_that_is_killed_change_no_picture() {
     killed.kill();
     let mut again = start(&bench, &display);
     again.says("begins with nothing of the scene");
+    // What the killed one recorded is out of the way.
+    again.says("a walk before this one left no report");
     shows(&bench, 40);
     first.kill();
     again.says("culler 1 was lost before");

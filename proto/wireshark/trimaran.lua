@@ -480,7 +480,8 @@ local function demand(r, tree)
     if flag:uint() > 1 then error(SHORT) end
     tree:add(f.coarser_first, flag)
     local ahead = add_wide(tree, f.demand_ahead, r)
-    return "begin with " .. (flag:uint() == 1 and "coarser drawables first and " or "") .. ahead .. " bytes ahead"
+    local coarser = flag:uint() == 1 and "coarser drawables first and " or ""
+    return "begin with " .. coarser .. ahead .. " bytes ahead"
   elseif what == 2 then
     local drawables = numbers(r, tree, f.drawable)
     return "holds " .. drawables .. " drawables and " .. numbers(r, tree, f.piece) .. " pieces"

@@ -114,8 +114,8 @@ impl<'s> LodCut<'s> {
     }
 
     /// What can stand in for a drawable of the cut, finest first: coarser levels of its node and of those
-    /// above, as long as their error on the screen is at most `bound_px`. A level that shows objects which are
-    /// not all drawn alike can not.
+    /// above, as long as their error on the screen is at most `bound_px`. A level that shows objects which
+    /// are not all drawn alike can not.
     pub fn coarser(&self, id: DrawableId, bound_px: f64) -> impl Iterator<Item = DrawableId> + '_ {
         let drawables = self.scene.drawables();
         let node = drawables.get(id.index()).map(|drawable| NodeId(drawable.node));

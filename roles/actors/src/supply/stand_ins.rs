@@ -42,9 +42,10 @@ impl StandIns {
         let few = self.bare.iter().map(|(id, _)| bytes_of(scene, *id)).sum::<u64>() < FEW;
         let mut first = Vec::new();
         for (id, frame) in self.bare.drain(..) {
-            let there = finer(scene, id).chain(cut.coarser(id, bound_px)).find(|level| has(*level));
-            let coarsest = || cut.coarser(id, bound_px).last().filter(|_| !few);
-            let stand_in = there.or_else(coarsest).unwrap_or(id);
+            let mut coarsest = None;
+            let coarser = cut.coarser(id, bound_px).inspect(|level| coarsest = Some(*level));
+            let there = finer(scene, id).chain(coarser).find(|level| has(*level));
+            let stand_in = there.or(coarsest.filter(|_| !few)).unwrap_or(id);
             if stand_in != id && self.known.insert(id, stand_in) != Some(stand_in) {
                 self.untold.entry(stand_in).or_default().push(id.0);
             }

@@ -90,7 +90,8 @@ pub(super) struct Given {
 }
 
 impl GiveError {
-    /// Whether what was given before may be what is wrong. It stays, so that nothing right can take its place.
+    /// Whether what was given before may be what is wrong. It stays, so that nothing right can take its
+    /// place.
     #[must_use]
     pub const fn doubts_what_is_there(&self) -> bool {
         matches!(self, Self::Other(_) | Self::OtherGeometry(_) | Self::Triangles(_))

@@ -27,8 +27,8 @@ const PAUSE: Duration = Duration::from_secs(5);
 /// How many bytes may come that no frame needs yet, unless less is kept: in ten seconds, so that what is sent
 /// in vain takes little of a line.
 const AHEAD: u64 = 256 << 10;
-/// How long a live frame waits for all of it before it is shown with what stands in for the rest: in most cases
-/// the rest is right behind it, and nobody is to see levels change for nothing.
+/// How long a live frame waits for all of it before it is shown with what stands in for the rest: in most
+/// cases the rest is right behind it, and nobody is to see levels change for nothing.
 const GRACE: Duration = Duration::from_millis(5);
 /// How many frames wait for their geometry at most in a live session: the first ones and the newest.
 const WAITING: usize = 8;
@@ -211,7 +211,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     /// Lets another culler supply the display.
     pub(super) fn change_supplier(&mut self, now: Instant) {
         let supplier = self.supplies.as_ref().and_then(|supplies| supplies.supplier);
-        tracing::warn!(id = ?supplier, "it sends nothing of what is lacking: another one supplies the display");
+        tracing::warn!(id = ?supplier, "sends nothing of what is lacking: another one supplies the display");
         if let Some(supplier) = find(&self.cullers, supplier) {
             supplier.end();
         }
