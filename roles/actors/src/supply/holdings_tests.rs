@@ -231,3 +231,22 @@ fn what_came_ahead_is_counted_and_what_of_it_is_used() {
     holdings.used(&ids);
     assert_eq!(holdings.ahead_use(), used, "it was thrown away, and came again for a frame");
 }
+
+#[test]
+fn something_stands_in_once_it_is_there_itself_and_only_where_all_have_something() {
+    let (holdings, ids) = (holdings(1 << 30), unlike(4));
+    let [coarse, fine, finer, other] = [0, 1, 2, 3].map(|place| ids[place]);
+    let stands_in = |id: DrawableId, drawables: &[DrawableId]| Supply::StandIn {
+        id,
+        drawables: NumberList::of(drawables.iter().map(|id| id.0).collect()),
+    };
+    take(&holdings, &[stands_in(coarse, &[fine, finer])]).unwrap();
+    assert_eq!(holdings.stand_ins(&[fine, finer]), Ok(None), "it has not come");
+    take(&holdings, &[records(&[entry(coarse)])]).unwrap();
+    assert_eq!(holdings.stand_ins(&[fine, finer]), Ok(None), "its geometry has not");
+    take(&holdings, &[whole(geometry_of(coarse))]).unwrap();
+    assert_eq!(holdings.stand_ins(&[fine, finer]), Ok(Some(vec![coarse])), "once for both");
+    assert_eq!(holdings.stand_ins(&[fine, other]), Ok(None), "nothing stands in for the other one");
+    take(&holdings, &[stands_in(other, &[fine])]).unwrap();
+    assert_eq!(holdings.stand_ins(&[fine]), Ok(None), "the newest counts");
+}
