@@ -25,6 +25,7 @@
 //!     frames: 20,
 //!     seed: 1,
 //!     workload: Workload::steady(Load { nodes: 1000, or: ms(5), hc: ms(5), rvg: ms(5) }),
+//!     geometry: None,
 //!     knobs: Knobs::default(),
 //! })?;
 //! assert!(outcome.latency_ms.p50 > 15.0, "OR, HC and RVG alone take that long");

@@ -56,6 +56,7 @@ fn simulated(report: &Report, (cullers, schedule): Cullers) -> (f64, f64) {
         frames: FRAMES,
         seed: 1,
         workload: Workload::recorded(&walk).unwrap(),
+        geometry: None,
         knobs: Knobs::default(),
     };
     let outcome = simulate(&scenario).unwrap();

@@ -30,8 +30,19 @@ fn run_by(schedule: Schedule, network: &str, link: Transport, batch: u32, load: 
     let network = Profile::find(network).unwrap();
     let batch = BatchSize::new(batch).unwrap();
     let (workload, knobs) = (Workload::steady(load), Knobs::default());
-    simulate(&Scenario { network, link, cullers: 2, schedule, batch, frames: 60, seed, workload, knobs })
-        .unwrap()
+    simulate(&Scenario {
+        network,
+        link,
+        cullers: 2,
+        schedule,
+        batch,
+        frames: 60,
+        seed,
+        workload,
+        geometry: None,
+        knobs,
+    })
+    .unwrap()
 }
 
 #[test]
@@ -141,6 +152,7 @@ fn what_cannot_come_in_time_is_given_up_and_the_session_goes_on() {
             frames: 200,
             seed: 3,
             workload,
+            geometry: None,
             knobs,
         })
         .unwrap()
@@ -176,6 +188,7 @@ fn a_deadline_no_longer_than_the_way_is_hopeless() {
             frames: 20,
             seed: 1,
             workload,
+            geometry: None,
             knobs,
         };
         let shown = Cell::new(0);

@@ -88,7 +88,8 @@ impl Plan {
         };
         let (network, batch, knobs) = (network.clone(), BatchSize::new(1024)?, Knobs::default());
         let &Self { cullers, schedule, frames, .. } = self;
-        Ok(Scenario { network, link, cullers, schedule, batch, frames, seed, workload, knobs })
+        let geometry = None;
+        Ok(Scenario { network, link, cullers, schedule, batch, frames, seed, workload, geometry, knobs })
     }
 }
 

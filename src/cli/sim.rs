@@ -4,16 +4,18 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use rayon::prelude::*;
 use trimaran::report::simulation;
 use trimaran::simulate::{
-    Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate_watched,
+    Geometry, Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate_watched,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_netsim::Profile;
 use trimaran_proto::{BatchSize, IdCoding};
+use trimaran_scene::Scene;
 
 use super::{
     Failure,
@@ -26,7 +28,8 @@ use super::{
 const USUAL: Duration = Duration::from_millis(5);
 
 pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
-    let scenarios = scenarios(args)?;
+    let scene = args.scene.as_deref().map(|path| Ok::<_, Failure>(open(path)?.scene)).transpose()?;
+    let scenarios = scenarios(args, scene.as_ref())?;
     warn_of_deadlines(&scenarios);
     warn_of_idle_flags(args);
     // Before anything is simulated: that may take long.
@@ -45,8 +48,8 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
         .collect();
     bar.finish_and_clear();
     let mut runs = runs?;
-    if let Some(scene) = &args.scene {
-        draw_gaps(scene, args.device.as_deref(), &scenarios, &mut runs)?;
+    if let Some(scene) = scene.filter(|_| !args.empty_display) {
+        draw_gaps(&scene, args.device.as_deref(), &scenarios, &mut runs)?;
     }
     let pooled = pooled(&runs);
     if let Some(folder) = &args.out {
@@ -71,7 +74,7 @@ fn unwritten(place: &Path, cause: &io::Error) -> Failure {
 
 /// Every network with every transport, number of cullers, schedule, number of ids, batch and seed; seeds of
 /// the same are neighbours.
-fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
+fn scenarios(args: &SimArgs, scene: Option<&Arc<Scene>>) -> Result<Vec<Scenario>, Failure> {
     let networks: Vec<Profile> = (args.network.iter())
         .map(|name| Profile::find(name).map_err(Failure::bad_input))
         .collect::<Result<_, _>>()?;
@@ -82,6 +85,15 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
         return Err(Failure::bad_input("--coding changes needs --trace: made-up frames are all alike"));
     }
     let workloads = workloads(args)?;
+    if let Some(scene) = scene {
+        for workload in &workloads {
+            let trace = workload.trace().ok_or_else(no_ids)?;
+            trace.check_scene(scene.hash()).map_err(Failure::bad_input)?;
+        }
+    }
+    let geometry = scene
+        .filter(|_| args.empty_display)
+        .map(|scene| Geometry { scene: Arc::clone(scene), cache: args.geometry_cache.as_u64() });
     let shared = args.cullers.combinations()?;
     let mut sessions = Vec::new();
     for (link, knobs) in args.link.iter().flat_map(|link| knobs(args, *link)) {
@@ -103,6 +115,7 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
                         frames: args.frames,
                         seed: *seed,
                         workload: workload.clone(),
+                        geometry: geometry.clone(),
                         knobs: *knobs,
                     }));
                 }
@@ -110,6 +123,10 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
         }
     }
     Ok(scenarios)
+}
+
+fn no_ids() -> Failure {
+    Failure::bad_input("--scene needs a --trace with ids: one that `trimaran run --record` wrote")
 }
 
 /// Says where deadlines are over before anything can have come.
@@ -197,21 +214,18 @@ fn capture(scenario: &Scenario, folder: &Path) -> Result<Box<dyn Write + Send>, 
 
 /// Draws what displays showed that got only a part of a frame.
 fn draw_gaps(
-    scene: &Path,
+    scene: &Arc<Scene>,
     device: Option<&str>,
     scenarios: &[Scenario],
     runs: &mut [Outcome],
 ) -> Result<(), Failure> {
     let Some(trace) = scenarios.first().and_then(|scenario| scenario.workload.trace()) else {
-        return Err(Failure::bad_input(
-            "--scene needs a --trace with ids: one that `trimaran run --record` wrote",
-        ));
+        return Err(no_ids());
     };
-    let file = open(scene)?;
     let gpu =
         Gpu::open(&gpu_options(device, None, GpuOptions::TIMEOUT.as_secs_f64())).map_err(Failure::broken)?;
-    let drawn = GpuScene::new(&gpu, &file.scene).map_err(Failure::broken)?;
-    let mut painter = Painter::new(&file.scene, &drawn, trace).map_err(Failure::bad_input)?;
+    let drawn = GpuScene::new(&gpu, scene).map_err(Failure::broken)?;
+    let mut painter = Painter::new(scene, &drawn, trace).map_err(Failure::bad_input)?;
     let bar = progress::bar("drawing", runs.len() as u64);
     for (run, scenario) in runs.iter_mut().zip(scenarios) {
         run.pixels = Some(painter.cost(&scenario.workload, run).map_err(Failure::broken)?);

@@ -17,9 +17,10 @@ pub(super) struct ByteColumn {
 }
 
 /// All figures of a frame's bytes, in their order.
-pub(super) const BYTES: [ByteColumn; 16] = [
+pub(super) const BYTES: [ByteColumn; 17] = [
     ByteColumn { title: "all", key: "bytes", of: |bytes| bytes.total },
     ByteColumn { title: "ids", key: "ids", of: |bytes| bytes.ids },
+    ByteColumn { title: "geometry", key: "geometry", of: |bytes| bytes.geometry },
     ByteColumn { title: "messages", key: "messages", of: |bytes| bytes.messages },
     ByteColumn { title: "transport", key: "transport", of: |bytes| bytes.transport },
     ByteColumn { title: "tcp/udp", key: "transport_headers", of: |bytes| bytes.transport_headers },

@@ -19,6 +19,8 @@ pub struct FrameBytes {
     pub total: f64,
     /// Ids: 4 bytes each where they travel plain.
     pub ids: f64,
+    /// Geometry for a display without the scene, and what that says of it.
+    pub geometry: f64,
     /// The other messages, and the headers of all of them.
     pub messages: f64,
     /// What the transport carries beside messages: in datagrams its own headers, acknowledgements,
@@ -126,13 +128,14 @@ impl FrameBytes {
         let all = sent.wire.values().fold(WireTally::default(), |all, tally| all + *tally);
         let of = |class| sent.wire.get(&class).map_or(0, WireTally::bytes);
         let each = |bytes: u64| bytes as f64 / f64::from((*frames).max(1));
-        let ids = sent.messages.ids;
+        let SentBytes { ids, geometry, .. } = sent.messages;
         let header = all.headers() as f64 / all.packets.max(1) as f64;
         let load = FrameLoad { ids: nodes, batch: batch as f64, header: PAPER_HEADER, receivers };
         Self {
             total: each(all.bytes()),
             ids: each(ids),
-            messages: each(sent.messages.total().saturating_sub(ids)),
+            geometry: each(geometry),
+            messages: each(sent.messages.total().saturating_sub(ids + geometry)),
             transport: each(all.payload.saturating_sub(sent.messages.total())),
             transport_headers: each(all.transport_headers),
             ip_headers: each(all.ip_headers),

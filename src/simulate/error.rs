@@ -29,6 +29,9 @@ pub enum SimulateError {
     /// The rule of a schedule.
     #[error("the schedule switch takes two cullers, not {0}")]
     Schedule(usize),
+    /// A display without the scene has nobody to get it from.
+    #[error("a display without the scene needs at least one culler, which sends it what it shows")]
+    NoSupplier,
     /// A role ended early.
     #[error("the {role} failed on {network} over {link}")]
     Role {

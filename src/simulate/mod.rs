@@ -20,7 +20,7 @@ pub use error::SimulateError;
 pub use outcome::{FrameTimes, Outcome, Session, Split, pooled};
 pub use pixels::{Painter, PixelError};
 pub use roles::Roles;
-pub use scenario::{Knobs, Scenario, Transport};
+pub use scenario::{Geometry, Knobs, Scenario, Transport};
 pub use session::{simulate, simulate_watched};
 pub use statistics::{Percentiles, PixelCost, Spread};
 pub use workload::{Load, Times, Workload, WorkloadError};

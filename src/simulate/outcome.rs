@@ -141,7 +141,8 @@ pub(super) struct Ended {
 
 impl Outcome {
     pub(super) fn new(scenario: &Scenario, ended: Ended) -> Self {
-        let Scenario { network, link, cullers, schedule, batch, frames, seed, workload, knobs } = scenario;
+        let Scenario { network, link, cullers, schedule, batch, frames, seed, workload, knobs, .. } =
+            scenario;
         let Ended { times, remains, account, trace_hash } = ended;
         let deadline = (*link == Transport::UdpDeadline).then_some(knobs.deadline);
         let over_udp = matches!(link, Transport::Udp | Transport::UdpDeadline);

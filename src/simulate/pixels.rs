@@ -8,13 +8,13 @@ use trimaran_actors::Gaps;
 use trimaran_audit::metrics::{ImageRef, MetricError, mismatching_pixels};
 use trimaran_cull::{Image, LodRule, LodRuleError, OccluderError, View, Viewport, draw_order};
 use trimaran_gpu::{GpuError, GpuScene, PicturePass};
-use trimaran_proto::{DrawableId, FrameNumber, SceneHash, SettingsError};
+use trimaran_proto::{DrawableId, FrameNumber, SettingsError};
 use trimaran_scene::Scene;
 
 use super::outcome::Outcome;
 use super::statistics::PixelCost;
 use super::workload::Workload;
-use crate::trace::Trace;
+use crate::trace::{OtherScene, Trace};
 
 /// Why the cost cannot be told.
 #[derive(Debug, Error)]
@@ -24,15 +24,8 @@ pub enum PixelError {
     #[error("only a trace of `trimaran run --record` says which ids each frame has")]
     NoIds,
     /// The trace is of another scene.
-    #[error(
-        "the walk was recorded in scene {recorded}, and this is scene {here}: give the scene that it was recorded in"
-    )]
-    OtherScene {
-        /// Of the trace.
-        recorded: SceneHash,
-        /// As opened.
-        here: SceneHash,
-    },
+    #[error(transparent)]
+    OtherScene(#[from] OtherScene),
     /// The device fails.
     #[error("drawing the frames with gaps failed")]
     Gpu(#[from] GpuError),
@@ -66,9 +59,7 @@ impl Painter {
     /// # Errors
     /// When the trace is of another scene or the device cannot draw its pictures.
     pub fn new(scene: &Arc<Scene>, drawn: &Arc<GpuScene>, trace: &Trace) -> Result<Self, PixelError> {
-        if trace.scene != scene.hash() {
-            return Err(PixelError::OtherScene { recorded: trace.scene, here: scene.hash() });
-        }
+        trace.check_scene(scene.hash())?;
         let [width, height] = trace.size;
         let viewport = Viewport::new(width, height)?;
         Ok(Self {

@@ -6,13 +6,15 @@ use std::time::Duration;
 
 use trimaran_actors::{
     BoxedError, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint, Peers, Schedule,
-    ServiceEndpoints, SessionError, ShownFrame, Sought, Stop, Turns, sent_bytes,
+    ServiceEndpoints, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
+    sent_bytes,
 };
 use trimaran_netsim::{HostId, Machines};
 use trimaran_proto::{
     DrawableId, FrameNumber, FrameStats, Identity, LodRule, OcclusionTestKind, Role, SceneHash, SentBytes,
     SessionKey, Settings, Viewport,
 };
+use trimaran_scene::Scene;
 use trimaran_transport::keys::{Keys, KnownPeer, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{Net, Options, sleep_until, until};
@@ -20,14 +22,15 @@ use trimaran_transport::{Net, Options, sleep_until, until};
 use super::error::SimulateError;
 use super::outcome::FrameTimes;
 use super::recorded::{RecordedCulling, RecordedPictures, Recording};
-use super::scenario::{Knobs, Scenario, Transport};
+use super::scenario::{Geometry, Knobs, Scenario, Transport};
+use crate::trace::Trace;
 
 /// How long the roles may take to find each other.
 const JOIN_TIMEOUT: Duration = Duration::from_secs(60);
 /// After the handshakes everything is quiet for so long before the first camera, so that they are not
 /// counted.
 const PAUSE: Duration = Duration::from_secs(1);
-/// All roles hold the same scene; which one does not matter here.
+/// What the roles' scene is called where none of its geometry is sent: which one it is does not matter then.
 const SCENE: SceneHash = SceneHash(0);
 const SESSION: SessionKey = SessionKey(0);
 
@@ -45,6 +48,7 @@ pub struct Roles {
     schedule: Schedule,
     network: String,
     link: Transport,
+    geometry: Option<Geometry>,
     /// Where each culler listens, and what holds for its links.
     cullers: Vec<PeerEndpoint>,
     /// What holds for the display's.
@@ -57,11 +61,18 @@ impl Roles {
     /// # Errors
     /// When there are no keys to be had, or the settings cannot be.
     pub fn new(scenario: &Scenario) -> Result<Self, SimulateError> {
-        let Scenario { network, link, cullers, schedule, batch, frames, workload, knobs, .. } = scenario;
+        let Scenario { network, link, cullers, schedule, batch, frames, workload, geometry, knobs, .. } =
+            scenario;
+        if *cullers == 0 && geometry.is_some() {
+            return Err(SimulateError::NoSupplier);
+        }
+        let recorded = |trace: &Trace| (trace.size, trace.epsilon_px, trace.few_pixels);
+        let ([width, height], epsilon_px, few_pixels) =
+            workload.trace().map_or(([1024; 2], 2.0, false), recorded);
         let (_, Machines { cullers: hosts, .. }) = network.topology(*cullers);
         let settings = Settings {
-            viewport: Viewport::new(1024, 1024)?,
-            lod: LodRule::new(2.0)?,
+            viewport: Viewport::new(width, height)?,
+            lod: LodRule::new(epsilon_px)?.stopping_at_few_pixels(few_pixels),
             batch: *batch,
             coding: knobs.coding,
             occlusion_test: OcclusionTestKind::Hzb,
@@ -78,6 +89,7 @@ impl Roles {
             schedule: *schedule,
             network: network.name.clone(),
             link: *link,
+            geometry: geometry.clone(),
             cullers: hosts.iter().zip(options).map(peer).collect::<Result<_, _>>()?,
             display,
         })
@@ -97,12 +109,14 @@ impl Roles {
             return Ok(());
         };
         let at = ServiceEndpoints { listen: Some(endpoint.into()), displays: Vec::new(), options };
-        let mut service = CullerService::start(net, SCENE.into(), at).await?;
+        let scene = self.geometry.as_ref().map(|geometry| &geometry.scene);
+        let outline = scene.map_or_else(|| SCENE.into(), |scene| scene.outline());
+        let mut service = CullerService::start(net, outline, at).await?;
         let session = service.next().await?;
         self.recording.log(|log| log.stats.push(session.display.stats.clone()));
         let (recording, (_stopper, stop)) = (&self.recording, Stop::new());
         let work = |settings: &Settings| Ok(RecordedCulling::new(recording, clock, settings.batch));
-        Ok(session.play(work, &Turns::at_once(), recording.drawables(), None, &stop).await?)
+        Ok(session.play(work, &Turns::at_once(), self.drawables(), scene, &stop).await?)
     }
 
     /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says
@@ -124,7 +138,7 @@ impl Roles {
         let sought = Sought {
             identity: Identity {
                 role: Role::Display,
-                scene: Some(SCENE.into()),
+                scene: self.geometry.is_none().then(|| SCENE.into()),
                 session: Some((SESSION, self.settings)),
             },
             role: Role::Culler,
@@ -150,8 +164,14 @@ impl Roles {
         let mut cameras = work.clone();
         let role = DisplayRole {
             work,
-            alone: Some(RecordedCulling::new(recording, clock, self.settings.batch)),
-            supplied: None,
+            // What it cannot draw it cannot cull either.
+            alone: (self.geometry.is_none())
+                .then(|| RecordedCulling::new(recording, clock, self.settings.batch)),
+            supplied: self.geometry.as_ref().map(|Geometry { scene, cache }| Supplied {
+                scene: Arc::new(Scene::empty(scene.outline())),
+                memory: *cache,
+                while_loading: WhileLoading::Wait,
+            }),
             cullers,
             session: SESSION,
             settings: self.settings,
@@ -159,7 +179,7 @@ impl Roles {
             pace: Pace::Lockstep { frames: Some(self.frames) },
             first: FrameNumber(0),
             join_timeout: JOIN_TIMEOUT,
-            drawables: recording.drawables(),
+            drawables: self.drawables(),
             net: Arc::clone(net),
             turns: Turns::at_once(),
         };
@@ -167,6 +187,12 @@ impl Roles {
         let played = role.run(&mut cameras, &mut pictures, &stop).await;
         played.map_err(|error| self.failed("display", error.into()))?;
         Ok((before, pictures.after.unwrap_or_else(count)))
+    }
+
+    /// How many drawables the scene has.
+    fn drawables(&self) -> u32 {
+        let Some(Geometry { scene, .. }) = &self.geometry else { return self.recording.drawables() };
+        max_frame(scene)
     }
 
     /// What all ends of all links sent so far, by their own count. What cullers send to each other counts

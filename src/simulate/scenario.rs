@@ -1,11 +1,13 @@
 //! What is simulated.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde::Serialize;
 use trimaran_actors::Schedule;
 use trimaran_netsim::Profile;
 use trimaran_proto::{BatchSize, IdCoding};
+use trimaran_scene::Scene;
 
 use super::workload::Workload;
 
@@ -28,8 +30,19 @@ pub struct Scenario {
     pub seed: u64,
     /// What each frame takes.
     pub workload: Workload,
+    /// Where the display's geometry comes from; none for a display that has the scene.
+    pub geometry: Option<Geometry>,
     /// What else may be set.
     pub knobs: Knobs,
+}
+
+/// What a display without the scene is sent: packing it and unpacking it take no time.
+#[derive(Debug, Clone)]
+pub struct Geometry {
+    /// The scene that the cullers hold: that of the workload's trace.
+    pub scene: Arc<Scene>,
+    /// How many bytes of it the display keeps, packed.
+    pub cache: u64,
 }
 
 impl Scenario {

@@ -77,7 +77,28 @@ pub enum RecordError {
     },
 }
 
+/// The walk was recorded in another scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error(
+    "the walk was recorded in scene {recorded}, and this is scene {here}: give the scene that it was recorded in"
+)]
+pub struct OtherScene {
+    /// Of the trace.
+    pub recorded: SceneHash,
+    /// As given.
+    pub here: SceneHash,
+}
+
 impl Trace {
+    /// Checks that it was recorded in that scene.
+    ///
+    /// # Errors
+    /// When it was recorded in another one.
+    pub fn check_scene(&self, here: SceneHash) -> Result<(), OtherScene> {
+        let recorded = self.scene;
+        if recorded == here { Ok(()) } else { Err(OtherScene { recorded, here }) }
+    }
+
     /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the cullers did
     /// not say what it did.
     ///

@@ -172,6 +172,7 @@ fn session_on(
         frames: FRAMES,
         seed: 1,
         workload: workload.clone(),
+        geometry: None,
         knobs,
     };
     let file = File::create(capture.path()).unwrap();

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use bytesize::ByteSize;
 use clap::{Args, ValueEnum};
+use trimaran::config::memory;
 
 use super::{Coding, cullers::CullerLists};
 
@@ -89,8 +91,16 @@ pub(crate) struct SimArgs {
     #[arg(long)]
     pub(crate) udp_in_the_clear: bool,
     /// The scene of the trace: draw the frames that came with gaps, and count the pixels that are wrong.
+    /// With --empty-display nothing is drawn: it is what cullers send.
     #[arg(long, value_name = "X.scene", requires = "trace")]
     pub(crate) scene: Option<PathBuf>,
+    /// Let the display begin without the scene: its cullers send it what becomes visible. Packing and
+    /// unpacking take no time here.
+    #[arg(long, requires = "scene")]
+    pub(crate) empty_display: bool,
+    /// The most memory for what cullers send to such a display, packed.
+    #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = memory)]
+    pub(crate) geometry_cache: ByteSize,
     /// The Vulkan device that draws them, by a part of its name [default: the best there is].
     #[arg(long, value_name = "NAME", requires = "scene")]
     pub(crate) device: Option<String>,
