@@ -27,9 +27,8 @@ mod timers;
 mod transmit;
 mod units;
 
-#[cfg(test)]
-pub(crate) use units::RECORDS_WINDOW;
 use units::Units;
+pub(crate) use units::{BULK_WINDOW, MESSAGES_WINDOW};
 
 pub use closed::Closed;
 pub use config::Config;
@@ -115,8 +114,8 @@ impl Connection {
             acks: Acks::default(),
             mtu: Mtu::new(now, config.max_datagram),
             frames: Units::frames(&config),
-            messages: Units::records(UnitLane::Messages, &config),
-            bulk: Units::records(UnitLane::Bulk, &config),
+            messages: Units::records(UnitLane::Messages, &config, MESSAGES_WINDOW),
+            bulk: Units::records(UnitLane::Bulk, &config, BULK_WINDOW),
             latest_out: LatestOut::default(),
             latest_in: LatestIn::new(config.format),
             answered: None,

@@ -14,7 +14,7 @@ use trimaran_wire::{CloseReason, FixedBytes, Format, FrameMessage, FrameNumber, 
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
-use crate::connection::{Config, Connection, RECORDS_WINDOW};
+use crate::connection::{BULK_WINDOW, Config, Connection, MESSAGES_WINDOW};
 use crate::cookie::TokenKey;
 use crate::handshake::{Acceptor, Connecting, Handled, Progress, Security};
 use crate::inbox::{Inbox, Received};
@@ -317,7 +317,8 @@ fn the_page_says_what_the_constants_are() {
         format!("at most {} bytes of hello", crate::MAX_HELLO),
         format!("at most {} ranges", crate::chunk::ACK_RANGES),
         format!("the first {} units", Inbox::initial_units()),
-        format!("{RECORDS_WINDOW} bytes of messages"),
+        format!("{MESSAGES_WINDOW} bytes of messages"),
+        format!("{BULK_WINDOW} bytes of blocks"),
         format!("at most {} *shards*", crate::repair::BLOCK),
         format!("1 to {}", crate::repair::MOST),
         format!(

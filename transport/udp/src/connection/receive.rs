@@ -84,7 +84,8 @@ impl Connection {
                     let verdict =
                         self.recovery.on_ack(now, &numbers, delay).map_err(|_| Closed::NeverSent)?;
                     if let Some((latest, least)) = self.recovery.rtt.latest_and_least() {
-                        self.scavenger.on_ack(now, in_flight, latest, least);
+                        let acknowledged = in_flight.saturating_sub(self.recovery.in_flight());
+                        self.scavenger.on_ack(now, acknowledged, in_flight, latest, least);
                     }
                     self.judge(now, verdict);
                 }

@@ -7,9 +7,11 @@ use crate::outbox::Outbox;
 use crate::recovery::{Content, Contents};
 use crate::repair::{Budget, Repair};
 
-/// Bytes of the messages lane, and of the bulk lane, that the receiver keeps for a reader who does not read,
-/// and that the sender keeps until they are acknowledged: four of the longest messages or blocks.
-pub(crate) const RECORDS_WINDOW: u64 = 64 * 1024;
+/// Bytes of the messages lane that the receiver keeps for a reader who does not read,
+/// and that the sender keeps until they are acknowledged: four of the longest messages.
+pub(crate) const MESSAGES_WINDOW: u64 = 64 * 1024;
+/// The same of the bulk lane: 50 Mbit/s over a round trip of 40 ms.
+pub(crate) const BULK_WINDOW: u64 = 256 * 1024;
 
 /// What is sent and received on one lane, and what the peer must be told of it.
 #[derive(Debug)]
@@ -42,13 +44,13 @@ impl Units {
         Self::new(UnitLane::Frames, outbox, Inbox::new(UnitLane::Frames, format, batch, window), send_buffer)
     }
 
-    /// Messages or blocks: they have no deadline, and no repair. What is lost of them is sent again.
-    pub(super) fn records(lane: UnitLane, config: &Config) -> Self {
+    /// Messages or blocks, so many bytes of them in each direction: they have no deadline, and no repair. What
+    /// is lost of them is sent again.
+    pub(super) fn records(lane: UnitLane, config: &Config, window: u64) -> Self {
         let format = config.format;
-        let allowed = (RECORDS_WINDOW, Inbox::initial_units());
+        let allowed = (window, Inbox::initial_units());
         let outbox = Outbox::new(lane, format, allowed, None, Budget::new(Repair::Off, 0), false);
-        let inbox = Inbox::new(lane, format, config.batch, RECORDS_WINDOW);
-        Self::new(lane, outbox, inbox, RECORDS_WINDOW as usize)
+        Self::new(lane, outbox, Inbox::new(lane, format, config.batch, window), window as usize)
     }
 
     const fn new(lane: UnitLane, outbox: Outbox, inbox: Inbox, send_buffer: usize) -> Self {
