@@ -563,6 +563,34 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
     bench.refuses(&["sim", "--trace", "plant.scene"], &["plant.scene", "trimaran run --record"]);
 }
 
+#[test]
+fn a_recorded_walk_sends_an_empty_display_what_a_real_one_is_sent() {
+    let bench = Bench::with_plant(300);
+    let walk = ["run", "plant.scene", "--frames", "12", "--size", "256x256", "--audit-every", "0"];
+    bench.done(&[&walk[..], &["--record", "walk.trace"]].concat());
+    bench.done(&[&walk[..], &["--empty-display", "--link", "tcp", "--out", "empty"]].concat());
+    let sent = bench.report("empty")["summary"]["bytes_by_kind"]["geometry"].as_f64().unwrap();
+
+    let sim = ["sim", "--trace", "walk.trace", "--frames", "12", "--json"];
+    let empty = [&sim[..], &["--scene", "plant.scene", "--empty-display"]].concat();
+    let runs: serde_json::Value = serde_json::from_str(&bench.done(&empty)).unwrap();
+    assert_eq!(runs.as_array().unwrap().len(), 3, "three transports");
+    for run in runs.as_array().unwrap() {
+        let simulated = 12.0 * run["bytes"]["geometry"].as_f64().unwrap();
+        // What is sent ahead depends on when.
+        assert!((simulated / sent - 1.0).abs() < 0.2, "{simulated} simulated, {sent} sent: {run}");
+        assert!(run["pixels"].is_null(), "nothing is drawn");
+    }
+    let runs: serde_json::Value = serde_json::from_str(&bench.done(&sim)).unwrap();
+    assert_eq!(runs[0]["bytes"]["geometry"], 0.0);
+
+    let refused = |words: &[&str], says: &[&str]| bench.refuses(&[&sim[..], words].concat(), says);
+    refused(&["--empty-display"], &["--scene"]);
+    bench.done(&["generate", "plant", "--triangles", "9000", "--seed", "5", "-o", "other.scene"]);
+    refused(&["--scene", "other.scene", "--empty-display"], &["recorded in scene"]);
+    refused(&["--scene", "plant.scene", "--empty-display", "--cullers", "0"], &["at least one culler"]);
+}
+
 /// The report as a path: the same frames.
 fn walks_again(bench: &Bench) -> bool {
     let again = ["run", "plant.scene", "--path", "inproc/report.json", "--out", "again", "--size", "96x80"];

@@ -10,7 +10,8 @@ use std::time::Duration;
 use rayon::prelude::*;
 use trimaran::report::simulation;
 use trimaran::simulate::{
-    Geometry, Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate_watched,
+    Geometry, Knobs, Load, Outcome, Painter, Scenario, SimulateError, Times, Transport, Workload, pooled,
+    simulate_watched,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_netsim::Profile;
@@ -95,6 +96,9 @@ fn scenarios(args: &SimArgs, scene: Option<&Arc<Scene>>) -> Result<Vec<Scenario>
         .filter(|_| args.empty_display)
         .map(|scene| Geometry { scene: Arc::clone(scene), cache: args.geometry_cache.as_u64() });
     let shared = args.cullers.combinations()?;
+    if geometry.is_some() && shared.iter().any(|at| at.cullers == 0) {
+        return Err(Failure::bad_input(SimulateError::NoSupplier));
+    }
     let mut sessions = Vec::new();
     for (link, knobs) in args.link.iter().flat_map(|link| knobs(args, *link)) {
         sessions.extend(shared.iter().map(|at| (link, knobs, *at)));
