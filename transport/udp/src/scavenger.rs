@@ -25,8 +25,8 @@ const GROWTH: usize = 8;
 pub(crate) struct Scavenger {
     segment: usize,
     window: usize,
-    /// It grows by what is acknowledged, and so doubles behind each round trip, until all of one saw a queue. From
-    /// then on it grows by little, and a queue halves it.
+    /// It grows by what is acknowledged, and so doubles behind each round trip, until all of one saw a queue.
+    /// From then on it grows by little, and a queue halves it.
     doubles: bool,
     /// From when on the round trips are those of this window.
     settled: Option<Instant>,

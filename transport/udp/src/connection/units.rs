@@ -7,8 +7,8 @@ use crate::outbox::Outbox;
 use crate::recovery::{Content, Contents};
 use crate::repair::{Budget, Repair};
 
-/// Bytes of the messages lane that the receiver keeps for a reader who does not read,
-/// and that the sender keeps until they are acknowledged: four of the longest messages.
+/// Bytes of the messages lane that the receiver keeps for a reader who does not read, and that the sender
+/// keeps until they are acknowledged: four of the longest messages.
 pub(crate) const MESSAGES_WINDOW: u64 = 64 * 1024;
 /// The same of the bulk lane: 50 Mbit/s over a round trip of 40 ms.
 pub(crate) const BULK_WINDOW: u64 = 256 * 1024;
@@ -44,8 +44,8 @@ impl Units {
         Self::new(UnitLane::Frames, outbox, Inbox::new(UnitLane::Frames, format, batch, window), send_buffer)
     }
 
-    /// Messages or blocks, so many bytes of them in each direction: they have no deadline, and no repair. What
-    /// is lost of them is sent again.
+    /// Messages or blocks, so many bytes of them in each direction: they have no deadline, and no repair.
+    /// What is lost of them is sent again.
     pub(super) fn records(lane: UnitLane, config: &Config, window: u64) -> Self {
         let format = config.format;
         let allowed = (window, Inbox::initial_units());
