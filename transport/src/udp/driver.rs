@@ -130,7 +130,7 @@ async fn drive(port: &Port) {
                 };
                 let sooner = armed.is_none_or(|armed| due < armed).then_some(due);
                 armed = sooner.or(armed);
-                state.armed = armed;
+                (state.armed, state.full) = (armed, !sent);
                 state.wait(Waiter::Driver, cx);
                 (sent, sooner)
             };

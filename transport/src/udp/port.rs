@@ -53,6 +53,8 @@ pub(super) struct State {
     waits: bool,
     /// When the driver looks after the connection by itself.
     pub(super) armed: Option<Instant>,
+    /// The driver waits for the socket to have room.
+    pub(super) full: bool,
     /// No half of the link is left.
     pub(super) left: bool,
     waiting: [Option<Waker>; WAITERS],
@@ -91,6 +93,7 @@ impl Port {
             datagram: Vec::new(),
             waits: false,
             armed: None,
+            full: false,
             left: false,
             waiting: [const { None }; WAITERS],
         };
@@ -140,7 +143,7 @@ impl State {
         let sent = self.send_all(now, socket);
         let due = self.connection.poll_timeout();
         let early = due.is_some_and(|due| self.armed.is_none_or(|armed| due < armed));
-        if !sent || early || self.connection.closed().is_some() {
+        if (!sent && !self.full) || early || self.connection.closed().is_some() {
             self.wake(Waiter::Driver);
         }
         sent

@@ -10,8 +10,8 @@ use crate::repair::{Budget, Repair};
 /// Bytes of the messages lane that the receiver keeps for a reader who does not read, and that the sender
 /// keeps until they are acknowledged: four of the longest messages.
 pub(crate) const MESSAGES_WINDOW: u64 = 64 * 1024;
-/// The same of the bulk lane: 50 Mbit/s over a round trip of 40 ms.
-pub(crate) const BULK_WINDOW: u64 = 256 * 1024;
+/// The same of the bulk lane: 100 Mbit/s over a round trip of 40 ms.
+pub(crate) const BULK_WINDOW: u64 = 512 * 1024;
 
 /// What is sent and received on one lane, and what the peer must be told of it.
 #[derive(Debug)]
