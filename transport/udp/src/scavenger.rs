@@ -19,6 +19,9 @@ const FEW: u32 = 2;
 /// What the window grows by in a round trip, once it does not double any more: a share of it that queues for
 /// less than what is taken for a queue.
 const GROWTH: usize = 8;
+/// What a queue takes of a window that does not double any more, a share of it. A delay that varies looks
+/// like a queue now and then: half of it would keep the window small on a wireless network.
+const SHRINK: usize = 4;
 
 /// A window that gives way to a queue.
 #[derive(Debug)]
@@ -26,7 +29,7 @@ pub(crate) struct Scavenger {
     segment: usize,
     window: usize,
     /// It grows by what is acknowledged, and so doubles behind each round trip, until all of one saw a queue.
-    /// From then on it grows by little, and a queue halves it.
+    /// From then on it grows by little, and a queue shrinks it.
     doubles: bool,
     /// From when on the round trips are those of this window.
     settled: Option<Instant>,
@@ -95,7 +98,8 @@ impl Scavenger {
         }
         let is_over = now >= round.ends;
         if queues && (is_over || self.doubles) {
-            self.window = (self.window / 2).max(LEAST * self.segment);
+            let gives_up = self.window / if self.doubles { 2 } else { SHRINK };
+            self.window = (self.window - gives_up).max(LEAST * self.segment);
             self.doubles = false;
         } else if is_over && !self.doubles && round.used_up {
             self.window += (self.window / GROWTH).max(self.segment);
