@@ -1,0 +1,19 @@
+// Bundles the page, or with `tests` the tests, into target/.
+import { readdirSync } from "node:fs";
+import { build } from "esbuild";
+
+const common = { bundle: true, format: "esm", target: "es2022", logLevel: "info", sourcemap: true };
+
+if (process.argv[2] === "tests") {
+  const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts"));
+  await build({
+    ...common,
+    entryPoints: tests.map((name) => `tests/${name}`),
+    outdir: "target/tests",
+    outExtension: { ".js": ".mjs" },
+    platform: "node",
+    packages: "external",
+  });
+} else {
+  await build({ ...common, entryPoints: ["src/main.ts"], outdir: "target/page", platform: "browser", minify: true });
+}
