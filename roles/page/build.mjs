@@ -15,5 +15,11 @@ if (process.argv[2] === "tests") {
     packages: "external",
   });
 } else {
-  await build({ ...common, entryPoints: ["src/main.ts"], outdir: "target/page", platform: "browser", minify: true });
+  await build({
+    ...common,
+    entryPoints: ["src/main.ts"],
+    outdir: "target/page",
+    platform: "browser",
+    minify: true,
+  });
 }

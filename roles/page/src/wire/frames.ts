@@ -1,0 +1,186 @@
+/** What arrives on the frames lane, judged: order, count and hash. */
+
+import { createXXHash3, type IHasher } from "hash-wasm";
+
+import { Reader, WireError } from "./bytes.ts";
+import { Kind, type Message } from "./messages.ts";
+
+/** A frame whose ids are all there. */
+export interface Frame {
+  /** The lane's own number. */
+  readonly number: number;
+  /** What the application says of the frame. */
+  readonly header: Uint8Array;
+  /** Its items in the order in which they came. */
+  readonly ids: Uint32Array<ArrayBuffer>;
+}
+
+/** A frame that has ended. Of one that is not complete, fewer ids came than its end announces. */
+export type FrameOutcome =
+  | { readonly isComplete: true; readonly frame: Frame }
+  | {
+      readonly isComplete: false;
+      readonly number: number;
+      readonly announced: number;
+      readonly came: number;
+    };
+
+/** Reads coded batches: a form of the application's own. */
+export interface BatchDecoder {
+  /**
+   * The ids of a batch of the frame of this number. It throws a `WireError` where they cannot be read, and
+   * where they are more than `room`, before it makes room for them.
+   */
+  decode(batch: Uint8Array, frame: number, room: number): Uint32Array<ArrayBuffer>;
+  /** All ids of a frame are there. They belong to someone else. */
+  complete(frame: number, ids: Uint32Array): void;
+}
+
+/** XXH3-64 of bytes that come one after the other. */
+export class FrameHasher {
+  readonly #hasher: IHasher;
+
+  private constructor(hasher: IHasher) {
+    this.#hasher = hasher;
+  }
+
+  /** The hash is WebAssembly, which takes a moment to load. */
+  static async load(): Promise<FrameHasher> {
+    return new FrameHasher(await createXXHash3());
+  }
+
+  begin(): void {
+    this.#hasher.init();
+  }
+
+  add(bytes: Uint8Array): void {
+    this.#hasher.update(bytes);
+  }
+
+  end(): bigint {
+    return BigInt(`0x${this.#hasher.digest("hex")}`);
+  }
+}
+
+/** The frame that has begun and not ended. */
+interface Open {
+  readonly number: number;
+  readonly header: Uint8Array;
+  /** Room for ids; `count` of them are there. */
+  ids: Uint32Array<ArrayBuffer>;
+  count: number;
+}
+
+/** Puts frames together. After an error the peer cannot be trusted. */
+export class FrameAssembler {
+  readonly #hasher: FrameHasher;
+  readonly #most: number;
+  readonly #decoder: BatchDecoder | undefined;
+  #open: Open | undefined;
+  #last = -1;
+
+  /** No frame may have more than `most` ids. Without a decoder no batch may come coded. */
+  constructor(hasher: FrameHasher, most: number, decoder?: BatchDecoder) {
+    this.#hasher = hasher;
+    this.#most = most;
+    this.#decoder = decoder;
+  }
+
+  /** Takes the next message of the lane. Gives the frame that it ends, if it does. */
+  take({ kind, payload }: Message): FrameOutcome | undefined {
+    switch (kind) {
+      case Kind.begin:
+        return this.#begin(new Reader(payload));
+      case Kind.batch:
+        return this.#addPlain(payload);
+      case Kind.codedBatch:
+        return this.#addCoded(payload);
+      case Kind.end:
+        return this.#end(new Reader(payload));
+      default:
+        throw new WireError("it is not of the frames lane");
+    }
+  }
+
+  #begin(reader: Reader): undefined {
+    const number = reader.u32();
+    if (this.#open !== undefined) {
+      throw new WireError(`frame ${number} began before the end of frame ${this.#open.number}`);
+    }
+    if (number <= this.#last) {
+      throw new WireError(`frame ${number} began after frame ${this.#last}`);
+    }
+    this.#last = number;
+    this.#hasher.begin();
+    this.#open = { number, header: reader.rest(), ids: new Uint32Array(0), count: 0 };
+  }
+
+  #addPlain(payload: Uint8Array): undefined {
+    if (payload.length % ID_BYTES !== 0) {
+      throw new WireError(`a batch of ${payload.length} bytes holds a part of an id`);
+    }
+    const count = payload.length / ID_BYTES;
+    const open = this.#openFor(count);
+    makeRoom(open, count, this.#most);
+    new Uint8Array(open.ids.buffer).set(payload, ID_BYTES * open.count);
+    this.#hasher.add(payload);
+    open.count += count;
+  }
+
+  #addCoded(payload: Uint8Array): undefined {
+    const open = this.#openFor(0);
+    if (this.#decoder === undefined) {
+      throw new WireError("a batch came coded, and was not asked for so");
+    }
+    const ids = this.#decoder.decode(payload, open.number, this.#most - open.count);
+    this.#openFor(ids.length);
+    makeRoom(open, ids.length, this.#most);
+    open.ids.set(ids, open.count);
+    this.#hasher.add(new Uint8Array(ids.buffer, ids.byteOffset, ids.byteLength));
+    open.count += ids.length;
+  }
+
+  /** The frame that has begun, where it may have so many ids more. */
+  #openFor(more: number): Open {
+    if (this.#open === undefined) {
+      throw new WireError("ids came outside of a frame");
+    }
+    if (this.#open.count + more > this.#most) {
+      throw new WireError(`frame ${this.#open.number} has more than ${this.#most} ids`);
+    }
+    return this.#open;
+  }
+
+  #end(reader: Reader): FrameOutcome {
+    const ended = { number: reader.u32(), announced: reader.u32(), hash: reader.u64() };
+    const open = this.#open;
+    if (open?.number !== ended.number) {
+      throw new WireError(`frame ${ended.number} ended, and frame ${open?.number ?? "none"} was open`);
+    }
+    this.#open = undefined;
+    if (open.count < ended.announced) {
+      return { isComplete: false, number: open.number, announced: ended.announced, came: open.count };
+    }
+    const hash = this.#hasher.end();
+    if (open.count > ended.announced || hash !== ended.hash) {
+      throw new WireError(
+        `the ${open.count} ids of frame ${open.number} are not those that its end announces`,
+      );
+    }
+    const ids = open.ids.subarray(0, open.count);
+    this.#decoder?.complete(open.number, ids);
+    return { isComplete: true, frame: { number: open.number, header: open.header, ids } };
+  }
+}
+
+/** Bytes of an id as it travels plain. Like WebGL, this page runs where memory is little-endian. */
+const ID_BYTES = 4;
+
+function makeRoom(open: Open, more: number, most: number): void {
+  const needed = open.count + more;
+  if (needed > open.ids.length) {
+    const larger = new Uint32Array(Math.min(most, Math.max(needed, 2 * open.ids.length)));
+    larger.set(open.ids.subarray(0, open.count));
+    open.ids = larger;
+  }
+}

@@ -1,0 +1,203 @@
+/** One lane of a link, over a connection of its own. */
+
+import { WireError } from "./bytes.ts";
+import { type Close, decodeClose, encodeClose, type LaneName } from "./handshake.ts";
+import { encodeMessage, type Format, Kind, type Message, MessageStream } from "./messages.ts";
+
+/** A connection that carries bytes both ways, in order. */
+export interface Channel {
+  send(bytes: Uint8Array<ArrayBuffer>): void;
+  /** How many bytes wait to leave this machine. */
+  buffered(): number;
+  /** Ends the connection once what was sent has left. */
+  close(): void;
+  onBytes: ((bytes: Uint8Array) => void) | undefined;
+  /** The connection has ended, and not by `close`. */
+  onEnd: ((why: string) => void) | undefined;
+}
+
+/** Tells the time, so that tests need not wait. */
+export interface Clock {
+  /** Milliseconds from some moment on. */
+  now(): number;
+  /** Calls once after so many milliseconds. Gives what calls it off. */
+  after(milliseconds: number, call: () => void): () => void;
+}
+
+/** How a lane ended: the peer left, the connection was lost, or the peer broke the protocol. */
+export type LaneEnd =
+  | ({ readonly why: "closed" } & Close)
+  | { readonly why: "lost"; readonly text: string }
+  | { readonly why: "violation"; readonly text: string };
+
+export interface LaneOptions {
+  readonly format: Format;
+  readonly clock: Clock;
+  /** Milliseconds without a sign of life after which the peer is lost. */
+  readonly idleTimeout: number;
+}
+
+/** The default of `idleTimeout`. */
+export const IDLE_TIMEOUT = 20_000;
+
+/** A peer is never silent for longer than so many milliseconds. */
+const LONGEST_SILENCE = 5_000;
+
+/** Sends and receives messages, keeps the connection alive, and notices when the peer is gone. */
+export class Lane {
+  readonly name: LaneName;
+  /** What has travelled, headers included. */
+  readonly bytes = { sent: 0, received: 0 };
+  /** Told once, but not where this side leaves. */
+  onEnd: ((end: LaneEnd) => void) | undefined;
+
+  readonly #channel: Channel;
+  readonly #options: LaneOptions;
+  readonly #stream: MessageStream;
+  #listener: ((message: Message) => void) | undefined;
+  #lastSent: number;
+  #lastReceived: number;
+  #timers: (() => void)[];
+  #channelEnd: string | undefined;
+  #isOver = false;
+
+  constructor(name: LaneName, channel: Channel, options: LaneOptions) {
+    this.name = name;
+    this.#channel = channel;
+    this.#options = options;
+    this.#stream = new MessageStream(options.format);
+    this.#lastSent = options.clock.now();
+    this.#lastReceived = this.#lastSent;
+    this.#timers = [() => {}, () => {}];
+    channel.onBytes = (bytes) => this.#receive(bytes);
+    channel.onEnd = (why) => {
+      this.#channelEnd = why;
+      this.#deliver();
+    };
+    this.#keepAlive();
+    this.#watch();
+  }
+
+  get isOver(): boolean {
+    return this.#isOver;
+  }
+
+  /** How many bytes wait to leave this machine. */
+  buffered(): number {
+    return this.#channel.buffered();
+  }
+
+  /** Delivers messages from now on. Without a listener they wait, and so does the end of the lane. */
+  listen(listener: ((message: Message) => void) | undefined): void {
+    this.#listener = listener;
+    this.#deliver();
+  }
+
+  send(kind: Kind, payload: Uint8Array): void {
+    if (this.#isOver) {
+      return;
+    }
+    const bytes = encodeMessage(kind, payload, this.#options.format);
+    this.#lastSent = this.#options.clock.now();
+    this.bytes.sent += bytes.length;
+    this.#channel.send(bytes);
+  }
+
+  /** Says why this side leaves, if anything, and ends the connection. */
+  leave(close?: Close): void {
+    if (close !== undefined) {
+      this.send(Kind.close, encodeClose(close));
+    }
+    this.#stop();
+  }
+
+  #receive(bytes: Uint8Array): void {
+    this.#lastReceived = this.#options.clock.now();
+    this.bytes.received += bytes.length;
+    // Browsers slow down the timers of pages that nobody sees, but not what arrives.
+    this.#keepAlive();
+    this.#stream.push(bytes);
+    this.#deliver();
+  }
+
+  #deliver(): void {
+    try {
+      while (!this.#isOver && this.#listener !== undefined) {
+        const message = this.#stream.take();
+        if (message === undefined) {
+          break;
+        }
+        this.#take(message, this.#listener);
+      }
+    } catch (error) {
+      if (!(error instanceof WireError)) {
+        throw error;
+      }
+      this.#end({ why: "violation", text: `on the ${this.name} lane: ${error.message}` });
+    }
+    if (this.#listener !== undefined && this.#channelEnd !== undefined) {
+      this.#end({ why: "lost", text: `the ${this.name} lane ended: ${this.#channelEnd}` });
+    }
+  }
+
+  #take(message: Message, listener: (message: Message) => void): void {
+    if (message.kind === Kind.close) {
+      this.#end({ why: "closed", ...decodeClose(message.payload) });
+    } else if (message.kind !== Kind.keepAlive) {
+      listener(message);
+    }
+  }
+
+  #keepAlive(): void {
+    const silence = Math.min(this.#options.idleTimeout / 4, LONGEST_SILENCE);
+    const { clock } = this.#options;
+    if (clock.now() - this.#lastSent >= silence) {
+      this.send(Kind.keepAlive, new Uint8Array(0));
+    }
+    this.#again(0, this.#lastSent + silence, () => this.#keepAlive());
+  }
+
+  #watch(): void {
+    const { clock, idleTimeout } = this.#options;
+    if (clock.now() - this.#lastReceived >= idleTimeout) {
+      this.#end({ why: "lost", text: `nothing came on the ${this.name} lane for ${idleTimeout / 1000} s` });
+    } else {
+      this.#again(1, this.#lastReceived + idleTimeout, () => this.#watch());
+    }
+  }
+
+  #again(timer: 0 | 1, when: number, call: () => void): void {
+    this.#timers[timer]?.();
+    if (!this.#isOver) {
+      this.#timers[timer] = this.#options.clock.after(when - this.#options.clock.now(), call);
+    }
+  }
+
+  #end(end: LaneEnd): void {
+    if (!this.#isOver) {
+      this.#stop();
+      this.onEnd?.(end);
+    }
+  }
+
+  #stop(): void {
+    if (!this.#isOver) {
+      this.#isOver = true;
+      this.#timers.forEach((callOff) => {
+        callOff();
+      });
+      this.#channel.onBytes = undefined;
+      this.#channel.onEnd = undefined;
+      this.#channel.close();
+    }
+  }
+}
+
+/** The clock of the browser. */
+export const systemClock: Clock = {
+  now: () => performance.now(),
+  after(milliseconds, call) {
+    const timer = setTimeout(call, Math.max(0, milliseconds));
+    return () => clearTimeout(timer);
+  },
+};

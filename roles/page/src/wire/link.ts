@@ -1,0 +1,218 @@
+/** A link to a peer that listens: four lanes that say who they are, and then carry what the peers say. */
+
+import { WireError } from "./bytes.ts";
+import { type BatchDecoder, type Frame, FrameAssembler, FrameHasher } from "./frames.ts";
+import { type Close, CODE_NOT_TAKEN, LANES, type LaneName } from "./handshake.ts";
+import { type Channel, type Clock, IDLE_TIMEOUT, type Lane, type LaneEnd, systemClock } from "./lane.ts";
+import { type Lanes, LinkError, meet } from "./meeting.ts";
+import { type Format, Kind, type Message, nameOfKind } from "./messages.ts";
+import { NewestSender } from "./newest.ts";
+import { openWebSocket } from "./websocket.ts";
+
+/** What both peers of a link must know beforehand. */
+export interface Application {
+  /** The name of the protocol with its version, at most 32 bytes. */
+  readonly name: string;
+  readonly format: Format;
+}
+
+/** What this side thinks of the listener's introduction. */
+export type Admission =
+  | { readonly isTaken: true; readonly mostIds: number; readonly decoder?: BatchDecoder }
+  | { readonly isTaken: false; readonly why: string };
+
+/** Who is told of what comes. Where one throws a `WireError`, the peer has broken the protocol. */
+export interface LinkHandlers {
+  onFrame(frame: Frame): void;
+  /** A frame ended of which ids are missing. */
+  onIncompleteFrame?(number: number, announced: number, came: number): void;
+  onMessage(payload: Uint8Array): void;
+  onBlock(payload: Uint8Array): void;
+  onValue?(payload: Uint8Array): void;
+  /** Told once, also where this side leaves. */
+  onEnd(end: LinkEnd): void;
+}
+
+/** How a link ended. */
+export type LinkEnd = LaneEnd | ({ readonly why: "left" } & Close);
+
+export interface LinkOptions {
+  readonly application: Application;
+  readonly handlers: LinkHandlers;
+  /** Judges who listens. What cannot be read throws a `WireError`. */
+  admit(introduction: Uint8Array): Admission;
+  /** Milliseconds without a sign of life after which the peer is lost. */
+  readonly idleTimeout?: number;
+  /** Opens the connection of a lane. */
+  readonly open?: (url: string, lane: LaneName) => Promise<Channel>;
+  readonly clock?: Clock;
+  /** The number that pairs the connections, instead of a random one. */
+  readonly session?: bigint;
+}
+
+/** Bytes by direction, headers included. */
+export interface Bytes {
+  readonly sent: number;
+  readonly received: number;
+}
+
+/**
+ * Connects to a listener and introduces this side to it.
+ *
+ * It throws a `LinkError` where no link comes about.
+ */
+export async function connect(url: string, introduction: Uint8Array, options: LinkOptions): Promise<Link> {
+  const { application, clock = systemClock, idleTimeout = IDLE_TIMEOUT } = options;
+  const open = options.open ?? ((url: string) => openWebSocket(url));
+  const session = options.session ?? randomSession();
+  const lane = { format: application.format, clock, idleTimeout };
+  const hello = { application: application.name, session, introduction };
+  const hasher = await FrameHasher.load();
+  const { lanes, listener } = await meet((name) => open(url, name), hello, lane);
+  const admission = judge(listener, options);
+  if (!admission.isTaken) {
+    for (const name of LANES) {
+      lanes[name].leave({ code: CODE_NOT_TAKEN, text: admission.why });
+    }
+    throw new LinkError(admission.why);
+  }
+  const frames = new FrameAssembler(hasher, admission.mostIds, admission.decoder);
+  return new Link(listener, lanes, frames, options.handlers, clock);
+}
+
+/** How long the other lanes may take to close after the first, in milliseconds. */
+const GRACE = 2_000;
+
+/** Four lanes over which two peers have met. */
+export class Link {
+  /** The listener's introduction. */
+  readonly listener: Uint8Array;
+  readonly #lanes: Lanes;
+  readonly #frames: FrameAssembler;
+  readonly #handlers: LinkHandlers;
+  readonly #newest: NewestSender;
+  readonly #clock: Clock;
+  #closed: LaneEnd | undefined;
+  #callOffGrace: (() => void) | undefined;
+  #isOver = false;
+
+  /** For `connect`. */
+  constructor(
+    listener: Uint8Array,
+    lanes: Lanes,
+    frames: FrameAssembler,
+    handlers: LinkHandlers,
+    clock: Clock,
+  ) {
+    this.listener = listener;
+    this.#lanes = lanes;
+    this.#frames = frames;
+    this.#handlers = handlers;
+    this.#newest = new NewestSender(lanes.latest, clock);
+    this.#clock = clock;
+    for (const name of LANES) {
+      lanes[name].onEnd = (end) => this.#laneEnded(end);
+    }
+    // What came meanwhile is told once whoever waits for the link has it.
+    clock.after(0, () => {
+      for (const name of LANES) {
+        lanes[name].listen((message) => this.#take(lanes[name], message));
+      }
+    });
+  }
+
+  get isOver(): boolean {
+    return this.#isOver;
+  }
+
+  /** What has travelled on each lane. */
+  get bytes(): Readonly<Record<LaneName, Bytes>> {
+    const { latest, frames, messages, bulk } = this.#lanes;
+    return {
+      latest: { ...latest.bytes },
+      frames: { ...frames.bytes },
+      messages: { ...messages.bytes },
+      bulk: { ...bulk.bytes },
+    };
+  }
+
+  /** Sends a value of the latest lane, unless a newer one comes before it can leave. */
+  publish(value: Uint8Array): void {
+    this.#newest.publish(value);
+  }
+
+  sendMessage(payload: Uint8Array): void {
+    this.#lanes.messages.send(Kind.message, payload);
+  }
+
+  sendBlock(payload: Uint8Array): void {
+    this.#lanes.bulk.send(Kind.block, payload);
+  }
+
+  /** Leaves. The code is the application's, and at most 200 bytes of the text travel. */
+  close(code: number, text: string): void {
+    this.#finish({ why: "left", code, text });
+  }
+
+  #take({ name }: Lane, { kind, payload }: Message): void {
+    if (kind === Kind.latestValue && name === "latest") {
+      this.#handlers.onValue?.(payload);
+    } else if (kind === Kind.message && name === "messages") {
+      this.#handlers.onMessage(payload);
+    } else if (kind === Kind.block && name === "bulk") {
+      this.#handlers.onBlock(payload);
+    } else if (name === "frames") {
+      const outcome = this.#frames.take({ kind, payload });
+      if (outcome?.isComplete === true) {
+        this.#handlers.onFrame(outcome.frame);
+      } else if (outcome !== undefined) {
+        this.#handlers.onIncompleteFrame?.(outcome.number, outcome.announced, outcome.came);
+      }
+    } else {
+      throw new WireError(`a ${nameOfKind(kind)} came, which does not belong there`);
+    }
+  }
+
+  /** Where the peer closes, what it said before on the other lanes is still heard. */
+  #laneEnded(end: LaneEnd): void {
+    if (end.why === "closed") {
+      this.#closed ??= end;
+    }
+    const closed = this.#closed;
+    if (closed === undefined || end.why === "violation") {
+      this.#finish(end);
+    } else if (LANES.every((name) => this.#lanes[name].isOver)) {
+      this.#finish(closed);
+    } else {
+      this.#callOffGrace ??= this.#clock.after(GRACE, () => this.#finish(closed));
+    }
+  }
+
+  #finish(end: LinkEnd): void {
+    if (this.#isOver) {
+      return;
+    }
+    this.#isOver = true;
+    this.#newest.stop();
+    this.#callOffGrace?.();
+    for (const name of LANES) {
+      this.#lanes[name].leave(end.why === "left" ? end : undefined);
+    }
+    this.#handlers.onEnd(end);
+  }
+}
+
+function judge(listener: Uint8Array, options: LinkOptions): Admission {
+  try {
+    return options.admit(listener);
+  } catch (error) {
+    if (error instanceof WireError) {
+      return { isTaken: false, why: `who listens cannot be understood: ${error.message}` };
+    }
+    throw error;
+  }
+}
+
+function randomSession(): bigint {
+  return crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
+}

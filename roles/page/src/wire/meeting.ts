@@ -1,0 +1,127 @@
+/** How the four lanes of a link come about: each says hello, and waits for an answer. */
+
+import { WireError } from "./bytes.ts";
+import {
+  decodeRefuse,
+  describeRefusal,
+  encodeHello,
+  type Hello,
+  LANES,
+  type LaneName,
+  mayTryAgain,
+  type Refusal,
+} from "./handshake.ts";
+import { type Channel, Lane, type LaneEnd, type LaneOptions } from "./lane.ts";
+import { Kind, type Message, nameOfKind } from "./messages.ts";
+
+export type Lanes = Readonly<Record<LaneName, Lane>>;
+
+/** Why no link came about. */
+export class LinkError extends Error {
+  override name = "LinkError";
+  /** Where the listener refused. */
+  readonly refusal: Refusal | undefined;
+  /** Whether it may come about another time. */
+  readonly mayTryAgain: boolean;
+
+  constructor(text: string, cause?: { refusal?: Refusal; mayTryAgain?: boolean }) {
+    super(text);
+    this.refusal = cause?.refusal;
+    this.mayTryAgain = cause?.mayTryAgain ?? false;
+  }
+}
+
+/** The lanes over which a listener was met, and its introduction. */
+export interface Meeting {
+  readonly lanes: Lanes;
+  readonly listener: Uint8Array;
+}
+
+/**
+ * Opens four lanes and greets. Where one of them fails, all are given up and a `LinkError` is thrown.
+ *
+ * What comes on a lane after its answer waits there.
+ */
+export async function meet(
+  open: (lane: LaneName) => Promise<Channel>,
+  hello: Omit<Hello, "lane">,
+  options: LaneOptions,
+): Promise<Meeting> {
+  const opened: Lane[] = [];
+  let isGivenUp = false;
+  const greetOn = async (name: LaneName) => {
+    const channel = await open(name);
+    if (isGivenUp) {
+      channel.close();
+      throw new LinkError("another lane failed");
+    }
+    const lane = new Lane(name, channel, options);
+    opened.push(lane);
+    return greet(lane, hello);
+  };
+  try {
+    const answers = Promise.all(LANES.map(greetOn));
+    const [latest, frames, messages, bulk] = (await inTime(answers, options)) as [Met, Met, Met, Met];
+    for (const { listener } of [frames, messages, bulk]) {
+      if (!sameBytes(listener, latest.listener)) {
+        throw new LinkError("the lanes were answered by listeners that call themselves differently");
+      }
+    }
+    const lanes = { latest: latest.lane, frames: frames.lane, messages: messages.lane, bulk: bulk.lane };
+    return { lanes, listener: latest.listener };
+  } catch (error) {
+    isGivenUp = true;
+    for (const lane of opened) {
+      lane.leave();
+    }
+    throw error instanceof LinkError ? error : new LinkError(textOf(error), { mayTryAgain: true });
+  }
+}
+
+interface Met {
+  readonly lane: Lane;
+  readonly listener: Uint8Array;
+}
+
+/** Says hello on a lane and waits for the answer. */
+function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
+  return new Promise((resolve, reject) => {
+    lane.onEnd = (end) => {
+      reject(new LinkError(textOfEnd(end), { mayTryAgain: end.why !== "violation" }));
+    };
+    lane.listen(({ kind, payload }: Message) => {
+      if (kind === Kind.accept) {
+        lane.listen(undefined);
+        resolve({ lane, listener: payload });
+      } else if (kind === Kind.refuse) {
+        const refusal = decodeRefuse(payload);
+        lane.leave();
+        reject(new LinkError(describeRefusal(refusal), { refusal, mayTryAgain: mayTryAgain(refusal) }));
+      } else {
+        throw new WireError(`a ${nameOfKind(kind)} came instead of an answer to hello`);
+      }
+    });
+    lane.send(Kind.hello, encodeHello({ ...hello, lane: lane.name }));
+  });
+}
+
+/** The answers, unless they take longer than a peer may be silent. */
+function inTime<T>(answers: Promise<T>, { clock, idleTimeout }: LaneOptions): Promise<T> {
+  return new Promise((resolve, reject) => {
+    const late = () => reject(new LinkError("the listener did not answer in time", { mayTryAgain: true }));
+    const callOff = clock.after(idleTimeout, late);
+    answers.then(resolve, reject).finally(callOff);
+  });
+}
+
+function textOfEnd(end: LaneEnd): string {
+  return end.why === "closed" ? `the listener left: ${end.text}` : end.text;
+}
+
+function textOf(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}
+
+function sameBytes(a: Uint8Array, b: Uint8Array): boolean {
+  return a.length === b.length && a.every((byte, at) => byte === b[at]);
+}

@@ -1,0 +1,215 @@
+/**
+ * Messages: a header of four bytes and a payload.
+ *
+ * A header is judged as soon as it is there, so nothing waits for a length that no message has.
+ */
+
+import { Reader, WireError, Writer } from "./bytes.ts";
+
+/** What a message is: the first byte of its header. */
+export const Kind = {
+  hello: 0x01,
+  accept: 0x02,
+  refuse: 0x03,
+  close: 0x04,
+  keepAlive: 0x05,
+  latestValue: 0x10,
+  numberedValue: 0x11,
+  begin: 0x20,
+  batch: 0x21,
+  end: 0x22,
+  codedBatch: 0x24,
+  message: 0x30,
+  block: 0x40,
+} as const;
+
+export type Kind = (typeof Kind)[keyof typeof Kind];
+
+/** The sizes of what an application sends. WIRE.md calls them L, H and I. */
+export interface Format {
+  /** Bytes of a value of the latest lane. */
+  readonly latest: number;
+  /** Bytes of what a frame begins with, beside its number. */
+  readonly header: number;
+  /** Bytes of an item. */
+  readonly item: number;
+}
+
+/** A message as it came. */
+export interface Message {
+  readonly kind: Kind;
+  readonly payload: Uint8Array;
+}
+
+/** The least and the most bytes of a payload. */
+export interface Lengths {
+  readonly least: number;
+  readonly most: number;
+}
+
+export const HEADER_BYTES = 4;
+
+/** The most items of a batch. */
+export const MOST_ITEMS = 16_384;
+
+/** The most bytes of a message of the messages lane. */
+export const MOST_MESSAGE = 16_384;
+
+/** The most bytes of a block. */
+export const MOST_BLOCK = 16_384;
+
+/** The most bytes of an application's hello. */
+export const MOST_INTRODUCTION = 200;
+
+/** How many bytes the payload of a message of this kind may have. */
+export function lengthsOf(kind: Kind, { latest, header, item }: Format): Lengths {
+  const exactly = (bytes: number) => ({ least: bytes, most: bytes });
+  switch (kind) {
+    case Kind.hello:
+      return { least: 2, most: MOST_INTRODUCTION + 56 };
+    case Kind.accept:
+      return { least: 0, most: MOST_INTRODUCTION };
+    case Kind.refuse:
+      return { least: 2, most: 512 };
+    case Kind.close:
+      return { least: 1, most: 256 };
+    case Kind.keepAlive:
+      return exactly(0);
+    case Kind.latestValue:
+      return exactly(latest);
+    case Kind.numberedValue:
+      return exactly(4 + latest);
+    case Kind.begin:
+      return exactly(4 + header);
+    case Kind.batch:
+      return { least: item, most: MOST_ITEMS * item };
+    case Kind.end:
+      return exactly(16);
+    case Kind.codedBatch:
+      return { least: 1, most: MOST_ITEMS * item };
+    case Kind.message:
+      return { least: 0, most: MOST_MESSAGE };
+    case Kind.block:
+      return { least: 0, most: MOST_BLOCK };
+  }
+}
+
+/** What a kind is called in texts for people. */
+export function nameOfKind(kind: Kind): string {
+  return NAMES.get(kind) ?? "unknown";
+}
+
+/** The message with its header. A payload of a length that no peer takes is a fault of this side. */
+export function encodeMessage(kind: Kind, payload: Uint8Array, format: Format): Uint8Array<ArrayBuffer> {
+  const { least, most } = lengthsOf(kind, format);
+  if (payload.length < least || payload.length > most) {
+    throw new RangeError(`a ${nameOfKind(kind)} of ${payload.length} bytes: it has ${least} to ${most}`);
+  }
+  return new Writer().u8(kind).u24(payload.length).bytes(payload).take();
+}
+
+/**
+ * Finds the messages in a stream of bytes, however these are split.
+ *
+ * It holds what was pushed and not yet taken, and sets nothing aside for what is still to come.
+ * After an error the stream is lost, and each further call throws the same error.
+ */
+export class MessageStream {
+  readonly #format: Format;
+  #bytes = new Uint8Array(0);
+  #start = 0;
+  #end = 0;
+  #failure: WireError | undefined;
+
+  constructor(format: Format) {
+    this.#format = format;
+  }
+
+  /** How many bytes wait for the rest of their message: 0 where the stream may end. */
+  get pending(): number {
+    return this.#end - this.#start;
+  }
+
+  /** How much memory is held for bytes that came. */
+  get capacity(): number {
+    return this.#bytes.length;
+  }
+
+  push(bytes: Uint8Array): void {
+    if (this.#end + bytes.length > this.#bytes.length) {
+      this.#makeRoom(bytes.length);
+    }
+    this.#bytes.set(bytes, this.#end);
+    this.#end += bytes.length;
+  }
+
+  /** The next whole message. Undefined where more bytes are needed. */
+  take(): Message | undefined {
+    if (this.#failure !== undefined) {
+      throw this.#failure;
+    }
+    if (this.pending < HEADER_BYTES) {
+      return undefined;
+    }
+    const header = new Reader(this.#bytes.subarray(this.#start, this.#start + HEADER_BYTES));
+    const [code, length] = [header.u8(), header.u24()];
+    const kind = this.#judge(code, length);
+    const from = this.#start + HEADER_BYTES;
+    if (this.#end < from + length) {
+      return undefined;
+    }
+    const payload = this.#bytes.slice(from, from + length);
+    this.#start = from + length;
+    return { kind, payload };
+  }
+
+  #judge(code: number, length: number): Kind {
+    const kind = KINDS.get(code);
+    if (kind === undefined) {
+      return this.#fail(`no message has the code ${code}: this is not a Trimaran peer`);
+    }
+    const { least, most } = lengthsOf(kind, this.#format);
+    if (length < least || length > most) {
+      return this.#fail(`a ${nameOfKind(kind)} cannot have ${length} bytes, only ${least} to ${most}`);
+    }
+    return kind;
+  }
+
+  #fail(text: string): never {
+    this.#failure = new WireError(text);
+    throw this.#failure;
+  }
+
+  /** Moves what is pending to the front of enough memory. */
+  #makeRoom(more: number): void {
+    const pending = this.#bytes.subarray(this.#start, this.#end);
+    const needed = pending.length + more;
+    if (needed > this.#bytes.length) {
+      const larger = new Uint8Array(Math.max(needed, Math.min(2 * this.#bytes.length, 1 << 18)));
+      larger.set(pending);
+      this.#bytes = larger;
+    } else {
+      this.#bytes.copyWithin(0, this.#start, this.#end);
+    }
+    this.#start = 0;
+    this.#end = pending.length;
+  }
+}
+
+const KINDS = new Map<number, Kind>(Object.values(Kind).map((kind) => [kind, kind]));
+
+const NAMES = new Map<Kind, string>([
+  [Kind.hello, "hello"],
+  [Kind.accept, "accept"],
+  [Kind.refuse, "refuse"],
+  [Kind.close, "close"],
+  [Kind.keepAlive, "keep-alive"],
+  [Kind.latestValue, "latest value"],
+  [Kind.numberedValue, "numbered value"],
+  [Kind.begin, "begin"],
+  [Kind.batch, "batch"],
+  [Kind.end, "end"],
+  [Kind.codedBatch, "coded batch"],
+  [Kind.message, "message"],
+  [Kind.block, "block"],
+]);
