@@ -1,0 +1,49 @@
+/** Lists of numbers that rise, each once: a varint each, counted from the least that it could be. */
+
+import { Reader, WireError, Writer } from "../wire/bytes.ts";
+
+/** So many numbers always fit into an item. */
+export const MOST_NUMBERS = 3_000;
+
+/** These numbers in order, each once. */
+export function numberList(numbers: Iterable<number>): Uint32Array<ArrayBuffer> {
+  const sorted = Uint32Array.from(numbers).sort();
+  return sorted.filter((number, at) => sorted[at - 1] !== number);
+}
+
+/** The same list in lists that fit into an item each. */
+export function partNumbers(list: Uint32Array): Uint32Array[] {
+  const parts: Uint32Array[] = [];
+  for (let from = 0; from < list.length; from += MOST_NUMBERS) {
+    parts.push(list.subarray(from, from + MOST_NUMBERS));
+  }
+  return parts;
+}
+
+export function writeNumbers(writer: Writer, list: Uint32Array): void {
+  const numbers = new Writer();
+  let least = 0;
+  for (const number of list) {
+    numbers.varint(number - least);
+    least = number + 1;
+  }
+  writer.byteString(numbers.take());
+}
+
+export function readNumbers(reader: Reader): Uint32Array<ArrayBuffer> {
+  const bytes = reader.byteString();
+  const numbers = new Uint32Array(bytes.length);
+  const varints = new Reader(bytes);
+  let count = 0;
+  for (let least = 0; !varints.isAtEnd; count += 1) {
+    const number = least + varints.varint32();
+    if (number > LARGEST) {
+      throw new WireError("the numbers of a list go beyond 32 bits");
+    }
+    numbers[count] = number;
+    least = number + 1;
+  }
+  return numbers.slice(0, count);
+}
+
+const LARGEST = 0xffff_ffff;
