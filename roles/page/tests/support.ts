@@ -1,0 +1,107 @@
+/** What several tests use. */
+
+import { readFileSync } from "node:fs";
+import { resolve } from "node:path";
+
+import type { Channel, Clock } from "../src/wire/lane.ts";
+
+/** The examples of a page by name: fenced blocks `hex NAME`, with a comment behind a `#` in any line. */
+export function examplesOf(page: string): Map<string, Uint8Array> {
+  const text = readFileSync(resolve(process.cwd(), "../..", page), "utf8");
+  const examples = new Map<string, Uint8Array>();
+  for (const [, name = "", body = ""] of text.matchAll(/\n```hex (.*)\n([\s\S]*?)\n```/g)) {
+    examples.set(name, fromHex(body.replaceAll(/#.*/g, "")));
+  }
+  return examples;
+}
+
+export function fromHex(text: string): Uint8Array<ArrayBuffer> {
+  const digits = text.split(/\s+/).filter((word) => word !== "");
+  return Uint8Array.from(digits, (byte) => Number.parseInt(byte, 16));
+}
+
+export function toHex(bytes: Uint8Array): string {
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join(" ");
+}
+
+export function concat(...parts: readonly Uint8Array[]): Uint8Array<ArrayBuffer> {
+  return Uint8Array.from(parts.flatMap((part) => [...part]));
+}
+
+/** The numbers from `first` to before `end`. */
+export function range(first: number, end: number): number[] {
+  return Array.from({ length: Math.max(0, end - first) }, (_, at) => first + at);
+}
+
+/** Numbers of at least 0 and below `below`, the same ones for the same seed (mulberry32). */
+export function randomOf(seed: number): (below: number) => number {
+  let state = seed;
+  return (below) => {
+    state = (state + 0x6d2b79f5) | 0;
+    let mixed = Math.imul(state ^ (state >>> 15), state | 1);
+    mixed ^= mixed + Math.imul(mixed ^ (mixed >>> 7), mixed | 61);
+    return Math.floor((((mixed ^ (mixed >>> 14)) >>> 0) / 2 ** 32) * below);
+  };
+}
+
+/** A clock that goes on when it is told to. */
+export class FakeClock implements Clock {
+  #now = 0;
+  #waiting = new Set<{ when: number; call: () => void }>();
+
+  now(): number {
+    return this.#now;
+  }
+
+  after(milliseconds: number, call: () => void): () => void {
+    const waiting = { when: this.#now + Math.max(0, milliseconds), call };
+    this.#waiting.add(waiting);
+    return () => this.#waiting.delete(waiting);
+  }
+
+  /** How many calls are due some time. */
+  get waiting(): number {
+    return this.#waiting.size;
+  }
+
+  pass(milliseconds: number): void {
+    const until = this.#now + milliseconds;
+    for (;;) {
+      const due = [...this.#waiting].filter(({ when }) => when <= until);
+      const next = due.sort((a, b) => a.when - b.when)[0];
+      if (next === undefined) {
+        break;
+      }
+      this.#waiting.delete(next);
+      this.#now = Math.max(this.#now, next.when);
+      next.call();
+    }
+    this.#now = until;
+  }
+}
+
+/** A connection whose other end is the test. */
+export class FakeChannel implements Channel {
+  onBytes: ((bytes: Uint8Array) => void) | undefined;
+  onEnd: ((why: string) => void) | undefined;
+  sent: Uint8Array[] = [];
+  isClosed = false;
+  waiting = 0;
+
+  send(bytes: Uint8Array): void {
+    this.sent.push(bytes);
+  }
+
+  buffered(): number {
+    return this.waiting;
+  }
+
+  close(): void {
+    this.isClosed = true;
+  }
+}
+
+/** Waits until everything has happened that waits for nothing else. */
+export function settled(): Promise<void> {
+  return new Promise((resolve) => setImmediate(resolve));
+}
