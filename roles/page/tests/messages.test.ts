@@ -1,0 +1,173 @@
+/** Messages are found in a stream however it is split, and headers are judged at once. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { TRIMARAN } from "../src/proto/identity.ts";
+import { WireError, Writer } from "../src/wire/bytes.ts";
+import {
+  decodeClose,
+  decodeHello,
+  decodeRefuse,
+  describeRefusal,
+  encodeClose,
+  encodeHello,
+  encodeRefuse,
+  mayTryAgain,
+  type Refusal,
+} from "../src/wire/handshake.ts";
+import { encodeMessage, Kind, lengthsOf, type Message, MessageStream } from "../src/wire/messages.ts";
+import { concat, fromHex, randomOf } from "./support.ts";
+
+const { format } = TRIMARAN;
+
+const messages: Message[] = [
+  { kind: Kind.accept, payload: Uint8Array.from([1, 2, 3]) },
+  { kind: Kind.keepAlive, payload: new Uint8Array(0) },
+  { kind: Kind.message, payload: new Uint8Array(0) },
+  { kind: Kind.latestValue, payload: new Uint8Array(72).fill(7) },
+  { kind: Kind.block, payload: new Uint8Array(300).fill(9) },
+  { kind: Kind.close, payload: Uint8Array.from([0, 0]) },
+];
+
+const stream = concat(...messages.map(({ kind, payload }) => encodeMessage(kind, payload, format)));
+
+function takeAll(reader: MessageStream): Message[] {
+  const taken: Message[] = [];
+  for (let message = reader.take(); message !== undefined; message = reader.take()) {
+    taken.push(message);
+  }
+  return taken;
+}
+
+test("messages are the same wherever their bytes are split", () => {
+  for (let split = 0; split <= stream.length; split += 1) {
+    const reader = new MessageStream(format);
+    reader.push(stream.subarray(0, split));
+    const before = takeAll(reader);
+    reader.push(stream.subarray(split));
+    assert.deepEqual([...before, ...takeAll(reader)], messages, `split at ${split}`);
+    assert.equal(reader.pending, 0);
+  }
+});
+
+test("messages are the same byte by byte and in random pieces", () => {
+  const random = randomOf(1);
+  const long = concat(stream, stream, stream);
+  for (const largest of [1, 2, 5, 400]) {
+    const reader = new MessageStream(format);
+    const taken: Message[] = [];
+    for (let at = 0; at < long.length; ) {
+      const end = Math.min(long.length, at + 1 + random(largest));
+      reader.push(long.subarray(at, end));
+      taken.push(...takeAll(reader));
+      at = end;
+    }
+    assert.deepEqual(taken, [...messages, ...messages, ...messages]);
+  }
+});
+
+test("a payload stays what it was when more is pushed", () => {
+  const reader = new MessageStream(format);
+  reader.push(stream.subarray(0, 7));
+  const first = reader.take();
+  reader.push(new Uint8Array(7).fill(0xee));
+  assert.deepEqual(first?.payload, Uint8Array.from([1, 2, 3]));
+});
+
+test("the lengths of each kind are those of the page, to the byte", () => {
+  const lengths: [Kind, number, number][] = [
+    [Kind.hello, 2, 256],
+    [Kind.accept, 0, 200],
+    [Kind.refuse, 2, 512],
+    [Kind.close, 1, 256],
+    [Kind.keepAlive, 0, 0],
+    [Kind.latestValue, 72, 72],
+    [Kind.numberedValue, 76, 76],
+    [Kind.begin, 76, 76],
+    [Kind.batch, 4, 65_536],
+    [Kind.end, 16, 16],
+    [Kind.codedBatch, 1, 65_536],
+    [Kind.message, 0, 16_384],
+    [Kind.block, 0, 16_384],
+  ];
+  assert.deepEqual(new Set(lengths.map(([kind]) => kind)), new Set(Object.values(Kind)));
+  for (const [kind, least, most] of lengths) {
+    assert.deepEqual(lengthsOf(kind, format), { least, most });
+    for (const length of [least - 1, least, most, most + 1].filter((length) => length >= 0)) {
+      const reader = new MessageStream(format);
+      reader.push(new Writer().u8(kind).u24(length).take());
+      const isAllowed = length >= least && length <= most;
+      if (isAllowed) {
+        assert.equal(reader.take()?.payload.length, length === 0 ? 0 : undefined);
+      } else {
+        assert.throws(() => reader.take(), WireError, `kind ${kind} of ${length} bytes`);
+        assert.throws(() => encodeMessage(kind, new Uint8Array(length), format), RangeError);
+      }
+    }
+  }
+});
+
+test("a bad header is refused once its four bytes are there, and for good", () => {
+  const reader = new MessageStream(format);
+  reader.push(fromHex("23 00 00"));
+  assert.equal(reader.take(), undefined);
+  reader.push(fromHex("00"));
+  const fault = new WireError("no message has the code 35: this is not a Trimaran peer");
+  assert.throws(() => reader.take(), fault);
+  reader.push(stream);
+  assert.throws(() => reader.take(), fault);
+});
+
+test("a length that is claimed sets no memory aside", () => {
+  const reader = new MessageStream(format);
+  reader.push(new Writer().u8(Kind.batch).u24(65_536).take());
+  assert.equal(reader.take(), undefined);
+  assert(reader.capacity <= 16, `${reader.capacity} bytes`);
+  // Nor does it grow with what was taken.
+  const long = new MessageStream(format);
+  for (let at = 0; at < 1000; at += 1) {
+    long.push(stream);
+    takeAll(long);
+  }
+  assert(long.capacity <= 4 * stream.length, `${long.capacity} bytes`);
+});
+
+test("each reason of a refusal reads back, and those that pass are worth another try", () => {
+  const refusals: Refusal[] = [
+    { reason: "versions", listener: 3, connector: 4 },
+    { reason: "applications", listener: "robot/1", connector: "trimaran/1" },
+    { reason: "not taken", code: 3, text: "x".repeat(400) },
+    { reason: "lane", session: (1n << 64n) - 1n, lane: "bulk" },
+    { reason: "unpaired", session: 5n },
+    { reason: "busy" },
+    { reason: "key", claimed: "display", known: "culler" },
+  ];
+  for (const [number, refusal] of refusals.entries()) {
+    const payload = encodeRefuse(refusal);
+    assert.equal(payload[2], number);
+    assert.deepEqual(decodeRefuse(payload), refusal);
+    assert.equal(mayTryAgain(refusal), number === 4 || number === 5);
+    assert(describeRefusal(refusal).length > 5);
+    assert.throws(() => decodeRefuse(concat(payload, new Uint8Array(1))), new WireError("1 bytes too many"));
+  }
+  assert.deepEqual(decodeRefuse(fromHex("04 00 ff ff")), { reason: "versions", listener: 4, connector: 3 });
+  assert.throws(() => decodeRefuse(fromHex("03 00 07")), WireError);
+});
+
+test("what is no hello or close is refused, and texts are cut", () => {
+  const hello = {
+    application: "trimaran/1",
+    session: 1n,
+    lane: "bulk",
+    introduction: new Uint8Array(0),
+  } as const;
+  const payload = encodeHello(hello);
+  assert.deepEqual(decodeHello(payload), hello);
+  for (let length = 0; length < payload.length; length += 1) {
+    assert.throws(() => decodeHello(payload.subarray(0, length)), WireError);
+  }
+  assert.throws(() => decodeHello(fromHex("54 52 49 4e 03 00")), /magic number/);
+  assert.throws(() => decodeClose(fromHex("03 00 00")), new WireError("1 bytes too many"));
+  assert.equal(decodeClose(encodeClose({ code: 2, text: "é".repeat(300) })).text, "é".repeat(100));
+});
