@@ -112,14 +112,13 @@ export function encodeMessage(kind: Kind, payload: Uint8Array, format: Format): 
  * Finds the messages in a stream of bytes, however these are split.
  *
  * It holds what was pushed and not yet taken, and sets nothing aside for what is still to come.
- * After an error the stream is lost, and each further call throws the same error.
+ * After a bad header the stream is lost, and each further call throws the same error.
  */
 export class MessageStream {
   readonly #format: Format;
   #bytes = new Uint8Array(0);
   #start = 0;
   #end = 0;
-  #failure: WireError | undefined;
 
   constructor(format: Format) {
     this.#format = format;
@@ -145,9 +144,6 @@ export class MessageStream {
 
   /** The next whole message. Undefined where more bytes are needed. */
   take(): Message | undefined {
-    if (this.#failure !== undefined) {
-      throw this.#failure;
-    }
     if (this.pending < HEADER_BYTES) {
       return undefined;
     }
@@ -166,18 +162,13 @@ export class MessageStream {
   #judge(code: number, length: number): Kind {
     const kind = KINDS.get(code);
     if (kind === undefined) {
-      return this.#fail(`no message has the code ${code}: this is not a Trimaran peer`);
+      throw new WireError(`no message has the code ${code}: this is not a Trimaran peer`);
     }
     const { least, most } = lengthsOf(kind, this.#format);
     if (length < least || length > most) {
-      return this.#fail(`a ${nameOfKind(kind)} cannot have ${length} bytes, only ${least} to ${most}`);
+      throw new WireError(`a ${nameOfKind(kind)} cannot have ${length} bytes, only ${least} to ${most}`);
     }
     return kind;
-  }
-
-  #fail(text: string): never {
-    this.#failure = new WireError(text);
-    throw this.#failure;
   }
 
   /** Moves what is pending to the front of enough memory. */
