@@ -47,6 +47,7 @@
 pub mod comparison;
 pub mod config;
 pub mod culling;
+mod http;
 pub mod metrics;
 #[cfg(target_os = "linux")]
 pub mod netem;

@@ -81,6 +81,7 @@ pub(super) fn endpoints(link: LinkKind, cullers: usize, folder: &Path) -> Result
                 Endpoint::Unix(SocketPath::new(socket).map_err(Failure::broken)?)
             }
             LinkKind::Tcp => Endpoint::Tcp(tcp().map_err(Failure::broken)?.into()),
+            LinkKind::Ws => Endpoint::Ws(tcp().map_err(Failure::broken)?.into()),
             LinkKind::Quic => Endpoint::Quic(udp().map_err(Failure::broken)?.into()),
             LinkKind::Udp => Endpoint::Udp(udp().map_err(Failure::broken)?.into()),
         })

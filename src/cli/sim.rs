@@ -190,6 +190,7 @@ fn knobs(args: &SimArgs, link: SimLink) -> Vec<(Transport, Knobs)> {
     let repairs = || args.udp_repair.iter().map(|percent| Knobs { repair_percent: *percent, ..usual });
     match link {
         SimLink::Tcp => vec![(Transport::Tcp, usual)],
+        SimLink::Ws => vec![(Transport::Ws, usual)],
         SimLink::Quic => vec![(Transport::Quic, usual)],
         SimLink::Udp => repairs().map(|knobs| (Transport::Udp, knobs)).collect(),
         SimLink::UdpDeadline => (args.udp_deadline_ms.iter())
@@ -206,7 +207,7 @@ fn capture(scenario: &Scenario, folder: &Path) -> Result<Box<dyn Write + Send>, 
     let network = network.name.replace(['/', '\\'], "-");
     let repair = knobs.repair_percent;
     let mode = match link {
-        Transport::Tcp | Transport::Quic => String::new(),
+        Transport::Tcp | Transport::Ws | Transport::Quic => String::new(),
         Transport::Udp => format!("-r{repair}"),
         Transport::UdpDeadline => format!("-{}ms-r{repair}", knobs.deadline.as_secs_f64() * 1e3),
     };

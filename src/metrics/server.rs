@@ -1,6 +1,6 @@
 //! The page that a monitoring system reads.
 
-use std::{collections::VecDeque, convert::Infallible, io, net::SocketAddr, sync::Arc, time::Duration};
+use std::{convert::Infallible, io, net::SocketAddr, sync::Arc, time::Duration};
 
 use http_body_util::Full;
 use hyper::{
@@ -12,28 +12,21 @@ use hyper::{
 };
 use hyper_util::rt::TokioIo;
 use thiserror::Error;
-use tokio::{
-    io::{AsyncRead, AsyncWrite},
-    net::TcpListener,
-    runtime::Handle,
-    task::{JoinHandle, JoinSet},
-};
-use trimaran_transport::{Net, TokioNet, sleep_until, until};
+use tokio::{io::join, runtime::Handle, task::JoinHandle};
+use trimaran_net::{BoxFuture, Stream};
+use trimaran_transport::{Net, TcpOptions, TokioNet, until};
 
 use super::LinkMetrics;
+use crate::http;
 
 /// The type that Prometheus asks for.
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// How many readers are served at once. One more takes the place of whoever came first: it has had time to
-/// ask, and who asks in earnest is not kept out by those who say nothing.
+/// How many readers are served at once.
 const READERS: usize = 64;
 
 /// How long a reader may take to ask and to take the answer. There is one answer to a connection.
 const READING: Duration = Duration::from_secs(10);
-
-/// The pause after the system could not accept, for instance for want of file descriptors.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// Why the metrics cannot be shown.
 #[derive(Debug, Error)]
@@ -73,19 +66,12 @@ impl LinkMetrics {
     /// # Errors
     /// When nobody can listen there.
     pub fn serve(self, address: SocketAddr, runtime: &Handle) -> Result<Serving, MetricsError> {
-        let failed = |cause| MetricsError { address, cause };
-        let listener = std::net::TcpListener::bind(address).map_err(failed)?;
-        listener.set_nonblocking(true).map_err(failed)?;
-        let within = runtime.enter();
-        let listener = TcpListener::from_std(listener).map_err(failed)?;
-        drop(within);
-        let address = listener.local_addr().map_err(failed)?;
-        let (net, listener) = (TokioNet::new(runtime.clone()), Arc::new(listener));
-        let accept = move || {
-            let listener = Arc::clone(&listener);
-            async move { listener.accept().await.map(|(stream, _)| stream) }
-        };
-        Ok(Serving { address, task: runtime.spawn(show(self, net, accept)) })
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
+        let (listener, address) = (net.listen_tcp(address, TcpOptions::default()))
+            .map_err(|cause| MetricsError { address, cause })?;
+        let clock = Arc::clone(&net);
+        let each = move |stream| answer(self.clone(), Arc::clone(&clock), stream);
+        Ok(Serving { address, task: runtime.spawn(http::serve(net, listener, READERS, each)) })
     }
 
     fn answer(&self, request: &Request<Incoming>) -> Response<Full<Bytes>> {
@@ -111,47 +97,18 @@ impl LinkMetrics {
     }
 }
 
-/// Serves whoever `accept` gives, for ever.
-async fn show<S, F>(metrics: LinkMetrics, net: TokioNet, accept: impl Fn() -> F)
-where
-    S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
-    F: Future<Output = io::Result<S>>,
-{
-    let (mut readers, mut places, mut failing) = (JoinSet::new(), VecDeque::new(), false);
-    loop {
-        match accept().await {
-            Ok(stream) => {
-                failing = false;
-                while readers.try_join_next().is_some() {}
-                places.retain(|reader: &tokio::task::AbortHandle| !reader.is_finished());
-                if places.len() >= READERS
-                    && let Some(first) = places.pop_front()
-                {
-                    first.abort();
-                }
-                places.push_back(readers.spawn(serve(metrics.clone(), net.clone(), stream)));
-            }
-            Err(e) => {
-                if !failing {
-                    let error = &e as &dyn std::error::Error;
-                    tracing::warn!(error, "could not accept a reader of the metrics; trying again");
-                }
-                failing = true;
-                sleep_until(&net, net.now().after(ACCEPT_PAUSE)).await;
-            }
-        }
-    }
-}
-
 /// Answers one question, if it comes in time.
-async fn serve(metrics: LinkMetrics, net: TokioNet, stream: impl AsyncRead + AsyncWrite + Unpin) {
-    let answer = service_fn(|request| {
-        let response = metrics.answer(&request);
-        async move { Ok::<_, Infallible>(response) }
-    });
-    let reading = http1::Builder::new().keep_alive(false).serve_connection(TokioIo::new(stream), answer);
-    // A reader that goes away, or that takes too long, is not worth a word.
-    let _read = until(&net, net.now().after(READING), reading).await;
+fn answer(metrics: LinkMetrics, net: Arc<dyn Net>, stream: Stream) -> BoxFuture<'static, ()> {
+    Box::pin(async move {
+        let answer = service_fn(|request| {
+            let response = metrics.answer(&request);
+            async move { Ok::<_, Infallible>(response) }
+        });
+        let stream = TokioIo::new(join(stream.reader, stream.writer));
+        let reading = http1::Builder::new().keep_alive(false).serve_connection(stream, answer);
+        // A reader that goes away, or that takes too long, is not worth a word.
+        let _read = until(&*net, net.now().after(READING), reading).await;
+    })
 }
 
 fn plain(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {
@@ -162,34 +119,26 @@ fn plain(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {
 
 #[cfg(test)]
 mod tests {
-    use std::cell::Cell;
-
     use tokio::{
-        io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex},
-        sync::{Mutex, mpsc},
+        io::{AsyncReadExt, AsyncWriteExt, DuplexStream},
+        sync::mpsc,
+        task::JoinSet,
     };
 
     use super::*;
+    use crate::http::tests::{Guests, guest};
 
     const QUESTION: &[u8] = b"GET /metrics HTTP/1.1\r\nhost: here\r\n\r\n";
 
     /// Guests that come one after the other, and the server that takes them.
     fn serving() -> (mpsc::UnboundedSender<DuplexStream>, JoinSet<()>) {
         let (come, guests) = mpsc::unbounded_channel();
-        let guests = Arc::new(Mutex::new(guests));
-        let accept = move || {
-            let guests = Arc::clone(&guests);
-            async move { guests.lock().await.recv().await.ok_or_else(|| io::ErrorKind::BrokenPipe.into()) }
-        };
+        let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+        let clock = Arc::clone(&net);
+        let each = move |stream| answer(LinkMetrics::default(), Arc::clone(&clock), stream);
         let mut server = JoinSet::new();
-        server.spawn(show(LinkMetrics::default(), TokioNet::current().unwrap(), accept));
+        server.spawn(http::serve(net, Box::new(Guests(guests)), READERS, each));
         (come, server)
-    }
-
-    fn guest(come: &mpsc::UnboundedSender<DuplexStream>) -> DuplexStream {
-        let (here, there) = duplex(64 << 10);
-        come.send(there).unwrap();
-        here
     }
 
     async fn answered(mut guest: DuplexStream) -> String {
@@ -197,28 +146,6 @@ mod tests {
         let mut answer = String::new();
         guest.read_to_string(&mut answer).await.unwrap();
         answer
-    }
-
-    /// Not even virtual time passes before the answer.
-    #[tokio::test(start_paused = true)]
-    async fn a_hundred_silent_readers_keep_nobody_waiting() {
-        let net = TokioNet::current().unwrap();
-        let (come, _server) = serving();
-        let (before, mut silent) = (net.now(), Vec::new());
-        for _ in 0..100 {
-            silent.push(guest(&come));
-            tokio::task::yield_now().await;
-        }
-        let answer = answered(guest(&come)).await;
-        assert!(answer.starts_with("HTTP/1.1 200 OK") && answer.contains("# EOF"), "{answer}");
-        assert_eq!(net.now(), before, "it was served at once");
-        // No more are held than there are places: those who came first have lost theirs.
-        let mut ended = 0;
-        for guest in &mut silent {
-            let end = until(&net, net.now(), guest.read_u8()).await;
-            ended += usize::from(end.is_some());
-        }
-        assert_eq!(ended, 100 + 1 - READERS);
     }
 
     #[tokio::test(start_paused = true)]
@@ -240,33 +167,8 @@ mod tests {
         let (come, _server) = serving();
         let began = net.now();
         let answer = answered(guest(&come)).await;
+        assert!(answer.starts_with("HTTP/1.1 200 OK") && answer.contains("# EOF"), "{answer}");
         assert!(answer.contains("connection: close"), "{answer}");
         assert_eq!(net.now(), began, "the reader waited for the end of it");
-    }
-
-    /// As without file descriptors.
-    #[tokio::test(start_paused = true)]
-    async fn a_system_that_cannot_accept_is_asked_again_after_a_pause_and_not_at_once() {
-        const FAILURES: usize = 30;
-        let net = TokioNet::current().unwrap();
-        let (asked, began) = (Cell::new(0), net.now());
-        let (here, there) = duplex(64 << 10);
-        let there = Cell::new(Some(there));
-        let accept = || async {
-            asked.set(asked.get() + 1);
-            if asked.get() <= FAILURES {
-                return Err(io::Error::from_raw_os_error(24));
-            }
-            match there.take() {
-                Some(guest) => Ok(guest),
-                None => std::future::pending().await,
-            }
-        };
-        let answer = tokio::select! {
-            answer = answered(here) => answer,
-            () = show(LinkMetrics::default(), net.clone(), accept) => panic!("it shows for ever"),
-        };
-        assert!(answer.starts_with("HTTP/1.1 200 OK"), "{answer}");
-        assert_eq!(net.now().since(began), ACCEPT_PAUSE * FAILURES as u32);
     }
 }

@@ -85,6 +85,8 @@ impl Default for Knobs {
 pub enum Transport {
     /// TCP, as in the paper: a connection for each lane.
     Tcp,
+    /// The same in WebSockets, as pages in browsers open them.
+    Ws,
     /// A QUIC connection a link.
     Quic,
     /// The project's own connection over datagrams: every frame arrives whole.
@@ -99,6 +101,7 @@ impl Transport {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Tcp => "tcp",
+            Self::Ws => "ws",
             Self::Quic => "quic",
             Self::Udp => "udp",
             Self::UdpDeadline => "udp-deadline",
@@ -109,6 +112,7 @@ impl Transport {
     pub(super) fn endpoint(self, address: &str) -> String {
         match self {
             Self::Tcp => format!("tcp://{address}"),
+            Self::Ws => format!("ws://{address}"),
             Self::Quic => format!("quic://{address}"),
             Self::Udp => format!("udp://{address}"),
             Self::UdpDeadline => format!("udp://{address}?mode=deadline"),

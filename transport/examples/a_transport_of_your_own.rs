@@ -1,47 +1,75 @@
-//! A transport from outside the crate: WebSocket (RFC 6455), which passes proxies, and which a page in a
-//! browser speaks.
+//! A transport from outside the crate: TLS (RFC 8446) over TCP, by rustls.
 //!
 //! ```sh
 //! cargo run -p trimaran-transport --features conformance --example a_transport_of_your_own
 //! ```
 //!
-//! A link has four byte streams, so it has four WebSockets. Bytes travel as binary messages, of any size: where
-//! one ends means nothing.
+//! A link has four byte streams, so it has four TLS connections.
 
 use std::io;
-use std::iter;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
 
-use futures_util::{SinkExt, StreamExt, TryStreamExt, future, stream};
-use tokio::io::{AsyncRead, AsyncWrite, join};
-use tokio::sync::{Semaphore, mpsc};
-use tokio_tungstenite::tungstenite::error::ProtocolError;
-use tokio_tungstenite::tungstenite::{self, Bytes, Message};
-use tokio_tungstenite::{WebSocketStream, accept_async, client_async};
-use tokio_util::io::{CopyToBytes, SinkWriter, StreamReader};
-use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer, TcpOptions, sleep_until, until};
+use futures_util::{StreamExt, future};
+use tokio::io::{AsyncRead, AsyncWrite, join, split};
+use tokio_rustls::rustls::crypto::ring::default_provider;
+use tokio_rustls::rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer, ServerName};
+use tokio_rustls::rustls::{ClientConfig, RootCertStore, ServerConfig};
+use tokio_rustls::{TlsAcceptor, TlsConnector};
+use tokio_util::io::{ReaderStream, StreamReader};
+use trimaran_net::{BoxFuture, Stream, StreamPeer, TcpOptions};
 use trimaran_transport::conformance::{ARM, PANEL, Robot, finished, greeting, points, pose, receive, start};
-use trimaran_transport::{AttemptError, Endpoint, ListenFault, Listening, Net, Options, TokioNet, Transport};
+use trimaran_transport::{
+    AttemptError, Endpoint, ListenFault, Listening, Net, Options, TokioNet, Transport, Upgrade,
+};
 
 type Listener = trimaran_transport::Listener<Robot>;
 
-/// How many clients may be in the midst of the WebSocket handshake, and how long each may take.
-const HANDSHAKES: usize = 64;
-const HANDSHAKE: Duration = Duration::from_secs(5);
-/// The most bytes of one message: the other end refuses messages of more than 16 MiB.
-const MESSAGE: usize = 64 * 1024;
-/// The pause after the system could not accept, for instance for want of file descriptors.
-const PAUSE: Duration = Duration::from_millis(100);
+/// TLS connections: endpoints are written `tls://host:port`.
+struct Tls {
+    tcp: TcpOptions,
+    listener: TlsAcceptor,
+    connector: TlsConnector,
+    /// The name in the listener's certificate.
+    name: ServerName<'static>,
+}
 
-/// WebSockets over TCP: endpoints are written `ws://host:port/path`.
-#[derive(Debug, Default)]
-struct WebSockets(TcpOptions);
+impl std::fmt::Debug for Tls {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Tls").field("name", &self.name).finish_non_exhaustive()
+    }
+}
 
-impl Transport for WebSockets {
+impl Tls {
+    /// For a listener that has `certificate` and its `key`, and for those who trust nobody else.
+    fn new(
+        certificate: CertificateDer<'static>,
+        key: PrivatePkcs8KeyDer<'static>,
+        name: ServerName<'static>,
+    ) -> Result<Self, Box<dyn std::error::Error>> {
+        let mut trusted = RootCertStore::empty();
+        trusted.add(certificate.clone())?;
+        let provider = Arc::new(default_provider());
+        let client = ClientConfig::builder_with_provider(Arc::clone(&provider))
+            .with_safe_default_protocol_versions()?
+            .with_root_certificates(trusted)
+            .with_no_client_auth();
+        let server = ServerConfig::builder_with_provider(provider)
+            .with_safe_default_protocol_versions()?
+            .with_no_client_auth()
+            .with_single_cert(vec![certificate], key.into())?;
+        let (listener, connector) = (Arc::new(server).into(), Arc::new(client).into());
+        Ok(Self { tcp: TcpOptions::default(), listener, connector, name })
+    }
+}
+
+impl Transport for Tls {
     fn scheme(&self) -> &'static str {
-        "ws"
+        "tls"
+    }
+
+    fn is_encrypted(&self) -> bool {
+        true
     }
 
     fn connect<'a>(
@@ -56,11 +84,9 @@ impl Transport for WebSockets {
                 Some(StreamPeer::Tcp(to)) => to,
                 _ => resolve(net, address).await.map_err(AttemptError::Resolve)?,
             };
-            let Stream { reader, writer, peer } = net.connect_tcp(to, self.0).await.map_err(failed)?;
-            let url = format!("ws://{address}");
-            let (socket, _answer) =
-                client_async(url, join(reader, writer)).await.map_err(|e| failed(io_error(e)))?;
-            Ok(bytes_of(socket, peer))
+            let Stream { reader, writer, peer } = net.connect_tcp(to, self.tcp).await.map_err(failed)?;
+            let encrypted = self.connector.connect(self.name.clone(), join(reader, writer)).await;
+            Ok(bytes_of(encrypted.map_err(failed)?, peer))
         })
     }
 
@@ -71,112 +97,53 @@ impl Transport for WebSockets {
     ) -> BoxFuture<'a, Result<Listening, ListenFault>> {
         Box::pin(async move {
             let at = resolve(net, address).await.map_err(ListenFault::Address)?;
-            let (tcp, at) = net.listen_tcp(at, self.0)?;
-            let (sender, ready) = mpsc::channel(HANDSHAKES);
-            net.spawn(Box::pin(accept(Arc::clone(net), tcp, sender)));
-            let path = address.split_once('/').map_or("", |(_, path)| path);
-            Ok(Listening { socket: Box::new(Accepted(ready)), address: format!("{at}/{path}") })
+            let (socket, at) = net.listen_tcp(at, self.tcp)?;
+            Ok(Listening { socket, address: at.to_string() })
         })
+    }
+
+    /// The listener's part of TLS's own handshake.
+    fn upgrade(&self) -> Option<&dyn Upgrade> {
+        Some(self)
     }
 }
 
-/// The first address of `host:port/path`.
+impl Upgrade for Tls {
+    fn upgrade(&self, Stream { reader, writer, peer }: Stream) -> BoxFuture<'_, io::Result<Stream>> {
+        Box::pin(async move { Ok(bytes_of(self.listener.accept(join(reader, writer)).await?, peer)) })
+    }
+}
+
+/// The first address of a host and port.
 async fn resolve(net: &Arc<dyn Net>, address: &str) -> io::Result<SocketAddr> {
-    let host = address.split_once('/').map_or(address, |(host, _)| host);
-    let addresses = net.resolve(host).await?;
+    let addresses = net.resolve(address).await?;
     addresses.first().copied().ok_or_else(|| io::ErrorKind::NotFound.into())
 }
 
-/// Clients whose WebSocket handshake is done.
-struct Accepted(mpsc::Receiver<Stream>);
-
-impl Listen for Accepted {
-    fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>> {
-        Box::pin(async { self.0.recv().await.ok_or_else(|| io::ErrorKind::BrokenPipe.into()) })
-    }
+fn bytes_of<S: AsyncRead + AsyncWrite + Send + 'static>(encrypted: S, peer: StreamPeer) -> Stream {
+    let (reader, writer) = split(encrypted);
+    // Links have a goodbye of their own: without that of TLS the stream of bytes ends all the same.
+    let ends = |read: &io::Result<_>| matches!(read, Err(e) if e.kind() == io::ErrorKind::UnexpectedEof);
+    let bytes = ReaderStream::new(reader).take_while(move |read| future::ready(!ends(read)));
+    Stream { reader: Box::new(StreamReader::new(bytes)), writer: Box::new(writer), peer }
 }
 
-/// Shakes hands with each client beside the others, until nobody takes them any more: one that is slow holds
-/// up nobody.
-async fn accept(net: Arc<dyn Net>, mut tcp: Box<dyn Listen>, ready: mpsc::Sender<Stream>) {
-    let room = Arc::new(Semaphore::new(HANDSHAKES));
-    loop {
-        let Ok(slot) = Arc::clone(&room).acquire_owned().await else { return };
-        let accepted = tokio::select! {
-            () = ready.closed() => return,
-            accepted = tcp.accept() => accepted,
-        };
-        let Ok(Stream { reader, writer, peer }) = accepted else {
-            sleep_until(&*net, net.now().after(PAUSE)).await;
-            continue;
-        };
-        let (clock, ready) = (Arc::clone(&net), ready.clone());
-        net.spawn(Box::pin(async move {
-            let shaken =
-                until(&*clock, clock.now().after(HANDSHAKE), accept_async(join(reader, writer))).await;
-            if let Some(Ok(socket)) = shaken {
-                let _nobody_left = ready.send(bytes_of(socket, peer)).await;
-            }
-            drop(slot);
-        }));
-    }
-}
-
-/// A WebSocket as a stream of bytes.
-fn bytes_of<S>(socket: WebSocketStream<S>, peer: StreamPeer) -> Stream
-where
-    S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
-{
-    let (sink, stream) = socket.split();
-    // Who is gone without a word may not have closed the WebSocket: the stream of bytes ends either way.
-    let messages = stream.scan((), |(), message| {
-        future::ready(match message {
-            Err(tungstenite::Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => None,
-            message => Some(message.map_err(io_error)),
-        })
-    });
-    // Pings and pongs are tungstenite's business.
-    let bytes = messages.try_filter_map(|message| {
-        future::ready(match message {
-            Message::Binary(bytes) => Ok(Some(bytes)),
-            Message::Text(_) => {
-                Err(io::Error::new(io::ErrorKind::InvalidData, "text came, which is no byte"))
-            }
-            _ => Ok(None),
-        })
-    });
-    let sink = sink.sink_map_err(io_error).with_flat_map(|mut bytes: Bytes| {
-        let pieces = iter::from_fn(move || {
-            let piece = bytes.split_to(bytes.len().min(MESSAGE));
-            (!piece.is_empty()).then(|| Ok(Message::Binary(piece)))
-        });
-        stream::iter(pieces)
-    });
-    Stream {
-        reader: Box::new(StreamReader::new(bytes)),
-        writer: Box::new(SinkWriter::new(CopyToBytes::new(sink))),
-        peer,
-    }
-}
-
-fn io_error(error: tungstenite::Error) -> io::Error {
-    match error {
-        tungstenite::Error::Io(error) => error,
-        tungstenite::Error::ConnectionClosed | tungstenite::Error::AlreadyClosed => {
-            io::ErrorKind::BrokenPipe.into()
-        }
-        other => io::Error::other(other),
-    }
+/// Options of robots who know a certificate that is made for now.
+fn options() -> Result<Options, Box<dyn std::error::Error>> {
+    let made = rcgen::generate_simple_self_signed(["robot".to_owned()])?;
+    let key = made.signing_key.serialize_der().into();
+    let tls = Tls::new(made.cert.into(), key, "robot".try_into()?)?;
+    Ok(Options { transports: vec![Arc::new(tls)], ..Options::default() })
 }
 
 /// Everything else is as over any transport.
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
-    let options = Options { transports: vec![Arc::new(WebSockets::default())], ..Options::default() };
-    let soon = net.now().after(Duration::from_secs(5));
+    let options = options()?;
+    let soon = net.now().after(std::time::Duration::from_secs(5));
 
-    let at = Endpoint::other("ws", "127.0.0.1:0/robot");
+    let at = Endpoint::other("tls", "127.0.0.1:0");
     let mut listener = Listener::bind(&net, &at, greeting(ARM), &options).await?;
     let at = listener.local_endpoint().clone();
     let (arm, panel) = tokio::join!(
@@ -206,10 +173,9 @@ mod tests {
 
     const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
 
-    fn web_sockets() -> Joined {
-        let options = Options { transports: vec![Arc::new(WebSockets::default())], ..Options::default() };
-        Joined::over(Endpoint::other("ws", "127.0.0.1:0/robot"), options, OVERHEAD)
+    fn tls() -> Joined {
+        Joined::over(Endpoint::other("tls", "127.0.0.1:0"), options().unwrap(), OVERHEAD)
     }
 
-    trimaran_transport::conformance!(web_sockets());
+    trimaran_transport::conformance!(tls());
 }

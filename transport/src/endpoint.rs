@@ -3,6 +3,7 @@
 mod host;
 mod local;
 mod udp;
+mod ws;
 
 use std::fmt;
 use std::str::FromStr;
@@ -14,9 +15,12 @@ pub use host::{Host, HostName, HostPort};
 use local::{LONGEST_NAME, LONGEST_PATH};
 pub use local::{Name, SocketPath};
 pub use udp::{UdpEndpoint, UdpMode};
+use ws::LONGEST_PATH as LONGEST_WS_PATH;
+pub use ws::{WsEndpoint, WsPath};
 
-/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `unix:/path` or
-/// `inproc:name`. Behind the port of `udp` may follow `?mode=reliable` or `?mode=deadline`.
+/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `ws://host:port/path`,
+/// `unix:/path` or `inproc:name`. Behind the port of `udp` may follow `?mode=reliable` or `?mode=deadline`, and
+/// behind that of `ws` nothing.
 ///
 /// A host is a name, an IPv4 address, or an IPv6 address in brackets. Port 0 takes a free port when
 /// listening. [`fmt::Display`] gives back what parses to the same value.
@@ -30,6 +34,8 @@ pub enum Endpoint {
     Udp(UdpEndpoint),
     /// QUIC (RFC 9000).
     Quic(HostPort),
+    /// WebSockets (RFC 6455), as pages in browsers open them.
+    Ws(WsEndpoint),
     /// Unix stream sockets: peers on this machine.
     Unix(SocketPath),
     /// Peers in this process.
@@ -62,7 +68,8 @@ pub struct EndpointError {
 pub enum EndpointFault {
     /// No transport in front.
     #[error(
-        "it names no transport; give tcp://host:port, udp://host:port, quic://host:port, unix:/path or inproc:name"
+        "it names no transport; give tcp://host:port, udp://host:port, quic://host:port, ws://host:port/path, \
+         unix:/path or inproc:name"
     )]
     Scheme,
     /// No port behind.
@@ -77,6 +84,11 @@ pub enum EndpointFault {
     /// What follows the port.
     #[error("behind its port only ?mode=reliable or ?mode=deadline may follow, and that for udp only")]
     Query,
+    /// The path of a WebSocket's address.
+    #[error(
+        "behind the port of ws may follow / and a path of at most {LONGEST_WS_PATH} letters, digits and -._~!$&'()*+,;=:@%/?"
+    )]
+    WsPath,
     /// The path of a socket.
     #[error("a socket's path starts with / and has 2 to {LONGEST_PATH} bytes, none of them zero")]
     Path,
@@ -93,14 +105,15 @@ impl Endpoint {
         Self::Other(OtherEndpoint { scheme: scheme.to_owned(), address: address.to_owned() })
     }
 
-    /// The transport's name, which is the endpoint's scheme: `tcp`, `udp`, `quic`, `unix`, `inproc`, or that
-    /// of another transport.
+    /// The transport's name, which is the endpoint's scheme: `tcp`, `udp`, `quic`, `ws`, `unix`, `inproc`, or
+    /// that of another transport.
     #[must_use]
     pub fn transport(&self) -> &str {
         match self {
             Self::Tcp(_) => "tcp",
             Self::Udp(_) => "udp",
             Self::Quic(_) => "quic",
+            Self::Ws(_) => "ws",
             Self::Unix(_) => "unix",
             Self::Inproc(_) => "inproc",
             Self::Other(other) => &other.scheme,
@@ -112,6 +125,7 @@ impl Endpoint {
         match self {
             Self::Tcp(at) | Self::Quic(at) => at.to_string(),
             Self::Udp(at) => at.to_string(),
+            Self::Ws(at) => at.to_string(),
             Self::Unix(path) => path.to_string(),
             Self::Inproc(name) => name.to_string(),
             Self::Other(other) => other.address.clone(),
@@ -123,6 +137,7 @@ impl Endpoint {
         match self {
             Self::Tcp(_) => address.parse().map(Self::Tcp),
             Self::Quic(_) => address.parse().map(Self::Quic),
+            Self::Ws(_) => address.parse().map(Self::Ws),
             Self::Udp(at) => address.parse().map(|to| Self::Udp(UdpEndpoint { at: to, mode: at.mode })),
             Self::Unix(_) => address.parse().map(Self::Unix),
             Self::Inproc(_) => address.parse().map(Self::Inproc),
@@ -145,6 +160,7 @@ impl FromStr for Endpoint {
             Some(("tcp", rest)) => authority(rest).map(Self::Tcp),
             Some(("udp", rest)) => UdpEndpoint::behind_scheme(rest).map(Self::Udp),
             Some(("quic", rest)) => authority(rest).map(Self::Quic),
+            Some(("ws", rest)) => authority(rest).map(Self::Ws),
             Some(("unix", path)) => path.parse().map(Self::Unix),
             Some(("inproc", name)) => name.parse().map(Self::Inproc),
             _ => Err(EndpointFault::Scheme),
@@ -154,7 +170,7 @@ impl FromStr for Endpoint {
 }
 
 /// What follows the scheme of an address on a network.
-fn authority(rest: &str) -> Result<HostPort, EndpointFault> {
+fn authority<T: FromStr<Err = EndpointFault>>(rest: &str) -> Result<T, EndpointFault> {
     rest.strip_prefix("//").ok_or(EndpointFault::Scheme)?.parse()
 }
 
@@ -164,6 +180,7 @@ impl fmt::Display for Endpoint {
         match self {
             Self::Tcp(at) | Self::Quic(at) => write!(f, "{transport}://{at}"),
             Self::Udp(at) => write!(f, "{transport}://{at}"),
+            Self::Ws(at) => write!(f, "{transport}://{at}"),
             Self::Unix(path) => write!(f, "{transport}:{path}"),
             Self::Inproc(name) => write!(f, "{transport}:{name}"),
             Self::Other(OtherEndpoint { address, .. }) => write!(f, "{transport}://{address}"),
@@ -211,6 +228,8 @@ mod tests {
             "udp://localhost:7400?mode=reliable",
             "quic://[::1]:7400",
             "tcp://[2001:db8::7]:1",
+            "ws://localhost:80",
+            "ws://[::1]:8080/plant/link?token=a%20b",
             "unix:/run/trimaran/display.sock",
             "inproc:display",
         ] {
@@ -250,6 +269,10 @@ mod tests {
         ] {
             assert_eq!(fault(text), EndpointFault::Host, "{text:?}");
         }
+        for text in ["ws://a:1/a b", "ws://a:1/a#b", "ws://a:1?b", "ws://a:1/ü"] {
+            assert_eq!(fault(text), EndpointFault::WsPath, "{text:?}");
+        }
+        assert_eq!(fault("ws://a/b"), EndpointFault::NoPort);
         for text in ["unix:", "unix:/", "unix:a.sock", "unix:/a/", "unix:/a\0b"] {
             assert_eq!(fault(text), EndpointFault::Path, "{text:?}");
         }
@@ -268,6 +291,9 @@ mod tests {
         let name = |bytes| format!("inproc:{}", "a".repeat(bytes));
         assert!(name(LONGEST_NAME).parse::<Endpoint>().is_ok());
         assert_eq!(fault(&name(LONGEST_NAME + 1)), EndpointFault::Name);
+        let ws = |bytes: usize| format!("ws://a:1/{}", "a".repeat(bytes - 1));
+        assert!(ws(LONGEST_WS_PATH).parse::<Endpoint>().is_ok());
+        assert_eq!(fault(&ws(LONGEST_WS_PATH + 1)), EndpointFault::WsPath);
         let of_host = |bytes| format!("tcp://{}:1", "a".repeat(bytes));
         assert!(of_host(host::LONGEST).parse::<Endpoint>().is_ok());
         assert_eq!(fault(&of_host(host::LONGEST + 1)), EndpointFault::Host);
@@ -275,7 +301,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_is_read_is_written_the_same(text in "(tcp|udp|quic|unix|inproc):(//|/)?[a-z0-9:\\[\\]./_-]{0,20}(:[0-9]{1,5})?") {
+        fn whatever_is_read_is_written_the_same(text in "(tcp|udp|quic|ws|unix|inproc):(//|/)?[a-z0-9:\\[\\]./_-]{0,20}(:[0-9]{1,5})?") {
             if let Ok(endpoint) = text.parse::<Endpoint>() {
                 prop_assert_eq!(&endpoint.to_string().parse::<Endpoint>().unwrap(), &endpoint);
             }

@@ -58,7 +58,7 @@
 //! | `connect`, `listen`, `acceptor`, `handshake` | how links come about, and who is let in |
 //! | `application`, `peer` | the two sides of that, for the layers that know only bytes |
 //! | `endpoint`, `schemes` | which transport makes a link |
-//! | `stream`, `tcp`, `unix`, [`quic`], [`udp`], [`inproc`] | the transports, each with lanes of its own |
+//! | `stream`, `tcp`, `unix`, [`ws`], [`quic`], [`udp`], [`inproc`] | the transports, each with lanes of its own |
 //! | `transport`, `scheme`, `parts` | what a transport must do, and what it gives |
 //! | [`keys`] | the keys of peers |
 //! | `options`, `timeouts`, `rates`, `pending` | what can be set; limits in time and number |
@@ -105,12 +105,14 @@ mod transport;
 pub mod udp;
 #[cfg(feature = "unix")]
 mod unix;
+#[cfg(feature = "ws")]
+pub mod ws;
 
 pub use causes::causes;
 pub use connect::{ConnectError, connect, growing_pauses};
 pub use endpoint::{
     Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, OtherEndpoint, SocketPath,
-    UdpEndpoint, UdpMode,
+    UdpEndpoint, UdpMode, WsEndpoint, WsPath,
 };
 pub use endpoints::Endpoints;
 pub use error::{Loss, ProtocolError, RecvError, SendError};
@@ -127,7 +129,7 @@ pub use options::link::LinkConfig;
 pub use peer::{PeerAddress, PeerInfo, PeerName};
 pub use rates::{ListenerStats, TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
-pub use transport::{AttemptError, Capabilities, ListenFault, Listening, Transport};
+pub use transport::{AttemptError, Capabilities, ListenFault, Listening, Transport, Upgrade};
 pub use trimaran_net::{
     Credentials, Instant, Net, TcpOptions, TokioNet, UdpSocketOptions, UnixSocketOptions, sleep_until, until,
 };

@@ -22,6 +22,12 @@ pub(crate) fn scheme_of(endpoint: &Endpoint, options: &Options) -> io::Result<Bo
         Endpoint::Quic(at) => Box::new(crate::quic::Quic(at.clone())),
         #[cfg(feature = "udp")]
         Endpoint::Udp(at) => Box::new(crate::udp::Udp(at.clone())),
+        #[cfg(feature = "ws")]
+        Endpoint::Ws(at) => streams(Arc::new(crate::ws::WebSockets {
+            at: at.clone(),
+            tcp: options.tcp,
+            options: options.ws.clone(),
+        })),
         #[cfg(feature = "inproc")]
         Endpoint::Inproc(name) => Box::new(crate::inproc::Inproc(name.clone())),
         other => {

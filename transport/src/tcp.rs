@@ -16,27 +16,13 @@ impl Transport for Tcp {
         "tcp"
     }
 
-    /// Tries each address of a host until one answers.
     fn connect<'a>(
         &'a self,
         net: &'a Arc<dyn Net>,
         address: &'a str,
         beside: Option<StreamPeer>,
     ) -> BoxFuture<'a, Result<Stream, AttemptError>> {
-        Box::pin(async move {
-            let addresses = match beside {
-                Some(StreamPeer::Tcp(at)) => vec![at],
-                _ => net.resolve(address).await.map_err(AttemptError::Resolve)?,
-            };
-            let mut last = AttemptError::NoAddress;
-            for to in addresses {
-                match net.connect_tcp(to, self.0).await {
-                    Ok(stream) => return Ok(stream),
-                    Err(cause) => last = AttemptError::Connect { address: to.to_string(), cause },
-                }
-            }
-            Err(last)
-        })
+        Box::pin(open(net, self.0, address, beside))
     }
 
     fn listen<'a>(
@@ -50,4 +36,25 @@ impl Transport for Tcp {
             Ok(Listening { socket, address: address.to_string() })
         })
     }
+}
+
+/// Opens a connection to `host:port`: tries each address of a host until one answers, or that of `beside`.
+pub(crate) async fn open(
+    net: &Arc<dyn Net>,
+    options: TcpOptions,
+    address: &str,
+    beside: Option<StreamPeer>,
+) -> Result<Stream, AttemptError> {
+    let addresses = match beside {
+        Some(StreamPeer::Tcp(at)) => vec![at],
+        _ => net.resolve(address).await.map_err(AttemptError::Resolve)?,
+    };
+    let mut last = AttemptError::NoAddress;
+    for to in addresses {
+        match net.connect_tcp(to, options).await {
+            Ok(stream) => return Ok(stream),
+            Err(cause) => last = AttemptError::Connect { address: to.to_string(), cause },
+        }
+    }
+    Err(last)
 }

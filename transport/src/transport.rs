@@ -15,7 +15,7 @@ use crate::handshake::HandshakeError;
 ///
 /// What loses or reorders packets, as datagrams do, has lanes of its own inside this crate.
 pub trait Transport: fmt::Debug + Send + Sync {
-    /// The transport's name in endpoints: `ws` of `ws://host:80`, say. Letters, digits, `+`, `-` and `.`.
+    /// The transport's name in endpoints: `tls` of `tls://host:443`, say. Letters, digits, `+`, `-` and `.`.
     fn scheme(&self) -> &'static str;
 
     /// Whether nobody on the way can read or change what travels.
@@ -54,6 +54,13 @@ pub trait Transport: fmt::Debug + Send + Sync {
         address: &'a str,
     ) -> BoxFuture<'a, Result<Listening, ListenFault>>;
 
+    /// What whoever connects and whoever listens say to each other before the bytes of a link begin, such as
+    /// an HTTP upgrade: the part of the end that listens. The other part belongs to [`Transport::connect`].
+    /// Default nothing.
+    fn upgrade(&self) -> Option<&dyn Upgrade> {
+        None
+    }
+
     /// Whether this peer may come at all, as the transport knows it: asked before a handshake begins, at both
     /// ends.
     ///
@@ -62,6 +69,16 @@ pub trait Transport: fmt::Debug + Send + Sync {
     fn admit(&self, _peer: StreamPeer) -> io::Result<()> {
         Ok(())
     }
+}
+
+/// What comes before the bytes of a link, at the end that listens.
+pub trait Upgrade: Send + Sync {
+    /// Does it on a stream that was accepted. It is part of the link's handshake, whose limits in time and
+    /// number hold: where they are passed, the future is dropped, and the stream with it.
+    ///
+    /// # Errors
+    /// When it fails, or the peer is not to be let in.
+    fn upgrade(&self, stream: Stream) -> BoxFuture<'_, io::Result<Stream>>;
 }
 
 /// Transports are the same if their schemes are.

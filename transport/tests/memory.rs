@@ -1,6 +1,6 @@
 //! What strangers and peers make this side hold: no more than was configured. Alone in its program, whose
 //! allocator counts.
-#![cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix"))]
+#![cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix", feature = "ws"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;
@@ -28,7 +28,8 @@ static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 const KIB: usize = 1 << 10;
 /// QUIC last: its connections are remembered for a while, and what is given back meanwhile would hide what
 /// another takes.
-const ENDPOINTS: [&str; 4] = ["tcp://127.0.0.1:0", "unix:", "udp://127.0.0.1:0", "quic://127.0.0.1:0"];
+const ENDPOINTS: [&str; 5] =
+    ["tcp://127.0.0.1:0", "unix:", "ws://127.0.0.1:0", "udp://127.0.0.1:0", "quic://127.0.0.1:0"];
 
 /// Only one test at a time counts.
 static ALONE: Mutex<()> = Mutex::const_new(());
@@ -58,6 +59,8 @@ async fn a_moment() {
 enum Stranger {
     Tcp(TcpStream),
     Unix(UnixStream),
+    /// With a WebSocket, or the wish for one.
+    Ws(TcpStream),
     /// With a first packet as genuine as a stranger's can be: its keys are nobody's.
     Datagrams {
         socket: UdpSocket,
@@ -71,6 +74,13 @@ impl Stranger {
         match endpoint {
             Endpoint::Tcp(at) => Self::Tcp(TcpStream::connect(at.to_string()).await.unwrap()),
             Endpoint::Unix(path) => Self::Unix(UnixStream::connect(path.as_path()).await.unwrap()),
+            Endpoint::Ws(at) => {
+                let stream = TcpStream::connect(at.at.to_string()).await.unwrap();
+                let wish = "GET / HTTP/1.1\r\nHost: here\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+                            Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+                drop(stream.try_write(wish.as_bytes()));
+                Self::Ws(stream)
+            }
             Endpoint::Quic(at) => Self::of_datagrams("quic", at.to_string(), options).await,
             Endpoint::Udp(at) => Self::of_datagrams("udp", at.at.to_string(), options).await,
             other => panic!("{other}"),
@@ -96,6 +106,7 @@ impl Stranger {
         match self {
             Self::Tcp(stream) => drop(stream.write_all(&greedy[..]).await),
             Self::Unix(stream) => drop(stream.try_write(&greedy)),
+            Self::Ws(stream) => drop(stream.write_all(&in_a_web_socket(&greedy)).await),
             Self::Datagrams { socket, to, first } => drop(socket.send_to(first, &*to).await.unwrap()),
         }
     }
@@ -107,9 +118,19 @@ impl Stranger {
         match self {
             Self::Tcp(stream) => drop(stream.try_write(&hello)),
             Self::Unix(stream) => drop(stream.try_write(&hello)),
+            Self::Ws(stream) => drop(stream.try_write(&in_a_web_socket(&hello))),
             Self::Datagrams { .. } => self.speak().await,
         }
     }
+}
+
+/// Bytes as binary messages of at most 64 KiB, masked with zeros (RFC 6455, section 5.2).
+fn in_a_web_socket(bytes: &[u8]) -> Vec<u8> {
+    let message = |part: &[u8]| {
+        let header = [&[0x82, 0xff][..], &(part.len() as u64).to_be_bytes(), &[0; 4]].concat();
+        [&header, part].concat()
+    };
+    bytes.chunks(64 * KIB).flat_map(message).collect()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -133,7 +154,7 @@ async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
         let keys = Keys::generate("nobody".parse().unwrap()).unwrap();
         let peers = meeting.panel.security.clone().unwrap().peers;
         let unknown = Options { security: Some(Security { keys, peers }), ..options.clone() };
-        let is_stream = matches!(meeting.at, Endpoint::Tcp(_) | Endpoint::Unix(_));
+        let is_stream = matches!(meeting.at, Endpoint::Tcp(_) | Endpoint::Unix(_) | Endpoint::Ws(_));
         let mut strangers = Vec::new();
         if !is_stream {
             for _ in 0..64 {
@@ -172,7 +193,9 @@ async fn a_peer_that_is_not_read_fills_the_windows_and_no_more() {
         udp: UdpOptions { window: WINDOW as u32, send_buffer: WINDOW, ..UdpOptions::default() },
         ..Options::default()
     };
-    for (endpoint, most) in ENDPOINTS.into_iter().zip([512 * KIB, 512 * KIB, 4 * WINDOW, 4 * WINDOW]) {
+    for (endpoint, most) in
+        ENDPOINTS.into_iter().zip([512 * KIB, 512 * KIB, 512 * KIB, 4 * WINDOW, 4 * WINDOW])
+    {
         let mut meeting = Meeting::at(endpoint, &options).await;
         let (there, mut here) = joined(&mut meeting).await;
         let points = points(16_384);

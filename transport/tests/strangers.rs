@@ -57,6 +57,7 @@ async fn say(endpoint: &Endpoint, bytes: &[u8]) {
     // Whoever is turned away cannot always be said more to.
     let _said = match endpoint {
         Endpoint::Tcp(at) => TcpStream::connect(at.to_string()).await.unwrap().write_all(bytes).await,
+        Endpoint::Ws(at) => TcpStream::connect(at.at.to_string()).await.unwrap().write_all(bytes).await,
         Endpoint::Unix(path) => UnixStream::connect(path.as_path()).await.unwrap().write_all(bytes).await,
         Endpoint::Quic(at) => datagram(&at.to_string(), bytes).await,
         Endpoint::Udp(at) => datagram(&at.at.to_string(), bytes).await,

@@ -13,6 +13,8 @@ pub(crate) enum SimLink {
     /// TCP, as in the paper: a connection for each lane. The TCP is a model of Linux's with CUBIC; with BBR
     /// long paths take longer.
     Tcp,
+    /// The same in WebSockets, as pages in browsers open them.
+    Ws,
     /// A QUIC connection a link.
     Quic,
     /// The project's own connection over datagrams: every frame arrives whole.

@@ -22,6 +22,8 @@ pub(crate) enum LinkKind {
     Unix,
     /// The same over TCP on its loopback.
     Tcp,
+    /// The same over WebSockets, which pages in browsers open.
+    Ws,
     /// The same over QUIC, with keys made for the session.
     Quic,
     /// The same over the project's own datagrams, with keys made for the session.

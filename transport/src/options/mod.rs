@@ -18,6 +18,8 @@ use crate::keys::Security;
 use crate::quic::QuicOptions;
 #[cfg(feature = "udp")]
 use crate::udp::UdpOptions;
+#[cfg(feature = "ws")]
+use crate::ws::WsOptions;
 use crate::{TcpOptions, Transport};
 
 /// Options of links, whatever their transport.
@@ -45,6 +47,9 @@ pub struct Options {
     /// What holds for connections over datagrams.
     #[cfg(feature = "udp")]
     pub udp: UdpOptions,
+    /// What holds for WebSockets.
+    #[cfg(feature = "ws")]
+    pub ws: WsOptions,
     /// Transports beside those of this crate, for endpoints of their schemes. Default none.
     #[cfg_attr(feature = "config", serde(skip))]
     pub transports: Vec<Arc<dyn Transport>>,

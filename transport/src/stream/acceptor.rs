@@ -104,12 +104,10 @@ impl Reception {
                     }
                     Err(e) => {
                         self.acceptor.failed(&self.address(stream.peer), e);
-                        turn_away(&mut Connection::new(
-                            stream,
-                            &*self.transport,
-                            self.acceptor.application.format(),
-                            &Counters::framed(),
-                        ));
+                        // Before an upgrade nothing can be said.
+                        if self.transport.upgrade().is_none() {
+                            turn_away(&mut self.connection(stream));
+                        }
                     }
                 },
                 Err(e) => {
@@ -118,6 +116,11 @@ impl Reception {
                 }
             }
         }
+    }
+
+    fn connection(&self, stream: Stream) -> Connection {
+        let format = self.acceptor.application.format();
+        Connection::new(stream, &*self.transport, format, &Counters::framed())
     }
 
     fn address(&self, peer: StreamPeer) -> PeerAddress {
@@ -154,12 +157,17 @@ impl Reception {
         slot: &mut Slot,
     ) -> Result<(), HandshakeError> {
         let net = &*self.acceptor.net;
-        let mut connection = Connection::new(
-            stream,
-            &*self.transport,
-            self.acceptor.application.format(),
-            &Counters::framed(),
-        );
+        let stream = match self.transport.upgrade() {
+            None => stream,
+            Some(upgrade) => tokio::select! {
+                biased;
+                upgraded = until(net, deadline, upgrade.upgrade(stream)) => {
+                    upgraded.ok_or(HandshakeError::TimedOut)?.map_err(HandshakeError::Io)?
+                }
+                () = slot.revoked() => return Err(HandshakeError::Refused(Refusal::Busy)),
+            },
+        };
+        let mut connection = self.connection(stream);
         let hello = tokio::select! {
             biased;
             hello = until(net, deadline, connection.recv_hello()) => hello.ok_or(HandshakeError::TimedOut)??,

@@ -11,6 +11,7 @@ macro_rules! over_every_transport {
     ($($case:ident),+ $(,)?) => {
         $crate::over_every_transport!(@ tcp "tcp://127.0.0.1:0" $($case)+);
         $crate::over_every_transport!(@ unix "unix:" $($case)+);
+        $crate::over_every_transport!(@ ws "ws://127.0.0.1:0/robot" $($case)+);
         $crate::over_every_transport!(@ quic "quic://127.0.0.1:0" $($case)+);
         $crate::over_every_transport!(@ udp "udp://127.0.0.1:0" $($case)+);
     };

@@ -1,0 +1,72 @@
+//! A WebSocket as a stream of bytes. They travel as binary messages, of any size up to a limit: where one ends
+//! means nothing.
+
+use std::io;
+use std::iter;
+
+use ::bytes::Bytes;
+use futures_util::{SinkExt, StreamExt, TryStreamExt, future, stream};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio_tungstenite::WebSocketStream;
+use tokio_tungstenite::tungstenite::error::ProtocolError;
+use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
+use tokio_tungstenite::tungstenite::{Error, Message};
+use tokio_util::io::{CopyToBytes, SinkWriter, StreamReader};
+use trimaran_net::{Stream, StreamPeer};
+
+/// The most bytes of one message, either way.
+const MESSAGE: usize = 64 * 1024;
+/// What is read at once.
+const READ: usize = 16 * 1024;
+
+/// What this side takes: a peer cannot make it hold more than one message.
+pub(super) fn config() -> WebSocketConfig {
+    WebSocketConfig::default()
+        .read_buffer_size(READ)
+        .write_buffer_size(MESSAGE)
+        .max_message_size(Some(MESSAGE))
+        .max_frame_size(Some(MESSAGE))
+}
+
+/// The bytes of a WebSocket.
+pub(super) fn of<S>(socket: WebSocketStream<S>, peer: StreamPeer) -> Stream
+where
+    S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
+{
+    let (sink, stream) = socket.split();
+    // Who is gone without a word may not have closed the WebSocket: the stream of bytes ends either way.
+    let messages = stream.scan((), |(), message| {
+        future::ready(match message {
+            Err(Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => None,
+            message => Some(message.map_err(io_error)),
+        })
+    });
+    // Pings and pongs are tungstenite's business.
+    let bytes = messages.try_filter_map(|message| {
+        future::ready(match message {
+            Message::Binary(bytes) => Ok(Some(bytes)),
+            Message::Text(_) => Err(io::Error::new(io::ErrorKind::InvalidData, "a message of text came")),
+            _ => Ok(None),
+        })
+    });
+    let sink = sink.sink_map_err(io_error).with_flat_map(|mut bytes: Bytes| {
+        let pieces = iter::from_fn(move || {
+            let piece = bytes.split_to(bytes.len().min(MESSAGE));
+            (!piece.is_empty()).then(|| Ok(Message::Binary(piece)))
+        });
+        stream::iter(pieces)
+    });
+    Stream {
+        reader: Box::new(StreamReader::new(bytes)),
+        writer: Box::new(SinkWriter::new(CopyToBytes::new(sink))),
+        peer,
+    }
+}
+
+pub(super) fn io_error(error: Error) -> io::Error {
+    match error {
+        Error::Io(error) => error,
+        Error::ConnectionClosed | Error::AlreadyClosed => io::ErrorKind::BrokenPipe.into(),
+        other => io::Error::other(other),
+    }
+}

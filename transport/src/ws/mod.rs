@@ -1,0 +1,129 @@
+//! Links over WebSockets (RFC 6455), which pass proxies and which pages in browsers open: one for each lane,
+//! as over TCP.
+
+mod bytes;
+mod options;
+mod origin;
+
+use std::io;
+use std::sync::Arc;
+
+use tokio::io::{AsyncRead, AsyncWrite, join};
+use tokio_tungstenite::tungstenite::handshake::server::{
+    ErrorResponse, Request, Response, create_response_with_body,
+};
+use tokio_tungstenite::tungstenite::http::{self, StatusCode};
+use tokio_tungstenite::tungstenite::protocol::Role;
+use tokio_tungstenite::{WebSocketStream, accept_hdr_async_with_config, client_async_with_config};
+use trimaran_net::{BoxFuture, Net, Stream, StreamPeer, TcpOptions};
+
+pub use options::WsOptions;
+pub use origin::{ForeignOrigin, Origin, OriginError};
+
+use crate::WsEndpoint;
+use crate::scheme::first_address;
+use crate::tcp;
+use crate::transport::{AttemptError, ListenFault, Listening, Transport, Upgrade};
+
+/// WebSockets over TCP.
+#[derive(Debug, Clone)]
+pub(crate) struct WebSockets {
+    pub(crate) at: WsEndpoint,
+    pub(crate) tcp: TcpOptions,
+    pub(crate) options: WsOptions,
+}
+
+impl Transport for WebSockets {
+    fn scheme(&self) -> &'static str {
+        "ws"
+    }
+
+    fn connect<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        address: &'a str,
+        beside: Option<StreamPeer>,
+    ) -> BoxFuture<'a, Result<Stream, AttemptError>> {
+        Box::pin(async move {
+            let failed = |e| AttemptError::Connect { address: address.to_owned(), cause: bytes::io_error(e) };
+            let Stream { reader, writer, peer } =
+                tcp::open(net, self.tcp, &self.at.at.to_string(), beside).await?;
+            let url = format!("ws://{}{}", self.at.at, self.at.path.as_str());
+            let (socket, _answer) =
+                client_async_with_config(url, join(reader, writer), Some(bytes::config()))
+                    .await
+                    .map_err(failed)?;
+            Ok(bytes::of(socket, peer))
+        })
+    }
+
+    fn listen<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        _address: &'a str,
+    ) -> BoxFuture<'a, Result<Listening, ListenFault>> {
+        Box::pin(async move {
+            let at = first_address(net, &self.at.at.to_string()).await?;
+            let (socket, at) = net.listen_tcp(at, self.tcp)?;
+            let at = WsEndpoint { at: at.into(), path: self.at.path.clone() };
+            Ok(Listening { socket, address: at.to_string() })
+        })
+    }
+
+    fn upgrade(&self) -> Option<&dyn Upgrade> {
+        Some(self)
+    }
+}
+
+impl Upgrade for WebSockets {
+    fn upgrade(&self, stream: Stream) -> BoxFuture<'_, io::Result<Stream>> {
+        Box::pin(async move {
+            let Stream { reader, writer, peer } = stream;
+            let mut refused = None;
+            #[expect(clippy::result_large_err, reason = "as tungstenite has it")]
+            let check = |request: &Request, response: Response| -> Result<Response, ErrorResponse> {
+                if request.uri() != self.at.path.as_str() {
+                    return Err(refuse(StatusCode::NOT_FOUND));
+                }
+                self.options.check(request.headers()).map_err(|e| {
+                    refused = Some(e);
+                    refuse(StatusCode::FORBIDDEN)
+                })?;
+                Ok(response)
+            };
+            let accepted =
+                accept_hdr_async_with_config(join(reader, writer), check, Some(bytes::config())).await;
+            match (accepted, refused) {
+                (Ok(socket), _) => Ok(bytes::of(socket, peer)),
+                (Err(_), Some(foreign)) => Err(io::Error::new(io::ErrorKind::PermissionDenied, foreign)),
+                (Err(e), None) => Err(bytes::io_error(e)),
+            }
+        })
+    }
+}
+
+/// The answer that makes a WebSocket of an HTTP connection (RFC 6455, section 4.2.2), for a server that has
+/// more at its port than links; `None` where `request` asks for none.
+///
+/// Whether its page may have one is up to [`WsOptions::check`].
+#[must_use]
+pub fn answer<B>(request: &http::Request<B>) -> Option<http::Response<()>> {
+    create_response_with_body(request, || ()).ok()
+}
+
+/// The bytes of a WebSocket whose [`answer`] was sent over `connection`, for whoever listens by a
+/// [`Transport`] of its own.
+pub async fn stream<S>(connection: S, peer: StreamPeer) -> Stream
+where
+    S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
+{
+    let socket = WebSocketStream::from_raw_socket(connection, Role::Server, Some(bytes::config())).await;
+    bytes::of(socket, peer)
+}
+
+/// An answer that says no.
+fn refuse(status: StatusCode) -> ErrorResponse {
+    let mut response = ErrorResponse::new(None);
+    *response.status_mut() = status;
+    response
+}

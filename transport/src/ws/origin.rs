@@ -1,0 +1,152 @@
+//! Which pages may open a WebSocket: a browser says where the page comes from (RFC 6454).
+
+use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
+use tokio_tungstenite::tungstenite::http::{HeaderMap, Uri, header, uri::Authority};
+
+use super::WsOptions;
+
+/// Where a page comes from: `http://host`, `https://host`, either with `:port` behind it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(try_from = "String", into = "String"), schemars(with = "String"))]
+pub struct Origin(String);
+
+/// A text is no origin.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{0:?} is no origin of pages: give http://host:port or https://host:port, nothing behind it")]
+pub struct OriginError(String);
+
+/// A page that may not open WebSockets here.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("a page from {origin} may not connect here: name its origin in ws.allow_origins if it shall")]
+pub struct ForeignOrigin {
+    /// What its browser says of it.
+    pub origin: String,
+}
+
+impl FromStr for Origin {
+    type Err = OriginError;
+
+    fn from_str(text: &str) -> Result<Self, OriginError> {
+        let wrong = || OriginError(text.to_owned());
+        let uri: Uri = text.parse().map_err(|_| wrong())?;
+        let authority = uri.authority().ok_or_else(wrong)?;
+        let is_web = matches!(uri.scheme_str(), Some("http" | "https"));
+        // As browsers write it: nothing behind the port, and no names of users.
+        let written = format!("{}://{authority}", uri.scheme_str().unwrap_or_default());
+        if !is_web || authority.as_str().contains('@') || written != text.to_ascii_lowercase() {
+            return Err(wrong());
+        }
+        Ok(Self(written))
+    }
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl TryFrom<String> for Origin {
+    type Error = OriginError;
+
+    fn try_from(text: String) -> Result<Self, OriginError> {
+        text.parse()
+    }
+}
+
+impl From<Origin> for String {
+    fn from(origin: Origin) -> Self {
+        origin.0
+    }
+}
+
+impl WsOptions {
+    /// Whether whoever sends these headers may open a WebSocket. What is no browser names no origin, and may.
+    /// A page may that was served under the address at which it connects, if that is an IP address or
+    /// `localhost`. Anybody can give this machine a name of theirs, so other names must be allowed.
+    ///
+    /// # Errors
+    /// When it may not.
+    pub fn check(&self, headers: &HeaderMap) -> Result<(), ForeignOrigin> {
+        let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
+        let origin = String::from_utf8_lossy(origin.as_bytes()).into_owned();
+        if self.allow_origins.iter().any(|allowed| allowed.0 == origin) {
+            return Ok(());
+        }
+        let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
+        let served = origin.strip_prefix("http://");
+        let is_own = served.is_some() && served == host && host.is_some_and(has_no_foreign_name);
+        if is_own { Ok(()) } else { Err(ForeignOrigin { origin }) }
+    }
+}
+
+/// Whether nobody else can have given this machine that name.
+fn has_no_foreign_name(host: &str) -> bool {
+    let Ok(authority) = host.parse::<Authority>() else { return false };
+    let host = authority.host();
+    let bare = host.strip_prefix('[').and_then(|host| host.strip_suffix(']')).unwrap_or(host);
+    host == "localhost" || bare.parse::<std::net::IpAddr>().is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn is_taken(options: &WsOptions, origin: Option<&str>, host: &str) -> bool {
+        let mut headers = HeaderMap::new();
+        headers.insert(header::HOST, host.parse().unwrap());
+        if let Some(origin) = origin {
+            headers.insert(header::ORIGIN, origin.parse().unwrap());
+        }
+        options.check(&headers).is_ok()
+    }
+
+    #[test]
+    fn a_page_may_connect_to_where_it_comes_from_and_no_other() {
+        let options = WsOptions::default();
+        for host in ["127.0.0.1:7400", "localhost:7400", "[::1]:80", "10.0.0.1"] {
+            assert!(is_taken(&options, None, host));
+            assert!(is_taken(&options, Some(&format!("http://{host}")), host), "{host}");
+            for origin in
+                ["null", "", "http://", "http://evil.example", "file://", &format!("https://{host}")]
+            {
+                assert!(!is_taken(&options, Some(origin), host), "{origin} at {host}");
+            }
+        }
+        assert!(!is_taken(&options, Some("http://localhost:7400"), "localhost:7401"));
+    }
+
+    #[test]
+    fn a_name_that_somebody_gave_this_machine_opens_nothing_unless_it_is_allowed() {
+        let options = WsOptions::default();
+        for host in ["evil.example", "localhost.evil.example:80", "127.0.0.1.evil.example"] {
+            assert!(!is_taken(&options, Some(&format!("http://{host}")), host), "{host}");
+        }
+        let allow_origins = vec!["https://plant.example".parse().unwrap()];
+        let options = WsOptions { allow_origins };
+        assert!(is_taken(&options, Some("https://plant.example"), "10.0.0.1:7400"));
+        assert!(!is_taken(&options, Some("http://plant.example"), "plant.example"));
+        assert!(!is_taken(&options, Some("https://plant.example:8443"), "plant.example:8443"));
+    }
+
+    #[test]
+    fn origins_are_written_as_browsers_do() {
+        for text in ["http://plant.example", "https://10.0.0.1:8443", "http://[::1]:80"] {
+            assert_eq!(text.parse::<Origin>().unwrap().to_string(), text);
+        }
+        assert_eq!("HTTPS://Plant.Example".parse::<Origin>().unwrap().to_string(), "https://plant.example");
+        for text in
+            ["", "plant.example", "ws://a", "http://a/", "http://a/b", "http://u@a", "http://a b", "null"]
+        {
+            let message = text.parse::<Origin>().unwrap_err().to_string();
+            assert!(
+                message.contains(&format!("{text:?}")) && message.contains("https://host:port"),
+                "{message}"
+            );
+        }
+    }
+}

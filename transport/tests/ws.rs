@@ -1,0 +1,144 @@
+//! Links over WebSockets: the conformance suite, and who may open one.
+#![cfg(feature = "ws")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::time::Duration;
+
+use common::{Link, Listener, connect, joined, last_failure, net, soon};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, greeting, pose};
+use trimaran_transport::ws::{ForeignOrigin, WsOptions};
+use trimaran_transport::{
+    ConnectError, Endpoint, HandshakeError, LinkConfig, Options, TcpOptions, sleep_until,
+};
+
+struct WebSockets;
+
+impl Pairs for WebSockets {
+    fn overhead(&self) -> Overhead {
+        Overhead { header_bytes: 4, handshake: 4, coded: true }
+    }
+
+    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
+        // Buffers that the tests' amounts exceed.
+        let tcp = TcpOptions {
+            send_buffer: Some(64 * 1024),
+            recv_buffer: Some(64 * 1024),
+            ..TcpOptions::default()
+        };
+        joined("ws://127.0.0.1:0/robot", &Options { link, tcp, ..Options::default() }).await
+    }
+}
+
+trimaran_transport::conformance!(WebSockets);
+
+const AT: &str = "ws://127.0.0.1:0/plant/link?token=7";
+
+async fn listen(options: &Options) -> (Listener, Endpoint) {
+    let listener = Listener::bind(&net(), &AT.parse().unwrap(), greeting(ARM), options).await.unwrap();
+    let at = listener.local_endpoint().clone();
+    (listener, at)
+}
+
+fn host(at: &Endpoint) -> String {
+    let Endpoint::Ws(at) = at else { panic!("{at}") };
+    at.at.to_string()
+}
+
+/// Asks for a WebSocket as a browser does; gives the answer's status.
+async fn status(at: &Endpoint, path: &str, headers: &str) -> u16 {
+    let host = host(at);
+    let mut stream = TcpStream::connect(&host).await.unwrap();
+    let request = format!(
+        "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n\
+         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n{headers}\r\n"
+    );
+    stream.write_all(request.as_bytes()).await.unwrap();
+    let mut answer = [0; 12];
+    stream.read_exact(&mut answer).await.unwrap();
+    str::from_utf8(&answer).unwrap().strip_prefix("HTTP/1.1 ").unwrap().parse().unwrap()
+}
+
+#[tokio::test]
+async fn the_path_is_part_of_the_address() {
+    let (mut listener, at) = listen(&Options::default()).await;
+    assert!(at.to_string().ends_with("/plant/link?token=7"), "{at}");
+    let net = net();
+    let options = Options::default();
+    let (panel, arm) =
+        tokio::join!(connect(&net, &at, greeting(PANEL), &options, soon(&net)), listener.accept(soon(&net)),);
+    let (mut panel, mut arm) = (panel.unwrap(), arm.unwrap());
+    panel.latest_tx.publish(pose(4)).unwrap();
+    assert_eq!(arm.latest_rx.latest().await.unwrap(), pose(4));
+
+    for path in ["/", "/plant/link", "/plant/link?token=8", "/plant/link?token=7&more"] {
+        assert_eq!(status(&at, path, "").await, 404, "{path}");
+    }
+    let elsewhere: Endpoint = format!("ws://{}/plant", host(&at)).parse().unwrap();
+    let briefly = net.now().after(Duration::from_millis(200));
+    let refused = connect(&net, &elsewhere, greeting(PANEL), &options, briefly).await;
+    let Err(ConnectError::Deadline { last, .. }) = refused else { panic!("{refused:?}") };
+    let why = std::error::Error::source(&last).unwrap().to_string();
+    assert!(why.contains("404"), "{why}");
+}
+
+#[tokio::test]
+async fn a_page_from_elsewhere_gets_no_link_unless_it_is_allowed() {
+    let allow_origins = vec!["https://plant.example".parse().unwrap()];
+    let options = Options { ws: WsOptions { allow_origins }, ..Options::default() };
+    let (mut listener, at) = listen(&options).await;
+    let path = "/plant/link?token=7";
+    let own = format!("Origin: http://{}\r\n", host(&at));
+    for headers in ["", &own, "Origin: https://plant.example\r\n"] {
+        assert_eq!(status(&at, path, headers).await, 101, "{headers}");
+    }
+    assert_eq!(status(&at, path, "Origin: http://evil.example\r\n").await, 403);
+    let failure = loop {
+        match last_failure(&mut listener).await {
+            // The pages that were let in have gone without a word.
+            HandshakeError::Io(e) if e.kind() == std::io::ErrorKind::PermissionDenied => break e,
+            _ => {}
+        }
+    };
+    let why = failure.get_ref().unwrap().downcast_ref::<ForeignOrigin>().unwrap();
+    assert_eq!(why.origin, "http://evil.example");
+}
+
+/// Those who connect and say nothing wait within the limits of handshakes: a panel gets in at once.
+#[tokio::test]
+async fn those_who_never_ask_shut_nobody_out() {
+    let (mut listener, at) = listen(&Options::default()).await;
+    let mut silent = Vec::new();
+    for i in 0..200 {
+        let mut stream = TcpStream::connect(host(&at)).await.unwrap();
+        if i % 2 == 0 {
+            let _turned_away = stream.write_all(b"GET /plant/link HTTP/1.1\r\n").await;
+        }
+        silent.push(stream);
+    }
+    let (net, options) = (net(), Options::default());
+    let (panel, arm) =
+        tokio::join!(connect(&net, &at, greeting(PANEL), &options, soon(&net)), listener.accept(soon(&net)),);
+    assert!(panel.is_ok() && arm.is_ok(), "{panel:?} {arm:?}");
+}
+
+/// What comes in a WebSocket and is no message of it, or longer than is taken, ends the link.
+#[tokio::test]
+async fn text_and_long_messages_end_a_connection() {
+    use futures_util::{SinkExt, StreamExt};
+    use tokio_tungstenite::tungstenite::{Bytes, Message};
+    let (_listener, at) = listen(&Options::default()).await;
+    for message in [Message::text("hello"), Message::Binary(Bytes::from(vec![0x05; 64 * 1024 + 4]))] {
+        let stream = TcpStream::connect(host(&at)).await.unwrap();
+        let (mut socket, _) = tokio_tungstenite::client_async(at.to_string(), stream).await.unwrap();
+        socket.send(message).await.unwrap();
+        let net = net();
+        tokio::select! {
+            () = async { while let Some(Ok(_)) = socket.next().await {} } => {}
+            () = sleep_until(&*net, net.now().after(Duration::from_secs(5))) => panic!("it goes on"),
+        }
+    }
+}
