@@ -39,6 +39,7 @@
 //! | [`simulate`], [`trace`] | roles in virtual time, and recorded walks for them |
 //! | [`config`] | the configuration of roles and links |
 //! | [`metrics`] | what links carry, for Prometheus |
+//! | [`page`] | a display in a browser, and the server from which it comes |
 //! | `netem` | a simulated network between programs, on Linux |
 //! | [`vulkan`] | the roles' devices |
 //! | [`comparison`] | which systems there are to be held against each other |
@@ -51,6 +52,7 @@ mod http;
 pub mod metrics;
 #[cfg(target_os = "linux")]
 pub mod netem;
+pub mod page;
 pub mod report;
 pub mod simulate;
 pub mod trace;

@@ -6,6 +6,7 @@ mod cullers;
 mod links;
 mod roles;
 mod scenes;
+mod serve;
 mod sim;
 mod walks;
 
@@ -17,6 +18,7 @@ pub(crate) use cullers::{CullerArgs, ScheduleArg};
 pub(crate) use links::{Coding, NetemArgs, PingArgs, StatArgs};
 pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Up};
+pub(crate) use serve::ServeArgs;
 pub(crate) use sim::{SimArgs, SimLink};
 pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
 
@@ -53,6 +55,9 @@ pub(crate) enum Command {
     Generate(GenerateArgs),
     /// Say what a cooked scene holds.
     Info(InfoArgs),
+    /// Serve a scene to browsers: they show a page in which to walk. Displays join as well, at
+    /// ws://HOST:PORT/link?token=TOKEN.
+    Serve(ServeArgs),
     /// Walk a camera through a scene with the three roles and write a report.
     Run(RunArgs),
     /// Walk the same path at several error bounds: speed against error.

@@ -20,6 +20,7 @@ mod progress;
 mod recording;
 mod role;
 mod run;
+mod serve;
 mod sim;
 mod stat;
 mod sweep;
@@ -62,6 +63,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
             clap_complete::generate(shell, &mut Cli::command(), "trimaran", &mut io::stdout());
             Ok(())
         }
+        Command::Serve(args) => serve::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Sweep(args) => sweep::run(&args),
         Command::Compare(args) => compare::run(&args),

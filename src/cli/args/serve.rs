@@ -1,0 +1,40 @@
+//! Serving a scene to pages and displays.
+
+use std::{net::SocketAddr, path::PathBuf};
+
+use bytesize::ByteSize;
+use clap::Args;
+use trimaran::{
+    config::{memory, positive},
+    page::Token,
+};
+
+use super::links::LinkFlags;
+
+#[derive(Debug, Args)]
+pub(crate) struct ServeArgs {
+    /// The scene.
+    pub(crate) scene: PathBuf,
+    /// Where to listen for pages and for displays. Others than this machine's own reach it at an address of
+    /// its network, such as 0.0.0.0:7480. It is not encrypted: put a proxy with TLS in front where others
+    /// can listen.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:7480", env = "TRIMARAN_LISTEN")]
+    pub(crate) listen: SocketAddr,
+    /// The secret in the page's address, 16 to 128 letters and digits [default: a new one each time].
+    #[arg(long, value_name = "TOKEN", env = "TRIMARAN_TOKEN", hide_env_values = true)]
+    pub(crate) token: Option<Token>,
+    /// Show metrics of the links on http://ADDRESS:PORT/metrics.
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub(crate) metrics: Option<SocketAddr>,
+    /// A part of the device's name; `trimaran doctor` lists them [default: the fastest].
+    #[arg(long, value_name = "NAME", env = "TRIMARAN_DEVICE")]
+    pub(crate) device: Option<String>,
+    /// The most memory of the device for triangles, such as 2GiB [default: three quarters of what is free].
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    pub(crate) gpu_memory: Option<ByteSize>,
+    /// The longest that the device may make no progress, seconds.
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive)]
+    pub(crate) device_timeout: f64,
+    #[command(flatten)]
+    pub(crate) links: LinkFlags,
+}

@@ -1,0 +1,73 @@
+//! What the page is told of a scene before anything of it comes: where it lies, and where to begin.
+
+use std::{path::Path, sync::Arc};
+
+use serde::Serialize;
+use trimaran_scene::{
+    Scene,
+    path::{AutoPathError, AutoPathOptions, PathKind, auto},
+};
+
+/// A scene as the page is told of it. Lengths are metres, in world space with y up.
+#[derive(Debug, Clone, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub struct SceneDescription {
+    /// What the file is called, without its ending.
+    pub name: String,
+    /// The scene's fingerprint, 32 hexadecimal digits.
+    pub fingerprint: String,
+    /// How many objects it has.
+    pub objects: u32,
+    /// Corners of the box around it.
+    pub min: [f64; 3],
+    /// The upper corner.
+    pub max: [f64; 3],
+    /// Whether there are floors to walk on.
+    pub has_floors: bool,
+    /// Height of the eye above floors.
+    pub eye_height: f64,
+    /// Nothing comes nearer to an eye of a walk than this.
+    pub clearance: f64,
+    /// Vertical field of view, degrees.
+    pub vfov_deg: f64,
+    /// Where to begin.
+    pub start: Start,
+}
+
+/// Where a person begins.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Start {
+    /// The eye.
+    pub eye: [f64; 3],
+    /// Which way it looks, a unit vector.
+    pub forward: [f64; 3],
+}
+
+impl SceneDescription {
+    /// That of a scene in a file. Looks for a place to begin, which takes a moment in a large scene.
+    ///
+    /// # Errors
+    /// When there is no place, which a scene of any shape has.
+    pub fn new(path: &Path, scene: &Arc<Scene>) -> Result<Self, AutoPathError> {
+        let options = AutoPathOptions { frames: 1, teleport: false, ..AutoPathOptions::default() };
+        let found = auto(scene, &options)?;
+        let (min, max) = scene.nodes().first().map(trimaran_scene::Node::world_box).unwrap_or_default();
+        let pose = found.path.frames().first();
+        let start = Start {
+            eye: pose.map_or([0.0; 3], |pose| pose.eye().to_array()),
+            forward: pose.map_or([0.0, 0.0, -1.0], |pose| pose.forward().to_array()),
+        };
+        Ok(Self {
+            name: path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
+            fingerprint: format!("{:032x}", scene.outline().hash.0),
+            objects: scene.outline().objects,
+            min: min.to_array(),
+            max: max.to_array(),
+            has_floors: found.kind == PathKind::Floors,
+            eye_height: found.eye_height,
+            clearance: found.clearance,
+            vfov_deg: found.path.vfov_deg(),
+            start,
+        })
+    }
+}

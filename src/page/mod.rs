@@ -1,0 +1,11 @@
+//! The page: a display in a browser, and the server from which it comes. Its links are WebSockets at the same
+//! port, so that one address is enough.
+
+mod assets;
+mod description;
+mod server;
+mod token;
+
+pub use description::SceneDescription;
+pub use server::{PageError, Pages};
+pub use token::{Token, TokenError};

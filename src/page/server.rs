@@ -1,0 +1,247 @@
+//! The server of the page: files for anybody, and the scene for whoever knows the token.
+
+use std::{convert::Infallible, fmt, io, net::SocketAddr, sync::Arc, time::Duration};
+
+use http_body_util::Full;
+use hyper::{
+    Method, Request, Response, StatusCode,
+    body::{Bytes, Incoming},
+    header::{self, HeaderValue},
+    server::conn::http1,
+    service::service_fn,
+    upgrade::OnUpgrade,
+};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use thiserror::Error;
+use tokio::{io::join, sync::mpsc};
+use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer};
+use trimaran_transport::{
+    AttemptError, Endpoint, ListenFault, Listening, Net, TcpOptions, Transport, until,
+    ws::{self, WsOptions},
+};
+
+use super::{SceneDescription, Token, assets::ASSETS};
+use crate::http;
+
+/// How many connections are served at once; those that have become links do not count.
+const CONNECTIONS: usize = 256;
+/// How long a connection may take to ask, and how long it may go on.
+const ASKING: Duration = Duration::from_secs(10);
+const CONNECTION: Duration = Duration::from_secs(120);
+/// WebSockets that wait to become links.
+const WAITING: usize = 16;
+
+/// A page may load what comes from its own address, and nothing else; decoders are WebAssembly.
+const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; \
+                      connect-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'none'; \
+                      frame-ancestors 'none'";
+
+/// Why there is no page to be served.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum PageError {
+    /// The program has none.
+    #[error("this program was built without its page: run ./x page in its source, and build it again")]
+    NotBuilt,
+    /// The scene cannot be described.
+    #[error("the scene cannot be described to a page")]
+    Description(#[from] serde_json::Error),
+}
+
+/// The page of one scene, and the links of those who look at it: a transport of the scheme `http`.
+#[derive(Clone)]
+pub struct Pages(Arc<Inner>);
+
+struct Inner {
+    token: Token,
+    scene: Bytes,
+    options: WsOptions,
+    tcp: TcpOptions,
+}
+
+impl Pages {
+    /// For whoever knows `token`.
+    ///
+    /// # Errors
+    /// When the program was built without the page.
+    pub fn new(
+        scene: &SceneDescription,
+        token: Token,
+        options: WsOptions,
+        tcp: TcpOptions,
+    ) -> Result<Self, PageError> {
+        if ASSETS.is_empty() {
+            return Err(PageError::NotBuilt);
+        }
+        let scene = serde_json::to_vec(scene)?.into();
+        Ok(Self(Arc::new(Inner { token, scene, options, tcp })))
+    }
+
+    /// Where it is to listen.
+    #[must_use]
+    pub fn endpoint(at: SocketAddr) -> Endpoint {
+        Endpoint::other("http", &at.to_string())
+    }
+
+    /// The page's address for a person, where it listens at `at`.
+    #[must_use]
+    pub fn url(&self, at: &Endpoint) -> String {
+        format!("{at}/?token={}", self.0.token.as_str())
+    }
+}
+
+impl fmt::Debug for Pages {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Pages").finish_non_exhaustive()
+    }
+}
+
+impl Transport for Pages {
+    fn scheme(&self) -> &'static str {
+        "http"
+    }
+
+    /// Nobody connects to a page but browsers; displays take `ws://`.
+    fn connect<'a>(
+        &'a self,
+        _net: &'a Arc<dyn Net>,
+        address: &'a str,
+        _beside: Option<StreamPeer>,
+    ) -> BoxFuture<'a, Result<Stream, AttemptError>> {
+        let cause = io::Error::new(io::ErrorKind::Unsupported, "a page is for browsers: connect to ws://");
+        Box::pin(std::future::ready(Err(AttemptError::Connect { address: address.to_owned(), cause })))
+    }
+
+    fn listen<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        address: &'a str,
+    ) -> BoxFuture<'a, Result<Listening, ListenFault>> {
+        Box::pin(async move {
+            let addresses = net.resolve(address).await.map_err(ListenFault::Address)?;
+            let at = addresses.first().ok_or_else(|| ListenFault::Address(io::ErrorKind::NotFound.into()))?;
+            let (listener, at) = net.listen_tcp(*at, self.0.tcp)?;
+            let (links, opened) = mpsc::channel(WAITING);
+            let (pages, clock) = (self.clone(), Arc::clone(net));
+            let ended = links.clone();
+            let each = move |stream| pages.connection(Arc::clone(&clock), links.clone(), stream);
+            let serving = http::serve(Arc::clone(net), listener, CONNECTIONS, each);
+            net.spawn(Box::pin(async move {
+                tokio::select! {
+                    () = serving => {}
+                    () = ended.closed() => {}
+                }
+            }));
+            Ok(Listening { socket: Box::new(Opened(opened)), address: at.to_string() })
+        })
+    }
+}
+
+/// The WebSockets that pages and displays have opened.
+struct Opened(mpsc::Receiver<Stream>);
+
+impl Listen for Opened {
+    fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>> {
+        Box::pin(async { self.0.recv().await.ok_or_else(|| io::ErrorKind::BrokenPipe.into()) })
+    }
+}
+
+impl Pages {
+    /// Answers what is asked over a connection, until it becomes a link or its time is over.
+    fn connection(
+        &self,
+        net: Arc<dyn Net>,
+        links: mpsc::Sender<Stream>,
+        stream: Stream,
+    ) -> BoxFuture<'static, ()> {
+        let (pages, clock) = (self.clone(), Arc::clone(&net));
+        let Stream { reader, writer, peer } = stream;
+        let answer = service_fn(move |mut request: Request<Incoming>| {
+            let (response, upgrade) = pages.answer(&mut request);
+            if let Some(upgrade) = upgrade {
+                net.spawn(Box::pin(open(upgrade, peer, links.clone())));
+            }
+            std::future::ready(Ok::<_, Infallible>(response))
+        });
+        let serving = http1::Builder::new()
+            .timer(TokioTimer::new())
+            .header_read_timeout(ASKING)
+            .serve_connection(TokioIo::new(join(reader, writer)), answer)
+            .with_upgrades();
+        let serving: BoxFuture<'static, _> = Box::pin(serving);
+        // Who goes away, or asks in another language, is not worth a word.
+        Box::pin(async move {
+            let _served = until(&*clock, clock.now().after(CONNECTION), serving).await;
+        })
+    }
+
+    fn answer(&self, request: &mut Request<Incoming>) -> (Response<Full<Bytes>>, Option<OnUpgrade>) {
+        if request.method() != Method::GET {
+            return (plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n"), None);
+        }
+        let response = match request.uri().path() {
+            "/link" => return self.link(request),
+            "/scene" if !self.knows_token(request) => wrong_token(),
+            "/scene" => file("application/json", self.0.scene.clone()),
+            path => match ASSETS.iter().find(|asset| asset.path == path) {
+                Some(asset) => file(asset.kind, Bytes::from_static(asset.bytes)),
+                None => plain(StatusCode::NOT_FOUND, "there is nothing here\n"),
+            },
+        };
+        (response, None)
+    }
+
+    /// Makes a WebSocket of the connection.
+    fn link(&self, request: &mut Request<Incoming>) -> (Response<Full<Bytes>>, Option<OnUpgrade>) {
+        if !self.knows_token(request) {
+            return (wrong_token(), None);
+        }
+        if let Err(foreign) = self.0.options.check(request.headers()) {
+            tracing::warn!("{foreign}");
+            return (plain(StatusCode::FORBIDDEN, "pages from elsewhere may not connect here\n"), None);
+        }
+        match ws::answer(request) {
+            Some(answer) => (answer.map(|()| Full::default()), Some(hyper::upgrade::on(request))),
+            None => (plain(StatusCode::UPGRADE_REQUIRED, "links are WebSockets\n"), None),
+        }
+    }
+
+    /// Whether the query is the token: `?token=...`, and nothing else.
+    fn knows_token(&self, request: &Request<Incoming>) -> bool {
+        let given = request.uri().query().and_then(|query| query.strip_prefix("token="));
+        given.is_some_and(|given| self.0.token.is(given))
+    }
+}
+
+/// Hands on a WebSocket, once it is one.
+async fn open(upgrade: OnUpgrade, peer: StreamPeer, links: mpsc::Sender<Stream>) {
+    if let Ok(upgraded) = upgrade.await {
+        let stream = ws::stream(TokioIo::new(upgraded), peer).await;
+        let _nobody_left = links.send(stream).await;
+    }
+}
+
+fn wrong_token() -> Response<Full<Bytes>> {
+    plain(StatusCode::FORBIDDEN, "the token in the address is not the one that was printed at the start\n")
+}
+
+fn plain(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {
+    let mut response = file("text/plain; charset=utf-8", Bytes::from_static(text.as_bytes()));
+    *response.status_mut() = status;
+    response
+}
+
+fn file(kind: &'static str, bytes: Bytes) -> Response<Full<Bytes>> {
+    let mut response = Response::new(Full::new(bytes));
+    // The address of a page has a secret: nobody else is told it.
+    for (name, value) in [
+        (header::CONTENT_TYPE, kind),
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::CACHE_CONTROL, "no-cache"),
+    ] {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
