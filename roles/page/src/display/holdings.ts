@@ -1,0 +1,157 @@
+/** What the page has of its scene: records of drawables, and pieces of geometry within a budget. */
+
+import type { Outline } from "../proto/identity.ts";
+import { type Piece, PieceAssembler, unpackPiece } from "../proto/piece.ts";
+import { type DrawableRecord, MOST_RECORDS, Records, unpackRecords } from "../proto/records.ts";
+import { decodeCullerBlock } from "../proto/supply.ts";
+import { WireError } from "../wire/bytes.ts";
+
+/** Who draws: it is told what comes and goes. */
+export interface Store {
+  setPiece(number: number, piece: Piece): void;
+  dropPiece(number: number): void;
+}
+
+/** What each piece is known by. */
+interface Held {
+  readonly bytes: number;
+  /** The tick in which it was used last. */
+  used: number;
+}
+
+export class Holdings {
+  readonly outline: Outline;
+  readonly #store: Store;
+  readonly #budget: number;
+  readonly #records: Records;
+  readonly #pieces = new Map<number, Held>();
+  readonly #standIns = new Map<number, number>();
+  #assembler = new PieceAssembler();
+  #bytes = 0;
+  #tick = 0;
+
+  /** Within so many bytes of unpacked geometry. What one picture needs is held whatever the budget is. */
+  constructor(outline: Outline, store: Store, budget: number) {
+    [this.outline, this.#store, this.#budget] = [outline, store, budget];
+    this.#records = new Records(outline);
+  }
+
+  /** Bytes of unpacked geometry. */
+  get bytes(): number {
+    return this.#bytes;
+  }
+
+  get pieces(): number {
+    return this.#pieces.size;
+  }
+
+  record(id: number): DrawableRecord | undefined {
+    return this.#records.get(id);
+  }
+
+  /** Another culler supplies from now on. */
+  beginAnew(): void {
+    this.#assembler = new PieceAssembler();
+  }
+
+  /** Takes a block of a culler. Throws a `WireError` where it cannot be of the scene. */
+  take(block: Uint8Array): void {
+    for (const item of decodeCullerBlock(block)) {
+      switch (item.item) {
+        case "entries":
+          for (const record of unpackRecords(item.packed)) {
+            this.#records.take(record);
+          }
+          break;
+        case "geometry": {
+          if (item.number >= this.outline.geometries) {
+            throw new WireError(`the scene has no piece ${item.number} of geometry`);
+          }
+          const whole = this.#assembler.take(item);
+          if (whole !== undefined) {
+            this.#setPiece(whole.number, unpackPiece(whole.bytes));
+          }
+          break;
+        }
+        case "stand-in":
+          for (const finer of item.drawables) {
+            this.#standIns.set(finer, item.id);
+          }
+          if (this.#standIns.size > MOST_RECORDS) {
+            throw new WireError(`more than ${MOST_RECORDS} drawables have stand-ins`);
+          }
+          break;
+        case "ahead":
+          break;
+      }
+    }
+  }
+
+  has(id: number): boolean {
+    const record = this.#records.get(id);
+    return record !== undefined && this.#pieces.has(record.geometry);
+  }
+
+  /** Which of these are not all there. */
+  lacking(ids: Uint32Array): Uint32Array {
+    return ids.filter((id) => !this.has(id));
+  }
+
+  /** What can be shown of `ids`, with stand-ins for what is not there; nothing where one of these is missing. */
+  standingIn(ids: Uint32Array): number[] | undefined {
+    const shown: number[] = [];
+    const standIns = new Set<number>();
+    for (const id of ids) {
+      if (this.has(id)) {
+        shown.push(id);
+        continue;
+      }
+      const standIn = this.#standIns.get(id);
+      if (standIn === undefined || !this.has(standIn)) {
+        return undefined;
+      }
+      standIns.add(standIn);
+    }
+    shown.push(...standIns);
+    return shown;
+  }
+
+  /** All that is there: drawables, and pieces. */
+  all(): [Uint32Array, Uint32Array] {
+    return [Uint32Array.from(this.#records.ids()).sort(), Uint32Array.from(this.#pieces.keys()).sort()];
+  }
+
+  /** Notes that these are shown. Throws away what was not used for longest beyond the budget; says what. */
+  use(drawables: readonly DrawableRecord[]): Uint32Array {
+    this.#tick += 1;
+    for (const { geometry } of drawables) {
+      const held = this.#pieces.get(geometry);
+      if (held !== undefined) {
+        held.used = this.#tick;
+      }
+    }
+    if (this.#bytes <= this.#budget) {
+      return new Uint32Array(0);
+    }
+    const idle = [...this.#pieces].filter(([, { used }]) => used < this.#tick);
+    idle.sort(([, a], [, b]) => a.used - b.used);
+    const dropped: number[] = [];
+    for (const [number, { bytes }] of idle) {
+      if (this.#bytes <= this.#budget) {
+        break;
+      }
+      this.#pieces.delete(number);
+      this.#bytes -= bytes;
+      this.#store.dropPiece(number);
+      dropped.push(number);
+    }
+    return Uint32Array.from(dropped).sort();
+  }
+
+  #setPiece(number: number, piece: Piece): void {
+    const bytes = piece.vertices.byteLength + piece.indices.byteLength;
+    this.#bytes += bytes - (this.#pieces.get(number)?.bytes ?? 0);
+    this.#pieces.set(number, { bytes, used: this.#tick });
+    this.#store.setPiece(number, piece);
+  }
+}
