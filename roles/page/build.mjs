@@ -5,7 +5,7 @@ import { build } from "esbuild";
 const common = { bundle: true, format: "esm", target: "es2022", logLevel: "info", sourcemap: true };
 
 if (process.argv[2] === "tests") {
-  const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts"));
+  const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts") || name === "driver.ts");
   await build({
     ...common,
     entryPoints: tests.map((name) => `tests/${name}`),

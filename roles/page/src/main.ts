@@ -29,6 +29,10 @@ export interface Seen {
   readonly renderer: Renderer;
   readonly display: Display | undefined;
   readonly pictures: number;
+  /** The picture is exact, and of where the eye is now. */
+  readonly isSettled: boolean;
+  /** The camera of the picture. */
+  readonly camera: Camera;
   /** The numbers of drawables at the pixels of the picture, rows from below. */
   items(): Uint32Array;
 }
@@ -63,8 +67,17 @@ class Page {
     requestAnimationFrame((now) => this.#picture(now));
   }
 
+  get isSettled(): boolean {
+    const { display } = this;
+    return !this.#isMoved && display?.isSettled === true && this.#drawn === display.shown;
+  }
+
+  get camera(): Camera {
+    return this.#camera(1);
+  }
+
   items(): Uint32Array {
-    return this.renderer.items(this.#camera(1), this.display?.shown?.drawables ?? []);
+    return this.renderer.items(this.camera, this.display?.shown?.drawables ?? []);
   }
 
   /** The settings of a session: the picture that is culled for is wider than the one that is shown. */
@@ -83,7 +96,7 @@ class Page {
     return { width: Math.ceil(WIDER * width), height: Math.ceil(WIDER * height) };
   }
 
-  #camera(wider: number): Omit<Camera, "frame" | "viewState"> & Camera {
+  #camera(wider: number): Camera {
     const { eye, orientation } = this.walker;
     // Pixels are as large as in the picture that is shown, though there are whole ones only.
     const tanHalfFov = Math.tan((this.#scene.vfovDeg * Math.PI) / 360) * wider;

@@ -61,6 +61,12 @@ export class Walker {
     return [cy * sx, sy * cx, -sy * sx, cy * cx];
   }
 
+  /** Which way the eye looks, a unit vector of the world. */
+  get forward(): Point {
+    const level = Math.cos(this.pitch);
+    return [-Math.sin(this.heading) * level, Math.sin(this.pitch), -Math.cos(this.heading) * level];
+  }
+
   /** A key went down or up. Gives whether it moves the eye. */
   key(code: string, isDown: boolean): boolean {
     if (!(code in KEYS) && !code.startsWith("Shift")) {

@@ -1,0 +1,118 @@
+/**
+ * Drives the page in Chromium for a test program: a command a line on standard input, as JSON, and an answer a
+ * line on standard output.
+ */
+
+import { createInterface } from "node:readline";
+import { chromium, type Page } from "playwright-core";
+import type { Seen } from "../src/main.ts";
+
+declare global {
+  interface Window {
+    trimaran?: Seen;
+  }
+}
+
+type Command =
+  | { readonly do: "open"; readonly url: string }
+  | { readonly do: "settle" }
+  | { readonly do: "hold"; readonly key: string; readonly milliseconds: number }
+  | { readonly do: "drag"; readonly right: number; readonly down: number }
+  | { readonly do: "resize"; readonly width: number; readonly height: number }
+  | { readonly do: "look" }
+  | { readonly do: "status" }
+  | { readonly do: "screenshot"; readonly file: string };
+
+/** How long a picture may take to be exact, milliseconds. */
+const PATIENCE = 60_000;
+
+const [width = 512, height = 512] = process.argv.slice(2).map(Number);
+const browser = await chromium.launch({
+  executablePath: process.env.TRIMARAN_CHROMIUM ?? "/usr/bin/chromium",
+  args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"],
+});
+const page = await browser.newPage({ viewport: { width, height } });
+const faults: string[] = [];
+page.on("pageerror", (error) => faults.push(String(error.stack ?? error)));
+page.on("console", (message) => {
+  if (message.type() === "error") {
+    faults.push(message.text());
+  }
+});
+
+async function run(command: Command, page: Page): Promise<unknown> {
+  switch (command.do) {
+    case "open":
+      return (await page.goto(command.url))?.status();
+    case "settle":
+      await page.waitForFunction(() => window.trimaran?.isSettled === true, null, {
+        timeout: PATIENCE,
+      });
+      return true;
+    case "hold":
+      await page.keyboard.down(command.key);
+      await page.waitForTimeout(command.milliseconds);
+      await page.keyboard.up(command.key);
+      return true;
+    case "drag": {
+      const [x, y] = [width / 2, height / 2];
+      await page.mouse.move(x, y);
+      await page.mouse.down();
+      await page.mouse.move(x + command.right, y + command.down, { steps: 5 });
+      await page.mouse.up();
+      return true;
+    }
+    case "resize":
+      await page.setViewportSize(command);
+      await page.waitForFunction(
+        ({ width, height }) => {
+          const canvas = document.querySelector("canvas");
+          return canvas?.width === width && canvas.height === height;
+        },
+        command,
+        { timeout: PATIENCE },
+      );
+      return true;
+    case "look":
+      return page.evaluate(look);
+    case "status":
+      return page.textContent("#status");
+    case "screenshot":
+      await page.screenshot({ path: command.file });
+      return true;
+  }
+}
+
+/** Where the eye is, and which drawable each pixel shows. Runs in the page. */
+function look(): unknown {
+  const seen = window.trimaran;
+  if (seen === undefined) {
+    return undefined;
+  }
+  const canvas = document.querySelector("canvas");
+  const { camera, walker, renderer, display } = seen;
+  return {
+    ...camera,
+    forward: walker.forward,
+    width: canvas?.width,
+    height: canvas?.height,
+    items: Array.from(seen.items()),
+    pictures: seen.pictures,
+    drawn: renderer.drawn,
+    depth: renderer.depth,
+    frame: display?.shown?.camera.frame,
+    latency: display?.latency,
+    bytes: display?.link.bytes,
+  };
+}
+
+for await (const line of createInterface({ input: process.stdin })) {
+  let answer: unknown;
+  try {
+    answer = { answer: await run(JSON.parse(line) as Command, page), faults };
+  } catch (error) {
+    answer = { error: String(error), faults };
+  }
+  process.stdout.write(`${JSON.stringify(answer)}\n`);
+}
+await browser.close();

@@ -1,0 +1,288 @@
+//! The service of a page: who is let in, and a real browser that shows what displays show.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "common/program.rs"]
+mod program;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::env;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
+use program::Bench;
+use serde_json::{Value, json};
+use trimaran_audit::rasterize;
+use trimaran_cull::{LodRule, Placement, View, Viewport, lod_cut};
+use trimaran_proto::{Camera, FrameNumber};
+use trimaran_scene::Scene;
+
+const TOKEN: &str = "0123456789abcdefXYZ";
+
+/// A service of `plant.scene`.
+struct Service {
+    child: Child,
+    /// Host and port.
+    at: String,
+}
+
+impl Service {
+    /// At `listen`; `None` where the program was built without its page and none is required.
+    fn start(bench: &Bench, listen: &str) -> Option<Self> {
+        let mut command = bench.command(&["serve", "plant.scene", "--listen", listen, "--token", TOKEN]);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        let Some(url) = line.trim().strip_prefix("http://") else {
+            let mut said = String::new();
+            child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+            return skipped(&said);
+        };
+        let at = url.split_once('/').unwrap().0.to_owned();
+        assert_eq!(url, format!("{at}/?token={TOKEN}"));
+        Some(Self { child, at })
+    }
+
+    fn url(&self) -> String {
+        format!("http://{}/?token={TOKEN}", self.at)
+    }
+
+    /// The answer to a request with these headers.
+    fn ask(&self, target: &str, headers: &str) -> String {
+        let mut stream = TcpStream::connect(&self.at).unwrap();
+        let request =
+            format!("GET {target} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n{headers}\r\n", self.at);
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        String::from_utf8_lossy(&answer).into_owned()
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        let _ended = self.child.kill();
+        let _code = self.child.wait();
+    }
+}
+
+/// Nothing, with a word; a panic where a browser is required.
+fn skipped<T>(why: &str) -> Option<T> {
+    assert!(env::var_os("TRIMARAN_REQUIRE_BROWSER").is_none(), "{why}");
+    println!("skipped: {why}");
+    None
+}
+
+const UPGRADE: &str = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+                       Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+
+#[test]
+fn the_scene_is_for_whoever_knows_the_token_and_comes_from_here() {
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let page = service.ask("/", "");
+    assert!(page.starts_with("HTTP/1.1 200") && page.contains("<canvas"), "{page}");
+    assert!(page.contains("content-security-policy: default-src 'none'"), "{page}");
+    assert!(page.contains("referrer-policy: no-referrer"), "{page}");
+    assert!(service.ask("/main.js", "").contains("text/javascript"), "no script");
+    assert!(service.ask("/../Cargo.toml", "").starts_with("HTTP/1.1 404"));
+
+    let scene = service.ask(&format!("/scene?token={TOKEN}"), "");
+    let body: Value = serde_json::from_str(scene.split_once("\r\n\r\n").unwrap().1).unwrap();
+    assert_eq!(body["name"], "plant");
+    assert!(body["eyeHeight"].as_f64().unwrap() > 0.0, "{body}");
+    for query in ["", "?token=", "?token=0123456789abcdefXYz", "?x=1&token=0123456789abcdefXYZ"] {
+        assert!(service.ask(&format!("/scene{query}"), "").starts_with("HTTP/1.1 403"), "{query}");
+        assert!(service.ask(&format!("/link{query}"), UPGRADE).starts_with("HTTP/1.1 403"), "{query}");
+    }
+    let link = format!("/link?token={TOKEN}");
+    let foreign = format!("{UPGRADE}Origin: http://evil.example\r\n");
+    assert!(service.ask(&link, &foreign).starts_with("HTTP/1.1 403"));
+    assert!(service.ask(&link, "").starts_with("HTTP/1.1 426"));
+}
+
+#[test]
+fn a_display_joins_the_service_of_a_page() {
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    bench.done(&["run", "plant.scene", "--frames", "4", "--audit-every", "0", "--out", "whole"]);
+    let culler = format!("ws://{}/link?token={TOKEN}", service.at);
+    let display =
+        ["role", "display", "--scene", "plant.scene", "--empty-display", "true", "--cullers", &culler];
+    bench.done(
+        &[&display[..], &["--path", "whole/report.json", "--audit-every", "2", "--out", "there"]].concat(),
+    );
+    let report = bench.report("there");
+    assert_eq!(report["frames"].as_array().unwrap().len(), 4);
+    assert_eq!(report["summary"]["false_culled_pixels"]["max"], 0.0, "{}", report["summary"]);
+}
+
+/// A page in Chromium.
+struct Browser {
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+}
+
+impl Browser {
+    /// `None` where there is none, and none is required.
+    fn start(width: u32, height: u32) -> Option<Self> {
+        let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("roles/page/target/tests/driver.mjs");
+        let chromium = env::var("TRIMARAN_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_owned());
+        if !driver.exists() || !Path::new(&chromium).exists() {
+            return skipped("it takes Chromium, and the driver that ./x page makes");
+        }
+        let mut command = Command::new("node");
+        command
+            .arg(driver)
+            .args([width.to_string(), height.to_string()])
+            .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("roles/page"));
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let (input, output) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
+        Some(Self { child, input, output: BufReader::new(output) })
+    }
+
+    fn tell(&mut self, command: Value) -> Value {
+        writeln!(self.input, "{command}").unwrap();
+        let mut line = String::new();
+        self.output.read_line(&mut line).unwrap();
+        let told: Value = serde_json::from_str(&line).unwrap_or_else(|e| panic!("{command}: {e}: {line}"));
+        assert!(told.get("error").is_none(), "{command}: {told}");
+        told
+    }
+
+    /// The same, where nothing must have gone wrong in the page.
+    fn done(&mut self, command: Value) -> Value {
+        let mut told = self.tell(command);
+        assert_eq!(told["faults"], json!([]), "{told}");
+        told["answer"].take()
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ended = self.child.kill();
+        let _code = self.child.wait();
+    }
+}
+
+/// How the page's picture differs from the whole cut that it should show.
+struct Difference {
+    /// The share of pixels that show another drawable.
+    pixels: f64,
+    /// Drawables with more than a few pixels in one of both pictures, and none in the other.
+    drawables: Vec<u32>,
+    seen: usize,
+}
+
+/// More pixels than two rasterizers differ by at the edges of a small thing.
+const A_FEW: usize = 8;
+
+fn difference(look: &Value, scene: &Scene) -> Difference {
+    let number = |value: &Value| value.as_f64().unwrap();
+    let numbers = |value: &Value| value.as_array().unwrap().iter().map(number).collect::<Vec<_>>();
+    let (eye, turn) = (numbers(&look["eye"]), numbers(&look["orientation"]));
+    let side = |name: &str| u32::try_from(look[name].as_u64().unwrap()).unwrap();
+    let viewport = Viewport::new(side("width"), side("height")).unwrap();
+    let camera = Camera::new(
+        eye.try_into().unwrap(),
+        turn.try_into().unwrap(),
+        number(&look["tanHalfFov"]) as f32,
+        number(&look["near"]) as f32,
+        FrameNumber(0),
+    );
+    let view = View::new(camera.unwrap(), viewport);
+    let cut = lod_cut(scene, &view, &LodRule::new(2.0).unwrap().into());
+    let exact = rasterize(scene, &view, &cut, Placement::default());
+    let (width, height) = (viewport.width() as usize, viewport.height() as usize);
+    let items = look["items"].as_array().unwrap();
+    let (mut differing, mut counts) = (0, BTreeMap::<u32, [usize; 2]>::new());
+    for y in 0..height {
+        for x in 0..width {
+            // The page's rows come from below.
+            let shown = items[(height - 1 - y) * width + x].as_u64().map(|id| id as u32);
+            let shown = shown.filter(|id| *id != u32::MAX);
+            let expected = exact.ids()[y * width + x].map(|triangle| triangle.drawable.0);
+            differing += usize::from(shown != expected);
+            for (at, id) in [shown, expected].into_iter().enumerate() {
+                if let Some(id) = id {
+                    counts.entry(id).or_default()[at] += 1;
+                }
+            }
+        }
+    }
+    let lone = counts.iter().filter(|(_, [a, b])| a.min(b) == &0 && a.max(b) > &A_FEW);
+    Difference {
+        pixels: differing as f64 / (width * height) as f64,
+        drawables: lone.map(|(id, _)| *id).collect(),
+        seen: counts.len(),
+    }
+}
+
+/// At rest the page shows every drawable of the whole cut that is visible, and no other: at the start, behind
+/// a walk, and in a window of another size.
+#[test]
+fn a_browser_shows_what_is_visible_and_nothing_else() {
+    let bench = Bench::with_plant(400);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(500, 400) else { return };
+    let scene = Scene::open(bench.path("plant.scene")).unwrap();
+    assert_eq!(browser.done(json!({ "do": "open", "url": service.url() })), 200);
+    let mut eyes = BTreeSet::new();
+    for way in [
+        json!({ "do": "status" }),
+        json!({ "do": "hold", "key": "KeyW", "milliseconds": 1500 }),
+        json!({ "do": "drag", "right": 150, "down": 40 }),
+        json!({ "do": "hold", "key": "KeyQ", "milliseconds": 400 }),
+        json!({ "do": "resize", "width": 613, "height": 377 }),
+    ] {
+        browser.done(way.clone());
+        browser.done(json!({ "do": "settle" }));
+        let look = browser.done(json!({ "do": "look" }));
+        let Difference { pixels, drawables, seen } = difference(&look, &scene);
+        println!("{way}: {seen} drawables, {:.3} % of pixels differ", 100.0 * pixels);
+        assert!(seen > 5, "{way}: {seen} drawables are seen");
+        assert_eq!(drawables, [0_u32; 0], "{way}");
+        assert!(pixels < 0.01, "{way}: {pixels}");
+        eyes.insert(look["eye"].to_string());
+    }
+    assert_eq!(eyes.len(), 3, "two of the ways move the eye: {eyes:?}");
+}
+
+/// A page that loses its service goes on with what it has, and finds the service again.
+#[test]
+fn a_page_outlives_its_service() {
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(300, 300) else { return };
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    let before = browser.done(json!({ "do": "look" }));
+    let at = service.at.clone();
+    drop(service);
+    browser.tell(json!({ "do": "drag", "right": 20, "down": 0 }));
+    let alone = browser.tell(json!({ "do": "look" }))["answer"].take();
+    assert!(alone["drawn"]["drawables"].as_u64().unwrap() > 0, "{}", alone["drawn"]);
+    assert_ne!(alone["orientation"], before["orientation"]);
+    let _again = Service::start(&bench, &at).unwrap();
+    browser.tell(json!({ "do": "settle" }));
+    let scene = Scene::open(bench.path("plant.scene")).unwrap();
+    let Difference { drawables, .. } = difference(&browser.tell(json!({ "do": "look" }))["answer"], &scene);
+    assert_eq!(drawables, [0_u32; 0]);
+}
+
+#[test]
+fn a_page_with_a_wrong_token_says_so() {
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(300, 300) else { return };
+    browser.tell(json!({ "do": "open", "url": service.url().replace(TOKEN, "0123456789abcdef") }));
+    let status = loop {
+        let status = browser.tell(json!({ "do": "status" }))["answer"].take();
+        if status != "" {
+            break status;
+        }
+    };
+    assert!(status.as_str().unwrap().contains("token"), "{status}");
+}
