@@ -2,7 +2,7 @@
 import { readdirSync } from "node:fs";
 import { build } from "esbuild";
 
-const common = { bundle: true, format: "esm", target: "es2022", logLevel: "info", sourcemap: true };
+const common = { bundle: true, format: "esm", target: "es2022", logLevel: "warning", sourcemap: true };
 
 if (process.argv[2] === "tests") {
   const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts") || name === "driver.ts");
