@@ -29,7 +29,8 @@ pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, Swee
 ///   trimaran doctor                               what this machine can do
 ///   trimaran demo                                 a walk through a generated plant
 ///   trimaran import plant/*.rvm -o plant.scene    your own model
-///   trimaran run plant.scene --out walk           walk it; open walk/report.html
+///   trimaran serve plant.scene                    walk it in your browser
+///   trimaran run plant.scene --out walk           a walk by itself; open walk/report.html
 #[derive(Debug, Parser)]
 #[command(
     name = "trimaran",
