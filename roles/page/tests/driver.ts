@@ -45,10 +45,7 @@ async function run(command: Command, page: Page): Promise<unknown> {
     case "open":
       return (await page.goto(command.url))?.status();
     case "settle":
-      await page.waitForFunction(() => window.trimaran?.isSettled === true, null, {
-        timeout: PATIENCE,
-      });
-      return true;
+      return until(() => page.evaluate(() => window.trimaran?.isSettled === true));
     case "hold":
       await page.keyboard.down(command.key);
       await page.waitForTimeout(command.milliseconds);
@@ -64,15 +61,12 @@ async function run(command: Command, page: Page): Promise<unknown> {
     }
     case "resize":
       await page.setViewportSize(command);
-      await page.waitForFunction(
-        ({ width, height }) => {
+      return until(() =>
+        page.evaluate(({ width, height }) => {
           const canvas = document.querySelector("canvas");
           return canvas?.width === width && canvas.height === height;
-        },
-        command,
-        { timeout: PATIENCE },
+        }, command),
       );
-      return true;
     case "look":
       return page.evaluate(look);
     case "status":
@@ -81,6 +75,17 @@ async function run(command: Command, page: Page): Promise<unknown> {
       await page.screenshot({ path: command.file });
       return true;
   }
+}
+
+/** Waits until `holds`. The page's policy forbids what playwright waits by. */
+async function until(holds: () => Promise<boolean>): Promise<true> {
+  for (const began = performance.now(); performance.now() - began < PATIENCE; ) {
+    if (await holds()) {
+      return true;
+    }
+    await new Promise((resolve) => setTimeout(resolve, 20));
+  }
+  throw new Error(`it does not come about within ${PATIENCE} ms`);
 }
 
 /** Where the eye is, and which drawable each pixel shows. Runs in the page. */

@@ -3,6 +3,7 @@
 import type { Camera } from "../proto/camera.ts";
 import type { DrawableRecord } from "../proto/records.ts";
 import type { Arena } from "./arena.ts";
+import { DrawOrder } from "./order.ts";
 import { PER_ROW, TEXELS } from "./shaders.ts";
 import { worldToCamera, writeRows } from "./view.ts";
 
@@ -19,6 +20,7 @@ export class Batch {
   #numbers = new Uint32Array(0);
   #counts = new Int32Array(0);
   #offsets = new Int32Array(0);
+  readonly #order = new DrawOrder();
   #drawn = { calls: 0, drawables: 0, triangles: 0 };
 
   constructor(gl: WebGL2RenderingContext, multiDraw: WEBGL_multi_draw | null) {
@@ -31,7 +33,10 @@ export class Batch {
     return this.#drawn;
   }
 
-  /** Draws what has its geometry in `arena`: first what shows both sides, then what shows its front alone. */
+  /**
+   * Draws what has its geometry in `arena`, in the order of all displays: of surfaces in one place the first
+   * one shows. Each run of drawables that show the same sides is a call.
+   */
   draw(
     camera: Camera,
     drawables: readonly DrawableRecord[],
@@ -41,20 +46,26 @@ export class Batch {
     const gl = this.#gl;
     this.#reserve(drawables.length);
     const rows = worldToCamera(camera.orientation);
-    let [count, triangles, bothSides] = [0, 0, 0];
-    for (const sides of [0, 1]) {
-      for (const drawable of drawables) {
-        const range = drawable.sides === sides ? arena.range(drawable.geometry) : undefined;
-        if (range !== undefined) {
-          writeRows(this.#matrices, FLOATS * count, rows, camera.eye, drawable);
-          this.#numbers[FLOATS * count + 12] = drawable.id;
-          this.#counts[count] = range.count;
-          this.#offsets[count] = range.byteOffset;
-          triangles += range.count / 3;
-          count += 1;
-        }
+    const runs: { sides: number; count: number }[] = [];
+    let [count, triangles] = [0, 0];
+    for (const at of this.#order.sort(camera.eye, drawables)) {
+      const drawable = drawables[at];
+      const range = drawable === undefined ? undefined : arena.range(drawable.geometry);
+      if (drawable === undefined || range === undefined) {
+        continue;
       }
-      bothSides = sides === 0 ? count : bothSides;
+      writeRows(this.#matrices, FLOATS * count, rows, camera.eye, drawable);
+      this.#numbers[FLOATS * count + 12] = drawable.id;
+      this.#counts[count] = range.count;
+      this.#offsets[count] = range.byteOffset;
+      triangles += range.count / 3;
+      count += 1;
+      const run = runs.at(-1);
+      if (run?.sides === drawable.sides) {
+        run.count += 1;
+      } else {
+        runs.push({ sides: drawable.sides, count: 1 });
+      }
     }
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.#texture);
@@ -63,10 +74,16 @@ export class Batch {
       const width = PER_ROW * TEXELS;
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGBA, gl.FLOAT, this.#matrices);
     }
-    gl.disable(gl.CULL_FACE);
-    let calls = this.#call(0, bothSides, number);
-    gl.enable(gl.CULL_FACE);
-    calls += this.#call(bothSides, count - bothSides, number);
+    let [calls, first] = [0, 0];
+    for (const { sides, count } of runs) {
+      if (sides === 0) {
+        gl.disable(gl.CULL_FACE);
+      } else {
+        gl.enable(gl.CULL_FACE);
+      }
+      calls += this.#call(first, count, number);
+      first += count;
+    }
     gl.disable(gl.CULL_FACE);
     this.#drawn = { calls, drawables: count, triangles };
   }
