@@ -31,17 +31,18 @@ impl Service {
     /// At `listen`; `None` where the program was built without its page and none is required.
     fn start(bench: &Bench, listen: &str) -> Option<Self> {
         let mut command = bench.command(&["serve", "plant.scene", "--listen", listen, "--token", TOKEN]);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut service = Self { child, at: String::new() };
         let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        BufReader::new(service.child.stdout.take().unwrap()).read_line(&mut line).unwrap();
         let Some(url) = line.trim().strip_prefix("http://") else {
             let mut said = String::new();
-            child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+            service.child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
             return skipped(&said);
         };
-        let at = url.split_once('/').unwrap().0.to_owned();
-        assert_eq!(url, format!("{at}/?token={TOKEN}"));
-        Some(Self { child, at })
+        url.split_once('/').unwrap().0.clone_into(&mut service.at);
+        assert_eq!(url, format!("{}/?token={TOKEN}", service.at));
+        Some(service)
     }
 
     fn url(&self) -> String {
