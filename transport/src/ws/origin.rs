@@ -37,10 +37,10 @@ impl FromStr for Origin {
         let is_web = matches!(uri.scheme_str(), Some("http" | "https"));
         // As browsers write it: nothing behind the port, and no names of users.
         let written = format!("{}://{authority}", uri.scheme_str().unwrap_or_default());
-        if !is_web || authority.as_str().contains('@') || written != text.to_ascii_lowercase() {
+        if !is_web || authority.as_str().contains('@') || !written.eq_ignore_ascii_case(text) {
             return Err(wrong());
         }
-        Ok(Self(written))
+        Ok(Self(written.to_ascii_lowercase()))
     }
 }
 
