@@ -1,6 +1,7 @@
 /** All drawables of a picture as few calls: their matrices lie in a texture, by the number of the draw. */
 
 import type { GeometryArena, Range } from "./arena.ts";
+import { BOTH, FACINGS, facingOf, MIRRORED } from "./facing.ts";
 import type { Features } from "./features.ts";
 import type { Drawable } from "./model.ts";
 import type { Program } from "./program.ts";
@@ -50,7 +51,7 @@ export class Batch {
   draw(view: View, drawables: readonly Drawable[], arena: GeometryArena, program: Program): void {
     const gl = this.#gl;
     this.#reserve(drawables.length);
-    const groups = 2 * arena.pages.length;
+    const groups = FACINGS * arena.pages.length;
     const count = this.#find(view, drawables, arena, groups);
     this.#sort(count);
     this.#upload(count);
@@ -60,17 +61,23 @@ export class Batch {
     for (let group = 0; group < groups; group += 1) {
       const [start, end] = [group === 0 ? 0 : at(this.#ends, group - 1), at(this.#ends, group)];
       if (start < end) {
-        arena.pages[group >> 1]?.bind();
-        if ((group & 1) === 1) {
-          gl.enable(gl.CULL_FACE);
-        } else {
-          gl.disable(gl.CULL_FACE);
-        }
+        arena.pages[Math.floor(group / FACINGS)]?.bind();
+        this.#face(group % FACINGS);
         this.#call(start, end - start, first);
       }
     }
-    gl.disable(gl.CULL_FACE);
+    this.#face(BOTH);
     gl.bindVertexArray(null);
+  }
+
+  #face(facing: number): void {
+    const gl = this.#gl;
+    if (facing === BOTH) {
+      gl.disable(gl.CULL_FACE);
+    } else {
+      gl.enable(gl.CULL_FACE);
+      gl.cullFace(facing === MIRRORED ? gl.FRONT : gl.BACK);
+    }
   }
 
   /** Finds what is in view. A group is what one call draws: a page, and which sides of triangles can show. */
@@ -89,7 +96,7 @@ export class Batch {
       if (!view.sees(range.bounds)) {
         continue;
       }
-      const group = 2 * range.pageNumber + (drawable.sides === 1 ? 1 : 0);
+      const group = FACINGS * range.pageNumber + facingOf(drawable, range.bounds, view);
       this.#found.set(view.matrix, MATRIX * count);
       this.#ids[count] = drawable.id;
       this.#groups[count] = group;

@@ -86,6 +86,21 @@ export class View {
     );
   }
 
+  /** The square of a distance from the eye that the box, where `place` has put it, is not nearer than. */
+  distanceSquared(bounds: Bounds): number {
+    const { matrix } = this;
+    let sum = 0;
+    // How far away the box around the box is, with its sides along the axes of camera space.
+    for (let row = 0; row < MATRIX; row += 4) {
+      const [a, b, c] = [at(matrix, row), at(matrix, row + 1), at(matrix, row + 2)];
+      const centre = a * at(bounds, 0) + b * at(bounds, 1) + c * at(bounds, 2) + at(matrix, row + 3);
+      const half = Math.abs(a) * at(bounds, 3) + Math.abs(b) * at(bounds, 4) + Math.abs(c) * at(bounds, 5);
+      const gap = Math.max(0, Math.abs(centre) - half);
+      sum += gap * gap;
+    }
+    return sum;
+  }
+
   /** Whether the corner of the box that is farthest along (x, y, z) in camera space is so far along. */
   #reach(bounds: Bounds, x: number, y: number, z: number, far: number): boolean {
     const { matrix } = this;
