@@ -1,18 +1,25 @@
-/** Places of varying length in a buffer that grows: the free ones are known, and neighbours joined. */
+/** Places of varying length in a buffer: the free ones are known, and neighbours joined. */
 
 export interface Place {
   readonly offset: number;
   readonly length: number;
 }
 
+interface Gap {
+  offset: number;
+  length: number;
+}
+
+/** Gives the smallest free place that is large enough, so that the large ones stay whole. */
 export class Allocator {
-  /** Free places by offset, none touching the next. */
-  readonly #free: { offset: number; length: number }[] = [];
-  #capacity = 0;
+  /** Free places by offset; between two of them something is taken. */
+  readonly #gaps: Gap[];
+  readonly capacity: number;
   #used = 0;
 
-  get capacity(): number {
-    return this.#capacity;
+  constructor(capacity: number) {
+    this.capacity = capacity;
+    this.#gaps = capacity > 0 ? [{ offset: 0, length: capacity }] : [];
   }
 
   /** What is taken, of the capacity. */
@@ -20,33 +27,30 @@ export class Allocator {
     return this.#used;
   }
 
-  /** Adds room at the end. */
-  grow(capacity: number): void {
-    if (capacity > this.#capacity) {
-      const added = { offset: this.#capacity, length: capacity - this.#capacity };
-      this.#capacity = capacity;
-      this.#insert(added);
-    }
+  /** How many free places there are. */
+  get gaps(): number {
+    return this.#gaps.length;
   }
 
-  /** The smallest free place that is large enough; nothing if there is none. */
+  /** A place of that length; nothing where no free one is large enough. */
   take(length: number): Place | undefined {
-    let best = -1;
-    for (const [at, { length: free }] of this.#free.entries()) {
-      if (free >= length && (best < 0 || free < (this.#free[best]?.length ?? 0))) {
-        best = at;
+    if (length === 0) {
+      return { offset: 0, length: 0 };
+    }
+    let best: Gap | undefined;
+    for (const gap of this.#gaps) {
+      if (gap.length >= length && (best === undefined || gap.length < best.length)) {
+        best = gap;
       }
     }
-    const place = this.#free[best];
-    if (place === undefined || length === 0) {
-      return length === 0 ? { offset: 0, length: 0 } : undefined;
+    if (best === undefined) {
+      return undefined;
     }
-    const { offset } = place;
-    if (place.length === length) {
-      this.#free.splice(best, 1);
-    } else {
-      place.offset += length;
-      place.length -= length;
+    const { offset } = best;
+    best.offset += length;
+    best.length -= length;
+    if (best.length === 0) {
+      this.#gaps.splice(this.#gaps.indexOf(best), 1);
     }
     this.#used += length;
     return { offset, length };
@@ -54,26 +58,36 @@ export class Allocator {
 
   /** Gives back what `take` gave. */
   give({ offset, length }: Place): void {
-    if (length > 0) {
-      this.#used -= length;
-      this.#insert({ offset, length });
+    if (length === 0) {
+      return;
+    }
+    this.#used -= length;
+    const at = this.#firstBehind(offset);
+    const [before, after] = [this.#gaps[at - 1], this.#gaps[at]];
+    const touchesBefore = before !== undefined && before.offset + before.length === offset;
+    const touchesAfter = after !== undefined && offset + length === after.offset;
+    if (touchesBefore) {
+      before.length += length + (touchesAfter ? after.length : 0);
+      this.#gaps.splice(at, touchesAfter ? 1 : 0);
+    } else if (touchesAfter) {
+      after.offset = offset;
+      after.length += length;
+    } else {
+      this.#gaps.splice(at, 0, { offset, length });
     }
   }
 
-  #insert(place: { offset: number; length: number }): void {
-    let at = this.#free.findIndex(({ offset }) => offset > place.offset);
-    at = at < 0 ? this.#free.length : at;
-    const [before, after] = [this.#free[at - 1], this.#free[at]];
-    if (after !== undefined && place.offset + place.length === after.offset) {
-      after.offset = place.offset;
-      after.length += place.length;
-      place = after;
-    } else {
-      this.#free.splice(at, 0, place);
+  /** The first gap behind an offset. */
+  #firstBehind(offset: number): number {
+    let [low, high] = [0, this.#gaps.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if ((this.#gaps[middle]?.offset ?? 0) > offset) {
+        high = middle;
+      } else {
+        low = middle + 1;
+      }
     }
-    if (before !== undefined && before.offset + before.length === place.offset) {
-      before.length += place.length;
-      this.#free.splice(this.#free.indexOf(place), 1);
-    }
+    return low;
   }
 }

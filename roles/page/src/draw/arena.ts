@@ -1,153 +1,150 @@
-/** Vertices and indices of many pieces of geometry in two buffers of the device, so that one call draws many. */
+/** The triangles of many pieces of geometry in few buffers of the device, so that one call draws many. */
 
-import type { Piece } from "../proto/piece.ts";
-import { VERTEX_BYTES } from "../proto/piece.ts";
-import { Allocator, type Place } from "./allocator.ts";
+import type { Provoking } from "./features.ts";
+import { type Mesh, VERTEX_BYTES } from "./model.ts";
+import { byteOffset, GeometryPage, type Spot } from "./page.ts";
+import type { Bounds } from "./view.ts";
 
-/** What buffers hold at first: vertices, and indices. */
+/** Vertices that the first page has room for, and that any page has for more than one piece. */
 const FIRST_VERTICES = 1 << 16;
-const FIRST_INDICES = 1 << 18;
+const MOST_VERTICES = 1 << 20;
+/** Indices that a page has room for, for each of its vertices. */
+const INDICES_EACH = 6;
 
 /** Where a piece's triangles are. */
 export interface Range {
-  /** Where its indices begin, in bytes. */
+  readonly page: GeometryPage;
+  /** The page's number, below `pages`, until the next piece comes or goes. */
+  readonly pageNumber: number;
+  /** Where its indices begin in the page, in bytes. */
   readonly byteOffset: number;
   /** How many indices. */
   readonly count: number;
+  /** The box around its vertices, in its local frame. */
+  readonly bounds: Bounds;
 }
 
-export class Arena {
-  readonly #gl: WebGL2RenderingContext;
-  readonly #vertices: GrowingBuffer;
-  readonly #indices: GrowingBuffer;
-  readonly #pieces = new Map<number, { vertices: Place; indices: Place; range: Range }>();
-  readonly vertexArray: WebGLVertexArrayObject;
+interface Held extends Range {
+  pageNumber: number;
+  readonly spot: Spot;
+}
 
-  constructor(gl: WebGL2RenderingContext) {
-    this.#gl = gl;
-    this.vertexArray = gl.createVertexArray();
-    this.#vertices = new GrowingBuffer(gl, gl.ARRAY_BUFFER, VERTEX_BYTES, FIRST_VERTICES);
-    this.#indices = new GrowingBuffer(gl, gl.ELEMENT_ARRAY_BUFFER, 4, FIRST_INDICES);
-    this.#bind();
+export class GeometryArena {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #provoking: Provoking;
+  readonly #pages: GeometryPage[] = [];
+  readonly #pieces = new Map<number, Held>();
+
+  constructor(gl: WebGL2RenderingContext, provoking: Provoking) {
+    [this.#gl, this.#provoking] = [gl, provoking];
   }
 
-  /** Bytes on the device that hold geometry. */
+  /** Bytes that pieces take. */
   get bytes(): number {
-    return this.#vertices.bytes + this.#indices.bytes;
+    return this.#pages.reduce((sum, page) => sum + page.used, 0);
+  }
+
+  /** Bytes on the device, taken or not. */
+  get capacity(): number {
+    return this.#pages.reduce((sum, page) => sum + page.capacity, 0);
+  }
+
+  get pages(): readonly GeometryPage[] {
+    return this.#pages;
+  }
+
+  has(piece: number): boolean {
+    return this.#pieces.has(piece);
   }
 
   /** Where the triangles of a piece are, if it is there. */
   range(piece: number): Range | undefined {
-    return this.#pieces.get(piece)?.range;
+    return this.#pieces.get(piece);
   }
 
-  set(piece: number, { vertices, indices }: Piece): void {
+  /**
+   * Takes a piece, in place of the one of that number. One without triangles leaves nothing.
+   *
+   * Throws where the device has no memory left.
+   */
+  set(piece: number, mesh: Mesh): void {
     this.drop(piece);
-    const gl = this.#gl;
-    // An array of vertices that is bound would take the buffer of indices for its own.
-    gl.bindVertexArray(null);
-    const [of, grownVertices] = this.#vertices.take(vertices.length / VERTEX_BYTES);
-    const [at, grownIndices] = this.#indices.take(indices.length);
-    // The last corner of a triangle decides what is flat in it: the first one is put there. The order of the
-    // corners stays what it is.
-    const turned = new Uint32Array(indices.length);
-    for (let i = 0; i < indices.length; i += 3) {
-      turned[i] = (indices[i + 1] ?? 0) + of.offset;
-      turned[i + 1] = (indices[i + 2] ?? 0) + of.offset;
-      turned[i + 2] = (indices[i] ?? 0) + of.offset;
+    if (mesh.indices.length === 0) {
+      return;
     }
-    this.#vertices.write(of, vertices);
-    this.#indices.write(at, turned);
-    if (grownVertices || grownIndices) {
-      this.#bind();
+    let [page, spot] = this.#room(mesh) ?? [];
+    if (page === undefined || spot === undefined) {
+      page = this.#grow(mesh);
+      spot = page.add(mesh);
     }
-    const range = { byteOffset: 4 * at.offset, count: at.length };
-    this.#pieces.set(piece, { vertices: of, indices: at, range });
+    if (spot !== undefined) {
+      this.#pieces.set(piece, {
+        page,
+        spot,
+        pageNumber: this.#pages.indexOf(page),
+        byteOffset: byteOffset(spot),
+        count: mesh.indices.length,
+        bounds: boundsOf(mesh.vertices),
+      });
+    }
   }
 
   drop(piece: number): void {
     const held = this.#pieces.get(piece);
-    if (held !== undefined) {
-      this.#vertices.give(held.vertices);
-      this.#indices.give(held.indices);
-      this.#pieces.delete(piece);
+    if (held === undefined) {
+      return;
+    }
+    this.#pieces.delete(piece);
+    held.page.remove(held.spot);
+    if (held.page.used === 0 && this.#pages.length > 1) {
+      held.page.delete();
+      this.#pages.splice(held.pageNumber, 1);
+      for (const other of this.#pieces.values()) {
+        other.pageNumber -= other.pageNumber > held.pageNumber ? 1 : 0;
+      }
     }
   }
 
-  #bind(): void {
-    const gl = this.#gl;
-    gl.bindVertexArray(this.vertexArray);
-    this.#vertices.bind();
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, VERTEX_BYTES, 0);
-    gl.enableVertexAttribArray(1);
-    gl.vertexAttribPointer(1, 4, gl.UNSIGNED_BYTE, true, VERTEX_BYTES, 12);
-    gl.enableVertexAttribArray(2);
-    gl.vertexAttribPointer(2, 2, gl.SHORT, true, VERTEX_BYTES, 16);
-    this.#indices.bind();
-    gl.bindVertexArray(null);
+  #room(mesh: Mesh): [GeometryPage, Spot] | undefined {
+    for (const page of this.#pages) {
+      const spot = page.add(mesh);
+      if (spot !== undefined) {
+        return [page, spot];
+      }
+    }
+    return undefined;
+  }
+
+  /** A new page, as large as all before together within bounds, and at least as large as the mesh. */
+  #grow({ vertices, indices }: Mesh): GeometryPage {
+    const wanted = Math.max(FIRST_VERTICES, this.capacity / (VERTEX_BYTES + 4 * INDICES_EACH));
+    const usual = Math.min(MOST_VERTICES, Math.ceil(wanted));
+    const page = new GeometryPage(
+      this.#gl,
+      this.#provoking,
+      Math.max(usual, vertices.length / VERTEX_BYTES),
+      Math.max(usual * INDICES_EACH, indices.length),
+    );
+    this.#pages.push(page);
+    return page;
   }
 }
 
-/** A buffer that doubles where it is full; what it holds stays where it is. */
-class GrowingBuffer {
-  readonly #gl: WebGL2RenderingContext;
-  readonly #target: number;
-  readonly #size: number;
-  readonly #places = new Allocator();
-  #buffer: WebGLBuffer;
-
-  constructor(gl: WebGL2RenderingContext, target: number, size: number, first: number) {
-    [this.#gl, this.#target, this.#size] = [gl, target, size];
-    this.#buffer = this.#make(first);
-    this.#places.grow(first);
-  }
-
-  get bytes(): number {
-    return this.#places.used * this.#size;
-  }
-
-  /** A place for so many, and whether the buffer is another one now. */
-  take(count: number): [Place, boolean] {
-    const place = this.#places.take(count);
-    if (place !== undefined) {
-      return [place, false];
+/** The box around the positions of vertices. */
+export function boundsOf(vertices: Uint8Array<ArrayBuffer>): Bounds {
+  const whole = vertices.byteOffset % 4 === 0 ? vertices : vertices.slice();
+  const words = new Float32Array(whole.buffer, whole.byteOffset, Math.floor(whole.length / 4));
+  const bounds = new Float64Array(6);
+  const wordsEach = VERTEX_BYTES / 4;
+  for (let axis = 0; axis < 3 && words.length > 0; axis += 1) {
+    let [low, high] = [Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY];
+    for (let i = axis; i < words.length; i += wordsEach) {
+      const coordinate = words[i] ?? 0;
+      low = Math.min(low, coordinate);
+      high = Math.max(high, coordinate);
     }
-    const before = this.#places.capacity;
-    let capacity = before;
-    do {
-      capacity *= 2;
-    } while (capacity - before < count);
-    const [gl, old] = [this.#gl, this.#buffer];
-    this.#buffer = this.#make(capacity);
-    gl.bindBuffer(gl.COPY_READ_BUFFER, old);
-    gl.bindBuffer(this.#target, this.#buffer);
-    gl.copyBufferSubData(gl.COPY_READ_BUFFER, this.#target, 0, 0, before * this.#size);
-    gl.bindBuffer(gl.COPY_READ_BUFFER, null);
-    gl.deleteBuffer(old);
-    this.#places.grow(capacity);
-    // There is room now.
-    return [this.#places.take(count) ?? { offset: 0, length: 0 }, true];
+    bounds[axis] = (low + high) / 2;
+    bounds[3 + axis] = (high - low) / 2;
   }
-
-  give(place: Place): void {
-    this.#places.give(place);
-  }
-
-  write({ offset }: Place, data: Uint8Array<ArrayBuffer> | Uint32Array<ArrayBuffer>): void {
-    this.bind();
-    this.#gl.bufferSubData(this.#target, offset * this.#size, data);
-  }
-
-  bind(): void {
-    this.#gl.bindBuffer(this.#target, this.#buffer);
-  }
-
-  #make(capacity: number): WebGLBuffer {
-    const gl = this.#gl;
-    const buffer = gl.createBuffer();
-    gl.bindBuffer(this.#target, buffer);
-    gl.bufferData(this.#target, capacity * this.#size, gl.STATIC_DRAW);
-    return buffer;
-  }
+  return bounds;
 }

@@ -1,72 +1,123 @@
 /** All drawables of a picture as few calls: their matrices lie in a texture, by the number of the draw. */
 
-import type { Camera } from "../proto/camera.ts";
-import type { DrawableRecord } from "../proto/records.ts";
-import type { Arena } from "./arena.ts";
+import type { GeometryArena } from "./arena.ts";
+import { BOTH, FACINGS, facingOf, MIRRORED } from "./facing.ts";
+import type { Features } from "./features.ts";
+import type { Camera, Drawable } from "./model.ts";
 import { DrawOrder } from "./order.ts";
+import type { Program } from "./program.ts";
 import { PER_ROW, TEXELS } from "./shaders.ts";
-import { worldToCamera, writeRows } from "./view.ts";
+import { at, MATRIX, type View } from "./view.ts";
 
 /** Drawables that there is room for at first. */
 const FIRST = 4096;
 const FLOATS = 4 * TEXELS;
 
+/** What a picture took. */
+export interface Drawn {
+  /** Calls to draw. */
+  calls: number;
+  /** Drawables that may be in the picture, and have their geometry here. */
+  drawables: number;
+  triangles: number;
+}
+
+/** Takes no memory for a picture of no more drawables than one before. */
 export class Batch {
   readonly #gl: WebGL2RenderingContext;
   readonly #multiDraw: WEBGL_multi_draw | null;
   readonly #texture: WebGLTexture;
+  readonly #order = new DrawOrder();
   #capacity = 0;
+  /** Of each draw: its matrix and number, its range of indices, and its kind. */
   #matrices = new Float32Array(0);
   #numbers = new Uint32Array(0);
   #counts = new Int32Array(0);
   #offsets = new Int32Array(0);
-  readonly #order = new DrawOrder();
-  #drawn = { calls: 0, drawables: 0, triangles: 0 };
+  #kinds = new Uint32Array(0);
+  readonly drawn: Drawn = { calls: 0, drawables: 0, triangles: 0 };
 
-  constructor(gl: WebGL2RenderingContext, multiDraw: WEBGL_multi_draw | null) {
+  constructor(gl: WebGL2RenderingContext, { multiDraw }: Features) {
     [this.#gl, this.#multiDraw] = [gl, multiDraw];
     this.#texture = gl.createTexture();
     this.#reserve(FIRST);
   }
 
-  get drawn(): { readonly calls: number; readonly drawables: number; readonly triangles: number } {
-    return this.#drawn;
-  }
-
   /**
-   * Draws what has its geometry in `arena`, in the order of all displays: of surfaces in one place the first
-   * one shows. Each run of drawables that show the same sides is a call.
+   * Draws by `program` what is in view and has its geometry in `arena`, in the order of all displays: of
+   * surfaces in one place the first one shows. Each run of draws of one kind is a call.
    */
   draw(
-    camera: Camera,
-    drawables: readonly DrawableRecord[],
-    arena: Arena,
-    number: WebGLUniformLocation | null,
+    eye: Camera["eye"],
+    view: View,
+    drawables: readonly Drawable[],
+    arena: GeometryArena,
+    program: Program,
   ): void {
-    const gl = this.#gl;
     this.#reserve(drawables.length);
-    const rows = worldToCamera(camera.orientation);
-    const runs: { sides: number; count: number }[] = [];
+    this.#order.sort(eye, drawables);
+    const count = this.#find(view, drawables, arena);
+    this.#upload(count);
+    this.drawn.calls = 0;
+    this.drawn.drawables = count;
+    const number = program.at("first");
+    let [first, page] = [0, -1];
+    for (let next = 1; next <= count; next += 1) {
+      const kind = at(this.#kinds, first);
+      if (next < count && at(this.#kinds, next) === kind) {
+        continue;
+      }
+      if (page !== Math.floor(kind / FACINGS)) {
+        page = Math.floor(kind / FACINGS);
+        arena.pages[page]?.bind();
+      }
+      this.#face(kind % FACINGS);
+      this.#call(first, next - first, number);
+      first = next;
+    }
+    this.#face(BOTH);
+    this.#gl.bindVertexArray(null);
+  }
+
+  /** Finds what is in view. A kind is what one call can draw: a page, and which sides of triangles show. */
+  #find(view: View, drawables: readonly Drawable[], arena: GeometryArena): number {
     let [count, triangles] = [0, 0];
-    for (const at of this.#order.sort(camera.eye, drawables)) {
-      const drawable = drawables[at];
-      const range = drawable === undefined ? undefined : arena.range(drawable.geometry);
+    for (let before = 0; before < drawables.length; before += 1) {
+      const drawable = drawables[this.#order.place(before)];
+      const range = drawable && arena.range(drawable.geometry);
       if (drawable === undefined || range === undefined) {
         continue;
       }
-      writeRows(this.#matrices, FLOATS * count, rows, camera.eye, drawable);
-      this.#numbers[FLOATS * count + 12] = drawable.id;
+      view.place(drawable);
+      if (!view.sees(range.bounds)) {
+        continue;
+      }
+      for (let number = 0; number < MATRIX; number += 1) {
+        this.#matrices[FLOATS * count + number] = at(view.matrix, number);
+      }
+      this.#numbers[FLOATS * count + MATRIX] = drawable.id;
       this.#counts[count] = range.count;
       this.#offsets[count] = range.byteOffset;
+      this.#kinds[count] = FACINGS * range.pageNumber + facingOf(drawable, range.bounds, view);
       triangles += range.count / 3;
       count += 1;
-      const run = runs.at(-1);
-      if (run?.sides === drawable.sides) {
-        run.count += 1;
-      } else {
-        runs.push({ sides: drawable.sides, count: 1 });
-      }
     }
+    this.drawn.triangles = triangles;
+    return count;
+  }
+
+  #face(facing: number): void {
+    const gl = this.#gl;
+    if (facing === BOTH) {
+      gl.disable(gl.CULL_FACE);
+    } else {
+      gl.enable(gl.CULL_FACE);
+      gl.cullFace(facing === MIRRORED ? gl.FRONT : gl.BACK);
+    }
+  }
+
+  #upload(count: number): void {
+    const gl = this.#gl;
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.#texture);
     const height = Math.ceil(count / PER_ROW);
@@ -74,43 +125,23 @@ export class Batch {
       const width = PER_ROW * TEXELS;
       gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGBA, gl.FLOAT, this.#matrices);
     }
-    let [calls, first] = [0, 0];
-    for (const { sides, count } of runs) {
-      if (sides === 0) {
-        gl.disable(gl.CULL_FACE);
-      } else {
-        gl.enable(gl.CULL_FACE);
-      }
-      calls += this.#call(first, count, number);
-      first += count;
-    }
-    gl.disable(gl.CULL_FACE);
-    this.#drawn = { calls, drawables: count, triangles };
   }
 
-  #call(first: number, count: number, number: WebGLUniformLocation | null): number {
+  #call(start: number, count: number, first: WebGLUniformLocation | null): void {
     const gl = this.#gl;
-    if (count === 0) {
-      return 0;
-    }
+    const [counts, offsets] = [this.#counts, this.#offsets];
     if (this.#multiDraw !== null) {
-      gl.uniform1i(number, first);
-      this.#multiDraw.multiDrawElementsWEBGL(
-        gl.TRIANGLES,
-        this.#counts,
-        first,
-        gl.UNSIGNED_INT,
-        this.#offsets,
-        first,
-        count,
-      );
-      return 1;
+      gl.uniform1i(first, start);
+      const type = gl.UNSIGNED_INT;
+      this.#multiDraw.multiDrawElementsWEBGL(gl.TRIANGLES, counts, start, type, offsets, start, count);
+      this.drawn.calls += 1;
+      return;
     }
-    for (let i = first; i < first + count; i += 1) {
-      gl.uniform1i(number, i);
-      gl.drawElements(gl.TRIANGLES, this.#counts[i] ?? 0, gl.UNSIGNED_INT, this.#offsets[i] ?? 0);
+    for (let i = start; i < start + count; i += 1) {
+      gl.uniform1i(first, i);
+      gl.drawElements(gl.TRIANGLES, at(counts, i), gl.UNSIGNED_INT, at(offsets, i));
     }
-    return count;
+    this.drawn.calls += count;
   }
 
   #reserve(count: number): void {
@@ -124,11 +155,11 @@ export class Batch {
     this.#numbers = new Uint32Array(this.#matrices.buffer);
     this.#counts = new Int32Array(this.#capacity);
     this.#offsets = new Int32Array(this.#capacity);
+    this.#kinds = new Uint32Array(this.#capacity);
     gl.bindTexture(gl.TEXTURE_2D, this.#texture);
     const width = PER_ROW * TEXELS;
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, width, height, 0, gl.RGBA, gl.FLOAT, null);
-    for (const wish of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-      gl.texParameteri(gl.TEXTURE_2D, wish, gl.NEAREST);
-    }
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
   }
 }

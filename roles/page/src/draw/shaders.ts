@@ -1,35 +1,36 @@
 /** The shaders. Positions are relative to the eye, in camera space, before they reach the device. */
 
+import type { Depth, DrawNumber } from "./features.ts";
+import { COLOUR, NORMAL, POSITION } from "./page.ts";
+
 /** Texels of a drawable: three rows of its matrix, and its number. */
 export const TEXELS = 4;
 /** Drawables in a row of the texture that holds them. */
 export const PER_ROW = 256;
 
-/** How the number of a draw is known. */
-export type DrawNumber = "multi-draw" | "uniform";
-/** What depth is: near over distance, from 0 to 1; or the usual, from -1 to 1. */
-export type Depth = "reversed" | "standard";
-
+/** What all vertex shaders share, so that a triangle covers the same samples at the same depth in each. */
 function head(number: DrawNumber, depth: Depth): string {
   const extension = number === "multi-draw" ? "#extension GL_ANGLE_multi_draw : require" : "";
-  const draw =
-    number === "multi-draw" ? "uniform int first;\n#define DRAW (first + gl_DrawID)" : "uniform int DRAW;";
+  const draw = number === "multi-draw" ? "(first + gl_DrawID)" : "first";
+  // Depth is this over the distance.
   const z = depth === "reversed" ? "near" : "-view.z - 2.0 * near";
   return `#version 300 es
 ${extension}
 precision highp float;
 precision highp int;
 precision highp sampler2D;
-${draw}
+invariant gl_Position;
+uniform int first;
 uniform sampler2D drawables;
 uniform vec2 scale;
 uniform float near;
-layout(location = 0) in vec3 local;
-layout(location = 1) in vec4 colour;
-layout(location = 2) in vec2 folded;
+layout(location = ${POSITION}) in vec3 local;
+layout(location = ${COLOUR}) in vec4 colour;
+layout(location = ${NORMAL}) in vec2 folded;
 
 vec4 texel(int i) {
-  return texelFetch(drawables, ivec2((DRAW % ${PER_ROW}) * ${TEXELS} + i, DRAW / ${PER_ROW}), 0);
+  int draw = ${draw};
+  return texelFetch(drawables, ivec2((draw % ${PER_ROW}) * ${TEXELS} + i, draw / ${PER_ROW}), 0);
 }
 
 vec4 clip(vec3 view) {
@@ -38,18 +39,26 @@ vec4 clip(vec3 view) {
 `;
 }
 
-/** Shades by a sky, a light at the eye and a key light; a triangle has one normal. */
-export function pictureVertex(number: DrawNumber, depth: Depth): string {
-  return `${head(number, depth)}
-uniform vec3 up;
-uniform vec3 key;
-flat out vec3 tone;
-
+/** A normal that is scaled until the sizes of its coordinates add up to 1, from two of these. */
+export const UNFOLDED = `
 vec3 unfolded(vec2 f) {
   float z = 1.0 - abs(f.x) - abs(f.y);
   float under = max(-z, 0.0);
   return vec3(f.x + (f.x >= 0.0 ? -under : under), f.y + (f.y >= 0.0 ? -under : under), z);
-}
+}`;
+
+/**
+ * Shades by a sky, which is brighter than the ground, and by a key light over the shoulder of who looks.
+ *
+ * A triangle has one normal, and the lights are the same all over it. So what is flat looks flat, however it
+ * was cut into triangles.
+ */
+export function pictureVertex(number: DrawNumber, depth: Depth): string {
+  return `${head(number, depth)}
+uniform vec3 up;
+flat out vec3 tone;
+const vec3 KEY = vec3(0.36, 0.48, 0.80);
+${UNFOLDED}
 
 void main() {
   vec4 x = texel(0), y = texel(1), z = texel(2);
@@ -60,12 +69,13 @@ void main() {
   vec3 normal = vec3(
     dot(cross(y.xyz, z.xyz), n), dot(cross(z.xyz, x.xyz), n), dot(cross(x.xyz, y.xyz), n));
   normal *= inversesqrt(max(dot(normal, normal), 1e-36));
+  // Both sides of a triangle are lit alike, whatever the winding and even in a mirror.
   normal = dot(normal, view) > 0.0 ? -normal : normal;
-  float light = 0.16 + 0.26 * (0.5 + 0.5 * dot(normal, up)) + 0.26 * dot(normal, -normalize(view))
-    + 0.34 * max(dot(normal, key), 0.0);
+  float light = 0.17 + 0.27 * (0.5 + 0.5 * dot(normal, up)) + 0.56 * max(dot(normal, KEY), 0.0);
   // Plants come in pure red and green: they shout less with a little grey in them.
   float grey = dot(colour.rgb, vec3(0.299, 0.587, 0.114));
   vec3 calm = mix(vec3(grey), colour.rgb, 0.82) * 0.93 + 0.03;
+  // sRGB is near a power law: the product of the encoded is the encoded product.
   tone = calm * sqrt(light);
   gl_Position = clip(view);
 }`;
@@ -77,14 +87,16 @@ flat in vec3 tone;
 out vec4 pixel;
 void main() { pixel = vec4(tone, 1.0); }`;
 
-/** The number of the drawable at each pixel. */
+/** The number of the drawable at each pixel, and the bits of its distance along the view. */
 export function itemVertex(number: DrawNumber, depth: Depth): string {
   return `${head(number, depth)}
-flat out uint item;
+flat out highp uint item;
 void main() {
+  vec4 x = texel(0), y = texel(1), z = texel(2);
   vec4 p = vec4(local, 1.0);
+  vec3 view = vec3(dot(x, p), dot(y, p), dot(z, p));
   item = floatBitsToUint(texel(3).x);
-  gl_Position = clip(vec3(dot(texel(0), p), dot(texel(1), p), dot(texel(2), p)));
+  gl_Position = clip(view);
 }`;
 }
 
@@ -92,19 +104,22 @@ export const ITEM_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
 flat in highp uint item;
-out highp uint pixel;
-void main() { pixel = item; }`;
+layout(location = 0) out highp uvec4 pixel;
+void main() { pixel = uvec4(item, floatBitsToUint(1.0 / gl_FragCoord.w), 0u, 0u); }`;
 
-/** Sky above the horizon, ground below. */
-export const BACKGROUND_VERTEX = `#version 300 es
+/** A triangle over the whole picture, infinitely far away. */
+export function backgroundVertex(depth: Depth): string {
+  return `#version 300 es
 uniform vec2 ray;
 out vec3 direction;
 void main() {
   vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
   direction = vec3(corner * ray, -1.0);
-  gl_Position = vec4(corner, 0.0, 1.0);
+  gl_Position = vec4(corner, ${depth === "reversed" ? "0.0" : "1.0"}, 1.0);
 }`;
+}
 
+/** Sky above the horizon, ground below. */
 export const BACKGROUND_FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 direction;

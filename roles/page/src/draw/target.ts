@@ -1,8 +1,8 @@
-/** What is drawn into: a picture with a depth of 32 bits, or the numbers of drawables. */
+/** What is drawn into: colour or numbers, with a depth of 32 bits. */
 
 export class Target {
   readonly #gl: WebGL2RenderingContext;
-  readonly #what: "picture" | "items";
+  readonly #format: number;
   readonly #samples: number;
   readonly #frame: WebGLFramebuffer;
   readonly #colour: WebGLRenderbuffer;
@@ -10,51 +10,51 @@ export class Target {
   #width = 0;
   #height = 0;
 
-  constructor(gl: WebGL2RenderingContext, what: "picture" | "items", samples: number) {
-    [this.#gl, this.#what, this.#samples] = [gl, what, samples];
+  /** `format` is one of renderbuffers. Only pictures have more than one sample a pixel. */
+  constructor(gl: WebGL2RenderingContext, format: number, samples = 1) {
+    [this.#gl, this.#format, this.#samples] = [gl, format, samples];
     this.#frame = gl.createFramebuffer();
     this.#colour = gl.createRenderbuffer();
     this.#depth = gl.createRenderbuffer();
   }
 
-  /** Draws go here from now on. */
+  /** Draws go here from now on. What was here stays until it is cleared, unless the size is another one. */
   begin(width: number, height: number): void {
     const gl = this.#gl;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.#frame);
     if (width !== this.#width || height !== this.#height) {
       [this.#width, this.#height] = [width, height];
-      const samples = this.#samples > 1 ? this.#samples : 0;
-      for (const [buffer, format, place] of [
-        [this.#colour, this.#what === "items" ? gl.R32UI : gl.RGBA8, gl.COLOR_ATTACHMENT0],
-        [this.#depth, gl.DEPTH_COMPONENT32F, gl.DEPTH_ATTACHMENT],
-      ] as const) {
-        gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
-        gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, width, height);
-        gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
-      }
+      this.#attach(this.#colour, this.#format, gl.COLOR_ATTACHMENT0);
+      this.#attach(this.#depth, gl.DEPTH_COMPONENT32F, gl.DEPTH_ATTACHMENT);
     }
     gl.viewport(0, 0, width, height);
-    if (this.#what === "items") {
-      gl.clearBufferuiv(gl.COLOR, 0, [0xffff_ffff, 0, 0, 0]);
-    }
+  }
+
+  #attach(buffer: WebGLRenderbuffer, format: number, place: number): void {
+    const gl = this.#gl;
+    gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+    const samples = this.#samples > 1 ? this.#samples : 0;
+    gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, this.#width, this.#height);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
   }
 
   /** Puts the picture onto the canvas. */
   show(): void {
     const gl = this.#gl;
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.#frame);
+    const [width, height] = [this.#width, this.#height];
+    gl.invalidateFramebuffer(gl.FRAMEBUFFER, DEPTH_ALONE);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
-    const size = [0, 0, this.#width, this.#height] as const;
-    gl.blitFramebuffer(...size, ...size, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  /** The numbers, rows from below. */
-  read(): Uint32Array {
+  /** Reads numbers, rows from below: so many for each pixel as `format` has in it. */
+  read(format: number, into: Uint32Array): void {
     const gl = this.#gl;
-    const numbers = new Uint32Array(this.#width * this.#height);
-    gl.readPixels(0, 0, this.#width, this.#height, gl.RED_INTEGER, gl.UNSIGNED_INT, numbers);
+    gl.readPixels(0, 0, this.#width, this.#height, format, gl.UNSIGNED_INT, into);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-    return numbers;
   }
 }
+
+/** gl.DEPTH_ATTACHMENT. */
+const DEPTH_ALONE = [0x8d00];

@@ -1,61 +1,118 @@
-/** A camera as drawing needs it: what turns the world to camera space. */
+/** A camera as drawing needs it: what turns the world to camera space, and what is in the picture at all. */
 
-import type { Camera } from "../proto/camera.ts";
+import type { Camera, Drawable } from "./model.ts";
 
-/** Three numbers, or the rows of a matrix one behind the other. */
-export type Numbers = readonly number[];
+/** A box with its sides along the axes: its centre, and half of its sides. Six numbers. */
+export type Bounds = Float64Array;
 
-/** The rows of the rotation from the world to camera space. */
-export function worldToCamera([x, y, z, w]: readonly [number, number, number, number]): Numbers {
-  return [
-    1 - 2 * (y * y + z * z),
-    2 * (x * y + z * w),
-    2 * (x * z - y * w),
-    2 * (x * y - z * w),
-    1 - 2 * (x * x + z * z),
-    2 * (y * z + x * w),
-    2 * (x * z + y * w),
-    2 * (y * z - x * w),
-    1 - 2 * (x * x + y * y),
-  ];
-}
+/** Numbers of a matrix of three rows and four columns. */
+export const MATRIX = 12;
 
-/** A direction of the world in camera space, of length one. */
-export function turned(
-  rows: Numbers,
-  [x, y, z]: readonly [number, number, number],
-): [number, number, number] {
-  const along = (row: number) => (rows[row] ?? 0) * x + (rows[row + 1] ?? 0) * y + (rows[row + 2] ?? 0) * z;
-  const [a, b, c] = [along(0), along(3), along(6)];
-  const length = Math.hypot(a, b, c);
-  return [a / length, b / length, c / length];
-}
+/** What a test of a box may be off by, as a share of the numbers that go into it: far less than a pixel. */
+const SLACK = 1e-5;
 
-/** What a drawable is drawn by. */
-export interface Placed {
-  readonly origin: readonly [number, number, number];
-  readonly linear: readonly number[];
+/** A number of a list that is long enough. */
+export function at(list: ArrayLike<number>, index: number): number {
+  return list[index] ?? 0;
 }
 
 /**
- * Writes the rows of the matrix from a drawable's local frame to camera space at `out[at]`, 12 numbers.
+ * One camera at a time, and no memory taken for it.
  *
- * All is worked out in doubles and rounded once, so that nothing far from the world's origin is coarse.
+ * All is worked out in doubles relative to the eye, and rounded once. So nothing far from the world's origin
+ * is coarse.
  */
-export function writeRows(
-  out: Float32Array,
-  at: number,
-  rows: Numbers,
-  eye: Camera["eye"],
-  { origin, linear }: Placed,
-): void {
-  const [dx, dy, dz] = [origin[0] - eye[0], origin[1] - eye[1], origin[2] - eye[2]];
-  for (let row = 0; row < 3; row += 1) {
-    const [a, b, c] = [rows[3 * row] ?? 0, rows[3 * row + 1] ?? 0, rows[3 * row + 2] ?? 0];
-    for (let column = 0; column < 3; column += 1) {
-      out[at + 4 * row + column] =
-        a * (linear[3 * column] ?? 0) + b * (linear[3 * column + 1] ?? 0) + c * (linear[3 * column + 2] ?? 0);
+export class View {
+  /** The rows of the rotation from the world to camera space, one behind the other. */
+  readonly #rows = new Float64Array(9);
+  /** The matrix that `place` has worked out last, row by row: from the local frame to camera space. */
+  readonly matrix = new Float64Array(MATRIX);
+  readonly #eye = new Float64Array(3);
+  /** Half of the picture's width and height at a distance of one. */
+  tanX = 1;
+  tanY = 1;
+  near = 1;
+
+  /** Looks through `camera` at a picture of so many pixels. */
+  set({ eye, orientation, tanHalfFov, near }: Camera, width: number, height: number): void {
+    const [x, y, z, w] = orientation;
+    const rows = this.#rows;
+    rows[0] = 1 - 2 * (y * y + z * z);
+    rows[1] = 2 * (x * y + z * w);
+    rows[2] = 2 * (x * z - y * w);
+    rows[3] = 2 * (x * y - z * w);
+    rows[4] = 1 - 2 * (x * x + z * z);
+    rows[5] = 2 * (y * z + x * w);
+    rows[6] = 2 * (x * z + y * w);
+    rows[7] = 2 * (y * z - x * w);
+    rows[8] = 1 - 2 * (x * x + y * y);
+    this.#eye.set(eye);
+    this.tanX = (tanHalfFov * width) / height;
+    this.tanY = tanHalfFov;
+    this.near = near;
+  }
+
+  /** One coordinate in camera space of a direction of the world: 0 is x, 1 is y, 2 is z. */
+  along(axis: number, x: number, y: number, z: number): number {
+    const rows = this.#rows;
+    return at(rows, 3 * axis) * x + at(rows, 3 * axis + 1) * y + at(rows, 3 * axis + 2) * z;
+  }
+
+  /** Works out the matrix of a drawable. */
+  place({ origin, linear }: Drawable): void {
+    const { matrix } = this;
+    const x = origin[0] - at(this.#eye, 0);
+    const y = origin[1] - at(this.#eye, 1);
+    const z = origin[2] - at(this.#eye, 2);
+    for (let axis = 0; axis < 3; axis += 1) {
+      const row = 4 * axis;
+      matrix[row] = this.along(axis, at(linear, 0), at(linear, 1), at(linear, 2));
+      matrix[row + 1] = this.along(axis, at(linear, 3), at(linear, 4), at(linear, 5));
+      matrix[row + 2] = this.along(axis, at(linear, 6), at(linear, 7), at(linear, 8));
+      matrix[row + 3] = this.along(axis, x, y, z);
     }
-    out[at + 4 * row + 3] = a * dx + b * dy + c * dz;
+  }
+
+  /** Whether some of the box may be in the picture, where `place` has put it. */
+  sees(bounds: Bounds): boolean {
+    const { tanX, tanY } = this;
+    // The box is beyond a side of the picture where its outermost corner is.
+    return (
+      this.#reach(bounds, 1, 0, -tanX, 0) &&
+      this.#reach(bounds, -1, 0, -tanX, 0) &&
+      this.#reach(bounds, 0, 1, -tanY, 0) &&
+      this.#reach(bounds, 0, -1, -tanY, 0) &&
+      this.#reach(bounds, 0, 0, -1, this.near)
+    );
+  }
+
+  /** The square of a distance from the eye that the box, where `place` has put it, is not nearer than. */
+  distanceSquared(bounds: Bounds): number {
+    const { matrix } = this;
+    let sum = 0;
+    // How far away the box around the box is, with its sides along the axes of camera space.
+    for (let row = 0; row < MATRIX; row += 4) {
+      const [a, b, c] = [at(matrix, row), at(matrix, row + 1), at(matrix, row + 2)];
+      const centre = a * at(bounds, 0) + b * at(bounds, 1) + c * at(bounds, 2) + at(matrix, row + 3);
+      const half = Math.abs(a) * at(bounds, 3) + Math.abs(b) * at(bounds, 4) + Math.abs(c) * at(bounds, 5);
+      const gap = Math.max(0, Math.abs(centre) - half);
+      sum += gap * gap;
+    }
+    return sum;
+  }
+
+  /** Whether the corner of the box that is farthest along (x, y, z) in camera space is so far along. */
+  #reach(bounds: Bounds, x: number, y: number, z: number, far: number): boolean {
+    const { matrix } = this;
+    let reached = x * at(matrix, 3) + y * at(matrix, 7) + z * at(matrix, 11);
+    let size = Math.abs(reached);
+    for (let axis = 0; axis < 3; axis += 1) {
+      const slope = x * at(matrix, axis) + y * at(matrix, 4 + axis) + z * at(matrix, 8 + axis);
+      const centre = slope * at(bounds, axis);
+      const half = Math.abs(slope) * at(bounds, 3 + axis);
+      reached += centre + half;
+      size += Math.abs(centre) + half;
+    }
+    return reached + SLACK * size >= far;
   }
 }

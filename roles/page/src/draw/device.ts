@@ -1,0 +1,141 @@
+/** All that a context of WebGL2 holds. It goes with the context, and is made anew with the next one. */
+
+import { GeometryArena } from "./arena.ts";
+import { Batch } from "./batch.ts";
+import { type Features, featuresOf } from "./features.ts";
+import type { Camera, Drawable } from "./model.ts";
+import { Program } from "./program.ts";
+import {
+  BACKGROUND_FRAGMENT,
+  backgroundVertex,
+  ITEM_FRAGMENT,
+  itemVertex,
+  PICTURE_FRAGMENT,
+  pictureVertex,
+} from "./shaders.ts";
+import { Target } from "./target.ts";
+import { View } from "./view.ts";
+
+/** No drawable has this number. */
+export const NOTHING = 0xffff_ffff;
+const NO_ITEM = [NOTHING, 0, 0, 0];
+
+export interface DeviceOptions {
+  readonly samples: number | undefined;
+  readonly extensions: boolean;
+}
+
+export class Device {
+  readonly features: Features;
+  readonly arena: GeometryArena;
+  /** What draws pictures, and what draws items: what the one took is not what the other did. */
+  readonly batch: Batch;
+  readonly samples: number;
+  readonly #gl: WebGL2RenderingContext;
+  readonly #itemBatch: Batch;
+  readonly #view = new View();
+  readonly #picture: Program;
+  readonly #item: Program;
+  readonly #background: Program;
+  readonly #pictureTarget: Target;
+  #itemTarget: Target | undefined;
+  #pickTarget: Target | undefined;
+
+  constructor(gl: WebGL2RenderingContext, options: DeviceOptions) {
+    this.#gl = gl;
+    this.features = featuresOf(gl, options.extensions);
+    const { depth, multiDraw, provoking, isSoftware, mostSamples } = this.features;
+    const number = multiDraw === null ? "uniform" : "multi-draw";
+    this.#picture = new Program(gl, pictureVertex(number, depth), PICTURE_FRAGMENT);
+    this.#item = new Program(gl, itemVertex(number, depth), ITEM_FRAGMENT);
+    this.#background = new Program(gl, backgroundVertex(depth), BACKGROUND_FRAGMENT);
+    this.samples = Math.min(options.samples ?? (isSoftware ? 1 : 4), mostSamples);
+    this.#pictureTarget = new Target(gl, gl.RGBA8, this.samples);
+    this.arena = new GeometryArena(gl, provoking);
+    this.batch = new Batch(gl, this.features);
+    this.#itemBatch = new Batch(gl, this.features);
+  }
+
+  /** Draws onto the canvas. */
+  draw(camera: Camera, drawables: readonly Drawable[]): void {
+    const gl = this.#gl;
+    const { width, height } = gl.canvas;
+    this.#pictureTarget.begin(width, height);
+    gl.clear(gl.COLOR_BUFFER_BIT);
+    this.#view.set(camera, width, height);
+    this.#picture.use();
+    this.#setUp(this.#picture);
+    this.#drawAll(this.#picture, this.batch, camera, drawables);
+    this.#drawBackground();
+    this.#pictureTarget.show();
+  }
+
+  /** The number of the drawable at each pixel, rows from below. */
+  items(camera: Camera, drawables: readonly Drawable[]): Uint32Array {
+    const gl = this.#gl;
+    const { width, height } = gl.canvas;
+    this.#itemTarget ??= new Target(gl, gl.R32UI);
+    this.#itemTarget.begin(width, height);
+    this.#drawItems(camera, drawables);
+    const numbers = new Uint32Array(width * height);
+    this.#itemTarget.read(gl.RED_INTEGER, numbers);
+    return numbers;
+  }
+
+  /** The drawable at one pixel, counted from the upper left, and its distance along the view. */
+  pick(camera: Camera, drawables: readonly Drawable[], x: number, y: number): [number, number] {
+    const gl = this.#gl;
+    const { width, height } = gl.canvas;
+    this.#pickTarget ??= new Target(gl, gl.RG32UI);
+    this.#pickTarget.begin(1, 1);
+    // The picture as it is, but for all that is beside the pixel.
+    gl.viewport(-x, y + 1 - height, width, height);
+    this.#drawItems(camera, drawables);
+    const numbers = new Uint32Array(4);
+    this.#pickTarget.read(gl.RGBA_INTEGER, numbers);
+    const [item = NOTHING] = numbers;
+    return [item, new Float32Array(numbers.buffer)[1] ?? 0];
+  }
+
+  #drawItems(camera: Camera, drawables: readonly Drawable[]): void {
+    const gl = this.#gl;
+    gl.clearBufferuiv(gl.COLOR, 0, NO_ITEM);
+    this.#view.set(camera, gl.canvas.width, gl.canvas.height);
+    this.#item.use();
+    this.#drawAll(this.#item, this.#itemBatch, camera, drawables);
+  }
+
+  #drawAll(program: Program, batch: Batch, { eye }: Camera, drawables: readonly Drawable[]): void {
+    const gl = this.#gl;
+    const isReversed = this.features.depth === "reversed";
+    gl.enable(gl.DEPTH_TEST);
+    // Of equal surfaces the one that is drawn first stays.
+    gl.depthFunc(isReversed ? gl.GREATER : gl.LESS);
+    gl.clearDepth(isReversed ? 0 : 1);
+    gl.clear(gl.DEPTH_BUFFER_BIT);
+    gl.uniform2f(program.at("scale"), 1 / this.#view.tanX, 1 / this.#view.tanY);
+    gl.uniform1f(program.at("near"), this.#view.near);
+    batch.draw(eye, this.#view, drawables, this.arena, program);
+  }
+
+  /** Where nothing else is. It comes last: so it is not worked out for what is covered. */
+  #drawBackground(): void {
+    const gl = this.#gl;
+    this.#background.use();
+    this.#setUp(this.#background);
+    gl.uniform2f(this.#background.at("ray"), this.#view.tanX, this.#view.tanY);
+    gl.depthFunc(this.features.depth === "reversed" ? gl.GEQUAL : gl.LEQUAL);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** Says where up is. */
+  #setUp(program: Program): void {
+    const view = this.#view;
+    this.#gl.uniform3f(
+      program.at("up"),
+      view.along(0, 0, 1, 0),
+      view.along(1, 0, 1, 0),
+      view.along(2, 0, 1, 0),
+    );
+  }
+}

@@ -1,0 +1,50 @@
+/** Shaders joined into a program, and the places of its uniforms. */
+
+export class Program {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #program: WebGLProgram;
+  readonly #uniforms = new Map<string, WebGLUniformLocation | null>();
+
+  /** Throws what the driver says where a shader cannot be used. */
+  constructor(gl: WebGL2RenderingContext, vertex: string, fragment: string) {
+    this.#gl = gl;
+    this.#program = gl.createProgram();
+    const shaders = [compiled(gl, gl.VERTEX_SHADER, vertex), compiled(gl, gl.FRAGMENT_SHADER, fragment)];
+    for (const shader of shaders) {
+      gl.attachShader(this.#program, shader);
+    }
+    gl.linkProgram(this.#program);
+    // A context that is lost knows of no success; the program is made anew with the context.
+    if (!gl.getProgramParameter(this.#program, gl.LINK_STATUS) && !gl.isContextLost()) {
+      const logs = [gl.getProgramInfoLog(this.#program), ...shaders.map((one) => gl.getShaderInfoLog(one))];
+      throw new Error(`a shader cannot be used: ${logs.join(" ")}`);
+    }
+    for (const shader of shaders) {
+      gl.deleteShader(shader);
+    }
+  }
+
+  use(): void {
+    this.#gl.useProgram(this.#program);
+  }
+
+  /** Where a uniform is; `null` where the shaders do without it. */
+  at(name: string): WebGLUniformLocation | null {
+    let place = this.#uniforms.get(name);
+    if (place === undefined) {
+      place = this.#gl.getUniformLocation(this.#program, name);
+      this.#uniforms.set(name, place);
+    }
+    return place;
+  }
+}
+
+function compiled(gl: WebGL2RenderingContext, kind: number, source: string): WebGLShader {
+  const shader = gl.createShader(kind);
+  if (shader === null) {
+    throw new Error("the context was lost while shaders were compiled");
+  }
+  gl.shaderSource(shader, source);
+  gl.compileShader(shader);
+  return shader;
+}

@@ -1,0 +1,509 @@
+/** Draws in a real browser, and looks at which drawable shows at each pixel. */
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+
+import { DrawBrowser } from "./drawBrowser.ts";
+import { folded } from "./drawScene.ts";
+
+let browser: DrawBrowser | undefined;
+before(async () => {
+  browser = await DrawBrowser.open();
+});
+after(() => browser?.close());
+
+/** A test that runs `look` in the page, and `check` on what it found. Nothing must go wrong in the page. */
+function drawn<A, T>(
+  name: string,
+  argument: A,
+  look: (argument: A) => T,
+  check: (found: Awaited<T>) => void,
+) {
+  test(name, async (context) => {
+    if (browser === undefined) {
+      context.skip("there is no Chromium");
+      return;
+    }
+    const { page, faults } = browser;
+    faults.length = 0;
+    // The types of what goes to the page and back are those of JSON.
+    const found = (await page.evaluate(look as never, argument as never)) as Awaited<T>;
+    check(found);
+    assert.deepEqual(faults, []);
+  });
+}
+
+/** With what extensions the browser has, and without. */
+for (const extensions of [true, false]) {
+  const how = extensions ? "" : ", without extensions";
+
+  drawn(
+    `the nearest drawable shows, in whatever order they come${how}`,
+    extensions,
+    (extensions) => {
+      const { cameraAt, drawableAt, plate, Stage } = window.draw;
+      const stage = new Stage(32, 32, { extensions });
+      stage.set(plate(2, 2), plate(9, 9), plate(9, 9));
+      const camera = cameraAt([0, 0, 0]);
+      const [near, far, behind] = [
+        drawableAt(0, [0, 0, -4]),
+        drawableAt(1, [0, 0, -5]),
+        drawableAt(2, [0, 0, 5]),
+      ];
+      const one = stage.items(camera, [near, far, behind]);
+      const other = stage.items(camera, [behind, far, near]);
+      stage.end();
+      return [one, other];
+    },
+    ([one, other]) => {
+      assert.deepEqual(one, other);
+      // Two metres of four are half of the picture's width.
+      const row = one?.[16]?.join(" ");
+      assert.equal(row, [...Array(8).fill(1), ...Array(16).fill(0), ...Array(8).fill(1)].join(" "));
+      assert.equal(one?.[3]?.join(" "), Array(32).fill(1).join(" "));
+    },
+  );
+
+  drawn(
+    `of surfaces in one place that shows whose box is nearer, whatever page and sides it is of${how}`,
+    extensions,
+    (extensions) => {
+      const { cameraAt, drawableAt, plate, Stage } = window.draw;
+      const stage = new Stage(16, 16, { extensions });
+      // The second piece fills a page, so that the third is in another one.
+      const { vertices, indices } = plate(9, 9);
+      const large = new Uint8Array(20 * 65_000);
+      large.set(vertices);
+      const small = { vertices, indices };
+      stage.set(small, { vertices: large, indices }, { vertices: large, indices });
+      const found: number[][] = [];
+      for (const nearest of [0, 1, 2]) {
+        for (const sides of [0, 1]) {
+          const drawables = [0, 1, 2].map((geometry) => {
+            const box = [0, 0, geometry === nearest ? -4 : -6] as const;
+            const facing = geometry === nearest ? sides : 1 - sides;
+            return drawableAt(geometry, [0, 0, -5], { worldMin: box, worldMax: box, sides: facing });
+          });
+          found.push([nearest, ...stage.seen(cameraAt([0, 0, 0]), drawables)]);
+        }
+      }
+      stage.end();
+      return found;
+    },
+    (found) => {
+      for (const [nearest, ...seen] of found) {
+        assert.deepEqual(seen, [nearest]);
+      }
+    },
+  );
+
+  drawn(
+    `back faces are hidden only where the front alone shows, and in a mirror fronts stay fronts${how}`,
+    extensions,
+    (extensions) => {
+      const { cameraAt, drawableAt, plate, Stage } = window.draw;
+      const stage = new Stage(16, 16, { extensions });
+      stage.set(plate(9, 9));
+      const turned = [-1, 0, 0, 0, 1, 0, 0, 0, -1];
+      const mirrored = [-1, 0, 0, 0, 1, 0, 0, 0, 1];
+      const mirroredAndTurned = [1, 0, 0, 0, 1, 0, 0, 0, -1];
+      const found = [undefined, turned, mirrored, mirroredAndTurned].map((linear) =>
+        [0, 1].map((sides) => {
+          const more = { geometry: 0, sides, ...(linear === undefined ? {} : { linear }) };
+          return stage.seen(cameraAt([0, 0, 0]), [drawableAt(7, [0, 0, -3], more)]).length;
+        }),
+      );
+      stage.end();
+      return found;
+    },
+    (found) => {
+      // Both sides, and the front alone.
+      assert.deepEqual(found, [
+        [1, 1],
+        [1, 0],
+        [1, 1],
+        [1, 0],
+      ]);
+    },
+  );
+
+  drawn(
+    `nothing changes where camera and model are 500 km away${how}`,
+    extensions,
+    (extensions) => {
+      const { box, cameraAt, drawableAt, pipe, Stage } = window.draw;
+      const stage = new Stage(96, 96, { extensions });
+      stage.set(box([1, 2, 3], [255, 0, 0]), pipe(0.2, 6, 12, 2, [0, 200, 0]));
+      const turn = [0.1, 0.2, 0.05, Math.sqrt(1 - 0.01 - 0.04 - 0.0025)] as const;
+      const [items, pictures] = [[] as number[][], [] as number[][]];
+      for (const by of [0, 500_000]) {
+        const camera = { ...cameraAt([0.5 + by, 0.25 - by, 2 + by]), orientation: turn };
+        const drawables = Array.from({ length: 40 }, (_, id) => {
+          const [x, y, z] = [((id * 7) % 16) - 8, ((id * 5) % 11) - 5, -4 - ((id * 3) % 13)];
+          return drawableAt(id, [x / 2 + by, y / 2 - by, z + by], { geometry: id % 2, sides: id & 1 });
+        });
+        items.push(stage.items(camera, drawables).flat());
+        pictures.push([...stage.picture(camera, drawables)]);
+      }
+      stage.end();
+      return { items, pictures };
+    },
+    ({ items, pictures }) => {
+      assert.ok(new Set(items[0]).size > 10, "several are seen");
+      assert.deepEqual(items[1], items[0]);
+      assert.deepEqual(pictures[1], pictures[0]);
+    },
+  );
+
+  drawn(
+    `a point's pixel is where the projection says${how}`,
+    extensions,
+    (extensions) => {
+      const { cameraAt, drawableAt, plate, Stage } = window.draw;
+      const stage = new Stage(80, 50, { extensions });
+      // A plate that is smaller than a pixel, before the centre of pixels far apart.
+      stage.set(plate(0.6, 0.6));
+      const found: [number, number, number[]][] = [];
+      for (const [x, y] of [
+        [0, 0],
+        [79, 0],
+        [40, 25],
+        [13, 41],
+        [79, 49],
+      ] as const) {
+        // Half of the picture's height is 25 pixels; at the distance of 50 it is 25 metres.
+        const origin = [x + 0.5 - 40, 25 - (y + 0.5), -50] as const;
+        const rows = stage.items(cameraAt([0, 0, 0]), [drawableAt(3, origin, { geometry: 0 })]);
+        const hits = rows.flatMap((row, at) => row.flatMap((id, column) => (id === 3 ? [column, at] : [])));
+        found.push([x, y, hits]);
+      }
+      stage.end();
+      return found;
+    },
+    (found) => {
+      for (const [x, y, hits] of found) {
+        assert.deepEqual(hits, [x, y]);
+      }
+    },
+  );
+
+  drawn(
+    `a triangle has the colour of its first corner${how}`,
+    extensions,
+    (extensions) => {
+      const { cameraAt, drawableAt, MeshMaker, Stage } = window.draw;
+      const stage = new Stage(16, 16, { extensions });
+      const maker = new MeshMaker();
+      const colours = [
+        [200, 0, 0],
+        [0, 200, 0],
+        [0, 0, 200],
+      ] as const;
+      const corners = [
+        [-9, -9, 0],
+        [9, -9, 0],
+        [0, 9, 0],
+      ] as const;
+      const vertices = corners.map((corner, at) =>
+        maker.vertex(corner, [colours[at] ?? [0, 0, 0], [0, 0, 1]]),
+      );
+      maker.face(...vertices);
+      // The same triangle, but it begins at another corner.
+      const { vertices: bytes, indices } = maker.mesh();
+      const turns = [
+        [0, 1, 2],
+        [1, 2, 0],
+        [2, 0, 1],
+      ];
+      stage.set(
+        ...turns.map((turn) => ({ vertices: bytes, indices: indices.map((_, at) => turn[at] ?? 0) })),
+      );
+      const found = turns.map((_, id) =>
+        // The winding is kept: all three are seen from the front.
+        stage.colour(cameraAt([0, 0, 0]), [drawableAt(id, [0, 0, -5], { sides: 1 })], 8, 8),
+      );
+      stage.end();
+      return found;
+    },
+    (found) => {
+      for (const [at, colour] of found.entries()) {
+        assert.equal(colour.indexOf(Math.max(...colour)), at, `${found}`);
+        assert.ok(Math.max(...colour) > 100, `${found}`);
+      }
+    },
+  );
+
+  drawn(
+    `pieces that are gone draw nothing, and their room is used again${how}`,
+    extensions,
+    (extensions) => {
+      const { cameraAt, drawableAt, pipe, plate, Stage } = window.draw;
+      const stage = new Stage(16, 16, { extensions });
+      const { renderer } = stage;
+      const [camera, shown] = [cameraAt([0, 0, 0]), drawableAt(5, [0, 0, -2], { geometry: 0 })];
+      const seen = () => stage.seen(camera, [shown]).length;
+      const nothing = [seen(), renderer.capacity];
+      renderer.setPiece(0, plate(9, 9));
+      const there = [seen(), renderer.hasPiece(0)];
+      renderer.dropPiece(0);
+      const gone = [seen(), renderer.hasPiece(0), renderer.bytes];
+      // Ten pieces at a time, out of a thousand, and the plate amid them.
+      const room = renderer.capacity;
+      for (let piece = 1; piece <= 1000; piece += 1) {
+        renderer.setPiece(piece, pipe(1, 1, 3 + (piece % 50), 1 + (piece % 7), [0, 0, 0]));
+        renderer.dropPiece(piece - 10);
+      }
+      renderer.setPiece(0, plate(9, 9));
+      const again = [seen(), renderer.capacity - room];
+      // Another mesh under the same number takes its place.
+      renderer.setPiece(0, plate(0.01, 0.01));
+      const replaced = stage
+        .items(camera, [shown])
+        .flat()
+        .filter((id) => id === 5).length;
+      stage.end();
+      return { nothing, there, gone, again, replaced };
+    },
+    ({ nothing, there, gone, again, replaced }) => {
+      assert.deepEqual(nothing, [0, 0]);
+      assert.deepEqual(there, [1, true]);
+      assert.deepEqual(gone, [0, false, 0]);
+      assert.deepEqual(again, [1, 0]);
+      assert.ok(replaced < 4, `${replaced} pixels`);
+    },
+  );
+
+  drawn(
+    `many pages of geometry are drawn, and empty ones go${how}`,
+    extensions,
+    (extensions) => {
+      const { cameraAt, drawableAt, plate, Stage } = window.draw;
+      const stage = new Stage(64, 64, { extensions });
+      const { renderer } = stage;
+      // Plates with so many vertices that nothing uses that the first page has room for two.
+      const count = 12;
+      for (let piece = 0; piece < count; piece += 1) {
+        const { vertices, indices } = plate(0.2 + 0.05 * piece, 0.5);
+        const large = new Uint8Array(20 * 30_000);
+        large.set(vertices);
+        renderer.setPiece(piece, { vertices: large, indices });
+      }
+      // Every other one is turned around, and shows its back.
+      const turned = [-1, 0, 0, 0, 1, 0, 0, 0, -1];
+      const drawables = Array.from({ length: count }, (_, id) => {
+        const more = id % 2 === 1 ? { sides: 1 } : { linear: turned };
+        return drawableAt(id, [(id % 4) - 1.5, Math.floor(id / 4) - 1, -4], more);
+      });
+      const all = stage.seen(cameraAt([0, 0, 0]), drawables);
+      const rows = stage.items(cameraAt([0, 0, 0]), drawables);
+      const widths = all.map((id) => Math.max(...rows.map((row) => row.filter((one) => one === id).length)));
+      const full = renderer.capacity;
+      for (let piece = 0; piece < count; piece += 1) {
+        if (piece !== 3 && piece !== 10) {
+          renderer.dropPiece(piece);
+        }
+      }
+      const rest = stage.seen(cameraAt([0, 0, 0]), drawables);
+      const left = renderer.capacity;
+      stage.end();
+      return { all, widths, rest, full, left };
+    },
+    ({ all, widths, rest, full, left }) => {
+      assert.equal(all.join(" "), "0 1 2 3 4 5 6 7 8 9 10 11");
+      for (const [id, width] of widths.entries()) {
+        // A metre is 16 pixels.
+        assert.ok(Math.abs(width - 16 * (0.2 + 0.05 * id)) <= 1, `drawable ${id} is ${width} pixels wide`);
+      }
+      assert.deepEqual(rest, [3, 10]);
+      assert.ok(full > 12 * 600_000 && left < full, `${full} bytes, then ${left}`);
+    },
+  );
+
+  drawn(
+    `a pixel says what it shows${how}`,
+    extensions,
+    (extensions) => {
+      const { cameraAt, drawableAt, plate, Stage } = window.draw;
+      const stage = new Stage(60, 40, { extensions });
+      stage.set(plate(1, 1), plate(1, 1));
+      const { renderer } = stage;
+      const before = renderer.pick(30, 20);
+      const [camera, drawables] = [
+        cameraAt([0, 0, 0], 1),
+        // One is in the upper left quarter, one in the lower right.
+        [drawableAt(0, [-1, 1, -4]), drawableAt(1, [2, -1.5, -3])],
+      ];
+      renderer.draw(camera, drawables);
+      const items = stage.items(camera, drawables);
+      const differing: string[] = [];
+      for (let y = 0; y < 40; y += 1) {
+        for (let x = 0; x < 60; x += 1) {
+          const picked = renderer.pick(x + 0.75, y + 0.25);
+          if ((picked?.drawable ?? -1) !== items[y]?.[x]) {
+            differing.push(`${x} ${y}`);
+          }
+        }
+      }
+      const [first, second] = [renderer.pick(25, 15), renderer.pick(43, 29)];
+      const outside = [renderer.pick(-1, 0), renderer.pick(60, 0), renderer.pick(0, 40)];
+      stage.end();
+      return { isEarly: before !== undefined, differing, first, second, outside };
+    },
+    ({ isEarly, differing, first, second, outside }) => {
+      assert.equal(isEarly, false);
+      assert.deepEqual(differing, []);
+      for (const [picked, drawable, depth] of [
+        [first, 0, 4],
+        [second, 1, 3],
+      ] as const) {
+        assert.deepEqual([picked?.drawable, picked?.object], [drawable, 1000 + drawable]);
+        assert.ok(Math.abs((picked?.depth ?? 0) - depth) < 1e-4 * depth, `${picked?.depth} metres`);
+      }
+      assert.ok(outside.every((picked) => picked === undefined));
+    },
+  );
+
+  drawn(
+    `a lost context is restored${how}`,
+    extensions,
+    async (extensions) => {
+      const { cameraAt, drawableAt, plate, Stage } = window.draw;
+      const stage = new Stage(16, 16, { extensions });
+      const { renderer, said, gl } = stage;
+      const [camera, shown] = [cameraAt([0, 0, 0]), drawableAt(0, [0, 0, -2])];
+      const waitFor = async (word: string) => {
+        for (let i = 0; i < 500 && said.at(-1) !== word; i += 1) {
+          await new Promise((resolve) => setTimeout(resolve, 10));
+        }
+      };
+      stage.set(plate(9, 9));
+      const before = [stage.seen(camera, [shown]).length, stage.colour(camera, [shown], 8, 8)];
+      const loss = gl.getExtension("WEBGL_lose_context");
+      loss?.loseContext();
+      await waitFor("lost");
+      // What comes meanwhile is neither drawn nor kept, and nothing breaks.
+      stage.set(plate(9, 9));
+      renderer.draw(camera, [shown]);
+      const meanwhile = [stage.seen(camera, [shown]).length, renderer.isLost, renderer.bytes];
+      const picked = renderer.pick(8, 8) !== undefined;
+      loss?.restoreContext();
+      await waitFor("restored");
+      const empty = [stage.seen(camera, [shown]).length, renderer.hasPiece(0)];
+      stage.set(plate(9, 9));
+      const again = [stage.seen(camera, [shown]).length, stage.colour(camera, [shown], 8, 8)];
+      stage.end();
+      return { before, meanwhile, picked, empty, again, said };
+    },
+    ({ before, meanwhile, picked, empty, again, said }) => {
+      assert.equal(before[0], 1);
+      assert.deepEqual([meanwhile, picked], [[0, true, 0], false]);
+      assert.deepEqual(empty, [0, false]);
+      assert.deepEqual(again, before);
+      assert.deepEqual(said.slice(0, 2), ["lost", "restored"]);
+    },
+  );
+}
+
+drawn(
+  "the picture shows the sky above the horizon and the ground below, wherever the camera looks",
+  undefined,
+  () => {
+    const { cameraAt, Stage } = window.draw;
+    const stage = new Stage(9, 101);
+    const level = stage.picture(cameraAt([0, 0, 0]), []).slice();
+    const half = Math.sin(0.1);
+    const up = stage.picture({ ...cameraAt([0, 0, 0]), orientation: [half, 0, 0, Math.cos(0.1)] }, []);
+    /** Blue less red, row by row from below: the sky is blue, and the ground is grey. */
+    const blues = (picture: Uint8Array) =>
+      Array.from({ length: 101 }, (_, row) => (picture[4 * 9 * row + 2] ?? 0) - (picture[4 * 9 * row] ?? 0));
+    const found = [blues(level), blues(up)].map((rows) => rows.findIndex((blue) => blue > 6));
+    stage.end();
+    return found;
+  },
+  ([level = 0, up = 0]) => {
+    assert.ok(Math.abs(level - 50) <= 3, `the horizon is in row ${level} of 101`);
+    // 0.2 radians down, where 0.5 is the tangent of half the picture.
+    assert.ok(Math.abs(up - (50 - (50 * Math.tan(0.2)) / 0.5)) <= 3, `the horizon is in row ${up} of 101`);
+  },
+);
+
+/** Directions all around, with zeros and signs of all kinds. */
+const NORMALS = [-2, -1, 0, 1, 2].flatMap((x) =>
+  [-2, -1, 0, 1, 2].flatMap((y) => [-2, -1, 0, 1, 2].map((z) => [x, y, z] as [number, number, number])),
+);
+
+drawn(
+  "the shaders unfold normals",
+  NORMALS.filter((normal) => Math.hypot(...normal) > 0).map(folded),
+  (normals) => Array.from(window.draw.unfolded(normals)),
+  (found) => {
+    const expected = NORMALS.filter((normal) => Math.hypot(...normal) > 0);
+    for (const [at, normal] of expected.entries()) {
+      const sum = normal.reduce((sum, coordinate) => sum + Math.abs(coordinate), 0);
+      for (const [axis, coordinate] of normal.entries()) {
+        const got = found[3 * at + axis] ?? 0;
+        assert.ok(Math.abs(got - coordinate / sum) < 1e-4, `${normal}: ${found.slice(3 * at, 3 * at + 3)}`);
+      }
+    }
+  },
+);
+
+drawn(
+  "edges are smooth with four samples a pixel, and items are not",
+  undefined,
+  () => {
+    const { cameraAt, drawableAt, plate, Stage } = window.draw;
+    const slanted = [0.96, 0.28, 0, -0.28, 0.96, 0, 0, 0, 1];
+    return [1, 4].map((samples) => {
+      const stage = new Stage(64, 64, { samples });
+      stage.set(plate(1, 1, [0, 0, 0]));
+      const drawables = [drawableAt(0, [0, 0, -2], { linear: slanted })];
+      const picture = stage.picture(cameraAt([0, 0, 0]), drawables);
+      const tones = new Set(picture.filter((_, at) => at % 4 === 0));
+      const seen = stage.seen(cameraAt([0, 0, 0]), drawables);
+      const at = [stage.renderer.samples, tones.size, ...seen];
+      stage.end();
+      return at;
+    });
+  },
+  ([one, four]) => {
+    assert.equal(one?.[0], 1);
+    assert.equal(four?.[0], 4);
+    assert.ok((four?.[1] ?? 0) > (one?.[1] ?? 0) + 10, `${one?.[1]} tones, then ${four?.[1]}`);
+    assert.deepEqual([one?.slice(2), four?.slice(2)], [[0], [0]]);
+  },
+);
+
+drawn(
+  "a picture of boxes and pipes",
+  undefined,
+  () => {
+    const { box, cameraAt, drawableAt, pipe, Stage } = window.draw;
+    const stage = new Stage(64, 64);
+    stage.set(box([1, 1, 1], [255, 0, 0]), pipe(0.2, 3, 12, 2, [0, 255, 0]));
+    const camera = cameraAt([0, 0, 0]);
+    const drawables = [
+      drawableAt(1, [-0.5, 0, -4], { geometry: 0, sides: 1 }),
+      drawableAt(2, [0.7, 0, -4], { geometry: 1, sides: 1 }),
+      drawableAt(3, [40, 0, -4], { geometry: 1, sides: 1 }),
+    ];
+    const colours = [
+      [26, 32],
+      [42, 32],
+      [60, 4],
+    ].map(([x = 0, y = 0]) => stage.colour(camera, drawables, x, y));
+    const { calls, drawables: shown, triangles } = stage.renderer.drawn;
+    const { depth, drawNumber, device } = stage.renderer;
+    stage.end();
+    return { colours, took: { calls, shown, triangles }, depth, drawNumber, device };
+  },
+  ({ colours, took, depth, drawNumber, device }) => {
+    console.log(`depth is ${depth}, draws are numbered by ${drawNumber}, drawn by ${device}`);
+    const [red = [], green = [], sky = []] = colours;
+    assert.ok((red[0] ?? 0) > 2 * (red[1] ?? 0), `${red}`);
+    assert.ok((green[1] ?? 0) > 2 * (green[0] ?? 0), `${green}`);
+    assert.ok((sky[2] ?? 0) > 200, `${sky}`);
+    // One call for both, and none for what is beside the picture: 12 triangles and 48 + 24.
+    assert.deepEqual(took, { calls: 1, shown: 2, triangles: 84 });
+  },
+);

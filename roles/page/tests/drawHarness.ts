@@ -1,0 +1,131 @@
+/** Runs in the browser under test: gives tests the renderer, and pictures as numbers. */
+
+import type { Camera, Drawable, Mesh } from "../src/draw/model.ts";
+import { NOTHING, Renderer, type RendererOptions } from "../src/draw/renderer.ts";
+import { UNFOLDED } from "../src/draw/shaders.ts";
+import * as scene from "./drawScene.ts";
+
+/** A renderer on a canvas of its own. */
+export class Stage {
+  readonly canvas: HTMLCanvasElement;
+  readonly renderer: Renderer;
+  readonly gl: WebGL2RenderingContext;
+  /** What the renderer has said. */
+  readonly said: string[] = [];
+
+  constructor(width: number, height: number, options: RendererOptions = {}) {
+    this.canvas = document.createElement("canvas");
+    document.body.append(this.canvas);
+    this.renderer = new Renderer(this.canvas, {
+      ...options,
+      onLost: () => this.said.push("lost"),
+      onRestored: () => this.said.push("restored"),
+    });
+    this.renderer.resize(width, height);
+    const gl = this.canvas.getContext("webgl2");
+    if (gl === null) {
+      throw new Error("the renderer's context is gone");
+    }
+    this.gl = gl;
+  }
+
+  /** Sets meshes, the first as the piece 0. */
+  set(...meshes: readonly Mesh[]): void {
+    for (const [number, mesh] of meshes.entries()) {
+      this.renderer.setPiece(number, mesh);
+    }
+  }
+
+  /** The numbers of drawables from above, row by row; -1 is nothing. */
+  items(camera: Camera, drawables: readonly Drawable[]): number[][] {
+    const { width, height } = this.canvas;
+    const items = Array.from(this.renderer.items(camera, drawables), (id) => (id === NOTHING ? -1 : id));
+    return Array.from({ length: height }, (_, row) => {
+      const below = height - 1 - row;
+      return items.slice(below * width, (below + 1) * width);
+    });
+  }
+
+  /** Which drawables show at any pixel, in order. */
+  seen(camera: Camera, drawables: readonly Drawable[]): number[] {
+    return [...new Set(this.items(camera, drawables).flat())].filter((id) => id >= 0).sort((a, b) => a - b);
+  }
+
+  /** The picture: red, green, blue and alpha of each pixel, rows from below. */
+  picture(camera: Camera, drawables: readonly Drawable[]): Uint8Array {
+    const { width, height } = this.canvas;
+    this.renderer.draw(camera, drawables);
+    const pixels = new Uint8Array(4 * width * height);
+    this.gl.readPixels(0, 0, width, height, this.gl.RGBA, this.gl.UNSIGNED_BYTE, pixels);
+    return pixels;
+  }
+
+  /** The colour of a pixel of the picture, counted from the upper left. */
+  colour(camera: Camera, drawables: readonly Drawable[], x: number, y: number): number[] {
+    const at = 4 * ((this.canvas.height - 1 - y) * this.canvas.width + x);
+    return [...this.picture(camera, drawables).slice(at, at + 3)];
+  }
+
+  /** Fails where the device has refused a call. */
+  end(): void {
+    const error = this.gl.getError();
+    this.canvas.remove();
+    this.gl.getExtension("WEBGL_lose_context")?.loseContext();
+    if (error !== this.gl.NO_ERROR) {
+      throw new Error(`the device says ${error}`);
+    }
+  }
+}
+
+/** What the shaders make of folded normals, three numbers each. */
+function unfolded(normals: readonly (readonly [number, number])[]): Float32Array {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (gl === null) {
+    throw new Error("there is no context");
+  }
+  const program = gl.createProgram();
+  const source = `#version 300 es
+layout(location = 0) in vec2 folded;
+out vec3 normal;
+${UNFOLDED}
+void main() { normal = unfolded(folded); }`;
+  for (const [kind, text] of [
+    [gl.VERTEX_SHADER, source],
+    [gl.FRAGMENT_SHADER, "#version 300 es\nvoid main() {}"],
+  ] as const) {
+    const shader = gl.createShader(kind);
+    if (shader !== null) {
+      gl.shaderSource(shader, text);
+      gl.compileShader(shader);
+      gl.attachShader(program, shader);
+    }
+  }
+  gl.transformFeedbackVaryings(program, ["normal"], gl.SEPARATE_ATTRIBS);
+  gl.linkProgram(program);
+  gl.useProgram(program);
+  gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+  gl.bufferData(gl.ARRAY_BUFFER, Int16Array.from(normals.flat()), gl.STATIC_DRAW);
+  gl.enableVertexAttribArray(0);
+  gl.vertexAttribPointer(0, 2, gl.SHORT, true, 0, 0);
+  gl.bindBuffer(gl.ARRAY_BUFFER, null);
+  gl.bindBufferBase(gl.TRANSFORM_FEEDBACK_BUFFER, 0, gl.createBuffer());
+  const numbers = new Float32Array(3 * normals.length);
+  gl.bufferData(gl.TRANSFORM_FEEDBACK_BUFFER, numbers.byteLength, gl.DYNAMIC_READ);
+  gl.enable(gl.RASTERIZER_DISCARD);
+  gl.beginTransformFeedback(gl.POINTS);
+  gl.drawArrays(gl.POINTS, 0, normals.length);
+  gl.endTransformFeedback();
+  gl.getBufferSubData(gl.TRANSFORM_FEEDBACK_BUFFER, 0, numbers);
+  return numbers;
+}
+
+/** What the tests find in the page. */
+const harness = { Stage, NOTHING, unfolded, ...scene };
+
+declare global {
+  interface Window {
+    readonly draw: typeof harness;
+  }
+}
+
+Object.assign(window, { draw: harness });
