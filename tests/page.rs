@@ -172,8 +172,8 @@ impl Drop for Browser {
 struct Difference {
     /// The share of pixels that show another drawable.
     pixels: f64,
-    /// Drawables with more than a few pixels in one of both pictures and none in the other, with the pixels in
-    /// the page's and in the reference.
+    /// Drawables with more than a few pixels in one of both pictures and none in the other, with the pixels
+    /// in the page's and in the reference.
     drawables: Vec<(u32, [usize; 2])>,
     seen: usize,
 }
@@ -226,7 +226,7 @@ fn difference(look: &Value, scene: &Scene) -> Difference {
 }
 
 /// At rest the page shows every drawable of the whole cut that is visible, and no other: at the start, behind
-/// a walk, and in a window of another size.
+/// a walk, in a window of another size, and when the graphics device has lost everything.
 #[test]
 fn a_browser_shows_what_is_visible_and_nothing_else() {
     let bench = Bench::with_plant(400);
@@ -241,6 +241,7 @@ fn a_browser_shows_what_is_visible_and_nothing_else() {
         json!({ "do": "drag", "right": 150, "down": 40 }),
         json!({ "do": "hold", "key": "KeyE", "milliseconds": 300 }),
         json!({ "do": "resize", "width": 613, "height": 377 }),
+        json!({ "do": "lose" }),
     ] {
         browser.done(way.clone());
         browser.done(json!({ "do": "settle" }));

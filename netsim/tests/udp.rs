@@ -9,11 +9,11 @@ use std::time::Duration;
 
 use trimaran_netsim::Simulation;
 use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability, Rate};
-use trimaran_transport::conformance::{Overhead, Pairs, Robot, command, points, pose, send_frame};
+use trimaran_transport::conformance::{Overhead, Pairs, Robot, command, finished, points, pose, send_frame};
 use trimaran_transport::udp::{Repair, Trust, UdpOptions};
 use trimaran_transport::{
     FrameEvent, FrameOutcome, LinkConfig, MessageReceiver, MessageSender, Options, RecvError, UdpMode,
-    sleep_until,
+    UdpSocketOptions, sleep_until,
 };
 use virtual_time::priorities::{beside_blocks, blocks_alone, narrow};
 use virtual_time::{Machines, two_hosts};
@@ -54,6 +54,24 @@ fn blocks_alone_have_most_of_a_line() {
     let (simulation, machines) = machines(&narrow(), 1);
     let took = simulation.run(blocks_alone(&machines)).unwrap();
     assert!(took < Duration::from_millis(700), "{took:?}");
+}
+
+/// A half of a link that closes sends what there is as often as it is asked. A driver that waits for its
+/// socket to have room is not woken by that: neither would leave the other one alone, and no time would pass.
+#[test]
+fn links_close_while_their_sockets_are_full() {
+    let socket = UdpSocketOptions { send_buffer: Some(2048), ..UdpSocketOptions::default() };
+    let options = UdpOptions { socket, ..UdpOptions::default() };
+    let (simulation, machines) = machines_between(&narrow(), &narrow(), 1, options);
+    let talk = async {
+        let (mut arm, mut panel) = machines.pair(LinkConfig::default()).await;
+        let points: Vec<_> = (0..50_000).collect();
+        send_frame(&mut arm.frames_tx, 0, &points).await.unwrap();
+        send_frame(&mut panel.frames_tx, 0, &points).await.unwrap();
+        let (one, other) = tokio::join!(arm.close(finished()), panel.close(finished()));
+        assert!(one.is_ok() && other.is_ok(), "{one:?} {other:?}");
+    };
+    simulation.run(talk).unwrap();
 }
 
 /// Over a way that loses many packets and leaves time to send them again once: whole or with gaps, but never

@@ -18,9 +18,9 @@ pub use udp::{UdpEndpoint, UdpMode};
 use ws::LONGEST_PATH as LONGEST_WS_PATH;
 pub use ws::{WsEndpoint, WsPath};
 
-/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `ws://host:port/path`,
-/// `unix:/path` or `inproc:name`. Behind the port of `udp` may follow `?mode=reliable` or `?mode=deadline`, and
-/// behind that of `ws` nothing.
+/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`,
+/// `ws://host:port/path`, `unix:/path` or `inproc:name`. Behind the port of `udp` may follow `?mode=reliable` or
+/// `?mode=deadline`. The path of `ws` may be left out.
 ///
 /// A host is a name, an IPv4 address, or an IPv6 address in brackets. Port 0 takes a free port when
 /// listening. [`fmt::Display`] gives back what parses to the same value.
@@ -86,7 +86,8 @@ pub enum EndpointFault {
     Query,
     /// The path of a WebSocket's address.
     #[error(
-        "behind the port of ws may follow / and a path of at most {LONGEST_WS_PATH} letters, digits and -._~!$&'()*+,;=:@%/?"
+        "behind the port of ws may follow / and a path of at most {LONGEST_WS_PATH} letters, digits and \
+         -._~!$&'()*+,;=:@%/?"
     )]
     WsPath,
     /// The path of a socket.

@@ -58,7 +58,7 @@
 //! | `connect`, `listen`, `acceptor`, `handshake` | how links come about, and who is let in |
 //! | `application`, `peer` | the two sides of that, for the layers that know only bytes |
 //! | `endpoint`, `schemes` | which transport makes a link |
-//! | `stream`, `tcp`, `unix`, [`ws`], [`quic`], [`udp`], [`inproc`] | the transports, each with lanes of its own |
+//! | `stream`, `tcp`, `unix`, [`ws`], [`quic`], [`udp`], [`inproc`] | the transports, each with its lanes |
 //! | `transport`, `scheme`, `parts` | what a transport must do, and what it gives |
 //! | [`keys`] | the keys of peers |
 //! | `options`, `timeouts`, `rates`, `pending` | what can be set; limits in time and number |

@@ -6,34 +6,23 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Link, Listener, connect, joined, last_failure, net, soon};
+use common::{Listener, connect, last_failure, net, soon};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, greeting, pose};
+use trimaran_transport::conformance::{ARM, Joined, Overhead, PANEL, greeting, pose};
 use trimaran_transport::ws::{ForeignOrigin, WsOptions};
-use trimaran_transport::{
-    ConnectError, Endpoint, HandshakeError, LinkConfig, Options, TcpOptions, sleep_until,
-};
+use trimaran_transport::{ConnectError, Endpoint, HandshakeError, Options, TcpOptions, sleep_until};
 
-struct WebSockets;
+const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
 
-impl Pairs for WebSockets {
-    fn overhead(&self) -> Overhead {
-        Overhead { header_bytes: 4, handshake: 4, coded: true }
-    }
-
-    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        // Buffers that the tests' amounts exceed.
-        let tcp = TcpOptions {
-            send_buffer: Some(64 * 1024),
-            recv_buffer: Some(64 * 1024),
-            ..TcpOptions::default()
-        };
-        joined("ws://127.0.0.1:0/robot", &Options { link, tcp, ..Options::default() }).await
-    }
+fn web_sockets() -> Joined {
+    // Buffers that the tests' amounts exceed.
+    let small = Some(64 * 1024);
+    let tcp = TcpOptions { send_buffer: small, recv_buffer: small, ..TcpOptions::default() };
+    Joined::at("ws://127.0.0.1:0/robot", Options { tcp, ..Options::default() }, OVERHEAD)
 }
 
-trimaran_transport::conformance!(WebSockets);
+trimaran_transport::conformance!(web_sockets());
 
 const AT: &str = "ws://127.0.0.1:0/plant/link?token=7";
 

@@ -59,7 +59,12 @@ class Page {
   constructor(canvas: HTMLCanvasElement, status: HTMLElement, scene: SceneDescription) {
     [this.#canvas, this.#status, this.#scene] = [canvas, status, scene];
     this.walker = new Walker(scene.start.eye, scene.start.forward, (1.4 * scene.eyeHeight) / 1.7);
-    this.renderer = new Renderer(canvas);
+    this.renderer = new Renderer(canvas, {
+      onRestored: () => {
+        this.display?.loseGeometry();
+        this.#isMoved = true;
+      },
+    });
     this.#resize();
     new ResizeObserver(() => this.#resize()).observe(canvas);
     this.#listen();
@@ -98,7 +103,6 @@ class Page {
 
   #camera(wider: number): Camera {
     const { eye, orientation } = this.walker;
-    // Pixels are as large as in the picture that is shown, though there are whole ones only.
     const tanHalfFov = Math.tan((this.#scene.vfovDeg * Math.PI) / 360) * wider;
     const near = this.#scene.clearance / 2;
     return { eye, orientation, tanHalfFov, near, frame: 0, viewState: 0 };
@@ -139,6 +143,7 @@ class Page {
       return;
     }
     if (this.#isMoved && !display.link.isOver && now - this.#published >= PERIOD) {
+      // Its pixels are as large as those of the picture that is shown.
       display.publish(this.#camera(this.#viewport().height / this.#canvas.height));
       [this.#published, this.#isMoved] = [now, false];
       this.#drawn = undefined;
@@ -171,6 +176,8 @@ class Page {
       }
     });
     addEventListener("keyup", (event) => this.walker.key(event.code, false));
+    // A link that is closed is no lost one.
+    addEventListener("pagehide", () => this.display?.leave());
     addEventListener("blur", () => this.walker.release());
     canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
     canvas.addEventListener("pointermove", (event) => {

@@ -1,6 +1,7 @@
 /** Meshes and poses that the tests of drawing are made of. */
 
 import type { Camera, Drawable, Mesh } from "../src/draw/model.ts";
+import { VERTEX_BYTES } from "../src/proto/piece.ts";
 
 export type Colour = readonly [number, number, number];
 type Point = readonly [number, number, number];
@@ -9,8 +10,6 @@ type Point = readonly [number, number, number];
 export const AHEAD = [0, 0, 0, 1] as const;
 /** The linear part of a drawable that stands as it was made. */
 export const UPRIGHT: readonly number[] = [1, 0, 0, 0, 1, 0, 0, 0, 1];
-
-export const VERTEX_BYTES = 20;
 
 /** A camera at the world's origin that looks along -z. */
 export function cameraAt(eye: Point, tanHalfFov = 0.5, near = 0.1): Camera {

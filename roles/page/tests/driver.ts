@@ -19,6 +19,8 @@ type Command =
   | { readonly do: "hold"; readonly key: string; readonly milliseconds: number }
   | { readonly do: "drag"; readonly right: number; readonly down: number }
   | { readonly do: "resize"; readonly width: number; readonly height: number }
+  /** The graphics device loses everything, and comes back. */
+  | { readonly do: "lose" }
   | { readonly do: "look" }
   | { readonly do: "status" }
   | { readonly do: "screenshot"; readonly file: string };
@@ -67,6 +69,9 @@ async function run(command: Command, page: Page): Promise<unknown> {
           return canvas?.width === width && canvas.height === height;
         }, command),
       );
+    case "lose":
+      await page.evaluate(lose);
+      return true;
     case "look":
       return page.evaluate(look);
     case "status":
@@ -86,6 +91,19 @@ async function until(holds: () => Promise<boolean>): Promise<true> {
     await new Promise((resolve) => setTimeout(resolve, 20));
   }
   throw new Error(`it does not come about within ${PATIENCE} ms`);
+}
+
+/** Runs in the page. */
+async function lose(): Promise<void> {
+  const canvas = document.querySelector("canvas");
+  const losing = canvas?.getContext("webgl2")?.getExtension("WEBGL_lose_context");
+  const heard = (name: string) => new Promise((resolve) => canvas?.addEventListener(name, resolve));
+  const [lost, restored] = [heard("webglcontextlost"), heard("webglcontextrestored")];
+  losing?.loseContext();
+  await lost;
+  // The browser gives it back once whoever hears of the loss is done.
+  setTimeout(() => losing?.restoreContext());
+  await restored;
 }
 
 /** Where the eye is, and which drawable each pixel shows. Runs in the page. */

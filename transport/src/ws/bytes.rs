@@ -1,5 +1,5 @@
-//! A WebSocket as a stream of bytes. They travel as binary messages, of any size up to a limit: where one ends
-//! means nothing.
+//! A WebSocket as a stream of bytes. They travel as binary messages, of any size up to a limit: where one
+//! ends means nothing.
 
 use std::io;
 use std::iter;

@@ -68,7 +68,10 @@ export class Display {
     this.#say([...holds(...holdings.all()), { item: "begin", coarserFirst: true, ahead: AHEAD }]);
   }
 
-  /** Finds a culler at `url`, and begins a session with it. With the `before` of a lost one nothing comes twice. */
+  /**
+   * Finds a culler at `url`, and begins a session with it. Of the same scene it keeps what the display `before`
+   * had, and shows that until something newer is there.
+   */
   static async join(url: string, options: DisplayOptions, before?: Display): Promise<Display> {
     await loadCodecs();
     const { settings } = options;
@@ -95,12 +98,15 @@ export class Display {
     if (outline === undefined) {
       throw new WireError("the culler did not say which scene it has");
     }
-    const kept = before?.holdings;
-    const isSame = kept?.outline.hash === outline.hash;
-    const holdings =
-      kept !== undefined && isSame ? kept : new Holdings(outline, options.store, options.memory);
+    const kept = before?.outline.hash === outline.hash ? before : undefined;
+    const holdings = kept?.holdings ?? new Holdings(outline, options.store, options.memory);
     holdings.beginAnew();
     display = new Display(link, holdings, settings);
+    if (kept !== undefined) {
+      // Its frames are not taken for those of this link.
+      display.#frame = kept.#frame + 1;
+      display.#shown = kept.#shown;
+    }
     return display;
   }
 
@@ -144,6 +150,13 @@ export class Display {
     for (const message of viewMessages(this.#view.version, this.#view.state)) {
       this.#link.sendMessage(message);
     }
+  }
+
+  /** Whoever draws has lost all geometry: it comes again. The next camera that is published asks for it. */
+  loseGeometry(): void {
+    const gone = this.#holdings.loseAll();
+    this.#waiting.length = 0;
+    this.#say(dropped(gone));
   }
 
   leave(): void {

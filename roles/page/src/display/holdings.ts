@@ -15,6 +15,7 @@ export interface Store {
 /** What each piece is known by. */
 interface Held {
   readonly bytes: number;
+  readonly triangles: number;
   /** The tick in which it was used last. */
   used: number;
 }
@@ -26,6 +27,8 @@ export class Holdings {
   readonly #records: Records;
   readonly #pieces = new Map<number, Held>();
   readonly #standIns = new Map<number, number>();
+  /** How many triangles a piece has, as the records of its drawables say. */
+  readonly #triangles = new Map<number, number>();
   #assembler = new PieceAssembler();
   #bytes = 0;
   #tick = 0;
@@ -60,7 +63,7 @@ export class Holdings {
       switch (item.item) {
         case "entries":
           for (const record of unpackRecords(item.packed)) {
-            this.#records.take(record);
+            this.#takeRecord(record);
           }
           break;
         case "geometry": {
@@ -87,6 +90,19 @@ export class Holdings {
     }
   }
 
+  #takeRecord(record: DrawableRecord): void {
+    this.#records.take(record);
+    const { geometry, triangles } = record;
+    this.#check(geometry, triangles, this.#triangles.get(geometry) ?? this.#pieces.get(geometry)?.triangles);
+    this.#triangles.set(geometry, triangles);
+  }
+
+  #check(piece: number, triangles: number, known: number | undefined): void {
+    if (known !== undefined && known !== triangles) {
+      throw new WireError(`the geometry ${piece} has ${triangles} triangles here and ${known} there`);
+    }
+  }
+
   has(id: number): boolean {
     const record = this.#records.get(id);
     return record !== undefined && this.#pieces.has(record.geometry);
@@ -97,7 +113,7 @@ export class Holdings {
     return ids.filter((id) => !this.has(id));
   }
 
-  /** What can be shown of `ids`, with stand-ins for what is not there; nothing where one of these is missing. */
+  /** What can be shown of `ids`, with stand-ins for what is not there. Nothing where one of these is missing. */
   standingIn(ids: Uint32Array): number[] | undefined {
     const shown: number[] = [];
     const standIns = new Set<number>();
@@ -148,10 +164,19 @@ export class Holdings {
     return Uint32Array.from(dropped).sort();
   }
 
+  /** Whoever draws has lost everything. Says what that was. */
+  loseAll(): Uint32Array {
+    const gone = Uint32Array.from(this.#pieces.keys()).sort();
+    this.#pieces.clear();
+    this.#bytes = 0;
+    return gone;
+  }
+
   #setPiece(number: number, piece: Piece): void {
+    this.#check(number, piece.triangles, this.#triangles.get(number));
     const bytes = piece.vertices.byteLength + piece.indices.byteLength;
     this.#bytes += bytes - (this.#pieces.get(number)?.bytes ?? 0);
-    this.#pieces.set(number, { bytes, used: this.#tick });
+    this.#pieces.set(number, { bytes, triangles: piece.triangles, used: this.#tick });
     this.#store.setPiece(number, piece);
   }
 }

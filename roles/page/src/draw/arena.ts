@@ -1,7 +1,8 @@
 /** The triangles of many pieces of geometry in few buffers of the device, so that one call draws many. */
 
+import { VERTEX_BYTES } from "../proto/piece.ts";
 import type { Provoking } from "./features.ts";
-import { type Mesh, VERTEX_BYTES } from "./model.ts";
+import type { Mesh } from "./model.ts";
 import { byteOffset, GeometryPage, type Spot } from "./page.ts";
 import type { Bounds } from "./view.ts";
 

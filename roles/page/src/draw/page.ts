@@ -1,8 +1,9 @@
 /** A part of the device's memory for geometry: a buffer of vertices and one of indices, of fixed size. */
 
+import { VERTEX_BYTES } from "../proto/piece.ts";
 import { Allocator, type Place } from "./allocator.ts";
 import type { Provoking } from "./features.ts";
-import { type Mesh, VERTEX_BYTES } from "./model.ts";
+import type { Mesh } from "./model.ts";
 
 const INDEX_BYTES = 4;
 
