@@ -1,4 +1,4 @@
-//! Puts the page that a browser shows into the program: the files of `roles/page`, whose script is bundled by
+//! Puts the page that a browser shows into the program: the files of `roles/page`, whose script and style are bundled by
 //! `./x page`.
 
 use std::{env, fmt::Write as _, fs, io, path::PathBuf};
@@ -6,7 +6,7 @@ use std::{env, fmt::Write as _, fs, io, path::PathBuf};
 /// The files: their place, how a browser asks for them, and what they are.
 const FILES: [(&str, &str, &str); 3] = [
     ("static/index.html", "/", "text/html; charset=utf-8"),
-    ("static/style.css", "/style.css", "text/css; charset=utf-8"),
+    ("target/page/main.css", "/main.css", "text/css; charset=utf-8"),
     ("target/page/main.js", "/main.js", "text/javascript; charset=utf-8"),
 ];
 

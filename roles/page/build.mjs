@@ -1,25 +1,39 @@
 // Bundles the page, or with `tests` the tests, into target/.
 import { readdirSync } from "node:fs";
+import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
 
-const common = { bundle: true, format: "esm", target: "es2022", logLevel: "warning", sourcemap: true };
+const common = {
+  bundle: true,
+  format: "esm",
+  target: "es2022",
+  logLevel: "warning",
+  sourcemap: true,
+  jsx: "automatic",
+  jsxImportSource: "preact",
+};
 
-if (process.argv[2] === "tests") {
-  const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts") || name === "driver.ts");
-  await build({
-    ...common,
-    entryPoints: tests.map((name) => `tests/${name}`),
-    outdir: "target/tests",
-    outExtension: { ".js": ".mjs" },
-    platform: "node",
-    packages: "external",
-  });
-} else {
-  await build({
-    ...common,
-    entryPoints: ["src/main.ts"],
-    outdir: "target/page",
-    platform: "browser",
-    minify: true,
-  });
+/** How the page is bundled. */
+export const PAGE = {
+  ...common,
+  entryPoints: ["src/main.ts"],
+  outdir: "target/page",
+  platform: "browser",
+  minify: true,
+};
+
+if (process.argv[1] === fileURLToPath(import.meta.url)) {
+  if (process.argv[2] === "tests") {
+    const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts") || name === "driver.ts");
+    await build({
+      ...common,
+      entryPoints: tests.map((name) => `tests/${name}`),
+      outdir: "target/tests",
+      outExtension: { ".js": ".mjs" },
+      platform: "node",
+      packages: "external",
+    });
+  } else {
+    await build(PAGE);
+  }
 }

@@ -10,7 +10,7 @@ import type { Camera } from "../src/draw/model.ts";
 import { DrawOrder } from "../src/draw/order.ts";
 import { moveIndices } from "../src/draw/page.ts";
 import { View } from "../src/draw/view.ts";
-import { Walker } from "../src/walk/walker.ts";
+import { Fly } from "../src/navigate/fly.ts";
 import { AHEAD, box, cameraAt, drawableAt, folded, UPRIGHT } from "./drawScene.ts";
 import { randomOf } from "./support.ts";
 
@@ -300,7 +300,7 @@ test("a solid shows its front alone, unless it is flat or the near plane cuts it
 });
 
 test("keys move the eye along the ground, the mouse turns it, and it never looks straight up", () => {
-  const walker = new Walker([1, 2, 3], [0, 0, -1], 2);
+  const walker = new Fly([1, 2, 3], [0, 0, -1], 2);
   assert.equal(walker.step(0.1), false);
   assert.equal(walker.key("KeyW", true), true);
   assert.equal(walker.key("KeyX", true), false);
@@ -318,7 +318,7 @@ test("keys move the eye along the ground, the mouse turns it, and it never looks
 
 test("a walker's camera looks along its own -z", () => {
   const view = new View();
-  const { orientation } = new Walker([0, 0, 0], [1, 0, 0], 1);
+  const { orientation } = new Fly([0, 0, 0], [1, 0, 0], 1);
   view.set({ eye: [0, 0, 0], orientation, tanHalfFov: 0.5, near: 0.1 }, 10, 10);
   for (const [axis, expected] of [0, 0, -1].entries()) {
     assert.ok(Math.abs(view.along(axis, 1, 0, 0) - expected) < 1e-12);

@@ -5,11 +5,11 @@
 
 import { createInterface } from "node:readline";
 import { chromium, type Page } from "playwright-core";
-import type { Seen } from "../src/main.ts";
+import type { Viewer } from "../src/viewer/viewer.ts";
 
 declare global {
   interface Window {
-    trimaran?: Seen;
+    trimaran?: Viewer;
   }
 }
 
@@ -75,7 +75,7 @@ async function run(command: Command, page: Page): Promise<unknown> {
     case "look":
       return page.evaluate(look);
     case "status":
-      return page.textContent("#status");
+      return (await page.$("#status"))?.textContent() ?? "";
     case "screenshot":
       await page.screenshot({ path: command.file });
       return true;
@@ -113,10 +113,10 @@ function look(): unknown {
     return undefined;
   }
   const canvas = document.querySelector("canvas");
-  const { camera, walker, renderer, display } = seen;
+  const { camera, navigator, renderer, display } = seen;
   return {
     ...camera,
-    forward: walker.forward,
+    forward: navigator.forward,
     width: canvas?.width,
     height: canvas?.height,
     items: Array.from(seen.items()),

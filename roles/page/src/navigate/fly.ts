@@ -1,4 +1,4 @@
-/** A person in the scene: where the eye is, which way it looks, and how keys and the mouse move it. */
+/** Moves the eye freely: which way it looks, and how keys and the mouse move it. */
 
 export type Point = [number, number, number];
 
@@ -37,7 +37,7 @@ interface Motion {
   tilt: number;
 }
 
-export class Walker {
+export class Fly {
   eye: Point;
   /** Radians: 0 looks along -z, and rises to the left. */
   heading: number;
@@ -49,9 +49,14 @@ export class Walker {
 
   constructor(eye: Point, forward: Point, speed: number) {
     this.eye = [...eye];
-    this.heading = Math.atan2(-forward[0], -forward[2]);
-    this.pitch = Math.asin(Math.max(-1, Math.min(1, forward[1] / (Math.hypot(...forward) || 1))));
+    [this.heading, this.pitch] = angles(forward);
     this.speed = speed;
+  }
+
+  /** Puts the eye at a place, and lets it look along `forward`. */
+  place(eye: Point, forward: Point): void {
+    this.eye = [...eye];
+    [this.heading, this.pitch] = angles(forward);
   }
 
   /** Camera to world, a unit quaternion. */
@@ -121,4 +126,11 @@ export class Walker {
   #tilt(by: number): void {
     this.pitch = Math.min(STEEPEST, Math.max(-STEEPEST, this.pitch + by));
   }
+}
+
+/** Heading and pitch of a direction. */
+function angles(forward: Point): [number, number] {
+  const up = forward[1] / (Math.hypot(...forward) || 1);
+  const pitch = Math.asin(Math.max(-1, Math.min(1, up)));
+  return [Math.atan2(-forward[0], -forward[2]), Math.max(-STEEPEST, Math.min(STEEPEST, pitch))];
 }

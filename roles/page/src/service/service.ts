@@ -1,0 +1,114 @@
+/** What the service says of the scene beside the link, by requests of HTTP. */
+
+import type { Point } from "../proto/viewState.ts";
+
+/** What the service says of a scene. Lengths in metres. */
+export interface SceneDescription {
+  readonly name: string;
+  /** The scene's fingerprint, 32 hexadecimal digits. */
+  readonly fingerprint: string;
+  readonly objects: number;
+  /** Corners of the box around it. */
+  readonly min: Point;
+  readonly max: Point;
+  /** Whether there are floors to walk on. */
+  readonly hasFloors: boolean;
+  readonly eyeHeight: number;
+  readonly clearance: number;
+  readonly vfovDeg: number;
+  readonly start: { readonly eye: Point; readonly forward: Point };
+}
+
+/** A part of the model's hierarchy: a group of objects, or an object. */
+export interface Part {
+  readonly kind: "group" | "object";
+  readonly id: number;
+  readonly name: string;
+  /** The objects that it has: from `first` to before `end`. */
+  readonly first: number;
+  readonly end: number;
+}
+
+/** A part, and where it is. */
+export interface PartDetails extends Part {
+  /** The groups that it is in, from the outermost. The first one is its file. */
+  readonly path: readonly Part[];
+  /** Corners of the box around it, metres in the world. */
+  readonly min: Point;
+  readonly max: Point;
+  /** At full detail. */
+  readonly triangles: number;
+  readonly attributes: readonly (readonly [name: string, value: string])[];
+}
+
+/** Some of the parts that a question has for answer, in order. */
+export interface Parts {
+  readonly parts: readonly Part[];
+  /** How many there are in all. */
+  readonly total: number;
+}
+
+/** The service from which the page came. Every request throws where there is no answer, and says why. */
+export class Service {
+  readonly #base: string;
+  readonly #token: string;
+
+  /** `page` is the address of the page, which has the token. */
+  constructor(page: string) {
+    this.#base = page;
+    this.#token = new URL(page).searchParams.get("token") ?? "";
+  }
+
+  /** Where a link begins. */
+  get link(): string {
+    const url = this.#url("link", {});
+    url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+    return url.href;
+  }
+
+  scene(): Promise<SceneDescription> {
+    return this.#json("scene", {});
+  }
+
+  details({ kind, id }: Pick<Part, "kind" | "id">): Promise<PartDetails> {
+    return this.#json("part", { [kind]: id });
+  }
+
+  /** The parts of a group, or with none the files; from the one of number `from` on. */
+  children(group: number | undefined, from = 0): Promise<Parts> {
+    return this.#json("children", group === undefined ? { from } : { group, from });
+  }
+
+  /** Parts with `text` in their name or an attribute, whatever its case. */
+  search(text: string, signal?: AbortSignal): Promise<Parts> {
+    return this.#json("search", { text }, signal);
+  }
+
+  /** What is solid in a square of the ground: see `navigate/tile.ts`. */
+  async tile(x: number, z: number): Promise<ArrayBuffer> {
+    return (await this.#ask("tile", { x, z })).arrayBuffer();
+  }
+
+  async #json<T>(what: string, query: Query, signal?: AbortSignal): Promise<T> {
+    return (await (await this.#ask(what, query, signal)).json()) as T;
+  }
+
+  async #ask(what: string, query: Query, signal?: AbortSignal): Promise<Response> {
+    const answer = await fetch(this.#url(what, query), { signal: signal ?? null });
+    if (!answer.ok) {
+      throw new Error((await answer.text()).trim());
+    }
+    return answer;
+  }
+
+  #url(what: string, query: Query): URL {
+    const url = new URL(what, this.#base);
+    url.searchParams.set("token", this.#token);
+    for (const [name, value] of Object.entries(query)) {
+      url.searchParams.set(name, String(value));
+    }
+    return url;
+  }
+}
+
+type Query = Readonly<Record<string, string | number>>;

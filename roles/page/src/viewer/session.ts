@@ -1,0 +1,51 @@
+/** Keeps a link to a culler: begins a session with it, and another one when that has ended. */
+
+import { signal } from "@preact/signals";
+import { Display, type DisplayOptions } from "../display/display.ts";
+
+/** Milliseconds between attempts: at first, and at most. */
+const SOONEST = 250;
+const LATEST = 5000;
+
+export class Session {
+  readonly #display = signal<Display | undefined>(undefined);
+  /** Why there is no link; empty where there is one. */
+  readonly trouble = signal("");
+  readonly #url: string;
+  readonly #options: () => Omit<DisplayOptions, "onEnd">;
+
+  /** `options` are asked for anew for each link. */
+  constructor(url: string, options: () => Omit<DisplayOptions, "onEnd">) {
+    [this.#url, this.#options] = [url, options];
+    void this.#keep();
+  }
+
+  /** The display, which a signal of the page follows; also while it has no link: it goes on with what it has. */
+  get display(): Display | undefined {
+    return this.#display.value;
+  }
+
+  leave(): void {
+    this.#display.peek()?.leave();
+  }
+
+  async #keep(): Promise<void> {
+    for (let pause = SOONEST; ; pause = Math.min(2 * pause, LATEST)) {
+      try {
+        let ended: () => void = () => {};
+        const over = new Promise<void>((resolve) => {
+          ended = resolve;
+        });
+        const options = { ...this.#options(), onEnd: () => ended() };
+        this.#display.value = await Display.join(this.#url, options, this.#display.peek());
+        this.trouble.value = "";
+        await over;
+        pause = SOONEST;
+      } catch (error) {
+        const why = error instanceof Error ? error.message : error;
+        this.trouble.value = `The service does not answer: ${why}`;
+      }
+      await new Promise((resolve) => setTimeout(resolve, pause));
+    }
+  }
+}

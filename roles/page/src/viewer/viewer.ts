@@ -1,0 +1,177 @@
+/** A canvas that shows the scene from where a person is. */
+
+import { effect, signal } from "@preact/signals";
+import type { Display } from "../display/display.ts";
+import { type Picked, Renderer } from "../draw/renderer.ts";
+import { Navigator } from "../navigate/navigator.ts";
+import type { Camera } from "../proto/camera.ts";
+import { ObjectSet } from "../proto/objectSet.ts";
+import type { Settings } from "../proto/settings.ts";
+import type { SceneDescription, Service } from "../service/service.ts";
+import { Session } from "./session.ts";
+import { ViewHistory } from "./viewHistory.ts";
+
+/** The picture that is culled for is so much wider and higher: what a turn uncovers is there already. */
+const WIDER = 1.25;
+/** Milliseconds between cameras at least. */
+const PERIOD = 30;
+const EPSILON = 2;
+/** Bytes of unpacked geometry. */
+const MEMORY = 512 << 20;
+
+export class Viewer {
+  readonly canvas: HTMLCanvasElement;
+  readonly scene: SceneDescription;
+  readonly service: Service;
+  readonly renderer: Renderer;
+  readonly navigator: Navigator;
+  readonly session: Session;
+  readonly view = new ViewHistory();
+  /** The objects that a person has picked. */
+  readonly selected = signal(ObjectSet.EMPTY);
+  /** A word to the person: what has just happened. */
+  readonly said = signal("");
+  pictures = 0;
+  readonly #overlays = new Set<(camera: Camera) => void>();
+  #published = 0;
+  #last = 0;
+  /** The newest pose was not published yet. */
+  #isMoved = true;
+  /** The set that the canvas shows; nothing where it is to be drawn again. */
+  #drawn: unknown;
+
+  constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Service) {
+    [this.canvas, this.scene, this.service] = [canvas, scene, service];
+    this.renderer = new Renderer(canvas, {
+      onRestored: () => {
+        this.display?.loseGeometry();
+        this.#isMoved = true;
+      },
+    });
+    this.navigator = new Navigator(canvas, scene, service);
+    this.#fit();
+    const options = () => ({ settings: this.#settings(), memory: MEMORY, store: this.renderer });
+    this.session = new Session(service.link, options);
+    // At each change, and for each new link.
+    effect(() => {
+      this.display?.change(this.view.current.value);
+      this.#isMoved = true;
+    });
+    effect(() => {
+      this.selected.value;
+      this.redraw();
+    });
+    new ResizeObserver(() => this.#resize()).observe(canvas);
+    // A link that is closed is no lost one.
+    addEventListener("pagehide", () => this.session.leave());
+    requestAnimationFrame((now) => this.#picture(now));
+  }
+
+  get display(): Display | undefined {
+    return this.session.display;
+  }
+
+  /** The picture is exact, and of where the eye is now. */
+  get isSettled(): boolean {
+    const { display } = this;
+    return !this.#isMoved && display?.isSettled === true && this.#drawn === display.shown;
+  }
+
+  /** The camera of the picture. */
+  get camera(): Camera {
+    return this.#camera(1);
+  }
+
+  /** The numbers of drawables at the pixels of the picture, rows from below. */
+  items(): Uint32Array {
+    return this.renderer.items(this.camera, this.display?.shown?.drawables ?? []);
+  }
+
+  /** What shows at a place of the canvas, in CSS pixels from its upper left; nothing for background. */
+  pick(x: number, y: number): Picked | undefined {
+    const scale = this.canvas.width / Math.max(1, this.canvas.clientWidth);
+    return this.renderer.pick(x * scale, y * scale);
+  }
+
+  /** The picture is drawn again, though neither eye nor set has changed. */
+  redraw(): void {
+    this.#drawn = undefined;
+  }
+
+  /** Calls `overlay` behind each picture with its camera, until the function that it gives is called. */
+  onPicture(overlay: (camera: Camera) => void): () => void {
+    this.#overlays.add(overlay);
+    this.redraw();
+    return () => this.#overlays.delete(overlay);
+  }
+
+  /** The settings of a session: the picture that is culled for is wider than the one that is shown. */
+  #settings(): Settings {
+    return {
+      viewport: this.#viewport(),
+      levelRule: { epsilon: EPSILON, fewPixels: false },
+      batch: 1024,
+      coding: "changes",
+      occlusionTest: "hzb",
+    };
+  }
+
+  #viewport(): { width: number; height: number } {
+    const { width, height } = this.canvas;
+    return { width: Math.ceil(WIDER * width), height: Math.ceil(WIDER * height) };
+  }
+
+  #camera(wider: number): Camera {
+    const { eye, orientation, vfovDeg } = this.navigator;
+    const tanHalfFov = Math.tan((vfovDeg * Math.PI) / 360) * wider;
+    const near = this.scene.clearance / 2;
+    return { eye, orientation, tanHalfFov, near, frame: 0, viewState: 0 };
+  }
+
+  #picture(now: number): void {
+    requestAnimationFrame((next) => this.#picture(next));
+    const hasMoved = this.navigator.step((now - this.#last) / 1000);
+    this.#last = now;
+    this.#isMoved ||= hasMoved;
+    const { display } = this;
+    if (display === undefined) {
+      return;
+    }
+    if (this.#isMoved && !display.link.isOver && now - this.#published >= PERIOD) {
+      // Its pixels are as large as those of the picture that is shown.
+      display.publish(this.#camera(this.#viewport().height / this.canvas.height));
+      [this.#published, this.#isMoved] = [now, false];
+      this.#drawn = undefined;
+    }
+    if (hasMoved || display.shown !== this.#drawn) {
+      const camera = this.#camera(1);
+      this.renderer.draw(camera, display.shown?.drawables ?? []);
+      this.#drawn = display.shown;
+      this.pictures += 1;
+      for (const overlay of this.#overlays) {
+        overlay(camera);
+      }
+    }
+  }
+
+  #resize(): void {
+    if (this.#fit()) {
+      this.display?.change({ pictureSize: this.#viewport() });
+      this.#isMoved = true;
+      this.#drawn = undefined;
+    }
+  }
+
+  /** Makes the picture as large as its place on the screen. Gives whether it was of another size. */
+  #fit(): boolean {
+    const { canvas } = this;
+    const scale = window.devicePixelRatio;
+    const width = Math.max(1, Math.round(canvas.clientWidth * scale));
+    const height = Math.max(1, Math.round(canvas.clientHeight * scale));
+    const isOther = width !== canvas.width || height !== canvas.height;
+    if (isOther) {
+      [canvas.width, canvas.height] = [width, height];
+    }
+    return isOther;
+  }
+}
