@@ -40,6 +40,7 @@
 //! | [`config`] | the configuration of roles and links |
 //! | [`metrics`] | what links carry, for Prometheus |
 //! | [`page`] | a display in a browser, and the server from which it comes |
+//! | [`scene_cache`] | cooked scenes of models that were viewed |
 //! | `netem` | a simulated network between programs, on Linux |
 //! | [`vulkan`] | the roles' devices |
 //! | [`comparison`] | which systems there are to be held against each other |
@@ -54,6 +55,7 @@ pub mod metrics;
 pub mod netem;
 pub mod page;
 pub mod report;
+pub mod scene_cache;
 pub mod simulate;
 pub mod trace;
 pub mod vulkan;

@@ -97,6 +97,18 @@ fn the_scene_is_for_whoever_knows_the_token_and_comes_from_here() {
         assert!(service.ask(&format!("/scene{query}"), "").starts_with("HTTP/1.1 403"), "{query}");
         assert!(service.ask(&format!("/link{query}"), UPGRADE).starts_with("HTTP/1.1 403"), "{query}");
     }
+    for asked in ["part?object=0", "children?from=0", "search?text=a", "tile?x=0&z=0"] {
+        let (path, query) = asked.split_once('?').unwrap();
+        let told = service.ask(&format!("/{path}?token={TOKEN}&{query}"), "");
+        assert!(told.starts_with("HTTP/1.1 200"), "{asked}: {told}");
+        for stranger in
+            [format!("/{asked}"), format!("/{asked}&token={TOKEN}"), format!("/{path}?token=x&{query}")]
+        {
+            assert!(service.ask(&stranger, "").starts_with("HTTP/1.1 403"), "{stranger}");
+        }
+    }
+    let bad = service.ask(&format!("/part?token={TOKEN}&object=x"), "");
+    assert!(bad.starts_with("HTTP/1.1 404"), "{bad}");
     let link = format!("/link?token={TOKEN}");
     let foreign = format!("{UPGRADE}Origin: http://evil.example\r\n");
     assert!(service.ask(&link, &foreign).starts_with("HTTP/1.1 403"));

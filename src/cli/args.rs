@@ -17,8 +17,8 @@ pub(crate) use compare::CompareArgs;
 pub(crate) use cullers::{CullerArgs, ScheduleArg};
 pub(crate) use links::{Coding, NetemArgs, PingArgs, StatArgs};
 pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
-pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Up};
-pub(crate) use serve::ServeArgs;
+pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, ReadingArgs, Up};
+pub(crate) use serve::{DeviceArgs, ServeArgs, ViewArgs};
 pub(crate) use sim::{SimArgs, SimLink};
 pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
 
@@ -26,10 +26,11 @@ pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, Swee
 ///
 /// Cullers find out what is visible in a frame, and a display shows it. A typical first hour:
 ///
+///   trimaran view plant/*.rvm                     walk your own model in your browser
 ///   trimaran doctor                               what this machine can do
 ///   trimaran demo                                 a walk through a generated plant
-///   trimaran import plant/*.rvm -o plant.scene    your own model
-///   trimaran serve plant.scene                    walk it in your browser
+///   trimaran import plant/*.rvm -o plant.scene    a model for the commands below
+///   trimaran serve plant.scene                    the same page for others
 ///   trimaran run plant.scene --out walk           a walk by itself; open walk/report.html
 #[derive(Debug, Parser)]
 #[command(
@@ -50,6 +51,8 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    /// Walk a model in your browser: reads and cooks it if it has changed, and opens a page of this machine.
+    View(ViewArgs),
     /// Read CAD files and cook them into one scene.
     Import(ImportArgs),
     /// Generate a plant or a tanker and cook it: models of any size for machines without data.

@@ -1,42 +1,25 @@
 //! `trimaran import`: CAD files to a cooked scene.
 
+use std::path::PathBuf;
+
 use serde_json::json;
 use trimaran_cook::CookOptions;
-use trimaran_cook::import::{ImportLimits, ImportOptions, ImportReport, UpAxis, import};
+use trimaran_cook::import::{ImportLimits, ImportOptions, ImportReport, Imported, Progress, UpAxis, import};
 
 use super::{
     Failure,
-    args::{ImportArgs, Up},
+    args::{ImportArgs, ReadingArgs, Up},
     cooking,
     info::SceneSummary,
     number, print_json, progress,
 };
 
 pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
-    let options = ImportOptions {
-        chord_tolerance: args.chord_tolerance * 1e-3,
-        up: args.up.map(|up| match up {
-            Up::Y => UpAxis::Y,
-            Up::Z => UpAxis::Z,
-        }),
-        unit: args.unit,
-        limits: ImportLimits {
-            triangles: args.limits.max_triangles,
-            vertices: args.limits.max_vertices,
-            objects: args.limits.max_objects,
-            depth: args.limits.max_depth,
-        },
-    };
-    let cook_options = CookOptions { max_nodes: args.limits.max_nodes, ..CookOptions::default() };
-    let bar = progress::bar("reading", args.files.len() as u64);
-    let imported =
-        import(&args.files, &options, &mut |progress| bar.set_position(progress.files_done as u64))
-            .map_err(Failure::bad_input)?;
-    bar.finish_and_clear();
+    let imported = read(&args.files, &args.reading)?;
     if !args.json {
         print_report(&imported.report);
     }
-    let scene = cooking::cook_and_save(&imported.model, &cook_options, &args.output)?;
+    let scene = cooking::cook_and_save(&imported.model, &args.reading.cook_options(), &args.output)?;
     let summary = SceneSummary::of(&args.output, &scene);
     if args.json {
         return print_json(&json!({ "import": report_json(&imported.report), "scene": summary }));
@@ -45,7 +28,40 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print_report(report: &ImportReport) {
+/// Reads the files of a model, and shows how far it is.
+pub(super) fn read(files: &[PathBuf], reading: &ReadingArgs) -> Result<Imported, Failure> {
+    let bar = progress::bar("reading", files.len() as u64);
+    let read = &mut |progress: Progress<'_>| bar.set_position(progress.files_done as u64);
+    let imported = import(files, &reading.import_options(), read).map_err(Failure::bad_input)?;
+    bar.finish_and_clear();
+    Ok(imported)
+}
+
+impl ReadingArgs {
+    fn import_options(&self) -> ImportOptions {
+        ImportOptions {
+            chord_tolerance: self.chord_tolerance * 1e-3,
+            up: self.up.map(|up| match up {
+                Up::Y => UpAxis::Y,
+                Up::Z => UpAxis::Z,
+            }),
+            unit: self.unit,
+            limits: ImportLimits {
+                triangles: self.limits.max_triangles,
+                vertices: self.limits.max_vertices,
+                objects: self.limits.max_objects,
+                depth: self.limits.max_depth,
+            },
+        }
+    }
+
+    pub(super) fn cook_options(&self) -> CookOptions {
+        CookOptions { max_nodes: self.limits.max_nodes, ..CookOptions::default() }
+    }
+}
+
+/// What was read, and what is odd about it.
+pub(super) fn print_report(report: &ImportReport) {
     println!(
         "read {} files: {} objects, {} triangles ({} stored, the rest instances)",
         report.files,

@@ -24,6 +24,7 @@ mod serve;
 mod sim;
 mod stat;
 mod sweep;
+mod view;
 mod walking;
 
 use std::io::{self, IsTerminal, Write};
@@ -55,6 +56,7 @@ pub(crate) fn main() -> ExitCode {
 
 fn dispatch(command: Command) -> Result<(), Failure> {
     match command {
+        Command::View(args) => view::run(&args),
         Command::Import(args) => import::run(&args),
         Command::Generate(args) => generate::run(&args),
         Command::Info(args) => info::run(&args),

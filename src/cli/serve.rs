@@ -2,6 +2,8 @@
 
 use std::{
     io::{self, Write},
+    net::SocketAddr,
+    path::Path,
     sync::Arc,
 };
 
@@ -15,7 +17,7 @@ use trimaran_transport::{Net, Options, TokioNet};
 
 use super::{
     Failure,
-    args::ServeArgs,
+    args::{DeviceArgs, ServeArgs},
     culling::Host,
     printed,
     walking::{Metrics, gpu_options, open, runtime, stop_on_signal, upload},
@@ -23,31 +25,58 @@ use super::{
 
 pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
     let options = options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
-    let runtime = runtime()?;
-    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-    let stop = stop_on_signal(&runtime);
-    let file = open(&args.scene)?;
-    let description = SceneDescription::new(&args.scene, &file.scene).map_err(Failure::broken)?;
-    let token = match &args.token {
-        Some(token) => token.clone(),
-        None => Token::random(&*net).map_err(Failure::broken)?,
+    let service = Service {
+        scene: &args.scene,
+        listen: args.listen,
+        token: args.token.clone(),
+        metrics: args.metrics,
+        device: &args.device,
+        options,
     };
-    let pages =
-        Pages::new(&description, token, options.ws.clone(), options.tcp).map_err(Failure::bad_input)?;
-    let gpu = gpu_options(args.device.as_deref(), args.gpu_memory, args.device_timeout);
-    let drawn = upload(&file, &gpu)?;
-    let metrics = Metrics::show(args.metrics, &runtime)?;
-    let mut options = Options { transports: vec![Arc::new(pages.clone())], ..options };
-    options.link.max_frame = max_frame(&file.scene);
-    let at =
-        ServiceEndpoints { listen: Some(Pages::endpoint(args.listen).into()), displays: Vec::new(), options };
-    let started = runtime.block_on(CullerService::start(&net, file.scene.outline(), at));
-    let service =
-        started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })?;
-    for at in service.endpoints().into_iter().flat_map(trimaran_transport::Endpoints::iter) {
-        printed(writeln!(io::stdout(), "{}", pages.url(at)))?;
+    service.run(|url| printed(writeln!(io::stdout(), "{url}")))
+}
+
+/// A culler and its page, for whoever comes.
+pub(super) struct Service<'s> {
+    pub(super) scene: &'s Path,
+    pub(super) listen: SocketAddr,
+    /// A new one each time if there is none.
+    pub(super) token: Option<Token>,
+    pub(super) metrics: Option<SocketAddr>,
+    pub(super) device: &'s DeviceArgs,
+    pub(super) options: Options,
+}
+
+impl Service<'_> {
+    /// Serves until it is asked to stop. `ready` is told the page's address once there is something to see.
+    pub(super) fn run(self, ready: impl FnOnce(&str) -> Result<(), Failure>) -> Result<(), Failure> {
+        let runtime = runtime()?;
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+        let stop = stop_on_signal(&runtime);
+        let file = open(self.scene)?;
+        let description = SceneDescription::new(self.scene, &file.scene).map_err(Failure::broken)?;
+        let token = match self.token {
+            Some(token) => token,
+            None => Token::random(&*net).map_err(Failure::broken)?,
+        };
+        let (ws, tcp) = (self.options.ws.clone(), self.options.tcp);
+        let pages = Pages::new(&file.scene, &description, token, ws, tcp).map_err(Failure::bad_input)?;
+        let DeviceArgs { device, gpu_memory, device_timeout } = self.device;
+        let drawn = upload(&file, &gpu_options(device.as_deref(), *gpu_memory, *device_timeout))?;
+        let metrics = Metrics::show(self.metrics, &runtime)?;
+        let mut options = Options { transports: vec![Arc::new(pages.clone())], ..self.options };
+        options.link.max_frame = max_frame(&file.scene);
+        let listen = Some(Pages::endpoint(self.listen).into());
+        let at = ServiceEndpoints { listen, displays: Vec::new(), options };
+        let started = runtime.block_on(CullerService::start(&net, file.scene.outline(), at));
+        let service =
+            started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })?;
+        let at = service.endpoints().and_then(|endpoints| endpoints.iter().next());
+        if let Some(url) = at.map(|at| pages.url(at)) {
+            ready(&url)?;
+        }
+        let method = CullingMethod::Trimaran;
+        let host = Host { file: &file, drawn: &drawn, runtime: &runtime, links: metrics.links(), method };
+        host.serve(service, &stop)
     }
-    let method = CullingMethod::Trimaran;
-    let host = Host { file: &file, drawn: &drawn, runtime: &runtime, links: metrics.links(), method };
-    host.serve(service, &stop)
 }

@@ -5,6 +5,7 @@ use std::{path::Path, sync::Arc};
 use serde::Serialize;
 use trimaran_scene::{
     Scene,
+    heightfield::Heightfield,
     path::{AutoPathError, AutoPathOptions, PathKind, auto},
 };
 
@@ -26,6 +27,8 @@ pub struct SceneDescription {
     pub has_floors: bool,
     /// Height of the eye above floors.
     pub eye_height: f64,
+    /// Side of a tile of what is solid: see [`Heightfield`].
+    pub tile_side: f64,
     /// Nothing comes nearer to an eye of a walk than this.
     pub clearance: f64,
     /// Vertical field of view, degrees.
@@ -65,6 +68,7 @@ impl SceneDescription {
             max: max.to_array(),
             has_floors: found.kind == PathKind::Floors,
             eye_height: found.eye_height,
+            tile_side: Heightfield::new(scene, found.eye_height).tile_side(),
             clearance: found.clearance,
             vfov_deg: found.path.vfov_deg(),
             start,

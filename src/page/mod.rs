@@ -3,6 +3,8 @@
 
 mod assets;
 mod description;
+mod parts;
+mod questions;
 mod server;
 mod token;
 

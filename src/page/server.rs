@@ -13,14 +13,22 @@ use hyper::{
 };
 use hyper_util::rt::{TokioIo, TokioTimer};
 use thiserror::Error;
-use tokio::{io::join, sync::mpsc};
+use tokio::{
+    io::join,
+    sync::{mpsc, oneshot},
+};
 use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer};
+use trimaran_scene::{ReadError, Scene};
 use trimaran_transport::{
     AttemptError, Endpoint, ListenFault, Listening, Net, TcpOptions, Transport, until,
     ws::{self, WsOptions},
 };
 
-use super::{SceneDescription, Token, assets::ASSETS};
+use super::{
+    SceneDescription, Token,
+    assets::ASSETS,
+    questions::{Answers, Question},
+};
 use crate::http;
 
 /// How many connections are served at once; those that have become links do not count.
@@ -43,6 +51,9 @@ pub enum PageError {
     /// The program has none.
     #[error("this program was built without its page: run ./x page in its source, and build it again")]
     NotBuilt,
+    /// A part of the scene cannot be read.
+    #[error(transparent)]
+    Scene(#[from] ReadError),
     /// The scene cannot be described.
     #[error("the scene cannot be described to a page")]
     Description(#[from] serde_json::Error),
@@ -55,17 +66,19 @@ pub struct Pages(Arc<Inner>);
 struct Inner {
     token: Token,
     scene: Bytes,
+    answers: Answers,
     options: WsOptions,
     tcp: TcpOptions,
 }
 
 impl Pages {
-    /// For whoever knows `token`.
+    /// Of a scene, for whoever knows `token`.
     ///
     /// # Errors
-    /// When the program was built without the page.
+    /// When the program was built without the page, or a part of the scene cannot be read.
     pub fn new(
-        scene: &SceneDescription,
+        scene: &Arc<Scene>,
+        description: &SceneDescription,
         token: Token,
         options: WsOptions,
         tcp: TcpOptions,
@@ -73,8 +86,9 @@ impl Pages {
         if ASSETS.is_empty() {
             return Err(PageError::NotBuilt);
         }
-        let scene = serde_json::to_vec(scene)?.into();
-        Ok(Self(Arc::new(Inner { token, scene, options, tcp })))
+        let answers = Answers::new(scene, description.eye_height)?;
+        let scene = serde_json::to_vec(description)?.into();
+        Ok(Self(Arc::new(Inner { token, scene, answers, options, tcp })))
     }
 
     /// Where it is to listen.
@@ -137,6 +151,24 @@ impl Transport for Pages {
     }
 }
 
+/// The bytes of an answer.
+pub(super) type Body = Full<Bytes>;
+
+/// What becomes of a request.
+enum Answer {
+    Response(Response<Body>),
+    /// The connection becomes a link.
+    Link(Response<Body>, OnUpgrade),
+    /// It takes a moment.
+    Later(Question),
+}
+
+impl From<Response<Body>> for Answer {
+    fn from(response: Response<Body>) -> Self {
+        Self::Response(response)
+    }
+}
+
 /// The WebSockets that pages and displays have opened.
 struct Opened(mpsc::Receiver<Stream>);
 
@@ -157,11 +189,18 @@ impl Pages {
         let (pages, clock) = (self.clone(), Arc::clone(&net));
         let Stream { reader, writer, peer } = stream;
         let answer = service_fn(move |mut request: Request<Incoming>| {
-            let (response, upgrade) = pages.answer(&mut request);
-            if let Some(upgrade) = upgrade {
-                net.spawn(Box::pin(open(upgrade, peer, links.clone())));
+            let answer = pages.answer(&mut request);
+            let (pages, net, links) = (pages.clone(), Arc::clone(&net), links.clone());
+            async move {
+                Ok::<_, Infallible>(match answer {
+                    Answer::Response(response) => response,
+                    Answer::Link(response, upgrade) => {
+                        net.spawn(Box::pin(open(upgrade, peer, links)));
+                        response
+                    }
+                    Answer::Later(question) => pages.think(question).await,
+                })
             }
-            std::future::ready(Ok::<_, Infallible>(response))
         });
         let serving = http1::Builder::new()
             .timer(TokioTimer::new())
@@ -175,41 +214,55 @@ impl Pages {
         })
     }
 
-    fn answer(&self, request: &mut Request<Incoming>) -> (Response<Full<Bytes>>, Option<OnUpgrade>) {
+    fn answer(&self, request: &mut Request<Incoming>) -> Answer {
         if request.method() != Method::GET {
-            return (plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n"), None);
+            return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n").into();
         }
-        let response = match request.uri().path() {
-            "/link" => return self.link(request),
-            "/scene" if !self.knows_token(request) => wrong_token(),
-            "/scene" => file("application/json", self.0.scene.clone()),
-            path => match ASSETS.iter().find(|asset| asset.path == path) {
-                Some(asset) => file(asset.kind, Bytes::from_static(asset.bytes)),
-                None => plain(StatusCode::NOT_FOUND, "there is nothing here\n"),
-            },
-        };
-        (response, None)
+        let path = request.uri().path();
+        if let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) {
+            return file(asset.kind, Bytes::from_static(asset.bytes)).into();
+        }
+        let query = form_urlencoded::parse(request.uri().query().unwrap_or_default().as_bytes());
+        let question = Question::parse(path, query);
+        match path {
+            "/link" => self.link(request),
+            "/scene" | "/part" | "/children" | "/search" | "/tile" if !self.knows_token(request) => {
+                wrong_token().into()
+            }
+            "/scene" => file("application/json", self.0.scene.clone()).into(),
+            _ => question.map_or_else(|| nothing_here().into(), Answer::Later),
+        }
+    }
+
+    /// Answers on a thread that may take its time: those of links may not.
+    async fn think(&self, question: Question) -> Response<Body> {
+        let (answered, answer) = oneshot::channel();
+        let pages = self.clone();
+        rayon::spawn(move || {
+            let _gone = answered.send(pages.0.answers.answer(&question));
+        });
+        answer.await.unwrap_or_else(|_| plain(StatusCode::INTERNAL_SERVER_ERROR, "there is no answer\n"))
     }
 
     /// Makes a WebSocket of the connection.
-    fn link(&self, request: &mut Request<Incoming>) -> (Response<Full<Bytes>>, Option<OnUpgrade>) {
+    fn link(&self, request: &mut Request<Incoming>) -> Answer {
         if !self.knows_token(request) {
-            return (wrong_token(), None);
+            return wrong_token().into();
         }
         if let Err(foreign) = self.0.options.check(request.headers()) {
             tracing::warn!("{foreign}");
-            return (plain(StatusCode::FORBIDDEN, "pages from elsewhere may not connect here\n"), None);
+            return plain(StatusCode::FORBIDDEN, "pages from elsewhere may not connect here\n").into();
         }
         match ws::answer(request) {
-            Some(answer) => (answer.map(|()| Full::default()), Some(hyper::upgrade::on(request))),
-            None => (plain(StatusCode::UPGRADE_REQUIRED, "links are WebSockets\n"), None),
+            Some(answer) => Answer::Link(answer.map(|()| Full::default()), hyper::upgrade::on(request)),
+            None => plain(StatusCode::UPGRADE_REQUIRED, "links are WebSockets\n").into(),
         }
     }
 
-    /// Whether the query is the token: `?token=...`, and nothing else.
+    /// Whether the query begins with the token: `?token=...`.
     fn knows_token(&self, request: &Request<Incoming>) -> bool {
-        let given = request.uri().query().and_then(|query| query.strip_prefix("token="));
-        given.is_some_and(|given| self.0.token.is(given))
+        let first = request.uri().query().and_then(|query| query.split('&').next());
+        first.and_then(|first| first.strip_prefix("token=")).is_some_and(|given| self.0.token.is(given))
     }
 }
 
@@ -221,17 +274,21 @@ async fn open(upgrade: OnUpgrade, peer: StreamPeer, links: mpsc::Sender<Stream>)
     }
 }
 
-fn wrong_token() -> Response<Full<Bytes>> {
+fn nothing_here() -> Response<Body> {
+    plain(StatusCode::NOT_FOUND, "there is nothing here\n")
+}
+
+fn wrong_token() -> Response<Body> {
     plain(StatusCode::FORBIDDEN, "the token in the address is not the one that was printed at the start\n")
 }
 
-fn plain(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {
+pub(super) fn plain(status: StatusCode, text: &'static str) -> Response<Body> {
     let mut response = file("text/plain; charset=utf-8", Bytes::from_static(text.as_bytes()));
     *response.status_mut() = status;
     response
 }
 
-fn file(kind: &'static str, bytes: Bytes) -> Response<Full<Bytes>> {
+pub(super) fn file(kind: &'static str, bytes: Bytes) -> Response<Body> {
     let mut response = Response::new(Full::new(bytes));
     // The address of a page has a secret: nobody else is told it.
     for (name, value) in [

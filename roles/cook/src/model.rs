@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, Vec3};
 use thiserror::Error;
-use trimaran_scene::Rgba8;
+use trimaran_scene::{Hierarchy, Rgba8, SceneError};
 
 /// Triangles in a local frame, metres. Objects place it; several may share it.
 #[derive(Debug, Clone, Default)]
@@ -47,6 +47,8 @@ pub struct Model {
     pub objects: Vec<Object>,
     /// The files.
     pub sources: Vec<Source>,
+    /// How the objects are grouped, and what is said of them.
+    pub hierarchy: Hierarchy,
 }
 
 /// What makes a model unfit for cooking.
@@ -74,6 +76,9 @@ pub enum ModelError {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// Groups do not lie within each other.
+    #[error("the hierarchy of objects is malformed: {0}")]
+    Hierarchy(#[source] SceneError),
 }
 
 impl Model {
@@ -98,7 +103,7 @@ impl Model {
                 what,
             })?;
         }
-        Ok(())
+        self.hierarchy.check(self.objects.len() as u32).map_err(ModelError::Hierarchy)
     }
 
     /// The number of triangles as placed: a mesh counts once for each of its objects.

@@ -96,6 +96,7 @@ fn cooked(mut mesh: Mesh, places: &[DVec3]) -> Scene {
         meshes: vec![mesh],
         objects: places.iter().enumerate().map(object).collect(),
         sources: vec![Source { name: "site.obj".to_owned() }],
+        ..Model::default()
     };
     cook(&model, &CookOptions::default(), &()).unwrap()
 }

@@ -51,6 +51,7 @@ fn rack() -> Model {
         meshes: vec![pipe(24, 12), pipe(8, 1)],
         objects,
         sources: vec![Source { name: "rack.glb".to_owned() }],
+        ..Model::default()
     }
 }
 

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use import_files::{floats, glb, import_beside, import_bytes};
 use trimaran_cook::Model;
 use trimaran_cook::import::{GltfError, ImportError, Warning};
-use trimaran_scene::Rgba8;
+use trimaran_scene::{Attribute, Rgba8};
 
 /// A document around `nodes` (JSON) with one triangle as mesh 0: corners (0,0,0), (1,0,0), (0,1,0).
 fn one_triangle(nodes: &str, more: &str) -> Vec<u8> {
@@ -179,4 +179,24 @@ fn several_files_make_one_model() {
     let objects: Vec<_> = imported.model.objects.iter().map(|o| (o.source, o.mesh)).collect();
     assert_eq!(objects, [(0, 0), (1, 1)]);
     assert_eq!((imported.report.files, imported.report.triangles), (2, 2));
+}
+
+#[test]
+fn nodes_with_children_or_instances_are_groups_and_extras_are_attributes() {
+    let model = model(&one_triangle(
+        r#"[{"name":"plant","children":[1,2],"extras":{"owner":"me","year":1998}},
+            {"name":"line","mesh":0,"children":[3],"extras":{"bore":[80,100]}},
+            {"name":"valve","mesh":0,"extras":"closed"},
+            {"name":"bolt","mesh":0}]"#,
+        "",
+    ));
+    let groups: Vec<_> =
+        model.hierarchy.groups.iter().map(|g| (&*g.name, g.parent, g.objects.clone())).collect();
+    assert_eq!(groups, [("a.glb", None, 0..3), ("plant", Some(0), 0..3), ("line", Some(1), 0..2)]);
+    let pairs = |attributes: &[Attribute]| {
+        attributes.iter().map(|of| format!("{}={}", of.name, of.value)).collect::<Vec<_>>()
+    };
+    assert_eq!(pairs(&model.hierarchy.groups[1].attributes), ["owner=me", "year=1998"]);
+    let objects = [0, 1, 2].map(|object| pairs(model.hierarchy.attributes_of(object)));
+    assert_eq!(objects, [vec!["bore=[80,100]".to_owned()], vec![], vec!["extras=closed".to_owned()]]);
 }

@@ -6,7 +6,7 @@
 mod import_files;
 
 use glam::{DVec3, Vec3};
-use import_files::{RvmWriter, import_bytes, reals, word};
+use import_files::{RvmWriter, import_beside, import_bytes, reals, word};
 use trimaran_cook::import::{ImportError, ImportOptions, RvmError, UpAxis, Warning, import};
 use trimaran_scene::Rgba8;
 
@@ -121,4 +121,39 @@ fn faults_are_told_with_their_place() {
     // A facet group that claims 4 thousand million facets must not make room for them.
     let greedy = open().primitive(11, [0.0; 3], [0.0; 3], [0.0; 3], &word(u32::MAX)).close().finish();
     assert!(matches!(error(&greedy), RvmError::Truncated { .. }));
+}
+
+#[test]
+fn groups_of_groups_are_the_hierarchy_and_have_the_attributes_beside_the_file() {
+    let file = RvmWriter::new()
+        .open("/SITE", 0)
+        .open("/EMPTY", 0)
+        .open("/NOTHING", 0)
+        .close()
+        .close()
+        .open("/PUMP", 2)
+        .cuboid([0.0; 3], [1.0; 3])
+        .open("/PUMP/N1", 5)
+        .cuboid([0.0; 3], [1.0; 3])
+        .close()
+        .close()
+        .open("/TANK", 2)
+        .cuboid([0.0; 3], [1.0; 3])
+        .close()
+        .close()
+        .finish();
+    let attributes =
+        "CADC_Attributes_File v1.0\nNEW /SITE\n OWNER := me\n NEW /PUMP/N1\n  BORE := 80\n END\nEND\n";
+    let imported = import_beside("a.rvm", &file, &[("a.att", attributes.as_bytes())]).unwrap();
+    let hierarchy = &imported.model.hierarchy;
+    let groups: Vec<_> = hierarchy
+        .groups
+        .iter()
+        .map(|g| (&*g.name, g.parent, g.objects.clone(), g.attributes.len()))
+        .collect();
+    assert_eq!(groups, [("a.rvm", None, 0..3, 0), ("/SITE", Some(0), 0..3, 1), ("/PUMP", Some(1), 0..2, 0)]);
+    assert_eq!(hierarchy.attributes_of(1)[0].value, "80");
+    assert_eq!(hierarchy.attributes_of(0), []);
+    let alone = import_bytes("a.rvm", &file).unwrap();
+    assert!(alone.model.hierarchy.attributes.is_empty());
 }

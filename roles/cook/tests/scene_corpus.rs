@@ -25,7 +25,7 @@ const ENTRY: usize = 64;
 /// The pages of a small scene.
 const NODES: usize = 0;
 const NAMES: usize = 4;
-const GEOMETRY: usize = 6;
+const GEOMETRY: usize = 7;
 
 /// What becomes of a file.
 fn outcome(file: &[u8]) -> &'static str {
@@ -221,7 +221,8 @@ fn cooked(meshes: Vec<Mesh>, places: &[DAffine3]) -> Vec<u8> {
     let objects = places.iter().enumerate().map(object).collect();
     let sources = vec![Source { name: "site.obj".to_owned() }];
     let file = tempfile::NamedTempFile::new().unwrap();
-    let scene = cook(&Model { meshes, objects, sources }, &CookOptions::default(), &()).unwrap();
+    let scene =
+        cook(&Model { meshes, objects, sources, ..Model::default() }, &CookOptions::default(), &()).unwrap();
     scene.save(file.path()).unwrap();
     fs::read(file.path()).unwrap()
 }

@@ -21,16 +21,18 @@
 //! | module | what is in it |
 //! |---|---|
 //! | `scene` | [`Scene`]: the file, its records as they are asked for, and their checks |
+//! | [`heightfield`] | what is solid, for whoever walks |
 //! | [`path`] | camera paths: made for a scene by a seed, or read from a file |
 //! | [`random`] | random numbers that are the same everywhere |
 
+pub mod heightfield;
 pub mod path;
 pub mod random;
 mod scene;
 
 pub use scene::{
-    Drawable, DrawableEntry, EntriesError, FlatObject, Geometry, GeometryError, GeometryPlace,
-    GeometryReader, GiveError, MOST_ENTRIES, Node, NodeId, Normal, ObjectRecord, OpenError, ReadCause,
-    ReadError, Records, Rgba8, SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex,
-    pack_entries, unpack_entries,
+    Attribute, Drawable, DrawableEntry, EntriesError, Extent, FORMAT_VERSION, FlatObject, Geometry,
+    GeometryError, GeometryPlace, GeometryReader, GiveError, Group, Hierarchy, MOST_ENTRIES, Node, NodeId,
+    Normal, ObjectAttributes, ObjectRecord, OpenError, ReadCause, ReadError, Records, Rgba8, SaveError,
+    Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex, pack_entries, unpack_entries,
 };

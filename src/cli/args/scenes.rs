@@ -14,6 +14,16 @@ pub(crate) struct ImportArgs {
     /// Where to write the scene.
     #[arg(short, long, value_name = "X.scene")]
     pub(crate) output: PathBuf,
+    #[command(flatten)]
+    pub(crate) reading: ReadingArgs,
+    /// Print what was read and made as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// How files are read.
+#[derive(Debug, Args)]
+pub(crate) struct ReadingArgs {
     /// How far a tessellated curve may lie from the true one, millimetres (RVM). No curve is cut finer than
     /// a ten-thousandth of its radius.
     #[arg(
@@ -32,9 +42,6 @@ pub(crate) struct ImportArgs {
     pub(crate) unit: Option<f64>,
     #[command(flatten)]
     pub(crate) limits: LimitArgs,
-    /// Print what was read and made as JSON.
-    #[arg(long)]
-    pub(crate) json: bool,
 }
 
 /// How much files may ask for. A small file that is damaged or hostile can ask for more than any memory

@@ -9,7 +9,7 @@ use trimaran::{
     page::Token,
 };
 
-use super::links::LinkFlags;
+use super::{links::LinkFlags, scenes::ReadingArgs};
 
 #[derive(Debug, Args)]
 pub(crate) struct ServeArgs {
@@ -26,6 +26,31 @@ pub(crate) struct ServeArgs {
     /// Show metrics of the links on http://ADDRESS:PORT/metrics.
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub(crate) metrics: Option<SocketAddr>,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
+    #[command(flatten)]
+    pub(crate) links: LinkFlags,
+}
+
+/// Reading files and showing them to a browser of this machine.
+#[derive(Debug, Args)]
+pub(crate) struct ViewArgs {
+    /// A cooked scene, or files of a model: glTF (.glb, .gltf), AVEVA review (.rvm), OBJ (.obj). Several make
+    /// one model.
+    #[arg(required = true, value_name = "FILES")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Print the page's address, and leave opening it to you.
+    #[arg(long)]
+    pub(crate) no_browser: bool,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
+    #[command(flatten)]
+    pub(crate) reading: ReadingArgs,
+}
+
+/// The device that culls.
+#[derive(Debug, Args)]
+pub(crate) struct DeviceArgs {
     /// A part of the device's name; `trimaran doctor` lists them [default: the fastest].
     #[arg(long, value_name = "NAME", env = "TRIMARAN_DEVICE")]
     pub(crate) device: Option<String>,
@@ -35,6 +60,4 @@ pub(crate) struct ServeArgs {
     /// The longest that the device may make no progress, seconds.
     #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = positive)]
     pub(crate) device_timeout: f64,
-    #[command(flatten)]
-    pub(crate) links: LinkFlags,
 }

@@ -1,6 +1,6 @@
 //! Scenes that are not what they say: made wrong on purpose, for checks that are to notice.
 
-use trimaran_scene::{Drawable, Node, ObjectRecord, Scene, SceneArrays, SceneError};
+use trimaran_scene::{Drawable, Hierarchy, Node, ObjectRecord, Scene, SceneArrays, SceneError};
 
 /// The scene with other nodes and drawables, and without names.
 ///
@@ -17,6 +17,7 @@ pub fn with_records(scene: &Scene, nodes: Vec<Node>, drawables: Vec<Drawable>) -
         objects: scene.objects().iter().map(unnamed).collect(),
         names: String::new(),
         sources: scene.sources().to_vec(),
+        hierarchy: Hierarchy::default(),
     })
 }
 

@@ -197,6 +197,7 @@ fn add_drawable(node: u32, error: f32, geometry: u32, arrays: &mut SceneArrays) 
 
 fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookError> {
     arrays.sources = model.sources.iter().map(|source| source.name.clone()).collect();
+    arrays.hierarchy = model.hierarchy.clone();
     for object in &model.objects {
         arrays.objects.push(ObjectRecord {
             source: object.source,

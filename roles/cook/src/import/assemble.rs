@@ -10,7 +10,7 @@ use super::budget::{Budget, OverBudget};
 use super::report::{ImportReport, Warning};
 use super::{ImportError, Imported, Part};
 use crate::{Mesh, Model, Object, Source};
-use trimaran_scene::Rgba8;
+use trimaran_scene::{Extent, Group, ObjectAttributes, Rgba8};
 
 /// Position and colour as one run of bytes: what two corners must share to be one vertex.
 #[derive(Clone, Copy, Default, PartialEq, Pod, Zeroable)]
@@ -95,7 +95,8 @@ pub(super) fn merge<'a>(
     for (path, part) in parts {
         let Part { model: mut part, report: met } = part?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        part.sources = vec![Source { name }];
+        part.sources = vec![Source { name: name.clone() }];
+        within_file(&mut part, name);
         part.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
         report.absorb(&met);
         append(&mut model, part)?;
@@ -108,10 +109,22 @@ pub(super) fn merge<'a>(
     Ok(Imported { model, report })
 }
 
+/// Puts all groups of a file into one with the file's name.
+fn within_file(part: &mut Model, name: String) {
+    let groups = std::mem::take(&mut part.hierarchy.groups);
+    let objects = 0..part.objects.len() as u32;
+    let extent = Extent::default();
+    let file = Group { name, parent: None, objects, attributes: Vec::new(), extent };
+    let below =
+        groups.into_iter().map(|group| Group { parent: Some(group.parent.map_or(0, |p| p + 1)), ..group });
+    part.hierarchy.groups = std::iter::once(file).chain(below).collect();
+}
+
 fn append(model: &mut Model, part: Model) -> Result<(), ImportError> {
     let first_mesh = index(model.meshes.len(), part.meshes.len(), "meshes")?;
     let first_source = index(model.sources.len(), part.sources.len(), "files")?;
-    index(model.objects.len(), part.objects.len(), "objects")?;
+    let first_object = index(model.objects.len(), part.objects.len(), "objects")?;
+    let first_group = index(model.hierarchy.groups.len(), part.hierarchy.groups.len(), "groups")?;
     model.meshes.extend(part.meshes);
     model.sources.extend(part.sources);
     model.objects.extend(part.objects.into_iter().map(|object| Object {
@@ -119,6 +132,17 @@ fn append(model: &mut Model, part: Model) -> Result<(), ImportError> {
         source: object.source + first_source,
         ..object
     }));
+    model.hierarchy.groups.extend(part.hierarchy.groups.into_iter().map(|group| Group {
+        parent: group.parent.map(|parent| parent + first_group),
+        objects: group.objects.start + first_object..group.objects.end + first_object,
+        ..group
+    }));
+    model.hierarchy.attributes.extend(
+        part.hierarchy
+            .attributes
+            .into_iter()
+            .map(|of| ObjectAttributes { object: of.object + first_object, ..of }),
+    );
     Ok(())
 }
 

@@ -14,6 +14,7 @@ mod budget;
 mod error;
 mod format;
 mod gltf;
+mod hierarchy;
 mod neighbours;
 mod obj;
 mod polygon;
@@ -156,7 +157,7 @@ fn read(
             .map_err(|source| ImportError::Gltf { path: name.to_owned(), source: Box::new(source) }),
         Format::Obj => obj::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Obj { path: name.to_owned(), source }),
-        Format::Rvm => rvm::import(bytes, options, budget)
+        Format::Rvm => rvm::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Rvm { path: name.to_owned(), source }),
     }
 }

@@ -11,7 +11,7 @@ mod pose;
 mod route;
 mod space;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod triangles;
 
 pub use auto::{AutoPath, AutoPathError, AutoPathOptions, PathKind, auto};

@@ -7,7 +7,7 @@ use trimaran_cook::{Mesh, Model, Object, Rgba8, Source};
 use crate::{FlatObject, Scene, SceneArrays};
 
 /// A scene with every object of the model at its finest level only.
-pub(super) fn uncooked(model: &Model) -> Scene {
+pub(crate) fn uncooked(model: &Model) -> Scene {
     let flat = |object: &Object| {
         let Mesh { positions, indices, .. } = model.meshes[object.mesh as usize].clone();
         let DAffine3 { matrix3, translation: origin } = object.to_world;
@@ -17,7 +17,7 @@ pub(super) fn uncooked(model: &Model) -> Scene {
 }
 
 /// A model of boxes, each given by its corners.
-pub(super) fn boxes(corners: &[([f64; 3], [f64; 3])]) -> Model {
+pub(crate) fn boxes(corners: &[([f64; 3], [f64; 3])]) -> Model {
     let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32);
     let cube = Mesh {
         positions: (0..8).map(corner).collect(),
@@ -35,5 +35,10 @@ pub(super) fn boxes(corners: &[([f64; 3], [f64; 3])]) -> Model {
             Object { mesh: 0, to_world, name: String::new(), source: 0, source_index: 0 }
         })
         .collect();
-    Model { meshes: vec![cube], objects, sources: vec![Source { name: "test".to_owned() }] }
+    Model {
+        meshes: vec![cube],
+        objects,
+        sources: vec![Source { name: "test".to_owned() }],
+        ..Model::default()
+    }
 }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::geometry::GeometryPlace;
 use super::layout::{Entry, Firsts, Header, LARGEST_RATIO, MAGIC, Section, Totals, VERSION};
-use super::{Drawable, Geometry, Node, SceneArrays, SceneError};
+use super::{Drawable, Extent, Geometry, Hierarchy, Node, SceneArrays, SceneError};
 
 /// Pieces of geometry fill a page until it has so many bytes: reading one of them reads and checks them all.
 const GEOMETRY_PAGE: usize = 32 << 10;
@@ -30,12 +30,14 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     let packed = pack(&arrays.geometries)?;
     let (places, geometry) = place(&arrays.geometries, &packed)?;
     let sources = encode_sources(&arrays.sources);
+    set_extents(&mut arrays)?;
+    let hierarchy = encode_hierarchy(&arrays)?;
     let mut pages = records(&arrays.nodes, Section::Nodes);
     set_firsts(&mut pages, &arrays.nodes);
     pages.extend(records(&arrays.drawables, Section::Drawables));
     pages.extend(records(&places, Section::Places));
     pages.extend(records(&arrays.objects, Section::Objects));
-    pages.extend([arrays.names.as_bytes(), &sources].map(Page::packed));
+    pages.extend([arrays.names.as_bytes(), &sources, &hierarchy].map(Page::packed));
     pages.extend(geometry);
     let mut header = Header {
         magic: MAGIC,
@@ -125,6 +127,25 @@ fn set_nodes(arrays: &mut SceneArrays) {
             object.node = index as u32;
         }
     }
+}
+
+/// Works out what the objects of each group take.
+fn set_extents(arrays: &mut SceneArrays) -> Result<(), SceneError> {
+    let SceneArrays { nodes, drawables, objects, hierarchy, .. } = arrays;
+    hierarchy.check(objects.len() as u32)?;
+    let mut extents = vec![Extent::default(); objects.len()];
+    for leaf in nodes.iter().filter(|node| node.is_leaf()) {
+        let finest = drawables.get(leaf.first_drawable as usize);
+        let triangles = finest.map_or(0, |drawable| u64::from(drawable.triangles));
+        if let Some(extent) = extents.get_mut(leaf.object as usize) {
+            *extent = extent.and(&Extent { min: leaf.world_min, max: leaf.world_max, triangles });
+        }
+    }
+    for group in &mut hierarchy.groups {
+        let all = extents.get(group.objects.start as usize..group.objects.end as usize).unwrap_or_default();
+        group.extent = all.iter().fold(Extent::default(), |sum, extent| sum.and(extent));
+    }
+    Ok(())
 }
 
 fn pack(geometries: &[Geometry]) -> Result<Vec<Vec<u8>>, SceneError> {
@@ -218,6 +239,22 @@ impl Page {
         };
         Self { bytes, entry }
     }
+}
+
+/// The hierarchy as bytes of postcard.
+fn encode_hierarchy(arrays: &SceneArrays) -> Result<Vec<u8>, SceneError> {
+    let why = "it is too large for memory";
+    postcard::to_stdvec(&arrays.hierarchy).map_err(|_| SceneError::Malformed {
+        what: "hierarchy",
+        index: 0,
+        why,
+    })
+}
+
+/// The reverse; `None` if the bytes are no hierarchy.
+pub(super) fn decode_hierarchy(bytes: &[u8]) -> Option<Hierarchy> {
+    let (hierarchy, rest) = postcard::take_from_bytes(bytes).ok()?;
+    rest.is_empty().then_some(hierarchy)
 }
 
 /// The sources' names as bytes: each a length (u32, little-endian) and that many bytes of UTF-8.

@@ -176,7 +176,7 @@ impl SceneFile {
         let entry = self.entry(section, page);
         let start = entry.offset;
         let what = match section {
-            Section::Names | Section::Sources => section.name().to_owned(),
+            Section::Names | Section::Sources | Section::Hierarchy => section.name().to_owned(),
             _ if records.len() == 1 => format!("{} {}", section.name(), records.start),
             _ => format!("{} {} to {}", section.name(), records.start, records.end.saturating_sub(1)),
         };

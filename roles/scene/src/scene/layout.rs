@@ -11,7 +11,8 @@
 //! | 4 | objects | zstd |
 //! | 5 | all objects' names, one page | zstd |
 //! | 6 | the sources' names, one page | zstd |
-//! | 7 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece |
+//! | 7 | the hierarchy of objects and their attributes, one page | postcard, then zstd |
+//! | 8 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece |
 //!
 //! The directory has the BLAKE3 hash of each page as it lies in the file. The fingerprint is the BLAKE3 hash
 //! of header and directory. So a reader that trusts the fingerprint can check any page alone.
@@ -27,7 +28,7 @@ use super::{Drawable, Node, ObjectRecord};
 /// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
 pub(super) const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
 /// The format this build reads and writes.
-pub(super) const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// A page unpacks to at most so many times its bytes. It is so few that a small file cannot ask for much
 /// memory.
 pub(super) const LARGEST_RATIO: usize = 4096;
@@ -129,17 +130,19 @@ pub(super) enum Section {
     Objects,
     Names,
     Sources,
+    Hierarchy,
     Geometry,
 }
 
 impl Section {
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 8] = [
         Self::Nodes,
         Self::Drawables,
         Self::Places,
         Self::Objects,
         Self::Names,
         Self::Sources,
+        Self::Hierarchy,
         Self::Geometry,
     ];
 
@@ -170,6 +173,7 @@ impl Section {
             Self::Objects => "objects",
             Self::Names => "names",
             Self::Sources => "names of sources",
+            Self::Hierarchy => "hierarchy",
             Self::Geometry => "geometry",
         }
     }
@@ -185,7 +189,7 @@ impl Header {
                 Section::Drawables => of.pages(self.drawables),
                 Section::Places => of.pages(self.geometries),
                 Section::Objects => of.pages(self.objects),
-                Section::Names | Section::Sources => 1,
+                Section::Names | Section::Sources | Section::Hierarchy => 1,
                 Section::Geometry => (self.pages as usize).saturating_sub(first),
             };
             if of == section {

@@ -6,6 +6,7 @@ mod file;
 mod flat;
 mod geometry;
 mod given;
+mod hierarchy;
 mod layout;
 mod open_error;
 mod read_error;
@@ -29,8 +30,9 @@ pub use flat::FlatObject;
 pub use geometry::{Geometry, GeometryError, GeometryPlace};
 use given::Given;
 pub use given::{DrawableEntry, GiveError};
-pub use layout::Totals;
+pub use hierarchy::{Attribute, Extent, Group, Hierarchy, ObjectAttributes};
 use layout::{Firsts, Section};
+pub use layout::{Totals, VERSION as FORMAT_VERSION};
 pub use open_error::OpenError;
 pub use read_error::{ReadCause, ReadError};
 pub use records::{Drawable, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Sides, Vertex};
@@ -268,6 +270,20 @@ impl Scene {
         &self.sources
     }
 
+    /// How the objects are grouped in their files, and what is said of them. It is read anew each time.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn hierarchy(&self) -> Result<Hierarchy, ReadError> {
+        let all = 0..self.objects().len();
+        let bytes = self.file.unpack(Section::Hierarchy, 0, &all)?;
+        let damaged = || self.file.error(Section::Hierarchy, 0, &all, ReadCause::Damaged);
+        let hierarchy = encode::decode_hierarchy(&bytes).ok_or_else(damaged)?;
+        let malformed = |error| self.file.malformed(Section::Hierarchy, 0, &all, error);
+        hierarchy.check(all.end as u32).map_err(malformed)?;
+        Ok(hierarchy)
+    }
+
     /// A drawable's triangles, in its node's local frame. None if they cannot be read, and
     /// [`fault`](Self::fault) says why.
     pub fn triangles(&self, drawable: &Drawable) -> impl Iterator<Item = [Vec3; 3]> + use<> {
@@ -363,7 +379,7 @@ impl Scene {
         let _ = (0..self.objects().len() as u32).all(|object| self.object_name(object).is_some());
         match self.fault() {
             Some(fault) => Err(fault.clone()),
-            None => Ok(()),
+            None => self.hierarchy().map(drop),
         }
     }
 

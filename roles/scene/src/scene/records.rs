@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_proto::DrawableId;
 
-use super::{Geometry, Normal};
+use super::{Geometry, Hierarchy, Normal};
 
 /// An sRGB colour with straight alpha, 8 bits a channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, bytemuck::Pod, bytemuck::Zeroable)]
@@ -231,4 +231,6 @@ pub struct SceneArrays {
     pub names: String,
     /// The source files' names.
     pub sources: Vec<String>,
+    /// How the objects are grouped, and what is said of them.
+    pub hierarchy: Hierarchy,
 }

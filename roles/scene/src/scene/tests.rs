@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use bytemuck::{AnyBitPattern, NoUninit, Pod, Zeroable};
 use glam::Mat3;
 
@@ -49,7 +51,40 @@ fn two_leaves() -> SceneArrays {
         objects: vec![object(4, 0, 5), object(9, 5, 1)],
         names: "Röhrz".to_owned(),
         sources: vec!["a.RVM".to_owned()],
+        hierarchy: Hierarchy {
+            groups: vec![group("a.RVM", None, 0..2), group("/ZONE", Some(0), 1..2)],
+            attributes: vec![ObjectAttributes { object: 1, attributes: vec![tag()] }],
+        },
     }
+}
+
+fn group(name: &str, parent: Option<u32>, objects: Range<u32>) -> Group {
+    Group { name: name.to_owned(), parent, objects, attributes: vec![tag()], extent: Extent::default() }
+}
+
+fn tag() -> Attribute {
+    Attribute { name: "TAG".to_owned(), value: "Röhr".to_owned() }
+}
+
+#[test]
+fn a_file_has_the_hierarchy_and_what_its_groups_take() {
+    let scene = Scene::from_arrays(two_leaves()).unwrap();
+    let hierarchy = scene.hierarchy().unwrap();
+    assert_eq!(hierarchy.attributes_of(1), [tag()]);
+    let zone = &hierarchy.groups[1];
+    assert_eq!((&*zone.name, zone.parent, zone.objects.clone()), ("/ZONE", Some(0), 1..2));
+    assert_eq!(zone.extent, Extent { min: [3.0, 0.0, 0.0], max: [4.0, 1.0, 0.0], triangles: 1 });
+    let all = Extent { min: [0.0; 3], max: [4.0, 1.0, 0.0], triangles: 2 };
+    assert_eq!(hierarchy.groups[0].extent, all);
+
+    let mut file = Apart::of(two_leaves());
+    file.edit(Section::Hierarchy, 0, |bytes: &mut [u8]| bytes[0] = 9);
+    let error = opened(&file.bytes()).unwrap().hierarchy().unwrap_err();
+    assert!(matches!(error.cause, ReadCause::Damaged), "{error}");
+    let mut arrays = two_leaves();
+    arrays.hierarchy.groups[1].objects.end = 3;
+    let error = Scene::from_arrays(arrays).unwrap_err().to_string();
+    assert!(error.contains("group 1"), "{error}");
 }
 
 /// The nodes of [`tree`].
@@ -678,7 +713,8 @@ fn a_flipped_bit_anywhere_is_refused_or_is_a_fault_where_it_is() {
     assert_eq!(at_open + later, 3 * pages.len());
     // Nodes, drawables and places are what opening a small scene reads, and the sources.
     let file = Apart::new(&bytes);
-    let lazy = [Section::Objects, Section::Names, Section::Geometry].map(|section| file.range(section, 0));
+    let lazy = [Section::Objects, Section::Names, Section::Hierarchy, Section::Geometry]
+        .map(|section| file.range(section, 0));
     assert_eq!(later, 3 * lazy.iter().map(|range| (range.end - range.start) as usize).sum::<usize>());
 }
 
@@ -1069,7 +1105,7 @@ fn geometry_of_other_sizes_than_its_place_says_is_an_error() {
 
     // Bytes that no codec has made.
     let mut file = Apart::of(two_leaves());
-    file.pages[6].iter_mut().skip(12).for_each(|byte| *byte = !*byte);
+    file.pages[7].iter_mut().skip(12).for_each(|byte| *byte = !*byte);
     let error = opened(&file.bytes()).unwrap().check().unwrap_err();
     assert!(matches!(error.cause, ReadCause::Geometry(GeometryError::Vertices)), "{error}");
 }

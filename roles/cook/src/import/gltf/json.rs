@@ -5,6 +5,8 @@
 //! check of a document and its reader of containers can panic on hostile input.
 
 use serde::Deserialize;
+use serde_json::Value;
+use trimaran_scene::Attribute;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
@@ -27,6 +29,12 @@ impl Document {
         let node = self.nodes.get(node as usize).and_then(|node| node.name.as_deref());
         let mesh = || self.meshes.get(mesh as usize).and_then(|mesh| mesh.name.as_deref());
         node.or_else(mesh).unwrap_or_default()
+    }
+
+    /// What is said of the object that a node is. Of many instances it is said once, of their group.
+    pub(super) fn attributes_of_one(&self, node: u32) -> Vec<Attribute> {
+        let one = self.nodes.get(node as usize).filter(|node| node.instancing().is_none());
+        one.map(Node::attributes).unwrap_or_default()
     }
 }
 
@@ -58,6 +66,32 @@ pub(super) struct Node {
     pub rotation: Option<Box<[f64; 4]>>,
     pub scale: Option<Box<[f64; 3]>>,
     pub extensions: Option<Box<NodeExtensions>>,
+    /// Whatever its maker says of it.
+    pub extras: Option<Box<Value>>,
+}
+
+impl Node {
+    /// Whether it is one of several, or has some below it.
+    pub(super) fn is_group(&self) -> bool {
+        !self.children.is_empty() || self.instancing().is_some()
+    }
+
+    pub(super) fn instancing(&self) -> Option<&Instancing> {
+        self.extensions.as_ref()?.instancing.as_ref()
+    }
+
+    /// The extras as names and values. Values that are no text are written as JSON.
+    pub(super) fn attributes(&self) -> Vec<Attribute> {
+        let attribute = |name: &str, value: &Value| {
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            Attribute { name: name.to_owned(), value }
+        };
+        match self.extras.as_deref() {
+            None | Some(Value::Null) => Vec::new(),
+            Some(Value::Object(pairs)) => pairs.iter().map(|(name, value)| attribute(name, value)).collect(),
+            Some(other) => vec![attribute("extras", other)],
+        }
+    }
 }
 
 #[derive(Debug, Default, Deserialize)]

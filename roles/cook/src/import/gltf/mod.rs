@@ -22,9 +22,11 @@ use self::container::Container;
 use self::json::Document;
 use super::assemble::place;
 use super::budget::Budget;
+use super::hierarchy::groups;
 use super::report::{ImportReport, Warning};
 use super::{ImportOptions, Part, UpAxis};
 use crate::Model;
+use trimaran_scene::ObjectAttributes;
 
 /// Extensions that may be required: the first is implemented; quantized numbers are ordinary accessors here;
 /// the others change materials, textures and lights only, which a model does not keep.
@@ -44,7 +46,8 @@ pub(super) fn import(
     check(&document)?;
     let buffers = buffers::load(path, &document.buffers, container.bin)?;
     let accessors = Accessors::new(&document, &buffers);
-    let placements = nodes::place(&document, &accessors, budget, options.file_to_world(UpAxis::Y))?;
+    let (placements, branches) =
+        nodes::place(&document, &accessors, budget, options.file_to_world(UpAxis::Y))?;
 
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
     let mut used = vec![false; document.meshes.len()];
@@ -69,13 +72,24 @@ pub(super) fn import(
             part.model.meshes.push(imported.mesh);
         }
     }
-    for placement in placements {
+    // Numbers of the placements that are objects.
+    let mut leaves = Vec::new();
+    for (number, placement) in (0..).zip(placements) {
         let name = document.object_name(placement.node, placement.mesh).to_owned();
         match model_index.get(placement.mesh as usize).copied().flatten() {
-            Some(mesh) => place(&mut part, budget, mesh, placement.to_world, name, placement.node)?,
+            Some(mesh) => {
+                let object = part.model.objects.len() as u32;
+                place(&mut part, budget, mesh, placement.to_world, name, placement.node)?;
+                leaves.push(number);
+                let attributes = document.attributes_of_one(placement.node);
+                if !attributes.is_empty() {
+                    part.model.hierarchy.attributes.push(ObjectAttributes { object, attributes });
+                }
+            }
             None => part.report.warn(Warning::EmptyObject, 1),
         }
     }
+    part.model.hierarchy.groups = groups(branches, &leaves);
     let textured = |material: &&json::Material| material.pbr_metallic_roughness.base_color_texture.is_some();
     part.report.warn(Warning::TexturedMaterial, document.materials.iter().filter(textured).count() as u64);
     let skinned = document.nodes.iter().filter(|node| node.skin.is_some()).count();

@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 use super::GltfError;
 use super::accessor::Accessors;
 use super::json::{Document, InstanceAttributes, Instancing, Node};
-use crate::import::budget::Budget;
+use crate::import::{budget::Budget, hierarchy::Branch};
 
 /// A mesh placed by a node.
 pub(super) struct Placement {
@@ -21,19 +21,21 @@ pub(super) struct Placement {
 
 const NONE: u32 = u32::MAX;
 
-/// All placements of the scene that the document shows, in the order of a walk from parents to children.
+/// All placements of the scene that the document shows, in the order of a walk from parents to children, and
+/// the branches of that walk. Leaves of a branch are numbers of placements.
 pub(super) fn place(
     document: &Document,
     accessors: &Accessors<'_>,
     budget: &Budget,
     file_to_world: DAffine3,
-) -> Result<Vec<Placement>, GltfError> {
+) -> Result<(Vec<Placement>, Vec<Branch>), GltfError> {
     let parents = vec![NONE; document.nodes.len()];
-    let mut walk = Walk { document, accessors, budget, parents, placements: Vec::new() };
+    let mut walk =
+        Walk { document, accessors, budget, parents, placements: Vec::new(), branches: Vec::new() };
     for &root in walk.roots()?.iter() {
         walk.place_tree(root, file_to_world)?;
     }
-    Ok(walk.placements)
+    Ok((walk.placements, walk.branches))
 }
 
 struct Walk<'a> {
@@ -44,6 +46,7 @@ struct Walk<'a> {
     /// is an error, which also ends cycles.
     parents: Vec<u32>,
     placements: Vec<Placement>,
+    branches: Vec<Branch>,
 }
 
 /// A node whose children are being walked.
@@ -51,26 +54,38 @@ struct Open<'a> {
     node: u32,
     to_world: DAffine3,
     children: std::slice::Iter<'a, u32>,
+    /// Index of its branch, if it is one.
+    branch: Option<u32>,
 }
 
 impl<'a> Walk<'a> {
     /// Places a root and all below it.
     fn place_tree(&mut self, root: u32, file_to_world: DAffine3) -> Result<(), GltfError> {
-        let mut open = vec![self.visit(root, root, file_to_world)?];
+        let mut open = vec![self.visit(root, root, file_to_world, None)?];
         while let Some(last) = open.last_mut() {
-            let (parent, to_world) = (last.node, last.to_world);
+            let (parent, to_world, branch) = (last.node, last.to_world, last.branch);
             let Some(&child) = last.children.next() else {
+                let end = self.placements.len() as u32;
+                if let Some(branch) = branch.and_then(|branch| self.branches.get_mut(branch as usize)) {
+                    branch.leaves.end = end;
+                }
                 open.pop();
                 continue;
             };
             self.budget.depth(open.len() + 1, || path(self.document, &self.parents, child, parent))?;
-            open.push(self.visit(child, parent, to_world)?);
+            open.push(self.visit(child, parent, to_world, branch)?);
         }
         Ok(())
     }
 
     /// Places the mesh of a node, if it has one.
-    fn visit(&mut self, index: u32, parent: u32, parent_to_world: DAffine3) -> Result<Open<'a>, GltfError> {
+    fn visit(
+        &mut self,
+        index: u32,
+        parent: u32,
+        parent_to_world: DAffine3,
+        within: Option<u32>,
+    ) -> Result<Open<'a>, GltfError> {
         let (document, accessors, budget) = (self.document, self.accessors, self.budget);
         let place = || path(document, &self.parents, index, parent);
         let malformed = |what| GltfError::Node { node: place(), what };
@@ -85,12 +100,18 @@ impl<'a> Walk<'a> {
         if !to_world.is_finite() || !to_world.matrix3.determinant().is_finite() {
             return Err(malformed("its matrix overflows; repair the model where it was made"));
         }
+        let branch = node.is_group().then_some(self.branches.len() as u32);
+        if branch.is_some() {
+            let first = self.placements.len() as u32;
+            let (name, attributes) = (node.name.clone().unwrap_or_default(), node.attributes());
+            self.branches.push(Branch { name, parent: within, leaves: first..first, attributes });
+        }
         if let Some(mesh) = node.mesh {
             if mesh as usize >= document.meshes.len() {
                 return Err(malformed("its mesh does not exist"));
             }
             let name_length = document.object_name(index, mesh).len();
-            match node.extensions.as_ref().and_then(|extensions| extensions.instancing.as_ref()) {
+            match node.instancing() {
                 None => {
                     budget.objects(1, name_length, place)?;
                     self.placements.push(Placement { node: index, mesh, to_world });
@@ -106,7 +127,7 @@ impl<'a> Walk<'a> {
         if let Some(slot) = self.parents.get_mut(index as usize) {
             *slot = parent;
         }
-        Ok(Open { node: index, to_world, children: node.children.iter() })
+        Ok(Open { node: index, to_world, children: node.children.iter(), branch })
     }
 
     /// The roots of the scene to show: the default one, else the first, else every node that is nobody's

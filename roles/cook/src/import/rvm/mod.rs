@@ -6,6 +6,7 @@
 //! the middle of the group. There is no public specification; the facts here are those that readers of the
 //! format agree on, checked against the box that every primitive stores.
 
+mod attributes;
 mod colour;
 mod error;
 mod parse;
@@ -15,29 +16,41 @@ mod shape;
 mod solid;
 mod tessellate;
 
+use std::{fs, path::Path};
+
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 pub use error::RvmError;
 
+use self::attributes::Attributes;
 use self::parse::{File, Group, Primitive};
 use self::shape::Shape;
 use self::solid::{Chord, Solid};
 use self::tessellate::tessellate;
 use super::assemble::{bounds, centred};
 use super::budget::Budget;
+use super::hierarchy::groups;
 use super::report::{ImportReport, Warning};
 use super::{ImportOptions, Part, UpAxis};
 use crate::{Mesh, Model, Object};
-use trimaran_scene::Rgba8;
+use trimaran_scene::{ObjectAttributes, Rgba8};
 
 /// Metres a unit of length that writers have in mind: a file's matrices take millimetres to metres.
 const USUAL_UNIT: f64 = 1e-3;
 
 /// Reads an RVM file. `source_index` of its objects is the running number of the group among all groups of
 /// the file, in the order in which they open; groups without primitives count too.
-pub(super) fn import(bytes: &[u8], options: &ImportOptions, budget: &Budget) -> Result<Part, RvmError> {
+///
+/// What an attribute file beside it says of its groups is kept.
+pub(super) fn import(
+    path: Option<&Path>,
+    bytes: &[u8],
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<Part, RvmError> {
     let file = File::parse(bytes, budget)?;
+    let attributes = path.and_then(attributes_beside);
     let scale = options.unit.unwrap_or(USUAL_UNIT) / USUAL_UNIT;
     let frame = Frame {
         file_to_world: options.file_to_world(UpAxis::Z) * DAffine3::from_scale(DVec3::splat(scale)),
@@ -59,6 +72,11 @@ pub(super) fn import(bytes: &[u8], options: &ImportOptions, budget: &Budget) -> 
         };
         part.report.box_mismatches += box_mismatches;
         part.report.warn(Warning::LargePolygon, large_polygons);
+        let object = part.model.objects.len() as u32;
+        let said = attributes.as_ref().map(|all| all.of(&group.name)).unwrap_or_default();
+        if !said.is_empty() {
+            part.model.hierarchy.attributes.push(ObjectAttributes { object, attributes: said });
+        }
         part.model.objects.push(Object {
             mesh: part.model.meshes.len() as u32,
             to_world: DAffine3::from_translation(origin),
@@ -68,7 +86,20 @@ pub(super) fn import(bytes: &[u8], options: &ImportOptions, budget: &Budget) -> 
         });
         part.model.meshes.push(mesh);
     }
+    let leaves: Vec<u32> = part.model.objects.iter().map(|object| object.source_index).collect();
+    part.model.hierarchy.groups = groups(file.branches, &leaves);
+    if let Some(attributes) = attributes {
+        for group in &mut part.model.hierarchy.groups {
+            group.attributes = attributes.of(&group.name);
+        }
+    }
     Ok(part)
+}
+
+/// The attributes of a file with the same name but for its ending, if there is one that can be read.
+fn attributes_beside(path: &Path) -> Option<Attributes> {
+    let endings = ["att", "ATT", "txt", "TXT"];
+    endings.iter().find_map(|ending| Attributes::parse(&fs::read(path.with_extension(ending)).ok()?))
 }
 
 /// A group as a mesh about `origin`.

@@ -12,12 +12,14 @@ use glam::{DAffine3, DVec3};
 use super::RvmError;
 use super::reader::Reader;
 use super::shape::{Shape, ShapeError};
-use crate::import::budget::Budget;
+use crate::import::{budget::Budget, hierarchy::Branch};
 
 /// A file's groups that hold primitives themselves, and the colours it redefines.
 #[derive(Debug, Default)]
 pub(super) struct File {
     pub groups: Vec<Group>,
+    /// Groups that hold groups, in the order in which they open. Their leaves are numbers of groups.
+    pub branches: Vec<Branch>,
     pub colours: HashMap<u32, [u8; 3]>,
     /// Insulation and obstruction volumes, which are not read.
     pub volumes: u64,
@@ -50,6 +52,8 @@ impl File {
         let mut reader = Reader::new(bytes);
         let mut file = Self::default();
         let mut open: Vec<Group> = Vec::new();
+        // Of each branch the number of its group, and of that which it is in.
+        let mut branches: Vec<(u32, Option<u32>, Branch)> = Vec::new();
         let mut next_index = 0;
         expect(&mut reader, "HEAD")?;
         expect(&mut reader, "MODL")?;
@@ -66,6 +70,11 @@ impl File {
                 b"CNTE" => {
                     let what = "a group ends that never began";
                     let group = open.pop().ok_or(RvmError::Malformed { offset, what })?;
+                    if next_index > group.index + 1 {
+                        let (name, leaves) = (group.name.clone(), group.index..next_index);
+                        let branch = Branch { name, parent: None, leaves, attributes: Vec::new() };
+                        branches.push((group.index, open.last().map(|above| above.index), branch));
+                    }
                     if !group.primitives.is_empty() {
                         budget.objects(1, group.name.len(), || format!("group {:?}", group.name))?;
                         file.groups.push(group);
@@ -96,6 +105,13 @@ impl File {
         }
         // Groups were kept as they closed; a file's order is that in which they open.
         file.groups.sort_by_key(|group| group.index);
+        branches.sort_by_key(|(index, ..)| *index);
+        let numbers: Vec<u32> = branches.iter().map(|(index, ..)| *index).collect();
+        let number = |index: u32| numbers.binary_search(&index).ok().map(|number| number as u32);
+        file.branches = branches
+            .into_iter()
+            .map(|(_, above, branch)| Branch { parent: above.and_then(number), ..branch })
+            .collect();
         Ok(file)
     }
 }

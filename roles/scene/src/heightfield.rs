@@ -1,0 +1,331 @@
+//! What is solid in a scene, for whoever walks in it: a solid heightfield, as in Mononen's Recast.
+//!
+//! The ground is divided into square tiles, and a tile into columns. A column has spans: heights between which
+//! something is. They are what triangles pass through, not what is inside of a closed surface: nobody gets
+//! there without passing a triangle.
+
+use glam::{DVec2, DVec3};
+
+use crate::{Drawable, Node, ReadError, Scene};
+
+/// How a scene is divided. All lengths are metres in the world, y up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Heightfield {
+    /// Side of a column.
+    cell: f64,
+    /// What heights are multiples of.
+    unit: f64,
+    /// Height zero.
+    base: f64,
+}
+
+/// Heights between which something is, in units above the base: `bottom` is less than `top`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Span {
+    /// The lower end.
+    pub bottom: u16,
+    /// The upper end.
+    pub top: u16,
+}
+
+/// The columns of a square of the ground.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tile {
+    field: Heightfield,
+    corner: DVec2,
+    /// Row by row along z, and along x within a row. Spans ascend and do not touch.
+    columns: Vec<Vec<Span>>,
+}
+
+impl Heightfield {
+    /// Columns along a side of a tile.
+    pub const SIDE: usize = 64;
+
+    /// That of a scene in which eyes are so high above floors: columns are 10 cm where eyes are at 1.7 m.
+    #[must_use]
+    pub fn new(scene: &Scene, eye_height: f64) -> Self {
+        let (min, max) = scene.nodes().first().map(Node::world_box).unwrap_or_default();
+        // A scene that is higher than 65,536 of the usual units has coarser ones.
+        let unit = (eye_height / 34.0).max((max.y - min.y) / f64::from(u16::MAX - 3));
+        Self { cell: eye_height / 17.0, unit, base: min.y - unit }
+    }
+
+    /// Side of a tile. The tile of numbers x and z has its lower corner at these multiples of it.
+    #[must_use]
+    pub fn tile_side(&self) -> f64 {
+        self.cell * Self::SIDE as f64
+    }
+
+    /// A tile, made of triangles that are nowhere farther than a quarter of a column from the finest ones.
+    ///
+    /// # Errors
+    /// If a part of the scene cannot be read.
+    pub fn tile(&self, scene: &Scene, x: i32, z: i32) -> Result<Tile, ReadError> {
+        let corner = DVec2::new(f64::from(x), f64::from(z)) * self.tile_side();
+        let mut tile = Tile { field: *self, corner, columns: vec![Vec::new(); Self::SIDE * Self::SIDE] };
+        let far = corner + self.tile_side();
+        let mut open = vec![0];
+        while let Some(node) = open.pop().and_then(|index| scene.nodes().get(index as usize)) {
+            let (min, max) = node.world_box();
+            if max.x < corner.x || min.x > far.x || max.z < corner.y || min.z > far.y {
+                continue;
+            }
+            match self.coarse_enough(scene, node) {
+                Some(drawable) => tile.add(scene, node, drawable)?,
+                None => open.extend(node.children()),
+            }
+        }
+        for column in &mut tile.columns {
+            join(column);
+        }
+        match scene.fault() {
+            Some(fault) => Err(fault.clone()),
+            None => Ok(tile),
+        }
+    }
+
+    /// The coarsest level of a node that is fine enough, or the finest one of a leaf.
+    fn coarse_enough<'s>(&self, scene: &'s Scene, node: &Node) -> Option<&'s Drawable> {
+        let mut levels = node.levels().rev().filter_map(|id| scene.drawables().get(id.0 as usize));
+        let found = levels.find(|level| f64::from(level.error) <= self.cell / 4.0);
+        let finest = || scene.drawables().get(node.first_drawable as usize);
+        found.or_else(|| finest().filter(|_| node.is_leaf()))
+    }
+}
+
+impl Tile {
+    /// The spans of a column, ascending.
+    #[must_use]
+    pub fn column(&self, x: usize, z: usize) -> &[Span] {
+        let column = (x < Heightfield::SIDE).then(|| self.columns.get(z * Heightfield::SIDE + x)).flatten();
+        column.map_or(&[], Vec::as_slice)
+    }
+
+    /// The tile as it travels to pages, little-endian: x and z of its lower corner and the base (f64, metres),
+    /// side of a column and unit of height (f32, metres), columns a side (u32). Then each column: the count
+    /// of its spans (u16), and of each bottom and top (u16, units above the base).
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let Heightfield { cell, unit, base } = self.field;
+        let mut bytes = Vec::with_capacity(36 + 6 * self.columns.len());
+        for number in [self.corner.x, self.corner.y, base] {
+            bytes.extend(number.to_le_bytes());
+        }
+        for number in [cell, unit] {
+            bytes.extend((number as f32).to_le_bytes());
+        }
+        bytes.extend((Heightfield::SIDE as u32).to_le_bytes());
+        for column in &self.columns {
+            bytes.extend((column.len() as u16).to_le_bytes());
+            for span in column {
+                bytes.extend(span.bottom.to_le_bytes());
+                bytes.extend(span.top.to_le_bytes());
+            }
+        }
+        bytes
+    }
+
+    /// Adds the triangles of a drawable.
+    fn add(&mut self, scene: &Scene, node: &Node, drawable: &Drawable) -> Result<(), ReadError> {
+        let geometry = scene.geometry(drawable.geometry)?;
+        // In columns and units from the tile's corner and the base, so that large coordinates cost nothing.
+        let Heightfield { cell, unit, base } = self.field;
+        let origin = node.origin() - DVec3::new(self.corner.x, base, self.corner.y);
+        let linear = node.linear().as_dmat3();
+        let place = |position: [f32; 3]| {
+            (linear * DVec3::from_array(position.map(f64::from)) + origin) / DVec3::new(cell, unit, cell)
+        };
+        let corners: Vec<DVec3> = geometry.vertices.iter().map(|vertex| place(vertex.position)).collect();
+        for triangle in geometry.indices.as_chunks::<3>().0 {
+            if let [Some(a), Some(b), Some(c)] = triangle.map(|index| corners.get(index as usize)) {
+                self.add_triangle([*a, *b, *c]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds what a triangle has in each column: it is cut into rows, and these into columns.
+    fn add_triangle(&mut self, triangle: [DVec3; 3]) {
+        let (mut row, mut rest, mut column) =
+            (Polygon::default(), Polygon::of(&triangle), Polygon::default());
+        let Some(rows) = rest.cells(2) else { return };
+        rest.keep(2, rows.start as f64, 1.0);
+        for z in rows {
+            row.clone_from(&rest);
+            row.keep(2, (z + 1) as f64, -1.0);
+            rest.keep(2, (z + 1) as f64, 1.0);
+            let Some(columns) = row.cells(0) else { continue };
+            row.keep(0, columns.start as f64, 1.0);
+            for x in columns {
+                column.clone_from(&row);
+                column.keep(0, (x + 1) as f64, -1.0);
+                row.keep(0, (x + 1) as f64, 1.0);
+                let span = column.span();
+                let place = self.columns.get_mut(z * Heightfield::SIDE + x);
+                if let (Some(span), Some(column)) = (span, place) {
+                    column.push(span);
+                }
+            }
+        }
+    }
+}
+
+/// A convex polygon that is being cut.
+#[derive(Debug, Default, Clone)]
+struct Polygon {
+    corners: Vec<DVec3>,
+    cut: Vec<DVec3>,
+}
+
+impl Polygon {
+    fn of(triangle: &[DVec3; 3]) -> Self {
+        Self { corners: triangle.to_vec(), cut: Vec::new() }
+    }
+
+    /// The cells of the tile that it may be in, along an axis. None where it is not a number, or beside.
+    fn cells(&self, axis: usize) -> Option<std::ops::Range<usize>> {
+        let along = || self.corners.iter().map(|corner| corner[axis]);
+        let (low, high) = along().fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at), high.max(at)));
+        let side = Heightfield::SIDE as f64;
+        if !(low < side && high >= 0.0) || !self.corners.iter().all(|corner| corner.is_finite()) {
+            return None;
+        }
+        let (first, last) = (low.max(0.0) as usize, high.min(side - 1.0) as usize);
+        Some(first..last + 1)
+    }
+
+    /// Keeps what is beyond a plane across an axis, in the direction of `sign` (Sutherland and Hodgman 1974).
+    fn keep(&mut self, axis: usize, plane: f64, sign: f64) {
+        let Some(&last) = self.corners.last() else { return };
+        let beyond = |corner: DVec3| sign * (corner[axis] - plane);
+        self.cut.clear();
+        let mut before = last;
+        for &corner in &self.corners {
+            let (from, to) = (beyond(before), beyond(corner));
+            if (from < 0.0) != (to < 0.0) {
+                let mut crossing = before + (corner - before) * (from / (from - to));
+                crossing[axis] = plane;
+                self.cut.push(crossing);
+            }
+            if to >= 0.0 {
+                self.cut.push(corner);
+            }
+            before = corner;
+        }
+        std::mem::swap(&mut self.corners, &mut self.cut);
+    }
+
+    /// The heights that it has, at least one unit. What is flat ends where it is.
+    fn span(&self) -> Option<Span> {
+        let along = || self.corners.iter().map(|corner| corner.y);
+        let low = along().reduce(f64::min)?;
+        let high = along().reduce(f64::max)?;
+        // To a thousandth of a unit, lest rounding makes a floor a unit higher.
+        let top = ((high - 1e-3).ceil() as u16).max(1);
+        Some(Span { bottom: (low.floor() as u16).min(top - 1), top })
+    }
+}
+
+/// Makes spans ascend, and one of those that touch.
+fn join(spans: &mut Vec<Span>) {
+    spans.sort_unstable();
+    spans.dedup_by(|next, before| {
+        let touches = next.bottom <= before.top;
+        if touches {
+            before.top = before.top.max(next.top);
+        }
+        touches
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::path::testing::{boxes, uncooked};
+
+    /// Eyes at 1.7 m: columns of 10 cm, and units of 5 cm.
+    fn field(scene: &Scene) -> Heightfield {
+        Heightfield::new(scene, 1.7)
+    }
+
+    #[test]
+    fn a_floor_ends_where_it_is_and_a_wall_reaches_up_from_it() {
+        let scene = uncooked(&boxes(&[
+            ([-10.0, -0.2, -10.0], [10.0, 0.0, 10.0]),
+            ([1.0, 0.0, -10.0], [1.2, 3.0, 10.0]),
+        ]));
+        let field = field(&scene);
+        assert!((field.tile_side() - 6.4).abs() < 1e-12);
+        let tile = field.tile(&scene, 0, 0).unwrap();
+        let height = |units: u16| f64::from(units) * field.unit + field.base;
+        // A floor of 20 cm is two surfaces, and a wall that stands on it one more.
+        let [_, floor] = tile.column(5, 5) else { panic!("{:?}", tile.column(5, 5)) };
+        assert!((height(floor.top) - 0.0).abs() < 0.002, "{}", height(floor.top));
+        let [_, wall] = tile.column(10, 40) else { panic!("{:?}", tile.column(10, 40)) };
+        assert!((height(wall.top) - 3.0).abs() <= 0.05, "{}", height(wall.top));
+        assert!(tile.column(8, 40).iter().all(|span| height(span.top) < 0.1));
+        // Beyond the floor there is nothing, and a tile of its own.
+        let edge = field.tile(&scene, 1, 0).unwrap();
+        assert_eq!((edge.column(35, 0).len(), edge.column(37, 0).len()), (2, 0));
+        assert_eq!(field.tile(&scene, 7, 7).unwrap().column(0, 0), []);
+    }
+
+    #[test]
+    fn what_travels_has_all_columns() {
+        let scene = uncooked(&boxes(&[([0.0; 3], [1.0; 3])]));
+        let tile = field(&scene).tile(&scene, -1, 0).unwrap();
+        let bytes = tile.to_bytes();
+        assert_eq!(bytes.len(), 36 + 64 * 64 * 2 + 4 * tile.columns.iter().map(Vec::len).sum::<usize>());
+        assert_eq!(f64::from_le_bytes(bytes[..8].try_into().unwrap()), -field(&scene).tile_side());
+        assert_eq!(u32::from_le_bytes(bytes[32..36].try_into().unwrap()), 64);
+    }
+
+    #[test]
+    fn a_scene_higher_than_all_units_has_coarser_ones() {
+        let scene = uncooked(&boxes(&[([0.0; 3], [1.0, 1e6, 1.0])]));
+        let tile = field(&scene).tile(&scene, 0, 0).unwrap();
+        let highest = tile.columns.iter().flatten().map(|span| span.top).max();
+        assert!(highest.is_some_and(|top| top > 60_000), "{highest:?}");
+    }
+
+    fn point() -> impl Strategy<Value = DVec3> {
+        (-20.0..84.0, 1.0..200.0, -20.0..84.0).prop_map(|(x, y, z)| DVec3::new(x, y, z))
+    }
+
+    proptest! {
+        /// Every point of a triangle that is above the tile is in a span of its column, and columns that it
+        /// does not touch stay empty.
+        #[test]
+        fn a_triangle_is_in_the_columns_above_which_it_is(
+            corners in prop::array::uniform3(point()),
+            weights in prop::collection::vec((0.0..1.0, 0.0..1.0), 50)
+        ) {
+            let field = Heightfield { cell: 1.0, unit: 1.0, base: 0.0 };
+            let columns = vec![Vec::new(); Heightfield::SIDE * Heightfield::SIDE];
+            let mut tile = Tile { field, corner: DVec2::ZERO, columns };
+            tile.add_triangle(corners);
+            tile.columns.iter_mut().for_each(join);
+            let [a, b, c] = corners;
+            for (u, v) in weights {
+                let (u, v): (f64, f64) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+                let p = a + (b - a) * u + (c - a) * v;
+                if p.x >= 0.0 && p.z >= 0.0 && p.x < 64.0 && p.z < 64.0 {
+                    let spans = tile.column(p.x as usize, p.z as usize);
+                    let has = |span: &Span| {
+                        p.y >= f64::from(span.bottom) - 1e-6 && p.y <= f64::from(span.top) + 2e-3
+                    };
+                    prop_assert!(spans.iter().any(has), "{p} {spans:?}");
+                }
+            }
+            let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+            for (index, spans) in tile.columns.iter().enumerate() {
+                let (x, z) = ((index % 64) as f64, (index / 64) as f64);
+                let beside = x > high.x || x + 1.0 < low.x || z > high.z || z + 1.0 < low.z;
+                prop_assert!(!beside || spans.is_empty());
+                prop_assert!(spans.len() < 2);
+            }
+        }
+    }
+}

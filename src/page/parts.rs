@@ -1,0 +1,265 @@
+//! What pages ask of a scene's objects: details, the hierarchy, search.
+
+use std::{collections::HashMap, ops::Range, sync::Arc};
+
+use serde::Serialize;
+use trimaran_scene::{Attribute, Extent, Hierarchy, Node, ReadError, Scene};
+
+/// The most parts in an answer to what is below a group.
+const CHILDREN: usize = 500;
+/// The most parts in an answer to a search.
+const FOUND: usize = 100;
+
+/// The objects of a scene, and their groups.
+#[derive(Debug)]
+pub(super) struct Parts {
+    scene: Arc<Scene>,
+    hierarchy: Hierarchy,
+    /// The groups in each group; with none those that are in none.
+    groups: HashMap<Option<u32>, Vec<u32>>,
+}
+
+/// A group of objects, or an object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PartId {
+    Group(u32),
+    Object(u32),
+}
+
+/// A part as pages are told of it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub(super) struct Part {
+    kind: &'static str,
+    id: u32,
+    name: String,
+    /// Its objects are those from here.
+    first: u32,
+    /// And before this.
+    end: u32,
+}
+
+/// Some parts of a list.
+#[derive(Debug, PartialEq, Eq, Serialize)]
+pub(super) struct PartList {
+    parts: Vec<Part>,
+    /// How many parts the whole list has.
+    total: usize,
+}
+
+/// A part and all that is known of it.
+#[derive(Debug, Serialize)]
+pub(super) struct Details {
+    #[serde(flatten)]
+    part: Part,
+    /// The groups that it is in, the outermost first.
+    path: Vec<Part>,
+    #[serde(flatten)]
+    extent: Extent,
+    /// Names and values.
+    attributes: Vec<(String, String)>,
+}
+
+impl Parts {
+    /// Those of a scene.
+    ///
+    /// # Errors
+    /// If its hierarchy cannot be read.
+    pub(super) fn new(scene: Arc<Scene>) -> Result<Self, ReadError> {
+        let hierarchy = scene.hierarchy()?;
+        let mut groups: HashMap<Option<u32>, Vec<u32>> = HashMap::new();
+        for (id, group) in (0..).zip(&hierarchy.groups) {
+            groups.entry(group.parent).or_default().push(id);
+        }
+        Ok(Self { scene, hierarchy, groups })
+    }
+
+    /// All that is known of a part; `None` if there is no such.
+    pub(super) fn details(&self, id: PartId) -> Option<Details> {
+        let part = self.part(id)?;
+        let (extent, attributes) = match id {
+            PartId::Group(id) => {
+                let group = self.hierarchy.groups.get(id as usize)?;
+                (group.extent, &*group.attributes)
+            }
+            PartId::Object(id) => (self.extent(id), self.hierarchy.attributes_of(id)),
+        };
+        let pair = |Attribute { name, value }: &Attribute| (name.clone(), value.clone());
+        let attributes = attributes.iter().map(pair).collect();
+        Some(Details { part, path: self.path(id), extent, attributes })
+    }
+
+    /// The parts of a group, or the outermost ones, in their order: from the one of number `from` on, as many
+    /// as fit in an answer.
+    pub(super) fn children(&self, group: Option<u32>, from: usize) -> Option<PartList> {
+        let all = match group {
+            None => 0..self.scene.objects().len() as u32,
+            Some(id) => self.hierarchy.groups.get(id as usize)?.objects.clone(),
+        };
+        let groups = self.groups.get(&group).map_or(&[][..], Vec::as_slice);
+        let within = |id: &u32| self.hierarchy.groups.get(*id as usize).map(|group| group.objects.clone());
+        // Objects between the groups, and the groups.
+        let mut runs: Vec<(Range<u32>, Option<u32>)> = Vec::new();
+        let mut next = all.start;
+        for (id, objects) in groups.iter().filter_map(|id| Some((*id, within(id)?))) {
+            runs.push((next..objects.start, None));
+            next = objects.end;
+            runs.push((objects, Some(id)));
+        }
+        runs.push((next..all.end, None));
+        let total = runs.iter().map(|(run, group)| if group.is_some() { 1 } else { run.len() }).sum();
+        let ids = runs.into_iter().flat_map(|(run, group)| {
+            let objects = if group.is_some() { 0..0 } else { run };
+            group.map(PartId::Group).into_iter().chain(objects.map(PartId::Object))
+        });
+        let parts = ids.skip(from).take(CHILDREN).filter_map(|id| self.part(id)).collect();
+        Some(PartList { parts, total })
+    }
+
+    /// The parts with `text` in their name or in an attribute, whatever its case: groups first, as many as fit
+    /// in an answer. Nothing has no text in it.
+    pub(super) fn search(&self, text: &str) -> PartList {
+        let text = text.trim().to_lowercase();
+        if text.is_empty() {
+            return PartList { parts: Vec::new(), total: 0 };
+        }
+        let has = |word: &str| word.to_lowercase().contains(&text);
+        let says = |of: &[Attribute]| of.iter().any(|attribute| has(&attribute.value));
+        let groups = (0..).zip(&self.hierarchy.groups);
+        let groups = groups.filter(|(_, group)| has(&group.name) || says(&group.attributes));
+        let objects = (0..self.scene.objects().len() as u32).filter(|&id| {
+            self.scene.object_name(id).is_some_and(has) || says(self.hierarchy.attributes_of(id))
+        });
+        let (mut parts, mut total) = (Vec::new(), 0);
+        for id in groups.map(|(id, _)| PartId::Group(id)).chain(objects.map(PartId::Object)) {
+            total += 1;
+            if parts.len() < FOUND {
+                parts.extend(self.part(id));
+            }
+        }
+        PartList { parts, total }
+    }
+
+    fn part(&self, id: PartId) -> Option<Part> {
+        Some(match id {
+            PartId::Group(id) => {
+                let group = self.hierarchy.groups.get(id as usize)?;
+                let Range { start, end } = group.objects;
+                Part { kind: "group", id, name: group.name.clone(), first: start, end }
+            }
+            PartId::Object(id) => {
+                let name = self.scene.object_name(id)?.to_owned();
+                Part { kind: "object", id, name, first: id, end: id + 1 }
+            }
+        })
+    }
+
+    fn path(&self, id: PartId) -> Vec<Part> {
+        let parent = |id: u32| self.hierarchy.groups.get(id as usize).and_then(|group| group.parent);
+        let innermost = match id {
+            PartId::Group(id) => parent(id),
+            // Groups stand behind those that they are in: the last one that has it is the innermost.
+            PartId::Object(id) => {
+                let has = |group: &trimaran_scene::Group| group.objects.contains(&id);
+                self.hierarchy.groups.iter().rposition(has).map(|group| group as u32)
+            }
+        };
+        let above = std::iter::successors(innermost, |id| parent(*id));
+        let mut path: Vec<Part> = above.filter_map(|id| self.part(PartId::Group(id))).collect();
+        path.reverse();
+        path
+    }
+
+    /// What an object takes: all below its node.
+    fn extent(&self, object: u32) -> Extent {
+        let nodes = self.scene.nodes();
+        let mut extent = Extent::default();
+        let mut open: Vec<u32> =
+            self.scene.objects().get(object as usize).map(|of| of.node).into_iter().collect();
+        while let Some(node) = open.pop().and_then(|id| nodes.get(id as usize)) {
+            let Node { world_min: min, world_max: max, .. } = *node;
+            let finest = self.scene.drawables().get(node.first_drawable as usize).filter(|_| node.is_leaf());
+            let triangles = finest.map_or(0, |drawable| u64::from(drawable.triangles));
+            extent = extent.and(&Extent { min, max, triangles });
+            open.extend(node.children());
+        }
+        extent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_cook::{
+        CookOptions, Model, cook,
+        generate::{PlantOptions, plant},
+    };
+    use trimaran_scene::{Group, ObjectAttributes};
+
+    use super::*;
+
+    /// A plant whose objects are in a file with two zones; some stand between them.
+    fn parts() -> Parts {
+        let mut model: Model = plant(&PlantOptions::small(7));
+        let count = model.objects.len() as u32;
+        let group = |name: &str, parent, objects: Range<u32>| Group {
+            name: name.to_owned(),
+            parent,
+            objects,
+            attributes: Vec::new(),
+            extent: Extent::default(),
+        };
+        model.hierarchy.groups = vec![
+            group("plant.RVM", None, 0..count),
+            group("/ZONE-1", Some(0), 1..4),
+            group("/PIPE-7", Some(1), 2..4),
+            group("/ZONE-2", Some(0), 6..7),
+        ];
+        let tag = Attribute { name: "TAG".to_owned(), value: "P-101A".to_owned() };
+        model.hierarchy.attributes = vec![ObjectAttributes { object: 3, attributes: vec![tag] }];
+        Parts::new(Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())).unwrap()
+    }
+
+    fn ids(list: &PartList) -> Vec<(&str, u32)> {
+        list.parts.iter().map(|part| (part.kind, part.id)).collect()
+    }
+
+    #[test]
+    fn children_are_groups_and_the_objects_between_them() {
+        let parts = parts();
+        let count = parts.scene.objects().len();
+        assert_eq!(ids(&parts.children(None, 0).unwrap()), [("group", 0)]);
+        let file = parts.children(Some(0), 0).unwrap();
+        assert_eq!(file.total, count - 3 - 1 + 2);
+        let first = [("object", 0), ("group", 1), ("object", 4), ("object", 5), ("group", 3), ("object", 7)];
+        assert_eq!(ids(&file)[..6], first);
+        assert_eq!(ids(&parts.children(Some(0), 2).unwrap())[..2], first[2..4]);
+        assert_eq!(ids(&parts.children(Some(2), 0).unwrap()), [("object", 2), ("object", 3)]);
+        assert_eq!(parts.children(Some(4), 0), None);
+    }
+
+    #[test]
+    fn details_have_the_path_and_what_the_part_takes() {
+        let parts = parts();
+        let details = parts.details(PartId::Object(3)).unwrap();
+        let path: Vec<&str> = details.path.iter().map(|part| &*part.name).collect();
+        assert_eq!(path, ["plant.RVM", "/ZONE-1", "/PIPE-7"]);
+        assert_eq!(details.attributes, [("TAG".to_owned(), "P-101A".to_owned())]);
+        let pipe = parts.details(PartId::Group(2)).unwrap();
+        let both = parts.extent(2).and(&parts.extent(3));
+        assert!(pipe.extent == both && both.triangles > 0, "{pipe:?}");
+        let whole = parts.details(PartId::Group(0)).unwrap();
+        assert_eq!(whole.extent.triangles, parts.scene.totals().full_detail_triangles);
+        let json = serde_json::to_value(&pipe).unwrap();
+        assert_eq!((&json["kind"], &json["first"], &json["end"]), (&"group".into(), &2.into(), &4.into()));
+        assert!(parts.details(PartId::Object(1 << 20)).is_none());
+    }
+
+    #[test]
+    fn a_search_finds_names_and_attributes_whatever_their_case() {
+        let parts = parts();
+        assert_eq!(ids(&parts.search(" zone ")), [("group", 1), ("group", 3)]);
+        assert_eq!(ids(&parts.search("p-101")), [("object", 3)]);
+        assert_eq!(parts.search("").total, 0);
+        let all = parts.search("a");
+        assert!(all.parts.len() <= FOUND && all.total >= all.parts.len());
+    }
+}

@@ -1,0 +1,117 @@
+//! What pages ask beside their links: a scene's parts, and what is solid in it.
+
+use std::{borrow::Cow, sync::Arc};
+
+use hyper::{Response, StatusCode};
+use serde::Serialize;
+use trimaran_scene::{ReadError, Scene, heightfield::Heightfield};
+
+use super::{
+    parts::{PartId, Parts},
+    server::{Body, file, plain},
+};
+
+/// A question about a scene that takes a moment to answer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Question {
+    Part(PartId),
+    Children { group: Option<u32>, from: usize },
+    Search(String),
+    Tile { x: i32, z: i32 },
+}
+
+/// Who answers them.
+#[derive(Debug)]
+pub(super) struct Answers {
+    scene: Arc<Scene>,
+    parts: Parts,
+    heightfield: Heightfield,
+}
+
+impl Question {
+    /// What a path and the names and values of a query ask; `None` if nothing.
+    pub(super) fn parse<'q>(
+        path: &str,
+        query: impl IntoIterator<Item = (Cow<'q, str>, Cow<'q, str>)>,
+    ) -> Option<Self> {
+        let query: Vec<_> = query.into_iter().collect();
+        let value = |name: &str| query.iter().find(|(known, _)| known == name).map(|(_, value)| &**value);
+        Some(match path {
+            "/part" => Self::Part(match value("group") {
+                Some(group) => PartId::Group(group.parse().ok()?),
+                None => PartId::Object(value("object")?.parse().ok()?),
+            }),
+            "/children" => Self::Children {
+                group: value("group").map(str::parse).transpose().ok()?,
+                from: value("from").map(str::parse).transpose().ok()?.unwrap_or(0),
+            },
+            "/search" => Self::Search(value("text")?.to_owned()),
+            "/tile" => Self::Tile { x: value("x")?.parse().ok()?, z: value("z")?.parse().ok()? },
+            _ => return None,
+        })
+    }
+}
+
+impl Answers {
+    /// About a scene in which eyes are so high above floors.
+    ///
+    /// # Errors
+    /// If its hierarchy cannot be read.
+    pub(super) fn new(scene: &Arc<Scene>, eye_height: f64) -> Result<Self, ReadError> {
+        let heightfield = Heightfield::new(scene, eye_height);
+        Ok(Self { scene: Arc::clone(scene), parts: Parts::new(Arc::clone(scene))?, heightfield })
+    }
+
+    pub(super) fn answer(&self, question: &Question) -> Response<Body> {
+        match question {
+            Question::Part(id) => json(self.parts.details(*id)),
+            Question::Children { group, from } => json(self.parts.children(*group, *from)),
+            Question::Search(text) => json(Some(self.parts.search(text))),
+            Question::Tile { x, z } => match self.heightfield.tile(&self.scene, *x, *z) {
+                Ok(tile) => file("application/octet-stream", tile.to_bytes().into()),
+                Err(fault) => {
+                    tracing::warn!("{fault}");
+                    plain(StatusCode::INTERNAL_SERVER_ERROR, "the scene's file cannot be read\n")
+                }
+            },
+        }
+    }
+}
+
+fn json(answer: Option<impl Serialize>) -> Response<Body> {
+    let Some(answer) = answer else {
+        return plain(StatusCode::NOT_FOUND, "the scene has no such part\n");
+    };
+    match serde_json::to_vec(&answer) {
+        Ok(bytes) => file("application/json", bytes.into()),
+        Err(_) => plain(StatusCode::INTERNAL_SERVER_ERROR, "the answer cannot be written\n"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn questions_are_read_from_path_and_query() {
+        let ask = |path: &str, query: &str| Question::parse(path, form_urlencoded::parse(query.as_bytes()));
+        assert_eq!(ask("/part", "token=x&object=7"), Some(Question::Part(PartId::Object(7))));
+        assert_eq!(ask("/part", "group=0"), Some(Question::Part(PartId::Group(0))));
+        let children = |group, from| Some(Question::Children { group, from });
+        assert_eq!(ask("/children", "from=0"), children(None, 0));
+        assert_eq!(ask("/children", "group=3&from=500"), children(Some(3), 500));
+        assert_eq!(ask("/search", "text=P-101%20A%26B"), Some(Question::Search("P-101 A&B".into())));
+        assert_eq!(ask("/tile", "x=-3&z=0"), Some(Question::Tile { x: -3, z: 0 }));
+        for (path, query) in [
+            ("/part", ""),
+            ("/part", "object=-1"),
+            ("/part", "group=x&object=1"),
+            ("/children", "group=4294967296"),
+            ("/search", ""),
+            ("/tile", "x=1"),
+            ("/else", "x=1&z=1"),
+        ] {
+            assert_eq!(ask(path, query), None, "{path}?{query}");
+        }
+    }
+}

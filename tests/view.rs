@@ -1,0 +1,138 @@
+//! `trimaran view`: from the files of a model to a page, and to the same page at once when they are unchanged.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "common/program.rs"]
+mod program;
+
+use std::{
+    env, fs,
+    io::{BufRead, BufReader, Read, Write},
+    net::TcpStream,
+    process::{Child, Command, Stdio},
+};
+
+use program::Bench;
+
+/// A tetrahedron whose corner is so high.
+fn model(height: u32) -> String {
+    format!("o tank\nv 0 0 0\nv 9 0 0\nv 0 0 9\nv 0 {height} 0\nf 1 2 4\nf 1 4 3\nf 1 3 2\nf 2 3 4\n")
+}
+
+/// A program that shows a page.
+struct View {
+    child: Child,
+    /// What it said before the page's address.
+    said: Vec<String>,
+    /// Host and port, and what follows.
+    url: (String, String),
+}
+
+impl View {
+    /// `None`, with a word, where the program was built without its page and none is required.
+    fn start(mut command: Command) -> Option<Self> {
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut said = Vec::new();
+        for line in BufReader::new(child.stdout.take().unwrap()).lines() {
+            let line = line.unwrap();
+            if let Some(url) = line.strip_prefix("http://") {
+                let (at, path) = url.split_once('/').unwrap();
+                return Some(Self { child, said, url: (at.to_owned(), path.to_owned()) });
+            }
+            said.push(line);
+        }
+        let mut why = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut why).unwrap();
+        let _code = child.wait();
+        assert!(env::var_os("TRIMARAN_REQUIRE_BROWSER").is_none(), "{why}");
+        println!("skipped: {why}");
+        None
+    }
+
+    fn ask(&self, target: &str) -> String {
+        let (at, path) = &self.url;
+        let query = path.strip_prefix('?').unwrap();
+        let mut stream = TcpStream::connect(at).unwrap();
+        write!(stream, "GET /{target}?{query} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+}
+
+impl Drop for View {
+    fn drop(&mut self) {
+        let _ended = self.child.kill();
+        let _code = self.child.wait();
+    }
+}
+
+fn view(bench: &Bench, args: &[&str]) -> Command {
+    let mut command = bench.command(&[&["view"], args].concat());
+    command.env("XDG_CACHE_HOME", bench.path("cache"));
+    command
+}
+
+fn cached(bench: &Bench) -> Vec<String> {
+    let names = fs::read_dir(bench.path("cache/trimaran")).unwrap();
+    let mut names: Vec<_> = names.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_model_is_cooked_when_it_has_changed_and_else_is_there_at_once() {
+    let bench = Bench::empty();
+    bench.write("tank.obj", model(5));
+    let Some(first) = View::start(view(&bench, &["tank.obj", "--no-browser"])) else { return };
+    assert!(first.said[0].starts_with("read 1 files: 1 objects, 4 triangles"), "{:?}", first.said);
+    assert!(first.ask("scene").contains(r#""objects":1"#));
+    assert!(first.ask("children").contains(r#""name":"tank.obj""#));
+    assert!(first.url.0.starts_with("127.0.0.1:"), "others do not reach it: {:?}", first.url);
+    let before = cached(&bench);
+    assert_eq!(before.len(), 1);
+
+    let again = View::start(view(&bench, &["tank.obj", "--no-browser"])).unwrap();
+    assert_eq!((again.said.len(), cached(&bench)), (0, before.clone()));
+    assert_ne!(again.url.1, first.url.1, "each has a token of its own");
+
+    bench.write("tank.obj", model(50));
+    let changed = View::start(view(&bench, &["tank.obj", "--no-browser"])).unwrap();
+    assert!(!changed.said.is_empty());
+    let after = cached(&bench);
+    assert!(after.len() == 1 && after != before, "{after:?}");
+}
+
+#[test]
+fn the_page_is_opened_in_the_browser_of_the_user() {
+    let bench = Bench::with_plant(60);
+    bench.write("browser", "#!/bin/sh\necho \"$1\" > opened.part && mv opened.part opened\n");
+    fs::set_permissions(bench.path("browser"), std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let mut command = view(&bench, &["plant.scene"]);
+    command.env("BROWSER", bench.path("browser"));
+    let Some(view) = View::start(command) else { return };
+    let opened = loop {
+        if let Ok(opened) = fs::read_to_string(bench.path("opened")) {
+            break opened;
+        }
+        std::thread::yield_now();
+    };
+    assert_eq!(opened.trim(), format!("http://{}/{}", view.url.0, view.url.1));
+    assert!(!bench.path("cache/trimaran").exists(), "a scene is shown where it is");
+}
+
+#[test]
+fn what_cannot_be_viewed_is_named() {
+    let bench = Bench::empty();
+    bench.write("tank.obj", model(5));
+    for (args, expected) in [
+        (&["no.rvm"][..], "cannot read no.rvm"),
+        (&["no.scene"], "no.scene"),
+        (&["tank.obj", "plant.scene"], "plant.scene is a cooked scene: it is viewed alone"),
+        (&["tank.obj", "--max-triangles", "1"], "tank"),
+    ] {
+        let output = view(&bench, args).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && said.contains(expected), "{args:?}: {said}");
+    }
+    assert!(!bench.path("cache/trimaran").exists() || cached(&bench).is_empty());
+}
