@@ -10,8 +10,9 @@ use std::{
 use trimaran::{
     config::options,
     culling::CullingMethod,
-    page::{Pages, SceneDescription, Token},
+    page::{Drive, DriveReport, Pages, SceneDescription, Token},
 };
+use tokio::sync::{mpsc, oneshot};
 use trimaran_actors::{CullerService, ServiceEndpoints, max_frame};
 use trimaran_transport::{Net, Options, TokioNet};
 
@@ -20,7 +21,7 @@ use super::{
     args::{DeviceArgs, ServeArgs},
     culling::Host,
     printed,
-    walking::{Metrics, gpu_options, open, runtime, stop_on_signal, upload},
+    walking::{Metrics, gpu_options, open, runtime, stoppable, upload},
 };
 
 pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
@@ -32,8 +33,9 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
         metrics: args.metrics,
         device: &args.device,
         options,
+        drive: None,
     };
-    service.run(|url| printed(writeln!(io::stdout(), "{url}")))
+    service.run(|url| printed(writeln!(io::stdout(), "{url}"))).map(drop)
 }
 
 /// A culler and its page, for whoever comes.
@@ -45,14 +47,21 @@ pub(super) struct Service<'s> {
     pub(super) metrics: Option<SocketAddr>,
     pub(super) device: &'s DeviceArgs,
     pub(super) options: Options,
+    /// A camera path that a page is to repeat, as JSON. Its report ends the service.
+    pub(super) drive: Option<Vec<u8>>,
 }
+
+/// How the service ended, where a page has repeated a walk: what it says of it.
+pub(super) type Driven = Option<DriveReport>;
 
 impl Service<'_> {
     /// Serves until it is asked to stop. `ready` is told the page's address once there is something to see.
-    pub(super) fn run(self, ready: impl FnOnce(&str) -> Result<(), Failure>) -> Result<(), Failure> {
+    pub(super) fn run(self, ready: impl FnOnce(&str) -> Result<(), Failure>) -> Result<Driven, Failure> {
         let runtime = runtime()?;
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        let stop = stop_on_signal(&runtime);
+        let (stopper, stop) = stoppable(&runtime);
+        let (reports, mut reported) = mpsc::channel(1);
+        let drive = self.drive.map(|path| Drive::new(path, reports));
         let file = open(self.scene)?;
         let description = SceneDescription::new(self.scene, &file.scene).map_err(Failure::broken)?;
         let token = match self.token {
@@ -60,7 +69,7 @@ impl Service<'_> {
             None => Token::random(&*net).map_err(Failure::broken)?,
         };
         let (ws, tcp) = (self.options.ws.clone(), self.options.tcp);
-        let pages = Pages::new(&file.scene, &description, token, ws, tcp).map_err(Failure::bad_input)?;
+        let pages = Pages::new(&file.scene, &description, token, ws, tcp, drive).map_err(Failure::bad_input)?;
         let DeviceArgs { device, gpu_memory, device_timeout } = self.device;
         let drawn = upload(&file, &gpu_options(device.as_deref(), *gpu_memory, *device_timeout))?;
         let metrics = Metrics::show(self.metrics, &runtime)?;
@@ -77,6 +86,14 @@ impl Service<'_> {
         }
         let method = CullingMethod::Trimaran;
         let host = Host { file: &file, drawn: &drawn, runtime: &runtime, links: metrics.links(), method };
-        host.serve(service, &stop)
+        let (driven, mut report) = oneshot::channel();
+        runtime.spawn(async move {
+            if let Some(report) = reported.recv().await {
+                let _given_up = driven.send(report);
+                stopper.stop();
+            }
+        });
+        host.serve(service, &stop)?;
+        Ok(report.try_recv().ok())
     }
 }

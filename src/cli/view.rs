@@ -1,23 +1,28 @@
 //! `trimaran view`: from the files of a model to a page in a browser, with nothing to decide in between.
 
 use std::{
+    fmt::Display,
+    fs,
     io::{self, Write},
     net::{Ipv4Addr, SocketAddr},
     path::{Path, PathBuf},
 };
 
-use trimaran::{config::options, scene_cache::CachedScene};
+use bytesize::ByteSize;
+use trimaran::{config::options, page::DriveReport, scene_cache::CachedScene};
+use trimaran_scene::path::PosePath;
 
 use super::{
     Failure,
     args::ViewArgs,
     cooking,
     import::{print_report, read},
-    printed,
+    print_json, printed,
     serve::Service,
 };
 
 pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
+    let drive = args.drive.as_deref().map(path).transpose()?;
     let scene = scene(args)?;
     let service = Service {
         scene: &scene,
@@ -27,14 +32,52 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         metrics: None,
         device: &args.device,
         options: options(&[], toml::Table::new()).map_err(Failure::bad_input)?,
+        drive,
     };
-    service.run(|url| {
-        printed(writeln!(io::stdout(), "{url}"))?;
-        if !args.no_browser && webbrowser::open(url).is_err() {
+    let is_driven = args.drive.is_some();
+    let report = service.run(|url| {
+        let url = format!("{url}{}", if is_driven { "#drive" } else { "" });
+        // Where JSON is asked for it is all that is printed there.
+        if args.json { eprintln!("{url}") } else { printed(writeln!(io::stdout(), "{url}"))? }
+        if !args.no_browser && webbrowser::open(&url).is_err() {
             eprintln!("trimaran: found no browser to open: open the address above in one");
         }
         Ok(())
-    })
+    })?;
+    match report {
+        Some(report) if args.json => print_json(&report),
+        Some(report) => print_report_of(&report),
+        None if is_driven => Err(Failure::stopped("stopped before the page had walked to the end")),
+        None => Ok(()),
+    }
+}
+
+/// A camera path, checked, as JSON.
+fn path(file: &Path) -> Result<Vec<u8>, Failure> {
+    let unread = |error: &dyn Display| {
+        Failure::bad_input(format!("cannot read the path {}: {error}", file.display()))
+    };
+    let text = fs::read_to_string(file).map_err(|error| unread(&error))?;
+    let path = PosePath::from_json(&text).map_err(|error| unread(&error))?;
+    Ok(path.to_json().into_bytes())
+}
+
+fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
+    let DriveReport { device, width, height, pictures, walk_s, .. } = report;
+    let a_second = f64::from(*pictures) / walk_s;
+    let lines = [
+        format!("drawn by        {device}, {width} x {height}"),
+        format!("first picture   {:.2} s, exact after {:.2} s", report.first_picture_s, report.exact_picture_s),
+        format!("pictures        {pictures} in {walk_s:.1} s: {a_second:.1} a second"),
+        format!("between two     {:.1} ms, p95 {:.1} ms", report.picture_ms, report.picture_p95_ms),
+        format!("sets are old    {:.0} ms, p95 {:.0} ms", report.set_age_ms, report.set_age_p95_ms),
+        format!(
+            "received        {}, geometry held {}",
+            ByteSize(report.received_bytes),
+            ByteSize(report.geometry_bytes)
+        ),
+    ];
+    printed(writeln!(io::stdout(), "{}", lines.join("\n")))
 }
 
 /// The scene that is to be shown: the one given, or that of the files, cooked if it is not yet.

@@ -125,9 +125,14 @@ pub(super) fn runtime() -> Result<Runtime, Failure> {
 
 /// A stop that Ctrl-C and the termination signal of systemd set; a second one insists.
 pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
+    stoppable(runtime).1
+}
+
+/// The same, and what else may set it.
+pub(super) fn stoppable(runtime: &Runtime) -> (Stopper, Stop) {
     let (stopper, stop) = Stop::new();
-    stops_on_signal(stopper, runtime);
-    stop
+    stops_on_signal(stopper.clone(), runtime);
+    (stopper, stop)
 }
 
 fn stops_on_signal(stopper: Stopper, runtime: &Runtime) {

@@ -3,11 +3,13 @@
 
 mod assets;
 mod description;
+mod drive;
 mod parts;
 mod questions;
 mod server;
 mod token;
 
 pub use description::SceneDescription;
+pub use drive::{Drive, DriveReport};
 pub use server::{PageError, Pages};
 pub use token::{Token, TokenError};

@@ -2,7 +2,7 @@
 
 use std::{convert::Infallible, fmt, io, net::SocketAddr, sync::Arc, time::Duration};
 
-use http_body_util::Full;
+use http_body_util::{BodyExt, Full, Limited};
 use hyper::{
     Method, Request, Response, StatusCode,
     body::{Bytes, Incoming},
@@ -27,6 +27,7 @@ use trimaran_transport::{
 use super::{
     SceneDescription, Token,
     assets::ASSETS,
+    drive::{Drive, LONGEST_REPORT},
     questions::{Answers, Question},
 };
 use crate::http;
@@ -67,6 +68,7 @@ struct Inner {
     token: Token,
     scene: Bytes,
     answers: Answers,
+    drive: Option<Drive>,
     options: WsOptions,
     tcp: TcpOptions,
 }
@@ -82,13 +84,14 @@ impl Pages {
         token: Token,
         options: WsOptions,
         tcp: TcpOptions,
+        drive: Option<Drive>,
     ) -> Result<Self, PageError> {
         if ASSETS.is_empty() {
             return Err(PageError::NotBuilt);
         }
         let answers = Answers::new(scene, description.eye_height)?;
         let scene = serde_json::to_vec(description)?.into();
-        Ok(Self(Arc::new(Inner { token, scene, answers, options, tcp })))
+        Ok(Self(Arc::new(Inner { token, scene, answers, drive, options, tcp })))
     }
 
     /// Where it is to listen.
@@ -161,6 +164,8 @@ enum Answer {
     Link(Response<Body>, OnUpgrade),
     /// It takes a moment.
     Later(Question),
+    /// A page says how its walk went.
+    Report(Drive),
 }
 
 impl From<Response<Body>> for Answer {
@@ -199,6 +204,7 @@ impl Pages {
                         response
                     }
                     Answer::Later(question) => pages.think(question).await,
+                    Answer::Report(drive) => take_report(request, &drive).await,
                 })
             }
         });
@@ -215,10 +221,13 @@ impl Pages {
     }
 
     fn answer(&self, request: &mut Request<Incoming>) -> Answer {
+        let path = request.uri().path();
+        if path == "/drive" {
+            return self.drive(request);
+        }
         if request.method() != Method::GET {
             return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n").into();
         }
-        let path = request.uri().path();
         if let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) {
             return file(asset.kind, Bytes::from_static(asset.bytes)).into();
         }
@@ -231,6 +240,20 @@ impl Pages {
             }
             "/scene" => file("application/json", self.0.scene.clone()).into(),
             _ => question.map_or_else(|| nothing_here().into(), Answer::Later),
+        }
+    }
+
+    /// Tells the walk that a page is to repeat, or takes its report.
+    fn drive(&self, request: &Request<Incoming>) -> Answer {
+        if !self.knows_token(request) {
+            return wrong_token().into();
+        }
+        match &self.0.drive {
+            Some(drive) if request.method() == Method::GET => {
+                file("application/json", drive.path.clone()).into()
+            }
+            Some(drive) if request.method() == Method::POST => Answer::Report(drive.clone()),
+            _ => nothing_here().into(),
         }
     }
 
@@ -271,6 +294,17 @@ async fn open(upgrade: OnUpgrade, peer: StreamPeer, links: mpsc::Sender<Stream>)
     if let Ok(upgraded) = upgrade.await {
         let stream = ws::stream(TokioIo::new(upgraded), peer).await;
         let _nobody_left = links.send(stream).await;
+    }
+}
+
+async fn take_report(request: Request<Incoming>, drive: &Drive) -> Response<Body> {
+    let body = Limited::new(request.into_body(), LONGEST_REPORT).collect().await;
+    match body.ok().and_then(|body| serde_json::from_slice(&body.to_bytes()).ok()) {
+        Some(report) => {
+            let _nobody_asks_any_more = drive.reports.send(report).await;
+            plain(StatusCode::OK, "")
+        }
+        None => plain(StatusCode::BAD_REQUEST, "that is no report of a walk\n"),
     }
 }
 

@@ -1,6 +1,7 @@
 /** The page: a canvas that shows the scene from where a person walks, and panels beside it. */
 
 import "./page.css";
+import { drive } from "./drive/drive.ts";
 import { showPanels } from "./panels/app.tsx";
 import { Service } from "./service/service.ts";
 import { Viewer } from "./viewer/viewer.ts";
@@ -25,6 +26,9 @@ async function begin(): Promise<void> {
     const viewer = new Viewer(canvas, scene, service);
     window.trimaran = viewer;
     showPanels(panels, viewer);
+    if (location.hash === "#drive") {
+      await drive(viewer, service);
+    }
   } catch (error) {
     const status = document.createElement("p");
     status.id = "status";

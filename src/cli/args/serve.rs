@@ -42,6 +42,12 @@ pub(crate) struct ViewArgs {
     /// Print the page's address, and leave opening it to you.
     #[arg(long)]
     pub(crate) no_browser: bool,
+    /// Let the page walk along a camera path by itself, print how it fared, and end.
+    #[arg(long, value_name = "PATH.json")]
+    pub(crate) drive: Option<PathBuf>,
+    /// Print how the page fared as JSON.
+    #[arg(long, requires = "drive")]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
     #[command(flatten)]

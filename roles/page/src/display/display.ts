@@ -33,6 +33,8 @@ export interface DisplayOptions {
 /** A set of drawables that a culler has found for a camera. */
 interface FoundSet {
   readonly camera: Camera;
+  /** When the camera was published. */
+  readonly posed: number;
   readonly ids: Uint32Array;
   lacking: Uint32Array;
 }
@@ -42,6 +44,8 @@ export interface Shown {
   /** The camera for which it was found. */
   readonly camera: Camera;
   readonly drawables: readonly DrawableRecord[];
+  /** When that was published, by `performance.now()`. */
+  readonly posed: number;
   /** Nothing stands in for anything. */
   readonly isExact: boolean;
 }
@@ -181,8 +185,9 @@ export class Display {
       throw new WireError(fault);
     }
     const camera = decodeCamera(frame.header);
-    const asked = this.#asked.get(camera.frame);
-    this.#latency = asked === undefined ? this.#latency : performance.now() - asked;
+    const now = performance.now();
+    const posed = this.#asked.get(camera.frame) ?? now;
+    this.#latency = now - posed;
     for (const number of this.#asked.keys()) {
       if (number <= camera.frame) {
         this.#asked.delete(number);
@@ -192,7 +197,7 @@ export class Display {
     if (lacking.length > 0) {
       this.#say(lacks(camera.frame, this.#taken, lacking.slice().sort()));
     }
-    this.#waiting.push({ camera, ids: frame.ids, lacking });
+    this.#waiting.push({ camera, posed, ids: frame.ids, lacking });
     if (this.#waiting.length > WAITING) {
       this.#waiting.splice(WAITING / 2, 1);
     }
@@ -219,14 +224,14 @@ export class Display {
       if (ids === undefined) {
         continue;
       }
-      this.#show(set.camera, ids, isExact);
+      this.#show(set, ids, isExact);
       // A set that is not all there yet is shown again.
       this.#waiting.splice(0, isExact ? at + 1 : at);
       return;
     }
   }
 
-  #show(camera: Camera, ids: Iterable<number>, isExact: boolean): void {
+  #show({ camera, posed }: FoundSet, ids: Iterable<number>, isExact: boolean): void {
     const drawables: DrawableRecord[] = [];
     for (const id of ids) {
       const record = this.#holdings.record(id);
@@ -234,7 +239,7 @@ export class Display {
         drawables.push(record);
       }
     }
-    this.#shown = { camera, drawables, isExact };
+    this.#shown = { camera, posed, drawables, isExact };
     const gone = this.#holdings.use(drawables);
     if (gone.length > 0) {
       for (const set of this.#waiting) {

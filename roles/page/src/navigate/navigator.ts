@@ -2,36 +2,68 @@
 
 import { signal } from "@preact/signals";
 import type { SceneDescription, Service } from "../service/service.ts";
-import { Fly, type Point } from "./fly.ts";
+import { Gaze, type Point } from "./gaze.ts";
+import { Ground } from "./ground.ts";
+import { addGamepad, Keys, type Motion, still } from "./motion.ts";
+import { Walk } from "./walk.ts";
+
+/** On the ground, or freely through everything. */
+export type Mode = "walk" | "fly";
+
+/** How fast the eye turns with the keys, radians a second. */
+const TURN = 1.6;
+/** Radians a pixel of the mouse. */
+const MOUSE = 0.003;
+/** Longest step in time, seconds: a page that was in the background does not jump. */
+const LONGEST = 0.1;
+/** Who runs is so much faster. */
+const FASTER = 4;
+/** Metres a second, of a person whose eye is at 1.7 m. */
+const STROLL = 1.4 / 1.7;
+/** Vertical fields of view, degrees. */
+const NARROWEST = 20;
+const WIDEST = 100;
 
 export class Navigator {
-  readonly #fly: Fly;
+  readonly #gaze: Gaze;
+  readonly #keys = new Keys();
+  readonly #ground: Ground;
+  readonly #walk: Walk;
+  #eye: Point;
+  readonly mode = signal<Mode>("walk");
+  /** Vertical field of view, degrees. */
   readonly vfov = signal(0);
   /** Metres a second. */
   readonly speed = signal(0);
+  /** Keys and mouse do nothing. */
+  isHeld = false;
   /** Something has moved the eye since the last step. */
   #hasMoved = true;
 
-  constructor(canvas: HTMLCanvasElement, scene: SceneDescription, _service: Service) {
+  constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Pick<Service, "tile">) {
     const { eye, forward } = scene.start;
-    this.#fly = new Fly([...eye], [...forward], (1.4 * scene.eyeHeight) / 1.7);
+    this.#eye = [...eye];
+    this.#gaze = new Gaze([...forward]);
+    this.#ground = new Ground(service, scene.tileSide);
+    this.#walk = new Walk(this.#eye, scene.eyeHeight);
+    this.mode.value = scene.hasFloors ? "walk" : "fly";
     this.vfov.value = scene.vfovDeg;
-    this.speed.value = this.#fly.speed;
+    this.speed.value = STROLL * scene.eyeHeight;
     this.#listen(canvas);
   }
 
-  get eye(): Point {
-    return this.#fly.eye;
+  get eye(): Readonly<Point> {
+    return this.#eye;
   }
 
   /** Camera to world, a unit quaternion. */
   get orientation(): [number, number, number, number] {
-    return this.#fly.orientation;
+    return this.#gaze.orientation;
   }
 
   /** Which way the eye looks, a unit vector of the world. */
   get forward(): Point {
-    return this.#fly.forward;
+    return this.#gaze.forward;
   }
 
   /** Vertical field of view, degrees. */
@@ -41,41 +73,132 @@ export class Navigator {
 
   /** Moves for so many seconds. Gives whether the eye has moved since the last step. */
   step(seconds: number): boolean {
-    const hasMoved = this.#fly.step(seconds) || this.#hasMoved;
+    const isMoved = !this.isHeld && this.#move(Math.min(seconds, LONGEST));
+    const hasMoved = this.#hasMoved || isMoved;
     this.#hasMoved = false;
     return hasMoved;
   }
 
-  /** Puts the eye at a place, and lets it look along `forward`. */
-  goTo(eye: Point, forward: Point): void {
-    this.#fly.place(eye, forward);
+  setMode(mode: Mode): void {
+    this.mode.value = mode;
+    this.#walk.place(this.#eye);
+  }
+
+  setVfov(degrees: number): void {
+    this.vfov.value = Math.max(NARROWEST, Math.min(WIDEST, degrees));
     this.#hasMoved = true;
+  }
+
+  /** Faster by so many steps. */
+  hasten(steps: number): void {
+    this.speed.value = Math.min(1000, Math.max(0.01, this.speed.peek() * 1.2 ** steps));
+  }
+
+  /** Puts the eye at a place, and lets it look along `forward`. */
+  goTo(eye: Readonly<Point>, forward: Readonly<Point>): void {
+    this.#eye = [...eye];
+    this.#gaze.along(forward);
+    this.#walk.place(eye);
+    this.#hasMoved = true;
+  }
+
+  /** Flies to where a box, given by its corners, fills about half of the picture, and looks at it. */
+  frame(min: Readonly<Point>, max: Readonly<Point>): void {
+    const centre: Point = [(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, (min[2] + max[2]) / 2];
+    const radius = Math.hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]) / 2;
+    const distance = Math.max(radius, 1e-3) / Math.sin((this.vfovDeg * Math.PI) / 720);
+    // From the side from which it is seen now, and from a little above.
+    const [right, , back] = this.forward;
+    const level = Math.hypot(right, back) || 1;
+    const forward: Point = [(0.9 * right) / level, -0.44, (0.9 * back) / level];
+    const at = (axis: 0 | 1 | 2) => centre[axis] - (forward[axis] * distance) / Math.hypot(...forward);
+    this.mode.value = "fly";
+    this.goTo([at(0), at(1), at(2)], forward);
+  }
+
+  #move(seconds: number): boolean {
+    const motion = still();
+    this.#keys.add(motion);
+    addGamepad(motion, navigator.getGamepads());
+    if (motion.turn !== 0 || motion.tilt !== 0) {
+      this.#gaze.turn(TURN * seconds * motion.turn, TURN * seconds * motion.tilt);
+      this.#hasMoved = true;
+    }
+    const way = this.speed.peek() * seconds * (this.#keys.isFast ? FASTER : 1);
+    return this.mode.peek() === "walk" ? this.#stride(seconds, way, motion) : this.#glide(way, motion);
+  }
+
+  #stride(seconds: number, way: number, motion: Motion): boolean {
+    this.#ground.fetchAround(this.#eye[0], this.#eye[2]);
+    if (motion.up > 0) {
+      this.#walk.jump();
+    }
+    const [x, z] = this.#gaze.onGround(way * motion.ahead, way * motion.right);
+    const isMoved = this.#walk.step(seconds, x, z, this.#ground);
+    this.#eye = this.#walk.eye;
+    return isMoved;
+  }
+
+  #glide(way: number, { ahead, right, up }: Motion): boolean {
+    const [x, z] = this.#gaze.onGround(way * ahead, way * right);
+    this.#eye = [this.#eye[0] + x, this.#eye[1] + way * up, this.#eye[2] + z];
+    return ahead !== 0 || right !== 0 || up !== 0;
+  }
+
+  #look(left: number, up: number): void {
+    if (!this.isHeld) {
+      this.#gaze.turn(left, up);
+      this.#hasMoved = true;
+    }
   }
 
   #listen(canvas: HTMLCanvasElement): void {
     addEventListener("keydown", (event) => {
-      const isTyping = event.target instanceof HTMLInputElement;
-      if (!isTyping && !event.ctrlKey && !event.metaKey && this.#fly.key(event.code, true)) {
+      const isForOthers = event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target);
+      if (!isForOthers && (this.#keys.press(event.code, true) || this.#command(event.code))) {
         event.preventDefault();
       }
     });
-    addEventListener("keyup", (event) => this.#fly.key(event.code, false));
-    addEventListener("blur", () => this.#fly.release());
+    addEventListener("keyup", (event) => this.#keys.press(event.code, false));
+    addEventListener("blur", () => this.#keys.release());
     canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
     canvas.addEventListener("pointermove", (event) => {
       if (canvas.hasPointerCapture(event.pointerId)) {
-        this.#fly.look(-event.movementX, -event.movementY);
-        this.#hasMoved = true;
+        this.#look(MOUSE * event.movementX, MOUSE * event.movementY);
       }
     });
     canvas.addEventListener(
       "wheel",
       (event) => {
         event.preventDefault();
-        this.#fly.hasten(-Math.sign(event.deltaY));
-        this.speed.value = this.#fly.speed;
+        this.hasten(-Math.sign(event.deltaY));
       },
       { passive: false },
     );
   }
+
+  /** What a key does once. Gives whether it does anything. */
+  #command(code: string): boolean {
+    switch (code) {
+      case "Digit1":
+        this.setMode("walk");
+        return true;
+      case "Digit2":
+        this.setMode("fly");
+        return true;
+      case "Minus":
+        this.setVfov(this.vfovDeg + 5);
+        return true;
+      case "Equal":
+        this.setVfov(this.vfovDeg - 5);
+        return true;
+      default:
+        return false;
+    }
+  }
+}
+
+/** Whether what has the keyboard takes letters. */
+function isTyping(target: EventTarget | null): boolean {
+  return target instanceof HTMLElement && target.closest("input, select, textarea, [role=tree]") !== null;
 }

@@ -14,6 +14,8 @@ export interface SceneDescription {
   /** Whether there are floors to walk on. */
   readonly hasFloors: boolean;
   readonly eyeHeight: number;
+  /** Side of a tile of what is solid. */
+  readonly tileSide: number;
   readonly clearance: number;
   readonly vfovDeg: number;
   readonly start: { readonly eye: Point; readonly forward: Point };
@@ -46,6 +48,29 @@ export interface Parts {
   readonly parts: readonly Part[];
   /** How many there are in all. */
   readonly total: number;
+}
+
+/** A walk: poses at 30 a second. Metres and degrees. */
+export interface CameraPath {
+  readonly vfov_deg: number;
+  readonly frames: readonly { readonly eye: Point; readonly forward: Point }[];
+}
+
+/** How a walk went: `DriveReport` of `src/page/drive.rs` says what each number is. */
+export interface DriveReport {
+  readonly device: string;
+  readonly width: number;
+  readonly height: number;
+  readonly firstPictureS: number;
+  readonly exactPictureS: number;
+  readonly walkS: number;
+  readonly pictures: number;
+  readonly pictureMs: number;
+  readonly pictureP95Ms: number;
+  readonly setAgeMs: number;
+  readonly setAgeP95Ms: number;
+  readonly receivedBytes: number;
+  readonly geometryBytes: number;
 }
 
 /** The service from which the page came. Every request throws where there is no answer, and says why. */
@@ -89,12 +114,25 @@ export class Service {
     return (await this.#ask("tile", { x, z })).arrayBuffer();
   }
 
+  /** The walk that the page is to repeat. */
+  path(): Promise<CameraPath> {
+    return this.#json("drive", {});
+  }
+
+  async report(report: DriveReport): Promise<void> {
+    await this.#send(this.#url("drive", {}), { method: "POST", body: JSON.stringify(report) });
+  }
+
   async #json<T>(what: string, query: Query, signal?: AbortSignal): Promise<T> {
     return (await (await this.#ask(what, query, signal)).json()) as T;
   }
 
   async #ask(what: string, query: Query, signal?: AbortSignal): Promise<Response> {
-    const answer = await fetch(this.#url(what, query), { signal: signal ?? null });
+    return this.#send(this.#url(what, query), { signal: signal ?? null });
+  }
+
+  async #send(url: URL, request: RequestInit): Promise<Response> {
+    const answer = await fetch(url, request);
     if (!answer.ok) {
       throw new Error((await answer.text()).trim());
     }

@@ -82,6 +82,12 @@ export class Viewer {
     return this.#camera(1);
   }
 
+  /** How old the pose is for which the set was culled that is drawn now, milliseconds. */
+  get setAge(): number {
+    const { display } = this;
+    return display?.shown === undefined ? 0 : performance.now() - display.shown.posed;
+  }
+
   /** The numbers of drawables at the pixels of the picture, rows from below. */
   items(): Uint32Array {
     return this.renderer.items(this.camera, this.display?.shown?.drawables ?? []);

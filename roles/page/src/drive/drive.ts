@@ -1,0 +1,85 @@
+/** Repeats a walk by itself, and tells the service how that went: see `trimaran view --drive`. */
+
+import type { Service } from "../service/service.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+import { Samples } from "./samples.ts";
+
+/** Poses a second. */
+const RATE = 30;
+
+/** Walks along the service's path from its first pose to its last, and reports. */
+export async function drive(viewer: Viewer, service: Service): Promise<void> {
+  const { vfov_deg, frames } = await service.path();
+  const first = frames[0];
+  if (first === undefined) {
+    return;
+  }
+  const { navigator, renderer } = viewer;
+  navigator.isHeld = true;
+  navigator.vfov.value = vfov_deg;
+  navigator.goTo(first.eye, first.forward);
+  await until(() => viewer.display?.shown !== undefined);
+  const firstPictureS = performance.now() / 1000;
+  await until(() => viewer.isSettled);
+  const exactPictureS = performance.now() / 1000;
+
+  const [intervals, ages] = [new Samples(), new Samples()];
+  const pictures = viewer.pictures;
+  const begun = performance.now();
+  let [last, geometryBytes] = [begun, renderer.bytes];
+  const stop = viewer.onPicture(() => {
+    const now = performance.now();
+    intervals.add(now - last);
+    ages.add(viewer.setAge);
+    [last, geometryBytes] = [now, Math.max(geometryBytes, renderer.bytes)];
+  });
+  await each((now) => {
+    const frame = frames[Math.floor(((now - begun) * RATE) / 1000)];
+    if (frame !== undefined) {
+      navigator.goTo(frame.eye, frame.forward);
+    }
+    return frame !== undefined;
+  });
+  stop();
+  navigator.isHeld = false;
+  await service.report({
+    device: renderer.device,
+    width: viewer.canvas.width,
+    height: viewer.canvas.height,
+    firstPictureS,
+    exactPictureS,
+    walkS: (performance.now() - begun) / 1000,
+    pictures: viewer.pictures - pictures,
+    pictureMs: intervals.share(0.5),
+    pictureP95Ms: intervals.share(0.95),
+    setAgeMs: ages.share(0.5),
+    setAgeP95Ms: ages.share(0.95),
+    receivedBytes: received(viewer),
+    geometryBytes,
+  });
+  viewer.said.value = "The walk is over.";
+}
+
+function received(viewer: Viewer): number {
+  const lanes = Object.values(viewer.display?.link.bytes ?? {});
+  return lanes.reduce((sum, lane) => sum + lane.received, 0);
+}
+
+/** Waits until `holds` at the time of a picture. */
+function until(holds: () => boolean): Promise<void> {
+  return each(() => !holds());
+}
+
+/** Calls `step` before each picture, until it says no more. */
+function each(step: (now: number) => boolean): Promise<void> {
+  return new Promise((resolve) => {
+    const next = () => {
+      if (step(performance.now())) {
+        requestAnimationFrame(next);
+      } else {
+        resolve();
+      }
+    };
+    requestAnimationFrame(next);
+  });
+}

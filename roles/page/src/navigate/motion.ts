@@ -1,0 +1,88 @@
+/** What a person wants to do, whatever they say it by: keys, a gamepad. */
+
+/** From -1 to 1 each, or more where several say the same. */
+export interface Motion {
+  ahead: number;
+  right: number;
+  up: number;
+  /** To the left. */
+  turn: number;
+  /** Upwards. */
+  tilt: number;
+}
+
+export function still(): Motion {
+  return { ahead: 0, right: 0, up: 0, turn: 0, tilt: 0 };
+}
+
+/** What moves the eye while it is held, by the key's place on the keyboard. */
+const KEYS: Readonly<Record<string, readonly [keyof Motion, number]>> = {
+  KeyW: ["ahead", 1],
+  KeyS: ["ahead", -1],
+  KeyD: ["right", 1],
+  KeyA: ["right", -1],
+  KeyE: ["up", 1],
+  KeyQ: ["up", -1],
+  Space: ["up", 1],
+  KeyC: ["up", -1],
+  ArrowLeft: ["turn", 1],
+  ArrowRight: ["turn", -1],
+  ArrowUp: ["ahead", 1],
+  ArrowDown: ["ahead", -1],
+  PageUp: ["tilt", 1],
+  PageDown: ["tilt", -1],
+};
+
+/** The keys that are down. */
+export class Keys {
+  readonly #held = new Set<string>();
+
+  /** A key went down or up. Gives whether it moves the eye. */
+  press(code: string, isDown: boolean): boolean {
+    if (!(code in KEYS) && !code.startsWith("Shift")) {
+      return false;
+    }
+    if (isDown) {
+      this.#held.add(code);
+    } else {
+      this.#held.delete(code);
+    }
+    return true;
+  }
+
+  /** All keys are up: the page has lost the keyboard. */
+  release(): void {
+    this.#held.clear();
+  }
+
+  /** Whether the eye is to move faster. */
+  get isFast(): boolean {
+    return this.#held.has("ShiftLeft") || this.#held.has("ShiftRight");
+  }
+
+  /** Adds what the keys say. */
+  add(motion: Motion): void {
+    for (const code of this.#held) {
+      const [way, sign] = KEYS[code] ?? ["ahead", 0];
+      motion[way] += sign;
+    }
+  }
+}
+
+/** A stick of a gamepad that is nearer to its middle says nothing. */
+const DEAD = 0.15;
+
+/** Adds what the first gamepad says, by the standard mapping: sticks move and turn, triggers sink and rise. */
+export function addGamepad(motion: Motion, gamepads: readonly (Gamepad | null)[]): void {
+  const pad = gamepads.find((pad) => pad?.connected && pad.mapping === "standard");
+  const stick = (axis: number) => {
+    const at = pad?.axes[axis] ?? 0;
+    return Math.abs(at) < DEAD ? 0 : (at - Math.sign(at) * DEAD) / (1 - DEAD);
+  };
+  const trigger = (button: number) => pad?.buttons[button]?.value ?? 0;
+  motion.right += stick(0);
+  motion.ahead -= stick(1);
+  motion.turn -= stick(2);
+  motion.tilt -= stick(3);
+  motion.up += trigger(7) - trigger(6);
+}

@@ -1,0 +1,179 @@
+/** A body that walks: it falls, climbs stairs, and does not go through walls. */
+
+import type { Point } from "./gaze.ts";
+import type { Solid } from "./ground.ts";
+
+/** Metres, of a person whose eye is at 1.7 m. Others are as much larger or smaller. */
+const EYE = 1.7;
+const RADIUS = 0.22;
+const HEIGHT = 1.78;
+/** The highest step that is climbed. */
+const STEP = 0.45;
+const JUMP = 0.4;
+const GRAVITY = 9.81;
+const FASTEST_FALL = 30;
+/** Seconds in which the eye makes up for most of a step. */
+const SMOOTH = 0.09;
+
+export class Walk {
+  /** Where the feet are. */
+  readonly feet: Point;
+  /** Metres a second upwards. */
+  #rise = 0;
+  #isStanding = false;
+  /** How far the eye is above where it would be if it had followed the feet at once. */
+  #lag = 0;
+  /** How large the body is, in persons. */
+  readonly #scale: number;
+
+  /** A body whose eye is so high above its feet, metres, and now at `eye`. */
+  constructor(eye: Readonly<Point>, eyeHeight: number) {
+    this.#scale = eyeHeight / EYE;
+    this.feet = [eye[0], eye[1] - eyeHeight, eye[2]];
+  }
+
+  get eye(): Point {
+    return [this.feet[0], this.feet[1] + EYE * this.#scale + this.#lag, this.feet[2]];
+  }
+
+  get isStanding(): boolean {
+    return this.#isStanding;
+  }
+
+  /** Puts the eye at a place. */
+  place(eye: Readonly<Point>): void {
+    [this.feet[0], this.feet[1], this.feet[2]] = [eye[0], eye[1] - EYE * this.#scale, eye[2]];
+    [this.#rise, this.#lag, this.#isStanding] = [0, 0, false];
+  }
+
+  /** Leaves the ground, if it stands on it. */
+  jump(): void {
+    if (this.#isStanding) {
+      this.#rise = Math.sqrt(2 * GRAVITY * JUMP) * this.#scale;
+      this.#isStanding = false;
+    }
+  }
+
+  /** Goes so far along x and z, in so many seconds. Gives whether it has moved. */
+  step(seconds: number, x: number, z: number, solid: Solid): boolean {
+    const before = this.eye;
+    // No part of a way is longer than a column is wide, so nothing is stepped over.
+    const parts = Math.max(1, Math.ceil(Math.hypot(x, z) / (0.5 * solid.cell)), Math.ceil(seconds / 0.02));
+    for (let part = 0; part < parts; part += 1) {
+      this.#go(x / parts, z / parts, solid);
+      this.#fall(seconds / parts, solid);
+    }
+    this.#lag *= Math.exp(-seconds / SMOOTH);
+    if (Math.abs(this.#lag) < 1e-4 * this.#scale) {
+      this.#lag = 0;
+    }
+    return this.eye.some((coordinate, axis) => coordinate !== before[axis]);
+  }
+
+  /** Goes there, or along the wall that is in the way. */
+  #go(x: number, z: number, solid: Solid): void {
+    if (x === 0 && z === 0) {
+      return;
+    }
+    // Whoever is within something gets out of it by any way.
+    const isWithin = !this.#fits(this.feet, solid);
+    for (const [right, back] of [
+      [x, z],
+      [x, 0],
+      [0, z],
+    ] as const) {
+      const there: Point = [this.feet[0] + right, this.feet[1], this.feet[2] + back];
+      const ground = this.#groundBelow(there, solid);
+      if (ground === undefined) {
+        continue;
+      }
+      // Onto a step, if there is room for the head above it.
+      const up = Math.max(ground, there[1]);
+      if (isWithin || this.#fits([there[0], up, there[2]], solid)) {
+        const isStep = this.#isStanding && ground > there[1];
+        [this.feet[0], this.feet[2]] = [there[0], there[2]];
+        if (isStep) {
+          this.#lag -= ground - this.feet[1];
+          this.feet[1] = ground;
+        }
+        return;
+      }
+    }
+  }
+
+  /** Falls, or stands, or steps down. */
+  #fall(seconds: number, solid: Solid): void {
+    const ground = this.#groundBelow(this.feet, solid);
+    // Where there is no ground at all nobody falls for ever.
+    if (ground === undefined || ground === Number.NEGATIVE_INFINITY) {
+      [this.#rise, this.#isStanding] = [0, ground !== undefined];
+      return;
+    }
+    if (this.#isStanding && this.feet[1] - ground <= STEP * this.#scale) {
+      this.#lag += this.feet[1] - ground;
+      this.feet[1] = ground;
+      return;
+    }
+    this.#rise = Math.max(this.#rise - GRAVITY * this.#scale * seconds, -FASTEST_FALL * this.#scale);
+    const up = this.feet[1] + this.#rise * seconds;
+    if (this.#rise > 0 && !this.#fits([this.feet[0], up, this.feet[2]], solid)) {
+      this.#rise = 0;
+    } else if (up <= ground) {
+      [this.feet[1], this.#rise, this.#isStanding] = [ground, 0, true];
+    } else {
+      [this.feet[1], this.#isStanding] = [up, false];
+    }
+  }
+
+  /** Whether the body has room at a place: what it could step on is in nobody's way. */
+  #fits(feet: Readonly<Point>, solid: Solid): boolean {
+    const [low, high] = [feet[1] + STEP * this.#scale, feet[1] + HEIGHT * this.#scale];
+    return this.#columns(feet, solid, (spans) => {
+      for (let end = 0; end < spans.length; end += 2) {
+        if ((spans[end] ?? 0) < high && (spans[end + 1] ?? 0) > low) {
+          return false;
+        }
+      }
+      return true;
+    });
+  }
+
+  /**
+   * The highest surface under the body that it can step on; minus infinity where there is none, and nothing
+   * where that is not known yet.
+   */
+  #groundBelow(feet: Readonly<Point>, solid: Solid): number | undefined {
+    const reach = feet[1] + STEP * this.#scale;
+    let ground = Number.NEGATIVE_INFINITY;
+    const isKnown = this.#columns(feet, solid, (spans) => {
+      for (let end = 1; end < spans.length; end += 2) {
+        const top = spans[end] ?? ground;
+        if (top <= reach && top > ground) {
+          ground = top;
+        }
+      }
+      return true;
+    });
+    return isKnown ? ground : undefined;
+  }
+
+  /** Whether all columns under the body are known and `holds` is true of each. */
+  #columns(feet: Readonly<Point>, solid: Solid, holds: (spans: Float64Array) => boolean): boolean {
+    const radius = RADIUS * this.#scale;
+    const { cell } = solid;
+    for (let z = Math.floor((feet[2] - radius) / cell); z * cell < feet[2] + radius; z += 1) {
+      for (let x = Math.floor((feet[0] - radius) / cell); x * cell < feet[0] + radius; x += 1) {
+        // The place of the column that is nearest to the axis of the body.
+        const right = Math.max(x * cell, Math.min(feet[0], (x + 1) * cell)) - feet[0];
+        const back = Math.max(z * cell, Math.min(feet[2], (z + 1) * cell)) - feet[2];
+        if (right * right + back * back < radius * radius) {
+          const spans = solid.column((x + 0.5) * cell, (z + 0.5) * cell);
+          if (spans === undefined || !holds(spans)) {
+            return false;
+          }
+        }
+      }
+    }
+    return true;
+  }
+}

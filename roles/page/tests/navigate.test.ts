@@ -1,0 +1,245 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { Gaze } from "../src/navigate/gaze.ts";
+import { Ground, type Solid } from "../src/navigate/ground.ts";
+import { addGamepad, Keys, still } from "../src/navigate/motion.ts";
+import { Tile } from "../src/navigate/tile.ts";
+import { Walk } from "../src/navigate/walk.ts";
+
+/** Boxes on the ground: what is solid at a place, by the lower and upper ends of spans. */
+function world(spans: (x: number, z: number) => readonly number[]): Solid {
+  return { cell: 0.1, column: (x, z) => Float64Array.from(spans(x, z)) };
+}
+
+const FLOOR = [-0.2, 0];
+const isIn = (at: number, low: number, high: number) => at >= low && at < high;
+
+/** A person on a floor at the origin, who stands. */
+function person(solid: Solid): Walk {
+  const walk = new Walk([0, 1.7, 0], 1.7);
+  walk.step(0.1, 0, 0, solid);
+  assert.ok(walk.isStanding);
+  return walk;
+}
+
+/** Walks towards +x at 1.4 m/s for so many seconds, at 20 pictures a second. */
+function ahead(walk: Walk, seconds: number, solid: Solid): void {
+  for (let time = 0; time < seconds; time += 0.05) {
+    walk.step(0.05, 1.4 * 0.05, 0, solid);
+  }
+}
+
+test("a person walks on a floor, and the eye stays at its height", () => {
+  const solid = world(() => FLOOR);
+  const walk = person(solid);
+  ahead(walk, 2, solid);
+  assert.ok(Math.abs(walk.feet[0] - 2.8) < 0.1, `${walk.feet}`);
+  assert.equal(walk.eye[1], 1.7);
+  assert.equal(walk.step(0.05, 0, 0, solid), false);
+});
+
+test("a wall stops who walks against it, and who walks along it slides", () => {
+  const solid = world((x) => (isIn(x, 2, 2.2) ? [...FLOOR, 0, 3] : FLOOR));
+  const walk = person(solid);
+  ahead(walk, 5, solid);
+  assert.ok(isIn(walk.feet[0], 1.6, 2 - 0.22 + 1e-9), `${walk.feet}`);
+  for (let part = 0; part < 20; part += 1) {
+    walk.step(0.05, 0.05, 0.05, solid);
+  }
+  assert.ok(walk.feet[0] < 1.8 && walk.feet[2] > 0.9, `${walk.feet}`);
+});
+
+test("stairs of 20 and of 40 cm are climbed, a wall of 60 cm is not", () => {
+  for (const [rise, expected] of [
+    [0.2, 2],
+    [0.4, 4],
+    [0.6, 0],
+  ] as const) {
+    const stairs = world((x) => [-0.2, Math.max(0, Math.min(10, Math.ceil((x - 1) / 0.35))) * rise]);
+    const walk = person(stairs);
+    ahead(walk, 6, stairs);
+    assert.ok(Math.abs(walk.feet[1] - expected) < 1e-9, `${rise}: ${walk.feet}`);
+    assert.ok(Math.abs(walk.eye[1] - walk.feet[1] - 1.7) < 0.3, `${rise}: ${walk.eye}`);
+    // And down again, without a fall.
+    for (let time = 0; time < 8 && expected > 0; time += 0.05) {
+      walk.step(0.05, -1.4 * 0.05, 0, stairs);
+      assert.ok(walk.isStanding);
+    }
+    assert.ok(Math.abs(walk.feet[1]) < 1e-9, `${rise}: ${walk.feet}`);
+  }
+});
+
+test("a door of 80 cm lets a person through, one of 30 cm or below the head does not", () => {
+  for (const [width, height, passes] of [
+    [0.8, 2, true],
+    [0.3, 2, false],
+    [0.8, 1.5, false],
+  ] as const) {
+    const solid = world((x, z) => {
+      const isDoor = Math.abs(z) < width / 2;
+      return isIn(x, 2, 2.2) ? (isDoor ? [...FLOOR, height, 3] : [...FLOOR, 0, 3]) : FLOOR;
+    });
+    const walk = person(solid);
+    ahead(walk, 5, solid);
+    assert.equal(walk.feet[0] > 3, passes, `${width} x ${height}: ${walk.feet}`);
+  }
+});
+
+test("who walks over an edge falls, and lands where the ground is", () => {
+  const solid = world((x) => (x < 1 ? FLOOR : [-5.2, -5]));
+  const walk = person(solid);
+  ahead(walk, 1.2, solid);
+  assert.ok(!walk.isStanding && walk.feet[1] < 0);
+  ahead(walk, 2, solid);
+  assert.ok(walk.isStanding);
+  assert.equal(walk.feet[1], -5);
+});
+
+test("without any ground nobody falls, and where it is not known yet nobody goes", () => {
+  const nothing = world(() => []);
+  const walk = new Walk([0, 1.7, 0], 1.7);
+  walk.step(3, 0, 0, nothing);
+  assert.equal(walk.feet[1], 0);
+  const edge: Solid = { cell: 0.1, column: (x) => (x < 1 ? Float64Array.from(FLOOR) : undefined) };
+  const waits = person(edge);
+  ahead(waits, 3, edge);
+  assert.ok(waits.feet[0] < 1 && waits.feet[1] === 0, `${waits.feet}`);
+});
+
+test("a jump is 40 cm high, and a ceiling ends it", () => {
+  for (const [ceiling, most] of [
+    [9, 0.4],
+    [1.9, 0.13],
+  ] as const) {
+    const solid = world(() => [...FLOOR, ceiling, ceiling + 1]);
+    const walk = person(solid);
+    walk.jump();
+    let highest = 0;
+    for (let time = 0; time < 1.5; time += 0.01) {
+      walk.step(0.01, 0, 0, solid);
+      highest = Math.max(highest, walk.feet[1]);
+    }
+    assert.ok(isIn(highest, most - 0.06, most + 0.01), `${ceiling}: ${highest}`);
+    assert.equal(walk.feet[1], 0);
+  }
+});
+
+test("who begins within something gets out of it", () => {
+  const solid = world((x) => (x < 1 ? [...FLOOR, 0, 3] : FLOOR));
+  const walk = new Walk([0, 1.7, 0], 1.7);
+  ahead(walk, 3, solid);
+  assert.ok(walk.feet[0] > 1.5, `${walk.feet}`);
+});
+
+test("no way leads through walls, whatever is wanted and however long a picture takes", () => {
+  // A room of 4 by 4 metres with a pillar and a step in it.
+  const solid = world((x, z) => {
+    const isWall = Math.abs(x) > 2 || Math.abs(z) > 2 || (isIn(x, 0.5, 0.8) && isIn(z, 0.5, 0.8));
+    return isWall ? [-0.2, 3] : [-0.2, isIn(x, -2, -1) ? 0.3 : 0];
+  });
+  let seed = 7;
+  const random = () => {
+    seed = (seed * 48271) % 0x7fff_ffff;
+    return seed / 0x7fff_ffff;
+  };
+  const walk = person(solid);
+  for (let picture = 0; picture < 3000; picture += 1) {
+    const [x, z] = [6 * (random() - 0.5), 6 * (random() - 0.5)];
+    if (random() < 0.1) {
+      walk.jump();
+    }
+    walk.step(0.1 * random(), x, z, solid);
+    const [at, up, back] = walk.feet;
+    assert.ok(Math.abs(at) <= 1.79 && Math.abs(back) <= 1.79 && up >= 0, `${picture}: ${walk.feet}`);
+    assert.ok(Math.hypot(at - 0.65, back - 0.65) > 0.36, `${picture}: ${walk.feet} is within the pillar`);
+  }
+});
+
+test("a small person walks in a small world", () => {
+  const solid: Solid = {
+    cell: 0.001,
+    column: (x) => Float64Array.from(isIn(x, 0.02, 0.022) ? [0, 0.03] : [-1, 0]),
+  };
+  const walk = new Walk([0, 0.017, 0], 0.017);
+  for (let time = 0; time < 5; time += 0.05) {
+    walk.step(0.05, 0.014 * 0.05, 0, solid);
+  }
+  assert.ok(isIn(walk.feet[0], 0.016, 0.0179), `${walk.feet}`);
+});
+
+test("a tile tells its columns' spans, and what is none is refused", () => {
+  const bytes = new ArrayBuffer(36 + 2 * 4 + 4 * 3);
+  const view = new DataView(bytes);
+  for (const [at, number] of [
+    [0, 1000],
+    [8, -2000],
+    [16, -0.5],
+  ] as const) {
+    view.setFloat64(at, number, true);
+  }
+  view.setFloat32(24, 0.5, true);
+  view.setFloat32(28, 0.25, true);
+  view.setUint32(32, 2, true);
+  // Nothing, one span, two, nothing.
+  for (const [index, word] of [0, 1, 0, 2, 2, 1, 2, 4, 40, 0].entries()) {
+    view.setUint16(36 + 2 * index, word, true);
+  }
+  const tile = new Tile(bytes);
+  assert.deepEqual([...tile.column(1000.1, -2000)], []);
+  assert.deepEqual([...tile.column(1000.6, -1999.9)], [-0.5, 0]);
+  assert.deepEqual([...tile.column(1000.2, -1999.4)], [-0.25, 0, 0.5, 9.5]);
+  assert.deepEqual([...tile.column(1000.9, -1999.1)], []);
+  assert.throws(() => new Tile(bytes.slice(0, 44)), RangeError);
+  view.setUint32(32, 1 << 20, true);
+  assert.throws(() => new Tile(bytes), RangeError);
+});
+
+test("the ground is asked for once, and again where it did not come", async () => {
+  const asked: string[] = [];
+  const service = {
+    tile: (x: number, z: number) => {
+      asked.push(`${x},${z}`);
+      return Promise.reject(new Error("gone"));
+    },
+  };
+  const ground = new Ground(service, 6.4);
+  assert.ok(Math.abs(ground.cell - 0.1) < 1e-15);
+  assert.equal(ground.column(-0.1, 7), undefined);
+  assert.equal(ground.column(-0.1, 7), undefined);
+  assert.deepEqual(asked, ["-1,1"]);
+  ground.fetchAround(-0.1, 7);
+  assert.equal(asked.length, 9);
+});
+
+test("keys and a gamepad say what a person wants", () => {
+  const keys = new Keys();
+  assert.ok(keys.press("KeyW", true) && keys.press("ShiftLeft", true) && !keys.press("KeyX", true));
+  const motion = still();
+  keys.add(motion);
+  assert.deepEqual([motion.ahead, keys.isFast], [1, true]);
+  const buttons = Array.from({ length: 8 }, (_, index) => ({ value: index === 7 ? 1 : 0 }));
+  const pad = {
+    connected: true,
+    mapping: "standard",
+    axes: [0.1, -1, 0.575, 0],
+    buttons,
+  } as unknown as Gamepad;
+  const padded = still();
+  addGamepad(padded, [null, pad]);
+  assert.ok(Math.abs(padded.turn + 0.5) < 1e-12, `${padded.turn}`);
+  assert.deepEqual([padded.ahead, padded.right, padded.up], [1, 0, 1]);
+  keys.release();
+  const none = still();
+  keys.add(none);
+  assert.deepEqual(none, still());
+});
+
+test("a gaze never looks straight up, and its quaternion has length one", () => {
+  const gaze = new Gaze([0, 0, -1]);
+  assert.deepEqual(gaze.onGround(1, 0), [0, -1]);
+  gaze.turn(0.3, 300);
+  assert.ok(gaze.pitch < Math.PI / 2 && gaze.forward[1] > 0.99);
+  assert.ok(Math.abs(Math.hypot(...gaze.orientation) - 1) < 1e-12);
+  gaze.along([0, 0, 0]);
+  assert.ok(gaze.forward.every(Number.isFinite));
+});
