@@ -19,7 +19,17 @@ export function cameraAt(eye: Point, tanHalfFov = 0.5, near = 0.1): Camera {
 /** A drawable of the piece with its own number. Its node's box is a point, which only orders it. */
 export function drawableAt(id: number, origin: Point, more: Partial<Drawable> = {}): Drawable {
   const box = { worldMin: origin, worldMax: origin };
-  return { id, object: 1000 + id, geometry: id, origin, linear: UPRIGHT, sides: 0, ...box, ...more };
+  return {
+    id,
+    object: 1000 + id,
+    objects: 1,
+    geometry: id,
+    origin,
+    linear: UPRIGHT,
+    sides: 0,
+    ...box,
+    ...more,
+  };
 }
 
 /** A normal as it travels: the wire's page says how it is folded. */

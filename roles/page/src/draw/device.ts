@@ -1,9 +1,10 @@
 /** All that a context of WebGL2 holds. It goes with the context, and is made anew with the next one. */
 
+import { ObjectSet } from "../proto/objectSet.ts";
 import { GeometryArena } from "./arena.ts";
 import { Batch } from "./batch.ts";
 import { type Features, featuresOf } from "./features.ts";
-import type { Camera, Drawable } from "./model.ts";
+import type { Camera, Drawable, Look } from "./model.ts";
 import { Program } from "./program.ts";
 import {
   BACKGROUND_FRAGMENT,
@@ -16,6 +17,8 @@ import {
 import { Target } from "./target.ts";
 import { View } from "./view.ts";
 
+/** How much of what is see-through shows. */
+const SEE_THROUGH = 0.25;
 /** No drawable has this number. */
 export const NOTHING = 0xffff_ffff;
 const NO_ITEM = [NOTHING, 0, 0, 0];
@@ -40,6 +43,7 @@ export class Device {
   readonly #pictureTarget: Target;
   #itemTarget: Target | undefined;
   #pickTarget: Target | undefined;
+  #seeThroughBatch: Batch | undefined;
 
   constructor(gl: WebGL2RenderingContext, options: DeviceOptions) {
     this.#gl = gl;
@@ -57,16 +61,21 @@ export class Device {
   }
 
   /** Draws onto the canvas. */
-  draw(camera: Camera, drawables: readonly Drawable[]): void {
+  draw(camera: Camera, drawables: readonly Drawable[], look: Look): void {
     const gl = this.#gl;
+    const { opaque, seeThrough } = apart(drawables, look.seeThrough);
     const { width, height } = gl.canvas;
     this.#pictureTarget.begin(width, height);
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.#view.set(camera, width, height);
     this.#picture.use();
     this.#setUp(this.#picture);
-    this.#drawAll(this.#picture, this.batch, camera, drawables);
+    this.#prepare(this.#picture);
+    this.batch.draw(camera.eye, this.#view, opaque, this.arena, this.#picture, look.highlighted);
     this.#drawBackground();
+    if (seeThrough.length > 0) {
+      this.#drawSeeThrough(camera, seeThrough, look);
+    }
     this.#pictureTarget.show();
   }
 
@@ -102,10 +111,27 @@ export class Device {
     gl.clearBufferuiv(gl.COLOR, 0, NO_ITEM);
     this.#view.set(camera, gl.canvas.width, gl.canvas.height);
     this.#item.use();
-    this.#drawAll(this.#item, this.#itemBatch, camera, drawables);
+    this.#prepare(this.#item);
+    const { arena } = this;
+    this.#itemBatch.draw(camera.eye, this.#view, drawables, arena, this.#item, ObjectSet.EMPTY);
   }
 
-  #drawAll(program: Program, batch: Batch, { eye }: Camera, drawables: readonly Drawable[]): void {
+  /** Over what is drawn already. None of them hides another one. */
+  #drawSeeThrough({ eye }: Camera, drawables: readonly Drawable[], { highlighted }: Look): void {
+    const gl = this.#gl;
+    this.#picture.use();
+    gl.depthFunc(this.features.depth === "reversed" ? gl.GREATER : gl.LESS);
+    gl.depthMask(false);
+    gl.enable(gl.BLEND);
+    gl.blendColor(0, 0, 0, SEE_THROUGH);
+    gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
+    this.#seeThroughBatch ??= new Batch(gl, this.features);
+    this.#seeThroughBatch.draw(eye, this.#view, drawables, this.arena, this.#picture, highlighted);
+    gl.disable(gl.BLEND);
+    gl.depthMask(true);
+  }
+
+  #prepare(program: Program): void {
     const gl = this.#gl;
     const isReversed = this.features.depth === "reversed";
     gl.enable(gl.DEPTH_TEST);
@@ -115,7 +141,6 @@ export class Device {
     gl.clear(gl.DEPTH_BUFFER_BIT);
     gl.uniform2f(program.at("scale"), 1 / this.#view.tanX, 1 / this.#view.tanY);
     gl.uniform1f(program.at("near"), this.#view.near);
-    batch.draw(eye, this.#view, drawables, this.arena, program);
   }
 
   /** Where nothing else is. It comes last: so it is not worked out for what is covered. */
@@ -138,4 +163,19 @@ export class Device {
       view.along(2, 0, 1, 0),
     );
   }
+}
+
+/** Drawables of objects that are see-through, and all others. */
+function apart(
+  drawables: readonly Drawable[],
+  objects: ObjectSet,
+): { readonly opaque: readonly Drawable[]; readonly seeThrough: readonly Drawable[] } {
+  if (objects.isEmpty) {
+    return { opaque: drawables, seeThrough: [] };
+  }
+  const isThrough = ({ object }: Drawable) => objects.has(object);
+  return {
+    opaque: drawables.filter((drawable) => !isThrough(drawable)),
+    seeThrough: drawables.filter(isThrough),
+  };
 }

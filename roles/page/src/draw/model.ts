@@ -1,6 +1,7 @@
 /** What the renderer needs of what the wire brings. */
 
 import type { Camera as WireCamera } from "../proto/camera.ts";
+import { ObjectSet } from "../proto/objectSet.ts";
 import type { Piece } from "../proto/piece.ts";
 import type { DrawableRecord } from "../proto/records.ts";
 
@@ -10,8 +11,19 @@ export type Mesh = Pick<Piece, "vertices" | "indices">;
 /** A piece of geometry at its place in the world. It is drawn in the order of its box. */
 export type Drawable = Pick<
   DrawableRecord,
-  "id" | "object" | "geometry" | "origin" | "linear" | "sides" | "worldMin" | "worldMax"
+  "id" | "object" | "objects" | "geometry" | "origin" | "linear" | "sides" | "worldMin" | "worldMax"
 >;
+
+/** How some objects are drawn otherwise than others. */
+export interface Look {
+  /** They are drawn in another colour. */
+  readonly highlighted: ObjectSet;
+  /** The rest shines through them. */
+  readonly seeThrough: ObjectSet;
+}
+
+/** All objects as they are. */
+export const PLAIN: Look = { highlighted: ObjectSet.EMPTY, seeThrough: ObjectSet.EMPTY };
 
 /** Where the picture is seen from. */
 export type Camera = Pick<WireCamera, "eye" | "orientation" | "tanHalfFov" | "near">;

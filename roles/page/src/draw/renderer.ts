@@ -3,7 +3,7 @@
 import type { Drawn } from "./batch.ts";
 import { Device, NOTHING } from "./device.ts";
 import type { Depth, DrawNumber } from "./features.ts";
-import type { Camera, Drawable, Mesh } from "./model.ts";
+import { type Camera, type Drawable, type Look, type Mesh, PLAIN } from "./model.ts";
 
 export { NOTHING } from "./device.ts";
 
@@ -27,7 +27,8 @@ export interface PictureStats extends Readonly<Drawn> {
 /** What shows at a pixel. */
 export interface Picked {
   readonly drawable: number;
-  readonly object: number;
+  /** Nothing where it shows several. */
+  readonly object: number | undefined;
   /** Metres from the eye, along the direction in which the camera looks. */
   readonly depth: number;
 }
@@ -39,7 +40,9 @@ export class Renderer {
   /** Nothing while the context is lost. */
   #device: Device | undefined;
   readonly #stats = { calls: 0, drawables: 0, triangles: 0, milliseconds: 0 };
-  #last: { readonly camera: Camera; readonly drawables: readonly Drawable[] } | undefined;
+  #last:
+    | { readonly camera: Camera; readonly drawables: readonly Drawable[]; readonly look: Look }
+    | undefined;
   readonly depth: Depth;
   readonly drawNumber: DrawNumber;
   /** What draws, in the words of its driver. */
@@ -116,10 +119,10 @@ export class Renderer {
   }
 
   /** Draws what of `drawables` has its geometry here, onto the canvas. */
-  draw(camera: Camera, drawables: readonly Drawable[]): void {
+  draw(camera: Camera, drawables: readonly Drawable[], look: Look = PLAIN): void {
     const begun = performance.now();
-    this.#last = { camera, drawables };
-    this.#device?.draw(camera, drawables);
+    this.#last = { camera, drawables, look };
+    this.#device?.draw(camera, drawables, look);
     Object.assign(this.#stats, this.#device?.batch.drawn);
     this.#stats.milliseconds = performance.now() - begun;
   }
@@ -132,10 +135,17 @@ export class Renderer {
     if (this.#device === undefined || this.#last === undefined || !isInside) {
       return undefined;
     }
-    const { camera, drawables } = this.#last;
-    const [id, depth] = this.#device.pick(camera, drawables, column, row);
-    const drawable = drawables.find((one) => one.id === id);
-    return drawable && { drawable: id, object: drawable.object, depth };
+    const { camera, drawables, look } = this.#last;
+    // What is see-through is picked where nothing else is.
+    const opaque = drawables.filter((one) => !look.seeThrough.has(one.object));
+    for (const candidates of look.seeThrough.isEmpty ? [drawables] : [opaque, drawables]) {
+      const [id, depth] = this.#device.pick(camera, candidates, column, row);
+      const drawable = candidates.find((one) => one.id === id);
+      if (drawable !== undefined) {
+        return { drawable: id, object: drawable.objects === 1 ? drawable.object : undefined, depth };
+      }
+    }
+    return undefined;
   }
 
   /** The number of the drawable at each pixel, rows from below; `NOTHING` where there is none. */

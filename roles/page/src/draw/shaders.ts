@@ -3,7 +3,7 @@
 import type { Depth, DrawNumber } from "./features.ts";
 import { COLOUR, NORMAL, POSITION } from "./page.ts";
 
-/** Texels of a drawable: three rows of its matrix, and its number. */
+/** Texels of a drawable: three rows of its matrix, and one with its number and whether it is highlighted. */
 export const TEXELS = 4;
 /** Drawables in a row of the texture that holds them. */
 export const PER_ROW = 256;
@@ -58,6 +58,7 @@ export function pictureVertex(number: DrawNumber, depth: Depth): string {
 uniform vec3 up;
 flat out vec3 tone;
 const vec3 KEY = vec3(0.36, 0.48, 0.80);
+const vec3 HIGHLIGHT = vec3(1.0, 0.55, 0.10);
 ${UNFOLDED}
 
 void main() {
@@ -76,7 +77,7 @@ void main() {
   float grey = dot(colour.rgb, vec3(0.299, 0.587, 0.114));
   vec3 calm = mix(vec3(grey), colour.rgb, 0.82) * 0.93 + 0.03;
   // sRGB is near a power law: the product of the encoded is the encoded product.
-  tone = calm * sqrt(light);
+  tone = mix(calm, HIGHLIGHT, 0.7 * texel(3).y) * sqrt(light);
   gl_Position = clip(view);
 }`;
 }

@@ -38,6 +38,11 @@ export class ObjectSet {
     return new ObjectSet(runs);
   }
 
+  /** The objects from `first` to before `end`. */
+  static run(first: number, end: number): ObjectSet {
+    return first < end ? new ObjectSet([{ first, end }]) : ObjectSet.EMPTY;
+  }
+
   static read(reader: Reader): ObjectSet {
     const runs: Run[] = [];
     let least = 0;
@@ -64,6 +69,44 @@ export class ObjectSet {
 
   get isEmpty(): boolean {
     return this.runs.length === 0;
+  }
+
+  get size(): number {
+    return this.runs.reduce((sum, { first, end }) => sum + end - first, 0);
+  }
+
+  /** The objects of this set and those of the other one. */
+  union(other: ObjectSet): ObjectSet {
+    return this.#combine(other, (here, there) => here || there);
+  }
+
+  /** The objects of this set that are not in the other one. */
+  minus(other: ObjectSet): ObjectSet {
+    return this.#combine(other, (here, there) => here && !there);
+  }
+
+  /** Whether all objects of the other set are in this one. */
+  covers(other: ObjectSet): boolean {
+    return other.minus(this).isEmpty;
+  }
+
+  /** Goes through the places where one of two sets begins or ends. */
+  #combine(other: ObjectSet, isIn: (here: boolean, there: boolean) => boolean): ObjectSet {
+    const edges = [this, other].flatMap((set) => set.runs.flatMap(({ first, end }) => [first, end]));
+    const runs: { first: number; end: number }[] = [];
+    const places = [...new Set(edges)].sort((a, b) => a - b);
+    for (const [index, first] of places.entries()) {
+      const end = places[index + 1];
+      if (end !== undefined && isIn(this.has(first), other.has(first))) {
+        const last = runs.at(-1);
+        if (last?.end === first) {
+          last.end = end;
+        } else {
+          runs.push({ first, end });
+        }
+      }
+    }
+    return new ObjectSet(runs);
   }
 
   has(object: number): boolean {

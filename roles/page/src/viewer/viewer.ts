@@ -2,6 +2,7 @@
 
 import { effect, signal } from "@preact/signals";
 import type { Display } from "../display/display.ts";
+import type { Drawable } from "../draw/model.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
 import { Navigator } from "../navigate/navigator.ts";
 import type { Camera } from "../proto/camera.ts";
@@ -56,6 +57,7 @@ export class Viewer {
     effect(() => {
       this.display?.change(this.view.current.value);
       this.#isMoved = true;
+      this.redraw();
     });
     effect(() => {
       this.selected.value;
@@ -151,7 +153,14 @@ export class Viewer {
     }
     if (hasMoved || display.shown !== this.#drawn) {
       const camera = this.#camera(1);
-      this.renderer.draw(camera, display.shown?.drawables ?? []);
+      const { hidden, isolated, seeThrough } = this.view.current.peek();
+      const shown = display.shown?.drawables ?? [];
+      // What is shown may have been found before something was hidden.
+      const isDrawn = ({ object, objects }: Drawable) =>
+        objects > 1 || !(hidden.has(object) || isolated?.has(object) === false);
+      const isPlain = hidden.isEmpty && isolated === undefined;
+      const look = { seeThrough, highlighted: this.selected.peek() };
+      this.renderer.draw(camera, isPlain ? shown : shown.filter(isDrawn), look);
       this.#drawn = display.shown;
       this.pictures += 1;
       for (const overlay of this.#overlays) {

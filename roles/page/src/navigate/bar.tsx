@@ -1,0 +1,78 @@
+/** How a person moves: the mode, the speed, the field of view, and which keys there are. */
+
+import { useRef } from "preact/hooks";
+import type { Mode, Navigator } from "./navigator.ts";
+
+const MODES: readonly (readonly [Mode, string, string])[] = [
+  ["walk", "Walk", "1"],
+  ["fly", "Fly", "2"],
+];
+
+/** What keys, mouse and fingers do. */
+const HELP: readonly (readonly [string, string])[] = [
+  ["W A S D, arrows", "walk, and turn"],
+  ["mouse or finger, dragged", "look around"],
+  ["Shift", "faster"],
+  ["wheel", "speed"],
+  ["Space", "jump; fly up"],
+  ["E, Q", "fly up and down"],
+  ["PageUp, PageDown", "look up and down"],
+  ["1, 2", "walk, fly"],
+  ["+, −", "field of view"],
+  ["click", "pick an object; with Ctrl one more"],
+  ["F, H, I, X", "go there, hide, isolate, see-through"],
+  ["Shift+H", "show all"],
+  ["Ctrl+Z, Ctrl+Y", "undo, redo"],
+  ["/", "search"],
+  ["T", "the model as a tree"],
+  ["Escape", "pick nothing"],
+];
+
+export function NavigationBar({ navigator }: { readonly navigator: Navigator }) {
+  const help = useRef<HTMLDialogElement>(null);
+  return (
+    <div class="panel bar navigation" role="toolbar" aria-label="Moving">
+      {MODES.map(([mode, label, key]) => (
+        <button
+          type="button"
+          key={mode}
+          title={`${label} (${key})`}
+          aria-pressed={navigator.mode.value === mode}
+          onClick={() => navigator.setMode(mode)}
+        >
+          {label}
+        </button>
+      ))}
+      <span>{Number(navigator.speed.value.toPrecision(2))} m/s</span>
+      <label>
+        View{" "}
+        <input
+          type="range"
+          min={20}
+          max={100}
+          value={navigator.vfov.value}
+          aria-label="Vertical field of view in degrees"
+          onInput={(event) => navigator.setVfov(event.currentTarget.valueAsNumber)}
+        />
+      </label>
+      <button type="button" aria-label="Keys" onClick={() => help.current?.showModal()}>
+        ?
+      </button>
+      <dialog ref={help} aria-label="Keys">
+        <table>
+          <tbody>
+            {HELP.map(([keys, what]) => (
+              <tr key={keys}>
+                <th scope="row">{keys}</th>
+                <td>{what}</td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+        <form method="dialog">
+          <button type="submit">Close</button>
+        </form>
+      </dialog>
+    </div>
+  );
+}

@@ -1,0 +1,67 @@
+/** The commands of objects, for buttons and keys alike. */
+
+import type { ObjectSet } from "../proto/objectSet.ts";
+import type { PartDetails } from "../service/service.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+import { type Change, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
+import type { Selection } from "./selection.ts";
+
+export interface Command {
+  readonly label: string;
+  /** As it stands on a keyboard. */
+  readonly key: string;
+  readonly run: () => void;
+  readonly isPossible: () => boolean;
+}
+
+/** What can be done to what is picked, and to the view. */
+export function commandsOf(viewer: Viewer, selection: Selection): readonly Command[] {
+  const { view, selected } = viewer;
+  const hasSelection = () => !selected.value.isEmpty;
+  const change = (make: (objects: ObjectSet) => Change) => () => view.change(make(selected.peek()));
+  return [
+    {
+      label: "Go there",
+      key: "F",
+      run: () => goTo(viewer, selection.details.peek()),
+      isPossible: hasSelection,
+    },
+    {
+      label: "Hide",
+      key: "H",
+      run: () => {
+        change((objects) => hide(view.current.peek(), objects))();
+        selection.clear();
+      },
+      isPossible: hasSelection,
+    },
+    {
+      label: "Isolate",
+      key: "I",
+      run: change((objects) => isolate(view.current.peek(), objects)),
+      isPossible: hasSelection,
+    },
+    {
+      label: "See-through",
+      key: "X",
+      run: change((objects) => toggleSeeThrough(view.current.peek(), objects)),
+      isPossible: hasSelection,
+    },
+    { label: "Show all", key: "Shift+H", run: () => view.change(showAll()), isPossible: () => true },
+    { label: "Undo", key: "Ctrl+Z", run: () => view.undo(), isPossible: () => view.canUndo.value },
+    { label: "Redo", key: "Ctrl+Y", run: () => view.redo(), isPossible: () => view.canRedo.value },
+  ];
+}
+
+/** Goes to where a part is seen. */
+export function goTo({ navigator }: Viewer, part: Pick<PartDetails, "min" | "max"> | undefined): void {
+  if (part !== undefined) {
+    navigator.frame([...part.min], [...part.max]);
+  }
+}
+
+/** The key of an event as commands have it. */
+export function keyOf({ ctrlKey, metaKey, shiftKey, key }: KeyboardEvent): string {
+  const shift = shiftKey ? "Shift+" : "";
+  return `${ctrlKey || metaKey ? "Ctrl+" : ""}${shift}${key.length === 1 ? key.toUpperCase() : key}`;
+}

@@ -1,0 +1,60 @@
+/** What is known of the part that is picked. */
+
+import type { Part, PartDetails } from "../service/service.ts";
+import type { Selection } from "./selection.ts";
+
+export function DetailsPanel({ selection }: { readonly selection: Selection }) {
+  const details = selection.details.value;
+  if (details === undefined) {
+    return null;
+  }
+  return (
+    <section class="panel details" aria-label="Details">
+      <header>
+        <h2>{details.name || "without a name"}</h2>
+        <button type="button" aria-label="Close" onClick={() => selection.clear()}>
+          ×
+        </button>
+      </header>
+      <nav aria-label="Path">
+        {details.path.map((part) => (
+          <button type="button" class="link" key={part.id} onClick={() => void selection.pick(part)}>
+            {nameOf(part)}
+          </button>
+        ))}
+      </nav>
+      <table>
+        <tbody>
+          {rows(details).map(([name, value]) => (
+            <tr key={name}>
+              <th scope="row">{name}</th>
+              <td>{value}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </section>
+  );
+}
+
+export function nameOf({ name, kind, id }: Pick<Part, "name" | "kind" | "id">): string {
+  return name || `${kind} ${id}`;
+}
+
+function rows(details: PartDetails): readonly (readonly [string, string])[] {
+  const { min, max } = details;
+  const sides = [max[0] - min[0], max[1] - min[1], max[2] - min[2]] as const;
+  const objects = details.end - details.first;
+  return [
+    ["size", `${sides.map(metres).join(" × ")}`],
+    ["triangles", details.triangles.toLocaleString("en")],
+    ...(details.kind === "group" ? [["objects", objects.toLocaleString("en")] as const] : []),
+    ...details.attributes,
+  ];
+}
+
+/** A length for a person: three digits, in metres or millimetres. */
+export function metres(length: number): string {
+  const isSmall = Math.abs(length) < 1;
+  return `${Number((isSmall ? 1000 * length : length).toPrecision(3))} ${isSmall ? "mm" : "m"}`;
+}
