@@ -4,6 +4,8 @@ import "./page.css";
 import { drive } from "./drive/drive.ts";
 import { showPanels } from "./panels/app.tsx";
 import { Service } from "./service/service.ts";
+import { decodeViewpoint } from "./tools/viewpoint.ts";
+import { goTo } from "./tools/viewsPanel.tsx";
 import { Viewer } from "./viewer/viewer.ts";
 
 declare global {
@@ -26,6 +28,12 @@ async function begin(): Promise<void> {
     const viewer = new Viewer(canvas, scene, service);
     window.trimaran = viewer;
     showPanels(panels, viewer);
+    const viewpoint = location.hash.startsWith("#v=") && decodeViewpoint(location.hash.slice(3));
+    if (viewpoint) {
+      goTo(viewer, viewpoint);
+    } else if (location.hash.startsWith("#v=")) {
+      viewer.said.value = "The view in the address cannot be read.";
+    }
     if (location.hash === "#drive") {
       await drive(viewer, service);
     }

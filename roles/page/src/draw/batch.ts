@@ -1,10 +1,9 @@
 /** All drawables of a picture as few calls: their matrices lie in a texture, by the number of the draw. */
 
-import type { ObjectSet } from "../proto/objectSet.ts";
 import type { GeometryArena } from "./arena.ts";
-import { BOTH, FACINGS, facingOf, MIRRORED } from "./facing.ts";
+import { BOTH, FACINGS, FRONT, facingOf, MIRRORED } from "./facing.ts";
 import type { Features } from "./features.ts";
-import type { Camera, Drawable } from "./model.ts";
+import type { Camera, Drawable, Look } from "./model.ts";
 import { DrawOrder } from "./order.ts";
 import type { Program } from "./program.ts";
 import { PER_ROW, TEXELS } from "./shaders.ts";
@@ -30,7 +29,7 @@ export class Batch {
   readonly #texture: WebGLTexture;
   readonly #order = new DrawOrder();
   #capacity = 0;
-  /** Of each draw: its matrix, its number and whether it is highlighted, its range of indices, and its kind. */
+  /** Of each draw: its matrix, its number, whether it is highlighted and whether it is a solid, its range of indices, and its kind. */
   #matrices = new Float32Array(0);
   #numbers = new Uint32Array(0);
   #counts = new Int32Array(0);
@@ -54,11 +53,11 @@ export class Batch {
     drawables: readonly Drawable[],
     arena: GeometryArena,
     program: Program,
-    highlighted: ObjectSet,
+    look: Look,
   ): void {
     this.#reserve(drawables.length);
     this.#order.sort(eye, drawables);
-    const count = this.#find(view, drawables, arena, highlighted);
+    const count = this.#find(view, drawables, arena, look);
     this.#upload(count);
     this.drawn.calls = 0;
     this.drawn.drawables = count;
@@ -82,7 +81,7 @@ export class Batch {
   }
 
   /** Finds what is in view. A kind is what one call can draw: a page, and which sides of triangles show. */
-  #find(view: View, drawables: readonly Drawable[], arena: GeometryArena, highlighted: ObjectSet): number {
+  #find(view: View, drawables: readonly Drawable[], arena: GeometryArena, look: Look): number {
     let [count, triangles] = [0, 0];
     for (let before = 0; before < drawables.length; before += 1) {
       const drawable = drawables[this.#order.place(before)];
@@ -98,10 +97,13 @@ export class Batch {
         this.#matrices[FLOATS * count + number] = at(view.matrix, number);
       }
       this.#numbers[FLOATS * count + MATRIX] = drawable.id;
-      this.#matrices[FLOATS * count + MATRIX + 1] = highlighted.has(drawable.object) ? 1 : 0;
+      this.#matrices[FLOATS * count + MATRIX + 1] = look.highlighted.has(drawable.object) ? 1 : 0;
+      this.#matrices[FLOATS * count + MATRIX + 2] = drawable.sides === FRONT ? 1 : 0;
       this.#counts[count] = range.count;
       this.#offsets[count] = range.byteOffset;
-      this.#kinds[count] = FACINGS * range.pageNumber + facingOf(drawable, range.bounds, view);
+      // A solid that is cut open shows its inside.
+      const facing = look.sections.length > 0 ? BOTH : facingOf(drawable, range.bounds, view);
+      this.#kinds[count] = FACINGS * range.pageNumber + facing;
       triangles += range.count / 3;
       count += 1;
     }

@@ -1,14 +1,17 @@
 /** All that a context of WebGL2 holds. It goes with the context, and is made anew with the next one. */
 
-import { ObjectSet } from "../proto/objectSet.ts";
+import type { ObjectSet } from "../proto/objectSet.ts";
 import { GeometryArena } from "./arena.ts";
 import { Batch } from "./batch.ts";
+import { cutPlanes } from "./cut.ts";
 import { type Features, featuresOf } from "./features.ts";
 import type { Camera, Drawable, Look } from "./model.ts";
 import { Program } from "./program.ts";
 import {
   BACKGROUND_FRAGMENT,
   backgroundVertex,
+  CUT_ITEM_FRAGMENT,
+  CUT_PICTURE_FRAGMENT,
   ITEM_FRAGMENT,
   itemVertex,
   PICTURE_FRAGMENT,
@@ -44,6 +47,8 @@ export class Device {
   #itemTarget: Target | undefined;
   #pickTarget: Target | undefined;
   #seeThroughBatch: Batch | undefined;
+  #cutPicture: Program | undefined;
+  #cutItem: Program | undefined;
 
   constructor(gl: WebGL2RenderingContext, options: DeviceOptions) {
     this.#gl = gl;
@@ -68,71 +73,92 @@ export class Device {
     this.#pictureTarget.begin(width, height);
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.#view.set(camera, width, height);
-    this.#picture.use();
-    this.#setUp(this.#picture);
-    this.#prepare(this.#picture);
-    this.batch.draw(camera.eye, this.#view, opaque, this.arena, this.#picture, look.highlighted);
+    const picture = this.#cutOr(this.#picture, look);
+    picture.use();
+    this.#setUp(picture);
+    this.#prepare(picture, camera, look);
+    this.batch.draw(camera.eye, this.#view, opaque, this.arena, picture, look);
     this.#drawBackground();
     if (seeThrough.length > 0) {
-      this.#drawSeeThrough(camera, seeThrough, look);
+      this.#drawSeeThrough(picture, camera, seeThrough, look);
     }
     this.#pictureTarget.show();
   }
 
   /** The number of the drawable at each pixel, rows from below. */
-  items(camera: Camera, drawables: readonly Drawable[]): Uint32Array {
+  items(camera: Camera, drawables: readonly Drawable[], look: Look): Uint32Array {
     const gl = this.#gl;
     const { width, height } = gl.canvas;
     this.#itemTarget ??= new Target(gl, gl.R32UI);
     this.#itemTarget.begin(width, height);
-    this.#drawItems(camera, drawables);
+    this.#drawItems(camera, drawables, look);
     const numbers = new Uint32Array(width * height);
     this.#itemTarget.read(gl.RED_INTEGER, numbers);
     return numbers;
   }
 
   /** The drawable at one pixel, counted from the upper left, and its distance along the view. */
-  pick(camera: Camera, drawables: readonly Drawable[], x: number, y: number): [number, number] {
+  pick(camera: Camera, drawables: readonly Drawable[], look: Look, x: number, y: number): [number, number] {
     const gl = this.#gl;
     const { width, height } = gl.canvas;
     this.#pickTarget ??= new Target(gl, gl.RG32UI);
     this.#pickTarget.begin(1, 1);
     // The picture as it is, but for all that is beside the pixel.
     gl.viewport(-x, y + 1 - height, width, height);
-    this.#drawItems(camera, drawables);
+    this.#drawItems(camera, drawables, look);
     const numbers = new Uint32Array(4);
     this.#pickTarget.read(gl.RGBA_INTEGER, numbers);
     const [item = NOTHING] = numbers;
     return [item, new Float32Array(numbers.buffer)[1] ?? 0];
   }
 
-  #drawItems(camera: Camera, drawables: readonly Drawable[]): void {
+  #drawItems(camera: Camera, drawables: readonly Drawable[], look: Look): void {
     const gl = this.#gl;
     gl.clearBufferuiv(gl.COLOR, 0, NO_ITEM);
     this.#view.set(camera, gl.canvas.width, gl.canvas.height);
-    this.#item.use();
-    this.#prepare(this.#item);
-    const { arena } = this;
-    this.#itemBatch.draw(camera.eye, this.#view, drawables, arena, this.#item, ObjectSet.EMPTY);
+    const item = this.#cutOr(this.#item, look);
+    item.use();
+    this.#prepare(item, camera, look);
+    this.#itemBatch.draw(camera.eye, this.#view, drawables, this.arena, item, look);
   }
 
   /** Over what is drawn already. None of them hides another one. */
-  #drawSeeThrough({ eye }: Camera, drawables: readonly Drawable[], { highlighted }: Look): void {
+  #drawSeeThrough(picture: Program, { eye }: Camera, drawables: readonly Drawable[], look: Look): void {
     const gl = this.#gl;
-    this.#picture.use();
+    picture.use();
     gl.depthFunc(this.features.depth === "reversed" ? gl.GREATER : gl.LESS);
     gl.depthMask(false);
     gl.enable(gl.BLEND);
     gl.blendColor(0, 0, 0, SEE_THROUGH);
     gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
     this.#seeThroughBatch ??= new Batch(gl, this.features);
-    this.#seeThroughBatch.draw(eye, this.#view, drawables, this.arena, this.#picture, highlighted);
+    this.#seeThroughBatch.draw(eye, this.#view, drawables, this.arena, picture, look);
     gl.disable(gl.BLEND);
     gl.depthMask(true);
   }
 
-  #prepare(program: Program): void {
+  /** The program, or that which cuts. */
+  #cutOr(program: Program, { sections }: Look): Program {
+    if (sections.length === 0) {
+      return program;
+    }
+    const { depth, multiDraw } = this.features;
+    const number = multiDraw === null ? "uniform" : "multi-draw";
+    if (program === this.#picture) {
+      this.#cutPicture ??= new Program(this.#gl, pictureVertex(number, depth, true), CUT_PICTURE_FRAGMENT);
+      return this.#cutPicture;
+    }
+    this.#cutItem ??= new Program(this.#gl, itemVertex(number, depth, true), CUT_ITEM_FRAGMENT);
+    return this.#cutItem;
+  }
+
+  #prepare(program: Program, camera: Camera, { sections }: Look): void {
     const gl = this.#gl;
+    if (sections.length > 0) {
+      const planes = cutPlanes(sections, this.#view, camera);
+      gl.uniform4fv(program.at("planes"), planes);
+      gl.uniform1i(program.at("planeCount"), planes.length / 4);
+    }
     const isReversed = this.features.depth === "reversed";
     gl.enable(gl.DEPTH_TEST);
     // Of equal surfaces the one that is drawn first stays.

@@ -4,6 +4,7 @@ import type { Camera as WireCamera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { Piece } from "../proto/piece.ts";
 import type { DrawableRecord } from "../proto/records.ts";
+import type { Section } from "../proto/viewState.ts";
 
 /** The triangles of a piece of geometry. */
 export type Mesh = Pick<Piece, "vertices" | "indices">;
@@ -14,8 +15,10 @@ export type Drawable = Pick<
   "id" | "object" | "objects" | "geometry" | "origin" | "linear" | "sides" | "worldMin" | "worldMax"
 >;
 
-/** How some objects are drawn otherwise than others. */
+/** What of the objects is drawn otherwise than it is. */
 export interface Look {
+  /** What they cut away is not drawn. */
+  readonly sections: readonly Section[];
   /** They are drawn in another colour. */
   readonly highlighted: ObjectSet;
   /** The rest shines through them. */
@@ -23,7 +26,7 @@ export interface Look {
 }
 
 /** All objects as they are. */
-export const PLAIN: Look = { highlighted: ObjectSet.EMPTY, seeThrough: ObjectSet.EMPTY };
+export const PLAIN: Look = { sections: [], highlighted: ObjectSet.EMPTY, seeThrough: ObjectSet.EMPTY };
 
 /** Where the picture is seen from. */
 export type Camera = Pick<WireCamera, "eye" | "orientation" | "tanHalfFov" | "near">;

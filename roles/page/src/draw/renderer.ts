@@ -139,7 +139,7 @@ export class Renderer {
     // What is see-through is picked where nothing else is.
     const opaque = drawables.filter((one) => !look.seeThrough.has(one.object));
     for (const candidates of look.seeThrough.isEmpty ? [drawables] : [opaque, drawables]) {
-      const [id, depth] = this.#device.pick(camera, candidates, column, row);
+      const [id, depth] = this.#device.pick(camera, candidates, look, column, row);
       const drawable = candidates.find((one) => one.id === id);
       if (drawable !== undefined) {
         return { drawable: id, object: drawable.objects === 1 ? drawable.object : undefined, depth };
@@ -149,9 +149,9 @@ export class Renderer {
   }
 
   /** The number of the drawable at each pixel, rows from below; `NOTHING` where there is none. */
-  items(camera: Camera, drawables: readonly Drawable[]): Uint32Array {
+  items(camera: Camera, drawables: readonly Drawable[], look: Look = PLAIN): Uint32Array {
     const { width, height } = this.#canvas;
-    return this.#device?.items(camera, drawables) ?? new Uint32Array(width * height).fill(NOTHING);
+    return this.#device?.items(camera, drawables, look) ?? new Uint32Array(width * height).fill(NOTHING);
   }
 
   #make(): Device {

@@ -1,9 +1,11 @@
 /** The shaders. Positions are relative to the eye, in camera space, before they reach the device. */
 
+import { MOST_PLANES } from "./cut.ts";
 import type { Depth, DrawNumber } from "./features.ts";
 import { COLOUR, NORMAL, POSITION } from "./page.ts";
 
-/** Texels of a drawable: three rows of its matrix, and one with its number and whether it is highlighted. */
+/** Texels of a drawable: three rows of its matrix, and one with its number, whether it is
+ * highlighted, and whether it is a solid. */
 export const TEXELS = 4;
 /** Drawables in a row of the texture that holds them. */
 export const PER_ROW = 256;
@@ -39,6 +41,25 @@ vec4 clip(vec3 view) {
 `;
 }
 
+/** What sections need of a vertex: where it is in camera space, and whether it shows the inside of a solid. */
+const CUT_OUT = `
+out vec3 place;
+flat out float isInside;`;
+
+/** Ends where a section cuts: see `cut.ts`. */
+const CUT = `
+uniform vec4 planes[${MOST_PLANES}];
+uniform int planeCount;
+in vec3 place;
+flat in float isInside;
+void cut() {
+  for (int i = 0; i < planeCount; i += 1) {
+    if (dot(planes[i].xyz, place) + planes[i].w > 0.0) {
+      discard;
+    }
+  }
+}`;
+
 /** A normal that is scaled until the sizes of its coordinates add up to 1, from two of these. */
 export const UNFOLDED = `
 vec3 unfolded(vec2 f) {
@@ -53,10 +74,11 @@ vec3 unfolded(vec2 f) {
  * A triangle has one normal, and the lights are the same all over it. So what is flat looks flat, however it
  * was cut into triangles.
  */
-export function pictureVertex(number: DrawNumber, depth: Depth): string {
+export function pictureVertex(number: DrawNumber, depth: Depth, isCut = false): string {
   return `${head(number, depth)}
 uniform vec3 up;
 flat out vec3 tone;
+${isCut ? CUT_OUT : ""}
 const vec3 KEY = vec3(0.36, 0.48, 0.80);
 const vec3 HIGHLIGHT = vec3(1.0, 0.55, 0.10);
 ${UNFOLDED}
@@ -70,6 +92,7 @@ void main() {
   vec3 normal = vec3(
     dot(cross(y.xyz, z.xyz), n), dot(cross(z.xyz, x.xyz), n), dot(cross(x.xyz, y.xyz), n));
   normal *= inversesqrt(max(dot(normal, normal), 1e-36));
+  bool isBack = dot(normal, view) * dot(cross(x.xyz, y.xyz), z.xyz) > 0.0;
   // Both sides of a triangle are lit alike, whatever the winding and even in a mirror.
   normal = dot(normal, view) > 0.0 ? -normal : normal;
   float light = 0.17 + 0.27 * (0.5 + 0.5 * dot(normal, up)) + 0.56 * max(dot(normal, KEY), 0.0);
@@ -78,9 +101,25 @@ void main() {
   vec3 calm = mix(vec3(grey), colour.rgb, 0.82) * 0.93 + 0.03;
   // sRGB is near a power law: the product of the encoded is the encoded product.
   tone = mix(calm, HIGHLIGHT, 0.7 * texel(3).y) * sqrt(light);
+  ${isCut ? "place = view; isInside = isBack && texel(3).z > 0.5 ? 1.0 : 0.0;" : ""}
   gl_Position = clip(view);
 }`;
 }
+
+/**
+ * The inside of a solid is seen where it is cut open: it is painted flat and hatched, as if it were the face of
+ * the cut.
+ */
+export const CUT_PICTURE_FRAGMENT = `#version 300 es
+precision highp float;
+flat in vec3 tone;
+out vec4 pixel;
+${CUT}
+void main() {
+  cut();
+  float hatch = mod(gl_FragCoord.x + gl_FragCoord.y, 9.0) < 1.5 ? 0.62 : 0.84;
+  pixel = vec4(isInside > 0.5 ? vec3(0.95, 0.72, 0.45) * hatch : tone, 1.0);
+}`;
 
 export const PICTURE_FRAGMENT = `#version 300 es
 precision mediump float;
@@ -89,17 +128,30 @@ out vec4 pixel;
 void main() { pixel = vec4(tone, 1.0); }`;
 
 /** The number of the drawable at each pixel, and the bits of its distance along the view. */
-export function itemVertex(number: DrawNumber, depth: Depth): string {
+export function itemVertex(number: DrawNumber, depth: Depth, isCut = false): string {
   return `${head(number, depth)}
 flat out highp uint item;
+${isCut ? CUT_OUT : ""}
 void main() {
   vec4 x = texel(0), y = texel(1), z = texel(2);
   vec4 p = vec4(local, 1.0);
   vec3 view = vec3(dot(x, p), dot(y, p), dot(z, p));
   item = floatBitsToUint(texel(3).x);
+  ${isCut ? "place = view; isInside = 0.0;" : ""}
   gl_Position = clip(view);
 }`;
 }
+
+export const CUT_ITEM_FRAGMENT = `#version 300 es
+precision highp float;
+precision highp int;
+flat in highp uint item;
+layout(location = 0) out highp uvec4 pixel;
+${CUT}
+void main() {
+  cut();
+  pixel = uvec4(item, floatBitsToUint(1.0 / gl_FragCoord.w), 0u, 0u);
+}`;
 
 export const ITEM_FRAGMENT = `#version 300 es
 precision highp float;

@@ -24,7 +24,7 @@ const HELP: readonly (readonly [string, string])[] = [
   ["Shift+H", "show all"],
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
   ["/", "search"],
-  ["T", "the model as a tree"],
+  ["T, B, V", "the model as a tree, sections, views"],
   ["Escape", "pick nothing"],
 ];
 

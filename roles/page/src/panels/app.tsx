@@ -10,7 +10,13 @@ import { DetailsPanel } from "../objects/detailsPanel.tsx";
 import { SearchBox } from "../objects/searchBox.tsx";
 import { Selection } from "../objects/selection.ts";
 import { TreePanel } from "../objects/treePanel.tsx";
+import { SectionsPanel } from "../tools/sectionsPanel.tsx";
+import { ViewsPanel } from "../tools/viewsPanel.tsx";
 import type { Viewer } from "../viewer/viewer.ts";
+
+/** Panels of which one is open at a time, by the keys that open them. */
+const PANEL_KEYS = { T: "Model", B: "Cut", V: "Views" } as const satisfies Readonly<Record<string, string>>;
+type PanelName = (typeof PANEL_KEYS)[keyof typeof PANEL_KEYS];
 
 /** Shows the panels of `viewer` in `place`. */
 export function showPanels(place: HTMLElement, viewer: Viewer): void {
@@ -20,9 +26,9 @@ export function showPanels(place: HTMLElement, viewer: Viewer): void {
 function App({ viewer }: { readonly viewer: Viewer }) {
   const selection = useMemo(() => new Selection(viewer), [viewer]);
   const commands = useMemo(() => commandsOf(viewer, selection), [viewer, selection]);
-  const isTreeOpen = useSignal(false);
-  const toggleTree = () => {
-    isTreeOpen.value = !isTreeOpen.value;
+  const open = useSignal<PanelName | undefined>(undefined);
+  const toggle = (panel: PanelName) => {
+    open.value = open.value === panel ? undefined : panel;
   };
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
@@ -33,8 +39,8 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       const command = commands.find((command) => command.key === key);
       if (key === "Escape") {
         selection.clear();
-      } else if (key === "T") {
-        toggleTree();
+      } else if (isPanelKey(key)) {
+        toggle(PANEL_KEYS[key]);
       } else if (command?.isPossible()) {
         event.preventDefault();
         command.run();
@@ -47,18 +53,23 @@ function App({ viewer }: { readonly viewer: Viewer }) {
     <>
       <div class="left">
         <div class="top">
-          <button
-            type="button"
-            class="panel"
-            title="The model as a tree (T)"
-            aria-expanded={isTreeOpen.value}
-            onClick={toggleTree}
-          >
-            Model
-          </button>
+          {Object.entries(PANEL_KEYS).map(([key, panel]) => (
+            <button
+              type="button"
+              class="panel"
+              key={key}
+              title={`${panel} (${key})`}
+              aria-expanded={open.value === panel}
+              onClick={() => toggle(panel)}
+            >
+              {panel}
+            </button>
+          ))}
           <SearchBox viewer={viewer} selection={selection} />
         </div>
-        {isTreeOpen.value && <TreePanel viewer={viewer} selection={selection} />}
+        {open.value === "Model" && <TreePanel viewer={viewer} selection={selection} />}
+        {open.value === "Cut" && <SectionsPanel viewer={viewer} selection={selection} />}
+        {open.value === "Views" && <ViewsPanel viewer={viewer} />}
       </div>
       <DetailsPanel selection={selection} />
       <ViewBar viewer={viewer} commands={commands} />
@@ -68,6 +79,10 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       </p>
     </>
   );
+}
+
+function isPanelKey(key: string): key is keyof typeof PANEL_KEYS {
+  return key in PANEL_KEYS;
 }
 
 /** What can be done to objects: shown where something is picked, or something is changed already. */

@@ -2,7 +2,7 @@
 
 import { effect, signal } from "@preact/signals";
 import type { Display } from "../display/display.ts";
-import type { Drawable } from "../draw/model.ts";
+import type { Drawable, Look } from "../draw/model.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
 import { Navigator } from "../navigate/navigator.ts";
 import type { Camera } from "../proto/camera.ts";
@@ -92,7 +92,7 @@ export class Viewer {
 
   /** The numbers of drawables at the pixels of the picture, rows from below. */
   items(): Uint32Array {
-    return this.renderer.items(this.camera, this.display?.shown?.drawables ?? []);
+    return this.renderer.items(this.camera, this.#shown(), this.#look());
   }
 
   /** What shows at a place of the canvas, in CSS pixels from its upper left; nothing for background. */
@@ -106,11 +106,33 @@ export class Viewer {
     this.#drawn = undefined;
   }
 
+  /** Draws at once. Until this task ends the canvas can be read. */
+  drawNow(): void {
+    this.renderer.draw(this.camera, this.#shown(), this.#look());
+  }
+
   /** Calls `overlay` behind each picture with its camera, until the function that it gives is called. */
   onPicture(overlay: (camera: Camera) => void): () => void {
     this.#overlays.add(overlay);
     this.redraw();
     return () => this.#overlays.delete(overlay);
+  }
+
+  /** What is drawn: what is shown may have been found before something was hidden. */
+  #shown(): readonly Drawable[] {
+    const { hidden, isolated } = this.view.current.peek();
+    const shown = this.display?.shown?.drawables ?? [];
+    if (hidden.isEmpty && isolated === undefined) {
+      return shown;
+    }
+    return shown.filter(
+      ({ object, objects }) => objects > 1 || !(hidden.has(object) || isolated?.has(object) === false),
+    );
+  }
+
+  #look(): Look {
+    const { sections, seeThrough } = this.view.current.peek();
+    return { sections, seeThrough, highlighted: this.selected.peek() };
   }
 
   /** The settings of a session: the picture that is culled for is wider than the one that is shown. */
@@ -153,14 +175,7 @@ export class Viewer {
     }
     if (hasMoved || display.shown !== this.#drawn) {
       const camera = this.#camera(1);
-      const { hidden, isolated, seeThrough } = this.view.current.peek();
-      const shown = display.shown?.drawables ?? [];
-      // What is shown may have been found before something was hidden.
-      const isDrawn = ({ object, objects }: Drawable) =>
-        objects > 1 || !(hidden.has(object) || isolated?.has(object) === false);
-      const isPlain = hidden.isEmpty && isolated === undefined;
-      const look = { seeThrough, highlighted: this.selected.peek() };
-      this.renderer.draw(camera, isPlain ? shown : shown.filter(isDrawn), look);
+      this.renderer.draw(camera, this.#shown(), this.#look());
       this.#drawn = display.shown;
       this.pictures += 1;
       for (const overlay of this.#overlays) {

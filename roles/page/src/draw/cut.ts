@@ -1,0 +1,49 @@
+/** What sections cut away, as planes in camera space. */
+
+import type { Section } from "../proto/viewState.ts";
+import type { Camera } from "./model.ts";
+import type { View } from "./view.ts";
+
+/** Six boxes have so many planes. */
+export const MOST_PLANES = 36;
+
+type Point = readonly [number, number, number];
+
+/** Beyond a plane nothing is drawn: a point of it, and the direction of what is cut away. World. */
+interface Plane {
+  readonly point: Point;
+  readonly direction: Point;
+}
+
+/**
+ * Four numbers a plane: a place of camera space is cut away where the first three times the place, and the
+ * fourth, add up to more than zero. They are worked out in doubles relative to the eye, and rounded once.
+ */
+export function cutPlanes(sections: readonly Section[], view: View, { eye }: Camera): Float32Array {
+  const planes = sections.flatMap(planesOf);
+  const numbers = new Float32Array(4 * planes.length);
+  for (const [index, { point, direction }] of planes.entries()) {
+    const length = Math.hypot(...direction);
+    const [x, y, z] = [direction[0] / length, direction[1] / length, direction[2] / length];
+    for (let axis = 0; axis < 3; axis += 1) {
+      numbers[4 * index + axis] = view.along(axis, x, y, z);
+    }
+    numbers[4 * index + 3] = x * (eye[0] - point[0]) + y * (eye[1] - point[1]) + z * (eye[2] - point[2]);
+  }
+  return numbers;
+}
+
+function planesOf(section: Section): readonly Plane[] {
+  if (section.kind === "plane") {
+    return [section];
+  }
+  const { lower, upper } = section;
+  return [
+    { point: lower, direction: [-1, 0, 0] },
+    { point: lower, direction: [0, -1, 0] },
+    { point: lower, direction: [0, 0, -1] },
+    { point: upper, direction: [1, 0, 0] },
+    { point: upper, direction: [0, 1, 0] },
+    { point: upper, direction: [0, 0, 1] },
+  ];
+}

@@ -1,0 +1,52 @@
+/** A walk that is recorded: a camera path that `trimaran run --path` repeats. */
+
+import { signal } from "@preact/signals";
+import type { Point } from "../proto/viewState.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+
+/** Poses a second. */
+const RATE = 30;
+/** The longest walk: ten minutes. */
+const MOST = 600 * RATE;
+
+export interface RecordedPose {
+  readonly eye: Point;
+  readonly forward: Point;
+}
+
+export class Recording {
+  readonly isOn = signal(false);
+  readonly #viewer: Viewer;
+  #poses: RecordedPose[] = [];
+  #timer: ReturnType<typeof setInterval> | undefined;
+
+  constructor(viewer: Viewer) {
+    this.#viewer = viewer;
+  }
+
+  start(): void {
+    const { navigator } = this.#viewer;
+    this.#poses = [];
+    this.isOn.value = true;
+    this.#timer = setInterval(() => {
+      const [x, y, z] = navigator.eye;
+      this.#poses.push({ eye: [x, y, z], forward: navigator.forward });
+      if (this.#poses.length === MOST) {
+        clearInterval(this.#timer);
+      }
+    }, 1000 / RATE);
+  }
+
+  /** Ends it, and gives the path as JSON. */
+  stop(): string {
+    clearInterval(this.#timer);
+    this.isOn.value = false;
+    return pathJson(this.#viewer.navigator.vfovDeg, this.#poses);
+  }
+}
+
+/** A camera path as a file has it: up is y everywhere. */
+export function pathJson(vfovDeg: number, poses: readonly RecordedPose[]): string {
+  const frames = poses.map(({ eye, forward }) => ({ eye, forward, up: [0, 1, 0] }));
+  return JSON.stringify({ vfov_deg: vfovDeg, frames }).replaceAll("},{", "},\n{");
+}

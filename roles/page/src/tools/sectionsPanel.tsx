@@ -1,0 +1,126 @@
+/** A list of the sections, and what makes them. */
+
+import { useSignal } from "@preact/signals";
+import type { Selection } from "../objects/selection.ts";
+import type { Section } from "../proto/viewState.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+import { boxAround, flipped, MOST, moved, planeFacing, replaced, resized } from "./sections.ts";
+
+interface Properties {
+  readonly viewer: Viewer;
+  readonly selection: Selection;
+}
+
+export function SectionsPanel({ viewer, selection }: Properties) {
+  const { view, navigator, scene } = viewer;
+  const { sections } = view.current.value;
+  const details = selection.details.value;
+  const add = (section: Section) => view.change({ sections: [...sections, section] });
+  const set = (index: number, section: Section | undefined) =>
+    view.change({ sections: replaced(sections, index, section) });
+  const cutHere = () => {
+    const reach = 2 * scene.eyeHeight;
+    const [x, y, z] = navigator.forward;
+    const { eye } = navigator;
+    add(planeFacing([eye[0] + reach * x, eye[1] + reach * y, eye[2] + reach * z], navigator.forward));
+  };
+  return (
+    <section class="panel sections" aria-label="Sections">
+      <div>
+        <button type="button" disabled={sections.length >= MOST} onClick={cutHere}>
+          Plane ahead
+        </button>
+        <button
+          type="button"
+          disabled={sections.length >= MOST || details === undefined}
+          title="Around what is picked"
+          onClick={() => details && add(boxAround(details.min, details.max))}
+        >
+          Box around
+        </button>
+      </div>
+      <ol>
+        {sections.map((section, index) => (
+          <li key={index}>
+            {section.kind === "plane" ? (
+              <PlaneRow section={section} step={scene.eyeHeight / 17} set={(to) => set(index, to)} />
+            ) : (
+              <BoxRow section={section} step={scene.eyeHeight / 17} set={(to) => set(index, to)} />
+            )}
+            <button
+              type="button"
+              aria-label={`Remove section ${index + 1}`}
+              onClick={() => set(index, undefined)}
+            >
+              ×
+            </button>
+          </li>
+        ))}
+      </ol>
+    </section>
+  );
+}
+
+interface RowProperties {
+  readonly section: Section;
+  readonly step: number;
+  readonly set: (section: Section) => void;
+}
+
+function PlaneRow({ section, step, set }: RowProperties) {
+  return (
+    <span>
+      Plane{" "}
+      <button type="button" aria-label="Cut away less" onClick={() => set(moved(section, step))}>
+        −
+      </button>
+      <button type="button" aria-label="Cut away more" onClick={() => set(moved(section, -step))}>
+        +
+      </button>
+      <button type="button" onClick={() => set(flipped(section))}>
+        Flip
+      </button>
+    </span>
+  );
+}
+
+const AXES = [
+  [0, "x"],
+  [1, "y"],
+  [2, "z"],
+] as const;
+
+function BoxRow({ section, step, set }: RowProperties) {
+  const isOpen = useSignal(false);
+  if (section.kind === "plane") {
+    return null;
+  }
+  const side = (which: "lower" | "upper", axis: 0 | 1 | 2, name: string) => (
+    <input
+      type="number"
+      step={step}
+      value={Number(section[which][axis].toFixed(3))}
+      aria-label={`${which} ${name} in metres`}
+      onChange={(event) => set(resized(section, which, axis, event.currentTarget.valueAsNumber))}
+    />
+  );
+  return (
+    <span>
+      <button
+        type="button"
+        aria-expanded={isOpen.value}
+        onClick={() => {
+          isOpen.value = !isOpen.value;
+        }}
+      >
+        Box {isOpen.value ? "▾" : "▸"}
+      </button>
+      {isOpen.value &&
+        AXES.map(([axis, name]) => (
+          <span class="sides" key={axis}>
+            {name} {side("lower", axis, name)} {side("upper", axis, name)}
+          </span>
+        ))}
+    </span>
+  );
+}
