@@ -8,10 +8,12 @@ use std::{
     env, fs,
     io::{BufRead, BufReader, Read, Write},
     net::TcpStream,
+    path::Path,
     process::{Child, Command, Stdio},
 };
 
-use program::Bench;
+use program::{Bench, signal};
+use serde_json::{Value, json};
 
 /// A tetrahedron whose corner is so high.
 fn model(height: u32) -> String {
@@ -118,6 +120,50 @@ fn the_page_is_opened_in_the_browser_of_the_user() {
     };
     assert_eq!(opened.trim(), format!("http://{}/{}", view.url.0, view.url.1));
     assert!(!bench.path("cache/trimaran").exists(), "a scene is shown where it is");
+}
+
+/// A browser repeats a walk by itself, and the program says how that went.
+#[test]
+fn a_page_walks_along_a_path_and_reports() {
+    let bench = Bench::with_plant(60);
+    let chromium = env::var("TRIMARAN_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_owned());
+    if !Path::new(&chromium).exists() {
+        assert!(env::var_os("TRIMARAN_REQUIRE_BROWSER").is_none(), "there is no {chromium}");
+        println!("skipped: there is no {chromium}");
+        return;
+    }
+    let script = format!(
+        "#!/bin/sh\necho $$ > browser.pid\nexec {chromium} --headless=new --no-sandbox --use-angle=swiftshader \
+         --enable-unsafe-swiftshader --user-data-dir={} --window-size=300,300 \"$1\"\n",
+        bench.path("profile").display()
+    );
+    bench.write("browser", script);
+    fs::set_permissions(bench.path("browser"), std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let frame = |z: u32| json!({ "eye": [0, 2, z], "forward": [0, 0, -1], "up": [0, 1, 0] });
+    let path = json!({ "vfov_deg": 60, "frames": (0..30).map(frame).collect::<Vec<_>>() });
+    bench.write("path.json", path.to_string());
+    let mut command = view(&bench, &["plant.scene", "--drive", "path.json", "--json"]);
+    let output = command.env("BROWSER", bench.path("browser")).output().unwrap();
+    if let Ok(pid) = fs::read_to_string(bench.path("browser.pid")) {
+        signal("KILL", pid.trim());
+    }
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    if said.contains("./x page") && env::var_os("TRIMARAN_REQUIRE_BROWSER").is_none() {
+        println!("skipped: {said}");
+        return;
+    }
+    assert!(output.status.success(), "{said}");
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let number = |name: &str| report[name].as_f64().unwrap();
+    assert!(number("pictures") >= 2.0 && number("walkS") >= 1.0, "{report}");
+    assert!(number("firstPictureS") <= number("exactPictureS"), "{report}");
+    assert!(number("receivedBytes") > 1000.0 && number("geometryBytes") > 0.0, "{report}");
+    assert!(number("pictureMs") <= number("pictureP95Ms"), "{report}");
+
+    bench.write("wrong.json", r#"{"vfov_deg":60,"frames":[]}"#);
+    let output = view(&bench, &["plant.scene", "--drive", "wrong.json"]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("wrong.json"), "{said}");
 }
 
 #[test]

@@ -7,12 +7,12 @@ use std::{
     sync::Arc,
 };
 
+use tokio::sync::{mpsc, oneshot};
 use trimaran::{
     config::options,
     culling::CullingMethod,
     page::{Drive, DriveReport, Pages, SceneDescription, Token},
 };
-use tokio::sync::{mpsc, oneshot};
 use trimaran_actors::{CullerService, ServiceEndpoints, max_frame};
 use trimaran_transport::{Net, Options, TokioNet};
 
@@ -69,7 +69,8 @@ impl Service<'_> {
             None => Token::random(&*net).map_err(Failure::broken)?,
         };
         let (ws, tcp) = (self.options.ws.clone(), self.options.tcp);
-        let pages = Pages::new(&file.scene, &description, token, ws, tcp, drive).map_err(Failure::bad_input)?;
+        let pages =
+            Pages::new(&file.scene, &description, token, ws, tcp, drive).map_err(Failure::bad_input)?;
         let DeviceArgs { device, gpu_memory, device_timeout } = self.device;
         let drawn = upload(&file, &gpu_options(device.as_deref(), *gpu_memory, *device_timeout))?;
         let metrics = Metrics::show(self.metrics, &runtime)?;

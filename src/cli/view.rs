@@ -38,7 +38,11 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
     let report = service.run(|url| {
         let url = format!("{url}{}", if is_driven { "#drive" } else { "" });
         // Where JSON is asked for it is all that is printed there.
-        if args.json { eprintln!("{url}") } else { printed(writeln!(io::stdout(), "{url}"))? }
+        if args.json {
+            eprintln!("{url}")
+        } else {
+            printed(writeln!(io::stdout(), "{url}"))?
+        }
         if !args.no_browser && webbrowser::open(&url).is_err() {
             eprintln!("trimaran: found no browser to open: open the address above in one");
         }
@@ -54,9 +58,8 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
 
 /// A camera path, checked, as JSON.
 fn path(file: &Path) -> Result<Vec<u8>, Failure> {
-    let unread = |error: &dyn Display| {
-        Failure::bad_input(format!("cannot read the path {}: {error}", file.display()))
-    };
+    let unread =
+        |error: &dyn Display| Failure::bad_input(format!("cannot read the path {}: {error}", file.display()));
     let text = fs::read_to_string(file).map_err(|error| unread(&error))?;
     let path = PosePath::from_json(&text).map_err(|error| unread(&error))?;
     Ok(path.to_json().into_bytes())
@@ -67,7 +70,10 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
     let a_second = f64::from(*pictures) / walk_s;
     let lines = [
         format!("drawn by        {device}, {width} x {height}"),
-        format!("first picture   {:.2} s, exact after {:.2} s", report.first_picture_s, report.exact_picture_s),
+        format!(
+            "first picture   {:.2} s, exact after {:.2} s",
+            report.first_picture_s, report.exact_picture_s
+        ),
         format!("pictures        {pictures} in {walk_s:.1} s: {a_second:.1} a second"),
         format!("between two     {:.1} ms, p95 {:.1} ms", report.picture_ms, report.picture_p95_ms),
         format!("sets are old    {:.0} ms, p95 {:.0} ms", report.set_age_ms, report.set_age_p95_ms),

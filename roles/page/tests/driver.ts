@@ -17,6 +17,11 @@ type Command =
   | { readonly do: "open"; readonly url: string }
   | { readonly do: "settle" }
   | { readonly do: "hold"; readonly key: string; readonly milliseconds: number }
+  | { readonly do: "press"; readonly key: string }
+  | { readonly do: "type"; readonly text: string }
+  | { readonly do: "click"; readonly x: number; readonly y: number }
+  /** The first button whose text begins so. */
+  | { readonly do: "button"; readonly name: string }
   | { readonly do: "drag"; readonly right: number; readonly down: number }
   | { readonly do: "resize"; readonly width: number; readonly height: number }
   /** The graphics device loses everything, and comes back. */
@@ -52,6 +57,21 @@ async function run(command: Command, page: Page): Promise<unknown> {
       await page.keyboard.down(command.key);
       await page.waitForTimeout(command.milliseconds);
       await page.keyboard.up(command.key);
+      return true;
+    case "press":
+      await page.keyboard.press(command.key);
+      return true;
+    case "type":
+      await page.keyboard.type(command.text);
+      return true;
+    case "click":
+      await page.mouse.click(command.x, command.y);
+      return true;
+    case "button":
+      await page
+        .locator("button", { hasText: new RegExp(`^${command.name}`) })
+        .first()
+        .click();
       return true;
     case "drag": {
       const [x, y] = [width / 2, height / 2];
@@ -113,10 +133,18 @@ function look(): unknown {
     return undefined;
   }
   const canvas = document.querySelector("canvas");
-  const { camera, navigator, renderer, display } = seen;
+  const { camera, navigator, renderer, display, selected, view } = seen;
+  const { hidden, isolated, seeThrough, sections } = view.current.value;
   return {
     ...camera,
     forward: navigator.forward,
+    mode: navigator.mode.value,
+    selected: [...selected.value],
+    hidden: [...hidden],
+    isolated: isolated && [...isolated],
+    seeThrough: [...seeThrough],
+    sections,
+    objects: display?.shown?.drawables.map(({ object }) => object),
     width: canvas?.width,
     height: canvas?.height,
     items: Array.from(seen.items()),

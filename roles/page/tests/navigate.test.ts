@@ -228,6 +228,11 @@ test("keys and a gamepad say what a person wants", () => {
   addGamepad(padded, [null, pad]);
   assert.ok(Math.abs(padded.turn + 0.5) < 1e-12, `${padded.turn}`);
   assert.deepEqual([padded.ahead, padded.right, padded.up], [1, 0, 1]);
+  keys.press("KeyD", true);
+  keys.press("KeyD", false);
+  const tapped = still();
+  keys.add(tapped);
+  assert.equal(tapped.right, 1, "a tap between two pictures counts");
   keys.release();
   const none = still();
   keys.add(none);

@@ -36,6 +36,8 @@ const KEYS: Readonly<Record<string, readonly [keyof Motion, number]>> = {
 /** The keys that are down. */
 export class Keys {
   readonly #held = new Set<string>();
+  /** Keys that went down since they were asked for: who taps one between two pictures moves as well. */
+  readonly #tapped = new Set<string>();
 
   /** A key went down or up. Gives whether it moves the eye. */
   press(code: string, isDown: boolean): boolean {
@@ -44,6 +46,7 @@ export class Keys {
     }
     if (isDown) {
       this.#held.add(code);
+      this.#tapped.add(code);
     } else {
       this.#held.delete(code);
     }
@@ -53,6 +56,7 @@ export class Keys {
   /** All keys are up: the page has lost the keyboard. */
   release(): void {
     this.#held.clear();
+    this.#tapped.clear();
   }
 
   /** Whether the eye is to move faster. */
@@ -60,12 +64,13 @@ export class Keys {
     return this.#held.has("ShiftLeft") || this.#held.has("ShiftRight");
   }
 
-  /** Adds what the keys say. */
+  /** Adds what the keys have said since the last time. */
   add(motion: Motion): void {
-    for (const code of this.#held) {
+    for (const code of new Set([...this.#held, ...this.#tapped])) {
       const [way, sign] = KEYS[code] ?? ["ahead", 0];
       motion[way] += sign;
     }
+    this.#tapped.clear();
   }
 }
 

@@ -39,7 +39,7 @@ function Branch({ viewer, selection, group }: Properties & { readonly group: num
   // Once, when the branch opens.
   useEffect(() => void more(), []);
   return (
-    <ul>
+    <ul class="branch">
       {parts.value.map((part) => (
         <Row key={`${part.kind}${part.id}`} viewer={viewer} selection={selection} part={part} />
       ))}

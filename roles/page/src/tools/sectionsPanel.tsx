@@ -19,7 +19,9 @@ export function SectionsPanel({ viewer, selection }: Properties) {
   const set = (index: number, section: Section | undefined) =>
     view.change({ sections: replaced(sections, index, section) });
   const cutHere = () => {
-    const reach = 2 * scene.eyeHeight;
+    // Into what is in the middle of the picture.
+    const picked = viewer.pick(viewer.canvas.clientWidth / 2, viewer.canvas.clientHeight / 2);
+    const reach = picked === undefined ? 2 * scene.eyeHeight : picked.depth + scene.eyeHeight / 8;
     const [x, y, z] = navigator.forward;
     const { eye } = navigator;
     add(planeFacing([eye[0] + reach * x, eye[1] + reach * y, eye[2] + reach * z], navigator.forward));

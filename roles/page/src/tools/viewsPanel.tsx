@@ -86,6 +86,7 @@ export function ViewsPanel({ viewer }: { readonly viewer: Viewer }) {
           Open a file
           <input
             type="file"
+            class="file-input"
             accept="application/json,.json"
             onChange={(event) => void take(event.currentTarget.files?.[0])}
           />
