@@ -39,9 +39,9 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         let url = format!("{url}{}", if is_driven { "#drive" } else { "" });
         // Where JSON is asked for it is all that is printed there.
         if args.json {
-            eprintln!("{url}")
+            eprintln!("{url}");
         } else {
-            printed(writeln!(io::stdout(), "{url}"))?
+            printed(writeln!(io::stdout(), "{url}"))?;
         }
         if !args.no_browser && webbrowser::open(&url).is_err() {
             eprintln!("trimaran: found no browser to open: open the address above in one");

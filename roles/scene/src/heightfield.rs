@@ -187,7 +187,8 @@ impl Polygon {
         let along = || self.corners.iter().map(|corner| corner[axis]);
         let (low, high) = along().fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at), high.max(at)));
         let side = Heightfield::SIDE as f64;
-        if !(low < side && high >= 0.0) || !self.corners.iter().all(|corner| corner.is_finite()) {
+        let is_finite = self.corners.iter().all(|corner| corner.is_finite());
+        if !is_finite || low >= side || high < 0.0 {
             return None;
         }
         let (first, last) = (low.max(0.0) as usize, high.min(side - 1.0) as usize);
