@@ -161,7 +161,7 @@ mod tests {
             (group(Some(4), 6..7), "it stands"),
             (group(Some(0), Range { start: 6, end: 5 }), "its objects"),
         ] {
-            let error = groups(&[&sound[..], &[wrong.clone()]].concat()).unwrap_err().to_string();
+            let error = groups(&[&sound[..], std::slice::from_ref(&wrong)].concat()).unwrap_err().to_string();
             assert!(error.contains("group 4") && error.contains(why), "{wrong:?}: {error}");
         }
     }

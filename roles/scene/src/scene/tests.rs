@@ -153,7 +153,7 @@ impl Apart {
     }
 
     /// Where a page lies in the file.
-    fn range(&self, section: Section, page: usize) -> std::ops::Range<u64> {
+    fn range(&self, section: Section, page: usize) -> Range<u64> {
         let entry = self.directory[self.number(section, page)];
         entry.offset..entry.offset + u64::from(entry.length)
     }
@@ -991,7 +991,7 @@ fn all_threads_that_ask_at_once_find_the_same() {
 }
 
 /// The tree saved, with the byte in the middle of a page flipped; and where the page lies.
-fn damaged(section: Section, page: usize) -> (tempfile::TempDir, std::path::PathBuf, std::ops::Range<u64>) {
+fn damaged(section: Section, page: usize) -> (tempfile::TempDir, std::path::PathBuf, Range<u64>) {
     let (folder, path, mut bytes) = saved(tree());
     let range = Apart::new(&bytes).range(section, page);
     bytes[u64::midpoint(range.start, range.end) as usize] ^= 1;
