@@ -81,5 +81,11 @@ test("changes are taken back one by one, and a drag is one", () => {
 });
 
 test("lengths have three digits, in metres or millimetres", () => {
-  assert.deepEqual([12.3456, 1, 0.0754, 0].map(metres), ["12.3 m", "1 m", "75.4 mm", "0 mm"]);
+  assert.deepEqual([12.3456, 1, 0.0754, 8.77e-6, 0].map(metres), [
+    "12.3 m",
+    "1 m",
+    "75.4 mm",
+    "0.01 mm",
+    "0 mm",
+  ]);
 });

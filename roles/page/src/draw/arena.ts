@@ -63,6 +63,12 @@ export class GeometryArena {
     return this.#pieces.get(piece);
   }
 
+  /** The triangles of a piece, read back from the device. */
+  triangles(piece: number): { positions: Float32Array; indices: Uint32Array } | undefined {
+    const held = this.#pieces.get(piece);
+    return held?.page.read(held.spot);
+  }
+
   /**
    * Takes a piece, in place of the one of that number. One without triangles leaves nothing.
    *

@@ -92,6 +92,25 @@ export class GeometryPage {
     return { vertices: ownVertices, indices: ownIndices };
   }
 
+  /** The positions and indices of a mesh, read back from the device: it waits for what is being drawn. */
+  read({ vertices, indices }: Spot): { positions: Float32Array; indices: Uint32Array } {
+    const gl = this.#gl;
+    const words = new Float32Array((vertices.length * VERTEX_BYTES) / 4);
+    const corners = new Uint32Array(indices.length);
+    gl.bindVertexArray(null);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.#vertexBuffer);
+    gl.getBufferSubData(gl.ARRAY_BUFFER, vertices.offset * VERTEX_BYTES, words);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.#indexBuffer);
+    gl.getBufferSubData(gl.ELEMENT_ARRAY_BUFFER, indices.offset * INDEX_BYTES, corners);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, null);
+    const each = VERTEX_BYTES / 4;
+    const positions = new Float32Array(3 * vertices.length);
+    for (let vertex = 0; vertex < vertices.length; vertex += 1) {
+      positions.set(words.subarray(each * vertex, each * vertex + 3), 3 * vertex);
+    }
+    return { positions, indices: corners.map((corner) => corner - vertices.offset) };
+  }
+
   remove({ vertices, indices }: Spot): void {
     this.#vertices.give(vertices);
     this.#indices.give(indices);

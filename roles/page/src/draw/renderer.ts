@@ -148,6 +148,11 @@ export class Renderer {
     return undefined;
   }
 
+  /** The triangles of a piece of geometry in its local frame: positions, and indices of three corners each. */
+  triangles(number: number): { positions: Float32Array; indices: Uint32Array } | undefined {
+    return this.#device?.arena.triangles(number);
+  }
+
   /** The number of the drawable at each pixel, rows from below; `NOTHING` where there is none. */
   items(camera: Camera, drawables: readonly Drawable[], look: Look = PLAIN): Uint32Array {
     const { width, height } = this.#canvas;

@@ -24,7 +24,7 @@ const HELP: readonly (readonly [string, string])[] = [
   ["Shift+H", "show all"],
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
   ["/", "search"],
-  ["T, B, V", "the model as a tree, sections, views"],
+  ["T, B, M, V, P", "the model as a tree, sections, distances, views, status"],
   ["Escape", "pick nothing"],
 ];
 

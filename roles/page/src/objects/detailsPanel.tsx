@@ -53,8 +53,9 @@ function rows(details: PartDetails): readonly (readonly [string, string])[] {
   ];
 }
 
-/** A length for a person: three digits, in metres or millimetres. */
+/** A length for a person: three digits, in metres or millimetres, and no more than hundredths of these. */
 export function metres(length: number): string {
   const isSmall = Math.abs(length) < 1;
-  return `${Number((isSmall ? 1000 * length : length).toPrecision(3))} ${isSmall ? "mm" : "m"}`;
+  const digits = Number((isSmall ? 1000 * length : length).toPrecision(3));
+  return `${Math.round(100 * digits) / 100} ${isSmall ? "mm" : "m"}`;
 }

@@ -13,11 +13,13 @@ export class Selection {
   /** What is known of the part that was picked last. */
   readonly details = signal<PartDetails | undefined>(undefined);
   readonly #viewer: Viewer;
+  /** Takes clicks in place of the selection, and gives whether it does. */
+  readonly #clicks: (x: number, y: number) => boolean;
   /** Counts questions: an answer to an old one is not for the part that is picked now. */
   #asked = 0;
 
-  constructor(viewer: Viewer) {
-    this.#viewer = viewer;
+  constructor(viewer: Viewer, clicks: (x: number, y: number) => boolean) {
+    [this.#viewer, this.#clicks] = [viewer, clicks];
     this.#listen(viewer.canvas);
     effect(() => {
       if (viewer.selected.value.isEmpty) {
@@ -68,6 +70,9 @@ export class Selection {
   }
 
   #click(event: MouseEvent): void {
+    if (this.#clicks(event.offsetX, event.offsetY)) {
+      return;
+    }
     const viewer = this.#viewer;
     const picked = viewer.pick(event.offsetX, event.offsetY);
     if (picked === undefined) {

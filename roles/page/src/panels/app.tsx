@@ -10,12 +10,22 @@ import { DetailsPanel } from "../objects/detailsPanel.tsx";
 import { SearchBox } from "../objects/searchBox.tsx";
 import { Selection } from "../objects/selection.ts";
 import { TreePanel } from "../objects/treePanel.tsx";
+import { MeasureOverlay } from "../tools/measureOverlay.tsx";
+import { MeasurePanel } from "../tools/measurePanel.tsx";
+import { Measuring } from "../tools/measuring.ts";
 import { SectionsPanel } from "../tools/sectionsPanel.tsx";
 import { ViewsPanel } from "../tools/viewsPanel.tsx";
 import type { Viewer } from "../viewer/viewer.ts";
+import { StatusPanel } from "./statusPanel.tsx";
 
 /** Panels of which one is open at a time, by the keys that open them. */
-const PANEL_KEYS = { T: "Model", B: "Cut", V: "Views" } as const satisfies Readonly<Record<string, string>>;
+const PANEL_KEYS = {
+  T: "Model",
+  B: "Cut",
+  M: "Measure",
+  V: "Views",
+  P: "Status",
+} as const satisfies Readonly<Record<string, string>>;
 type PanelName = (typeof PANEL_KEYS)[keyof typeof PANEL_KEYS];
 
 /** Shows the panels of `viewer` in `place`. */
@@ -24,11 +34,22 @@ export function showPanels(place: HTMLElement, viewer: Viewer): void {
 }
 
 function App({ viewer }: { readonly viewer: Viewer }) {
-  const selection = useMemo(() => new Selection(viewer), [viewer]);
+  const measuring = useMemo(() => new Measuring(viewer), [viewer]);
+  const selection = useMemo(() => {
+    return new Selection(viewer, (x, y) => {
+      if (measuring.isOn.peek()) {
+        measuring.pick(x, y);
+      }
+      return measuring.isOn.peek();
+    });
+  }, [viewer, measuring]);
   const commands = useMemo(() => commandsOf(viewer, selection), [viewer, selection]);
   const open = useSignal<PanelName | undefined>(undefined);
   const toggle = (panel: PanelName) => {
     open.value = open.value === panel ? undefined : panel;
+    if ((open.value === "Measure") !== measuring.isOn.peek()) {
+      measuring.toggle();
+    }
   };
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
@@ -51,6 +72,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
   }, []);
   return (
     <>
+      <MeasureOverlay viewer={viewer} measuring={measuring} />
       <div class="left">
         <div class="top">
           {Object.entries(PANEL_KEYS).map(([key, panel]) => (
@@ -69,6 +91,8 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         </div>
         {open.value === "Model" && <TreePanel viewer={viewer} selection={selection} />}
         {open.value === "Cut" && <SectionsPanel viewer={viewer} selection={selection} />}
+        {open.value === "Measure" && <MeasurePanel measuring={measuring} />}
+        {open.value === "Status" && <StatusPanel viewer={viewer} />}
         {open.value === "Views" && <ViewsPanel viewer={viewer} />}
       </div>
       <DetailsPanel selection={selection} />

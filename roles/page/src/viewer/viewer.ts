@@ -7,7 +7,7 @@ import { type Picked, Renderer } from "../draw/renderer.ts";
 import { Navigator } from "../navigate/navigator.ts";
 import type { Camera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
-import type { Settings } from "../proto/settings.ts";
+import type { OcclusionTest, Settings } from "../proto/settings.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
 import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
@@ -16,7 +16,6 @@ import { ViewHistory } from "./viewHistory.ts";
 const WIDER = 1.25;
 /** Milliseconds between cameras at least. */
 const PERIOD = 30;
-const EPSILON = 2;
 /** Bytes of unpacked geometry. */
 const MEMORY = 512 << 20;
 
@@ -30,6 +29,9 @@ export class Viewer {
   readonly view = new ViewHistory();
   /** The objects that a person has picked. */
   readonly selected = signal(ObjectSet.EMPTY);
+  /** The most pixels by which a silhouette may be off, and how a culler finds out what is hidden. */
+  readonly epsilon = signal(2);
+  readonly occlusionTest = signal<OcclusionTest>("hzb");
   /** A word to the person: what has just happened. */
   readonly said = signal("");
   pictures = 0;
@@ -55,7 +57,9 @@ export class Viewer {
     this.session = new Session(service.link, options);
     // At each change, and for each new link.
     effect(() => {
-      this.display?.change(this.view.current.value);
+      const levelRule = { epsilon: this.epsilon.value, fewPixels: false };
+      const occlusionTest = this.occlusionTest.value;
+      this.display?.change({ ...this.view.current.value, levelRule, occlusionTest });
       this.#isMoved = true;
       this.redraw();
     });
@@ -139,10 +143,10 @@ export class Viewer {
   #settings(): Settings {
     return {
       viewport: this.#viewport(),
-      levelRule: { epsilon: EPSILON, fewPixels: false },
+      levelRule: { epsilon: this.epsilon.peek(), fewPixels: false },
       batch: 1024,
       coding: "changes",
-      occlusionTest: "hzb",
+      occlusionTest: this.occlusionTest.peek(),
     };
   }
 

@@ -1,0 +1,80 @@
+/** Distances over the picture, and the marker of what is meant at the pointer. */
+
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { metres } from "../objects/detailsPanel.tsx";
+import type { Camera } from "../proto/camera.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+import type { Measuring } from "./measuring.ts";
+import { type Place, Projection } from "./projection.ts";
+import { distance, type Snapped } from "./snap.ts";
+
+interface Properties {
+  readonly viewer: Viewer;
+  readonly measuring: Measuring;
+}
+
+export function MeasureOverlay({ viewer, measuring }: Properties) {
+  const camera = useSignal<Camera>(viewer.camera);
+  useEffect(
+    () =>
+      viewer.onPicture((drawn) => {
+        camera.value = drawn;
+      }),
+    [viewer],
+  );
+  const { clientWidth, clientHeight } = viewer.canvas;
+  const projection = new Projection(camera.value, clientWidth, clientHeight);
+  const [start, hover] = [measuring.start.value, measuring.hover.value];
+  const kept = measuring.distances.value;
+  const open = start && hover ? [{ from: start.point, to: hover.point }] : [];
+  if (kept.length === 0 && !measuring.isOn.value) {
+    return null;
+  }
+  return (
+    <svg class="overlay" aria-hidden="true">
+      {[...kept, ...open].map(({ from, to }, index) => {
+        const line = projection.line(from, to);
+        return line && <Line key={index} from={line[0]} to={line[1]} label={metres(distance(from, to))} />;
+      })}
+      {[start, hover].map((snapped, index) => (
+        <Marker key={index} snapped={snapped} place={snapped && projection.place(snapped.point)} />
+      ))}
+    </svg>
+  );
+}
+
+function Line({ from, to, label }: { readonly from: Place; readonly to: Place; readonly label: string }) {
+  return (
+    <g>
+      <line x1={from.x} y1={from.y} x2={to.x} y2={to.y} />
+      <circle cx={from.x} cy={from.y} r={3} />
+      <circle cx={to.x} cy={to.y} r={3} />
+      <text x={(from.x + to.x) / 2} y={(from.y + to.y) / 2 - 6}>
+        {label}
+      </text>
+    </g>
+  );
+}
+
+/** A square is a vertex, a triangle an edge, a ring a face. */
+function Marker({
+  snapped,
+  place,
+}: {
+  readonly snapped: Snapped | undefined;
+  readonly place: Place | undefined;
+}) {
+  if (snapped === undefined || place === undefined) {
+    return null;
+  }
+  const { x, y } = place;
+  switch (snapped.to) {
+    case "vertex":
+      return <rect x={x - 6} y={y - 6} width={12} height={12} />;
+    case "edge":
+      return <path d={`M${x - 7} ${y + 5}L${x + 7} ${y + 5}L${x} ${y - 8}Z`} />;
+    case "face":
+      return <circle class="ring" cx={x} cy={y} r={6} />;
+  }
+}
