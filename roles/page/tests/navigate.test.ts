@@ -1,10 +1,12 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Gaze } from "../src/navigate/gaze.ts";
+import { Gaze, type Point } from "../src/navigate/gaze.ts";
 import { Ground, type Solid } from "../src/navigate/ground.ts";
 import { addGamepad, Keys, still } from "../src/navigate/motion.ts";
+import { approach, pan, turnAbout } from "../src/navigate/orbit.ts";
 import { Tile } from "../src/navigate/tile.ts";
 import { Walk } from "../src/navigate/walk.ts";
+import { Projection } from "../src/tools/projection.ts";
 
 /** Boxes on the ground: what is solid at a place, by the lower and upper ends of spans. */
 function world(spans: (x: number, z: number) => readonly number[]): Solid {
@@ -247,4 +249,34 @@ test("a gaze never looks straight up, and its quaternion has length one", () => 
   assert.ok(Math.abs(Math.hypot(...gaze.orientation) - 1) < 1e-12);
   gaze.along([0, 0, 0]);
   assert.ok(gaze.forward.every(Number.isFinite));
+});
+
+test("what is turned round stays where it shows, and comes nearer by shares", () => {
+  const camera = (gaze: Gaze, eye: Readonly<Point>) => {
+    const { orientation } = gaze;
+    return new Projection({ eye: [...eye], orientation, tanHalfFov: 0.5, near: 0.1 }, 800, 600);
+  };
+  const gaze = new Gaze([0.3, -0.2, -0.9]);
+  const [eye, pivot]: [Point, Point] = [
+    [1e5, 2, 3],
+    [1e5 + 2, 1, -4],
+  ];
+  const before = camera(gaze, eye).place(pivot);
+  const turned = turnAbout(pivot, eye, gaze, 0.7, 0.2);
+  const after = camera(gaze, turned).place(pivot);
+  assert.ok(before !== undefined && after !== undefined);
+  for (const side of ["x", "y", "depth"] as const) {
+    assert.ok(Math.abs(before[side] - after[side]) < 1e-6, `${side}: ${before[side]} ${after[side]}`);
+  }
+  assert.ok(Math.hypot(turned[0] - eye[0], turned[2] - eye[2]) > 3);
+  const near = approach([10, 0, 0], [0, 0, 0], 0.15);
+  assert.deepEqual(
+    [near, approach([10, 0, 0], [0, 0, 0], 9)],
+    [
+      [1.5, 0, 0],
+      [5, 0, 0],
+    ],
+  );
+  const across = pan([0, 0, 0], new Gaze([0, 0, -1]), 2, 3);
+  assert.ok(Math.hypot(across[0] - 2, across[1] - 3, across[2]) < 1e-12, `${across}`);
 });

@@ -6,18 +6,20 @@ import type { Mode, Navigator } from "./navigator.ts";
 const MODES: readonly (readonly [Mode, string, string])[] = [
   ["walk", "Walk", "1"],
   ["fly", "Fly", "2"],
+  ["orbit", "Orbit", "3"],
 ];
 
 /** What keys, mouse and fingers do. */
 const HELP: readonly (readonly [string, string])[] = [
   ["W A S D, arrows", "walk, and turn"],
-  ["mouse or finger, dragged", "look around"],
+  ["mouse or finger, dragged", "look around; in Orbit, turn the model"],
+  ["right button, two fingers", "move across; not where you walk"],
   ["Shift", "faster"],
-  ["wheel", "speed"],
+  ["wheel", "speed; in Orbit, nearer or farther"],
   ["Space", "jump; fly up"],
   ["E, Q", "fly up and down"],
   ["PageUp, PageDown", "look up and down"],
-  ["1, 2", "walk, fly"],
+  ["1, 2, 3", "walk, fly, orbit"],
   ["+, −", "field of view"],
   ["click", "pick an object; with Ctrl one more"],
   ["F, H, I, X", "go there, hide, isolate, see-through"],

@@ -5,15 +5,21 @@ import type { SceneDescription, Service } from "../service/service.ts";
 import { Gaze, type Point } from "./gaze.ts";
 import { Ground } from "./ground.ts";
 import { addGamepad, Keys, type Motion, still } from "./motion.ts";
+import { approach, pan, turnAbout } from "./orbit.ts";
+import { type Drag, listenToPointers } from "./pointers.ts";
+import { isTyping } from "./typing.ts";
 import { Walk } from "./walk.ts";
 
-/** On the ground, or freely through everything. */
-export type Mode = "walk" | "fly";
+/** On the ground, freely through everything, or round what is pointed at. */
+export type Mode = "walk" | "fly" | "orbit";
 
 /** How fast the eye turns with the keys, radians a second. */
 const TURN = 1.6;
-/** Radians a pixel of the mouse. */
+/** Radians a pixel of the mouse: where the eye looks about, and where it goes round a point. */
 const MOUSE = 0.003;
+const ORBIT = 0.006;
+/** The share of the way that a step of the wheel goes. */
+const DOLLY = 0.15;
 /** Longest step in time, seconds: a page that was in the background does not jump. */
 const LONGEST = 0.1;
 /** Who runs is so much faster. */
@@ -30,6 +36,12 @@ export class Navigator {
   readonly #ground: Ground;
   readonly #walk: Walk;
   #eye: Point;
+  /** What is dragged round. */
+  #pivot: Readonly<Point> | undefined;
+  /** Height of the eye above floors: how large things are here. */
+  readonly #scale: number;
+  /** Tells which point shows at a place of the canvas, in CSS pixels. */
+  pointAt: (x: number, y: number) => Readonly<Point> | undefined = () => undefined;
   readonly mode = signal<Mode>("walk");
   /** Vertical field of view, degrees. */
   readonly vfov = signal(0);
@@ -43,6 +55,7 @@ export class Navigator {
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Pick<Service, "tile">) {
     const { eye, forward } = scene.start;
     this.#eye = [...eye];
+    this.#scale = scene.eyeHeight;
     this.#gaze = new Gaze([...forward]);
     this.#ground = new Ground(service, scene.tileSide);
     this.#walk = new Walk(this.#eye, scene.eyeHeight);
@@ -112,7 +125,9 @@ export class Navigator {
     const level = Math.hypot(right, back) || 1;
     const forward: Point = [(0.9 * right) / level, -0.44, (0.9 * back) / level];
     const at = (axis: 0 | 1 | 2) => centre[axis] - (forward[axis] * distance) / Math.hypot(...forward);
-    this.mode.value = "fly";
+    if (this.mode.peek() === "walk") {
+      this.mode.value = "fly";
+    }
     this.goTo([at(0), at(1), at(2)], forward);
   }
 
@@ -145,11 +160,39 @@ export class Navigator {
     return ahead !== 0 || right !== 0 || up !== 0;
   }
 
-  #look(left: number, up: number): void {
-    if (!this.isHeld) {
-      this.#gaze.turn(left, up);
-      this.#hasMoved = true;
+  #drag({ right, down, isPan, spread }: Drag, height: number): void {
+    if (this.isHeld) {
+      return;
     }
+    this.#hasMoved = true;
+    const isOrbit = this.mode.peek() === "orbit";
+    const pivot = this.#pivot;
+    if (isPan && this.mode.peek() !== "walk") {
+      const depth = pivot === undefined ? this.#scale : this.#depthOf(pivot);
+      const each = (2 * depth * Math.tan((this.vfovDeg * Math.PI) / 360)) / height;
+      this.#eye = pan(this.#eye, this.#gaze, -right * each, down * each);
+      this.#approach(1 - 1 / spread);
+    } else if (isOrbit && pivot !== undefined) {
+      this.#eye = turnAbout(pivot, this.#eye, this.#gaze, -ORBIT * right, -ORBIT * down);
+    } else {
+      this.#gaze.turn(MOUSE * right, MOUSE * down);
+    }
+  }
+
+  /** Goes a share of the way to the pivot, or ahead. */
+  #approach(share: number): void {
+    const [x, y, z] = this.forward;
+    const way = 4 * this.#scale;
+    const ahead: Point = [this.#eye[0] + way * x, this.#eye[1] + way * y, this.#eye[2] + way * z];
+    this.#eye = approach(this.#pivot ?? ahead, this.#eye, share);
+    this.#hasMoved = true;
+  }
+
+  /** Metres along the gaze. */
+  #depthOf(point: Readonly<Point>): number {
+    const { forward } = this;
+    const [x, y, z] = [point[0] - this.#eye[0], point[1] - this.#eye[1], point[2] - this.#eye[2]];
+    return Math.max(x * forward[0] + y * forward[1] + z * forward[2], 0.1 * this.#scale);
   }
 
   #listen(canvas: HTMLCanvasElement): void {
@@ -161,17 +204,20 @@ export class Navigator {
     });
     addEventListener("keyup", (event) => this.#keys.press(event.code, false));
     addEventListener("blur", () => this.#keys.release());
-    canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
-    canvas.addEventListener("pointermove", (event) => {
-      if (canvas.hasPointerCapture(event.pointerId)) {
-        this.#look(MOUSE * event.movementX, MOUSE * event.movementY);
-      }
-    });
+    const begin = (x: number, y: number) => {
+      this.#pivot = this.pointAt(x, y);
+    };
+    listenToPointers(canvas, begin, (drag) => this.#drag(drag, canvas.clientHeight));
     canvas.addEventListener(
       "wheel",
       (event) => {
         event.preventDefault();
-        this.hasten(-Math.sign(event.deltaY));
+        if (this.mode.peek() === "orbit") {
+          this.#pivot = this.pointAt(event.offsetX, event.offsetY) ?? this.#pivot;
+          this.#approach(DOLLY * -Math.sign(event.deltaY));
+        } else {
+          this.hasten(-Math.sign(event.deltaY));
+        }
       },
       { passive: false },
     );
@@ -186,6 +232,9 @@ export class Navigator {
       case "Digit2":
         this.setMode("fly");
         return true;
+      case "Digit3":
+        this.setMode("orbit");
+        return true;
       case "Minus":
         this.setVfov(this.vfovDeg + 5);
         return true;
@@ -196,9 +245,4 @@ export class Navigator {
         return false;
     }
   }
-}
-
-/** Whether what has the keyboard takes letters. */
-function isTyping(target: EventTarget | null): boolean {
-  return target instanceof HTMLElement && target.closest("input, select, textarea, [role=tree]") !== null;
 }

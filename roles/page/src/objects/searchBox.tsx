@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { isTyping } from "../navigate/typing.ts";
 import type { Part, Parts } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { goTo } from "./commands.ts";
@@ -24,7 +25,7 @@ export function SearchBox({ viewer, selection }: Properties) {
 
   useEffect(() => {
     const focus = (event: KeyboardEvent) => {
-      if (event.key === "/" && !(event.target instanceof HTMLInputElement)) {
+      if (event.key === "/" && !isTyping(event.target)) {
         event.preventDefault();
         field.current?.focus();
       }

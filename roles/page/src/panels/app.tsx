@@ -4,6 +4,7 @@ import { useSignal } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useMemo } from "preact/hooks";
 import { NavigationBar } from "../navigate/bar.tsx";
+import { isTyping } from "../navigate/typing.ts";
 import { told } from "../objects/actions.ts";
 import { type Command, commandsOf, keyOf } from "../objects/commands.ts";
 import { DetailsPanel } from "../objects/detailsPanel.tsx";
@@ -53,7 +54,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
   };
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
-      if (event.target instanceof HTMLInputElement) {
+      if (isTyping(event.target)) {
         return;
       }
       const key = keyOf(event);

@@ -3,7 +3,6 @@
 import { signal } from "@preact/signals";
 import type { Point } from "../proto/viewState.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { Projection } from "./projection.ts";
 import { type Snapped, snap } from "./snap.ts";
 
 export interface Distance {
@@ -50,9 +49,7 @@ export class Measuring {
     if (picked === undefined || drawable === undefined || triangles === undefined) {
       return undefined;
     }
-    const { clientWidth, clientHeight } = viewer.canvas;
-    const projection = new Projection(viewer.camera, clientWidth, clientHeight);
-    return snap({ x, y, depth: picked.depth }, drawable, triangles, projection);
+    return snap({ x, y, depth: picked.depth }, drawable, triangles, viewer.projection);
   }
 
   /** Picks a point: every second one ends a distance. */

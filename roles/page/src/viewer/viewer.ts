@@ -8,7 +8,9 @@ import { Navigator } from "../navigate/navigator.ts";
 import type { Camera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { OcclusionTest, Settings } from "../proto/settings.ts";
+import type { Point } from "../proto/viewState.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
+import { Projection } from "../tools/projection.ts";
 import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
 
@@ -52,6 +54,7 @@ export class Viewer {
       },
     });
     this.navigator = new Navigator(canvas, scene, service);
+    this.navigator.pointAt = (x, y) => this.pointAt(x, y);
     this.#fit();
     const options = () => ({ settings: this.#settings(), memory: MEMORY, store: this.renderer });
     this.session = new Session(service.link, options);
@@ -103,6 +106,18 @@ export class Viewer {
   pick(x: number, y: number): Picked | undefined {
     const scale = this.canvas.width / Math.max(1, this.canvas.clientWidth);
     return this.renderer.pick(x * scale, y * scale);
+  }
+
+  /** The point of the world that shows at a place of the canvas; nothing for background. */
+  pointAt(x: number, y: number): Point | undefined {
+    const picked = this.pick(x, y);
+    return picked && this.projection.point({ x, y, depth: picked.depth });
+  }
+
+  /** From places in the world to places on the canvas, and back. */
+  get projection(): Projection {
+    const { clientWidth, clientHeight } = this.canvas;
+    return new Projection(this.camera, clientWidth, clientHeight);
   }
 
   /** The picture is drawn again, though neither eye nor set has changed. */

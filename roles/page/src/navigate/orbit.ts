@@ -1,0 +1,52 @@
+/** Moves round a point, as if the model were turned in the hand. */
+
+import type { Gaze, Point } from "./gaze.ts";
+
+/** Which way is right, up and ahead for a gaze: unit vectors of the world. */
+function axesOf(gaze: Gaze): readonly [Point, Point, Point] {
+  const forward = gaze.forward;
+  const right: Point = [Math.cos(gaze.heading), 0, -Math.sin(gaze.heading)];
+  const up: Point = [
+    right[1] * forward[2] - right[2] * forward[1],
+    right[2] * forward[0] - right[0] * forward[2],
+    right[0] * forward[1] - right[1] * forward[0],
+  ];
+  return [right, up, forward];
+}
+
+function dot(a: Readonly<Point>, b: Readonly<Point>): number {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/** The place behind `steps` along right, up and ahead. */
+function along(from: Readonly<Point>, axes: readonly Point[], steps: Readonly<Point>): Point {
+  const at = (axis: 0 | 1 | 2) =>
+    from[axis] + axes.reduce((sum, unit, index) => sum + unit[axis] * (steps[index] ?? 0), 0);
+  return [at(0), at(1), at(2)];
+}
+
+/** Turns the gaze, and gives where the eye is then: the pivot shows at the same place as before. */
+export function turnAbout(
+  pivot: Readonly<Point>,
+  eye: Readonly<Point>,
+  gaze: Gaze,
+  left: number,
+  up: number,
+): Point {
+  const toPivot: Point = [pivot[0] - eye[0], pivot[1] - eye[1], pivot[2] - eye[2]];
+  const steps = axesOf(gaze).map((axis) => -dot(toPivot, axis));
+  gaze.turn(left, up);
+  return along(pivot, axesOf(gaze), [steps[0] ?? 0, steps[1] ?? 0, steps[2] ?? 0]);
+}
+
+/** Where the eye is when it has gone so many metres to the right and upwards, across the gaze. */
+export function pan(eye: Readonly<Point>, gaze: Gaze, right: number, up: number): Point {
+  return along(eye, axesOf(gaze), [right, up, 0]);
+}
+
+/** Where the eye is when it has gone a share of the way to a point. It never gets there. */
+export function approach(pivot: Readonly<Point>, eye: Readonly<Point>, share: number): Point {
+  const part = Math.min(share, 0.5);
+  const at = (axis: 0 | 1 | 2) => eye[axis] + (pivot[axis] - eye[axis]) * part;
+  return [at(0), at(1), at(2)];
+}
