@@ -3,6 +3,7 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
 
+import type { Section } from "../src/proto/viewState.ts";
 import { DrawBrowser } from "./drawBrowser.ts";
 import { folded } from "./drawScene.ts";
 
@@ -471,6 +472,90 @@ drawn(
     assert.equal(four?.[0], 4);
     assert.ok((four?.[1] ?? 0) > (one?.[1] ?? 0) + 10, `${one?.[1]} tones, then ${four?.[1]}`);
     assert.deepEqual([one?.slice(2), four?.slice(2)], [[0], [0]]);
+  },
+);
+
+drawn(
+  "at rest a picture becomes smooth and has lines, and shows the same items",
+  undefined,
+  () => {
+    const { cameraAt, drawableAt, plate, Stage } = window.draw;
+    const slanted = [0.96, 0.28, 0, -0.28, 0.96, 0, 0, 0, 1];
+    const stage = new Stage(64, 64, { samples: 1 });
+    stage.set(plate(1, 1, [200, 200, 200]));
+    const camera = cameraAt([0, 0, 0]);
+    // One before the other, and two in one plane beside each other.
+    const drawables = [drawableAt(0, [0, 0, -2], { linear: slanted }), drawableAt(1, [0.2, 0, -6])];
+    const tonesOf = (pixels: Uint8Array) => new Set(pixels.filter((_, at) => at % 4 === 0)).size;
+    const before = tonesOf(stage.picture(camera, drawables));
+    const items = stage.items(camera, drawables).flat();
+    stage.renderer.draw(camera, drawables);
+    let steps = 1;
+    for (; stage.renderer.refine(); steps += 1) {}
+    const after = new Uint8Array(4 * 64 * 64);
+    stage.gl.readPixels(0, 0, 64, 64, stage.gl.RGBA, stage.gl.UNSIGNED_BYTE, after);
+    const isSame = stage
+      .items(camera, drawables)
+      .flat()
+      .every((id, at) => id === items[at]);
+    const darkest = Math.min(...after.filter((_, at) => at % 4 === 0));
+    const isMore = stage.renderer.refine();
+    stage.end();
+    return { before, after: tonesOf(after), steps, isSame, darkest, isMore };
+  },
+  ({ before, after, steps, isSame, darkest, isMore }) => {
+    assert.deepEqual([steps, isSame, isMore], [8, true, false]);
+    assert.ok(after > before + 20, `${before} tones, then ${after}`);
+    assert.ok(darkest < 110, `a line is ${darkest}`);
+  },
+);
+
+drawn(
+  "sections cut the same from the picture, the items and what is picked, and solids show their inside",
+  undefined,
+  () => {
+    const { box, cameraAt, drawableAt, ObjectSet, Stage } = window.draw;
+    const stage = new Stage(64, 64, { samples: 1 });
+    stage.set(box([1, 1, 1], [0, 0, 255]));
+    const camera = cameraAt([0, 0, 0]);
+    const drawables = [
+      drawableAt(7, [0, 0, -4], { geometry: 0, sides: 1 }),
+      drawableAt(8, [0, 0, -9], { geometry: 0, sides: 1 }),
+    ];
+    const look = (sections: readonly Section[], through: readonly number[] = []) => {
+      return { sections, seeThrough: ObjectSet.of(through), highlighted: ObjectSet.EMPTY };
+    };
+    const plane = (x: number, z: number): Section => {
+      return { kind: "plane", point: [0, 0, -4], direction: [x, 0, z] };
+    };
+    const at = (sections: readonly Section[], through?: readonly number[]) => {
+      const chosen = look(sections, through);
+      stage.renderer.draw(camera, drawables, chosen);
+      const colour = new Uint8Array(4);
+      stage.gl.readPixels(32, 32, 1, 1, stage.gl.RGBA, stage.gl.UNSIGNED_BYTE, colour);
+      const picked = stage.renderer.pick(32, 31);
+      const item = stage.renderer.items(camera, drawables, chosen)[64 * 32 + 32];
+      return { item, drawable: picked?.drawable, depth: picked?.depth, red: colour[0], blue: colour[2] };
+    };
+    const found = {
+      whole: at([]),
+      // All that is nearer than the middle of the first box.
+      opened: at([plane(0, 1)]),
+      gone: at([{ kind: "box", lower: [-5, -5, -20], upper: [5, 5, -6] }]),
+      through: at([], [drawables[0]?.object ?? 0]),
+    };
+    stage.end();
+    return found;
+  },
+  ({ whole, opened, gone, through }) => {
+    assert.deepEqual([whole.item, whole.drawable, opened.item, opened.drawable], [7, 7, 7, 7]);
+    assert.ok(Math.abs((whole.depth ?? 0) - 3.5) < 1e-3, `${whole.depth}`);
+    assert.ok((opened.depth ?? 0) > (whole.depth ?? 0) + 0.5, `${opened.depth} behind ${whole.depth}`);
+    assert.ok((opened.red ?? 0) > (opened.blue ?? 0), "its inside is painted");
+    assert.ok((whole.blue ?? 0) > (whole.red ?? 0));
+    assert.deepEqual([gone.item, gone.drawable], [8, 8]);
+    // What is see-through lets clicks through, and the one behind it shines through.
+    assert.deepEqual([through.item, through.drawable], [7, 8]);
   },
 );
 

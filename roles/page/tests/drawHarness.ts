@@ -3,6 +3,7 @@
 import type { Camera, Drawable, Mesh } from "../src/draw/model.ts";
 import { NOTHING, Renderer, type RendererOptions } from "../src/draw/renderer.ts";
 import { UNFOLDED } from "../src/draw/shaders.ts";
+import { ObjectSet } from "../src/proto/objectSet.ts";
 import * as scene from "./drawScene.ts";
 
 /** A renderer on a canvas of its own. */
@@ -120,7 +121,7 @@ void main() { normal = unfolded(folded); }`;
 }
 
 /** What the tests find in the page. */
-const harness = { Stage, NOTHING, unfolded, ...scene };
+const harness = { Stage, NOTHING, unfolded, ObjectSet, ...scene };
 
 declare global {
   interface Window {

@@ -29,7 +29,7 @@ export class Batch {
   readonly #texture: WebGLTexture;
   readonly #order = new DrawOrder();
   #capacity = 0;
-  /** Of each draw: its matrix, its number, whether it is highlighted and whether it is a solid, its range of indices, and its kind. */
+  /** Of each draw: its matrix, its number, whether it is highlighted, whether it is a solid, its object, its range of indices, and its kind. */
   #matrices = new Float32Array(0);
   #numbers = new Uint32Array(0);
   #counts = new Int32Array(0);
@@ -99,6 +99,7 @@ export class Batch {
       this.#numbers[FLOATS * count + MATRIX] = drawable.id;
       this.#matrices[FLOATS * count + MATRIX + 1] = look.highlighted.has(drawable.object) ? 1 : 0;
       this.#matrices[FLOATS * count + MATRIX + 2] = drawable.sides === FRONT ? 1 : 0;
+      this.#numbers[FLOATS * count + MATRIX + 3] = drawable.object;
       this.#counts[count] = range.count;
       this.#offsets[count] = range.byteOffset;
       // A solid that is cut open shows its inside.

@@ -17,6 +17,7 @@ import {
   PICTURE_FRAGMENT,
   pictureVertex,
 } from "./shaders.ts";
+import { Still, shiftOf } from "./still.ts";
 import { Target } from "./target.ts";
 import { View } from "./view.ts";
 
@@ -40,23 +41,20 @@ export class Device {
   readonly #gl: WebGL2RenderingContext;
   readonly #itemBatch: Batch;
   readonly #view = new View();
-  readonly #picture: Program;
-  readonly #item: Program;
   readonly #background: Program;
   readonly #pictureTarget: Target;
   #itemTarget: Target | undefined;
   #pickTarget: Target | undefined;
   #seeThroughBatch: Batch | undefined;
-  #cutPicture: Program | undefined;
-  #cutItem: Program | undefined;
+  readonly #programs = new Map<string, Program>();
+  #still: Still | undefined;
+  /** By how much what is drawn is shifted: 2 is the width or height of the picture. */
+  #shift: [number, number] = [0, 0];
 
   constructor(gl: WebGL2RenderingContext, options: DeviceOptions) {
     this.#gl = gl;
     this.features = featuresOf(gl, options.extensions);
-    const { depth, multiDraw, provoking, isSoftware, mostSamples } = this.features;
-    const number = multiDraw === null ? "uniform" : "multi-draw";
-    this.#picture = new Program(gl, pictureVertex(number, depth), PICTURE_FRAGMENT);
-    this.#item = new Program(gl, itemVertex(number, depth), ITEM_FRAGMENT);
+    const { depth, provoking, isSoftware, mostSamples } = this.features;
     this.#background = new Program(gl, backgroundVertex(depth), BACKGROUND_FRAGMENT);
     this.samples = Math.min(options.samples ?? (isSoftware ? 1 : 4), mostSamples);
     this.#pictureTarget = new Target(gl, gl.RGBA8, this.samples);
@@ -67,13 +65,33 @@ export class Device {
 
   /** Draws onto the canvas. */
   draw(camera: Camera, drawables: readonly Drawable[], look: Look): void {
+    this.#drawPicture(camera, drawables, look);
+    this.#pictureTarget.show();
+  }
+
+  /** Draws a step of the picture of an eye that rests, and shows the mean of the steps so far. */
+  refine(camera: Camera, drawables: readonly Drawable[], look: Look, step: number): void {
+    const gl = this.#gl;
+    const { width, height } = gl.canvas;
+    const [right, up] = shiftOf(step);
+    this.#shift = [(2 * right) / width, (2 * up) / height];
+    this.#drawPicture(camera, drawables, look);
+    this.#still ??= new Still(gl);
+    this.#still.takePicture(width, height);
+    // Lines are of what is not see-through.
+    this.#drawItems(camera, apart(drawables, look.seeThrough).opaque, look, "object");
+    this.#still.add(step, (2 * this.#view.tanY) / height);
+    this.#shift = [0, 0];
+  }
+
+  #drawPicture(camera: Camera, drawables: readonly Drawable[], look: Look): void {
     const gl = this.#gl;
     const { opaque, seeThrough } = apart(drawables, look.seeThrough);
     const { width, height } = gl.canvas;
     this.#pictureTarget.begin(width, height);
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.#view.set(camera, width, height);
-    const picture = this.#cutOr(this.#picture, look);
+    const picture = this.#program("picture", look);
     picture.use();
     this.#setUp(picture);
     this.#prepare(picture, camera, look);
@@ -82,7 +100,6 @@ export class Device {
     if (seeThrough.length > 0) {
       this.#drawSeeThrough(picture, camera, seeThrough, look);
     }
-    this.#pictureTarget.show();
   }
 
   /** The number of the drawable at each pixel, rows from below. */
@@ -112,14 +129,19 @@ export class Device {
     return [item, new Float32Array(numbers.buffer)[1] ?? 0];
   }
 
-  #drawItems(camera: Camera, drawables: readonly Drawable[], look: Look): void {
+  #drawItems(
+    camera: Camera,
+    drawables: readonly Drawable[],
+    look: Look,
+    of: "item" | "object" = "item",
+  ): void {
     const gl = this.#gl;
     gl.clearBufferuiv(gl.COLOR, 0, NO_ITEM);
     this.#view.set(camera, gl.canvas.width, gl.canvas.height);
-    const item = this.#cutOr(this.#item, look);
-    item.use();
-    this.#prepare(item, camera, look);
-    this.#itemBatch.draw(camera.eye, this.#view, drawables, this.arena, item, look);
+    const program = this.#program(of, look);
+    program.use();
+    this.#prepare(program, camera, look);
+    this.#itemBatch.draw(camera.eye, this.#view, drawables, this.arena, program, look);
   }
 
   /** Over what is drawn already. None of them hides another one. */
@@ -137,19 +159,29 @@ export class Device {
     gl.depthMask(true);
   }
 
-  /** The program, or that which cuts. */
-  #cutOr(program: Program, { sections }: Look): Program {
-    if (sections.length === 0) {
-      return program;
+  /** What draws so, and cuts where there are sections. It is made when it is first asked for. */
+  #program(what: "picture" | "item" | "object", { sections }: Look): Program {
+    const isCut = sections.length > 0;
+    const key = `${what}${isCut ? " cut" : ""}`;
+    let program = this.#programs.get(key);
+    if (program === undefined) {
+      const { depth, multiDraw } = this.features;
+      const number = multiDraw === null ? "uniform" : "multi-draw";
+      program =
+        what === "picture"
+          ? new Program(
+              this.#gl,
+              pictureVertex(number, depth, isCut),
+              isCut ? CUT_PICTURE_FRAGMENT : PICTURE_FRAGMENT,
+            )
+          : new Program(
+              this.#gl,
+              itemVertex(number, depth, isCut, what === "item" ? "drawable" : "object"),
+              isCut ? CUT_ITEM_FRAGMENT : ITEM_FRAGMENT,
+            );
+      this.#programs.set(key, program);
     }
-    const { depth, multiDraw } = this.features;
-    const number = multiDraw === null ? "uniform" : "multi-draw";
-    if (program === this.#picture) {
-      this.#cutPicture ??= new Program(this.#gl, pictureVertex(number, depth, true), CUT_PICTURE_FRAGMENT);
-      return this.#cutPicture;
-    }
-    this.#cutItem ??= new Program(this.#gl, itemVertex(number, depth, true), CUT_ITEM_FRAGMENT);
-    return this.#cutItem;
+    return program;
   }
 
   #prepare(program: Program, camera: Camera, { sections }: Look): void {
@@ -167,6 +199,7 @@ export class Device {
     gl.clear(gl.DEPTH_BUFFER_BIT);
     gl.uniform2f(program.at("scale"), 1 / this.#view.tanX, 1 / this.#view.tanY);
     gl.uniform1f(program.at("near"), this.#view.near);
+    gl.uniform2f(program.at("shift"), ...this.#shift);
   }
 
   /** Where nothing else is. It comes last: so it is not worked out for what is covered. */

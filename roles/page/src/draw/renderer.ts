@@ -4,6 +4,7 @@ import type { Drawn } from "./batch.ts";
 import { Device, NOTHING } from "./device.ts";
 import type { Depth, DrawNumber } from "./features.ts";
 import { type Camera, type Drawable, type Look, type Mesh, PLAIN } from "./model.ts";
+import { STEPS } from "./still.ts";
 
 export { NOTHING } from "./device.ts";
 
@@ -43,6 +44,8 @@ export class Renderer {
   #last:
     | { readonly camera: Camera; readonly drawables: readonly Drawable[]; readonly look: Look }
     | undefined;
+  /** Steps of refinement that the canvas shows. */
+  #steps = 0;
   readonly depth: Depth;
   readonly drawNumber: DrawNumber;
   /** What draws, in the words of its driver. */
@@ -122,9 +125,23 @@ export class Renderer {
   draw(camera: Camera, drawables: readonly Drawable[], look: Look = PLAIN): void {
     const begun = performance.now();
     this.#last = { camera, drawables, look };
+    this.#steps = 0;
     this.#device?.draw(camera, drawables, look);
     Object.assign(this.#stats, this.#device?.batch.drawn);
     this.#stats.milliseconds = performance.now() - begun;
+  }
+
+  /**
+   * Draws the last picture more finely: so many times, each a little finer than before. Gives whether there is
+   * more to do.
+   */
+  refine(): boolean {
+    if (this.#device !== undefined && this.#last !== undefined && this.#steps < STEPS) {
+      const { camera, drawables, look } = this.#last;
+      this.#device.refine(camera, drawables, look, this.#steps);
+      this.#steps += 1;
+    }
+    return this.#steps < STEPS;
   }
 
   /** What the last picture shows at a pixel, counted from the upper left; nothing for background. */

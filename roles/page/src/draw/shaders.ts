@@ -5,7 +5,7 @@ import type { Depth, DrawNumber } from "./features.ts";
 import { COLOUR, NORMAL, POSITION } from "./page.ts";
 
 /** Texels of a drawable: three rows of its matrix, and one with its number, whether it is
- * highlighted, and whether it is a solid. */
+ * highlighted, whether it is a solid, and the number of its object. */
 export const TEXELS = 4;
 /** Drawables in a row of the texture that holds them. */
 export const PER_ROW = 256;
@@ -26,6 +26,8 @@ uniform int first;
 uniform sampler2D drawables;
 uniform vec2 scale;
 uniform float near;
+// By how much the picture is shifted.
+uniform vec2 shift;
 layout(location = ${POSITION}) in vec3 local;
 layout(location = ${COLOUR}) in vec4 colour;
 layout(location = ${NORMAL}) in vec2 folded;
@@ -36,7 +38,7 @@ vec4 texel(int i) {
 }
 
 vec4 clip(vec3 view) {
-  return vec4(view.xy * scale, ${z}, -view.z);
+  return vec4(view.xy * scale - shift * view.z, ${z}, -view.z);
 }
 `;
 }
@@ -127,8 +129,13 @@ flat in vec3 tone;
 out vec4 pixel;
 void main() { pixel = vec4(tone, 1.0); }`;
 
-/** The number of the drawable at each pixel, and the bits of its distance along the view. */
-export function itemVertex(number: DrawNumber, depth: Depth, isCut = false): string {
+/** The number of the drawable or of the object at each pixel, and the bits of its distance along the view. */
+export function itemVertex(
+  number: DrawNumber,
+  depth: Depth,
+  isCut = false,
+  of: "drawable" | "object" = "drawable",
+): string {
   return `${head(number, depth)}
 flat out highp uint item;
 ${isCut ? CUT_OUT : ""}
@@ -136,7 +143,7 @@ void main() {
   vec4 x = texel(0), y = texel(1), z = texel(2);
   vec4 p = vec4(local, 1.0);
   vec3 view = vec3(dot(x, p), dot(y, p), dot(z, p));
-  item = floatBitsToUint(texel(3).x);
+  item = floatBitsToUint(texel(3).${of === "drawable" ? "x" : "w"});
   ${isCut ? "place = view; isInside = 0.0;" : ""}
   gl_Position = clip(view);
 }`;
@@ -183,4 +190,53 @@ void main() {
   vec3 sky = mix(vec3(0.90, 0.93, 0.95), vec3(0.62, 0.74, 0.86), sqrt(clamp(height, 0.0, 1.0)));
   vec3 ground = mix(vec3(0.80, 0.81, 0.80), vec3(0.60, 0.61, 0.60), sqrt(clamp(-height, 0.0, 1.0)));
   pixel = vec4(mix(ground, sky, smoothstep(-0.012, 0.012, height)), 1.0);
+}`;
+
+/** A triangle over the whole picture. */
+export const WHOLE_VERTEX = `#version 300 es
+void main() {
+  gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);
+}`;
+
+/**
+ * Lines over a picture: on the nearer side of where one object ends before another, and where a surface bends.
+ * One over the distance is linear across the picture of a plane: what is left of its second difference is a bend.
+ */
+export const STILL_FRAGMENT = `#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+precision highp usampler2D;
+uniform sampler2D colours;
+uniform usampler2D objects;
+uniform float bend;
+out vec4 pixel;
+
+uvec2 object(ivec2 at) {
+  return texelFetch(objects, clamp(at, ivec2(0), textureSize(objects, 0) - 1), 0).xy;
+}
+
+/** One over the distance; nothing is infinitely far away. */
+float nearness(uvec2 object) {
+  return object.x == 0xffffffffu ? 0.0 : 1.0 / uintBitsToFloat(object.y);
+}
+
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  vec3 colour = texelFetch(colours, at, 0).rgb;
+  uvec2 here = object(at);
+  float near = nearness(here);
+  float line = 0.0;
+  for (int axis = 0; axis < 2; axis += 1) {
+    ivec2 by = axis == 0 ? ivec2(1, 0) : ivec2(0, 1);
+    uvec2 before = object(at - by), after = object(at + by);
+    float left = nearness(before), right = nearness(after);
+    float off = abs(left + right - 2.0 * near);
+    // Of two objects in one plane now the one shows, now the other: there is no line between them.
+    bool ends = ((before.x != here.x && left < near) || (after.x != here.x && right < near)) &&
+      off > 0.12 * bend * near;
+    bool bends = before.x == here.x && after.x == here.x && off > bend * near;
+    line = max(line, ends ? 0.55 : bends ? 0.3 : 0.0);
+  }
+  pixel = vec4(colour * (1.0 - line), 1.0);
 }`;

@@ -18,6 +18,8 @@ import { ViewHistory } from "./viewHistory.ts";
 const WIDER = 1.25;
 /** Milliseconds between cameras at least. */
 const PERIOD = 30;
+/** Milliseconds without another picture until the last one is drawn more finely. */
+const REST = 150;
 /** Bytes of unpacked geometry. */
 const MEMORY = 512 << 20;
 
@@ -39,6 +41,8 @@ export class Viewer {
   pictures = 0;
   readonly #overlays = new Set<(camera: Camera) => void>();
   #published = 0;
+  /** When the picture has changed last. */
+  #rested = 0;
   #last = 0;
   /** The newest pose was not published yet. */
   #isMoved = true;
@@ -125,9 +129,10 @@ export class Viewer {
     this.#drawn = undefined;
   }
 
-  /** Draws at once. Until this task ends the canvas can be read. */
+  /** Draws at once, and finely. Until this task ends the canvas can be read. */
   drawNow(): void {
     this.renderer.draw(this.camera, this.#shown(), this.#look());
+    while (this.renderer.refine()) {}
   }
 
   /** Calls `overlay` behind each picture with its camera, until the function that it gives is called. */
@@ -197,9 +202,12 @@ export class Viewer {
       this.renderer.draw(camera, this.#shown(), this.#look());
       this.#drawn = display.shown;
       this.pictures += 1;
+      this.#rested = now;
       for (const overlay of this.#overlays) {
         overlay(camera);
       }
+    } else if (now - this.#rested > REST) {
+      this.renderer.refine();
     }
   }
 

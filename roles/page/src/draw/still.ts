@@ -1,0 +1,122 @@
+/**
+ * The picture of an eye that rests: smooth, and with lines where objects end and surfaces bend.
+ *
+ * It is the mean of several pictures, each shifted by a part of a pixel. So it is worked out bit by bit, and any
+ * of them can be shown. It changes nothing of what is drawn: lines are painted over it.
+ */
+
+import { Program } from "./program.ts";
+import { STILL_FRAGMENT, WHOLE_VERTEX } from "./shaders.ts";
+
+/** Pictures of which the mean is shown. */
+export const STEPS = 8;
+
+/** By how much of a pixel each picture is shifted, from -0.5 to 0.5: points of Halton's sequence. */
+export function shiftOf(step: number): readonly [number, number] {
+  return [halton(step + 1, 2) - 0.5, halton(step + 1, 3) - 0.5];
+}
+
+/** Radical inverse (Halton 1960). */
+function halton(index: number, base: number): number {
+  let [left, share, sum] = [index, 1, 0];
+  while (left > 0) {
+    share /= base;
+    sum += share * (left % base);
+    left = Math.floor(left / base);
+  }
+  return sum;
+}
+
+export class Still {
+  readonly #gl: WebGL2RenderingContext;
+  readonly #program: Program;
+  readonly #colour: WebGLTexture;
+  readonly #colourFrame: WebGLFramebuffer;
+  readonly #objects: WebGLTexture;
+  readonly #objectFrame: WebGLFramebuffer;
+  readonly #depth: WebGLRenderbuffer;
+  readonly #mean: WebGLRenderbuffer;
+  readonly #meanFrame: WebGLFramebuffer;
+  #width = 0;
+  #height = 0;
+
+  constructor(gl: WebGL2RenderingContext) {
+    this.#gl = gl;
+    this.#program = new Program(gl, WHOLE_VERTEX, STILL_FRAGMENT);
+    [this.#colour, this.#objects] = [gl.createTexture(), gl.createTexture()];
+    [this.#depth, this.#mean] = [gl.createRenderbuffer(), gl.createRenderbuffer()];
+    this.#colourFrame = gl.createFramebuffer();
+    this.#objectFrame = gl.createFramebuffer();
+    this.#meanFrame = gl.createFramebuffer();
+  }
+
+  /** Takes the picture that is bound for reading. Objects and their distances are drawn next, into this. */
+  takePicture(width: number, height: number): void {
+    const gl = this.#gl;
+    this.#fit(width, height);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.#colourFrame);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#objectFrame);
+    gl.viewport(0, 0, width, height);
+  }
+
+  /** Adds it to the mean of the steps before, and shows that. A pixel is so many radians wide. */
+  add(step: number, pixelAngle: number): void {
+    const gl = this.#gl;
+    const [width, height] = [this.#width, this.#height];
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#meanFrame);
+    gl.viewport(0, 0, width, height);
+    this.#program.use();
+    for (const [unit, texture] of [this.#colour, this.#objects].entries()) {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D, texture);
+    }
+    gl.uniform1i(this.#program.at("colours"), 0);
+    gl.uniform1i(this.#program.at("objects"), 1);
+    gl.uniform1f(this.#program.at("bend"), BEND * pixelAngle);
+    gl.disable(gl.DEPTH_TEST);
+    gl.enable(gl.BLEND);
+    gl.blendColor(0, 0, 0, 1 / (step + 1));
+    gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.disable(gl.BLEND);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+  }
+
+  #fit(width: number, height: number): void {
+    if (width === this.#width && height === this.#height) {
+      return;
+    }
+    const gl = this.#gl;
+    [this.#width, this.#height] = [width, height];
+    const texture = (
+      of: WebGLTexture,
+      frame: WebGLFramebuffer,
+      stored: number,
+      format: number,
+      type: number,
+    ) => {
+      gl.bindTexture(gl.TEXTURE_2D, of);
+      gl.texImage2D(gl.TEXTURE_2D, 0, stored, width, height, 0, format, type, null);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, frame);
+      gl.framebufferTexture2D(gl.DRAW_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, of, 0);
+    };
+    texture(this.#colour, this.#colourFrame, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
+    texture(this.#objects, this.#objectFrame, gl.RG32UI, gl.RG_INTEGER, gl.UNSIGNED_INT);
+    gl.bindRenderbuffer(gl.RENDERBUFFER, this.#depth);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT32F, width, height);
+    gl.framebufferRenderbuffer(gl.DRAW_FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.#depth);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.#meanFrame);
+    gl.bindRenderbuffer(gl.RENDERBUFFER, this.#mean);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, width, height);
+    gl.framebufferRenderbuffer(gl.DRAW_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, this.#mean);
+  }
+}
+
+/** A surface that bends by less between two pixels, as a share of what a right angle bends, has no line. */
+const BEND = 0.6;
