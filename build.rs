@@ -1,5 +1,5 @@
-//! Puts the page that a browser shows into the program: the files of `roles/page`, whose script and style are bundled by
-//! `./x page`.
+//! Puts the page that a browser shows into the program: the files of `roles/page`, whose script and style are
+//! bundled by `./x page`.
 
 use std::{env, fmt::Write as _, fs, io, path::PathBuf};
 

@@ -115,8 +115,8 @@ impl Parts {
         Some(PartList { parts, total })
     }
 
-    /// The parts with `text` in their name or in an attribute, whatever its case: groups first, as many as fit
-    /// in an answer. Nothing has no text in it.
+    /// The parts with `text` in their name or in an attribute, whatever its case: groups first, as many as
+    /// fit in an answer. Nothing has no text in it.
     pub(super) fn search(&self, text: &str) -> PartList {
         let text = text.trim().to_lowercase();
         if text.is_empty() {

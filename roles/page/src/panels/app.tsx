@@ -92,7 +92,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         </div>
         {open.value === "Model" && <TreePanel viewer={viewer} selection={selection} />}
         {open.value === "Cut" && <SectionsPanel viewer={viewer} selection={selection} />}
-        {open.value === "Measure" && <MeasurePanel measuring={measuring} />}
+        {open.value === "Measure" && <MeasurePanel viewer={viewer} measuring={measuring} />}
         {open.value === "Status" && <StatusPanel viewer={viewer} />}
         {open.value === "Views" && <ViewsPanel viewer={viewer} />}
       </div>

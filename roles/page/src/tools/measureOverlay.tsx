@@ -26,7 +26,7 @@ export function MeasureOverlay({ viewer, measuring }: Properties) {
   const { clientWidth, clientHeight } = viewer.canvas;
   const projection = new Projection(camera.value, clientWidth, clientHeight);
   const [start, hover] = [measuring.start.value, measuring.hover.value];
-  const kept = measuring.distances.value;
+  const kept = viewer.distances.value;
   const open = start && hover ? [{ from: start.point, to: hover.point }] : [];
   if (kept.length === 0 && !measuring.isOn.value) {
     return null;

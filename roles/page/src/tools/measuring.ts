@@ -1,19 +1,12 @@
 /** Distances between points that a person picks. */
 
 import { signal } from "@preact/signals";
-import type { Point } from "../proto/viewState.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { type Snapped, snap } from "./snap.ts";
-
-export interface Distance {
-  readonly from: Point;
-  readonly to: Point;
-}
+import { type Distance, type Snapped, snap } from "./snap.ts";
 
 export class Measuring {
   /** Clicks pick points, and no objects. */
   readonly isOn = signal(false);
-  readonly distances = signal<readonly Distance[]>([]);
   /** The point that was picked first, until there is a second one. */
   readonly start = signal<Snapped | undefined>(undefined);
   /** What is meant where the pointer is. */
@@ -60,11 +53,11 @@ export class Measuring {
       this.start.value = point;
       return;
     }
-    this.distances.value = [...this.distances.value, { from: start.point, to: point.point }];
+    this.#viewer.distances.value = [...this.#viewer.distances.value, { from: start.point, to: point.point }];
     this.start.value = undefined;
   }
 
   remove(distance: Distance): void {
-    this.distances.value = this.distances.value.filter((one) => one !== distance);
+    this.#viewer.distances.value = this.#viewer.distances.value.filter((one) => one !== distance);
   }
 }

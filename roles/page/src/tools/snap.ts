@@ -12,6 +12,12 @@ export interface Triangles {
   readonly indices: Uint32Array;
 }
 
+/** Between two points that a person has picked. */
+export interface Distance {
+  readonly from: Point;
+  readonly to: Point;
+}
+
 export interface Snapped {
   readonly to: "vertex" | "edge" | "face";
   readonly point: Point;

@@ -97,19 +97,20 @@ export function ViewsPanel({ viewer }: { readonly viewer: Viewer }) {
 }
 
 /** Where a person is now, and what is changed. */
-export function viewpointOf({ navigator, view }: Viewer): Viewpoint {
+export function viewpointOf({ navigator, view, distances }: Viewer): Viewpoint {
   const [x, y, z] = navigator.eye;
   const { forward, vfovDeg } = navigator;
-  return { eye: [x, y, z], forward, vfovDeg, view: view.current.peek() };
+  return { eye: [x, y, z], forward, vfovDeg, view: view.current.peek(), distances: distances.peek() };
 }
 
 /** Goes to a viewpoint. What it changes can be taken back in one step. */
-export function goTo({ navigator, view }: Viewer, viewpoint: Viewpoint): void {
+export function goTo({ navigator, view, distances }: Viewer, viewpoint: Viewpoint): void {
   const { eye, forward, vfovDeg } = viewpoint;
   navigator.setMode("fly");
   navigator.setVfov(vfovDeg);
   navigator.goTo([...eye], [...forward]);
   view.change(viewpoint.view);
+  distances.value = viewpoint.distances;
 }
 
 function thumbnailOf(viewer: Viewer): string {

@@ -11,6 +11,7 @@ import type { OcclusionTest, Settings } from "../proto/settings.ts";
 import type { Point } from "../proto/viewState.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
 import { Projection } from "../tools/projection.ts";
+import type { Distance } from "../tools/snap.ts";
 import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
 
@@ -33,6 +34,8 @@ export class Viewer {
   readonly view = new ViewHistory();
   /** The objects that a person has picked. */
   readonly selected = signal(ObjectSet.EMPTY);
+  /** What a person has measured. */
+  readonly distances = signal<readonly Distance[]>([]);
   /** The most pixels by which a silhouette may be off, and how a culler finds out what is hidden. */
   readonly epsilon = signal(2);
   readonly occlusionTest = signal<OcclusionTest>("hzb");
