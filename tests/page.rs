@@ -338,6 +338,50 @@ fn a_person_walks_and_looks_into_the_model() {
     assert!(look(&mut browser)["items"] == whole["items"], "it is back");
 }
 
+/// Whatever keys, mouse and window do, nothing fails, and at rest the picture is right.
+#[test]
+fn a_page_bears_any_input() {
+    let bench = Bench::with_plant(200);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(300, 300) else { return };
+    let scene = Scene::open(&bench.path("plant.scene")).unwrap();
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    let mut random = Random(7);
+    let keys = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyE", "KeyQ", "Space", "ArrowLeft", "PageDown", "Shift"];
+    let presses =
+        ["1", "2", "3", "h", "i", "x", "f", "Shift+H", "Control+z", "Control+y", "m", "p", "v", "b", "t"];
+    for _ in 0..150 {
+        let side = |random: &mut Random| 100 + random.below(400);
+        browser.done(match random.below(5) {
+            0 => json!({ "do": "hold", "key": keys[random.below(10)], "milliseconds": random.below(60) }),
+            1 => json!({ "do": "press", "key": presses[random.below(15)] }),
+            2 => json!({ "do": "click", "x": random.below(100), "y": random.below(100) }),
+            3 => json!({ "do": "drag", "right": random.below(200), "down": random.below(50) }),
+            _ => json!({ "do": "resize", "width": side(&mut random), "height": side(&mut random) }),
+        });
+    }
+    for key in ["Escape", "Shift+H", "2"] {
+        browser.done(json!({ "do": "press", "key": key }));
+    }
+    browser.done(json!({ "do": "home" }));
+    browser.done(json!({ "do": "settle" }));
+    let look = browser.done(json!({ "do": "look" }));
+    assert_eq!((&look["hidden"], &look["isolated"]), (&json!([]), &Value::Null));
+    let Difference { drawables, .. } = difference(&look, &scene);
+    assert_eq!(drawables, [], "{}", look["eye"]);
+}
+
+/// Numbers that are the same each time (Park and Miller 1988).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 = self.0 * 48_271 % 0x7fff_ffff;
+        self.0 as usize % end
+    }
+}
+
 /// A page that loses its service goes on with what it has, and finds the service again.
 #[test]
 fn a_page_outlives_its_service() {

@@ -22,6 +22,8 @@ type Command =
   | { readonly do: "click"; readonly x: number; readonly y: number }
   /** The first button whose text begins so. */
   | { readonly do: "button"; readonly name: string }
+  /** The eye goes to where it began. */
+  | { readonly do: "home" }
   | { readonly do: "drag"; readonly right: number; readonly down: number }
   | { readonly do: "resize"; readonly width: number; readonly height: number }
   /** The graphics device loses everything, and comes back. */
@@ -72,6 +74,13 @@ async function run(command: Command, page: Page): Promise<unknown> {
         .locator("button", { hasText: new RegExp(`^${command.name}`) })
         .first()
         .click();
+      return true;
+    case "home":
+      await page.evaluate(() => {
+        const viewer = window.trimaran;
+        const { eye, forward } = viewer?.scene.start ?? { eye: [0, 0, 0], forward: [0, 0, -1] };
+        viewer?.navigator.goTo([...eye], [...forward]);
+      });
       return true;
     case "drag": {
       const [x, y] = [width / 2, height / 2];
