@@ -13,7 +13,7 @@ const MODES: readonly (readonly [Mode, string, string])[] = [
 const HELP: readonly (readonly [string, string])[] = [
   ["W A S D, arrows", "walk, and turn"],
   ["mouse or finger, dragged", "look around; in Orbit, turn the model"],
-  ["right button, two fingers", "move across; not where you walk"],
+  ["right button, two fingers", "move across; where you walk: go"],
   ["Shift", "faster"],
   ["wheel", "speed; in Orbit, nearer or farther"],
   ["Space", "jump; fly up"],

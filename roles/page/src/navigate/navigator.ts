@@ -18,6 +18,8 @@ const TURN = 1.6;
 /** Radians a pixel of the mouse: where the eye looks about, and where it goes round a point. */
 const MOUSE = 0.003;
 const ORBIT = 0.006;
+/** Pixels by which two fingers push a person by the height of the eye. */
+const PUSH = 150;
 /** The share of the way that a step of the wheel goes. */
 const DOLLY = 0.15;
 /** Longest step in time, seconds: a page that was in the background does not jump. */
@@ -36,6 +38,8 @@ export class Navigator {
   readonly #ground: Ground;
   readonly #walk: Walk;
   #eye: Point;
+  /** How far two fingers have pushed the person since the last step: ahead and to the right, metres. */
+  #pushed: [number, number] = [0, 0];
   /** What is dragged round. */
   #pivot: Readonly<Point> | undefined;
   /** Height of the eye above floors: how large things are here. */
@@ -148,7 +152,9 @@ export class Navigator {
     if (motion.up > 0) {
       this.#walk.jump();
     }
-    const [x, z] = this.#gaze.onGround(way * motion.ahead, way * motion.right);
+    const [ahead, right] = this.#pushed;
+    this.#pushed = [0, 0];
+    const [x, z] = this.#gaze.onGround(way * motion.ahead + ahead, way * motion.right + right);
     const isMoved = this.#walk.step(seconds, x, z, this.#ground);
     this.#eye = this.#walk.eye;
     return isMoved;
@@ -167,7 +173,11 @@ export class Navigator {
     this.#hasMoved = true;
     const isOrbit = this.mode.peek() === "orbit";
     const pivot = this.#pivot;
-    if (isPan && this.mode.peek() !== "walk") {
+    if (isPan && this.mode.peek() === "walk") {
+      // Two fingers push the ground away, as hands on a rail would.
+      const each = this.#scale / PUSH;
+      this.#pushed = [this.#pushed[0] + down * each, this.#pushed[1] - right * each];
+    } else if (isPan) {
       const depth = pivot === undefined ? this.#scale : this.#depthOf(pivot);
       const each = (2 * depth * Math.tan((this.vfovDeg * Math.PI) / 360)) / height;
       this.#eye = pan(this.#eye, this.#gaze, -right * each, down * each);

@@ -97,11 +97,13 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         {open.value === "Views" && <ViewsPanel viewer={viewer} />}
       </div>
       <DetailsPanel selection={selection} />
-      <ViewBar viewer={viewer} commands={commands} />
-      <NavigationBar navigator={viewer.navigator} />
-      <p id="status" role="status">
-        {viewer.session.trouble.value || viewer.said.value}
-      </p>
+      <div class="bottom">
+        <p id="status" role="status">
+          {viewer.session.trouble.value || viewer.said.value}
+        </p>
+        <ViewBar viewer={viewer} commands={commands} />
+        <NavigationBar navigator={viewer.navigator} />
+      </div>
     </>
   );
 }
