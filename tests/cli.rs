@@ -567,22 +567,51 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
 fn a_recorded_walk_sends_an_empty_display_what_a_real_one_is_sent() {
     let bench = Bench::with_plant(300);
     let walk = ["run", "plant.scene", "--frames", "12", "--size", "256x256", "--audit-every", "0"];
-    bench.done(&[&walk[..], &["--record", "walk.trace"]].concat());
-    bench.done(&[&walk[..], &["--empty-display", "--link", "tcp", "--out", "empty"]].concat());
-    let sent = bench.report("empty")["summary"]["bytes_by_kind"]["geometry"].as_f64().unwrap();
+    let of = |trace: &str, words: &[&str]| -> serde_json::Value {
+        serde_json::from_str(
+            &bench.done(&[&["sim", "--frames", "12", "--json", "--trace", trace], words].concat()),
+        )
+        .unwrap()
+    };
+    let sent = |words: &[&str], out: &str| {
+        bench.done(&[&walk[..], words, &["--record", &format!("{out}.trace")]].concat());
+        bench.done(&[&walk[..], words, &["--empty-display", "--link", "tcp", "--out", out]].concat());
+        let report = bench.report(out);
+        let ahead = |key: &str| report["run"]["ahead"][key].as_f64().unwrap();
+        (
+            report["summary"]["bytes_by_kind"]["geometry"].as_f64().unwrap(),
+            ahead("bytes") - ahead("used_bytes"),
+        )
+    };
+    let empty = ["--scene", "plant.scene", "--empty-display"];
+    let simulated = |trace: &str| -> Vec<f64> {
+        let runs = of(trace, &empty);
+        let runs = runs.as_array().unwrap();
+        assert!(runs.iter().all(|run| run["pixels"].is_null()), "nothing is drawn");
+        runs.iter().map(|run| 12.0 * run["bytes"]["geometry"].as_f64().unwrap()).collect()
+    };
 
-    let sim = ["sim", "--trace", "walk.trace", "--frames", "12", "--json"];
-    let empty = [&sim[..], &["--scene", "plant.scene", "--empty-display"]].concat();
-    let runs: serde_json::Value = serde_json::from_str(&bench.done(&empty)).unwrap();
-    assert_eq!(runs.as_array().unwrap().len(), 3, "three transports");
-    for run in runs.as_array().unwrap() {
-        let simulated = 12.0 * run["bytes"]["geometry"].as_f64().unwrap();
-        // What is sent ahead depends on when.
-        assert!((simulated / sent - 1.0).abs() < 0.2, "{simulated} simulated, {sent} sent: {run}");
-        assert!(run["pixels"].is_null(), "nothing is drawn");
-    }
-    let runs: serde_json::Value = serde_json::from_str(&bench.done(&sim)).unwrap();
-    assert_eq!(runs[0]["bytes"]["geometry"], 0.0);
+    // What is sent ahead of a moving camera depends on how long each frame took.
+    let (moving, unused) = sent(&[], "moving");
+    let runs = simulated("moving.trace");
+    assert_eq!(runs.len(), 3, "three transports");
+    assert!(
+        runs.iter().all(|bytes| *bytes > 0.97 * (moving - unused)),
+        "{moving} sent, {unused} unused, {runs:?}"
+    );
+
+    let report = bench.report("moving");
+    let frame = &report["frames"][5];
+    let pose = serde_json::json!({ "eye": frame["eye"], "forward": frame["forward"], "up": frame["up"] });
+    let still = serde_json::json!({ "vfov_deg": report["vfov_deg"], "near": report["near"], "frames": vec![pose; 12] });
+    bench.write("still.json", still.to_string());
+    let (still, unused) = sent(&["--path", "still.json"], "still");
+    assert!(unused < 1.0, "a camera that stands still has nothing ahead");
+    let runs = simulated("still.trace");
+    assert!(runs.iter().all(|bytes| (bytes / still - 1.0).abs() < 0.03), "{still} sent, {runs:?} simulated");
+
+    let sim = ["sim", "--trace", "moving.trace", "--frames", "12", "--json"];
+    assert_eq!(of("moving.trace", &[])[0]["bytes"]["geometry"], 0.0);
 
     let refused = |words: &[&str], says: &[&str]| bench.refuses(&[&sim[..], words].concat(), says);
     refused(&["--empty-display"], &["--scene"]);
