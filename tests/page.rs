@@ -405,6 +405,30 @@ fn a_page_outlives_its_service() {
 }
 
 #[test]
+fn a_page_walks_on_over_another_network() {
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(300, 300) else { return };
+    let scene = Scene::open(&bench.path("plant.scene")).unwrap();
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    browser.done(json!({ "do": "press", "key": "KeyP" }));
+    let mut eyes = vec![browser.done(json!({ "do": "look" }))["eye"].take()];
+    for (network, round_trip) in [("wan-80ms", 80.0), ("wifi", 0.0), ("", 0.0)] {
+        let choice = json!({ "do": "choose", "label": "Simulated network to the culler", "value": network });
+        browser.done(choice);
+        browser.done(json!({ "do": "hold", "key": if eyes.len() == 2 { "KeyS" } else { "KeyW" }, "milliseconds": 500 }));
+        browser.done(json!({ "do": "settle" }));
+        let look = browser.done(json!({ "do": "look" }));
+        assert!(look["latency"].as_f64().unwrap() >= round_trip, "{network}: {}", look["latency"]);
+        let Difference { drawables, .. } = difference(&look, &scene);
+        assert_eq!(drawables, [], "{network}");
+        assert_ne!(look["eye"], *eyes.last().unwrap(), "{network}");
+        eyes.push(look["eye"].clone());
+    }
+}
+
+#[test]
 fn a_page_with_a_wrong_token_says_so() {
     let bench = Bench::with_plant(100);
     let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };

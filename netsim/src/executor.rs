@@ -1,12 +1,13 @@
 //! Tasks on one thread, in an order that depends on nothing but the program.
 
-use parking_lot::Mutex;
+use parking_lot::{Condvar, Mutex};
 use std::collections::VecDeque;
 use std::fmt;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll, Wake, Waker};
+use std::time::Duration;
 
 use slab::Slab;
 use trimaran_net::BoxFuture;
@@ -14,8 +15,8 @@ use trimaran_net::BoxFuture;
 /// The key of the future that [`Executor::run_until_stalled`] was given; no task has it.
 const MAIN: usize = usize::MAX;
 
-/// Runs tasks in the order in which they were woken. Whatever wakes them, wakes them in an order of its own
-/// making: there are no threads and no clock.
+/// Runs tasks in the order in which they were woken. In virtual time whatever wakes them, wakes them in an
+/// order of its own making: there are no threads and no clock.
 #[derive(Default)]
 pub(crate) struct Executor {
     tasks: Mutex<Slab<Task>>,
@@ -35,14 +36,18 @@ struct Task {
 }
 
 #[derive(Debug, Default)]
-struct Ready(Mutex<VecDeque<Arc<Rouser>>>);
+struct Ready {
+    queue: Mutex<VecDeque<Arc<Rouser>>>,
+    /// Told of each that is put into the queue.
+    added: Condvar,
+}
 
 /// Puts one task into the queue, once until it has run.
 #[derive(Debug)]
 struct Rouser {
     key: usize,
-    /// Atomic because [`Wake`] asks for it: a simulation's tasks, and so whoever wakes them, are all on one
-    /// thread.
+    /// Other threads wake tasks where a simulation keeps step with a clock. Whoever finds it set has done
+    /// its part before the task looks.
     queued: AtomicBool,
     ready: Arc<Ready>,
 }
@@ -55,8 +60,9 @@ impl Rouser {
 
 impl Wake for Rouser {
     fn wake(self: Arc<Self>) {
-        if !self.queued.swap(true, Ordering::Relaxed) {
-            self.ready.0.lock().push_back(Arc::clone(&self));
+        if !self.queued.swap(true, Ordering::AcqRel) {
+            self.ready.queue.lock().push_back(Arc::clone(&self));
+            self.ready.added.notify_one();
         }
     }
 
@@ -82,7 +88,15 @@ impl Executor {
 
     /// Whether something has been woken.
     pub(crate) fn is_ready(&self) -> bool {
-        !self.ready.0.lock().is_empty()
+        !self.ready.queue.lock().is_empty()
+    }
+
+    /// Waits until something has been woken by another thread, for so long at most.
+    pub(crate) fn wait(&self, longest: Duration) {
+        let mut queue = self.ready.queue.lock();
+        if queue.is_empty() {
+            self.ready.added.wait_for(&mut queue, longest);
+        }
     }
 
     /// Runs whatever is ready, and `main` with it, until `main` is done or nothing is ready.
@@ -93,8 +107,8 @@ impl Executor {
     ) -> Poll<F::Output> {
         let waker = Waker::from(Arc::clone(rouser));
         loop {
-            let Some(next) = self.ready.0.lock().pop_front() else { return Poll::Pending };
-            next.queued.store(false, Ordering::Relaxed);
+            let Some(next) = self.ready.queue.lock().pop_front() else { return Poll::Pending };
+            next.queued.swap(false, Ordering::AcqRel);
             if next.key == MAIN {
                 if let Poll::Ready(output) = main.as_mut().poll(&mut Context::from_waker(&waker)) {
                     return Poll::Ready(output);
@@ -128,7 +142,7 @@ impl Executor {
     pub(crate) fn clear(&self) {
         loop {
             let tasks = std::mem::take(&mut *self.tasks.lock());
-            self.ready.0.lock().clear();
+            self.ready.queue.lock().clear();
             if tasks.is_empty() {
                 return;
             }

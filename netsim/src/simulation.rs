@@ -5,6 +5,7 @@ use std::io::Write;
 use std::pin::pin;
 use std::sync::Arc;
 use std::task::Poll;
+use std::time::Duration;
 
 use thiserror::Error;
 use trimaran_net::Instant;
@@ -25,6 +26,9 @@ use crate::world::World;
 pub struct Simulation {
     world: Arc<World>,
 }
+
+/// How long a simulation in step with a clock sleeps at most.
+const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
 /// Nothing will ever happen again, and the program still waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -83,6 +87,31 @@ impl Simulation {
             }
             if !self.world.go_on() {
                 return Err(Stalled { at: self.world.now() });
+            }
+        }
+    }
+
+    /// Runs `program` and the tasks that it spawns in step with a clock, until it is done: what happens,
+    /// happens when its time has come. Tasks may wait for what other threads do; this thread sleeps meanwhile.
+    ///
+    /// `clock` tells the time since the simulation began, and never goes back.
+    pub fn run_in_step<F: Future>(&self, clock: impl Fn() -> Instant, program: F) -> F::Output {
+        let mut program = pin!(program);
+        let waker = self.world.executor.main();
+        waker.wake();
+        let Self { world } = self;
+        loop {
+            let now = clock();
+            if !world.go_on_until(now) {
+                let next = world.wait_until(now);
+                if !world.executor.is_ready() {
+                    let pause = next.map_or(LONGEST_PAUSE, |next| next.since(now));
+                    world.executor.wait(pause.min(LONGEST_PAUSE));
+                    continue;
+                }
+            }
+            if let Poll::Ready(output) = world.executor.run_until_stalled(&mut program, &waker) {
+                return output;
             }
         }
     }

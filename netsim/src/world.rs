@@ -109,16 +109,33 @@ impl World {
 
     /// Goes on to the next event after which a task has something to do; false if there is none.
     pub(crate) fn go_on(&self) -> bool {
+        self.go_on_until(Instant::from_nanos(u64::MAX))
+    }
+
+    /// The same, but not beyond a time.
+    pub(crate) fn go_on_until(&self, end: Instant) -> bool {
         let mut core = self.core();
-        while let Some((at, event)) = core.events.next() {
-            core.now = at;
-            self.now.store(at.as_nanos(), Ordering::Relaxed);
+        while core.events.next_at().is_some_and(|at| at <= end) {
+            let Some((at, event)) = core.events.next() else { return false };
+            self.pass(&mut core, at);
             core.happen(event);
             if self.executor.is_ready() {
                 return true;
             }
         }
         false
+    }
+
+    /// It is this late now, and nothing has happened since the last event. Gives the time of the next one.
+    pub(crate) fn wait_until(&self, now: Instant) -> Option<Instant> {
+        let mut core = self.core();
+        self.pass(&mut core, now);
+        core.events.next_at()
+    }
+
+    fn pass(&self, core: &mut Core, now: Instant) {
+        core.now = now;
+        self.now.store(now.as_nanos(), Ordering::Relaxed);
     }
 }
 

@@ -238,3 +238,35 @@ fn timers_with_a_grain_ring_when_a_runtime_that_sleeps_whole_ticks_wakes() {
     assert_eq!((woken, late), ((), 7_100_000));
     assert_eq!(rang(&coarse, 7_200_000), 8_100_000);
 }
+
+#[test]
+fn a_simulation_in_step_with_a_clock_lets_nothing_happen_early_and_hears_other_threads() {
+    let delay = Duration::from_millis(30);
+    let (simulation, hosts) = pair(&LinkModel::clean(None, delay), 1);
+    let [near, far] = hosts.map(|host| simulation.net(host));
+    let bind =
+        |net: &SimNet| net.bind_udp("0.0.0.0:700".parse().unwrap(), UdpSocketOptions::default()).unwrap();
+    far.spawn(Box::pin(echo(bind(&far))));
+    let socket = bind(&near);
+    let to = SocketAddr::new(hosts[1].v4(), 700);
+    let (said, mut heard) = tokio::sync::mpsc::unbounded_channel::<u8>();
+    let speaker = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(20));
+        said.send(7).unwrap();
+    });
+    #[expect(clippy::disallowed_methods, reason = "the clock that the simulation keeps step with")]
+    let begun = std::time::Instant::now();
+    let clock = || Instant::from_nanos(u64::try_from(begun.elapsed().as_nanos()).unwrap());
+    let (spoken, back) = simulation.run_in_step(clock, async {
+        let byte = heard.recv().await.unwrap();
+        let spoken = near.now();
+        send(&*socket, to, &[byte]);
+        let (_, echoed) = receive(&*socket).await;
+        assert_eq!(echoed, [7]);
+        (spoken, near.now())
+    });
+    speaker.join().unwrap();
+    assert!(spoken.as_nanos() >= 20_000_000, "{spoken:?}");
+    assert_eq!(back.since(spoken), 2 * delay, "the links take exactly their time");
+    assert!(begun.elapsed() >= Duration::from_millis(80));
+}

@@ -3,6 +3,7 @@
 use std::{path::Path, sync::Arc};
 
 use serde::Serialize;
+use trimaran_netsim::Profile;
 use trimaran_scene::{
     Scene,
     heightfield::Heightfield,
@@ -35,6 +36,17 @@ pub struct SceneDescription {
     pub vfov_deg: f64,
     /// Where to begin.
     pub start: Start,
+    /// The networks that can be simulated between the page and its culler.
+    pub networks: Vec<Network>,
+}
+
+/// A network that can be simulated.
+#[derive(Debug, Clone, Serialize)]
+pub struct Network {
+    /// What it is called.
+    pub name: String,
+    /// What it is.
+    pub about: String,
 }
 
 /// Where a person begins.
@@ -72,6 +84,10 @@ impl SceneDescription {
             clearance: found.clearance,
             vfov_deg: found.path.vfov_deg(),
             start,
+            networks: Profile::names()
+                .filter_map(|name| Profile::find(name).ok())
+                .map(|Profile { name, about, .. }| Network { name, about })
+                .collect(),
         })
     }
 }

@@ -4,6 +4,7 @@
 mod assets;
 mod description;
 mod drive;
+mod network;
 mod parts;
 mod questions;
 mod server;

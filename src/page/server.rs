@@ -28,6 +28,7 @@ use super::{
     SceneDescription, Token,
     assets::ASSETS,
     drive::{Drive, LONGEST_REPORT},
+    network::{Network, NetworkError, Networks, Wanted},
     questions::{Answers, Question},
 };
 use crate::http;
@@ -68,6 +69,7 @@ struct Inner {
     token: Token,
     scene: Bytes,
     answers: Answers,
+    networks: Networks,
     drive: Option<Drive>,
     options: WsOptions,
     tcp: TcpOptions,
@@ -91,7 +93,15 @@ impl Pages {
         }
         let answers = Answers::new(scene, description.eye_height)?;
         let scene = serde_json::to_vec(description)?.into();
-        Ok(Self(Arc::new(Inner { token, scene, answers, drive, options, tcp })))
+        Ok(Self(Arc::new(Inner {
+            token,
+            scene,
+            answers,
+            networks: Networks::default(),
+            drive,
+            options,
+            tcp,
+        })))
     }
 
     /// Where it is to listen.
@@ -160,8 +170,8 @@ pub(super) type Body = Full<Bytes>;
 /// What becomes of a request.
 enum Answer {
     Response(Response<Body>),
-    /// The connection becomes a link.
-    Link(Response<Body>, OnUpgrade),
+    /// The connection becomes a link, maybe over a simulated network.
+    Link(Response<Body>, OnUpgrade, Option<Arc<Network>>),
     /// It takes a moment.
     Later(Question),
     /// A page says how its walk went.
@@ -194,13 +204,13 @@ impl Pages {
         let (pages, clock) = (self.clone(), Arc::clone(&net));
         let Stream { reader, writer, peer } = stream;
         let answer = service_fn(move |mut request: Request<Incoming>| {
-            let answer = pages.answer(&mut request);
+            let answer = pages.answer(&mut request, &net);
             let (pages, net, links) = (pages.clone(), Arc::clone(&net), links.clone());
             async move {
                 Ok::<_, Infallible>(match answer {
                     Answer::Response(response) => response,
-                    Answer::Link(response, upgrade) => {
-                        net.spawn(Box::pin(open(upgrade, peer, links)));
+                    Answer::Link(response, upgrade, network) => {
+                        net.spawn(Box::pin(open(upgrade, network, peer, links)));
                         response
                     }
                     Answer::Later(question) => pages.think(question).await,
@@ -220,7 +230,7 @@ impl Pages {
         })
     }
 
-    fn answer(&self, request: &mut Request<Incoming>) -> Answer {
+    fn answer(&self, request: &mut Request<Incoming>, net: &Arc<dyn Net>) -> Answer {
         let path = request.uri().path();
         if path == "/drive" {
             return self.drive(request);
@@ -234,7 +244,7 @@ impl Pages {
         let query = form_urlencoded::parse(request.uri().query().unwrap_or_default().as_bytes());
         let question = Question::parse(path, query);
         match path {
-            "/link" => self.link(request),
+            "/link" => self.link(request, net),
             "/scene" | "/part" | "/children" | "/search" | "/tile" if !self.knows_token(request) => {
                 wrong_token().into()
             }
@@ -268,7 +278,7 @@ impl Pages {
     }
 
     /// Makes a WebSocket of the connection.
-    fn link(&self, request: &mut Request<Incoming>) -> Answer {
+    fn link(&self, request: &mut Request<Incoming>, net: &Arc<dyn Net>) -> Answer {
         if !self.knows_token(request) {
             return wrong_token().into();
         }
@@ -276,9 +286,18 @@ impl Pages {
             tracing::warn!("{foreign}");
             return plain(StatusCode::FORBIDDEN, "pages from elsewhere may not connect here\n").into();
         }
-        match ws::answer(request) {
-            Some(answer) => Answer::Link(answer.map(|()| Full::default()), hyper::upgrade::on(request)),
-            None => plain(StatusCode::UPGRADE_REQUIRED, "links are WebSockets\n").into(),
+        let Some(answer) = ws::answer(request) else {
+            return plain(StatusCode::UPGRADE_REQUIRED, "links are WebSockets\n").into();
+        };
+        let network = match Wanted::of(request.uri().query().unwrap_or_default()) {
+            Some(wanted) => self.0.networks.get(wanted, net).map(Some),
+            None => Ok(None),
+        };
+        match network {
+            Ok(network) => {
+                Answer::Link(answer.map(|()| Full::default()), hyper::upgrade::on(request), network)
+            }
+            Err(fault) => refused(&fault).into(),
         }
     }
 
@@ -290,9 +309,18 @@ impl Pages {
 }
 
 /// Hands on a WebSocket, once it is one.
-async fn open(upgrade: OnUpgrade, peer: StreamPeer, links: mpsc::Sender<Stream>) {
+async fn open(
+    upgrade: OnUpgrade,
+    network: Option<Arc<Network>>,
+    peer: StreamPeer,
+    links: mpsc::Sender<Stream>,
+) {
     if let Ok(upgraded) = upgrade.await {
-        let stream = ws::stream(TokioIo::new(upgraded), peer).await;
+        let connection = TokioIo::new(upgraded);
+        let stream = match network {
+            Some(network) => ws::stream(network.cross(connection), peer).await,
+            None => ws::stream(connection, peer).await,
+        };
         let _nobody_left = links.send(stream).await;
     }
 }
@@ -305,6 +333,16 @@ async fn take_report(request: Request<Incoming>, drive: &Drive) -> Response<Body
             plain(StatusCode::OK, "")
         }
         None => plain(StatusCode::BAD_REQUEST, "that is no report of a walk\n"),
+    }
+}
+
+fn refused(fault: &NetworkError) -> Response<Body> {
+    tracing::warn!("{fault}");
+    match fault {
+        NetworkError::Unknown => plain(StatusCode::NOT_FOUND, "there is no such network\n"),
+        NetworkError::TooMany | NetworkError::Thread(_) => {
+            plain(StatusCode::SERVICE_UNAVAILABLE, "too many pages are on simulated networks\n")
+        }
     }
 }
 

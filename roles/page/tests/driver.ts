@@ -22,6 +22,7 @@ type Command =
   | { readonly do: "click"; readonly x: number; readonly y: number }
   /** The first button whose text begins so. */
   | { readonly do: "button"; readonly name: string }
+  | { readonly do: "choose"; readonly label: string; readonly value: string }
   /** The eye goes to where it began. */
   | { readonly do: "home" }
   | { readonly do: "drag"; readonly right: number; readonly down: number }
@@ -74,6 +75,9 @@ async function run(command: Command, page: Page): Promise<unknown> {
         .locator("button", { hasText: new RegExp(`^${command.name}`) })
         .first()
         .click();
+      return true;
+    case "choose":
+      await page.getByLabel(command.label).selectOption(command.value);
       return true;
     case "home":
       await page.evaluate(() => {

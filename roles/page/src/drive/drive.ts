@@ -2,15 +2,15 @@
 
 import type { Service } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { Path } from "./path.ts";
 import { Samples } from "./samples.ts";
-
-/** Poses a second. */
-const RATE = 30;
 
 /** Walks along the service's path from its first pose to its last, and reports. */
 export async function drive(viewer: Viewer, service: Service): Promise<void> {
-  const { vfov_deg, frames } = await service.path();
-  const first = frames[0];
+  const written = await service.path();
+  const { vfov_deg } = written;
+  const path = new Path(written);
+  const first = path.at(0, 0);
   if (first === undefined) {
     return;
   }
@@ -33,12 +33,17 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     ages.add(viewer.setAge);
     [last, geometryBytes] = [now, Math.max(geometryBytes, renderer.bytes)];
   });
+  let before = 0;
   await each((now) => {
-    const frame = frames[Math.floor(((now - begun) * RATE) / 1000)];
-    if (frame !== undefined) {
-      navigator.goTo(frame.eye, frame.forward);
+    const seconds = (now - begun) / 1000;
+    const step = path.at(seconds, before);
+    before = seconds;
+    if (step?.isJump) {
+      navigator.goTo(step.eye, step.forward);
+    } else if (step !== undefined) {
+      navigator.follow(step.eye, step.forward);
     }
-    return frame !== undefined;
+    return step !== undefined;
   });
   stop();
   navigator.isHeld = false;

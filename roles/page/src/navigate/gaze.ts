@@ -31,9 +31,7 @@ export class Gaze {
 
   /** Camera to world, a unit quaternion. */
   get orientation(): [number, number, number, number] {
-    const [sy, cy] = [Math.sin(this.heading / 2), Math.cos(this.heading / 2)];
-    const [sx, cx] = [Math.sin(this.pitch / 2), Math.cos(this.pitch / 2)];
-    return [cy * sx, sy * cx, -sy * sx, cy * cx];
+    return orientationOf(this.heading, this.pitch);
   }
 
   /** Which way the eye looks, a unit vector of the world. */
@@ -47,4 +45,11 @@ export class Gaze {
     const [sin, cos] = [Math.sin(this.heading), Math.cos(this.heading)];
     return [-sin * ahead + cos * right, -cos * ahead - sin * right];
   }
+}
+
+/** Camera to world of who looks there, a unit quaternion. */
+export function orientationOf(heading: number, pitch: number): [number, number, number, number] {
+  const [sy, cy] = [Math.sin(heading / 2), Math.cos(heading / 2)];
+  const [sx, cx] = [Math.sin(pitch / 2), Math.cos(pitch / 2)];
+  return [cy * sx, sy * cx, -sy * sx, cy * cx];
 }

@@ -55,6 +55,7 @@ export class Navigator {
   isHeld = false;
   /** Something has moved the eye since the last step. */
   #hasMoved = true;
+  #hasJumped = true;
 
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Pick<Service, "tile">) {
     const { eye, forward } = scene.start;
@@ -81,6 +82,11 @@ export class Navigator {
   /** Which way the eye looks, a unit vector of the world. */
   get forward(): Point {
     return this.#gaze.forward;
+  }
+
+  /** The eye, and which way it looks: see `Gaze`. */
+  get pose(): { eye: Readonly<Point>; heading: number; pitch: number } {
+    return { eye: this.#eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
   }
 
   /** Vertical field of view, degrees. */
@@ -111,8 +117,21 @@ export class Navigator {
     this.speed.value = Math.min(1000, Math.max(0.01, this.speed.peek() * 1.2 ** steps));
   }
 
+  /** Whether the eye is elsewhere without having gone there, since this was asked. */
+  hasJumped(): boolean {
+    const hasJumped = this.#hasJumped;
+    this.#hasJumped = false;
+    return hasJumped;
+  }
+
   /** Puts the eye at a place, and lets it look along `forward`. */
   goTo(eye: Readonly<Point>, forward: Readonly<Point>): void {
+    this.#hasJumped = true;
+    this.follow(eye, forward);
+  }
+
+  /** The same, but as a step of a way that goes on. */
+  follow(eye: Readonly<Point>, forward: Readonly<Point>): void {
     this.#eye = [...eye];
     this.#gaze.along(forward);
     this.#walk.place(eye);

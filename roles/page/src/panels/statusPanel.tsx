@@ -70,6 +70,24 @@ export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
           ))}
         </select>
       </label>
+      <label>
+        Simulated network to the culler{" "}
+        <select
+          value={viewer.session.network.value}
+          onChange={(event) => {
+            viewer.session.moveTo(event.currentTarget.value);
+            // The keys walk on.
+            event.currentTarget.blur();
+          }}
+        >
+          <option value="">none</option>
+          {viewer.scene.networks.map(({ name, about }) => (
+            <option key={name} value={name} title={about}>
+              {name}
+            </option>
+          ))}
+        </select>
+      </label>
     </section>
   );
 }

@@ -19,6 +19,8 @@ export interface SceneDescription {
   readonly clearance: number;
   readonly vfovDeg: number;
   readonly start: { readonly eye: Point; readonly forward: Point };
+  /** Networks that can be simulated between the page and its culler. */
+  readonly networks: readonly { readonly name: string; readonly about: string }[];
 }
 
 /** A part of the model's hierarchy: a group of objects, or an object. */
@@ -77,6 +79,8 @@ export interface DriveReport {
 export class Service {
   readonly #base: string;
   readonly #token: string;
+  /** What the page calls itself: all of its connections share a simulated network. */
+  readonly #page = String(crypto.getRandomValues(new BigUint64Array(1))[0]);
 
   /** `page` is the address of the page, which has the token. */
   constructor(page: string) {
@@ -84,9 +88,9 @@ export class Service {
     this.#token = new URL(page).searchParams.get("token") ?? "";
   }
 
-  /** Where a link begins. */
-  get link(): string {
-    const url = this.#url("link", {});
+  /** Where a link begins, over a simulated network of that name if there is one. */
+  link(network: string): string {
+    const url = this.#url("link", network === "" ? {} : { network, page: this.#page });
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     return url.href;
   }

@@ -11,11 +11,16 @@ export class Session {
   readonly #display = signal<Display | undefined>(undefined);
   /** Why there is no link; empty where there is one. */
   readonly trouble = signal("");
-  readonly #url: string;
+  /** The simulated network between the page and its culler; none where it is empty. */
+  readonly network = signal("");
+  readonly #url: (network: string) => string;
+  /** Ends the wait for the next attempt, which is not waited for at all where it is called before. */
+  #hurry: () => void = () => {};
+  #isHurried = false;
   readonly #options: () => Omit<DisplayOptions, "onEnd">;
 
-  /** `options` are asked for anew for each link. */
-  constructor(url: string, options: () => Omit<DisplayOptions, "onEnd">) {
+  /** `url` and `options` are asked for anew for each link. */
+  constructor(url: (network: string) => string, options: () => Omit<DisplayOptions, "onEnd">) {
     [this.#url, this.#options] = [url, options];
     void this.#keep();
   }
@@ -23,6 +28,14 @@ export class Session {
   /** The display, which a signal of the page follows; also while it has no link: it goes on with what it has. */
   get display(): Display | undefined {
     return this.#display.value;
+  }
+
+  /** Goes on over another simulated network, with what is there. */
+  moveTo(network: string): void {
+    this.network.value = network;
+    this.#isHurried = true;
+    this.leave();
+    this.#hurry();
   }
 
   leave(): void {
@@ -37,7 +50,11 @@ export class Session {
           ended = resolve;
         });
         const options = { ...this.#options(), onEnd: () => ended() };
-        this.#display.value = await Display.join(this.#url, options, this.#display.peek());
+        this.#display.value = await Display.join(
+          this.#url(this.network.peek()),
+          options,
+          this.#display.peek(),
+        );
         this.trouble.value = "";
         await over;
         pause = SOONEST;
@@ -45,7 +62,11 @@ export class Session {
         const why = error instanceof Error ? error.message : error;
         this.trouble.value = `The service does not answer: ${why}`;
       }
-      await new Promise((resolve) => setTimeout(resolve, pause));
+      await new Promise<void>((resolve) => {
+        this.#hurry = resolve;
+        setTimeout(resolve, this.#isHurried ? 0 : pause);
+      });
+      this.#isHurried = false;
     }
   }
 }

@@ -4,6 +4,7 @@ import { effect, signal } from "@preact/signals";
 import type { Display } from "../display/display.ts";
 import type { Drawable, Look } from "../draw/model.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
+import { orientationOf } from "../navigate/gaze.ts";
 import { Navigator } from "../navigate/navigator.ts";
 import type { Camera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
@@ -12,6 +13,7 @@ import type { Point } from "../proto/viewState.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
 import { Projection } from "../tools/projection.ts";
 import type { Distance } from "../tools/snap.ts";
+import { Prediction } from "./prediction.ts";
 import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
 
@@ -42,12 +44,13 @@ export class Viewer {
   /** A word to the person: what has just happened. */
   readonly said = signal("");
   pictures = 0;
+  readonly #prediction = new Prediction();
   readonly #overlays = new Set<(camera: Camera) => void>();
   #published = 0;
   /** When the picture has changed last. */
   #rested = 0;
   #last = 0;
-  /** The newest pose was not published yet. */
+  /** The newest pose was not published yet: another one was that was foreseen, or none. */
   #isMoved = true;
   /** The set that the canvas shows; nothing where it is to be drawn again. */
   #drawn: unknown;
@@ -64,7 +67,7 @@ export class Viewer {
     this.navigator.pointAt = (x, y) => this.pointAt(x, y);
     this.#fit();
     const options = () => ({ settings: this.#settings(), memory: MEMORY, store: this.renderer });
-    this.session = new Session(service.link, options);
+    this.session = new Session((network) => service.link(network), options);
     // At each change, and for each new link.
     effect(() => {
       const levelRule = { epsilon: this.epsilon.value, fewPixels: false };
@@ -90,7 +93,8 @@ export class Viewer {
   /** The picture is exact, and of where the eye is now. */
   get isSettled(): boolean {
     const { display } = this;
-    return !this.#isMoved && display?.isSettled === true && this.#drawn === display.shown;
+    const isHere = display?.isSettled === true && !display.link.isOver;
+    return !this.#isMoved && isHere && this.#drawn === display.shown;
   }
 
   /** The camera of the picture. */
@@ -194,10 +198,21 @@ export class Viewer {
     if (display === undefined) {
       return;
     }
+    if (this.navigator.hasJumped()) {
+      this.#prediction.forget();
+    }
+    this.#prediction.add(now, this.navigator.pose);
     if (this.#isMoved && !display.link.isOver && now - this.#published >= PERIOD) {
+      // What is visible from there comes when the eye is there. Once it rests, its own pose follows.
+      const foreseen = hasMoved ? this.#prediction.after(display.latency + PERIOD / 2) : undefined;
       // Its pixels are as large as those of the picture that is shown.
-      display.publish(this.#camera(this.#viewport().height / this.canvas.height));
-      [this.#published, this.#isMoved] = [now, false];
+      const camera = this.#camera(this.#viewport().height / this.canvas.height);
+      const pose = foreseen && {
+        eye: foreseen.eye,
+        orientation: orientationOf(foreseen.heading, foreseen.pitch),
+      };
+      display.publish({ ...camera, ...pose });
+      [this.#published, this.#isMoved] = [now, foreseen !== undefined];
       this.#drawn = undefined;
     }
     if (hasMoved || display.shown !== this.#drawn) {

@@ -1,0 +1,56 @@
+/** Where an eye will be that goes on as it went. */
+
+import type { Point } from "../navigate/gaze.ts";
+
+/** A place and a direction: what a gaze is made of. */
+export interface Pose {
+  readonly eye: Readonly<Point>;
+  readonly heading: number;
+  readonly pitch: number;
+}
+
+/** Milliseconds of the past that tell the future. */
+const PAST = 100;
+/** Nobody is foreseen further, milliseconds: by then the hand has done something else. */
+const FURTHEST = 250;
+
+/** Follows an eye. Times are milliseconds. */
+export class Prediction {
+  readonly #past: { readonly at: number; readonly pose: Pose }[] = [];
+
+  /** The eye is here at this time. */
+  add(at: number, pose: Pose): void {
+    this.#past.push({ at, pose });
+    while (this.#past.length > 2 && (this.#past[1]?.at ?? at) <= at - PAST) {
+      this.#past.shift();
+    }
+  }
+
+  /** The eye has jumped: what was before says nothing. */
+  forget(): void {
+    this.#past.length = 0;
+  }
+
+  /** Where it will be so many milliseconds after it was followed last; nothing before it was. */
+  after(ahead: number): Pose | undefined {
+    const [first, last] = [this.#past[0], this.#past.at(-1)];
+    if (first === undefined || last === undefined) {
+      return undefined;
+    }
+    const past = last.at - first.at;
+    const share = past > 0 ? Math.min(ahead, FURTHEST) / past : 0;
+    const on = (from: number, to: number) => to + (to - from) * share;
+    const [a, b] = [first.pose, last.pose];
+    return {
+      eye: [on(a.eye[0], b.eye[0]), on(a.eye[1], b.eye[1]), on(a.eye[2], b.eye[2])],
+      // The short way round.
+      heading: b.heading + wrapped(b.heading - a.heading) * share,
+      pitch: on(a.pitch, b.pitch),
+    };
+  }
+}
+
+/** The same angle between minus and plus half a turn. */
+function wrapped(angle: number): number {
+  return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
+}

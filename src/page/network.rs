@@ -1,0 +1,164 @@
+//! Simulated networks between pages and their culler, so that a person feels what a network does.
+//!
+//! What a page sends goes through a [`Simulation`] that keeps step with the clock: over TCP, and over the links
+//! of a [`Profile`]. So it is held up, and lost and repeated, as in `trimaran sim`.
+
+use std::{
+    collections::HashMap,
+    io,
+    net::SocketAddr,
+    sync::{Arc, Weak},
+    thread,
+};
+
+use parking_lot::Mutex;
+use thiserror::Error;
+use tokio::{
+    io::{AsyncRead, AsyncWrite, DuplexStream, copy_bidirectional, duplex, join},
+    sync::mpsc,
+};
+use trimaran_net::{Instant, Listen, Net, Stream, TcpOptions};
+use trimaran_netsim::{Profile, SimNet, Simulation};
+
+/// The most networks at a time: each has a thread of its own.
+const MOST: usize = 16;
+/// Bytes between a simulated machine and what is real.
+const BUFFER: usize = 64 << 10;
+/// Which packets are lost.
+const SEED: u64 = 1;
+
+/// The bytes of a real connection.
+pub(super) trait Connection: AsyncRead + AsyncWrite + Send + Unpin {}
+
+impl<C: AsyncRead + AsyncWrite + Send + Unpin> Connection for C {}
+
+/// A network that a page asks for. All connections of the same page share one.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub(super) struct Wanted {
+    /// The name of a profile that comes with the program.
+    pub(super) network: String,
+    /// What the page calls itself.
+    pub(super) page: String,
+}
+
+impl Wanted {
+    /// What the query of a link's address asks for: `network=wifi&page=...`.
+    pub(super) fn of(query: &str) -> Option<Self> {
+        let value = |name: &str| {
+            let mut pairs = form_urlencoded::parse(query.as_bytes());
+            pairs.find(|(known, _)| known == name).map(|(_, value)| value.into_owned())
+        };
+        Some(Self { network: value("network")?, page: value("page").unwrap_or_default() })
+    }
+}
+
+/// Why a page cannot have its network.
+#[derive(Debug, Error)]
+pub(super) enum NetworkError {
+    /// There is none of that name.
+    #[error("there is no such network")]
+    Unknown,
+    /// There are as many as there may be.
+    #[error("too many pages are on simulated networks: at most {MOST} may be")]
+    TooMany,
+    /// It has no thread.
+    #[error("the system has no thread for it")]
+    Thread(#[from] io::Error),
+}
+
+/// The networks of all pages that are on one.
+#[derive(Debug, Default)]
+pub(super) struct Networks(Mutex<HashMap<Wanted, Weak<Network>>>);
+
+/// The network of one page. Its thread ends with the last connection.
+#[derive(Debug)]
+pub(super) struct Network(mpsc::UnboundedSender<Crossing>);
+
+/// A connection on its way through a network.
+struct Crossing {
+    page: Box<dyn Connection>,
+    culler: DuplexStream,
+    /// Kept as long as anything crosses it.
+    network: Arc<Network>,
+}
+
+impl Networks {
+    /// The network of a page, which begins with its first connection.
+    pub(super) fn get(&self, wanted: Wanted, net: &Arc<dyn Net>) -> Result<Arc<Network>, NetworkError> {
+        let known = Profile::names().any(|name| name == wanted.network);
+        let profile = Profile::find(&wanted.network).ok().filter(|_| known).ok_or(NetworkError::Unknown)?;
+        let mut networks = self.0.lock();
+        networks.retain(|_, network| network.strong_count() > 0);
+        if let Some(network) = networks.get(&wanted).and_then(Weak::upgrade) {
+            return Ok(network);
+        }
+        if networks.len() >= MOST {
+            return Err(NetworkError::TooMany);
+        }
+        let network = Arc::new(Network::begin(profile, Arc::clone(net))?);
+        networks.insert(wanted, Arc::downgrade(&network));
+        Ok(network)
+    }
+}
+
+impl Network {
+    fn begin(profile: Profile, clock: Arc<dyn Net>) -> io::Result<Self> {
+        let (crossings, asked) = mpsc::unbounded_channel();
+        thread::Builder::new().name("network".into()).spawn(move || simulate(&profile, &*clock, asked))?;
+        Ok(Self(crossings))
+    }
+
+    /// The far end of a page's connection: what the culler sees of it.
+    pub(super) fn cross(self: Arc<Self>, page: impl Connection + 'static) -> DuplexStream {
+        let (culler, far) = duplex(BUFFER);
+        let network = Arc::clone(&self);
+        let _has_ended = self.0.send(Crossing { page: Box::new(page), culler, network });
+        far
+    }
+}
+
+/// Carries what crosses the network, until nothing does.
+fn simulate(profile: &Profile, clock: &dyn Net, mut asked: mpsc::UnboundedReceiver<Crossing>) {
+    let (topology, machines) = profile.topology(1);
+    let Some(host) = machines.cullers.first() else { return };
+    let simulation = Simulation::new(&topology, SEED);
+    let [page, culler] = [machines.display, *host].map(|host| simulation.net(host));
+    let at = SocketAddr::new(host.v4(), 0);
+    let begun = clock.now();
+    let time = || Instant::from_nanos(0).after(clock.now().since(begun));
+    simulation.run_in_step(time, async {
+        while let Some(crossing) = asked.recv().await {
+            match culler.listen_tcp(at, TcpOptions::default()) {
+                Ok((listener, at)) => cross(&page, &culler, crossing, (listener, at)),
+                Err(e) => tracing::warn!("a page's connection cannot cross its network: {e}"),
+            }
+        }
+    });
+}
+
+/// Has a connection cross from the page's machine to the culler's, which listens for it.
+fn cross(
+    page: &SimNet,
+    culler: &SimNet,
+    Crossing { page: near, culler: far, network }: Crossing,
+    (mut listener, at): (Box<dyn Listen>, SocketAddr),
+) {
+    let (machine, held) = (page.clone(), Arc::clone(&network));
+    page.spawn(Box::pin(async move {
+        if let Ok(stream) = machine.connect_tcp(at, TcpOptions::default()).await {
+            carry(near, stream).await;
+        }
+        drop(held);
+    }));
+    culler.spawn(Box::pin(async move {
+        if let Ok(stream) = listener.accept().await {
+            carry(far, stream).await;
+        }
+        drop(network);
+    }));
+}
+
+/// Carries bytes both ways until both have ended. A connection that breaks ends the other one.
+async fn carry(mut real: impl Connection, Stream { reader, writer, .. }: Stream) {
+    let _broken = copy_bidirectional(&mut real, &mut join(reader, writer)).await;
+}
