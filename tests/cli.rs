@@ -603,7 +603,8 @@ fn a_recorded_walk_sends_an_empty_display_what_a_real_one_is_sent() {
     let report = bench.report("moving");
     let frame = &report["frames"][5];
     let pose = serde_json::json!({ "eye": frame["eye"], "forward": frame["forward"], "up": frame["up"] });
-    let still = serde_json::json!({ "vfov_deg": report["vfov_deg"], "near": report["near"], "frames": vec![pose; 12] });
+    let (vfov, near) = (&report["vfov_deg"], &report["near"]);
+    let still = serde_json::json!({ "vfov_deg": vfov, "near": near, "frames": vec![pose; 12] });
     bench.write("still.json", still.to_string());
     let (still, unused) = sent(&["--path", "still.json"], "still");
     assert!(unused < 1.0, "a camera that stands still has nothing ahead");

@@ -417,7 +417,8 @@ fn a_page_walks_on_over_another_network() {
     for (network, round_trip) in [("wan-80ms", 80.0), ("wifi", 0.0), ("", 0.0)] {
         let choice = json!({ "do": "choose", "label": "Simulated network to the culler", "value": network });
         browser.done(choice);
-        browser.done(json!({ "do": "hold", "key": if eyes.len() == 2 { "KeyS" } else { "KeyW" }, "milliseconds": 500 }));
+        let key = if eyes.len() == 2 { "KeyS" } else { "KeyW" };
+        browser.done(json!({ "do": "hold", "key": key, "milliseconds": 500 }));
         browser.done(json!({ "do": "settle" }));
         let look = browser.done(json!({ "do": "look" }));
         assert!(look["latency"].as_f64().unwrap() >= round_trip, "{network}: {}", look["latency"]);

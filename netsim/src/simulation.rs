@@ -92,7 +92,7 @@ impl Simulation {
     }
 
     /// Runs `program` and the tasks that it spawns in step with a clock, until it is done: what happens,
-    /// happens when its time has come. Tasks may wait for what other threads do; this thread sleeps meanwhile.
+    /// happens when its time has come. Tasks may wait for what other threads do; this one sleeps meanwhile.
     ///
     /// `clock` tells the time since the simulation began, and never goes back.
     pub fn run_in_step<F: Future>(&self, clock: impl Fn() -> Instant, program: F) -> F::Output {
@@ -103,7 +103,7 @@ impl Simulation {
         loop {
             let now = clock();
             if !world.go_on_until(now) {
-                let next = world.wait_until(now);
+                let next = world.idle_until(now);
                 if !world.executor.is_ready() {
                     let pause = next.map_or(LONGEST_PAUSE, |next| next.since(now));
                     world.executor.wait(pause.min(LONGEST_PAUSE));

@@ -127,7 +127,7 @@ impl World {
     }
 
     /// It is this late now, and nothing has happened since the last event. Gives the time of the next one.
-    pub(crate) fn wait_until(&self, now: Instant) -> Option<Instant> {
+    pub(crate) fn idle_until(&self, now: Instant) -> Option<Instant> {
         let mut core = self.core();
         self.pass(&mut core, now);
         core.events.next_at()

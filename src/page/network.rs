@@ -1,7 +1,7 @@
 //! Simulated networks between pages and their culler, so that a person feels what a network does.
 //!
-//! What a page sends goes through a [`Simulation`] that keeps step with the clock: over TCP, and over the links
-//! of a [`Profile`]. So it is held up, and lost and repeated, as in `trimaran sim`.
+//! What a page sends goes through a [`Simulation`] that keeps step with the clock: over TCP, and over the
+//! links of a [`Profile`]. So it is held up, and lost and repeated, as in `trimaran sim`.
 
 use std::{
     collections::HashMap,
@@ -129,7 +129,7 @@ fn simulate(profile: &Profile, clock: &dyn Net, mut asked: mpsc::UnboundedReceiv
     simulation.run_in_step(time, async {
         while let Some(crossing) = asked.recv().await {
             match culler.listen_tcp(at, TcpOptions::default()) {
-                Ok((listener, at)) => cross(&page, &culler, crossing, (listener, at)),
+                Ok((listener, at)) => cross(&page, crossing, (listener, at)),
                 Err(e) => tracing::warn!("a page's connection cannot cross its network: {e}"),
             }
         }
@@ -139,20 +139,14 @@ fn simulate(profile: &Profile, clock: &dyn Net, mut asked: mpsc::UnboundedReceiv
 /// Has a connection cross from the page's machine to the culler's, which listens for it.
 fn cross(
     page: &SimNet,
-    culler: &SimNet,
     Crossing { page: near, culler: far, network }: Crossing,
     (mut listener, at): (Box<dyn Listen>, SocketAddr),
 ) {
-    let (machine, held) = (page.clone(), Arc::clone(&network));
+    let machine = page.clone();
     page.spawn(Box::pin(async move {
-        if let Ok(stream) = machine.connect_tcp(at, TcpOptions::default()).await {
-            carry(near, stream).await;
-        }
-        drop(held);
-    }));
-    culler.spawn(Box::pin(async move {
-        if let Ok(stream) = listener.accept().await {
-            carry(far, stream).await;
+        match tokio::try_join!(machine.connect_tcp(at, TcpOptions::default()), listener.accept()) {
+            Ok((here, there)) => drop(tokio::join!(carry(near, here), carry(far, there))),
+            Err(e) => tracing::warn!("a page's connection cannot cross its network: {e}"),
         }
         drop(network);
     }));

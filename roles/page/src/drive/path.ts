@@ -4,7 +4,7 @@ import type { Point } from "../navigate/gaze.ts";
 import type { CameraPath } from "../service/service.ts";
 
 /** Poses a second of a written path. */
-export const RATE = 30;
+const RATE = 30;
 /** A step that is so many times as long as the usual one is a jump. */
 const JUMP = 10;
 
@@ -25,7 +25,7 @@ export class Path {
     this.#jump = JUMP * (steps[Math.floor(steps.length / 2)] ?? 0);
   }
 
-  /** The pose after so many seconds, of which the last one was asked for at `before`; nothing behind the end. */
+  /** The pose after so many seconds, where the last one was asked for at `before`; nothing behind the end. */
   at(seconds: number, before: number): Step | undefined {
     const place = seconds * RATE;
     const at = Math.floor(place);
