@@ -142,7 +142,8 @@ fn a_page_walks_along_a_path_and_reports() {
     let frame = |z: u32| json!({ "eye": [0, 2, z], "forward": [0, 0, -1], "up": [0, 1, 0] });
     let path = json!({ "vfov_deg": 60, "frames": (0..30).map(frame).collect::<Vec<_>>() });
     bench.write("path.json", path.to_string());
-    let mut command = view(&bench, &["plant.scene", "--drive", "path.json", "--json"]);
+    let args = ["plant.scene", "--drive", "path.json", "--network", "wan-80ms", "--json"];
+    let mut command = view(&bench, &args);
     let output = command.env("BROWSER", bench.path("browser")).output().unwrap();
     if let Ok(pid) = fs::read_to_string(bench.path("browser.pid")) {
         signal("KILL", pid.trim());
@@ -159,6 +160,15 @@ fn a_page_walks_along_a_path_and_reports() {
     assert!(number("firstPictureS") <= number("exactPictureS"), "{report}");
     assert!(number("receivedBytes") > 1000.0 && number("geometryBytes") > 0.0, "{report}");
     assert!(number("pictureMs") <= number("pictureP95Ms"), "{report}");
+    assert!(number("setAgeMs") >= 80.0 && number("restMs") >= 80.0, "it crosses the network: {report}");
+    let wrong = |name: &str| report["wrong"][name].as_f64().unwrap();
+    assert!(wrong("pictures") >= 2.0 && wrong("right") <= wrong("pictures"), "{report}");
+    assert!(wrong("medianPercent") <= wrong("p95Percent"), "{report}");
+    assert!(wrong("meanPercent") <= wrong("mostPercent") && wrong("mostPercent") <= 100.0, "{report}");
+
+    let unknown = ["plant.scene", "--drive", "path.json", "--network", "wan"];
+    let said = String::from_utf8(view(&bench, &unknown).output().unwrap().stderr).unwrap();
+    assert!(said.contains("--network") && said.contains("wan-80ms"), "{said}");
 
     bench.write("wrong.json", r#"{"vfov_deg":60,"frames":[]}"#);
     let output = view(&bench, &["plant.scene", "--drive", "wrong.json"]).output().unwrap();

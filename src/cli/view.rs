@@ -36,7 +36,11 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
     };
     let is_driven = args.drive.is_some();
     let report = service.run(|url| {
-        let url = format!("{url}{}", if is_driven { "#drive" } else { "" });
+        let url = match (is_driven, &args.network) {
+            (false, _) => url.to_owned(),
+            (true, None) => format!("{url}#drive"),
+            (true, Some(network)) => format!("{url}#drive={network}"),
+        };
         // Where JSON is asked for it is all that is printed there.
         if args.json {
             eprintln!("{url}");
@@ -66,7 +70,7 @@ fn path(file: &Path) -> Result<Vec<u8>, Failure> {
 }
 
 fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
-    let DriveReport { device, width, height, pictures, walk_s, .. } = report;
+    let DriveReport { device, width, height, pictures, walk_s, wrong, .. } = report;
     let a_second = f64::from(*pictures) / walk_s;
     let lines = [
         format!("drawn by        {device}, {width} x {height}"),
@@ -77,6 +81,20 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
         format!("pictures        {pictures} in {walk_s:.1} s: {a_second:.1} a second"),
         format!("between two     {:.1} ms, p95 {:.1} ms", report.picture_ms, report.picture_p95_ms),
         format!("sets are old    {:.0} ms, p95 {:.0} ms", report.set_age_ms, report.set_age_p95_ms),
+        format!("at rest         exact after {:.0} ms", report.rest_ms),
+        format!(
+            "wrong pixels    median {:.3} %, p95 {:.3} %, mean {:.3} %, at most {:.1} %; none in {} of {} pictures",
+            wrong.median_percent,
+            wrong.p95_percent,
+            wrong.mean_percent,
+            wrong.most_percent,
+            wrong.right,
+            wrong.pictures
+        ),
+        format!(
+            "for so long     above 0.1 % for {:.0} ms; after a jump for {:.0} ms",
+            wrong.longest_ms, wrong.jump_ms
+        ),
         format!(
             "received        {}, geometry held {}",
             ByteSize(report.received_bytes),

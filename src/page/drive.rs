@@ -41,10 +41,37 @@ pub struct DriveReport {
     pub set_age_ms: f64,
     /// One in twenty is older.
     pub set_age_p95_ms: f64,
-    /// Bytes that the page received in all.
+    /// Milliseconds from the last pose until its exact picture: the eye stands still.
+    pub rest_ms: f64,
+    /// Bytes that the page received until then.
     pub received_bytes: u64,
     /// Bytes of geometry on its graphics device, at most.
     pub geometry_bytes: u64,
+    /// How far its pictures were from the exact ones.
+    pub wrong: WrongPixels,
+}
+
+/// Pixels of a walk that show another object than the exact picture of the same pose does. Such a picture is
+/// drawn from the newest pose, out of the set that was culled for an earlier one.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+pub struct WrongPixels {
+    /// The pictures that were audited. None is of a jump: not before a set of behind it is all there.
+    pub pictures: u32,
+    /// Those without a wrong pixel.
+    pub right: u32,
+    /// Wrong pixels of a picture, percent of all: the median.
+    pub median_percent: f64,
+    /// One picture in twenty has more.
+    pub p95_percent: f64,
+    /// The mean.
+    pub mean_percent: f64,
+    /// The picture with most.
+    pub most_percent: f64,
+    /// The longest time in which every picture had more than 0.1 percent, milliseconds.
+    pub longest_ms: f64,
+    /// The longest time from a jump until a set of behind it was all there, milliseconds.
+    pub jump_ms: f64,
 }
 
 impl Drive {

@@ -11,6 +11,6 @@ mod server;
 mod token;
 
 pub use description::SceneDescription;
-pub use drive::{Drive, DriveReport};
+pub use drive::{Drive, DriveReport, WrongPixels};
 pub use server::{PageError, Pages};
 pub use token::{Token, TokenError};

@@ -25,7 +25,9 @@ async function begin(): Promise<void> {
     const service = new Service(location.href);
     const scene = await service.scene();
     document.title = `${scene.name} - Trimaran`;
-    const viewer = new Viewer(canvas, scene, service);
+    const isDriven = /^#drive(=|$)/.test(location.hash);
+    const network = isDriven ? location.hash.slice("#drive=".length) : "";
+    const viewer = new Viewer(canvas, scene, service, network);
     window.trimaran = viewer;
     showPanels(panels, viewer);
     const viewpoint = location.hash.startsWith("#v=") && decodeViewpoint(location.hash.slice(3));
@@ -34,7 +36,7 @@ async function begin(): Promise<void> {
     } else if (location.hash.startsWith("#v=")) {
       viewer.said.value = "The view in the address cannot be read.";
     }
-    if (location.hash === "#drive") {
+    if (isDriven) {
       await drive(viewer, service);
     }
   } catch (error) {

@@ -3,11 +3,12 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use bytesize::ByteSize;
-use clap::Args;
+use clap::{Args, builder::PossibleValuesParser};
 use trimaran::{
     config::{memory, positive},
     page::Token,
 };
+use trimaran_netsim::Profile;
 
 use super::{links::LinkFlags, scenes::ReadingArgs};
 
@@ -45,6 +46,11 @@ pub(crate) struct ViewArgs {
     /// Let the page walk along a camera path by itself, print how it fared, and end.
     #[arg(long, value_name = "PATH.json")]
     pub(crate) drive: Option<PathBuf>,
+    /// A network that is simulated between the page and its culler on that walk: fast-ethernet, gigabit, 10g,
+    /// wifi, lte, wan-20ms, wan-80ms, satellite.
+    #[arg(long, value_name = "NAME", requires = "drive", hide_possible_values = true)]
+    #[arg(value_parser = PossibleValuesParser::new(Profile::names()))]
+    pub(crate) network: Option<String>,
     /// Print how the page fared as JSON.
     #[arg(long, requires = "drive")]
     pub(crate) json: bool,

@@ -2,8 +2,10 @@
 
 import type { Service } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { audit, type Taken } from "./audit.ts";
 import { Path } from "./path.ts";
 import { Samples } from "./samples.ts";
+import { each, until } from "./time.ts";
 
 /** Walks along the service's path from its first pose to its last, and reports. */
 export async function drive(viewer: Viewer, service: Service): Promise<void> {
@@ -24,14 +26,19 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
   const exactPictureS = performance.now() / 1000;
 
   const [intervals, ages] = [new Samples(), new Samples()];
-  const pictures = viewer.pictures;
+  const taken: Taken[] = [];
   const begun = performance.now();
   let [last, geometryBytes] = [begun, renderer.bytes];
-  const stop = viewer.onPicture(() => {
+  let jumpedAt = Number.NEGATIVE_INFINITY;
+  let hasJumped = false;
+  const stop = viewer.onPicture((camera, drawables) => {
     const now = performance.now();
     intervals.add(now - last);
     ages.add(viewer.setAge);
     [last, geometryBytes] = [now, Math.max(geometryBytes, renderer.bytes)];
+    const set = viewer.display?.shown;
+    hasJumped &&= !(set?.isExact === true && set.posed >= jumpedAt);
+    taken.push({ at: now, camera, forward: navigator.forward, drawables, hasJumped });
   });
   let before = 0;
   await each((now) => {
@@ -40,12 +47,19 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     before = seconds;
     if (step?.isJump) {
       navigator.goTo(step.eye, step.forward);
+      [jumpedAt, hasJumped] = [now, true];
     } else if (step !== undefined) {
       navigator.follow(step.eye, step.forward);
     }
     return step !== undefined;
   });
+  const end = performance.now();
+  await until(() => viewer.isSettled);
+  const restMs = performance.now() - end;
   stop();
+  const receivedBytes = received(viewer);
+  viewer.said.value = "The walk is over. Its pictures are held against the exact ones.";
+  const wrong = await audit(viewer, taken);
   navigator.isHeld = false;
   await service.report({
     device: renderer.device,
@@ -53,14 +67,16 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     height: viewer.canvas.height,
     firstPictureS,
     exactPictureS,
-    walkS: (performance.now() - begun) / 1000,
-    pictures: viewer.pictures - pictures,
+    walkS: (end - begun) / 1000,
+    pictures: taken.filter(({ at }) => at <= end).length,
     pictureMs: intervals.share(0.5),
     pictureP95Ms: intervals.share(0.95),
     setAgeMs: ages.share(0.5),
     setAgeP95Ms: ages.share(0.95),
-    receivedBytes: received(viewer),
+    restMs,
+    receivedBytes,
     geometryBytes,
+    wrong,
   });
   viewer.said.value = "The walk is over.";
 }
@@ -68,23 +84,4 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
 function received(viewer: Viewer): number {
   const lanes = Object.values(viewer.display?.link.bytes ?? {});
   return lanes.reduce((sum, lane) => sum + lane.received, 0);
-}
-
-/** Waits until `holds` at the time of a picture. */
-function until(holds: () => boolean): Promise<void> {
-  return each(() => !holds());
-}
-
-/** Calls `step` before each picture, until it says no more. */
-function each(step: (now: number) => boolean): Promise<void> {
-  return new Promise((resolve) => {
-    const next = () => {
-      if (step(performance.now())) {
-        requestAnimationFrame(next);
-      } else {
-        resolve();
-      }
-    };
-    requestAnimationFrame(next);
-  });
 }

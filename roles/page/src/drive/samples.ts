@@ -6,6 +6,19 @@ export class Samples {
     this.#all.push(sample);
   }
 
+  get count(): number {
+    return this.#all.length;
+  }
+
+  countOf(counts: (sample: number) => boolean): number {
+    return this.#all.filter(counts).length;
+  }
+
+  /** Zero where there are none. */
+  get mean(): number {
+    return this.#all.reduce((sum, sample) => sum + sample, 0) / Math.max(1, this.count);
+  }
+
   /** The number that this share of all are not above: 0.5 gives the median. Zero where there are none. */
   share(share: number): number {
     const sorted = [...this.#all].sort((a, b) => a - b);

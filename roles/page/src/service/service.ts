@@ -71,8 +71,22 @@ export interface DriveReport {
   readonly pictureP95Ms: number;
   readonly setAgeMs: number;
   readonly setAgeP95Ms: number;
+  readonly restMs: number;
   readonly receivedBytes: number;
   readonly geometryBytes: number;
+  readonly wrong: WrongPixels;
+}
+
+/** What was wrong in the pictures of a walk: `WrongPixels` of `src/page/drive.rs` says what each number is. */
+export interface WrongPixels {
+  readonly pictures: number;
+  readonly right: number;
+  readonly medianPercent: number;
+  readonly p95Percent: number;
+  readonly meanPercent: number;
+  readonly mostPercent: number;
+  readonly longestMs: number;
+  readonly jumpMs: number;
 }
 
 /** The service from which the page came. Every request throws where there is no answer, and says why. */

@@ -1,6 +1,6 @@
 /** Keeps a link to a culler: begins a session with it, and another one when that has ended. */
 
-import { signal } from "@preact/signals";
+import { type Signal, signal } from "@preact/signals";
 import { Display, type DisplayOptions } from "../display/display.ts";
 
 /** Milliseconds between attempts: at first, and at most. */
@@ -12,7 +12,7 @@ export class Session {
   /** Why there is no link; empty where there is one. */
   readonly trouble = signal("");
   /** The simulated network between the page and its culler; none where it is empty. */
-  readonly network = signal("");
+  readonly network: Signal<string>;
   readonly #url: (network: string) => string;
   /** Ends the wait for the next attempt, which is not waited for at all where it is called before. */
   #hurry: () => void = () => {};
@@ -20,8 +20,12 @@ export class Session {
   readonly #options: () => Omit<DisplayOptions, "onEnd">;
 
   /** `url` and `options` are asked for anew for each link. */
-  constructor(url: (network: string) => string, options: () => Omit<DisplayOptions, "onEnd">) {
-    [this.#url, this.#options] = [url, options];
+  constructor(
+    url: (network: string) => string,
+    options: () => Omit<DisplayOptions, "onEnd">,
+    network: string,
+  ) {
+    [this.#url, this.#options, this.network] = [url, options, signal(network)];
     void this.#keep();
   }
 

@@ -26,6 +26,9 @@ const REST = 150;
 /** Bytes of unpacked geometry. */
 const MEMORY = 512 << 20;
 
+/** Is told from where a picture was drawn, and of what. */
+export type Overlay = (camera: Camera, drawables: readonly Drawable[]) => void;
+
 export class Viewer {
   readonly canvas: HTMLCanvasElement;
   readonly scene: SceneDescription;
@@ -45,7 +48,7 @@ export class Viewer {
   readonly said = signal("");
   pictures = 0;
   readonly #prediction = new Prediction();
-  readonly #overlays = new Set<(camera: Camera) => void>();
+  readonly #overlays = new Set<Overlay>();
   #published = 0;
   /** When the picture has changed last. */
   #rested = 0;
@@ -55,7 +58,8 @@ export class Viewer {
   /** The set that the canvas shows; nothing where it is to be drawn again. */
   #drawn: unknown;
 
-  constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Service) {
+  /** `network` is the simulated one between the page and its culler; none where it is empty. */
+  constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Service, network: string) {
     [this.canvas, this.scene, this.service] = [canvas, scene, service];
     this.renderer = new Renderer(canvas, {
       onRestored: () => {
@@ -67,7 +71,7 @@ export class Viewer {
     this.navigator.pointAt = (x, y) => this.pointAt(x, y);
     this.#fit();
     const options = () => ({ settings: this.#settings(), memory: MEMORY, store: this.renderer });
-    this.session = new Session((network) => service.link(network), options);
+    this.session = new Session((network) => service.link(network), options, network);
     // At each change, and for each new link.
     effect(() => {
       const levelRule = { epsilon: this.epsilon.value, fewPixels: false };
@@ -110,7 +114,7 @@ export class Viewer {
 
   /** The numbers of drawables at the pixels of the picture, rows from below. */
   items(): Uint32Array {
-    return this.renderer.items(this.camera, this.#shown(), this.#look());
+    return this.renderer.items(this.camera, this.shown(), this.look());
   }
 
   /** What shows at a place of the canvas, in CSS pixels from its upper left; nothing for background. */
@@ -138,19 +142,19 @@ export class Viewer {
 
   /** Draws at once, and finely. Until this task ends the canvas can be read. */
   drawNow(): void {
-    this.renderer.draw(this.camera, this.#shown(), this.#look());
+    this.renderer.draw(this.camera, this.shown(), this.look());
     while (this.renderer.refine()) {}
   }
 
-  /** Calls `overlay` behind each picture with its camera, until the function that it gives is called. */
-  onPicture(overlay: (camera: Camera) => void): () => void {
+  /** Calls `overlay` behind each picture, until the function that it gives is called. */
+  onPicture(overlay: Overlay): () => void {
     this.#overlays.add(overlay);
     this.redraw();
     return () => this.#overlays.delete(overlay);
   }
 
   /** What is drawn: what is shown may have been found before something was hidden. */
-  #shown(): readonly Drawable[] {
+  shown(): readonly Drawable[] {
     const { hidden, isolated } = this.view.current.peek();
     const shown = this.display?.shown?.drawables ?? [];
     if (hidden.isEmpty && isolated === undefined) {
@@ -161,7 +165,8 @@ export class Viewer {
     );
   }
 
-  #look(): Look {
+  /** How what is drawn looks. */
+  look(): Look {
     const { sections, seeThrough } = this.view.current.peek();
     return { sections, seeThrough, highlighted: this.selected.peek() };
   }
@@ -216,13 +221,13 @@ export class Viewer {
       this.#drawn = undefined;
     }
     if (hasMoved || display.shown !== this.#drawn) {
-      const camera = this.#camera(1);
-      this.renderer.draw(camera, this.#shown(), this.#look());
+      const [camera, drawables] = [this.#camera(1), this.shown()];
+      this.renderer.draw(camera, drawables, this.look());
       this.#drawn = display.shown;
       this.pictures += 1;
       this.#rested = now;
       for (const overlay of this.#overlays) {
-        overlay(camera);
+        overlay(camera, drawables);
       }
     } else if (now - this.#rested > REST) {
       this.renderer.refine();

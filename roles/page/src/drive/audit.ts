@@ -1,0 +1,120 @@
+/**
+ * What a moving eye does not see yet. A picture is drawn from the newest pose, out of the set that was found for
+ * an earlier one. Afterwards an audit goes back to that pose, and holds the picture against the exact one.
+ */
+
+import { NOTHING } from "../draw/device.ts";
+import type { Drawable } from "../draw/model.ts";
+import type { Point } from "../navigate/gaze.ts";
+import type { Camera } from "../proto/camera.ts";
+import type { WrongPixels } from "../service/service.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+import { Samples } from "./samples.ts";
+import { until } from "./time.ts";
+
+/** Of longer walks only so many pictures are audited, evenly over the walk. */
+const MOST = 500;
+/** A picture is as good as right where it shows another object at this percentage of pixels at most. */
+const FEW = 0.1;
+
+/** A picture of a walk. */
+export interface Taken {
+  /** Milliseconds since the page began. */
+  readonly at: number;
+  readonly camera: Camera;
+  readonly forward: Point;
+  readonly drawables: readonly Drawable[];
+  /** The eye has jumped, and since then no set has come that is all there. */
+  readonly hasJumped: boolean;
+}
+
+/** Goes to where each picture was taken, over no network, and counts the pixels that were wrong. */
+export async function audit(viewer: Viewer, pictures: readonly Taken[]): Promise<WrongPixels> {
+  viewer.session.moveTo("");
+  const percent = new Samples();
+  const [wrong, jumping] = [new Spans(), new Spans()];
+  const stride = Math.max(1, Math.ceil(pictures.length / MOST));
+  for (const [number, { at, camera, forward, drawables, hasJumped }] of pictures.entries()) {
+    jumping.add(at, hasJumped);
+    if (hasJumped || number % stride !== 0) {
+      continue;
+    }
+    viewer.navigator.goTo([...camera.eye], [...forward]);
+    await until(() => viewer.isSettled);
+    const exact = viewer.shown();
+    const items = (of: readonly Drawable[]) => viewer.renderer.items(camera, of, viewer.look());
+    const share = 100 * wrongShare(items(drawables), items(exact), [...drawables, ...exact]);
+    percent.add(share);
+    wrong.add(at, share > FEW);
+  }
+  return {
+    pictures: percent.count,
+    right: percent.countOf((share) => share === 0),
+    medianPercent: percent.share(0.5),
+    p95Percent: percent.share(0.95),
+    meanPercent: percent.mean,
+    mostPercent: percent.share(1),
+    longestMs: wrong.longest,
+    jumpMs: jumping.longest,
+  };
+}
+
+/** The share of pixels, from 0 to 1, at which two pictures show different objects. */
+export function wrongShare(shown: Uint32Array, exact: Uint32Array, drawables: Iterable<Drawable>): number {
+  const byId = new Map<number, Drawable>();
+  for (const drawable of drawables) {
+    byId.set(drawable.id, drawable);
+  }
+  /** What was found of two drawables, by their numbers. */
+  const known = new Map<number, Map<number, boolean>>();
+  let wrong = 0;
+  for (let pixel = 0; pixel < exact.length; pixel += 1) {
+    const [a, b] = [shown[pixel] ?? NOTHING, exact[pixel] ?? NOTHING];
+    if (a === b) {
+      continue;
+    }
+    const ofA = known.get(a) ?? new Map<number, boolean>();
+    known.set(a, ofA);
+    let isSame = ofA.get(b);
+    if (isSame === undefined) {
+      isSame = showSame(byId.get(a), byId.get(b));
+      ofA.set(b, isSame);
+    }
+    wrong += isSame ? 0 : 1;
+  }
+  return exact.length === 0 ? 0 : wrong / exact.length;
+}
+
+/** Whether two drawables show the same object, or one a group of objects and the other one of these. */
+function showSame(a: Drawable | undefined, b: Drawable | undefined): boolean {
+  if (a === undefined || b === undefined) {
+    return false;
+  }
+  if (a.objects === 1 && b.objects === 1) {
+    return a.object === b.object;
+  }
+  return a.objects > b.objects ? isWithin(b, a) : isWithin(a, b);
+}
+
+function isWithin(part: Drawable, whole: Drawable): boolean {
+  return [0, 1, 2].every((axis) => {
+    const [low, high] = [whole.worldMin[axis] ?? 0, whole.worldMax[axis] ?? 0];
+    // Levels of an object differ a little.
+    const slack = 0.01 * (high - low);
+    return (part.worldMin[axis] ?? 0) >= low - slack && (part.worldMax[axis] ?? 0) <= high + slack;
+  });
+}
+
+/** How long something held without a break. */
+export class Spans {
+  longest = 0;
+  #since: number | undefined;
+
+  /** At this time it holds or not. Until the next time that stays so. */
+  add(at: number, holds: boolean): void {
+    if (this.#since !== undefined) {
+      this.longest = Math.max(this.longest, at - this.#since);
+    }
+    this.#since = holds ? (this.#since ?? at) : undefined;
+  }
+}
