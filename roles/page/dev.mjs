@@ -27,7 +27,7 @@ const server = createServer(async (asked, answer) => {
       response.pipe(answer);
     });
     passed.on("error", () => answer.writeHead(502).end("the service does not answer\n"));
-    passed.end();
+    asked.pipe(passed);
   }
 });
 server.on("upgrade", (asked, socket, head) => {

@@ -74,10 +74,10 @@ test("a drawable is there once its record and its piece are", async () => {
 test("a stand-in is shown once for all that it stands in for, and only if it is there", async () => {
   const [holdings] = await having(1 << 20, 1, 9);
   holdings.take(standIn(9, 2, 3));
-  assert.deepEqual(holdings.standingIn(Uint32Array.of(1, 2, 3)), [1, 9]);
-  assert.equal(holdings.standingIn(Uint32Array.of(1, 4)), undefined);
+  assert.deepEqual(holdings.standingIn(Uint32Array.of(1, 2, 3)), { shown: [1, 9], isWhole: true });
+  assert.deepEqual(holdings.standingIn(Uint32Array.of(1, 4)), { shown: [1], isWhole: false });
   holdings.take(standIn(8, 3));
-  assert.equal(holdings.standingIn(Uint32Array.of(3)), undefined);
+  assert.deepEqual(holdings.standingIn(Uint32Array.of(3)), { shown: [], isWhole: false });
 });
 
 test("beyond the budget goes what was not used for longest, and nothing that is shown", async () => {

@@ -4,7 +4,7 @@ use std::{collections::VecDeque, time::Duration};
 
 use trimaran_transport::Instant;
 
-/// How long blocks may wait in queues on the way.
+/// How long blocks may wait in queues on the way: so long, or a quarter of the way there and back.
 const TARGET: Duration = Duration::from_millis(10);
 /// The least that may be under way: two blocks.
 const LEAST: u64 = 32 << 10;
@@ -12,11 +12,16 @@ const LEAST: u64 = 32 << 10;
 const FIRST: u64 = 64 << 10;
 /// The most.
 const MOST: u64 = 8 << 20;
+/// A queue is one that stands for so long, and for so many blocks. A block alone may also have waited for a
+/// display that drew a picture meanwhile.
+const STANDS: Duration = Duration::from_millis(100);
+const FEWEST: u32 = 4;
 /// How long the shortest time that a block took is remembered, twice over: paths change.
 const REMEMBERED: Duration = Duration::from_secs(30);
 
-/// A window after LEDBAT (RFC 6817): what blocks take longer than the fastest one did, they spent in queues.
-/// Below [`TARGET`] the window grows, above it shrinks.
+/// A window after LEDBAT (RFC 6817) and CoDel (RFC 8289): what blocks take longer than the fastest one did, they
+/// spent in queues. It grows with each block that waited less than that, which proves that there is room.
+/// It shrinks where all blocks of [`STANDS`] waited longer.
 #[derive(Debug)]
 pub(super) struct Window {
     size: u64,
@@ -30,6 +35,15 @@ pub(super) struct Window {
     /// The shortest time a block took, in this stretch of time and the one before.
     shortest: [Duration; 2],
     stretch_began: Option<Instant>,
+    standing: Standing,
+}
+
+/// The blocks sent since a time: how many of them were taken, and the shortest time that one took.
+#[derive(Debug, Clone, Copy)]
+struct Standing {
+    since: Instant,
+    blocks: u32,
+    shortest: Duration,
 }
 
 /// The peer says that it has taken what was not sent.
@@ -46,6 +60,7 @@ impl Window {
             under_way: VecDeque::new(),
             shortest: [Duration::MAX; 2],
             stretch_began: None,
+            standing: Standing::since(Instant::from_nanos(0)),
         }
     }
 
@@ -79,18 +94,29 @@ impl Window {
         let mut took = None;
         while let Some((end, at)) = self.under_way.front().copied().filter(|(end, _)| *end <= self.taken) {
             debug_assert!(end <= self.sent);
-            took = Some(now.since(at));
+            took = Some((at, now.since(at)));
             self.under_way.pop_front();
         }
-        if let Some(took) = took {
+        if let Some((at, took)) = took {
             self.note(took, now);
-            self.resize(took.saturating_sub(self.least()), fresh, was_full);
+            if was_full {
+                self.grow(took.saturating_sub(self.least()), fresh);
+            }
+            self.standing.note(at, took);
+            if self.standing.is_known(now) {
+                self.shrink(self.standing.shortest.saturating_sub(self.least()));
+                self.standing = Standing::since(now);
+            }
         }
         Ok(())
     }
 
     fn least(&self) -> Duration {
         self.shortest[0].min(self.shortest[1])
+    }
+
+    fn target(&self) -> Duration {
+        TARGET.max(self.least() / 4)
     }
 
     fn note(&mut self, took: Duration, now: Instant) {
@@ -102,22 +128,46 @@ impl Window {
         self.shortest[0] = self.shortest[0].min(took);
     }
 
-    fn resize(&mut self, waited: Duration, fresh: u64, was_full: bool) {
-        let (waited, target) = (waited.as_secs_f64(), TARGET.as_secs_f64());
-        self.is_starting &= waited <= target / 2.0;
+    /// A block has waited so long, and brought so many bytes.
+    fn grow(&mut self, waited: Duration, fresh: u64) {
+        let (waited, target) = (waited.as_secs_f64(), self.target().as_secs_f64());
         let fresh = fresh as f64;
-        let change = if waited > target {
-            // By half a window a round trip at most.
-            -fresh * (0.5 * (waited / target - 1.0)).min(0.5)
-        } else if !was_full {
-            0.0
-        } else if self.is_starting {
+        let change = if !self.is_starting {
+            // By a quarter a round trip at most.
+            (1.0 - waited / target).max(0.0) * fresh / 4.0
+        } else if waited <= target / 2.0 {
             fresh
         } else {
-            // By two blocks a round trip at most.
-            (1.0 - waited / target) * fresh * LEAST as f64 / self.size as f64
+            0.0
         };
-        self.size = ((self.size as f64 + change) as u64).clamp(LEAST, MOST);
+        self.size = (self.size + change as u64).min(MOST);
+    }
+
+    /// Every block has lately waited for so long.
+    fn shrink(&mut self, waited: Duration) {
+        let over = waited.as_secs_f64() / self.target().as_secs_f64() - 1.0;
+        self.is_starting &= over <= -0.5;
+        // By half at most.
+        let kept = 1.0 - (0.5 * over).clamp(0.0, 0.5);
+        self.size = ((self.size as f64 * kept) as u64).max(LEAST);
+    }
+}
+
+impl Standing {
+    const fn since(since: Instant) -> Self {
+        Self { since, blocks: 0, shortest: Duration::MAX }
+    }
+
+    /// A block that was sent then has taken so long.
+    fn note(&mut self, sent: Instant, took: Duration) {
+        if sent >= self.since {
+            self.blocks += 1;
+            self.shortest = self.shortest.min(took);
+        }
+    }
+
+    fn is_known(&self, now: Instant) -> bool {
+        self.blocks >= FEWEST && now.since(self.since) >= STANDS
     }
 }
 
@@ -158,6 +208,29 @@ mod tests {
             let least = LEAST as f64 / line;
             assert!(waited < 0.02 + least, "{megabits} Mbit/s, {rtt} s: a block waited {waited} s");
         }
+    }
+
+    /// A display that draws takes what came meanwhile all at once.
+    #[test]
+    fn a_display_that_draws_meanwhile_is_no_queue() {
+        let at = |millis: u64| Instant::from_nanos(millis * 1_000_000);
+        let mut window = Window::new();
+        let (mut sent, mut taken) = (VecDeque::new(), 0);
+        for now in 0..5000 {
+            while window.has_room() {
+                window.send(BLOCK, at(now));
+                sent.push_back(now);
+            }
+            // 40 ms there and back, and a picture each 35 ms.
+            if now % 35 == 0 {
+                while sent.front().is_some_and(|then| now >= then + 40) {
+                    sent.pop_front();
+                    taken += BLOCK;
+                }
+                window.take(taken, at(now)).unwrap();
+            }
+        }
+        assert!(taken as f64 > 20e6, "{taken} bytes in 5 s");
     }
 
     #[test]

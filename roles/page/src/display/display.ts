@@ -57,6 +57,8 @@ export class Display {
   /** Frames that were published, by number: when. */
   readonly #asked = new Map<number, number>();
   #shown: Shown | undefined;
+  /** The newest set that was all there, or that something stood in for. */
+  #whole: readonly number[] | Uint32Array | undefined;
   #due: DisplayItem[] = [];
   #isDue = false;
   /** Bytes of blocks that were taken, and what the culler knows of that. */
@@ -109,7 +111,7 @@ export class Display {
     if (kept !== undefined) {
       // Its frames are not taken for those of this link.
       display.#frame = kept.#frame + 1;
-      display.#shown = kept.#shown;
+      [display.#shown, display.#whole] = [kept.#shown, kept.#whole];
     }
     return display;
   }
@@ -211,8 +213,12 @@ export class Display {
     this.#look();
   }
 
-  /** Shows the newest set that is all there, or else one for which something stands in where it lacks. */
+  /**
+   * Shows the newest set. Where not even something stands in for what it lacks, the newest one before it that is
+   * whole is shown as well.
+   */
   #look(): void {
+    let newest: { set: FoundSet; ids: readonly number[] | Uint32Array; isExact: boolean } | undefined;
     for (let at = this.#waiting.length - 1; at >= 0; at -= 1) {
       const set = this.#waiting[at];
       if (set === undefined) {
@@ -220,14 +226,20 @@ export class Display {
       }
       set.lacking = this.#holdings.lacking(set.lacking);
       const isExact = set.lacking.length === 0;
-      const ids = isExact ? set.ids : this.#holdings.standingIn(set.ids);
-      if (ids === undefined) {
-        continue;
+      const { shown, isWhole } = isExact
+        ? { shown: set.ids, isWhole: true }
+        : this.#holdings.standingIn(set.ids);
+      newest ??= { set, ids: shown, isExact };
+      if (isWhole) {
+        this.#whole = shown;
+        // A set that is not all there yet is shown again.
+        this.#waiting.splice(0, isExact ? at + 1 : at);
+        break;
       }
-      this.#show(set, ids, isExact);
-      // A set that is not all there yet is shown again.
-      this.#waiting.splice(0, isExact ? at + 1 : at);
-      return;
+    }
+    if (newest !== undefined && this.#whole !== undefined) {
+      const { set, ids, isExact } = newest;
+      this.#show(set, ids === this.#whole ? ids : new Set([...ids, ...this.#whole]), isExact);
     }
   }
 

@@ -113,9 +113,10 @@ export class Holdings {
     return ids.filter((id) => !this.has(id));
   }
 
-  /** What can be shown of `ids`, with stand-ins for what is not there. Nothing where one of these is missing. */
-  standingIn(ids: Uint32Array): number[] | undefined {
+  /** What can be shown of `ids`, with stand-ins for what is not there; and whether none of these is missing. */
+  standingIn(ids: Uint32Array): { shown: number[]; isWhole: boolean } {
     const shown: number[] = [];
+    let isWhole = true;
     const standIns = new Set<number>();
     for (const id of ids) {
       if (this.has(id)) {
@@ -124,12 +125,13 @@ export class Holdings {
       }
       const standIn = this.#standIns.get(id);
       if (standIn === undefined || !this.has(standIn)) {
-        return undefined;
+        isWhole = false;
+      } else {
+        standIns.add(standIn);
       }
-      standIns.add(standIn);
     }
     shown.push(...standIns);
-    return shown;
+    return { shown, isWhole };
   }
 
   /** All that is there: drawables, and pieces. */
