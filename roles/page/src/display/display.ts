@@ -16,6 +16,7 @@ import { WireError } from "../wire/bytes.ts";
 import type { Frame } from "../wire/frames.ts";
 import { connect, type Link, type LinkEnd } from "../wire/link.ts";
 import { Holdings, type Store } from "./holdings.ts";
+import { RecentSets } from "./recentSets.ts";
 
 /** How many bytes may come that no frame needs yet. */
 const AHEAD = 256 << 10;
@@ -35,6 +36,7 @@ interface FoundSet {
   readonly camera: Camera;
   /** When the camera was published. */
   readonly posed: number;
+  readonly isForeseen: boolean;
   readonly ids: Uint32Array;
   lacking: Uint32Array;
 }
@@ -54,11 +56,12 @@ export class Display {
   readonly #link: Link;
   readonly #holdings: Holdings;
   readonly #waiting: FoundSet[] = [];
-  /** Frames that were published, by number: when. */
-  readonly #asked = new Map<number, number>();
+  /** Frames that were published, by number: when, and whether nobody has been there yet. */
+  readonly #asked = new Map<number, { readonly at: number; readonly isForeseen: boolean }>();
   #shown: Shown | undefined;
   /** The newest set that was all there, or that something stood in for. */
   #whole: readonly number[] | Uint32Array | undefined;
+  readonly #recent = new RecentSets();
   #due: DisplayItem[] = [];
   #isDue = false;
   /** Bytes of blocks that were taken, and what the culler knows of that. */
@@ -143,10 +146,13 @@ export class Display {
     return this.#shown;
   }
 
-  /** Asks what is visible from here. A pose that was not culled yet gives way to it. */
-  publish(pose: Omit<Camera, "frame" | "viewState">): void {
+  /**
+   * Asks what is visible from here. A pose that was not culled yet gives way to it. Where the eye is not, but may
+   * soon be, what was visible lately is shown as well.
+   */
+  publish(pose: Omit<Camera, "frame" | "viewState">, isForeseen: boolean): void {
     this.#frame += 1;
-    this.#asked.set(this.#frame, performance.now());
+    this.#asked.set(this.#frame, { at: performance.now(), isForeseen });
     this.#link.publish(encodeCamera({ ...pose, frame: this.#frame, viewState: this.#view.version }));
   }
 
@@ -188,7 +194,7 @@ export class Display {
     }
     const camera = decodeCamera(frame.header);
     const now = performance.now();
-    const posed = this.#asked.get(camera.frame) ?? now;
+    const { at: posed, isForeseen } = this.#asked.get(camera.frame) ?? { at: now, isForeseen: false };
     this.#latency = now - posed;
     for (const number of this.#asked.keys()) {
       if (number <= camera.frame) {
@@ -199,7 +205,7 @@ export class Display {
     if (lacking.length > 0) {
       this.#say(lacks(camera.frame, this.#taken, lacking.slice().sort()));
     }
-    this.#waiting.push({ camera, posed, ids: frame.ids, lacking });
+    this.#waiting.push({ camera, posed, isForeseen, ids: frame.ids, lacking });
     if (this.#waiting.length > WAITING) {
       this.#waiting.splice(WAITING / 2, 1);
     }
@@ -243,14 +249,16 @@ export class Display {
     }
   }
 
-  #show({ camera, posed }: FoundSet, ids: Iterable<number>, isExact: boolean): void {
-    const drawables: DrawableRecord[] = [];
+  #show({ camera, posed, isForeseen }: FoundSet, ids: Iterable<number>, isExact: boolean): void {
+    const found: DrawableRecord[] = [];
     for (const id of ids) {
       const record = this.#holdings.record(id);
       if (record !== undefined) {
-        drawables.push(record);
+        found.push(record);
       }
     }
+    this.#recent.add({ posed, drawables: found });
+    const drawables = isForeseen ? this.#recent.union() : found;
     this.#shown = { camera, posed, drawables, isExact };
     const gone = this.#holdings.use(drawables);
     if (gone.length > 0) {

@@ -13,12 +13,17 @@ import type { Point } from "../proto/viewState.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
 import { Projection } from "../tools/projection.ts";
 import type { Distance } from "../tools/snap.ts";
-import { Prediction } from "./prediction.ts";
+import { type Pose, Prediction } from "./prediction.ts";
 import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
 
 /** The picture that is culled for is so much wider and higher: what a turn uncovers is there already. */
-const WIDER = 1.25;
+const WIDER = 1.5;
+/**
+ * An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it may
+ * slow down, or go around a corner.
+ */
+const SPREAD = [0.6, 1.2, 1.8];
 /** Milliseconds between cameras at least. */
 const PERIOD = 30;
 /** Milliseconds without another picture until the last one is drawn more finely. */
@@ -48,6 +53,8 @@ export class Viewer {
   readonly said = signal("");
   pictures = 0;
   readonly #prediction = new Prediction();
+  /** Which place of the spread is next. */
+  #turn = 0;
   readonly #overlays = new Set<Overlay>();
   #published = 0;
   /** When the picture has changed last. */
@@ -209,14 +216,14 @@ export class Viewer {
     this.#prediction.add(now, this.navigator.pose);
     if (this.#isMoved && !display.link.isOver && now - this.#published >= PERIOD) {
       // What is visible from there comes when the eye is there. Once it rests, its own pose follows.
-      const foreseen = hasMoved ? this.#prediction.after(display.latency + PERIOD / 2) : undefined;
+      const foreseen = hasMoved ? this.#foreseen(display.latency + PERIOD / 2) : undefined;
       // Its pixels are as large as those of the picture that is shown.
       const camera = this.#camera(this.#viewport().height / this.canvas.height);
       const pose = foreseen && {
         eye: foreseen.eye,
         orientation: orientationOf(foreseen.heading, foreseen.pitch),
       };
-      display.publish({ ...camera, ...pose });
+      display.publish({ ...camera, ...pose }, foreseen !== undefined);
       [this.#published, this.#isMoved] = [now, foreseen !== undefined];
       this.#drawn = undefined;
     }
@@ -232,6 +239,11 @@ export class Viewer {
     } else if (now - this.#rested > REST) {
       this.renderer.refine();
     }
+  }
+
+  #foreseen(ahead: number): Pose | undefined {
+    this.#turn = (this.#turn + 1) % SPREAD.length;
+    return this.#prediction.after(ahead * (SPREAD[this.#turn] ?? 1));
   }
 
   #resize(): void {
