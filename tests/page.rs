@@ -205,8 +205,8 @@ fn difference(look: &Value, scene: &Scene) -> Difference {
         View::new(Camera::new(eye, turn, tan as f32, near, FrameNumber(0)).unwrap(), viewport)
     };
     let view = seen_at(1.0, viewport);
-    // What is culled for is wider by a quarter, with pixels of the same size.
-    let [width, height] = [viewport.width(), viewport.height()].map(|side| (5 * side).div_ceil(4));
+    // What is culled for is wider by half, with pixels of the same size.
+    let [width, height] = [viewport.width(), viewport.height()].map(|side| (3 * side).div_ceil(2));
     let wider = f64::from(height) / f64::from(viewport.height());
     let asked = seen_at(wider, Viewport::new(width, height).unwrap());
     let mut cut = lod_cut(scene, &asked, LodRule::new(2.0).unwrap());
