@@ -414,7 +414,7 @@ fn a_page_walks_on_over_another_network() {
     browser.done(json!({ "do": "settle" }));
     browser.done(json!({ "do": "press", "key": "KeyP" }));
     let mut eyes = vec![browser.done(json!({ "do": "look" }))["eye"].take()];
-    for (network, round_trip) in [("wan-80ms", 80.0), ("wifi", 0.0), ("", 0.0)] {
+    for (network, round_trip) in [("wan-80ms", 80.0), ("wifi", 0.0), ("none", 0.0)] {
         let choice = json!({ "do": "choose", "label": "Simulated network to the culler", "value": network });
         browser.done(choice);
         let key = if eyes.len() == 2 { "KeyS" } else { "KeyW" };
@@ -427,6 +427,19 @@ fn a_page_walks_on_over_another_network() {
         assert_ne!(look["eye"], *eyes.last().unwrap(), "{network}");
         eyes.push(look["eye"].clone());
     }
+    // Pictures on the way were audited: what they drew, and how much of that is visible.
+    let figures = loop {
+        let figures = browser.done(json!({ "do": "figures" }));
+        if figures["wrong pixels"] == "none: it is exact" {
+            break figures;
+        }
+    };
+    let counts =
+        figures["visible"].as_str().and_then(|text| text.strip_suffix(" drawables")?.split_once(" of "));
+    let (visible, drawn) = counts.unwrap_or_else(|| panic!("{figures}"));
+    let [visible, drawn] = [visible, drawn].map(|count| count.replace(',', "").parse::<u32>().unwrap());
+    assert!(0 < visible && visible <= drawn, "{figures}");
+    assert!(figures["ids received"].as_str().unwrap().contains("by 4 bytes each"), "{figures}");
 }
 
 #[test]

@@ -31,6 +31,7 @@ type Command =
   | { readonly do: "lose" }
   | { readonly do: "look" }
   | { readonly do: "status" }
+  | { readonly do: "figures" }
   | { readonly do: "screenshot"; readonly file: string };
 
 /** How long a picture may take to be exact, milliseconds. */
@@ -109,10 +110,20 @@ async function run(command: Command, page: Page): Promise<unknown> {
       return page.evaluate(look);
     case "status":
       return (await page.$("#status"))?.textContent() ?? "";
+    case "figures":
+      return page.evaluate(figures);
     case "screenshot":
       await page.screenshot({ path: command.file });
       return true;
   }
+}
+
+/** What the panel "Status" says, by name. */
+function figures(): Record<string, string> {
+  const rows = [...document.querySelectorAll<HTMLTableRowElement>(".status tr")];
+  return Object.fromEntries(
+    rows.map((row) => [row.cells[0]?.textContent ?? "", row.cells[1]?.textContent ?? ""]),
+  );
 }
 
 /** Waits until `holds`. The page's policy forbids what playwright waits by. */

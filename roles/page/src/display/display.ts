@@ -46,6 +46,8 @@ export interface Shown {
   /** The camera for which it was found. */
   readonly camera: Camera;
   readonly drawables: readonly DrawableRecord[];
+  /** The part of it that was found for this camera. */
+  readonly found: readonly DrawableRecord[];
   /** When that was published, by `performance.now()`. */
   readonly posed: number;
   /** Nothing stands in for anything. */
@@ -70,6 +72,9 @@ export class Display {
   #frame = 0;
   #view: { version: number; state: ViewState };
   #latency = 0;
+  #geometryLatency = 0;
+  /** Cameras that were published, and ids that came. */
+  readonly counts = { cameras: 0, ids: 0 };
 
   private constructor(link: Link, holdings: Holdings, settings: Settings) {
     [this.#link, this.#holdings] = [link, holdings];
@@ -136,6 +141,11 @@ export class Display {
     return this.#latency;
   }
 
+  /** Milliseconds from a camera until all is there that its set lacked, of the newest set that lacked something. */
+  get geometryLatency(): number {
+    return this.#geometryLatency;
+  }
+
   /** Whether what is shown was found for the newest camera, and is all there. */
   get isSettled(): boolean {
     return this.#shown?.isExact === true && this.#shown.camera.frame === this.#frame;
@@ -148,12 +158,14 @@ export class Display {
 
   /**
    * Asks what is visible from here. A pose that was not culled yet gives way to it. Where the eye is not, but may
-   * soon be, what was visible lately is shown as well.
+   * soon be, what was visible lately is shown as well. Gives the number of the frame.
    */
-  publish(pose: Omit<Camera, "frame" | "viewState">, isForeseen: boolean): void {
+  publish(pose: Omit<Camera, "frame" | "viewState">, isForeseen: boolean): number {
     this.#frame += 1;
+    this.counts.cameras += 1;
     this.#asked.set(this.#frame, { at: performance.now(), isForeseen });
     this.#link.publish(encodeCamera({ ...pose, frame: this.#frame, viewState: this.#view.version }));
+    return this.#frame;
   }
 
   /** Changes what is seen; the next camera that is published is seen in it. */
@@ -196,6 +208,7 @@ export class Display {
     const now = performance.now();
     const { at: posed, isForeseen } = this.#asked.get(camera.frame) ?? { at: now, isForeseen: false };
     this.#latency = now - posed;
+    this.counts.ids += frame.ids.length;
     for (const number of this.#asked.keys()) {
       if (number <= camera.frame) {
         this.#asked.delete(number);
@@ -230,8 +243,12 @@ export class Display {
       if (set === undefined) {
         continue;
       }
+      const wasLacking = set.lacking.length > 0;
       set.lacking = this.#holdings.lacking(set.lacking);
       const isExact = set.lacking.length === 0;
+      if (wasLacking && isExact) {
+        this.#geometryLatency = performance.now() - set.posed;
+      }
       const { shown, isWhole } = isExact
         ? { shown: set.ids, isWhole: true }
         : this.#holdings.standingIn(set.ids);
@@ -259,7 +276,7 @@ export class Display {
     }
     this.#recent.add({ posed, drawables: found });
     const drawables = isForeseen ? this.#recent.union() : found;
-    this.#shown = { camera, posed, drawables, isExact };
+    this.#shown = { camera, posed, drawables, found, isExact };
     const gone = this.#holdings.use(drawables);
     if (gone.length > 0) {
       for (const set of this.#waiting) {

@@ -23,7 +23,8 @@ interface Held {
 export class Holdings {
   readonly outline: Outline;
   readonly #store: Store;
-  readonly #budget: number;
+  /** Bytes of unpacked geometry. What one picture needs is held whatever the budget is. */
+  budget: number;
   readonly #records: Records;
   readonly #pieces = new Map<number, Held>();
   readonly #standIns = new Map<number, number>();
@@ -33,9 +34,8 @@ export class Holdings {
   #bytes = 0;
   #tick = 0;
 
-  /** Within so many bytes of unpacked geometry. What one picture needs is held whatever the budget is. */
   constructor(outline: Outline, store: Store, budget: number) {
-    [this.outline, this.#store, this.#budget] = [outline, store, budget];
+    [this.outline, this.#store, this.budget] = [outline, store, budget];
     this.#records = new Records(outline);
   }
 
@@ -148,14 +148,14 @@ export class Holdings {
         held.used = this.#tick;
       }
     }
-    if (this.#bytes <= this.#budget) {
+    if (this.#bytes <= this.budget) {
       return new Uint32Array(0);
     }
     const idle = [...this.#pieces].filter(([, { used }]) => used < this.#tick);
     idle.sort(([, a], [, b]) => a.used - b.used);
     const dropped: number[] = [];
     for (const [number, { bytes }] of idle) {
-      if (this.#bytes <= this.#budget) {
+      if (this.#bytes <= this.budget) {
         break;
       }
       this.#pieces.delete(number);

@@ -2,30 +2,42 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { OCCLUSION_TESTS, type OcclusionTest } from "../proto/settings.ts";
+import type { OcclusionTest } from "../proto/settings.ts";
+import { type Audited, LiveAudit } from "../viewer/liveAudit.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { Choice, type Option } from "./choice.tsx";
 
 /** Milliseconds between two looks. */
 const PERIOD = 500;
 
-const EPSILONS = [0.5, 1, 2, 4, 8, 16];
-const TESTS: Readonly<Record<OcclusionTest, string>> = {
-  query: "the device's queries",
-  raster: "a count of pixels",
-  hzb: "a hierarchical Z-buffer",
-};
+const EPSILONS = [0.5, 1, 2, 4, 8, 16].map((value) => ({ value, text: String(value) }));
+const TESTS: readonly Option<OcclusionTest>[] = [
+  { value: "query", text: "the device's queries" },
+  { value: "raster", text: "a count of pixels" },
+  { value: "hzb", text: "a hierarchical Z-buffer" },
+];
+const MEMORIES = [16, 64, 128, 256, 512, 1024].map((mebibytes) => ({
+  value: mebibytes * 2 ** 20,
+  text: String(mebibytes),
+}));
 
 export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
   const rows = useSignal<readonly (readonly [string, string])[]>([]);
   useEffect(() => {
     let [pictures, time] = [viewer.pictures, performance.now()];
+    const audit = new LiveAudit(viewer);
+    const stop = audit.start();
     const look = () => {
       const now = performance.now();
-      rows.value = rowsOf(viewer, (1000 * (viewer.pictures - pictures)) / (now - time));
+      const aSecond = (1000 * (viewer.pictures - pictures)) / (now - time);
+      rows.value = rowsOf(viewer, aSecond, audit.found.peek());
       [pictures, time] = [viewer.pictures, now];
     };
     const timer = setInterval(look, PERIOD);
-    return () => clearInterval(timer);
+    return () => {
+      clearInterval(timer);
+      stop();
+    };
   }, [viewer]);
   return (
     <section class="panel status" aria-label="Status">
@@ -39,76 +51,85 @@ export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
           ))}
         </tbody>
       </table>
-      <label>
-        Error of silhouettes, pixels{" "}
-        <select
-          value={viewer.epsilon.value}
-          onChange={(event) => {
-            viewer.epsilon.value = Number(event.currentTarget.value);
-          }}
-        >
-          {EPSILONS.map((epsilon) => (
-            <option key={epsilon} value={epsilon}>
-              {epsilon}
-            </option>
-          ))}
-        </select>
-      </label>
-      <label>
-        Hidden or not, says{" "}
-        <select
-          value={viewer.occlusionTest.value}
-          onChange={(event) => {
-            const chosen = OCCLUSION_TESTS.find((test) => test === event.currentTarget.value);
-            viewer.occlusionTest.value = chosen ?? viewer.occlusionTest.value;
-          }}
-        >
-          {OCCLUSION_TESTS.map((test) => (
-            <option key={test} value={test}>
-              {TESTS[test]}
-            </option>
-          ))}
-        </select>
-      </label>
-      <label>
-        Simulated network to the culler{" "}
-        <select
-          value={viewer.session.network.value}
-          onChange={(event) => {
-            viewer.session.moveTo(event.currentTarget.value);
-            // The keys walk on.
-            event.currentTarget.blur();
-          }}
-        >
-          <option value="">none</option>
-          {viewer.scene.networks.map(({ name, about }) => (
-            <option key={name} value={name} title={about}>
-              {name}
-            </option>
-          ))}
-        </select>
-      </label>
+      <Choice
+        label="Error of silhouettes, pixels"
+        options={EPSILONS}
+        value={viewer.epsilon.value}
+        onChoose={(epsilon) => {
+          viewer.epsilon.value = epsilon;
+        }}
+      />
+      <Choice
+        label="Hidden or not, says"
+        options={TESTS}
+        value={viewer.occlusionTest.value}
+        onChoose={(test) => {
+          viewer.occlusionTest.value = test;
+        }}
+      />
+      <Choice
+        label="Geometry kept here, MB"
+        options={MEMORIES}
+        value={viewer.memory.value}
+        onChoose={(memory) => {
+          viewer.memory.value = memory;
+        }}
+      />
+      <Choice
+        label="Simulated network to the culler"
+        options={[
+          { value: "", text: "none" },
+          ...viewer.scene.networks.map(({ name, about }) => ({ value: name, text: name, title: about })),
+        ]}
+        value={viewer.session.network.value}
+        onChoose={(network) => viewer.session.moveTo(network)}
+      />
     </section>
   );
 }
 
-function rowsOf(viewer: Viewer, picturesASecond: number): readonly (readonly [string, string])[] {
+function rowsOf(
+  viewer: Viewer,
+  picturesASecond: number,
+  audited: Audited | undefined,
+): readonly (readonly [string, string])[] {
   const { display, renderer, canvas } = viewer;
-  const { drawables, triangles, milliseconds } = renderer.drawn;
+  const { drawables, triangles, milliseconds: taken } = renderer.drawn;
+  const { cameras = 0, ids = 0 } = display?.counts ?? {};
   const bytes = display?.link.bytes;
   const count = (number: number) => number.toLocaleString("en");
-  const megabytes = (bytes: number) => `${(bytes / 1e6).toFixed(2)} MB`;
+  const size = (bytes: number) =>
+    bytes < 1e6 ? `${(bytes / 1e3).toFixed(1)} kB` : `${(bytes / 1e6).toFixed(2)} MB`;
   return [
     ["pictures a second", picturesASecond.toFixed(0)],
-    ["a picture takes", `${milliseconds.toFixed(1)} ms of this thread`],
-    ["camera to set", `${(display?.latency ?? 0).toFixed(0)} ms`],
-    ["set is old", viewer.isSettled ? "it is exact" : `${viewer.setAge.toFixed(0)} ms`],
+    ["a picture takes", `${taken.toFixed(1)} ms of this thread`],
+    ["hand to picture", milliseconds(viewer.hand.latency)],
+    ["camera to ids", milliseconds(display?.latency)],
+    ["camera to geometry", milliseconds(display?.geometryLatency)],
+    ["set is old", viewer.isSettled ? "it is exact" : milliseconds(viewer.setAge)],
+    ["wrong pixels", wrong(viewer, audited)],
+    [
+      "visible",
+      audited === undefined ? "" : `${count(audited.visible)} of ${count(audited.drawn)} drawables`,
+    ],
     ["drawn", `${count(drawables)} drawables, ${count(triangles)} triangles`],
     ["picture", `${canvas.width} x ${canvas.height}, ${renderer.samples} samples`],
-    ["geometry here", megabytes(renderer.bytes)],
-    ["cameras sent", megabytes(bytes?.latest.sent ?? 0)],
-    ["ids received", megabytes(bytes?.frames.received ?? 0)],
-    ["geometry received", megabytes(bytes?.bulk.received ?? 0)],
+    ["geometry here", size(renderer.bytes)],
+    ["cameras sent", `${size(bytes?.latest.sent ?? 0)}; by 72 bytes each ${size(72 * cameras)}`],
+    ["ids received", `${size(bytes?.frames.received ?? 0)}; by 4 bytes each ${size(4 * ids)}`],
+    ["geometry received", size(bytes?.bulk.received ?? 0)],
     ["device", renderer.device],
   ];
+}
+
+function milliseconds(time = 0): string {
+  return `${time.toFixed(0)} ms`;
+}
+
+/** Of the last picture that was audited. */
+function wrong({ isSettled }: Viewer, audited: Audited | undefined): string {
+  if (isSettled) {
+    return "none: it is exact";
+  }
+  return audited === undefined ? "" : `${audited.wrongPercent.toFixed(3)} %`;
 }

@@ -13,6 +13,7 @@ import type { Point } from "../proto/viewState.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
 import { Projection } from "../tools/projection.ts";
 import type { Distance } from "../tools/snap.ts";
+import { Hand } from "./hand.ts";
 import { type Pose, Prediction } from "./prediction.ts";
 import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
@@ -28,7 +29,7 @@ const SPREAD = [0.6, 1.2, 1.8];
 const PERIOD = 30;
 /** Milliseconds without another picture until the last one is drawn more finely. */
 const REST = 150;
-/** Bytes of unpacked geometry. */
+/** Bytes of geometry on a machine of four GiB or more, or of which the browser does not say how much it has. */
 const MEMORY = 512 << 20;
 
 /** Is told from where a picture was drawn, and of what. */
@@ -49,9 +50,12 @@ export class Viewer {
   /** The most pixels by which a silhouette may be off, and how a culler finds out what is hidden. */
   readonly epsilon = signal(2);
   readonly occlusionTest = signal<OcclusionTest>("hzb");
+  /** Bytes of unpacked geometry that are kept here. */
+  readonly memory = signal(ownMemory());
   /** A word to the person: what has just happened. */
   readonly said = signal("");
   pictures = 0;
+  readonly hand = new Hand();
   readonly #prediction = new Prediction();
   /** Which place of the spread is next. */
   #turn = 0;
@@ -77,7 +81,7 @@ export class Viewer {
     this.navigator = new Navigator(canvas, scene, service);
     this.navigator.pointAt = (x, y) => this.pointAt(x, y);
     this.#fit();
-    const options = () => ({ settings: this.#settings(), memory: MEMORY, store: this.renderer });
+    const options = () => ({ settings: this.#settings(), memory: this.memory.peek(), store: this.renderer });
     this.session = new Session((network) => service.link(network), options, network);
     // At each change, and for each new link.
     effect(() => {
@@ -86,6 +90,12 @@ export class Viewer {
       this.display?.change({ ...this.view.current.value, levelRule, occlusionTest });
       this.#isMoved = true;
       this.redraw();
+    });
+    effect(() => {
+      const memory = this.memory.value;
+      if (this.display !== undefined) {
+        this.display.holdings.budget = memory;
+      }
     });
     effect(() => {
       this.selected.value;
@@ -147,6 +157,21 @@ export class Viewer {
     this.#drawn = undefined;
   }
 
+  /**
+   * Asks for what is visible from `camera`, though the eye may have left it. Gives the number of the frame;
+   * nothing where there is no link.
+   */
+  ask(camera: Camera): number | undefined {
+    const { display } = this;
+    if (display === undefined || display.link.isOver) {
+      return undefined;
+    }
+    this.#published = performance.now();
+    this.#isMoved = true;
+    const tanHalfFov = camera.tanHalfFov * this.#wider;
+    return display.publish({ ...camera, tanHalfFov }, true);
+  }
+
   /** Draws at once, and finely. Until this task ends the canvas can be read. */
   drawNow(): void {
     this.renderer.draw(this.camera, this.shown(), this.look());
@@ -194,6 +219,11 @@ export class Viewer {
     return { width: Math.ceil(WIDER * width), height: Math.ceil(WIDER * height) };
   }
 
+  /** By how much what is culled for is wider: its pixels are as large as those of the picture that is shown. */
+  get #wider(): number {
+    return this.#viewport().height / this.canvas.height;
+  }
+
   #camera(wider: number): Camera {
     const { eye, orientation, vfovDeg } = this.navigator;
     const tanHalfFov = Math.tan((vfovDeg * Math.PI) / 360) * wider;
@@ -217,8 +247,7 @@ export class Viewer {
     if (this.#isMoved && !display.link.isOver && now - this.#published >= PERIOD) {
       // What is visible from there comes when the eye is there. Once it rests, its own pose follows.
       const foreseen = hasMoved ? this.#foreseen(display.latency + PERIOD / 2) : undefined;
-      // Its pixels are as large as those of the picture that is shown.
-      const camera = this.#camera(this.#viewport().height / this.canvas.height);
+      const camera = this.#camera(this.#wider);
       const pose = foreseen && {
         eye: foreseen.eye,
         orientation: orientationOf(foreseen.heading, foreseen.pitch),
@@ -239,6 +268,7 @@ export class Viewer {
     } else if (now - this.#rested > REST) {
       this.renderer.refine();
     }
+    this.hand.follow(hasMoved);
   }
 
   #foreseen(ahead: number): Pose | undefined {
@@ -266,4 +296,10 @@ export class Viewer {
     }
     return isOther;
   }
+}
+
+/** An eighth of the machine's memory: a phone has little. */
+function ownMemory(): number {
+  const { deviceMemory: gibibytes = 4 } = navigator as { readonly deviceMemory?: number };
+  return Math.min(MEMORY, (gibibytes * 2 ** 30) / 8);
 }

@@ -2,7 +2,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { NOTHING } from "../src/draw/device.ts";
 import type { Drawable } from "../src/draw/model.ts";
-import { Spans, wrongShare } from "../src/drive/audit.ts";
+import { Spans } from "../src/drive/audit.ts";
+import { wrongShare } from "../src/viewer/wrongPixels.ts";
 
 /** A drawable from `x` on, one metre in each direction. */
 function drawable(id: number, object: number, x: number, more: Partial<Drawable> = {}): Drawable {
