@@ -18,6 +18,8 @@ use program::{Bench, said};
 /// The kinds of roles, each with its unit and the name of the configuration that the unit reads.
 const UNITS: [(&str, &str, &str); 2] =
     [("culler", "trimaran-culler@.service", "%i"), ("display", "trimaran-display.service", "display")];
+/// The unit of a service of pages.
+const SERVE: &str = "trimaran-serve@.service";
 const INSTALLED: &str = "/usr/bin/trimaran";
 /// The exit code for what waiting does not mend.
 const UNUSABLE: i32 = 2;
@@ -26,9 +28,17 @@ fn path(unit: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/systemd").join(unit)
 }
 
+fn units() -> impl Iterator<Item = &'static str> {
+    UNITS.into_iter().map(|(_, name, _)| name).chain([SERVE])
+}
+
+fn text(unit: &str) -> String {
+    fs::read_to_string(path(unit)).unwrap()
+}
+
 fn unit(role: &str) -> String {
     let (_, unit, _) = UNITS.into_iter().find(|(name, ..)| *name == role).unwrap();
-    fs::read_to_string(path(unit)).unwrap()
+    text(unit)
 }
 
 /// What a unit says for a key that it has once.
@@ -83,6 +93,33 @@ fn a_service_whose_port_is_in_use_is_started_again() {
     }
 }
 
+/// Pages are served again where that may help, and not where variables or the scene are wrong.
+#[test]
+fn a_service_of_pages_ends_for_good_where_it_cannot_be_mended() {
+    let bench = Bench::with_plant(100);
+    let unit = text(SERVE);
+    assert_eq!(value(&unit, "ExecStart"), format!("{INSTALLED} serve /etc/trimaran/%i.scene"));
+    assert_eq!((value(&unit, "Restart"), value(&unit, "RestartPreventExitStatus")), ("always", "2"));
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let holder = TcpListener::bind(&taken).unwrap();
+    for (scene, listen, token, code, why) in [
+        ("plant.scene", &*taken, "0123456789abcdef", 1, "in use"),
+        ("none.scene", "127.0.0.1:0", "0123456789abcdef", UNUSABLE, "none.scene"),
+        ("plant.scene", "127.0.0.1", "0123456789abcdef", UNUSABLE, "--listen"),
+        ("plant.scene", "127.0.0.1:0", "short", UNUSABLE, "--token"),
+    ] {
+        let mut command = bench.command(&["serve", scene]);
+        let output = command.env("TRIMARAN_LISTEN", listen).env("TRIMARAN_TOKEN", token).output().unwrap();
+        let said = said(&output);
+        if said.contains("./x page") && env::var_os("TRIMARAN_REQUIRE_BROWSER").is_none() {
+            println!("skipped: {said}");
+            return;
+        }
+        assert!(output.status.code() == Some(code) && said.contains(why), "{scene} {listen}: {output:?}");
+    }
+    drop(holder);
+}
+
 /// What `systemd-analyze` says, or `None` where there is none and none is required.
 fn systemd_analyze(arguments: &[&OsStr]) -> Option<Output> {
     match Command::new("systemd-analyze").args(arguments).output() {
@@ -98,9 +135,9 @@ fn systemd_analyze(arguments: &[&OsStr]) -> Option<Output> {
 #[test]
 fn systemd_takes_the_units() {
     let folder = tempfile::tempdir().unwrap();
-    for (role, name, _) in UNITS {
+    for name in units() {
         let path = folder.path().join(name);
-        fs::write(&path, unit(role).replace(INSTALLED, env!("CARGO_BIN_EXE_trimaran"))).unwrap();
+        fs::write(&path, text(name).replace(INSTALLED, env!("CARGO_BIN_EXE_trimaran"))).unwrap();
         let Some(verified) = systemd_analyze(&["verify".as_ref(), "--man=no".as_ref(), path.as_ref()]) else {
             return;
         };
@@ -119,7 +156,7 @@ fn systemd_takes_the_units() {
 
 #[test]
 fn the_units_leave_little_exposed() {
-    for (_, name, _) in UNITS {
+    for name in units() {
         let arguments = ["security", "--no-pager", "--offline=true", "--threshold=20"].map(OsStr::new);
         let path = path(name);
         let Some(judged) = systemd_analyze(&[&arguments[..], &[path.as_ref()]].concat()) else { return };

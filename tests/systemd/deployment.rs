@@ -1,7 +1,7 @@
-//! Three services on one machine, installed as docs/operations.md says.
+//! Services on one machine, installed as docs/operations.md says.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::machine::Machine;
 use crate::program::Bench;
@@ -15,8 +15,12 @@ pub(crate) const TWO: (&str, u16) = ("trimaran-culler@two", 9466);
 const REPORT: &str = "/var/lib/trimaran/walk";
 /// Where the page's commands are run: a checkout with a scene, keys and configurations.
 const CHECKOUT: &str = "/run/checkout";
-/// What the page's three hosts are called in its command lines.
+/// What the page's three hosts are called in its command lines, and the one for browsers.
 const HOSTS: [&str; 3] = ["one", "two", "show"];
+const PAGES_HOST: &str = "pages";
+
+/// The service for browsers, and its port.
+pub(crate) const PAGES: (&str, u16) = ("trimaran-serve@plant", 7480);
 
 /// How the roles reach each other.
 #[derive(Debug, Clone, Copy)]
@@ -59,23 +63,14 @@ impl Walk {
 
     /// Puts what the page's commands need into the machine, and runs all of them there.
     pub(crate) fn install(&self, machine: &Machine, over: Over) {
-        let checkout = machine.path(CHECKOUT);
-        fs::create_dir_all(checkout.join("target/release")).unwrap();
-        fs::copy(env!("CARGO_BIN_EXE_trimaran"), checkout.join("target/release/trimaran")).unwrap();
-        copy_files(
-            &Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/systemd"),
-            &checkout.join("deploy/systemd"),
-        );
-        copy_files(&self.bench.path(""), &checkout);
+        let checkout = put_checkout(machine, &self.bench);
         for role in ["display", "one", "two"] {
             fs::write(checkout.join(format!("{role}.toml")), self.configuration(role, over)).unwrap();
         }
         // What is gone without a word is missed soon.
         let environment = "TRIMARAN_LOG=info\nTRIMARAN_LINK_IDLE_TIMEOUT_S=4\n";
         fs::write(machine.path("/etc/default/trimaran"), environment).unwrap();
-        for command in commands_of_the_page() {
-            machine.run(&format!("cd {CHECKOUT}; {command}"));
-        }
+        run_commands_of_the_page(machine, &HOSTS);
     }
 
     fn configuration(&self, role: &str, over: Over) -> String {
@@ -141,6 +136,32 @@ impl Walk {
     }
 }
 
+/// Installs the service for browsers, and gives its token.
+pub(crate) fn install_pages(machine: &Machine) -> String {
+    put_checkout(machine, &Bench::with_plant(100));
+    run_commands_of_the_page(machine, &[PAGES_HOST]);
+    let variables = fs::read_to_string(machine.path("/etc/trimaran/plant.env")).unwrap();
+    let token = variables.lines().find_map(|line| line.strip_prefix("TRIMARAN_TOKEN="));
+    token.unwrap_or_else(|| panic!("{variables}")).to_owned()
+}
+
+/// What the page's commands need, with the files of `bench`.
+fn put_checkout(machine: &Machine, bench: &Bench) -> PathBuf {
+    let checkout = machine.path(CHECKOUT);
+    fs::create_dir_all(checkout.join("target/release")).unwrap();
+    fs::copy(env!("CARGO_BIN_EXE_trimaran"), checkout.join("target/release/trimaran")).unwrap();
+    let units = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/systemd");
+    copy_files(&units, &checkout.join("deploy/systemd"));
+    copy_files(&bench.path(""), &checkout);
+    checkout
+}
+
+fn run_commands_of_the_page(machine: &Machine, hosts: &[&str]) {
+    for command in commands_of_the_page(hosts) {
+        machine.run(&format!("cd {CHECKOUT}; {command}"));
+    }
+}
+
 fn copy_files(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();
     for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
@@ -150,15 +171,15 @@ fn copy_files(from: &Path, to: &Path) {
     }
 }
 
-/// The command lines of the section about services, whichever host they are for.
-fn commands_of_the_page() -> Vec<String> {
+/// The command lines of the section about services that are for these hosts.
+fn commands_of_the_page(hosts: &[&str]) -> Vec<String> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/operations.md");
     let page = fs::read_to_string(page).unwrap();
     let (_, after) = page.split_once("\n## Services\n").unwrap();
     let (section, _) = after.split_once("\n## ").unwrap();
     let commands = section.lines().filter_map(|line| {
         let (host, command) = line.split_once("$ ")?;
-        HOSTS.contains(&host.trim()).then(|| command.to_owned())
+        hosts.contains(&host.trim()).then(|| command.to_owned())
     });
     commands.collect()
 }

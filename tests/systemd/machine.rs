@@ -87,7 +87,7 @@ impl Machine {
             move_into_link_name_space(namespace.as_fd(), Some(LinkNameSpaceType::Network)).unwrap();
             let mut stream = TcpStream::connect(("127.0.0.1", port)).ok()?;
             stream.set_read_timeout(Some(GUARD)).unwrap();
-            write!(stream, "GET {path} HTTP/1.0\r\n\r\n").ok()?;
+            write!(stream, "GET {path} HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n").ok()?;
             let mut answer = String::new();
             stream.read_to_string(&mut answer).ok()?;
             Some(answer.split_once("\r\n\r\n")?.1.to_owned())

@@ -14,7 +14,7 @@ mod program;
 
 use std::fs;
 
-use deployment::{DISPLAY, ONE, Over, TWO, Walk};
+use deployment::{DISPLAY, ONE, Over, PAGES, TWO, Walk, install_pages};
 use machine::Machine;
 
 /// The three services in every order.
@@ -96,6 +96,39 @@ fn a_service_that_is_restarted_in_a_walk_takes_its_place_again_and_no_frame_is_m
     in_walks("restarted", false, |machine, service| {
         machine.run(&format!("systemctl restart {service}"));
     });
+}
+
+/// Whoever knows the token is let in, and again when the service was killed.
+#[test]
+fn a_service_of_pages_is_there_again_after_it_was_killed() {
+    let Some(machine) = Machine::boot("pages") else { return };
+    let token = install_pages(&machine);
+    let (service, port) = PAGES;
+    let process = || machine.run(&format!("systemctl show -P MainPID {service}"));
+    let scene = |token: &str| machine.get(port, &format!("/scene?token={token}"));
+    let is_there = || {
+        machine.wait_for("the service of pages", || {
+            if machine.run(&format!("systemctl show -P ActiveState {service}")) == "failed" {
+                let said = machine.run(&format!("journalctl --no-pager --output cat --unit {service}"));
+                assert!(std::env::var_os("TRIMARAN_REQUIRE_BROWSER").is_none(), "{said}");
+                assert!(said.contains("./x page"), "{said}");
+                return Some(false);
+            }
+            scene(&token)?.contains(r#""name":"plant""#).then_some(true)
+        })
+    };
+    if !is_there() {
+        println!("skipped: the program was built without its page");
+        return;
+    }
+    let refused = scene("0123456789abcdef").unwrap();
+    assert!(!refused.contains("plant") && refused.contains("token"), "{refused}");
+    let before = process();
+    machine.run(&format!("systemctl kill --signal=KILL {service}"));
+    machine.wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
+    assert!(is_there());
+    // Nobody else may read the token.
+    assert_eq!(machine.run("stat --format %a:%U /etc/trimaran/plant.env"), "600:root");
 }
 
 /// What a service tries that is not its work, and at last what is.
