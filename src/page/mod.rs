@@ -6,6 +6,7 @@ mod description;
 mod drive;
 mod network;
 mod parts;
+mod people;
 mod questions;
 mod server;
 mod token;

@@ -12,12 +12,13 @@ use hyper::{
     upgrade::OnUpgrade,
 };
 use hyper_util::rt::{TokioIo, TokioTimer};
+use serde::de::DeserializeOwned;
 use thiserror::Error;
 use tokio::{
     io::join,
     sync::{mpsc, oneshot},
 };
-use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer};
+use trimaran_net::{BoxFuture, Instant, Listen, Stream, StreamPeer};
 use trimaran_scene::{ReadError, Scene};
 use trimaran_transport::{
     AttemptError, Endpoint, ListenFault, Listening, Net, TcpOptions, Transport, until,
@@ -29,6 +30,7 @@ use super::{
     assets::ASSETS,
     drive::{Drive, LONGEST_REPORT},
     network::{Network, NetworkError, Networks, Wanted},
+    people::{LONGEST_MEETING, MeetError, People},
     questions::{Answers, Question},
 };
 use crate::http;
@@ -70,6 +72,7 @@ struct Inner {
     scene: Bytes,
     answers: Answers,
     networks: Networks,
+    people: People,
     drive: Option<Drive>,
     options: WsOptions,
     tcp: TcpOptions,
@@ -98,6 +101,7 @@ impl Pages {
             scene,
             answers,
             networks: Networks::default(),
+            people: People::default(),
             drive,
             options,
             tcp,
@@ -176,6 +180,8 @@ enum Answer {
     Later(Question),
     /// A page says how its walk went.
     Report(Drive),
+    /// A page tells where its person is.
+    Meet,
 }
 
 impl From<Response<Body>> for Answer {
@@ -215,6 +221,7 @@ impl Pages {
                     }
                     Answer::Later(question) => pages.think(question).await,
                     Answer::Report(drive) => take_report(request, &drive).await,
+                    Answer::Meet => pages.meet(request, net.now()).await,
                 })
             }
         });
@@ -232,8 +239,11 @@ impl Pages {
 
     fn answer(&self, request: &mut Request<Incoming>, net: &Arc<dyn Net>) -> Answer {
         let path = request.uri().path();
-        if path == "/drive" {
-            return self.drive(request);
+        match path {
+            "/drive" => return self.drive(request),
+            "/people" if !self.knows_token(request) => return wrong_token().into(),
+            "/people" if request.method() == Method::POST => return Answer::Meet,
+            _ => {}
         }
         if request.method() != Method::GET {
             return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n").into();
@@ -264,6 +274,20 @@ impl Pages {
             }
             Some(drive) if request.method() == Method::POST => Answer::Report(drive.clone()),
             _ => nothing_here().into(),
+        }
+    }
+
+    /// A person meets the others.
+    async fn meet(&self, request: Request<Incoming>, now: Instant) -> Response<Body> {
+        let Some(here) = json(request, LONGEST_MEETING).await else {
+            return plain(StatusCode::BAD_REQUEST, "that is no place of a person\n");
+        };
+        match self.0.people.meet(here, now).map(|company| serde_json::to_vec(&company)) {
+            Ok(Ok(company)) => file("application/json", company.into()),
+            Err(MeetError::TooMany) => plain(StatusCode::SERVICE_UNAVAILABLE, "there are too many people\n"),
+            Ok(Err(_)) | Err(MeetError::Name) => {
+                plain(StatusCode::BAD_REQUEST, "that is no place of a person\n")
+            }
         }
     }
 
@@ -326,14 +350,19 @@ async fn open(
 }
 
 async fn take_report(request: Request<Incoming>, drive: &Drive) -> Response<Body> {
-    let body = Limited::new(request.into_body(), LONGEST_REPORT).collect().await;
-    match body.ok().and_then(|body| serde_json::from_slice(&body.to_bytes()).ok()) {
+    match json(request, LONGEST_REPORT).await {
         Some(report) => {
             let _nobody_asks_any_more = drive.reports.send(report).await;
             plain(StatusCode::OK, "")
         }
         None => plain(StatusCode::BAD_REQUEST, "that is no report of a walk\n"),
     }
+}
+
+/// What the body of a request says in at most so many bytes; `None` if it says something else.
+async fn json<T: DeserializeOwned>(request: Request<Incoming>, longest: usize) -> Option<T> {
+    let body = Limited::new(request.into_body(), longest).collect().await.ok()?;
+    serde_json::from_slice(&body.to_bytes()).ok()
 }
 
 fn refused(fault: &NetworkError) -> Response<Body> {

@@ -89,6 +89,19 @@ export interface WrongPixels {
   readonly jumpMs: number;
 }
 
+/** Where a person is, and what they see. */
+export interface PersonPose {
+  readonly eye: Point;
+  readonly forward: Point;
+  readonly vfovDeg: number;
+}
+
+/** Who is on the same service. People are numbered as they come. */
+export interface Company {
+  readonly you: number;
+  readonly others: readonly { readonly number: number; readonly pose: PersonPose }[];
+}
+
 /** The service from which the page came. Every request throws where there is no answer, and says why. */
 export class Service {
   readonly #base: string;
@@ -130,6 +143,13 @@ export class Service {
   /** What is solid in a square of the ground: see `navigate/tile.ts`. */
   async tile(x: number, z: number): Promise<ArrayBuffer> {
     return (await this.#ask("tile", { x, z })).arrayBuffer();
+  }
+
+  /** Tells where the person is, and gives where the others are. */
+  async meet(pose: PersonPose): Promise<Company> {
+    const body = JSON.stringify({ page: this.#page, pose });
+    const answer = await this.#send(this.#url("people", {}), { method: "POST", body });
+    return (await answer.json()) as Company;
   }
 
   /** The walk that the page is to repeat. */

@@ -1,6 +1,7 @@
 /** Viewpoints, links, pictures and recorded walks. */
 
 import { useMemo } from "preact/hooks";
+import type { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { KeptViewpoints, ViewpointsError } from "./kept.ts";
 import { Recording } from "./recording.ts";
@@ -9,7 +10,7 @@ import { encodeViewpoint, type Viewpoint } from "./viewpoint.ts";
 /** Sides of a thumbnail, pixels. */
 const THUMBNAIL = [160, 90] as const;
 
-export function ViewsPanel({ viewer }: { readonly viewer: Viewer }) {
+export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readonly people: People }) {
   const kept = useMemo(() => new KeptViewpoints(viewer.scene.fingerprint), [viewer]);
   const recording = useMemo(() => new Recording(viewer), [viewer]);
   const { name } = viewer.scene;
@@ -92,7 +93,30 @@ export function ViewsPanel({ viewer }: { readonly viewer: Viewer }) {
           />
         </label>
       </div>
+      <PeopleList people={people} />
     </section>
+  );
+}
+
+/** Who else is here. Nothing where nobody is. */
+function PeopleList({ people }: { readonly people: People }) {
+  const { others } = people.company.value;
+  const { followed } = people;
+  return (
+    <ul aria-label="People">
+      {others.map(({ number }) => (
+        <li key={number}>
+          Person {number}
+          <button
+            type="button"
+            aria-pressed={followed.value === number}
+            onClick={() => people.follow(followed.value === number ? undefined : number)}
+          >
+            Follow
+          </button>
+        </li>
+      ))}
+    </ul>
   );
 }
 

@@ -1,0 +1,127 @@
+/** The other people on the service, and going along with one of them. */
+
+import { signal } from "@preact/signals";
+import { isTyping } from "../navigate/typing.ts";
+import type { Company, PersonPose } from "../service/service.ts";
+import { lerp } from "../tools/projection.ts";
+import type { Viewer } from "./viewer.ts";
+
+/** Milliseconds between two meetings, alone and in company. */
+const ALONE = 2000;
+const TOGETHER = 200;
+/** Keys that go to buttons and press them. */
+const OF_BUTTONS: ReadonlySet<string> = new Set(["Tab", "Shift", "Enter", " "]);
+/** Who is so many heights of an eye away is not walked to. */
+const JUMP = 10;
+
+/** Where the one who is followed was at the last two meetings. */
+interface Lead {
+  readonly number: number;
+  readonly from: PersonPose;
+  readonly to: PersonPose;
+  readonly at: number;
+  /** The eye is there. */
+  readonly isReached: boolean;
+}
+
+export class People {
+  readonly #viewer: Viewer;
+  readonly company = signal<Company>({ you: 0, others: [] });
+  /** The number of who is followed. */
+  readonly followed = signal<number | undefined>(undefined);
+  #lead: Lead | undefined;
+
+  constructor(viewer: Viewer) {
+    this.#viewer = viewer;
+    void this.#meet();
+    // A hand on the controls has its own way.
+    addEventListener("keydown", ({ key, target }) => {
+      if (!isTyping(target) && !OF_BUTTONS.has(key)) {
+        this.follow(undefined);
+      }
+    });
+    viewer.canvas.addEventListener("pointerdown", () => this.follow(undefined));
+    viewer.canvas.addEventListener("wheel", () => this.follow(undefined), { passive: true });
+  }
+
+  /** Goes along with a person, or with nobody any more. */
+  follow(number: number | undefined): void {
+    if (this.followed.peek() === number) {
+      return;
+    }
+    const { navigator } = this.#viewer;
+    const wasFree = this.followed.peek() === undefined;
+    this.followed.value = number;
+    this.#lead = undefined;
+    navigator.isHeld = number !== undefined;
+    if (number !== undefined) {
+      navigator.setMode("fly");
+      this.#lead = this.#leadAt(performance.now());
+      if (wasFree) {
+        requestAnimationFrame(() => this.#step());
+      }
+    }
+  }
+
+  async #meet(): Promise<void> {
+    for (;;) {
+      const { navigator, service } = this.#viewer;
+      const [x, y, z] = navigator.eye;
+      const { forward, vfovDeg } = navigator;
+      try {
+        this.company.value = await service.meet({ eye: [x, y, z], forward, vfovDeg });
+        this.#lead = this.#leadAt(performance.now());
+      } catch {
+        // The link says that the service is away.
+        this.company.value = { ...this.company.peek(), others: [] };
+      }
+      const { others } = this.company.peek();
+      const followed = this.followed.peek();
+      if (followed !== undefined && !others.some(({ number }) => number === followed)) {
+        this.#viewer.said.value = `Person ${followed} has left.`;
+        this.follow(undefined);
+      }
+      await new Promise((resolve) => setTimeout(resolve, others.length === 0 ? ALONE : TOGETHER));
+    }
+  }
+
+  #leadAt(now: number): Lead | undefined {
+    const person = this.company.peek().others.find(({ number }) => number === this.followed.peek());
+    if (person === undefined) {
+      return undefined;
+    }
+    const { number, pose: to } = person;
+    const before = this.#lead?.number === number ? this.#lead : undefined;
+    const isReached = before?.isReached === true && JSON.stringify(before.to) === JSON.stringify(to);
+    return { number, from: before?.to ?? to, to, at: now, isReached };
+  }
+
+  /** Goes on to where the one who is followed was last, in the time until they are met again. */
+  #step(): void {
+    if (this.followed.peek() === undefined) {
+      return;
+    }
+    requestAnimationFrame(() => this.#step());
+    const lead = this.#lead;
+    if (lead === undefined || lead.isReached) {
+      return;
+    }
+    const { navigator, scene } = this.#viewer;
+    const { from, to, at } = lead;
+    const { eye: own } = navigator;
+    const way = Math.hypot(to.eye[0] - own[0], to.eye[1] - own[1], to.eye[2] - own[2]);
+    const isJump = way > JUMP * scene.eyeHeight;
+    const share = isJump ? 1 : Math.min(1, (performance.now() - at) / TOGETHER);
+    const [eye, forward] = [lerp(from.eye, to.eye, share), lerp(from.forward, to.forward, share)];
+    if (isJump) {
+      navigator.goTo(eye, forward);
+    } else {
+      navigator.follow(eye, forward);
+    }
+    const vfovDeg = from.vfovDeg + (to.vfovDeg - from.vfovDeg) * share;
+    if (navigator.vfovDeg !== vfovDeg) {
+      navigator.setVfov(vfovDeg);
+    }
+    this.#lead = { ...lead, isReached: share === 1 };
+  }
+}
