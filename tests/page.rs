@@ -1,5 +1,6 @@
 //! The service of a page: who is let in, and a real browser that shows what displays show.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+#![allow(clippy::disallowed_methods, reason = "a browser keeps the system's time")]
 
 #[path = "common/program.rs"]
 mod program;
@@ -10,6 +11,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::time::{Duration, Instant};
 
 use program::Bench;
 use serde_json::{Value, json};
@@ -96,6 +98,7 @@ fn the_scene_is_for_whoever_knows_the_token_and_comes_from_here() {
     for query in ["", "?token=", "?token=0123456789abcdefXYz", "?x=1&token=0123456789abcdefXYZ"] {
         assert!(service.ask(&format!("/scene{query}"), "").starts_with("HTTP/1.1 403"), "{query}");
         assert!(service.ask(&format!("/link{query}"), UPGRADE).starts_with("HTTP/1.1 403"), "{query}");
+        assert!(service.ask(&format!("/people{query}"), "").starts_with("HTTP/1.1 403"), "{query}");
     }
     for asked in ["part?object=0", "children?from=0", "search?text=a", "tile?x=0&z=0"] {
         let (path, query) = asked.split_once('?').unwrap();
@@ -338,9 +341,21 @@ fn a_person_walks_and_looks_into_the_model() {
     assert!(look(&mut browser)["items"] == whole["items"], "it is back");
 }
 
-/// Whatever keys, mouse and window do, nothing fails, and at rest the picture is right.
 #[test]
 fn a_page_bears_any_input() {
+    bears_any_input(1, Duration::ZERO);
+}
+
+/// As it is left open all day: it takes no more memory at the end than near the beginning.
+#[test]
+#[ignore = "takes ten minutes"]
+fn a_page_bears_ten_minutes_of_any_input() {
+    bears_any_input(2, Duration::from_secs(600));
+}
+
+/// Whatever keys, mouse and window do, nothing fails, and at rest the picture is right: in so many rounds at
+/// least, and for so long.
+fn bears_any_input(rounds: usize, time: Duration) {
     let bench = Bench::with_plant(200);
     let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
     let Some(mut browser) = Browser::start(300, 300) else { return };
@@ -348,6 +363,20 @@ fn a_page_bears_any_input() {
     browser.done(json!({ "do": "open", "url": service.url() }));
     browser.done(json!({ "do": "settle" }));
     let mut random = Random(7);
+    let begun = Instant::now();
+    let mut memory = Vec::new();
+    while memory.len() < rounds || begun.elapsed() < time {
+        memory.push(round_of_any_input(&mut browser, &mut random, &scene));
+    }
+    println!("bytes of scripts, bytes of geometry, elements of the document: {memory:?}");
+    let ([scripts, geometry, elements], last) = (memory[memory.len() / 5], memory[memory.len() - 1]);
+    assert!(last[0] < scripts * 5 / 4 + (4 << 20), "scripts take more and more: {memory:?}");
+    assert!(last[1] < geometry * 2 + (1 << 20), "geometry takes more and more: {memory:?}");
+    assert!(last[2] < elements + 500, "the document grows: {memory:?}");
+}
+
+/// Gives the bytes of scripts and of geometry that are there afterwards, and elements of the document.
+fn round_of_any_input(browser: &mut Browser, random: &mut Random, scene: &Scene) -> [u64; 3] {
     let keys = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyE", "KeyQ", "Space", "ArrowLeft", "PageDown", "Shift"];
     let presses =
         ["1", "2", "3", "h", "i", "x", "f", "Shift+H", "Control+z", "Control+y", "m", "p", "v", "b", "t"];
@@ -358,7 +387,7 @@ fn a_page_bears_any_input() {
             1 => json!({ "do": "press", "key": presses[random.below(15)] }),
             2 => json!({ "do": "click", "x": random.below(100), "y": random.below(100) }),
             3 => json!({ "do": "drag", "right": random.below(200), "down": random.below(50) }),
-            _ => json!({ "do": "resize", "width": side(&mut random), "height": side(&mut random) }),
+            _ => json!({ "do": "resize", "width": side(random), "height": side(random) }),
         });
     }
     for key in ["Escape", "Shift+H", "2"] {
@@ -368,8 +397,10 @@ fn a_page_bears_any_input() {
     browser.done(json!({ "do": "settle" }));
     let look = browser.done(json!({ "do": "look" }));
     assert_eq!((&look["hidden"], &look["isolated"]), (&json!([]), &Value::Null));
-    let Difference { drawables, .. } = difference(&look, &scene);
+    let Difference { drawables, .. } = difference(&look, scene);
     assert_eq!(drawables, [], "{}", look["eye"]);
+    let memory = browser.done(json!({ "do": "memory" }));
+    ["scripts", "geometry", "elements"].map(|kind| memory[kind].as_u64().unwrap())
 }
 
 /// Numbers that are the same each time (Park and Miller 1988).
@@ -440,6 +471,44 @@ fn a_page_walks_on_over_another_network() {
     let [visible, drawn] = [visible, drawn].map(|count| count.replace(',', "").parse::<u32>().unwrap());
     assert!(0 < visible && visible <= drawn, "{figures}");
     assert!(figures["ids received"].as_str().unwrap().contains("by 4 bytes each"), "{figures}");
+}
+
+/// Two people on one service, each with a picture of their own; one goes along with the other for a while.
+#[test]
+fn a_person_follows_another_one() {
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut first) = Browser::start(300, 300) else { return };
+    let mut second = Browser::start(300, 200).unwrap();
+    let scene = Scene::open(&bench.path("plant.scene")).unwrap();
+    first.done(json!({ "do": "open", "url": service.url() }));
+    first.done(json!({ "do": "settle" }));
+    second.done(json!({ "do": "open", "url": service.url() }));
+    second.done(json!({ "do": "settle" }));
+    let pose = |browser: &mut Browser| {
+        let look = browser.done(json!({ "do": "look" }));
+        let numbers = |name: &str| look[name].as_array().unwrap().clone();
+        let numbers = [numbers("eye"), numbers("orientation")].concat();
+        numbers.iter().map(|number| number.as_f64().unwrap()).collect::<Vec<_>>()
+    };
+    let far = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    second.done(json!({ "do": "press", "key": "v" }));
+    // The first button waits until it is there.
+    second.done(json!({ "do": "button", "name": "Follow" }));
+    first.done(json!({ "do": "press", "key": "2" }));
+    first.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 700 }));
+    first.done(json!({ "do": "drag", "right": 60, "down": 10 }));
+    let there = pose(&mut first);
+    while far(&pose(&mut second), &there) > 1e-9 {}
+    second.done(json!({ "do": "settle" }));
+    let Difference { drawables, .. } = difference(&second.done(json!({ "do": "look" })), &scene);
+    assert_eq!(drawables, [], "at rest it is exact");
+    // Who takes the controls goes alone again.
+    second.done(json!({ "do": "hold", "key": "KeyS", "milliseconds": 300 }));
+    let alone = pose(&mut second);
+    assert!(far(&alone, &there) > 0.01, "{alone:?}");
+    first.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 500 }));
+    assert_eq!(pose(&mut second), alone);
 }
 
 #[test]

@@ -156,3 +156,64 @@ fn cross(
 async fn carry(mut real: impl Connection, Stream { reader, writer, .. }: Stream) {
     let _broken = copy_bidirectional(&mut real, &mut join(reader, writer)).await;
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use trimaran_net::TokioNet;
+
+    use super::*;
+
+    fn wanted(network: &str, page: usize) -> Wanted {
+        Wanted { network: network.to_owned(), page: page.to_string() }
+    }
+
+    #[tokio::test]
+    async fn a_network_is_one_that_comes_with_the_program() {
+        let (networks, net): (_, Arc<dyn Net>) =
+            (Networks::default(), Arc::new(TokioNet::current().unwrap()));
+        for name in ["", "wan", "netsim/profiles/wifi.toml", "../wifi"] {
+            let refused = networks.get(wanted(name, 1), &net);
+            assert!(matches!(refused, Err(NetworkError::Unknown)), "{name}: {refused:?}");
+        }
+    }
+
+    #[tokio::test]
+    async fn pages_have_networks_of_their_own_and_there_are_few() {
+        let (networks, net): (_, Arc<dyn Net>) =
+            (Networks::default(), Arc::new(TokioNet::current().unwrap()));
+        let mut kept: Vec<_> =
+            (0..MOST).map(|page| networks.get(wanted("wifi", page), &net).unwrap()).collect();
+        assert!(
+            Arc::ptr_eq(&kept[3], &networks.get(wanted("wifi", 3), &net).unwrap()),
+            "a page shares its own"
+        );
+        assert!(matches!(networks.get(wanted("wifi", MOST), &net), Err(NetworkError::TooMany)));
+        kept.pop();
+        networks.get(wanted("wifi", MOST), &net).unwrap();
+    }
+
+    /// What crosses comes as it was, and not before its time. When one end is closed the other one hears it.
+    #[tokio::test]
+    async fn bytes_cross_in_their_time_and_an_end_is_heard() {
+        let (networks, net): (_, Arc<dyn Net>) =
+            (Networks::default(), Arc::new(TokioNet::current().unwrap()));
+        let network = networks.get(wanted("wan-80ms", 1), &net).unwrap();
+        let (mut page, near) = duplex(BUFFER);
+        let mut culler = network.cross(near);
+        let begun = net.now();
+        page.write_all(b"camera").await.unwrap();
+        let mut came = [0; 6];
+        culler.read_exact(&mut came).await.unwrap();
+        culler.write_all(&came).await.unwrap();
+        page.read_exact(&mut came).await.unwrap();
+        assert_eq!(&came, b"camera");
+        // Before that the connection has come about: another round trip.
+        let took = net.now().since(begun);
+        assert!(took >= Duration::from_millis(150), "{took:?}");
+        drop(page);
+        assert_eq!(culler.read(&mut came).await.unwrap(), 0);
+    }
+}

@@ -32,6 +32,7 @@ type Command =
   | { readonly do: "look" }
   | { readonly do: "status" }
   | { readonly do: "figures" }
+  | { readonly do: "memory" }
   | { readonly do: "screenshot"; readonly file: string };
 
 /** How long a picture may take to be exact, milliseconds. */
@@ -40,7 +41,13 @@ const PATIENCE = 60_000;
 const [width = 512, height = 512] = process.argv.slice(2).map(Number);
 const browser = await chromium.launch({
   executablePath: process.env.TRIMARAN_CHROMIUM ?? "/usr/bin/chromium",
-  args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"],
+  args: [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--enable-precise-memory-info",
+  ],
 });
 const page = await browser.newPage({ viewport: { width, height } });
 const faults: string[] = [];
@@ -112,10 +119,20 @@ async function run(command: Command, page: Page): Promise<unknown> {
       return (await page.$("#status"))?.textContent() ?? "";
     case "figures":
       return page.evaluate(figures);
+    case "memory":
+      await page.requestGC();
+      return page.evaluate(memory);
     case "screenshot":
       await page.screenshot({ path: command.file });
       return true;
   }
+}
+
+/** Bytes of scripts and of geometry, and elements of the document. */
+function memory(): Record<string, number> {
+  const { usedJSHeapSize } = (performance as unknown as { memory: { usedJSHeapSize: number } }).memory;
+  const geometry = window.trimaran?.renderer.bytes ?? 0;
+  return { scripts: usedJSHeapSize, geometry, elements: document.querySelectorAll("*").length };
 }
 
 /** What the panel "Status" says, by name. */

@@ -14,8 +14,10 @@ import { TreePanel } from "../objects/treePanel.tsx";
 import { MeasureOverlay } from "../tools/measureOverlay.tsx";
 import { MeasurePanel } from "../tools/measurePanel.tsx";
 import { Measuring } from "../tools/measuring.ts";
+import { SectionsOverlay } from "../tools/sectionsOverlay.tsx";
 import { SectionsPanel } from "../tools/sectionsPanel.tsx";
 import { ViewsPanel } from "../tools/viewsPanel.tsx";
+import { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { StatusPanel } from "./statusPanel.tsx";
 
@@ -36,6 +38,7 @@ export function showPanels(place: HTMLElement, viewer: Viewer): void {
 
 function App({ viewer }: { readonly viewer: Viewer }) {
   const measuring = useMemo(() => new Measuring(viewer), [viewer]);
+  const people = useMemo(() => new People(viewer), [viewer]);
   const selection = useMemo(() => {
     return new Selection(viewer, (x, y) => {
       if (measuring.isOn.peek()) {
@@ -74,6 +77,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
   return (
     <>
       <MeasureOverlay viewer={viewer} measuring={measuring} />
+      {open.value === "Cut" && <SectionsOverlay viewer={viewer} />}
       <div class="left">
         <div class="top">
           {Object.entries(PANEL_KEYS).map(([key, panel]) => (
@@ -94,7 +98,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         {open.value === "Cut" && <SectionsPanel viewer={viewer} selection={selection} />}
         {open.value === "Measure" && <MeasurePanel viewer={viewer} measuring={measuring} />}
         {open.value === "Status" && <StatusPanel viewer={viewer} />}
-        {open.value === "Views" && <ViewsPanel viewer={viewer} />}
+        {open.value === "Views" && <ViewsPanel viewer={viewer} people={people} />}
       </div>
       <DetailsPanel selection={selection} />
       <div class="bottom">

@@ -1,13 +1,11 @@
 /** Distances over the picture, and the marker of what is meant at the pointer. */
 
-import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
 import { metres } from "../objects/detailsPanel.tsx";
-import type { Camera } from "../proto/camera.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import type { Measuring } from "./measuring.ts";
-import { type Place, Projection } from "./projection.ts";
+import type { Place } from "./projection.ts";
 import { distance, type Snapped } from "./snap.ts";
+import { useProjection } from "./useProjection.ts";
 
 interface Properties {
   readonly viewer: Viewer;
@@ -15,16 +13,7 @@ interface Properties {
 }
 
 export function MeasureOverlay({ viewer, measuring }: Properties) {
-  const camera = useSignal<Camera>(viewer.camera);
-  useEffect(
-    () =>
-      viewer.onPicture((drawn) => {
-        camera.value = drawn;
-      }),
-    [viewer],
-  );
-  const { clientWidth, clientHeight } = viewer.canvas;
-  const projection = new Projection(camera.value, clientWidth, clientHeight);
+  const projection = useProjection(viewer);
   const [start, hover] = [measuring.start.value, measuring.hover.value];
   const kept = viewer.distances.value;
   const open = start && hover ? [{ from: start.point, to: hover.point }] : [];

@@ -1,0 +1,89 @@
+/** Handles by which sections are dragged: where they are, and what a drag does. */
+
+import type { Point, Section } from "../proto/viewState.ts";
+import type { Projection } from "./projection.ts";
+import { moved, resized } from "./sections.ts";
+
+/** An axis that is seen from its end is as good as a point, in pixels by which a metre would be 100. */
+const END_ON = 20;
+
+/** A part of a section that can be dragged along a line. */
+export interface Handle {
+  readonly name: string;
+  readonly point: Point;
+  /** Along which it is dragged, a unit vector. */
+  readonly axis: Point;
+  /** The section with the handle so many metres along its axis. */
+  readonly drag: (metres: number) => Section;
+}
+
+const SIDES = ["lower", "upper"] as const;
+const AXES = [
+  [0, "x"],
+  [1, "y"],
+  [2, "z"],
+] as const;
+
+/** One for a plane, and one for each side of a box. */
+export function handlesOf(section: Section): readonly Handle[] {
+  if (section.kind === "plane") {
+    const { point, direction } = section;
+    const length = Math.hypot(...direction);
+    const axis: Point = [direction[0] / length, direction[1] / length, direction[2] / length];
+    return [{ name: "plane", point, axis, drag: (metres) => moved(section, metres) }];
+  }
+  const { lower, upper } = section;
+  const middle = (axis: 0 | 1 | 2) => (lower[axis] + upper[axis]) / 2;
+  return AXES.flatMap(([axis, name]) =>
+    SIDES.map((side): Handle => {
+      const point: [number, number, number] = [middle(0), middle(1), middle(2)];
+      point[axis] = section[side][axis];
+      const along: [number, number, number] = [0, 0, 0];
+      along[axis] = 1;
+      const drag = (metres: number) => resized(section, side, axis, section[side][axis] + metres);
+      return { name: `${side} ${name}`, point, axis: along, drag };
+    }),
+  );
+}
+
+/**
+ * Metres along the axis of a handle by which the hand drags it, where it has gone so many CSS pixels. Along an axis
+ * that is seen from its end, up is away from the eye.
+ */
+export function metresOf(
+  { point, axis }: Handle,
+  projection: Projection,
+  right: number,
+  down: number,
+): number {
+  const place = projection.place(point);
+  if (place === undefined) {
+    return 0;
+  }
+  const pixel = projection.metresEach(place.depth);
+  const reach = 100 * pixel;
+  // Behind the eye nothing has a place: there the axis is taken the other way.
+  const ends = [1, -1].map((sign) => {
+    const end = projection.place([
+      point[0] + sign * reach * axis[0],
+      point[1] + sign * reach * axis[1],
+      point[2] + sign * reach * axis[2],
+    ]);
+    return (
+      end && {
+        x: sign * (end.x - place.x),
+        y: sign * (end.y - place.y),
+        depth: sign * (end.depth - place.depth),
+      }
+    );
+  });
+  const end = ends[0] ?? ends[1];
+  if (end === undefined) {
+    return 0;
+  }
+  const length = end.x * end.x + end.y * end.y;
+  if (length < END_ON * END_ON) {
+    return -Math.sign(end.depth) * down * pixel;
+  }
+  return (reach * (right * end.x + down * end.y)) / length;
+}

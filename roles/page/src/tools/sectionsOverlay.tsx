@@ -1,0 +1,74 @@
+/** Handles over the picture, by which sections are dragged. */
+
+import type { Viewer } from "../viewer/viewer.ts";
+import { type Handle, handlesOf, metresOf } from "./handles.ts";
+import { replaced } from "./sections.ts";
+import { useProjection } from "./useProjection.ts";
+
+/** Pixels of the line that shows which way a handle goes. */
+const REACH = 28;
+
+export function SectionsOverlay({ viewer }: { readonly viewer: Viewer }) {
+  const projection = useProjection(viewer);
+  const { sections } = viewer.view.current.value;
+  return (
+    <svg class="overlay" aria-hidden="true">
+      {sections.flatMap((section, index) =>
+        handlesOf(section).map((handle) => {
+          const place = projection.place(handle.point);
+          if (place === undefined) {
+            return null;
+          }
+          const [x, y, z] = handle.point;
+          const [i, j, k] = handle.axis;
+          const reach = REACH * projection.metresEach(place.depth);
+          const line = projection.line(
+            [x - reach * i, y - reach * j, z - reach * k],
+            [x + reach * i, y + reach * j, z + reach * k],
+          );
+          return (
+            <g key={`${index} ${handle.name}`}>
+              {line && <line x1={line[0].x} y1={line[0].y} x2={line[1].x} y2={line[1].y} />}
+              <circle
+                class="handle"
+                cx={place.x}
+                cy={place.y}
+                r={8}
+                onPointerDown={(event) => begin(event, viewer, index, handle)}
+              />
+            </g>
+          );
+        }),
+      )}
+    </svg>
+  );
+}
+
+/** Drags a handle until the pointer is let go. All of that is one step of the history. */
+function begin(event: PointerEvent, viewer: Viewer, index: number, handle: Handle): void {
+  const { currentTarget: circle, clientX, clientY, pointerId } = event;
+  if (!(circle instanceof Element)) {
+    return;
+  }
+  event.preventDefault();
+  const { view, projection } = viewer;
+  const before = view.current.peek().sections;
+  const over = new AbortController();
+  const move = ({ clientX: x, clientY: y }: PointerEvent) => {
+    const section = handle.drag(metresOf(handle, projection, x - clientX, y - clientY));
+    view.drag({ sections: replaced(before, index, section) });
+  };
+  const end = () => {
+    over.abort();
+    view.change({ sections: view.current.peek().sections });
+  };
+  // The handle is drawn anew at each step: the window hears where the pointer goes.
+  const of = (act: (event: PointerEvent) => void) => (event: PointerEvent) => {
+    if (event.pointerId === pointerId) {
+      act(event);
+    }
+  };
+  addEventListener("pointermove", of(move), { signal: over.signal });
+  addEventListener("pointerup", of(end), { signal: over.signal });
+  addEventListener("pointercancel", of(end), { signal: over.signal });
+}

@@ -1,0 +1,21 @@
+/** What lies over the picture follows its camera. */
+
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { Camera } from "../draw/model.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+import { Projection } from "./projection.ts";
+
+/** The projection of the picture that is on the canvas. */
+export function useProjection(viewer: Viewer): Projection {
+  const camera = useSignal<Camera>(viewer.camera);
+  useEffect(
+    () =>
+      viewer.onPicture((drawn) => {
+        camera.value = drawn;
+      }),
+    [viewer],
+  );
+  const { clientWidth, clientHeight } = viewer.canvas;
+  return new Projection(camera.value, clientWidth, clientHeight);
+}
