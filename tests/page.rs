@@ -337,6 +337,12 @@ fn a_person_walks_and_looks_into_the_model() {
     let cut = look(&mut browser);
     assert_eq!((cut["sections"].as_array().unwrap().len(), &cut["eye"]), (1, &whole["eye"]));
     assert!(cut["items"] != whole["items"], "something is cut off");
+    // The plane faces the eye: its handle goes away where the hand goes up. All of a drag is one step.
+    browser.done(json!({ "do": "handle", "right": 0, "down": -60 }));
+    let dragged = look(&mut browser);
+    assert_ne!(dragged["sections"], cut["sections"]);
+    press(&mut browser, "Control+z");
+    assert_eq!(look(&mut browser)["sections"], cut["sections"]);
     press(&mut browser, "Control+z");
     assert!(look(&mut browser)["items"] == whole["items"], "it is back");
 }

@@ -1,6 +1,6 @@
 /**
- * Drives the page in Chromium for a test program: a command a line on standard input, as JSON, and an answer a
- * line on standard output.
+ * Drives the page in Chromium for a test program: a command a line on standard input, as JSON, and an answer
+ * a line on standard output.
  */
 
 import { createInterface } from "node:readline";
@@ -26,6 +26,8 @@ type Command =
   /** The eye goes to where it began. */
   | { readonly do: "home" }
   | { readonly do: "drag"; readonly right: number; readonly down: number }
+  /** The first handle in the picture. */
+  | { readonly do: "handle"; readonly right: number; readonly down: number }
   | { readonly do: "resize"; readonly width: number; readonly height: number }
   /** The graphics device loses everything, and comes back. */
   | { readonly do: "lose" }
@@ -99,6 +101,16 @@ async function run(command: Command, page: Page): Promise<unknown> {
       await page.mouse.move(x, y);
       await page.mouse.down();
       await page.mouse.move(x + command.right, y + command.down, { steps: 5 });
+      await page.mouse.up();
+      return true;
+    }
+    case "handle": {
+      const handle = page.locator(".handle").first();
+      const { x = 0, y = 0, width = 0, height = 0 } = (await handle.boundingBox()) ?? {};
+      const [right, down] = [x + width / 2, y + height / 2];
+      await page.mouse.move(right, down);
+      await page.mouse.down();
+      await page.mouse.move(right + command.right, down + command.down, { steps: 5 });
       await page.mouse.up();
       return true;
     }

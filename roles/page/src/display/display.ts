@@ -83,8 +83,8 @@ export class Display {
   }
 
   /**
-   * Finds a culler at `url`, and begins a session with it. Of the same scene it keeps what the display `before`
-   * had, and shows that until something newer is there.
+   * Finds a culler at `url`, and begins a session with it. Of the same scene it keeps what the display
+   * `before` had, and shows that until something newer is there.
    */
   static async join(url: string, options: DisplayOptions, before?: Display): Promise<Display> {
     await loadCodecs();
@@ -141,7 +141,7 @@ export class Display {
     return this.#latency;
   }
 
-  /** Milliseconds from a camera until all is there that its set lacked, of the newest set that lacked something. */
+  /** Milliseconds from a camera until all is there that its set lacked, of the newest that lacked some. */
   get geometryLatency(): number {
     return this.#geometryLatency;
   }
@@ -157,8 +157,8 @@ export class Display {
   }
 
   /**
-   * Asks what is visible from here. A pose that was not culled yet gives way to it. Where the eye is not, but may
-   * soon be, what was visible lately is shown as well. Gives the number of the frame.
+   * Asks what is visible from here. A pose that was not culled yet gives way to it. Where the eye is not, but
+   * may soon be, what was visible lately is shown as well. Gives the number of the frame.
    */
   publish(pose: Omit<Camera, "frame" | "viewState">, isForeseen: boolean): number {
     this.#frame += 1;
@@ -233,8 +233,8 @@ export class Display {
   }
 
   /**
-   * Shows the newest set. Where not even something stands in for what it lacks, the newest one before it that is
-   * whole is shown as well.
+   * Shows the newest set. Where not even something stands in for what it lacks, the newest one before it that
+   * is whole is shown as well.
    */
   #look(): void {
     let newest: { set: FoundSet; ids: readonly number[] | Uint32Array; isExact: boolean } | undefined;

@@ -113,7 +113,7 @@ export class Holdings {
     return ids.filter((id) => !this.has(id));
   }
 
-  /** What can be shown of `ids`, with stand-ins for what is not there; and whether none of these is missing. */
+  /** What can be shown of `ids`, with stand-ins for what is not there; whether none of these is missing. */
   standingIn(ids: Uint32Array): { shown: number[]; isWhole: boolean } {
     const shown: number[] = [];
     let isWhole = true;

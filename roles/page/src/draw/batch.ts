@@ -29,7 +29,10 @@ export class Batch {
   readonly #texture: WebGLTexture;
   readonly #order = new DrawOrder();
   #capacity = 0;
-  /** Of each draw: its matrix, its number, whether it is highlighted, whether it is a solid, its object, its range of indices, and its kind. */
+  /**
+   * Of each draw: its matrix, its number, whether it is highlighted, whether it is a solid, its object, its
+   * range of indices, and its kind.
+   */
   #matrices = new Float32Array(0);
   #numbers = new Uint32Array(0);
   #counts = new Int32Array(0);

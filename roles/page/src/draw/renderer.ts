@@ -132,8 +132,8 @@ export class Renderer {
   }
 
   /**
-   * Draws the last picture more finely: so many times, each a little finer than before. Gives whether there is
-   * more to do.
+   * Draws the last picture more finely: so many times, each a little finer than before. Gives whether there
+   * is more to do.
    */
   refine(): boolean {
     if (this.#device !== undefined && this.#last !== undefined && this.#steps < STEPS) {
@@ -165,7 +165,9 @@ export class Renderer {
     return undefined;
   }
 
-  /** The triangles of a piece of geometry in its local frame: positions, and indices of three corners each. */
+  /**
+   * The triangles of a piece of geometry in its local frame: positions, and indices of three corners each.
+   */
   triangles(number: number): { positions: Float32Array; indices: Uint32Array } | undefined {
     return this.#device?.arena.triangles(number);
   }

@@ -43,7 +43,9 @@ vec4 clip(vec3 view) {
 `;
 }
 
-/** What sections need of a vertex: where it is in camera space, and whether it shows the inside of a solid. */
+/**
+ * What sections need of a vertex: where it is in camera space, and whether it shows the inside of a solid.
+ */
 const CUT_OUT = `
 out vec3 place;
 flat out float isInside;`;
@@ -109,8 +111,8 @@ void main() {
 }
 
 /**
- * The inside of a solid is seen where it is cut open: it is painted flat and hatched, as if it were the face of
- * the cut.
+ * The inside of a solid is seen where it is cut open: it is painted flat and hatched, as if it were the face
+ * of the cut.
  */
 export const CUT_PICTURE_FRAGMENT = `#version 300 es
 precision highp float;
@@ -199,8 +201,9 @@ void main() {
 }`;
 
 /**
- * Lines over a picture: on the nearer side of where one object ends before another, and where a surface bends.
- * One over the distance is linear across the picture of a plane: what is left of its second difference is a bend.
+ * Lines over a picture: on the nearer side of where one object ends before another, and where a surface
+ * bends. One over the distance is linear across the picture of a plane: what is left of its second difference
+ * is a bend.
  */
 export const STILL_FRAGMENT = `#version 300 es
 precision highp float;

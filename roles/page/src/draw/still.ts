@@ -1,8 +1,8 @@
 /**
  * The picture of an eye that rests: smooth, and with lines where objects end and surfaces bend.
  *
- * It is the mean of several pictures, each shifted by a part of a pixel. So it is worked out bit by bit, and any
- * of them can be shown. It changes nothing of what is drawn: lines are painted over it.
+ * It is the mean of several pictures, each shifted by a part of a pixel. So it is worked out bit by bit, and
+ * any of them can be shown. It changes nothing of what is drawn: lines are painted over it.
  */
 
 import { Program } from "./program.ts";

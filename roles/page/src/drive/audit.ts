@@ -1,6 +1,7 @@
 /**
- * What a moving eye does not see yet. A picture is drawn from the newest pose, out of the set that was found for
- * an earlier one. Afterwards an audit goes back to that pose, and holds the picture against the exact one.
+ * What a moving eye does not see yet. A picture is drawn from the newest pose, out of the set that was found
+ * for an earlier one. Afterwards an audit goes back to that pose, and holds the picture against the exact
+ * one.
  */
 
 import type { Drawable } from "../draw/model.ts";

@@ -77,7 +77,9 @@ export class Keys {
 /** A stick of a gamepad that is nearer to its middle says nothing. */
 const DEAD = 0.15;
 
-/** Adds what the first gamepad says, by the standard mapping: sticks move and turn, triggers sink and rise. */
+/**
+ * Adds what the first gamepad says, by the standard mapping: sticks move and turn, triggers sink and rise.
+ */
 export function addGamepad(motion: Motion, gamepads: readonly (Gamepad | null)[]): void {
   const pad = gamepads.find((pad) => pad?.connected && pad.mapping === "standard");
   const stick = (axis: number) => {

@@ -77,7 +77,9 @@ export interface DriveReport {
   readonly wrong: WrongPixels;
 }
 
-/** What was wrong in the pictures of a walk: `WrongPixels` of `src/page/drive.rs` says what each number is. */
+/**
+ * What was wrong in the pictures of a walk: `WrongPixels` of `src/page/drive.rs` says what each number is.
+ */
 export interface WrongPixels {
   readonly pictures: number;
   readonly right: number;

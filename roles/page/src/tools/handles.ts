@@ -47,8 +47,8 @@ export function handlesOf(section: Section): readonly Handle[] {
 }
 
 /**
- * Metres along the axis of a handle by which the hand drags it, where it has gone so many CSS pixels. Along an axis
- * that is seen from its end, up is away from the eye.
+ * Metres along the axis of a handle by which the hand drags it, where it has gone so many CSS pixels. Along
+ * an axis that is seen from its end, up is away from the eye.
  */
 export function metresOf(
   { point, axis }: Handle,

@@ -27,7 +27,9 @@ export class KeptViewpoints {
   readonly list = signal<readonly KeptViewpoint[]>([]);
   readonly #key: string;
 
-  /** Those of the scene with this fingerprint. What is stored and cannot be read is as if it were not there. */
+  /**
+   * Those of the scene with this fingerprint. What is stored and cannot be read is as if it were not there.
+   */
   constructor(fingerprint: string) {
     this.#key = `trimaran-viewpoints-${fingerprint}`;
     try {

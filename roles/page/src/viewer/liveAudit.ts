@@ -1,6 +1,6 @@
 /**
- * Now and then holds a picture of a moving eye against the exact one. The pose of the picture is culled for as
- * well, and both are compared when that set is there.
+ * Now and then holds a picture of a moving eye against the exact one. The pose of the picture is culled for
+ * as well, and both are compared when that set is there.
  */
 
 import { signal } from "@preact/signals";

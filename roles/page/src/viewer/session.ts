@@ -29,7 +29,9 @@ export class Session {
     void this.#keep();
   }
 
-  /** The display, which a signal of the page follows; also while it has no link: it goes on with what it has. */
+  /**
+   * The display, which a signal of the page follows; also while it has no link: it goes on with what it has.
+   */
   get display(): Display | undefined {
     return this.#display.value;
   }

@@ -21,15 +21,17 @@ import { ViewHistory } from "./viewHistory.ts";
 /** The picture that is culled for is so much wider and higher: what a turn uncovers is there already. */
 const WIDER = 1.5;
 /**
- * An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it may
- * slow down, or go around a corner.
+ * An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it
+ * may slow down, or go around a corner.
  */
 const SPREAD = [0.6, 1.2, 1.8];
 /** Milliseconds between cameras at least. */
 const PERIOD = 30;
 /** Milliseconds without another picture until the last one is drawn more finely. */
 const REST = 150;
-/** Bytes of geometry on a machine of four GiB or more, or of which the browser does not say how much it has. */
+/**
+ * Bytes of geometry on a machine of four GiB or more, or of which the browser does not say how much it has.
+ */
 const MEMORY = 512 << 20;
 
 /** Is told from where a picture was drawn, and of what. */
@@ -219,7 +221,9 @@ export class Viewer {
     return { width: Math.ceil(WIDER * width), height: Math.ceil(WIDER * height) };
   }
 
-  /** By how much what is culled for is wider: its pixels are as large as those of the picture that is shown. */
+  /**
+   * By how much what is culled for is wider: its pixels are as large as those of the picture that is shown.
+   */
   get #wider(): number {
     return this.#viewport().height / this.canvas.height;
   }
