@@ -216,14 +216,18 @@ mod tests {
         let at = |millis: u64| Instant::from_nanos(millis * 1_000_000);
         let mut window = Window::new();
         let (mut sent, mut taken) = (VecDeque::new(), 0);
+        // Pictures take so many milliseconds, and in between it takes what has come.
+        let mut pictures = [12, 38, 17, 52, 25].into_iter().cycle();
+        let mut free = 0;
         for now in 0..5000 {
             while window.has_room() {
                 window.send(BLOCK, at(now));
                 sent.push_back(now);
             }
-            // 40 ms there and back, and a picture each 35 ms.
-            if now % 35 == 0 {
-                while sent.front().is_some_and(|then| now >= then + 40) {
+            // The way there and back takes 80 ms.
+            if now == free {
+                free += pictures.next().unwrap();
+                while sent.front().is_some_and(|then| now >= then + 80) {
                     sent.pop_front();
                     taken += BLOCK;
                 }
