@@ -375,10 +375,13 @@ fn bears_any_input(rounds: usize, time: Duration) {
         memory.push(round_of_any_input(&mut browser, &mut random, &scene));
     }
     println!("bytes of scripts, bytes of geometry, elements of the document: {memory:?}");
-    let ([scripts, geometry, elements], last) = (memory[memory.len() / 5], memory[memory.len() - 1]);
-    assert!(last[0] < scripts * 5 / 4 + (4 << 20), "scripts take more and more: {memory:?}");
-    assert!(last[1] < geometry * 2 + (1 << 20), "geometry takes more and more: {memory:?}");
-    assert!(last[2] < elements + 500, "the document grows: {memory:?}");
+    // Which panel is open is chance: the most of the first half counts.
+    let early = &memory[..memory.len().div_ceil(2)];
+    let most = |kind: usize| early.iter().map(|round| round[kind]).max().unwrap();
+    let [scripts, geometry, elements] = memory[memory.len() - 1];
+    assert!(scripts < most(0) * 5 / 4 + (4 << 20), "scripts take more and more: {memory:?}");
+    assert!(geometry < most(1) * 2 + (1 << 20), "geometry takes more and more: {memory:?}");
+    assert!(elements < most(2) + 500, "the document grows: {memory:?}");
 }
 
 /// Gives the bytes of scripts and of geometry that are there afterwards, and elements of the document.
@@ -403,8 +406,9 @@ fn round_of_any_input(browser: &mut Browser, random: &mut Random, scene: &Scene)
     browser.done(json!({ "do": "settle" }));
     let look = browser.done(json!({ "do": "look" }));
     assert_eq!((&look["hidden"], &look["isolated"]), (&json!([]), &Value::Null));
+    assert_eq!(look["sections"], json!([]));
     let Difference { drawables, .. } = difference(&look, scene);
-    assert_eq!(drawables, [], "{}", look["eye"]);
+    assert_eq!(drawables, [], "{}, {}", look["eye"], look["frame"]);
     let memory = browser.done(json!({ "do": "memory" }));
     ["scripts", "geometry", "elements"].map(|kind| memory[kind].as_u64().unwrap())
 }

@@ -23,7 +23,7 @@ type Command =
   /** The first button whose text begins so. */
   | { readonly do: "button"; readonly name: string }
   | { readonly do: "choose"; readonly label: string; readonly value: string }
-  /** The eye goes to where it began. */
+  /** The eye goes to where it began, nothing is cut, and the bound on the error is as it was. */
   | { readonly do: "home" }
   | { readonly do: "drag"; readonly right: number; readonly down: number }
   /** The first handle in the picture. */
@@ -94,6 +94,11 @@ async function run(command: Command, page: Page): Promise<unknown> {
         const viewer = window.trimaran;
         const { eye, forward } = viewer?.scene.start ?? { eye: [0, 0, 0], forward: [0, 0, -1] };
         viewer?.navigator.goTo([...eye], [...forward]);
+        if (viewer !== undefined) {
+          // A click may have added a section, or chosen another bound on the error.
+          viewer.view.change({ sections: [] });
+          viewer.epsilon.value = 2;
+        }
       });
       return true;
     case "drag": {
