@@ -468,7 +468,8 @@ fn a_page_walks_on_over_another_network() {
         assert_ne!(look["eye"], *eyes.last().unwrap(), "{network}");
         eyes.push(look["eye"].clone());
     }
-    // Pictures on the way were audited: what they drew, and how much of that is visible.
+    // At rest it is exact. A picture on the way was audited if its own pose was culled: a slow culler may pass
+    // it over for a newer one.
     let figures = loop {
         let figures = browser.done(json!({ "do": "figures" }));
         if figures["wrong pixels"] == "none: it is exact" {
@@ -477,9 +478,10 @@ fn a_page_walks_on_over_another_network() {
     };
     let counts =
         figures["visible"].as_str().and_then(|text| text.strip_suffix(" drawables")?.split_once(" of "));
-    let (visible, drawn) = counts.unwrap_or_else(|| panic!("{figures}"));
-    let [visible, drawn] = [visible, drawn].map(|count| count.replace(',', "").parse::<u32>().unwrap());
-    assert!(0 < visible && visible <= drawn, "{figures}");
+    if let Some((visible, drawn)) = counts {
+        let [visible, drawn] = [visible, drawn].map(|count| count.replace(',', "").parse::<u32>().unwrap());
+        assert!(0 < visible && visible <= drawn, "{figures}");
+    }
     assert!(figures["ids received"].as_str().unwrap().contains("by 4 bytes each"), "{figures}");
 }
 
