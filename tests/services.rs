@@ -100,8 +100,8 @@ fn a_service_of_pages_ends_for_good_where_it_cannot_be_mended() {
     let unit = text(SERVE);
     assert_eq!(value(&unit, "ExecStart"), format!("{INSTALLED} serve /etc/trimaran/%i.scene"));
     assert_eq!((value(&unit, "Restart"), value(&unit, "RestartPreventExitStatus")), ("always", "2"));
-    let taken = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
-    let holder = TcpListener::bind(&taken).unwrap();
+    let holder = TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = holder.local_addr().unwrap().to_string();
     for (scene, listen, token, code, why) in [
         ("plant.scene", &*taken, "0123456789abcdef", 1, "in use"),
         ("none.scene", "127.0.0.1:0", "0123456789abcdef", UNUSABLE, "none.scene"),
@@ -117,7 +117,6 @@ fn a_service_of_pages_ends_for_good_where_it_cannot_be_mended() {
         }
         assert!(output.status.code() == Some(code) && said.contains(why), "{scene} {listen}: {output:?}");
     }
-    drop(holder);
 }
 
 /// What `systemd-analyze` says, or `None` where there is none and none is required.

@@ -19,9 +19,9 @@ const FEWEST: u32 = 4;
 /// How long the shortest time that a block took is remembered, twice over: paths change.
 const REMEMBERED: Duration = Duration::from_secs(30);
 
-/// A window after LEDBAT (RFC 6817) and CoDel (RFC 8289): what blocks take longer than the fastest one did, they
-/// spent in queues. It grows with each block that waited less than that, which proves that there is room.
-/// It shrinks where all blocks of [`STANDS`] waited longer.
+/// A window after LEDBAT (RFC 6817) and CoDel (RFC 8289): what blocks take longer than the fastest one did,
+/// they spent in queues. It grows with each block that waited less than the target: there is room. It shrinks
+/// where all blocks of [`STANDS`] waited longer.
 #[derive(Debug)]
 pub(super) struct Window {
     size: u64,
