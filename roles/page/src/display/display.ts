@@ -72,6 +72,9 @@ export class Display {
   #frame = 0;
   #view: { version: number; state: ViewState };
   #latency = 0;
+  /** When the newest set came, and how long it took once the one before was there. */
+  #came = 0;
+  #interval = 0;
   #geometryLatency = 0;
   /** Cameras that were published, and ids that came. */
   readonly counts = { cameras: 0, ids: 0 };
@@ -141,6 +144,11 @@ export class Display {
     return this.#latency;
   }
 
+  /** Milliseconds that the newest set took once the one before was there: a busy culler takes so long. */
+  get interval(): number {
+    return this.#interval;
+  }
+
   /** Milliseconds from a camera until all is there that its set lacked, of the newest that lacked some. */
   get geometryLatency(): number {
     return this.#geometryLatency;
@@ -208,6 +216,7 @@ export class Display {
     const now = performance.now();
     const { at: posed, isForeseen } = this.#asked.get(camera.frame) ?? { at: now, isForeseen: false };
     this.#latency = now - posed;
+    [this.#interval, this.#came] = [now - Math.max(this.#came, posed), now];
     this.counts.ids += frame.ids.length;
     for (const number of this.#asked.keys()) {
       if (number <= camera.frame) {

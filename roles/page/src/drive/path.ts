@@ -2,6 +2,7 @@
 
 import type { Point } from "../navigate/gaze.ts";
 import type { CameraPath } from "../service/service.ts";
+import { lerp } from "../tools/projection.ts";
 
 /** Poses a second of a written path. */
 const RATE = 30;
@@ -39,16 +40,8 @@ export class Path {
     }
     const share = to === undefined || this.#isJump(at + 1) ? 0 : place - at;
     const end = to ?? from;
-    const between = (a: Point, b: Point): Point => [
-      a[0] + (b[0] - a[0]) * share,
-      a[1] + (b[1] - a[1]) * share,
-      a[2] + (b[2] - a[2]) * share,
-    ];
-    return {
-      eye: between([...from.eye], [...end.eye]),
-      forward: between([...from.forward], [...end.forward]),
-      isJump,
-    };
+    const [eye, forward] = [lerp(from.eye, end.eye, share), lerp(from.forward, end.forward, share)];
+    return { eye: [...eye], forward: [...forward], isJump };
   }
 
   #isJump(at: number): boolean {

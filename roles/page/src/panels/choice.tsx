@@ -18,16 +18,13 @@ export function Choice<T>({
   readonly value: T;
   readonly onChoose: (value: T) => void;
 }) {
-  const known = options.some((option) => option.value === value);
-  // What was set elsewhere is shown as well.
-  const all = known ? options : [...options, { value, text: String(value) }];
   return (
     <label>
       {label}{" "}
       <select
-        value={all.findIndex((option) => option.value === value)}
+        value={options.findIndex((option) => option.value === value)}
         onChange={(event) => {
-          const chosen = all[Number(event.currentTarget.value)];
+          const chosen = options[Number(event.currentTarget.value)];
           if (chosen !== undefined) {
             onChoose(chosen.value);
           }
@@ -35,7 +32,7 @@ export function Choice<T>({
           event.currentTarget.blur();
         }}
       >
-        {all.map(({ text, title }, at) => (
+        {options.map(({ text, title }, at) => (
           <option key={text} value={at} title={title}>
             {text}
           </option>

@@ -16,7 +16,7 @@ const TESTS: readonly Option<OcclusionTest>[] = [
   { value: "raster", text: "a count of pixels" },
   { value: "hzb", text: "a hierarchical Z-buffer" },
 ];
-const MEMORIES = [16, 64, 128, 256, 512, 1024].map((mebibytes) => ({
+const MEMORIES = [16, 32, 64, 128, 256, 512, 1024].map((mebibytes) => ({
   value: mebibytes * 2 ** 20,
   text: String(mebibytes),
 }));
@@ -68,7 +68,7 @@ export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
         }}
       />
       <Choice
-        label="Geometry kept here, MB"
+        label="Geometry kept here, MiB"
         options={MEMORIES}
         value={viewer.memory.value}
         onChoose={(memory) => {

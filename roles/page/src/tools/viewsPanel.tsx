@@ -100,10 +100,11 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
 
 /** Who else is here. Nothing where nobody is. */
 function PeopleList({ people }: { readonly people: People }) {
-  const { others } = people.company.value;
+  const { you, others } = people.company.value;
   const { followed } = people;
   return (
     <ul aria-label="People">
+      {others.length > 0 && <li>You are person {you}</li>}
       {others.map(({ number }) => (
         <li key={number}>
           Person {number}

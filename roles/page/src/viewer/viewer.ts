@@ -168,7 +168,8 @@ export class Viewer {
     if (display === undefined || display.link.isOver) {
       return undefined;
     }
-    this.#published = performance.now();
+    // No newer camera takes its place before the culler is free for it.
+    this.#published = performance.now() + display.interval;
     this.#isMoved = true;
     const tanHalfFov = camera.tanHalfFov * this.#wider;
     return display.publish({ ...camera, tanHalfFov }, true);
