@@ -564,7 +564,7 @@ drawn(
   undefined,
   () => {
     const { box, cameraAt, drawableAt, pipe, Stage } = window.draw;
-    const stage = new Stage(64, 64);
+    const stage = new Stage(64, 64, { extensions: true });
     stage.set(box([1, 1, 1], [255, 0, 0]), pipe(0.2, 3, 12, 2, [0, 255, 0]));
     const camera = cameraAt([0, 0, 0]);
     const drawables = [

@@ -16,12 +16,17 @@ const MOST: u64 = 8 << 20;
 /// display that drew a picture meanwhile.
 const STANDS: Duration = Duration::from_millis(100);
 const FEWEST: u32 = 4;
+/// The share of its size to which a window must shrink before that tells whether the queue is its own.
+const TELLING: f64 = 0.75;
 /// How long the shortest time that a block took is remembered, twice over: paths change.
 const REMEMBERED: Duration = Duration::from_secs(30);
 
 /// A window after LEDBAT (RFC 6817) and CoDel (RFC 8289): what blocks take longer than the fastest one did,
 /// they spent in queues. It grows with each block that waited less than the target: there is room. It shrinks
 /// where all blocks of [`STANDS`] waited longer.
+///
+/// A queue of its own becomes shorter when the window does. What does not is something else, such as a peer
+/// whose processor is busy: then the window becomes as large as it was, and that wait counts as the way.
 #[derive(Debug)]
 pub(super) struct Window {
     size: u64,
@@ -36,6 +41,8 @@ pub(super) struct Window {
     shortest: [Duration; 2],
     stretch_began: Option<Instant>,
     standing: Standing,
+    /// Where the window shrinks: its size before, and the shortest time that a block took then.
+    shrunk: Option<(u64, Duration)>,
 }
 
 /// The blocks sent since a time: how many of them were taken, and the shortest time that one took.
@@ -61,6 +68,7 @@ impl Window {
             shortest: [Duration::MAX; 2],
             stretch_began: None,
             standing: Standing::since(Instant::from_nanos(0)),
+            shrunk: None,
         }
     }
 
@@ -104,7 +112,7 @@ impl Window {
             }
             self.standing.note(at, took);
             if self.standing.is_known(now) {
-                self.shrink(self.standing.shortest.saturating_sub(self.least()));
+                self.judge(self.standing.shortest);
                 self.standing = Standing::since(now);
             }
         }
@@ -143,12 +151,28 @@ impl Window {
         self.size = (self.size + change as u64).min(MOST);
     }
 
-    /// Every block has lately waited for so long.
-    fn shrink(&mut self, waited: Duration) {
+    /// Every block has lately taken so long.
+    fn judge(&mut self, took: Duration) {
+        let waited = took.saturating_sub(self.least());
         let over = waited.as_secs_f64() / self.target().as_secs_f64() - 1.0;
         self.is_starting &= over <= -0.5;
+        if over <= 0.0 {
+            self.shrunk = None;
+            return;
+        }
+        let (size, before) = *self.shrunk.get_or_insert((self.size, took));
+        let share = self.size as f64 / size as f64;
+        if share <= TELLING {
+            self.shrunk = None;
+            // A full line takes as much less time as less is under way.
+            if took > before.mul_f64(f64::midpoint(1.0, share)) {
+                self.size = size;
+                self.shortest = [took; 2];
+                return;
+            }
+        }
         // By half at most.
-        let kept = 1.0 - (0.5 * over).clamp(0.0, 0.5);
+        let kept = 1.0 - (0.5 * over).min(0.5);
         self.size = ((self.size as f64 * kept) as u64).max(LEAST);
     }
 }
@@ -210,30 +234,42 @@ mod tests {
         }
     }
 
-    /// A display that draws takes what came meanwhile all at once.
-    #[test]
-    fn a_display_that_draws_meanwhile_is_no_queue() {
+    /// Sends for so many milliseconds to a display that draws pictures of so many each, and takes what came
+    /// meanwhile all at once. The way there and back takes `rtt`. Gives the bytes that it took.
+    fn to_drawing(window: &mut Window, begin: u64, end: u64, rtt: u64, pictures: &[u64]) -> u64 {
         let at = |millis: u64| Instant::from_nanos(millis * 1_000_000);
-        let mut window = Window::new();
-        let (mut sent, mut taken) = (VecDeque::new(), 0);
-        // Pictures take so many milliseconds, and in between it takes what has come.
-        let mut pictures = [12, 38, 17, 52, 25].into_iter().cycle();
-        let mut free = 0;
-        for now in 0..5000 {
+        let (mut sent, before) = (VecDeque::new(), window.taken);
+        let mut pictures = pictures.iter().cycle();
+        let mut free = begin;
+        for now in begin..end {
             while window.has_room() {
                 window.send(BLOCK, at(now));
                 sent.push_back(now);
             }
-            // The way there and back takes 80 ms.
             if now == free {
                 free += pictures.next().unwrap();
-                while sent.front().is_some_and(|then| now >= then + 80) {
-                    sent.pop_front();
-                    taken += BLOCK;
-                }
-                window.take(taken, at(now)).unwrap();
+                let there = sent.iter().take_while(|then| now >= **then + rtt).count();
+                sent.drain(..there);
+                window.take(window.taken + BLOCK * there as u64, at(now)).unwrap();
             }
         }
+        // What is under way is taken at last.
+        window.take(window.sent, at(end)).unwrap();
+        window.taken - before
+    }
+
+    #[test]
+    fn a_display_that_draws_meanwhile_is_no_queue() {
+        let taken = to_drawing(&mut Window::new(), 0, 5000, 80, &[12, 38, 17, 52, 25]);
+        assert!(taken as f64 > 20e6, "{taken} bytes in 5 s");
+    }
+
+    /// Its processor is busy from a jump on: no block is taken as soon as it comes any more.
+    #[test]
+    fn a_display_that_slows_down_is_no_queue() {
+        let mut window = Window::new();
+        to_drawing(&mut window, 0, 4, 2, &[1]);
+        let taken = to_drawing(&mut window, 4, 5004, 2, &[55, 70, 63, 58]);
         assert!(taken as f64 > 20e6, "{taken} bytes in 5 s");
     }
 

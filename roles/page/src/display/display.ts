@@ -17,6 +17,7 @@ import type { Frame } from "../wire/frames.ts";
 import { connect, type Link, type LinkEnd } from "../wire/link.ts";
 import { Holdings, type Store } from "./holdings.ts";
 import { RecentSets } from "./recentSets.ts";
+import { Timeline } from "./timeline.ts";
 
 /** How many bytes may come that no frame needs yet. */
 const AHEAD = 256 << 10;
@@ -76,6 +77,7 @@ export class Display {
   #came = 0;
   #interval = 0;
   #geometryLatency = 0;
+  readonly timeline = new Timeline();
   /** Cameras that were published, and ids that came. */
   readonly counts = { cameras: 0, ids: 0 };
 
@@ -107,7 +109,7 @@ export class Display {
       },
       handlers: {
         onFrame: (frame) => display?.guard(() => display?.takeFrame(frame)),
-        onMessage: (payload) => display?.guard(() => decodeRoleMessage(payload)),
+        onMessage: (payload) => display?.guard(() => display?.takeMessage(payload)),
         onBlock: (block) => display?.guard(() => display?.takeBlock(block)),
         onEnd: options.onEnd,
       },
@@ -218,6 +220,7 @@ export class Display {
     this.#latency = now - posed;
     [this.#interval, this.#came] = [now - Math.max(this.#came, posed), now];
     this.counts.ids += frame.ids.length;
+    this.timeline.came(camera.frame, posed, now);
     for (const number of this.#asked.keys()) {
       if (number <= camera.frame) {
         this.#asked.delete(number);
@@ -232,6 +235,13 @@ export class Display {
       this.#waiting.splice(WAITING / 2, 1);
     }
     this.#look();
+  }
+
+  takeMessage(payload: Uint8Array): void {
+    const message = decodeRoleMessage(payload);
+    if (message.what === "stats") {
+      this.timeline.said(message.stats);
+    }
   }
 
   takeBlock(block: Uint8Array): void {

@@ -18,7 +18,7 @@ import {
   pictureVertex,
 } from "./shaders.ts";
 import { Still, shiftOf } from "./still.ts";
-import { Target } from "./target.ts";
+import { CanvasTarget, type PictureTarget, Target } from "./target.ts";
 import { View } from "./view.ts";
 
 /** How much of what is see-through shows. */
@@ -29,7 +29,9 @@ const NO_ITEM = [NOTHING, 0, 0, 0];
 
 export interface DeviceOptions {
   readonly samples: number | undefined;
-  readonly extensions: boolean;
+  readonly extensions: boolean | undefined;
+  /** Whether pictures are drawn onto the canvas itself: see `canvasDepth.ts`. */
+  readonly isOnCanvas: boolean;
 }
 
 export class Device {
@@ -42,7 +44,7 @@ export class Device {
   readonly #itemBatch: Batch;
   readonly #view = new View();
   readonly #background: Program;
-  readonly #pictureTarget: Target;
+  readonly #pictureTarget: PictureTarget;
   #itemTarget: Target | undefined;
   #pickTarget: Target | undefined;
   #seeThroughBatch: Batch | undefined;
@@ -57,7 +59,7 @@ export class Device {
     const { depth, provoking, isSoftware, mostSamples } = this.features;
     this.#background = new Program(gl, backgroundVertex(depth), BACKGROUND_FRAGMENT);
     this.samples = Math.min(options.samples ?? (isSoftware ? 1 : 4), mostSamples);
-    this.#pictureTarget = new Target(gl, gl.RGBA8, this.samples);
+    this.#pictureTarget = options.isOnCanvas ? new CanvasTarget(gl) : new Target(gl, gl.RGBA8, this.samples);
     this.arena = new GeometryArena(gl, provoking);
     this.batch = new Batch(gl, this.features);
     this.#itemBatch = new Batch(gl, this.features);

@@ -1,6 +1,7 @@
 /** Draws drawables out of pieces of geometry that come and go. */
 
 import type { Drawn } from "./batch.ts";
+import { canDrawOnCanvas } from "./canvasDepth.ts";
 import { Device, NOTHING } from "./device.ts";
 import type { Depth, DrawNumber } from "./features.ts";
 import { type Camera, type Drawable, type Look, type Mesh, PLAIN } from "./model.ts";
@@ -11,7 +12,7 @@ export { NOTHING } from "./device.ts";
 export interface RendererOptions {
   /** Samples a pixel; 1 draws without antialiasing. By default 4 on a graphics card, and 1 without one. */
   readonly samples?: number;
-  /** Whether to use extensions of WebGL2 where the browser has them. By default they are used. */
+  /** Whether to use extensions of WebGL2 that the browser has; by default those that make it faster. */
   readonly extensions?: boolean;
   /** The device has lost everything. Nothing is drawn until `onRestored`. */
   readonly onLost?: () => void;
@@ -38,6 +39,7 @@ export class Renderer {
   readonly #canvas: HTMLCanvasElement;
   readonly #gl: WebGL2RenderingContext;
   readonly #options: RendererOptions;
+  readonly #isOnCanvas: boolean;
   /** Nothing while the context is lost. */
   #device: Device | undefined;
   readonly #stats = { calls: 0, drawables: 0, triangles: 0, milliseconds: 0 };
@@ -55,9 +57,10 @@ export class Renderer {
 
   /** Throws where the browser has no WebGL2. */
   constructor(canvas: HTMLCanvasElement, options: RendererOptions = {}) {
+    this.#isOnCanvas = canDrawOnCanvas(options);
     const gl = canvas.getContext("webgl2", {
       antialias: false,
-      depth: false,
+      depth: this.#isOnCanvas,
       powerPreference: "high-performance",
     });
     if (gl === null) {
@@ -179,7 +182,7 @@ export class Renderer {
   }
 
   #make(): Device {
-    const { samples, extensions = true } = this.#options;
-    return new Device(this.#gl, { samples, extensions });
+    const { samples, extensions } = this.#options;
+    return new Device(this.#gl, { samples, extensions, isOnCanvas: this.#isOnCanvas });
   }
 }

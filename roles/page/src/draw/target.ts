@@ -1,6 +1,31 @@
 /** What is drawn into: colour or numbers, with a depth of 32 bits. */
 
-export class Target {
+/** What a picture is drawn into. */
+export interface PictureTarget {
+  /** Draws go here from now on. */
+  begin(width: number, height: number): void;
+  /** Puts the picture onto the canvas. */
+  show(): void;
+}
+
+/** The canvas itself. It needs a depth of its own: see `canvasDepth.ts`. */
+export class CanvasTarget implements PictureTarget {
+  readonly #gl: WebGL2RenderingContext;
+
+  constructor(gl: WebGL2RenderingContext) {
+    this.#gl = gl;
+  }
+
+  begin(width: number, height: number): void {
+    this.#gl.bindFramebuffer(this.#gl.FRAMEBUFFER, null);
+    this.#gl.viewport(0, 0, width, height);
+  }
+
+  /** It is there. */
+  show(): void {}
+}
+
+export class Target implements PictureTarget {
   readonly #gl: WebGL2RenderingContext;
   readonly #format: number;
   readonly #samples: number;
@@ -18,7 +43,7 @@ export class Target {
     this.#depth = gl.createRenderbuffer();
   }
 
-  /** Draws go here from now on. What was here stays until it is cleared, unless the size is another one. */
+  /** What was here stays until it is cleared, unless the size is another one. */
   begin(width: number, height: number): void {
     const gl = this.#gl;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.#frame);
@@ -38,7 +63,6 @@ export class Target {
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
   }
 
-  /** Puts the picture onto the canvas. */
   show(): void {
     const gl = this.#gl;
     const [width, height] = [this.#width, this.#height];

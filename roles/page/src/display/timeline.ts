@@ -1,0 +1,52 @@
+/** Which part of a frame's time went into what, of the newest frames. */
+
+import type { Stats } from "../proto/stats.ts";
+
+/** Frames that are kept. */
+const MOST = 64;
+
+/** Milliseconds, by `performance.now()`. */
+export interface FrameTimes {
+  readonly frame: number;
+  /** When its camera was published. */
+  readonly posed: number;
+  /** When its ids were all there. */
+  readonly came: number;
+  /** How long the culler drew occluders, and how long it tested boxes; nothing before it has said so. */
+  work: { readonly or: number; readonly hc: number } | undefined;
+}
+
+export class Timeline {
+  readonly #frames: FrameTimes[] = [];
+  #busy = 0;
+
+  /** From the oldest to the newest. */
+  get frames(): readonly FrameTimes[] {
+    return this.#frames;
+  }
+
+  /** Milliseconds that the culler worked on the newest frame of which it has said so. */
+  get busy(): number {
+    return this.#busy;
+  }
+
+  /** A set is there. */
+  came(frame: number, posed: number, came: number): void {
+    this.#frames.push({ frame, posed, came, work: undefined });
+    this.#frames.splice(0, this.#frames.length - MOST);
+  }
+
+  /** What a culler says of its work on a frame. It follows the frame. */
+  said({ frame, orBusy, hcStart, hcEnd }: Stats): void {
+    const [or, hc] = [milliseconds(orBusy), milliseconds(hcEnd - hcStart)];
+    this.#busy = or + hc;
+    const times = this.#frames.find((one) => one.frame === frame);
+    if (times !== undefined) {
+      times.work = { or, hc };
+    }
+  }
+}
+
+function milliseconds(nanoseconds: bigint): number {
+  return Math.max(0, Number(nanoseconds) / 1e6);
+}
