@@ -560,6 +560,34 @@ drawn(
 );
 
 drawn(
+  "a picture tells surfaces apart that are two kilometres away, whatever it is drawn into",
+  undefined,
+  () => {
+    const { box, cameraAt, drawableAt, Stage } = window.draw;
+    return [1, 4].map((samples) => {
+      const stage = new Stage(16, 16, { samples });
+      stage.set(box([900, 900, 1], [255, 0, 0]), box([900, 900, 1], [0, 255, 0]));
+      const drawables = [
+        // Its box begins at the eye: so it is drawn first.
+        drawableAt(1, [0, 0, -2002], { geometry: 0, worldMin: [0, 0, -2002], worldMax: [0, 0, 0] }),
+        drawableAt(2, [0, 0, -2000], { geometry: 1 }),
+      ];
+      const camera = { ...cameraAt([0, 0, 0]), near: 0.05 };
+      const [red = 0, green = 0] = stage.colour(camera, drawables, 8, 8);
+      stage.end();
+      return { depth: stage.renderer.depth, isNearer: green > red };
+    });
+  },
+  (pictures) => {
+    const [{ depth } = { depth: "standard" }] = pictures;
+    assert.deepEqual(
+      pictures.map(({ isNearer }) => isNearer || depth === "standard"),
+      [true, true],
+    );
+  },
+);
+
+drawn(
   "a picture of boxes and pipes",
   undefined,
   () => {
