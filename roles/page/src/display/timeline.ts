@@ -18,16 +18,10 @@ export interface FrameTimes {
 
 export class Timeline {
   readonly #frames: FrameTimes[] = [];
-  #busy = 0;
 
   /** From the oldest to the newest. */
   get frames(): readonly FrameTimes[] {
     return this.#frames;
-  }
-
-  /** Milliseconds that the culler worked on the newest frame of which it has said so. */
-  get busy(): number {
-    return this.#busy;
   }
 
   /** A set is there. */
@@ -38,11 +32,9 @@ export class Timeline {
 
   /** What a culler says of its work on a frame. It follows the frame. */
   said({ frame, orBusy, hcStart, hcEnd }: Stats): void {
-    const [or, hc] = [milliseconds(orBusy), milliseconds(hcEnd - hcStart)];
-    this.#busy = or + hc;
     const times = this.#frames.find((one) => one.frame === frame);
     if (times !== undefined) {
-      times.work = { or, hc };
+      times.work = { or: milliseconds(orBusy), hc: milliseconds(hcEnd - hcStart) };
     }
   }
 }

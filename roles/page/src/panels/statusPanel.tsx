@@ -6,6 +6,7 @@ import type { OcclusionTest } from "../proto/settings.ts";
 import { type Audited, LiveAudit } from "../viewer/liveAudit.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { Choice, type Option } from "./choice.tsx";
+import { TimelineChart } from "./timelineChart.tsx";
 
 /** Milliseconds between two looks. */
 const PERIOD = 500;
@@ -51,6 +52,7 @@ export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
           ))}
         </tbody>
       </table>
+      <TimelineChart viewer={viewer} />
       <Choice
         label="Error of silhouettes, pixels"
         options={EPSILONS}

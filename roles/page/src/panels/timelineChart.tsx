@@ -1,0 +1,109 @@
+/** When which role worked, over the last second: what the culler did, and what the page did meanwhile. */
+
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { FrameTimes } from "../display/timeline.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+
+/** Milliseconds that are shown, and between two looks. */
+const SPAN = 1000;
+const PERIOD = 250;
+/** Units of the drawing. */
+const [WIDTH, LANE, BAR] = [280, 16, 12];
+
+/** A stretch of time, in milliseconds of `performance.now()`. */
+export interface Stretch {
+  readonly from: number;
+  readonly to: number;
+}
+
+/** What is shown of frames: one lane below the other. */
+export interface Lane {
+  readonly name: string;
+  readonly about: string;
+  readonly stretches: readonly Stretch[];
+}
+
+/**
+ * The lanes of frames and of pictures. The clocks of culler and page are not compared: HC is drawn to end when
+ * the ids are there, so it is late by their way.
+ */
+export function lanesOf(frames: readonly FrameTimes[], pictures: readonly Stretch[]): readonly Lane[] {
+  const worked = frames.flatMap(({ came, work }) => (work === undefined ? [] : [{ came, ...work }]));
+  return [
+    {
+      name: "ids",
+      about: "from a camera until its ids are there",
+      stretches: frames.map(({ posed, came }) => ({ from: posed, to: came })),
+    },
+    {
+      name: "OR",
+      about: "a culler draws what hides other things",
+      stretches: worked.map(({ came, or, hc }) => ({ from: came - hc - or, to: came - hc })),
+    },
+    {
+      name: "HC",
+      about: "a culler tests what is hidden",
+      stretches: worked.map(({ came, hc }) => ({ from: came - hc, to: came })),
+    },
+    { name: "RVG", about: "the page hands a picture to its device", stretches: pictures },
+  ];
+}
+
+export function TimelineChart({ viewer }: { readonly viewer: Viewer }) {
+  const lanes = useSignal<readonly Lane[]>([]);
+  const end = useSignal(0);
+  useEffect(() => {
+    let pictures: Stretch[] = [];
+    const stop = viewer.onPicture(() => {
+      const now = performance.now();
+      pictures.push({ from: now - viewer.renderer.drawn.milliseconds, to: now });
+    });
+    const timer = setInterval(() => {
+      const now = performance.now();
+      pictures = pictures.filter(({ to }) => to > now - SPAN);
+      const frames = viewer.display?.timeline.frames ?? [];
+      lanes.value = lanesOf(
+        frames.filter(({ came }) => came > now - SPAN),
+        pictures,
+      );
+      end.value = now;
+    }, PERIOD);
+    return () => {
+      clearInterval(timer);
+      stop();
+    };
+  }, [viewer]);
+  const at = (time: number) => (WIDTH * Math.max(0, time - end.value + SPAN)) / SPAN;
+  return (
+    <figure class="timeline">
+      <figcaption>Roles in the last second, milliseconds of the middle one</figcaption>
+      {lanes.value.map(({ name, about, stretches }) => (
+        <div key={name} title={about}>
+          <span>{name}</span>
+          <svg viewBox={`0 0 ${WIDTH} ${LANE}`} role="img" aria-label={about}>
+            <title>{about}</title>
+            {stretches.map(({ from, to }) => (
+              <rect
+                key={`${from} ${to}`}
+                class={name}
+                x={at(from)}
+                y={(LANE - BAR) / 2}
+                width={Math.max(1, at(to) - at(from))}
+                height={BAR}
+              />
+            ))}
+          </svg>
+          <span>{middle(stretches)}</span>
+        </div>
+      ))}
+    </figure>
+  );
+}
+
+/** The length of the middle one; nothing of none. */
+export function middle(stretches: readonly Stretch[]): string {
+  const lengths = stretches.map(({ from, to }) => to - from).sort((a, b) => a - b);
+  const length = lengths[lengths.length >> 1];
+  return length === undefined ? "" : length.toFixed(length < 10 ? 1 : 0);
+}

@@ -1,0 +1,54 @@
+/** What is kept and shown of the times of frames. */
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { Timeline } from "../src/display/timeline.ts";
+import { lanesOf, middle } from "../src/panels/timelineChart.tsx";
+import type { Stats } from "../src/proto/stats.ts";
+
+/** What a culler says of a frame that took so many milliseconds. */
+function said(frame: number, or: number, hc: number): Stats {
+  const start = 5_000_000_000n;
+  const hcStart = start + BigInt(or * 2e6);
+  const times = { orStart: start, orEnd: hcStart, orBusy: BigInt(or * 1e6), hcStart };
+  return { ...({} as Stats), ...times, frame, hcEnd: hcStart + BigInt(hc * 1e6) };
+}
+
+test("work is of the frame that it names, and ends when its ids are there", () => {
+  const timeline = new Timeline();
+  timeline.came(7, 100, 130);
+  timeline.came(8, 120, 150);
+  timeline.said(said(7, 12, 3));
+  // Of a frame that gave way to another one nothing is kept.
+  timeline.said(said(6, 99, 99));
+  assert.deepEqual(
+    timeline.frames.map(({ frame, work }) => [frame, work]),
+    [
+      [7, { or: 12, hc: 3 }],
+      [8, undefined],
+    ],
+  );
+  const lanes = lanesOf(timeline.frames, [{ from: 131, to: 135 }]);
+  const found = lanes.map(({ name, stretches }) => [name, ...stretches.map(({ from, to }) => [from, to])]);
+  assert.deepEqual(found, [
+    ["ids", [100, 130], [120, 150]],
+    ["OR", [115, 127]],
+    ["HC", [127, 130]],
+    ["RVG", [131, 135]],
+  ]);
+});
+
+test("the newest frames are kept", () => {
+  const timeline = new Timeline();
+  for (let frame = 1; frame <= 1000; frame += 1) {
+    timeline.came(frame, frame, frame + 1);
+  }
+  assert.equal(timeline.frames.length, 64);
+  assert.deepEqual([timeline.frames[0]?.frame, timeline.frames[63]?.frame], [937, 1000]);
+});
+
+test("the middle one is told, and nothing of none", () => {
+  const of = (...lengths: readonly number[]) => middle(lengths.map((to) => ({ from: 0, to })));
+  assert.deepEqual([of(), of(3), of(30, 2, 11)], ["", "3.0", "11"]);
+});
