@@ -2,80 +2,18 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 #![allow(clippy::disallowed_methods, reason = "a browser keeps the system's time")]
 
+#[path = "common/page.rs"]
+mod page;
 #[path = "common/program.rs"]
 mod program;
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::env;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
-use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
+use page::{Browser, Difference, Service, TOKEN, difference};
 use program::Bench;
 use serde_json::{Value, json};
-use trimaran_audit::{Placement, rasterize};
-use trimaran_cull::{View, draw_order, lod_cut};
-use trimaran_proto::{Camera, FrameNumber, LodRule, Viewport};
 use trimaran_scene::Scene;
-
-const TOKEN: &str = "0123456789abcdefXYZ";
-
-/// A service of `plant.scene`.
-struct Service {
-    child: Child,
-    /// Host and port.
-    at: String,
-}
-
-impl Service {
-    /// At `listen`; `None` where the program was built without its page and none is required.
-    fn start(bench: &Bench, listen: &str) -> Option<Self> {
-        let mut command = bench.command(&["serve", "plant.scene", "--listen", listen, "--token", TOKEN]);
-        let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let mut service = Self { child, at: String::new() };
-        let mut line = String::new();
-        BufReader::new(service.child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        let Some(url) = line.trim().strip_prefix("http://") else {
-            let mut said = String::new();
-            service.child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
-            return skipped(&said);
-        };
-        url.split_once('/').unwrap().0.clone_into(&mut service.at);
-        assert_eq!(url, format!("{}/?token={TOKEN}", service.at));
-        Some(service)
-    }
-
-    fn url(&self) -> String {
-        format!("http://{}/?token={TOKEN}", self.at)
-    }
-
-    /// The answer to a request with these headers.
-    fn ask(&self, target: &str, headers: &str) -> String {
-        let mut stream = TcpStream::connect(&self.at).unwrap();
-        let request =
-            format!("GET {target} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n{headers}\r\n", self.at);
-        stream.write_all(request.as_bytes()).unwrap();
-        let mut answer = Vec::new();
-        stream.read_to_end(&mut answer).unwrap();
-        String::from_utf8_lossy(&answer).into_owned()
-    }
-}
-
-impl Drop for Service {
-    fn drop(&mut self) {
-        let _ended = self.child.kill();
-        let _code = self.child.wait();
-    }
-}
-
-/// Nothing, with a word; a panic where a browser is required.
-fn skipped<T>(why: &str) -> Option<T> {
-    assert!(env::var_os("TRIMARAN_REQUIRE_BROWSER").is_none(), "{why}");
-    println!("skipped: {why}");
-    None
-}
 
 const UPGRADE: &str = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
                        Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
@@ -88,6 +26,12 @@ fn the_scene_is_for_whoever_knows_the_token_and_comes_from_here() {
     assert!(page.starts_with("HTTP/1.1 200") && page.contains("<canvas"), "{page}");
     assert!(page.contains("content-security-policy: default-src 'none'"), "{page}");
     assert!(page.contains("referrer-policy: no-referrer"), "{page}");
+    for name in ["plant.example", "pages:7480", "localhost:1"] {
+        assert!(service.ask_as(name, "/", "").starts_with("HTTP/1.1 200"), "{name}");
+    }
+    let unknown = service.ask_as("evil.example", "/", "");
+    assert!(unknown.starts_with("HTTP/1.1 403"), "{unknown}");
+    assert!(unknown.contains("TRIMARAN_WS_ALLOW_ORIGINS=http://evil.example"), "{unknown}");
     assert!(service.ask("/main.js", "").contains("text/javascript"), "no script");
     assert!(service.ask("/../Cargo.toml", "").starts_with("HTTP/1.1 404"));
 
@@ -113,8 +57,14 @@ fn the_scene_is_for_whoever_knows_the_token_and_comes_from_here() {
     let bad = service.ask(&format!("/part?token={TOKEN}&object=x"), "");
     assert!(bad.starts_with("HTTP/1.1 404"), "{bad}");
     let link = format!("/link?token={TOKEN}");
-    let foreign = format!("{UPGRADE}Origin: http://evil.example\r\n");
-    assert!(service.ask(&link, &foreign).starts_with("HTTP/1.1 403"));
+    let status = |origin: &str| service.status(&link, &format!("{UPGRADE}Origin: {origin}\r\n"));
+    let foreign = format!("http://{}:1", service.at.split(':').next().unwrap());
+    for foreign in ["http://evil.example", "http://plant.example", "https://plant.example:1", &foreign] {
+        assert!(status(foreign).starts_with("HTTP/1.1 403"), "{foreign}");
+    }
+    for own in [&format!("http://{}", service.at), "https://plant.example", "http://pages:7480"] {
+        assert!(status(own).starts_with("HTTP/1.1 101"), "{own}");
+    }
     assert!(service.ask(&link, "").starts_with("HTTP/1.1 426"));
 }
 
@@ -132,112 +82,6 @@ fn a_display_joins_the_service_of_a_page() {
     let report = bench.report("there");
     assert_eq!(report["frames"].as_array().unwrap().len(), 4);
     assert_eq!(report["summary"]["cut_mismatch_pixels_total"], 0, "{}", report["summary"]);
-}
-
-/// A page in Chromium.
-struct Browser {
-    child: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
-}
-
-impl Browser {
-    /// `None` where there is none, and none is required.
-    fn start(width: u32, height: u32) -> Option<Self> {
-        let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("roles/page/target/tests/driver.mjs");
-        let chromium = env::var("TRIMARAN_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_owned());
-        if !driver.exists() || !Path::new(&chromium).exists() {
-            return skipped("it takes Chromium, and the driver that ./x page makes");
-        }
-        let mut command = Command::new("node");
-        command
-            .arg(driver)
-            .args([width.to_string(), height.to_string()])
-            .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("roles/page"));
-        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-        let (input, output) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
-        Some(Self { child, input, output: BufReader::new(output) })
-    }
-
-    fn tell(&mut self, command: Value) -> Value {
-        writeln!(self.input, "{command}").unwrap();
-        let mut line = String::new();
-        self.output.read_line(&mut line).unwrap();
-        let told: Value = serde_json::from_str(&line).unwrap_or_else(|e| panic!("{command}: {e}: {line}"));
-        assert!(told.get("error").is_none(), "{command}: {told}");
-        told
-    }
-
-    /// The same, where nothing must have gone wrong in the page.
-    fn done(&mut self, command: Value) -> Value {
-        let mut told = self.tell(command);
-        assert_eq!(told["faults"], json!([]), "{told}");
-        told["answer"].take()
-    }
-}
-
-impl Drop for Browser {
-    fn drop(&mut self) {
-        let _ended = self.child.kill();
-        let _code = self.child.wait();
-    }
-}
-
-/// How the page's picture differs from the whole cut of what it has asked for.
-struct Difference {
-    /// The share of pixels that show another drawable.
-    pixels: f64,
-    /// Drawables with more than a few pixels in one of both pictures and none in the other, with the pixels
-    /// in the page's and in the reference.
-    drawables: Vec<(u32, [usize; 2])>,
-    seen: usize,
-}
-
-/// More pixels than two rasterizers differ by at the edges of a small thing, or along one seen edge on.
-const A_FEW: usize = 24;
-
-fn difference(look: &Value, scene: &Scene) -> Difference {
-    let number = |value: &Value| value.as_f64().unwrap();
-    let numbers = |value: &Value| value.as_array().unwrap().iter().map(number).collect::<Vec<_>>();
-    let (eye, turn) = (numbers(&look["eye"]), numbers(&look["orientation"]));
-    let side = |name: &str| u32::try_from(look[name].as_u64().unwrap()).unwrap();
-    let viewport = Viewport::new(side("width"), side("height")).unwrap();
-    let (eye, turn) = (eye.try_into().unwrap(), turn.try_into().unwrap());
-    let seen_at = |wider: f64, viewport| {
-        let (tan, near) = (number(&look["tanHalfFov"]) * wider, number(&look["near"]) as f32);
-        View::new(Camera::new(eye, turn, tan as f32, near, FrameNumber(0)).unwrap(), viewport)
-    };
-    let view = seen_at(1.0, viewport);
-    // What is culled for is wider by half, with pixels of the same size.
-    let [width, height] = [viewport.width(), viewport.height()].map(|side| (3 * side).div_ceil(2));
-    let wider = f64::from(height) / f64::from(viewport.height());
-    let asked = seen_at(wider, Viewport::new(width, height).unwrap());
-    let mut cut = lod_cut(scene, &asked, LodRule::new(2.0).unwrap());
-    draw_order(scene, &view, &mut cut);
-    let exact = rasterize(scene, &view, cut, Placement::Single);
-    let (width, height) = (viewport.width() as usize, viewport.height() as usize);
-    let items = look["items"].as_array().unwrap();
-    let (mut differing, mut counts) = (0, BTreeMap::<u32, [usize; 2]>::new());
-    for y in 0..height {
-        for x in 0..width {
-            // The page's rows come from below.
-            let shown = items[(height - 1 - y) * width + x].as_u64().map(|id| id as u32);
-            let shown = shown.filter(|id| *id != u32::MAX);
-            let expected = exact.ids()[y * width + x].map(|triangle| triangle.drawable.0);
-            differing += usize::from(shown != expected);
-            for (at, id) in [shown, expected].into_iter().enumerate() {
-                if let Some(id) = id {
-                    counts.entry(id).or_default()[at] += 1;
-                }
-            }
-        }
-    }
-    let lone = counts.iter().filter(|(_, [a, b])| a.min(b) == &0 && a.max(b) > &A_FEW);
-    Difference {
-        pixels: differing as f64 / (width * height) as f64,
-        drawables: lone.map(|(id, pixels)| (*id, *pixels)).collect(),
-        seen: counts.len(),
-    }
 }
 
 /// At rest the page shows every drawable of the whole cut that is visible, and no other: at the start, behind

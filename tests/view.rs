@@ -160,6 +160,15 @@ fn a_page_walks_along_a_path_and_reports() {
     assert!(number("firstPictureS") <= number("exactPictureS"), "{report}");
     assert!(number("receivedBytes") > 1000.0 && number("geometryBytes") > 0.0, "{report}");
     assert!(number("pictureMs") <= number("pictureP95Ms"), "{report}");
+    let moments = report["moments"].as_array().unwrap();
+    assert_eq!(moments.len(), 2, "at the beginning and at the end: {report}");
+    let rising = |name: &str| {
+        let [first, last] = [0, 1].map(|at: usize| moments[at][name].as_f64().unwrap());
+        assert!(0.0 <= first && first <= last && last > 0.0, "{name}: {report}");
+    };
+    ["seconds", "cameraBytes", "idBytes", "pieceBytes"].into_iter().for_each(rising);
+    assert!(moments[1]["heldBytes"].as_f64() <= Some(number("geometryBytes")), "{report}");
+    assert!(moments[1]["scriptBytes"].as_f64() > Some(1e5), "{report}");
     assert!(number("setAgeMs") >= 80.0 && number("restMs") >= 80.0, "it crosses the network: {report}");
     let wrong = |name: &str| report["wrong"][name].as_f64().unwrap();
     assert!(wrong("pictures") >= 2.0 && wrong("right") <= wrong("pictures"), "{report}");

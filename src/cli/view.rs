@@ -101,7 +101,23 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
             ByteSize(report.geometry_bytes)
         ),
     ];
+    let moments = report.moments.iter().map(|moment| {
+        let scripts = moment.script_bytes.map_or_else(|| "unknown".to_owned(), size);
+        format!(
+            "after {:>5.0} s   cameras {}, ids {}, geometry {}; held {}, scripts {scripts}",
+            moment.seconds,
+            size(moment.camera_bytes),
+            size(moment.id_bytes),
+            size(moment.piece_bytes),
+            size(moment.held_bytes),
+        )
+    });
+    let lines: Vec<String> = lines.into_iter().chain(moments).collect();
     printed(writeln!(io::stdout(), "{}", lines.join("\n")))
+}
+
+fn size(bytes: u64) -> String {
+    ByteSize(bytes).to_string()
 }
 
 /// The scene that is to be shown: the one given, or that of the files, cooked if it is not yet.

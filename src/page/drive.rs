@@ -47,8 +47,28 @@ pub struct DriveReport {
     pub received_bytes: u64,
     /// Bytes of geometry on its graphics device, at most.
     pub geometry_bytes: u64,
+    /// The same from time to time on the walk, and at its end.
+    pub moments: Vec<Moment>,
     /// How far its pictures were from the exact ones.
     pub wrong: WrongPixels,
+}
+
+/// What a page had taken since its start, and held, at a time of its walk.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "camelCase", deny_unknown_fields)]
+pub struct Moment {
+    /// Since the walk began.
+    pub seconds: f64,
+    /// Bytes sent on the lane of cameras.
+    pub camera_bytes: u64,
+    /// Bytes received on the lane of ids.
+    pub id_bytes: u64,
+    /// Bytes received on the lane of geometry.
+    pub piece_bytes: u64,
+    /// Bytes of geometry on its graphics device.
+    pub held_bytes: u64,
+    /// Bytes that its scripts take, if the browser says so. It counts what is not collected yet.
+    pub script_bytes: Option<u64>,
 }
 
 /// Pixels of a walk that show another object than the exact picture of the same pose does. Such a picture is

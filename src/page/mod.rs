@@ -12,6 +12,6 @@ mod server;
 mod token;
 
 pub use description::SceneDescription;
-pub use drive::{Drive, DriveReport, WrongPixels};
+pub use drive::{Drive, DriveReport, Moment, WrongPixels};
 pub use server::{PageError, Pages};
 pub use token::{Token, TokenError};

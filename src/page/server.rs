@@ -248,6 +248,11 @@ impl Pages {
         if request.method() != Method::GET {
             return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n").into();
         }
+        if path == "/"
+            && let Err(ws::ForeignOrigin { origin }) = self.0.options.check_host(request.headers())
+        {
+            return unknown_name(&origin).into();
+        }
         if let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) {
             return file(asset.kind, Bytes::from_static(asset.bytes)).into();
         }
@@ -373,6 +378,17 @@ fn refused(fault: &NetworkError) -> Response<Body> {
             plain(StatusCode::SERVICE_UNAVAILABLE, "too many pages are on simulated networks\n")
         }
     }
+}
+
+/// A page that is opened by a name that could be anybody's may not connect: it is not shown at all.
+fn unknown_name(origin: &str) -> Response<Body> {
+    let text = format!(
+        "This service does not know the name by which it was opened. Open it by its IP address, or let \
+         whoever starts it allow the name: TRIMARAN_WS_ALLOW_ORIGINS={origin}\n"
+    );
+    let mut response = file("text/plain; charset=utf-8", text.into());
+    *response.status_mut() = StatusCode::FORBIDDEN;
+    response
 }
 
 fn nothing_here() -> Response<Body> {

@@ -5,6 +5,7 @@
 
 import { createInterface } from "node:readline";
 import { chromium, type Page } from "playwright-core";
+import type { Point } from "../src/proto/viewState.ts";
 import type { Viewer } from "../src/viewer/viewer.ts";
 
 declare global {
@@ -17,7 +18,10 @@ type Command =
   | { readonly do: "open"; readonly url: string }
   | { readonly do: "settle" }
   | { readonly do: "hold"; readonly key: string; readonly milliseconds: number }
-  | { readonly do: "press"; readonly key: string }
+  | { readonly do: "down" | "up" | "press"; readonly key: string }
+  | { readonly do: "wait"; readonly milliseconds: number }
+  /** The eye goes there, and walks from there on. */
+  | { readonly do: "stand"; readonly eye: Point; readonly forward: Point }
   | { readonly do: "type"; readonly text: string }
   | { readonly do: "click"; readonly x: number; readonly y: number }
   /** The first button whose text begins so. */
@@ -70,6 +74,18 @@ async function run(command: Command, page: Page): Promise<unknown> {
       await page.keyboard.down(command.key);
       await page.waitForTimeout(command.milliseconds);
       await page.keyboard.up(command.key);
+      return true;
+    case "down":
+      await page.keyboard.down(command.key);
+      return true;
+    case "up":
+      await page.keyboard.up(command.key);
+      return true;
+    case "wait":
+      await page.waitForTimeout(command.milliseconds);
+      return true;
+    case "stand":
+      await page.evaluate(({ eye, forward }) => window.trimaran?.navigator.goTo(eye, forward), command);
       return true;
     case "press":
       await page.keyboard.press(command.key);

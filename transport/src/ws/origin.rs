@@ -82,6 +82,23 @@ impl WsOptions {
         let is_own = served.is_some() && served == host && host.is_some_and(has_no_foreign_name);
         if is_own { Ok(()) } else { Err(ForeignOrigin { origin }) }
     }
+
+    /// Whether a page that is asked for with these headers may open a WebSocket afterwards. Its origin has the
+    /// name of the host that is asked, by `https` where a proxy stands in between.
+    ///
+    /// # Errors
+    /// When it may not.
+    pub fn check_host(&self, headers: &HeaderMap) -> Result<(), ForeignOrigin> {
+        let host = headers.get(header::HOST).map(|host| String::from_utf8_lossy(host.as_bytes()));
+        let host = host.unwrap_or_default();
+        let origins = ["http", "https"].map(|scheme| format!("{scheme}://{host}"));
+        if has_no_foreign_name(&host) || self.allow_origins.iter().any(|allowed| origins.contains(&allowed.0))
+        {
+            return Ok(());
+        }
+        let [origin, _] = origins;
+        Err(ForeignOrigin { origin })
+    }
 }
 
 /// Whether nobody else can have given this machine that name.
@@ -95,6 +112,25 @@ fn has_no_foreign_name(host: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_page_is_served_by_a_name_from_which_it_may_connect() {
+        let allow_origins = ["https://plant.example", "http://pages:7480"];
+        let options = WsOptions { allow_origins: allow_origins.map(|origin| origin.parse().unwrap()).into() };
+        let is_served = |host: &str| {
+            let headers = HeaderMap::from_iter([(header::HOST, host.parse().unwrap())]);
+            options.check_host(&headers).is_ok()
+        };
+        for host in ["127.0.0.1:7480", "localhost:1", "[::1]:80", "plant.example", "pages:7480"] {
+            assert!(is_served(host), "{host}");
+        }
+        for host in
+            ["", "pages", "pages:7481", "plant.example:7480", "evil.example", "127.0.0.1.evil.example"]
+        {
+            assert!(!is_served(host), "{host}");
+        }
+        assert!(options.check_host(&HeaderMap::new()).is_err());
+    }
 
     fn is_taken(options: &WsOptions, origin: Option<&str>, host: &str) -> bool {
         let mut headers = HeaderMap::new();

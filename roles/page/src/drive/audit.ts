@@ -13,7 +13,7 @@ import { wrongShare } from "../viewer/wrongPixels.ts";
 import { Samples } from "./samples.ts";
 import { until } from "./time.ts";
 
-/** Of longer walks only so many pictures are audited, evenly over the walk. */
+/** Of longer walks only so many pictures are audited, or half as many, evenly over the walk. */
 const MOST = 500;
 /** A picture is as good as right where it shows another object at this percentage of pixels at most. */
 const FEW = 0.1;
@@ -24,20 +24,43 @@ export interface Taken {
   readonly at: number;
   readonly camera: Camera;
   readonly forward: Point;
-  readonly drawables: readonly Drawable[];
+  /** Nothing where it is not audited. */
+  readonly drawables: readonly Drawable[] | undefined;
   /** The eye has jumped, and since then no set has come that is all there. */
   readonly hasJumped: boolean;
 }
 
-/** Goes to where each picture was taken, over no network, and counts the pixels that were wrong. */
+/** The pictures of a walk. However long it is, drawables are kept of a bounded number of them. */
+export class Album {
+  readonly #pictures: Taken[] = [];
+  #stride = 1;
+
+  get pictures(): readonly Taken[] {
+    return this.#pictures;
+  }
+
+  add(picture: Taken): void {
+    const at = this.#pictures.length;
+    this.#pictures.push(at % this.#stride === 0 ? picture : { ...picture, drawables: undefined });
+    if (this.#pictures.length > MOST * this.#stride) {
+      this.#stride *= 2;
+      for (const [number, kept] of this.#pictures.entries()) {
+        if (number % this.#stride !== 0 && kept.drawables !== undefined) {
+          this.#pictures[number] = { ...kept, drawables: undefined };
+        }
+      }
+    }
+  }
+}
+
+/** Goes to where pictures were taken, over no network, and counts the pixels that were wrong. */
 export async function audit(viewer: Viewer, pictures: readonly Taken[]): Promise<WrongPixels> {
   viewer.session.moveTo("");
   const percent = new Samples();
   const [wrong, jumping] = [new Spans(), new Spans()];
-  const stride = Math.max(1, Math.ceil(pictures.length / MOST));
-  for (const [number, { at, camera, forward, drawables, hasJumped }] of pictures.entries()) {
+  for (const { at, camera, forward, drawables, hasJumped } of pictures) {
     jumping.add(at, hasJumped);
-    if (hasJumped || number % stride !== 0) {
+    if (hasJumped || drawables === undefined) {
       continue;
     }
     viewer.navigator.goTo([...camera.eye], [...forward]);

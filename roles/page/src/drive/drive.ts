@@ -2,7 +2,8 @@
 
 import type { Service } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { audit, type Taken } from "./audit.ts";
+import { Album, audit } from "./audit.ts";
+import { Moments } from "./moments.ts";
 import { Path } from "./path.ts";
 import { Samples } from "./samples.ts";
 import { each, until } from "./time.ts";
@@ -26,7 +27,8 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
   const exactPictureS = performance.now() / 1000;
 
   const [intervals, ages] = [new Samples(), new Samples()];
-  const taken: Taken[] = [];
+  const album = new Album();
+  const moments = new Moments(viewer, path.seconds);
   const begun = performance.now();
   let [last, geometryBytes] = [begun, renderer.bytes];
   let jumpedAt = Number.NEGATIVE_INFINITY;
@@ -38,12 +40,13 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     [last, geometryBytes] = [now, Math.max(geometryBytes, renderer.bytes)];
     const set = viewer.display?.shown;
     hasJumped &&= !(set?.isExact === true && set.posed >= jumpedAt);
-    taken.push({ at: now, camera, forward: navigator.forward, drawables, hasJumped });
+    album.add({ at: now, camera, forward: navigator.forward, drawables, hasJumped });
   });
   let before = 0;
   await each((now) => {
     const seconds = (now - begun) / 1000;
     const step = path.at(seconds, before);
+    moments.pass(seconds);
     before = seconds;
     if (step?.isJump) {
       navigator.goTo(step.eye, step.forward);
@@ -58,8 +61,9 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
   const restMs = performance.now() - end;
   stop();
   const receivedBytes = received(viewer);
+  moments.add((performance.now() - begun) / 1000);
   viewer.said.value = "The walk is over. Its pictures are held against the exact ones.";
-  const wrong = await audit(viewer, taken);
+  const wrong = await audit(viewer, album.pictures);
   navigator.isHeld = false;
   await service.report({
     device: renderer.device,
@@ -68,7 +72,7 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     firstPictureS,
     exactPictureS,
     walkS: (end - begun) / 1000,
-    pictures: taken.filter(({ at }) => at <= end).length,
+    pictures: album.pictures.filter(({ at }) => at <= end).length,
     pictureMs: intervals.share(0.5),
     pictureP95Ms: intervals.share(0.95),
     setAgeMs: ages.share(0.5),
@@ -76,6 +80,7 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     restMs,
     receivedBytes,
     geometryBytes,
+    moments: moments.list,
     wrong,
   });
   viewer.said.value = "The walk is over.";

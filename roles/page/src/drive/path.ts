@@ -26,6 +26,11 @@ export class Path {
     this.#jump = JUMP * (steps[Math.floor(steps.length / 2)] ?? 0);
   }
 
+  /** How long the walk takes. */
+  get seconds(): number {
+    return this.#frames.length / RATE;
+  }
+
   /** The pose after so many seconds, where the last one was asked for at `before`; nothing behind the end. */
   at(seconds: number, before: number): Step | undefined {
     const place = seconds * RATE;

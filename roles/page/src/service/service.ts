@@ -74,7 +74,18 @@ export interface DriveReport {
   readonly restMs: number;
   readonly receivedBytes: number;
   readonly geometryBytes: number;
+  readonly moments: readonly Moment[];
   readonly wrong: WrongPixels;
+}
+
+/** What the page had taken and held at a time: `Moment` of `src/page/drive.rs` says what each number is. */
+export interface Moment {
+  readonly seconds: number;
+  readonly cameraBytes: number;
+  readonly idBytes: number;
+  readonly pieceBytes: number;
+  readonly heldBytes: number;
+  readonly scriptBytes: number | null;
 }
 
 /**

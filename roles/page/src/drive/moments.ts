@@ -1,0 +1,47 @@
+/** What the page has taken and holds, from time to time on a walk. */
+
+import type { Moment } from "../service/service.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+
+/** Seconds between two moments; of long walks more. */
+const PERIOD = 10;
+/** Moments of a walk at most, but for its end. */
+const MOST = 60;
+
+export class Moments {
+  readonly #viewer: Viewer;
+  readonly #period: number;
+  readonly list: Moment[] = [];
+
+  /** Of a walk that takes so many seconds. */
+  constructor(viewer: Viewer, seconds: number) {
+    this.#viewer = viewer;
+    this.#period = Math.max(PERIOD, seconds / MOST);
+  }
+
+  /** The walk goes on for so many seconds. */
+  pass(seconds: number): void {
+    if (seconds >= this.list.length * this.#period) {
+      this.add(seconds);
+    }
+  }
+
+  add(seconds: number): void {
+    const { display, renderer } = this.#viewer;
+    const bytes = display?.link.bytes;
+    this.list.push({
+      seconds,
+      cameraBytes: bytes?.latest.sent ?? 0,
+      idBytes: bytes?.frames.received ?? 0,
+      pieceBytes: bytes?.bulk.received ?? 0,
+      heldBytes: renderer.bytes,
+      scriptBytes: scriptBytes(),
+    });
+  }
+}
+
+/** Not every browser says so. */
+function scriptBytes(): number | null {
+  const { memory } = performance as unknown as { readonly memory?: { readonly usedJSHeapSize: number } };
+  return memory?.usedJSHeapSize ?? null;
+}

@@ -1,0 +1,158 @@
+//! Walking in a real browser: on floors, against walls, up stairs, and whatever happens meanwhile.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "common/page.rs"]
+mod page;
+#[path = "common/program.rs"]
+mod program;
+
+use std::fmt::Write as _;
+
+use page::{Browser, Difference, Service, difference};
+use program::Bench;
+use serde_json::{Value, json};
+use trimaran_scene::Scene;
+
+/// A box, by two corners, metres.
+type Corners = [[f64; 3]; 2];
+
+/// Height and depth of a step of the stairs, and how many there are.
+const RISE: f64 = 0.2;
+const TREAD: f64 = 0.4;
+const STEPS: u32 = 10;
+
+/// A room with a wall in the way at z = -4 where x is below 0. Where x is about 5, stairs begin at z = 2 and
+/// lead up to a landing.
+fn house() -> Vec<(String, Corners)> {
+    let mut parts = vec![
+        ("floor".to_owned(), [[-12.0, -0.2, -12.0], [12.0, 0.0, 12.0]]),
+        ("north".to_owned(), [[-12.0, 0.0, -12.2], [12.0, 5.0, -12.0]]),
+        ("south".to_owned(), [[-12.0, 0.0, 12.0], [12.0, 5.0, 12.2]]),
+        ("west".to_owned(), [[-12.2, 0.0, -12.0], [-12.0, 5.0, 12.0]]),
+        ("east".to_owned(), [[12.0, 0.0, -12.0], [12.2, 5.0, 12.0]]),
+        ("wall".to_owned(), [[-12.0, 0.0, -4.2], [0.0, 3.0, -4.0]]),
+    ];
+    for step in 0..STEPS {
+        let (height, begin) = (RISE * f64::from(step + 1), TREAD.mul_add(-f64::from(step), 2.0));
+        parts.push((format!("step {step}"), [[4.0, 0.0, begin - TREAD], [6.0, height, begin]]));
+    }
+    let (height, begin) = (RISE * f64::from(STEPS), TREAD.mul_add(-f64::from(STEPS), 2.0));
+    parts.push(("landing".to_owned(), [[3.0, height - 0.1, begin - 6.0], [7.0, height, begin]]));
+    parts
+}
+
+fn obj(parts: &[(String, Corners)]) -> String {
+    let mut text = String::new();
+    for (at, (name, corners)) in parts.iter().enumerate() {
+        writeln!(text, "o {name}").unwrap();
+        for corner in 0..8 {
+            let [x, y, z] = [0, 1, 2].map(|axis| corners[corner >> axis & 1][axis]);
+            writeln!(text, "v {x} {y} {z}").unwrap();
+        }
+        let first = 8 * at + 1;
+        for face in [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]] {
+            let [a, b, c, d] = face.map(|corner| first + corner);
+            writeln!(text, "f {a} {b} {c} {d}").unwrap();
+        }
+    }
+    text
+}
+
+/// Where the eye is.
+fn eye(browser: &mut Browser) -> [f64; 3] {
+    let look = browser.done(json!({ "do": "look" }));
+    [0, 1, 2].map(|axis| look["eye"][axis].as_f64().unwrap())
+}
+
+#[test]
+fn a_wall_stops_who_walks_and_stairs_lead_up() {
+    let bench = Bench::empty();
+    bench.write("house.obj", obj(&house()));
+    bench.done(&["import", "house.obj", "-o", "house.scene"]);
+    let Some(service) = Service::of(&bench, "house.scene", "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(300, 300) else { return };
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    let north = json!([0, 0, -1]);
+
+    browser.done(json!({ "do": "stand", "eye": [-5.0, 1.7, 0.0], "forward": north }));
+    for _ in 0..6 {
+        browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 1000 }));
+    }
+    let [x, y, z] = eye(&mut browser);
+    assert!((-3.9..-3.5).contains(&z), "the wall begins at -4, and half of a body is 0.22 m: {z}");
+    assert!((x + 5.0).abs() < 0.01 && (y - 1.7).abs() < 0.05, "{x} {y}");
+
+    browser.done(json!({ "do": "stand", "eye": [5.0, 1.7, 3.5], "forward": north }));
+    let mut climbed = Vec::new();
+    while climbed.len() < 30 && climbed.last().is_none_or(|[_, _, z]: &[f64; 3]| *z > -4.0) {
+        browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 500 }));
+        climbed.push(eye(&mut browser));
+    }
+    let heights: Vec<f64> = climbed.iter().map(|[_, y, _]| *y).collect();
+    let top = 1.7 + RISE * f64::from(STEPS);
+    assert!((heights.last().unwrap() - top).abs() < 0.05, "not up at {top}: {climbed:?}");
+    assert!(heights.iter().any(|y| (2.0..3.4).contains(y)), "not step by step: {heights:?}");
+    // Beside the landing it goes down again.
+    browser.done(json!({ "do": "stand", "eye": [2.0, 3.7, -5.0], "forward": north }));
+    browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 1500 }));
+    let [_, y, _] = eye(&mut browser);
+    assert!((y - 1.7).abs() < 0.05, "it falls to the floor: {y}");
+}
+
+/// What the page shows at rest is exact.
+fn is_exact_at_rest(browser: &mut Browser, scene: &Scene) -> Value {
+    browser.tell(json!({ "do": "settle" }));
+    let look = browser.tell(json!({ "do": "look" }))["answer"].take();
+    let Difference { drawables, pixels, .. } = difference(&look, scene);
+    assert_eq!(drawables, []);
+    assert!(pixels < 0.01, "{pixels}");
+    look
+}
+
+#[test]
+fn a_walk_goes_on_while_the_service_is_killed_and_comes_back() {
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(300, 300) else { return };
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    let scene = Scene::open(&bench.path("plant.scene")).unwrap();
+    let at = service.at.clone();
+    browser.done(json!({ "do": "down", "key": "ArrowLeft" }));
+    browser.done(json!({ "do": "wait", "milliseconds": 500 }));
+    drop(service);
+    let mut looks = Vec::new();
+    for _ in 0..3 {
+        browser.tell(json!({ "do": "wait", "milliseconds": 400 }));
+        looks.push(browser.tell(json!({ "do": "look" }))["answer"].take());
+    }
+    for pair in looks.windows(2) {
+        assert_ne!(pair[0]["orientation"], pair[1]["orientation"], "the eye turns on");
+        assert!(pair[0]["pictures"].as_u64() < pair[1]["pictures"].as_u64(), "pictures go on");
+        assert_eq!(pair[0]["frame"], pair[1]["frame"], "nobody culls");
+    }
+    let _again = Service::start(&bench, &at).unwrap();
+    browser.tell(json!({ "do": "wait", "milliseconds": 1500 }));
+    browser.tell(json!({ "do": "up", "key": "ArrowLeft" }));
+    let back = is_exact_at_rest(&mut browser, &scene);
+    assert!(back["frame"].as_u64() > looks[2]["frame"].as_u64(), "it is culled again");
+}
+
+#[test]
+fn a_hundred_sizes_while_walking_leave_an_exact_picture() {
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(300, 300) else { return };
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    let scene = Scene::open(&bench.path("plant.scene")).unwrap();
+    browser.done(json!({ "do": "down", "key": "ArrowLeft" }));
+    for at in 0..100 {
+        let (width, height) = (120 + 37 * at % 400, 100 + 53 * at % 300);
+        browser.done(json!({ "do": "resize", "width": width, "height": height }));
+    }
+    browser.done(json!({ "do": "up", "key": "ArrowLeft" }));
+    let look = is_exact_at_rest(&mut browser, &scene);
+    assert_eq!([&look["width"], &look["height"]], [&json!(120 + 37 * 99 % 400), &json!(100 + 53 * 99 % 300)]);
+}
