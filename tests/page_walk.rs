@@ -58,6 +58,15 @@ fn obj(parts: &[(String, Corners)]) -> String {
     text
 }
 
+/// A service of a scene, and a browser that shows it.
+fn opened(bench: &Bench, scene: &str) -> Option<(Service, Browser)> {
+    let service = Service::of(bench, scene, "127.0.0.1:0")?;
+    let mut browser = Browser::start(300, 300)?;
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    Some((service, browser))
+}
+
 /// Where the eye is.
 fn eye(browser: &mut Browser) -> [f64; 3] {
     let look = browser.done(json!({ "do": "look" }));
@@ -69,10 +78,7 @@ fn a_wall_stops_who_walks_and_stairs_lead_up() {
     let bench = Bench::empty();
     bench.write("house.obj", obj(&house()));
     bench.done(&["import", "house.obj", "-o", "house.scene"]);
-    let Some(service) = Service::of(&bench, "house.scene", "127.0.0.1:0") else { return };
-    let Some(mut browser) = Browser::start(300, 300) else { return };
-    browser.done(json!({ "do": "open", "url": service.url() }));
-    browser.done(json!({ "do": "settle" }));
+    let Some((_service, mut browser)) = opened(&bench, "house.scene") else { return };
     let north = json!([0, 0, -1]);
 
     browser.done(json!({ "do": "stand", "eye": [-5.0, 1.7, 0.0], "forward": north }));
@@ -113,10 +119,7 @@ fn is_exact_at_rest(browser: &mut Browser, scene: &Scene) -> Value {
 #[test]
 fn a_walk_goes_on_while_the_service_is_killed_and_comes_back() {
     let bench = Bench::with_plant(100);
-    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
-    let Some(mut browser) = Browser::start(300, 300) else { return };
-    browser.done(json!({ "do": "open", "url": service.url() }));
-    browser.done(json!({ "do": "settle" }));
+    let Some((service, mut browser)) = opened(&bench, "plant.scene") else { return };
     let scene = Scene::open(&bench.path("plant.scene")).unwrap();
     let at = service.at.clone();
     browser.done(json!({ "do": "down", "key": "ArrowLeft" }));
@@ -142,10 +145,7 @@ fn a_walk_goes_on_while_the_service_is_killed_and_comes_back() {
 #[test]
 fn a_hundred_sizes_while_walking_leave_an_exact_picture() {
     let bench = Bench::with_plant(100);
-    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
-    let Some(mut browser) = Browser::start(300, 300) else { return };
-    browser.done(json!({ "do": "open", "url": service.url() }));
-    browser.done(json!({ "do": "settle" }));
+    let Some((_service, mut browser)) = opened(&bench, "plant.scene") else { return };
     let scene = Scene::open(&bench.path("plant.scene")).unwrap();
     browser.done(json!({ "do": "down", "key": "ArrowLeft" }));
     for at in 0..100 {

@@ -102,22 +102,19 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
         ),
     ];
     let moments = report.moments.iter().map(|moment| {
-        let scripts = moment.script_bytes.map_or_else(|| "unknown".to_owned(), size);
+        let unknown = || "unknown".to_owned();
+        let scripts = moment.script_bytes.map_or_else(unknown, |bytes| ByteSize(bytes).to_string());
         format!(
             "after {:>5.0} s   cameras {}, ids {}, geometry {}; held {}, scripts {scripts}",
             moment.seconds,
-            size(moment.camera_bytes),
-            size(moment.id_bytes),
-            size(moment.piece_bytes),
-            size(moment.held_bytes),
+            ByteSize(moment.camera_bytes),
+            ByteSize(moment.id_bytes),
+            ByteSize(moment.piece_bytes),
+            ByteSize(moment.held_bytes),
         )
     });
     let lines: Vec<String> = lines.into_iter().chain(moments).collect();
     printed(writeln!(io::stdout(), "{}", lines.join("\n")))
-}
-
-fn size(bytes: u64) -> String {
-    ByteSize(bytes).to_string()
 }
 
 /// The scene that is to be shown: the one given, or that of the files, cooked if it is not yet.

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { Timeline } from "../src/display/timeline.ts";
-import { lanesOf, middle } from "../src/panels/timelineChart.tsx";
+import { lanesOf, median } from "../src/panels/timelineChart.tsx";
 import type { Stats } from "../src/proto/stats.ts";
 
 /** What a culler says of a frame that took so many milliseconds. */
@@ -48,7 +48,7 @@ test("the newest frames are kept", () => {
   assert.deepEqual([timeline.frames[0]?.frame, timeline.frames[63]?.frame], [937, 1000]);
 });
 
-test("the middle one is told, and nothing of none", () => {
-  const of = (...lengths: readonly number[]) => middle(lengths.map((to) => ({ from: 0, to })));
+test("the median is told, and nothing of none", () => {
+  const of = (...lengths: readonly number[]) => median(lengths.map((to) => ({ from: 0, to })));
   assert.deepEqual([of(), of(3), of(30, 2, 11)], ["", "3.0", "11"]);
 });

@@ -83,8 +83,8 @@ impl WsOptions {
         if is_own { Ok(()) } else { Err(ForeignOrigin { origin }) }
     }
 
-    /// Whether a page that is asked for with these headers may open a WebSocket afterwards. Its origin has the
-    /// name of the host that is asked, by `https` where a proxy stands in between.
+    /// Whether a page that is asked for with these headers may open a WebSocket afterwards. Its origin has
+    /// the name of the host that is asked, by `https` where a proxy stands in between.
     ///
     /// # Errors
     /// When it may not.

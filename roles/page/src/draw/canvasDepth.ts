@@ -1,13 +1,12 @@
 /**
  * Whether pictures can be drawn onto the canvas itself, without a copy.
  *
- * A copy of a picture of 1024 by 1024 pixels takes the processor 17 ms, as long as its triangles. But most
- * devices give a canvas a depth of 24 bits in equal steps, which is too coarse far away.
+ * A copy of a picture of 1024 by 1024 pixels takes the processor 17 ms. But most devices give a canvas a depth
+ * of 24 bits in equal steps, which is too coarse far away.
  */
 
 import { featuresOf } from "./features.ts";
 import { Program } from "./program.ts";
-import type { RendererOptions } from "./renderer.ts";
 
 /** Depths that only numbers with an exponent of their own can tell apart. */
 const NEAR = 2e-12;
@@ -29,7 +28,7 @@ void main() { pixel = vec4(tone); }`;
  * Tries it with a canvas that is thrown away. With more than one sample a pixel, a picture is drawn elsewhere
  * first; by default only what has no graphics card draws one.
  */
-export function canDrawOnCanvas({ samples, extensions }: RendererOptions): boolean {
+export function canDrawOnCanvas(samples: number | undefined, extensions: boolean | undefined): boolean {
   const canvas = document.createElement("canvas");
   [canvas.width, canvas.height] = [1, 1];
   const gl = canvas.getContext("webgl2", { antialias: false, depth: true });

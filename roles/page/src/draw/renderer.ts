@@ -57,7 +57,7 @@ export class Renderer {
 
   /** Throws where the browser has no WebGL2. */
   constructor(canvas: HTMLCanvasElement, options: RendererOptions = {}) {
-    this.#isOnCanvas = canDrawOnCanvas(options);
+    this.#isOnCanvas = canDrawOnCanvas(options.samples, options.extensions);
     const gl = canvas.getContext("webgl2", {
       antialias: false,
       depth: this.#isOnCanvas,

@@ -21,7 +21,7 @@ export class Moments {
 
   /** The walk goes on for so many seconds. */
   pass(seconds: number): void {
-    if (seconds >= this.list.length * this.#period) {
+    if (this.list.length < MOST && seconds >= this.list.length * this.#period) {
       this.add(seconds);
     }
   }

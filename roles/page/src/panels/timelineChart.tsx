@@ -3,6 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { FrameTimes } from "../display/timeline.ts";
+import { Samples } from "../drive/samples.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 
 /** Milliseconds that are shown, and between two looks. */
@@ -25,8 +26,8 @@ export interface Lane {
 }
 
 /**
- * The lanes of frames and of pictures. The clocks of culler and page are not compared: HC is drawn to end when
- * the ids are there, so it is late by their way.
+ * The lanes of frames and of pictures. The clocks of culler and page are not compared: HC is drawn to end
+ * when the ids are there, so it is late by their way.
  */
 export function lanesOf(frames: readonly FrameTimes[], pictures: readonly Stretch[]): readonly Lane[] {
   const worked = frames.flatMap(({ came, work }) => (work === undefined ? [] : [{ came, ...work }]));
@@ -77,7 +78,7 @@ export function TimelineChart({ viewer }: { readonly viewer: Viewer }) {
   const at = (time: number) => (WIDTH * Math.max(0, time - end.value + SPAN)) / SPAN;
   return (
     <figure class="timeline">
-      <figcaption>Roles in the last second, milliseconds of the middle one</figcaption>
+      <figcaption>Roles in the last second, median milliseconds</figcaption>
       {lanes.value.map(({ name, about, stretches }) => (
         <div key={name} title={about}>
           <span>{name}</span>
@@ -94,16 +95,19 @@ export function TimelineChart({ viewer }: { readonly viewer: Viewer }) {
               />
             ))}
           </svg>
-          <span>{middle(stretches)}</span>
+          <span>{median(stretches)}</span>
         </div>
       ))}
     </figure>
   );
 }
 
-/** The length of the middle one; nothing of none. */
-export function middle(stretches: readonly Stretch[]): string {
-  const lengths = stretches.map(({ from, to }) => to - from).sort((a, b) => a - b);
-  const length = lengths[lengths.length >> 1];
-  return length === undefined ? "" : length.toFixed(length < 10 ? 1 : 0);
+/** The median length; nothing of none. */
+export function median(stretches: readonly Stretch[]): string {
+  const lengths = new Samples();
+  for (const { from, to } of stretches) {
+    lengths.add(to - from);
+  }
+  const length = lengths.share(0.5);
+  return lengths.count === 0 ? "" : length.toFixed(length < 10 ? 1 : 0);
 }
