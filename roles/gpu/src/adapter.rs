@@ -95,7 +95,8 @@ pub(crate) struct Limits {
 
 impl Adapter {
     /// All devices, best first; suitable ones before those that lack something.
-    pub(crate) fn all(instance: &ash::Instance) -> Result<Vec<Self>, GpuError> {
+    /// Those that are to show pictures in windows need what that takes as well.
+    pub(crate) fn all(instance: &ash::Instance, presents: bool) -> Result<Vec<Self>, GpuError> {
         // SAFETY: the instance is alive.
         let found = unsafe { instance.enumerate_physical_devices() };
         let found = match found {
@@ -103,14 +104,19 @@ impl Adapter {
             Err(vk::Result::ERROR_INITIALIZATION_FAILED) => Vec::new(),
             other => other.during("listing the Vulkan devices")?,
         };
-        let mut adapters: Vec<_> = found.into_iter().map(|device| Self::inspect(instance, device)).collect();
+        let mut adapters: Vec<_> =
+            found.into_iter().map(|device| Self::inspect(instance, device, presents)).collect();
         adapters.sort_by_key(|a| (!a.info.missing.is_empty(), std::cmp::Reverse(a.info.kind)));
         Ok(adapters)
     }
 
     /// The adapter to open.
-    pub(crate) fn choose(instance: &ash::Instance, choice: &DeviceChoice) -> Result<Self, GpuError> {
-        let adapters = Self::all(instance)?;
+    pub(crate) fn choose(
+        instance: &ash::Instance,
+        choice: &DeviceChoice,
+        presents: bool,
+    ) -> Result<Self, GpuError> {
+        let adapters = Self::all(instance, presents)?;
         if adapters.is_empty() {
             return Err(GpuError::NoDevice);
         }
@@ -130,7 +136,7 @@ impl Adapter {
         }
     }
 
-    fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
+    fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, presents: bool) -> Self {
         let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut properties =
@@ -150,7 +156,7 @@ impl Adapter {
         let version = properties.api_version;
         let queue_family = families.iter().position(|family| family.queue_flags.contains(needs::QUEUE));
         let family = queue_family.and_then(|family| families.get(family));
-        let Answer { missing, lacks } = needs::ask(instance, physical, &properties, family);
+        let Answer { missing, lacks } = needs::ask(instance, physical, &properties, family, presents);
         let timestamps = !lacks.contains(&Optional::Timestamps);
         let max_side = limits
             .max_framebuffer_width

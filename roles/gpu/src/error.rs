@@ -29,6 +29,28 @@ pub enum GpuError {
          vulkan-validationlayers) or open the device without validation"
     )]
     NoValidationLayer,
+    /// Vulkan has no windows of this kind here.
+    #[error(
+        "Vulkan cannot show windows of this display: its loader or driver lacks the extension; \
+         walk in the browser instead (leave --window out)"
+    )]
+    NoWindows,
+    /// The device draws, but cannot show pictures in this window.
+    #[error("the Vulkan device {device} cannot show pictures in this window: {lack}; try another (--device)")]
+    CannotPresent {
+        /// The device's name.
+        device: String,
+        /// What it lacks.
+        lack: &'static str,
+    },
+    /// The window's driver does not know the present mode asked for.
+    #[error("this window has no present mode {wanted}: it has {found}")]
+    NoPresentMode {
+        /// The name asked for.
+        wanted: &'static str,
+        /// The names of those it has.
+        found: String,
+    },
     /// No device has the name asked for, or none is a CPU device where one was asked for.
     #[error("no Vulkan device matches {wanted}; this machine has: {found}")]
     NoSuchDevice {

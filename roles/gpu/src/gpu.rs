@@ -56,6 +56,8 @@ pub struct Gpu {
     device: ash::Device,
     messenger: ManuallyDrop<Option<Messenger>>,
     instance: ash::Instance,
+    #[cfg(feature = "window")]
+    physical: vk::PhysicalDevice,
     queue: Mutex<vk::Queue>,
     queue_family: u32,
     info: GpuInfo,
@@ -75,9 +77,32 @@ impl Gpu {
     /// # Errors
     /// Says what is missing, a loader, a device or a feature of one, and the package that has it.
     pub fn open(options: &GpuOptions) -> Result<Arc<Self>, GpuError> {
-        let (entry, instance) = instance(options.validation)?;
+        Self::open_with(options, &[])
+    }
+
+    /// Opens a device that can show pictures in windows of a display.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open), and where the display is of a kind for which Vulkan has no windows here.
+    #[cfg(feature = "window")]
+    pub fn open_for_windows(
+        options: &GpuOptions,
+        display: raw_window_handle::DisplayHandle<'_>,
+    ) -> Result<Arc<Self>, GpuError> {
+        let surfaces =
+            ash_window::enumerate_required_extensions(display.as_raw()).map_err(|_| GpuError::NoWindows)?;
+        Self::open_with(options, surfaces)
+    }
+
+    /// Opens a device of an instance with these extensions, by which it shows pictures. Without any it shows
+    /// none.
+    pub(crate) fn open_with(
+        options: &GpuOptions,
+        surfaces: &[*const std::ffi::c_char],
+    ) -> Result<Arc<Self>, GpuError> {
+        let (entry, instance) = instance(options.validation, surfaces)?;
         // From here on a failure has to destroy what exists.
-        let opened = Self::open_on(&entry, &instance, options);
+        let opened = Self::open_on(&entry, &instance, options, !surfaces.is_empty());
         match opened {
             Ok(parts) => Ok(Arc::new(parts.into_gpu(entry, instance, options))),
             Err(error) => {
@@ -94,8 +119,8 @@ impl Gpu {
     /// # Errors
     /// If there is no loader, or it cannot list devices. No device at all is an empty list.
     pub fn list() -> Result<Vec<GpuInfo>, GpuError> {
-        let (_entry, instance) = instance(false)?;
-        let adapters = Adapter::all(&instance);
+        let (_entry, instance) = instance(false, &[])?;
+        let adapters = Adapter::all(&instance, false);
         // SAFETY: nothing was made from the instance.
         unsafe { instance.destroy_instance(None) };
         Ok(adapters?.into_iter().map(|adapter| adapter.info).collect())
@@ -115,6 +140,12 @@ impl Gpu {
 
     pub(crate) const fn device(&self) -> &ash::Device {
         &self.device
+    }
+
+    /// The loader, the instance and the physical device, for what shows pictures in windows.
+    #[cfg(feature = "window")]
+    pub(crate) fn platform(&self) -> (&ash::Entry, &ash::Instance, vk::PhysicalDevice) {
+        (&self.entry, &self.instance, self.physical)
     }
 
     pub(crate) const fn limits(&self) -> &Limits {
@@ -176,13 +207,15 @@ impl Gpu {
         entry: &ash::Entry,
         instance: &ash::Instance,
         options: &GpuOptions,
+        presents: bool,
     ) -> Result<Parts, GpuError> {
         let messenger = options.validation.then(|| Messenger::new(entry, instance)).transpose()?;
-        let adapter = Adapter::choose(instance, &options.device)?;
+        let adapter = Adapter::choose(instance, &options.device, presents)?;
         for lack in &adapter.info.lacks {
             tracing::info!(device = adapter.info.name, lacks = lack.name(), "{}", lack.without());
         }
-        let device = needs::open(instance, adapter.physical, adapter.queue_family, &adapter.info.lacks)?;
+        let Adapter { physical, queue_family, .. } = adapter;
+        let device = needs::open(instance, physical, queue_family, &adapter.info.lacks, presents)?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
@@ -223,6 +256,8 @@ impl Parts {
             device: self.device,
             messenger: ManuallyDrop::new(self.messenger),
             instance,
+            #[cfg(feature = "window")]
+            physical: self.adapter.physical,
             queue: Mutex::new(queue),
             queue_family,
             info: self.adapter.info,
@@ -260,27 +295,34 @@ impl std::fmt::Debug for Gpu {
     }
 }
 
-fn instance(validation: bool) -> Result<(ash::Entry, ash::Instance), GpuError> {
+fn instance(
+    validation: bool,
+    surfaces: &[*const std::ffi::c_char],
+) -> Result<(ash::Entry, ash::Instance), GpuError> {
     // SAFETY: loads the system's Vulkan loader, whose initialisers are sound to run; the entry outlives all
     // made from it.
     let entry = unsafe { ash::Entry::load() }.map_err(GpuError::NoLoader)?;
     let application =
         vk::ApplicationInfo::default().application_name(c"trimaran").api_version(vk::API_VERSION_1_3);
     let layers = [validation::LAYER.as_ptr()];
-    let extensions = [ash::ext::debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()];
+    let checking = [ash::ext::debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()];
+    let extensions: Vec<_> =
+        surfaces.iter().copied().chain(checking.into_iter().filter(|_| validation)).collect();
     let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
     let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
-    let mut info = vk::InstanceCreateInfo::default().application_info(&application);
+    let mut info =
+        vk::InstanceCreateInfo::default().application_info(&application).enabled_extension_names(&extensions);
     if validation {
-        info =
-            info.enabled_layer_names(&layers).enabled_extension_names(&extensions).push_next(&mut features);
+        info = info.enabled_layer_names(&layers).push_next(&mut features);
     }
     // SAFETY: all that `info` points to lives through the call.
     match unsafe { entry.create_instance(&info, None) } {
         Ok(instance) => Ok((entry, instance)),
-        Err(vk::Result::ERROR_LAYER_NOT_PRESENT | vk::Result::ERROR_EXTENSION_NOT_PRESENT) if validation => {
+        Err(vk::Result::ERROR_LAYER_NOT_PRESENT) => Err(GpuError::NoValidationLayer),
+        Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT) if surfaces.is_empty() => {
             Err(GpuError::NoValidationLayer)
         }
+        Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT) => Err(GpuError::NoWindows),
         // What a loader answers that finds no driver at all.
         Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Err(GpuError::NoDevice),
         Err(code) => Err(GpuError::from_vk("starting Vulkan", code)),

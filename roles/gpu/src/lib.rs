@@ -90,6 +90,8 @@ mod stream;
 mod timing;
 mod validation;
 mod wait;
+#[cfg(feature = "window")]
+mod window;
 mod working_set;
 
 pub use adapter::{DeviceChoice, DeviceKind, GpuInfo, HzbPlace};
@@ -105,4 +107,6 @@ pub use query::QueryTest;
 pub use raster::RasterTest;
 pub use scene::GpuScene;
 pub use timing::PassTiming;
+#[cfg(feature = "window")]
+pub use window::{PresentMode, Presenter, WindowSize};
 pub use working_set::WorkingSetStats;

@@ -197,7 +197,7 @@ impl ImageUse {
                 vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ
                     | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE,
             ),
-            Self::CopySource => (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ),
+            Self::CopySource => (vk::PipelineStageFlags2::ALL_TRANSFER, vk::AccessFlags2::TRANSFER_READ),
         }
     }
 }

@@ -5,6 +5,8 @@
 //! Vulkan promises of every device (128 bytes of push constants, 16 vertex attributes, 128 invocations in a
 //! workgroup, 65,535 draws in an indirect call, 128 MiB in a storage buffer that tests count in).
 
+use std::ffi::CStr;
+
 use ash::vk;
 
 use crate::GpuError;
@@ -64,6 +66,7 @@ pub(crate) fn ask(
     physical: vk::PhysicalDevice,
     properties: &vk::PhysicalDeviceProperties,
     family: Option<&vk::QueueFamilyProperties>,
+    presents: bool,
 ) -> Answer {
     let Features { mut missing, geometry_shader, float64 } =
         features(instance, physical, properties.api_version);
@@ -72,6 +75,9 @@ pub(crate) fn ask(
     }
     if !draws_depth(instance, physical) {
         missing.push("D32_SFLOAT as depth attachment");
+    }
+    if presents && !has_extension(instance, physical, ash::khr::swapchain::NAME) {
+        missing.push("VK_KHR_swapchain");
     }
     let lacks = [
         (geometry_shader, Optional::GeometryShader),
@@ -88,6 +94,7 @@ pub(crate) fn open(
     physical: vk::PhysicalDevice,
     queue_family: u32,
     lacks: &[Optional],
+    presents: bool,
 ) -> Result<ash::Device, GpuError> {
     let priorities = [1.0];
     let queues =
@@ -104,7 +111,9 @@ pub(crate) fn open(
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
     let mut v13 =
         vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
+    let swapchains = [ash::khr::swapchain::NAME.as_ptr()];
     let info = vk::DeviceCreateInfo::default()
+        .enabled_extension_names(if presents { &swapchains } else { &[] })
         .queue_create_infos(&queues)
         .enabled_features(&features)
         .push_next(&mut v12)
@@ -157,16 +166,17 @@ fn draws_depth(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
         .contains(vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT | vk::FormatFeatureFlags::TRANSFER_SRC)
 }
 
+fn has_extension(instance: &ash::Instance, physical: vk::PhysicalDevice, name: &CStr) -> bool {
+    // SAFETY: `physical` was enumerated from this instance.
+    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
+    extensions.unwrap_or_default().iter().any(|extension| extension.extension_name_as_c_str() == Ok(name))
+}
+
 /// What is free of the device's own memory, in bytes: what the driver says if it can, else all of it.
 pub(crate) fn free_memory(instance: &ash::Instance, physical: vk::PhysicalDevice) -> u64 {
     let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
     let mut properties = vk::PhysicalDeviceMemoryProperties2::default();
-    let tells = {
-        // SAFETY: `physical` was enumerated from this instance.
-        let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
-        let wanted = Ok(ash::ext::memory_budget::NAME);
-        extensions.unwrap_or_default().iter().any(|extension| extension.extension_name_as_c_str() == wanted)
-    };
+    let tells = has_extension(instance, physical, ash::ext::memory_budget::NAME);
     if tells {
         properties = properties.push_next(&mut budget);
     }

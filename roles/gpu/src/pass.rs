@@ -20,6 +20,8 @@ use crate::sections::SectionPlanes;
 use crate::stream::Stream;
 use crate::timing::{PassTiming, Stopwatch};
 use crate::wait::Cancel;
+#[cfg(feature = "window")]
+use crate::window::Acquired;
 use crate::{Gpu, GpuError, GpuScene};
 
 /// Pieces of a scene drawn over one depth attachment and perhaps a colour attachment.
@@ -271,6 +273,17 @@ impl ScenePass {
         self.flush()?;
         let Attachments { size, depth, .. } = &mut self.attachments;
         Ok(OverDepth { stream: &mut self.stream, size: *size, depth })
+    }
+
+    /// Fills an acquired image of a window with the picture, once what was added is drawn.
+    #[cfg(feature = "window")]
+    pub(crate) fn fill_window(&mut self, acquired: &Acquired) -> Result<(), GpuError> {
+        self.flush()?;
+        let Attachments { size, colour: Some(colour), .. } = &mut self.attachments else { return Ok(()) };
+        let Acquired { image, extent, available, filled, .. } = *acquired;
+        self.stream.submit_between("showing a picture", Some((available, filled)), |commands| {
+            commands.fill_window(colour, *size, image, extent);
+        })
     }
 
     /// Copies the depth to the host and waits for it.

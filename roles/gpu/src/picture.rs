@@ -12,6 +12,8 @@ use crate::pass::ScenePass;
 use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
 use crate::wait::Cancel;
+#[cfg(feature = "window")]
+use crate::window::{Acquired, Presenter};
 use crate::{GpuError, GpuScene, PassTiming};
 
 /// What shows where nothing is drawn: a light grey sky, as sRGB.
@@ -44,6 +46,9 @@ pub struct PicturePass {
 
 struct Frame {
     pass: ScenePass,
+    /// The window's image that the picture was copied to: after the pass, whose work uses it.
+    #[cfg(feature = "window")]
+    shown: Option<Acquired>,
     colour: Option<HostBuffer<[u8; 4]>>,
     depth: Option<HostBuffer<f32>>,
 }
@@ -54,7 +59,15 @@ impl PicturePass {
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.
     pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
-        let frame = || Ok(Frame { pass: ScenePass::new(scene, &KIND, size)?, colour: None, depth: None });
+        let frame = || {
+            Ok(Frame {
+                pass: ScenePass::new(scene, &KIND, size)?,
+                #[cfg(feature = "window")]
+                shown: None,
+                colour: None,
+                depth: None,
+            })
+        };
         Ok(Self { frames: [frame()?, frame()?], current: 0, readable: 0 })
     }
 
@@ -74,7 +87,13 @@ impl PicturePass {
     /// If the device fails, or cannot draw the view's size.
     pub fn begin(&mut self, view: &View) -> Result<(), GpuError> {
         self.current ^= 1;
-        self.current().pass.begin(view)
+        let frame = self.current();
+        frame.pass.begin(view)?;
+        #[cfg(feature = "window")]
+        {
+            frame.shown = None;
+        }
+        Ok(())
     }
 
     /// Adds draws, in this order: of equal depths the first one shows.
@@ -105,6 +124,23 @@ impl PicturePass {
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn flush(&mut self) -> Result<(), GpuError> {
         self.current().pass.flush()
+    }
+
+    /// Shows the picture begun last in a window, once what was added is drawn; waits for neither. Nothing is
+    /// shown where the presenter has acquired no image.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    #[cfg(feature = "window")]
+    pub fn present(&mut self, presenter: &mut Presenter) -> Result<(), GpuError> {
+        let Some(acquired) = presenter.acquired() else { return Ok(()) };
+        let frame = self.current();
+        if frame.shown.take().is_some() {
+            // The same picture again, perhaps in a window of another size.
+            frame.pass.finish()?;
+        }
+        frame.pass.fill_window(frame.shown.insert(acquired.clone()))?;
+        presenter.present(&acquired)
     }
 
     /// Waits until the picture begun last is drawn, and makes it the one that is read.

@@ -212,6 +212,77 @@ impl<'a> Recorder<'a> {
         );
     }
 
+    /// Fills an image of a window with a whole image, and makes it ready to be shown. Where the sizes differ
+    /// the image is scaled by the mean of its pixels.
+    #[cfg(feature = "window")]
+    pub(crate) fn fill_window(
+        &self,
+        image: &mut Image,
+        size: Viewport,
+        shown: vk::Image,
+        extent: vk::Extent2D,
+    ) {
+        self.hand_over(image, ImageUse::CopySource, false);
+        let transfer = vk::PipelineStageFlags2::ALL_TRANSFER;
+        let (written, present) = (vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::PRESENT_SRC_KHR);
+        let begin = vk::ImageMemoryBarrier2::default()
+            // After the semaphore, which is waited for in this stage.
+            .src_stage_mask(transfer)
+            .dst_stage_mask(transfer)
+            .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .new_layout(written)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(shown)
+            .subresource_range(whole(vk::ImageAspectFlags::COLOR));
+        let end = vk::ImageMemoryBarrier2 {
+            src_access_mask: vk::AccessFlags2::TRANSFER_WRITE,
+            // What shows the image waits for a semaphore that makes it available.
+            dst_stage_mask: vk::PipelineStageFlags2::NONE,
+            dst_access_mask: vk::AccessFlags2::NONE,
+            old_layout: written,
+            new_layout: present,
+            ..begin
+        };
+        let layers = vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: 1,
+        };
+        let corner = |width: u32, height: u32| vk::Offset3D { x: width as i32, y: height as i32, z: 1 };
+        let region = vk::ImageBlit::default()
+            .src_subresource(layers)
+            .src_offsets([vk::Offset3D::default(), corner(size.width(), size.height())])
+            .dst_subresource(layers)
+            .dst_offsets([vk::Offset3D::default(), corner(extent.width, extent.height)]);
+        // SAFETY: the module's rule; the window's image was acquired, is a colour image of this size that
+        // takes transfers, and the layouts are those that the barriers name. Both formats are ones that
+        // Vulkan requires to be blitted, the picture's with a linear filter.
+        unsafe {
+            let barriers = [begin];
+            self.device.cmd_pipeline_barrier2(
+                self.commands,
+                &vk::DependencyInfo::default().image_memory_barriers(&barriers),
+            );
+            self.device.cmd_blit_image(
+                self.commands,
+                image.handle(),
+                ImageUse::CopySource.layout(),
+                shown,
+                written,
+                &[region],
+                vk::Filter::LINEAR,
+            );
+            let barriers = [end];
+            self.device.cmd_pipeline_barrier2(
+                self.commands,
+                &vk::DependencyInfo::default().image_memory_barriers(&barriers),
+            );
+        }
+    }
+
     /// Copies a whole image to the start of a buffer, tightly packed, top row first.
     pub(crate) fn copy_image(&self, image: &mut Image, size: Viewport, buffer: &Buffer) {
         self.hand_over(image, ImageUse::CopySource, false);

@@ -94,6 +94,17 @@ impl Stream {
         operation: &'static str,
         record: impl FnOnce(&Recorder<'_>),
     ) -> Result<(), GpuError> {
+        self.submit_between(operation, None, record)
+    }
+
+    /// The same, where the piece begins its transfers once the first semaphore is signalled, and signals the
+    /// second one when it is done. Both are binary, and live until the piece is done.
+    pub(crate) fn submit_between(
+        &mut self,
+        operation: &'static str,
+        semaphores: Option<(vk::Semaphore, vk::Semaphore)>,
+        record: impl FnOnce(&Recorder<'_>),
+    ) -> Result<(), GpuError> {
         self.check(operation)?;
         if self.pieces == MAX_PIECES {
             self.wait(operation)?;
@@ -126,12 +137,23 @@ impl Stream {
             device.end_command_buffer(buffer).during(operation)?;
         }
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(buffer)];
-        let signals = [vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.timeline)
-            .value(self.submitted + 1)
-            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
-        let submits =
-            [vk::SubmitInfo2::default().command_buffer_infos(&buffers).signal_semaphore_infos(&signals)];
+        let done = |semaphore| {
+            vk::SemaphoreSubmitInfo::default()
+                .semaphore(semaphore)
+                .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        };
+        let waits = semaphores.map(|(before, _)| {
+            vk::SemaphoreSubmitInfo::default()
+                .semaphore(before)
+                .stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+        });
+        let mine = done(self.timeline).value(self.submitted + 1);
+        let both = semaphores.map(|(_, after)| [mine, done(after)]);
+        let signals = both.as_ref().map_or(std::slice::from_ref(&mine), |both| &both[..]);
+        let submits = [vk::SubmitInfo2::default()
+            .command_buffer_infos(&buffers)
+            .wait_semaphore_infos(waits.as_slice())
+            .signal_semaphore_infos(signals)];
         let queue = self.gpu.queue();
         // SAFETY: the queue is locked; the command buffer is complete; the timeline only ever grows, by one a
         // submission.
