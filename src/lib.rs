@@ -44,6 +44,7 @@
 //! | `netem` | a simulated network between programs, on Linux |
 //! | [`vulkan`] | the roles' devices |
 //! | [`comparison`] | which systems there are to be held against each other |
+//! | `window` | a display in a window of the system, with the feature `window` |
 //! | [`culling`] | how a culler culls: Trimaran's method, and those it is compared with |
 
 pub mod comparison;
@@ -60,3 +61,5 @@ pub mod simulate;
 pub mod trace;
 pub mod vulkan;
 pub mod walkthrough;
+#[cfg(feature = "window")]
+pub mod window;

@@ -50,6 +50,19 @@ impl Heightfield {
         Self { cell: eye_height / 17.0, unit, base: min.y - unit }
     }
 
+    /// Side of a column.
+    #[must_use]
+    pub const fn cell(&self) -> f64 {
+        self.cell
+    }
+
+    /// The numbers of the tile that a place of the ground is in.
+    #[must_use]
+    pub fn tile_at(&self, x: f64, z: f64) -> (i32, i32) {
+        let along = |at: f64| (at / self.tile_side()).floor() as i32;
+        (along(x), along(z))
+    }
+
     /// Side of a tile. The tile of numbers x and z has its lower corner at these multiples of it.
     #[must_use]
     pub fn tile_side(&self) -> f64 {
@@ -99,6 +112,14 @@ impl Tile {
     pub fn column(&self, x: usize, z: usize) -> &[Span] {
         let column = (x < Heightfield::SIDE).then(|| self.columns.get(z * Heightfield::SIDE + x)).flatten();
         column.map_or(&[], Vec::as_slice)
+    }
+
+    /// The spans at a place of the tile, ascending: lower and upper ends, metres in the world.
+    pub fn spans_at(&self, x: f64, z: f64) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let Heightfield { cell, unit, base } = self.field;
+        let along = |metres: f64| ((metres / cell).max(0.0) as usize).min(Heightfield::SIDE - 1);
+        let spans = self.column(along(x - self.corner.x), along(z - self.corner.y));
+        spans.iter().map(move |span| [span.bottom, span.top].map(|end| base + unit * f64::from(end)))
     }
 
     /// The tile as it travels to pages, little-endian: x and z of its lower corner and the base (f64, metres),
@@ -267,6 +288,11 @@ mod tests {
         let [_, wall] = tile.column(10, 40) else { panic!("{:?}", tile.column(10, 40)) };
         assert!((height(wall.top) - 3.0).abs() <= 0.05, "{}", height(wall.top));
         assert!(tile.column(8, 40).iter().all(|span| height(span.top) < 0.1));
+        // The same at places of the world, within the tile of these numbers.
+        assert_eq!(field.tile_at(1.05, 4.05), (0, 0));
+        let [_, [bottom, top]] = tile.spans_at(1.05, 4.05).collect::<Vec<_>>()[..] else { panic!() };
+        assert!((top - 3.0).abs() <= 0.05 && bottom < 0.06, "{bottom} to {top}");
+        assert_eq!(field.tile_at(-0.1, 6.5), (-1, 1));
         // Beyond the floor there is nothing, and a tile of its own.
         let edge = field.tile(&scene, 1, 0).unwrap();
         assert_eq!((edge.column(35, 0).len(), edge.column(37, 0).len()), (2, 0));

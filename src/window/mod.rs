@@ -1,0 +1,3 @@
+//! A display in a window of the system.
+
+pub mod navigate;
