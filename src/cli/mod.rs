@@ -26,6 +26,8 @@ mod stat;
 mod sweep;
 mod view;
 mod walking;
+#[cfg(feature = "window")]
+mod window;
 
 use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;

@@ -22,6 +22,14 @@ use super::{
 };
 
 pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
+    #[cfg(feature = "window")]
+    if args.window {
+        return super::window::run(args, &scene(args)?);
+    }
+    #[cfg(not(feature = "window"))]
+    if args.window {
+        return Err(Failure::bad_input(NO_WINDOWS));
+    }
     let drive = args.drive.as_deref().map(path).transpose()?;
     let scene = scene(args)?;
     let service = Service {
@@ -59,6 +67,10 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         None => Ok(()),
     }
 }
+
+#[cfg(not(feature = "window"))]
+const NO_WINDOWS: &str = "this program was built without windows: build it with `cargo build --release --features \
+    window`, or leave --window out to walk in a browser";
 
 /// A camera path, checked, as JSON.
 fn path(file: &Path) -> Result<Vec<u8>, Failure> {

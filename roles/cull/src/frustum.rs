@@ -1,8 +1,8 @@
 //! The part of space that the picture shows: a pyramid, and of it what no section cuts away.
 
 use glam::{DMat3, DVec3};
-use trimaran_proto::{Section, Sections};
-use trimaran_scene::Node;
+use trimaran_proto::{DrawableId, Section, Sections};
+use trimaran_scene::{Node, Scene};
 
 use crate::View;
 
@@ -84,6 +84,16 @@ impl Frustum {
             || beyond_side(self.tan_x, centre.x, depth, axes.map(|axis| axis.x), depths)
             || beyond_side(self.tan_y, centre.y, depth, axes.map(|axis| axis.y), depths)
     }
+}
+
+/// Keeps what may be in sight: no drawable that `view` shows goes. What is only near may stay.
+pub fn retain_in_sight(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>) {
+    let frustum = Frustum::new(view);
+    ids.retain(|id| {
+        let drawable = scene.drawables().get(id.index());
+        let node = drawable.and_then(|drawable| scene.nodes().get(drawable.node as usize));
+        node.is_none_or(|node| !frustum.excludes_world_box(node))
+    });
 }
 
 fn l1(v: DVec3) -> f64 {

@@ -74,6 +74,7 @@ pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untes
 pub use cut_rule::CutRule;
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
 pub use facing::{Facing, Solids};
+pub use frustum::retain_in_sight;
 pub use hzb::{HzbError, HzbTest};
 pub use image::Image;
 pub use lod_cut::{Choice, LodCut, choose, lod_cut};

@@ -43,6 +43,14 @@ pub(crate) struct ViewArgs {
     /// Print the page's address, and leave opening it to you.
     #[arg(long)]
     pub(crate) no_browser: bool,
+    /// Show it in a window of the system instead. Only in programs that were built with the feature `window`.
+    #[arg(long, conflicts_with_all = ["no_browser", "drive"])]
+    pub(crate) window: bool,
+    /// When a picture takes the place of the one in the window. `mailbox` follows the hand a little sooner
+    /// than `fifo` and takes more power, and `immediate` may tear.
+    #[cfg(feature = "window")]
+    #[arg(long, value_name = "MODE", requires = "window", value_enum, default_value = "fifo")]
+    pub(crate) present_mode: PresentModeArg,
     /// Let the page walk along a camera path by itself, print how it fared, and end.
     #[arg(long, value_name = "PATH.json")]
     pub(crate) drive: Option<PathBuf>,
@@ -58,6 +66,26 @@ pub(crate) struct ViewArgs {
     pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) reading: ReadingArgs,
+}
+
+/// The present modes of Vulkan that are of use.
+#[cfg(feature = "window")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum PresentModeArg {
+    Fifo,
+    Mailbox,
+    Immediate,
+}
+
+#[cfg(feature = "window")]
+impl From<PresentModeArg> for trimaran_gpu::PresentMode {
+    fn from(mode: PresentModeArg) -> Self {
+        match mode {
+            PresentModeArg::Fifo => Self::Fifo,
+            PresentModeArg::Mailbox => Self::Mailbox,
+            PresentModeArg::Immediate => Self::Immediate,
+        }
+    }
 }
 
 /// The device that culls.

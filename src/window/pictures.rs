@@ -1,0 +1,60 @@
+//! Draws what was found into the window's images.
+
+use std::sync::Arc;
+
+use glam::DVec2;
+use trimaran_cull::{DrawOrder, View, retain_in_sight};
+use trimaran_gpu::{GpuError, PicturePass, Presenter};
+use trimaran_proto::DrawableId;
+use trimaran_scene::Scene;
+
+use super::recent_sets::RecentSets;
+
+/// Draws a scene in a window.
+pub(super) struct Pictures {
+    scene: Arc<Scene>,
+    pass: PicturePass,
+    order: DrawOrder,
+    ids: Vec<DrawableId>,
+}
+
+impl Pictures {
+    pub(super) fn new(scene: &Arc<Scene>, pass: PicturePass) -> Self {
+        Self { scene: Arc::clone(scene), pass, order: DrawOrder::default(), ids: Vec::new() }
+    }
+
+    /// Draws the newest set, or of all that came lately what may show as well, and shows the picture in the
+    /// image that `presenter` has acquired.
+    pub(super) fn show(
+        &mut self,
+        view: &View,
+        recent: &RecentSets,
+        newest_alone: bool,
+        presenter: &mut Presenter,
+    ) -> Result<(), GpuError> {
+        let Self { scene, pass, order, ids } = self;
+        ids.clear();
+        match recent.newest() {
+            Some(newest) if newest_alone => ids.extend_from_slice(&newest.ids),
+            _ => recent.union(scene, ids),
+        }
+        // What was culled for is wider than what is shown.
+        retain_in_sight(scene, view, ids);
+        order.sort(scene, view, ids);
+        pass.begin(view)?;
+        pass.draw(ids)?;
+        pass.present(presenter)
+    }
+
+    /// Depth of the picture shown last at shares of its width and height, from the upper left: the near
+    /// distance over that along the gaze, 0 where nothing is.
+    pub(super) fn depth_at(&mut self, share: DVec2) -> Result<f32, GpuError> {
+        self.pass.finish()?;
+        let depth = self.pass.read_depth()?;
+        let size = depth.viewport();
+        let pixel = |share: f64, side: u32| ((share * f64::from(side)) as usize).min(side as usize - 1);
+        let (x, y) = (pixel(share.x, size.width()), pixel(share.y, size.height()));
+        let place = y * size.width() as usize + x;
+        Ok(depth.depth().get(place).copied().unwrap_or_default())
+    }
+}

@@ -1,0 +1,92 @@
+//! Sets that came lately: a moving eye may see what one of them has and the newest one has not.
+
+use std::{
+    collections::{HashSet, VecDeque},
+    time::Duration,
+};
+
+use trimaran_proto::DrawableId;
+use trimaran_scene::Scene;
+
+use super::role::FoundSet;
+
+/// The time between the poses of two sets of which both still count.
+const KEPT: Duration = Duration::from_millis(120);
+
+/// The newest set last.
+#[derive(Debug, Default)]
+pub(super) struct RecentSets(VecDeque<FoundSet>);
+
+impl RecentSets {
+    /// Adds a set, in place of one of the same pose. One that is older than another says nothing new.
+    pub(super) fn add(&mut self, set: FoundSet) {
+        if self.newest().is_some_and(|newest| newest.posed > set.posed) {
+            return;
+        }
+        self.0.retain(|old| old.posed < set.posed && set.posed - old.posed <= KEPT);
+        self.0.push_back(set);
+    }
+
+    /// The newest set.
+    pub(super) fn newest(&self) -> Option<&FoundSet> {
+        self.0.back()
+    }
+
+    /// The newest set, and of those before it what shows nodes that no newer one does.
+    pub(super) fn union(&self, scene: &Scene, union: &mut Vec<DrawableId>) {
+        let mut nodes = HashSet::new();
+        for set in self.0.iter().rev() {
+            let before = union.len();
+            for &id in &set.ids {
+                let Some(drawable) = scene.drawables().get(id.index()) else { continue };
+                if !nodes.contains(&drawable.node) {
+                    union.push(id);
+                }
+            }
+            let added = union.iter().skip(before);
+            nodes.extend(added.filter_map(|id| Some(scene.drawables().get(id.index())?.node)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use trimaran_audit::cases::plant;
+    use trimaran_proto::{Camera, FrameNumber};
+
+    use super::*;
+
+    fn set(posed: u64, ids: &[DrawableId]) -> FoundSet {
+        let posed = Duration::from_millis(posed);
+        FoundSet { camera: Camera::at_origin(FrameNumber(0)), ids: ids.to_vec(), posed, came: posed }
+    }
+
+    #[test]
+    fn a_moving_eye_is_shown_the_newest_set_and_what_others_of_lately_add() {
+        let scene = plant(1, 200, DVec3::ZERO).unwrap();
+        // Two levels of one node, and one of another node.
+        let levels = |node: usize| scene.nodes().get(node).unwrap().levels().collect::<Vec<_>>();
+        let node = (0..).find(|&node| levels(node).len() > 1).unwrap();
+        let [fine, coarse, ..] = levels(node)[..] else { panic!("it has two levels") };
+        let other = levels(node + 1)[0];
+        let union = |recent: &RecentSets| {
+            let mut ids = Vec::new();
+            recent.union(&scene, &mut ids);
+            ids
+        };
+        let mut recent = RecentSets::default();
+        assert_eq!(union(&recent), []);
+        recent.add(set(100, &[coarse, other]));
+        recent.add(set(200, &[fine]));
+        assert_eq!(union(&recent), [fine, other], "a node is shown at one level");
+        // It comes late.
+        recent.add(set(150, &[coarse]));
+        assert_eq!(recent.newest().unwrap().posed, Duration::from_millis(200));
+        // The same pose again, once more of it is there.
+        recent.add(set(200, &[coarse]));
+        assert_eq!(union(&recent), [coarse, other]);
+        recent.add(set(221, &[]));
+        assert_eq!(union(&recent), [coarse], "what was posed 121 ms before no longer counts");
+    }
+}
