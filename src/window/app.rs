@@ -127,7 +127,7 @@ impl App {
         let presenter = Presenter::new(self.drawn.gpu(), Arc::clone(&window), self.mode)?;
         let size = window.inner_size();
         let first = Viewport::new(size.width.max(1), size.height.max(1)).map_err(WindowError::Size)?;
-        let pass = PicturePass::new(&self.drawn, first)?;
+        let pass = PicturePass::for_window(&self.drawn, first)?;
         let pictures = Pictures::new(&self.scene, pass);
         Ok(Shown { window, presenter, pictures, culled: None, is_hidden: false })
     }
@@ -371,7 +371,7 @@ impl ApplicationHandler<News> for App {
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         match event {
-            WindowEvent::CloseRequested => event_loop.exit(),
+            WindowEvent::CloseRequested | WindowEvent::Destroyed => event_loop.exit(),
             WindowEvent::RedrawRequested => {
                 let drawn = self.picture();
                 if self.guard(event_loop, drawn) == Some(true) {

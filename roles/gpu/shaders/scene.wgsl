@@ -158,6 +158,63 @@ fn fs_picture_cut(in: PictureVertex) -> @location(0) vec4<f32> {
     return shade(in);
 }
 
+// The same for people, as the page draws it: the light comes over the shoulder of who looks, and colours are
+// calm. Nothing is measured by these pictures.
+struct WindowVertex {
+    @invariant @builtin(position) position: vec4<f32>,
+    @location(0) @interpolate(flat) tone: vec3<f32>,
+}
+
+// Towards the light, in view space.
+const SHOULDER = vec3<f32>(0.36, 0.48, 0.80);
+
+@vertex
+fn vs_window(
+    @location(0) local: vec3<f32>,
+    @location(1) colour: vec4<f32>,
+    @location(6) folded: vec2<f32>,
+    draw: Draw,
+) -> WindowVertex {
+    let normal = view_normal(folded, view_position(local, draw), draw);
+    let sky = 0.5 + 0.5 * dot(normal, camera.up.xyz);
+    let light = 0.17 + 0.27 * sky + 0.56 * max(dot(normal, SHOULDER), 0.0);
+    // Plants come in pure red and green: they shout less with a little grey in them.
+    let grey = dot(colour.rgb, vec3<f32>(0.299, 0.587, 0.114));
+    let calm = mix(vec3<f32>(grey), colour.rgb, 0.82) * 0.93 + 0.03;
+    return WindowVertex(clip_position(local, draw), calm * sqrt(light));
+}
+
+@fragment
+fn fs_window(in: WindowVertex) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.tone, 1.0);
+}
+
+@fragment
+fn fs_window_cut(in: WindowVertex) -> @location(0) vec4<f32> {
+    if is_cut_away(in.position, 0.0) {
+        discard;
+    }
+    return vec4<f32>(in.tone, 1.0);
+}
+
+// A triangle over the whole picture, infinitely far away.
+@vertex
+fn vs_sky(@builtin(vertex_index) corner: u32) -> @builtin(position) vec4<f32> {
+    return vec4<f32>(select(-1.0, 3.0, corner == 1u), select(-1.0, 3.0, corner == 2u), 0.0, 1.0);
+}
+
+// Sky above the horizon, ground below.
+@fragment
+fn fs_sky(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
+    let ray = vec3<f32>(at.xy * camera.ray_scale + camera.ray_offset, -1.0);
+    let height = dot(normalize(ray), camera.up.xyz);
+    let above = sqrt(clamp(height, 0.0, 1.0));
+    let below = sqrt(clamp(-height, 0.0, 1.0));
+    let sky = mix(vec3<f32>(0.90, 0.93, 0.95), vec3<f32>(0.62, 0.74, 0.86), above);
+    let ground = mix(vec3<f32>(0.80, 0.81, 0.80), vec3<f32>(0.60, 0.61, 0.60), below);
+    return vec4<f32>(mix(ground, sky, smoothstep(-0.012, 0.012, height)), 1.0);
+}
+
 struct ItemVertex {
     @invariant @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat) id: u32,

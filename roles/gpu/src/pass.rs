@@ -275,14 +275,24 @@ impl ScenePass {
         Ok(OverDepth { stream: &mut self.stream, size: *size, depth })
     }
 
-    /// Fills an acquired image of a window with the picture, once what was added is drawn.
+    /// Fills an acquired image of a window with the picture, once what was added is drawn. Where nothing was
+    /// drawn there is sky and ground.
     #[cfg(feature = "window")]
     pub(crate) fn fill_window(&mut self, acquired: &Acquired) -> Result<(), GpuError> {
         self.flush()?;
-        let Attachments { size, colour: Some(colour), .. } = &mut self.attachments else { return Ok(()) };
+        let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
+        let constants = CameraConstants::new(view);
+        let sky = self.pipelines.sky()?;
+        let (attachments, kind) = (&mut self.attachments, self.kind);
         let Acquired { image, extent, available, filled, .. } = *acquired;
         self.stream.submit_between("showing a picture", Some((available, filled)), |commands| {
-            commands.fill_window(colour, *size, image, extent);
+            commands.render(attachments.targets(kind, false), || {
+                commands.bind(sky, &constants);
+                commands.draw(3, 0..1);
+            });
+            if let Some(colour) = &mut attachments.colour {
+                commands.fill_window(colour, attachments.size, image, extent);
+            }
         })
     }
 

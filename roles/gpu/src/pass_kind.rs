@@ -9,6 +9,8 @@ use ash::vk;
 use crate::GpuError;
 use crate::draw_record::Fetch;
 use crate::layout::Layout;
+#[cfg(feature = "window")]
+use crate::pipeline::shader;
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, Shader, VertexInput};
 
 /// What sets one scene pass apart from another.
@@ -39,6 +41,8 @@ pub(crate) struct Pipelines {
     layout: Arc<Layout>,
     kind: &'static PassKind,
     made: HashMap<Style, Pipeline>,
+    #[cfg(feature = "window")]
+    sky: Option<Pipeline>,
 }
 
 /// How a pass draws.
@@ -52,7 +56,13 @@ pub(crate) struct Style {
 
 impl Pipelines {
     pub(crate) fn new(layout: Arc<Layout>, kind: &'static PassKind) -> Self {
-        Self { layout, kind, made: HashMap::new() }
+        Self {
+            layout,
+            kind,
+            made: HashMap::new(),
+            #[cfg(feature = "window")]
+            sky: None,
+        }
     }
 
     pub(crate) const fn layout(&self) -> &Arc<Layout> {
@@ -60,11 +70,32 @@ impl Pipelines {
     }
 
     pub(crate) fn get(&mut self, style: Style) -> Result<&Pipeline, GpuError> {
-        let Self { layout, kind, made } = self;
+        let Self { layout, kind, made, .. } = self;
         Ok(match made.entry(style) {
             Entry::Occupied(made) => made.into_mut(),
             Entry::Vacant(room) => room.insert(Pipeline::new(layout, &kind.desc(style))?),
         })
+    }
+}
+
+#[cfg(feature = "window")]
+impl Pipelines {
+    /// What fills the picture where nothing was drawn.
+    pub(crate) fn sky(&mut self) -> Result<&Pipeline, GpuError> {
+        let made = match self.sky.take() {
+            Some(made) => made,
+            None => Pipeline::new(
+                &self.layout,
+                &PipelineDesc {
+                    vertex: shader!("vs_sky"),
+                    fragment: Some(shader!("fs_sky")),
+                    input: VertexInput::Nothing,
+                    colour: self.kind.colour.map(|target| target.format),
+                    depth: DepthUse::Test,
+                },
+            )?,
+        };
+        Ok(self.sky.insert(made))
     }
 }
 

@@ -19,7 +19,7 @@ use crate::{GpuError, GpuScene, PassTiming};
 /// What shows where nothing is drawn: a light grey sky, as sRGB.
 pub const BACKGROUND: [u8; 4] = [219, 226, 232, 255];
 
-static KIND: PassKind = PassKind {
+const KIND: PassKind = PassKind {
     name: "drawing the picture",
     vertex: shader!("vs_picture"),
     fragment: Some(shader!("fs_picture")),
@@ -32,6 +32,15 @@ static KIND: PassKind = PassKind {
     }),
     fetch: Fetch::Fixed,
     may_skip: None,
+};
+
+/// For people: see [`PicturePass::for_window`].
+#[cfg(feature = "window")]
+static WINDOW: PassKind = PassKind {
+    vertex: shader!("vs_window"),
+    fragment: Some(shader!("fs_window")),
+    cut: shader!("fs_window_cut"),
+    ..KIND
 };
 
 /// Draws shaded pictures. Frames alternate between two sets of attachments, so that the next can be prepared
@@ -59,9 +68,23 @@ impl PicturePass {
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.
     pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
+        Self::of(scene, &KIND, size)
+    }
+
+    /// A pass for pictures that people look at in a window. Colours are calmer than those that measurements
+    /// compare, and sky and ground are behind what is shown there.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    #[cfg(feature = "window")]
+    pub fn for_window(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
+        Self::of(scene, &WINDOW, size)
+    }
+
+    fn of(scene: &Arc<GpuScene>, kind: &'static PassKind, size: Viewport) -> Result<Self, GpuError> {
         let frame = || {
             Ok(Frame {
-                pass: ScenePass::new(scene, &KIND, size)?,
+                pass: ScenePass::new(scene, kind, size)?,
                 #[cfg(feature = "window")]
                 shown: None,
                 colour: None,

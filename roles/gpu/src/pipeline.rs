@@ -41,6 +41,9 @@ pub(crate) use shader;
 /// What a vertex shader reads: of a vertex, and of its draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum VertexInput {
+    /// Nothing: the shader makes a triangle.
+    #[cfg(feature = "window")]
+    Nothing,
     /// No vertices, which the shader makes, but a box an instance.
     Box,
     /// The position, and the draw's matrix.
@@ -51,6 +54,17 @@ pub(crate) enum VertexInput {
     Id,
     /// No vertices, which the shader fetches by the draw's first index and vertex, but its matrix and id.
     PulledId,
+}
+
+impl VertexInput {
+    /// Whether it is of draws of a scene.
+    fn is_of_a_scene(self) -> bool {
+        #[cfg(feature = "window")]
+        if self == Self::Nothing {
+            return false;
+        }
+        self != Self::Box
+    }
 }
 
 /// What a pipeline does with the depth buffer.
@@ -139,7 +153,7 @@ impl Pipeline {
             SEE_THROUGH_ALPHA,
         ]);
         let mut dynamic_states = vec![vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
-        if desc.input != VertexInput::Box {
+        if desc.input.is_of_a_scene() {
             dynamic_states.push(vk::DynamicState::CULL_MODE);
         }
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic_states);
@@ -219,8 +233,11 @@ type Bindings = Vec<vk::VertexInputBindingDescription>;
 type Attributes = Vec<vk::VertexInputAttributeDescription>;
 
 fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
-    if input == VertexInput::Box {
-        return (vec![instances::<BoxRecord>()], box_attributes());
+    match input {
+        #[cfg(feature = "window")]
+        VertexInput::Nothing => return (vec![], vec![]),
+        VertexInput::Box => return (vec![instances::<BoxRecord>()], box_attributes()),
+        _ => {}
     }
     let vertices = vk::VertexInputBindingDescription {
         binding: VERTICES,
@@ -241,6 +258,8 @@ fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
     }
     attributes.push(position);
     match input {
+        #[cfg(feature = "window")]
+        VertexInput::Nothing => {}
         VertexInput::Box | VertexInput::Position | VertexInput::PulledId => {}
         VertexInput::Facet => {
             attributes.push(attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour)));

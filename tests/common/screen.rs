@@ -1,0 +1,181 @@
+//! A screen that nobody sees, and windows of the program on it.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+use std::{
+    env, fs,
+    io::{BufRead, BufReader, Read},
+    process::{Child, Command, ExitStatus, Stdio},
+    thread,
+    time::Duration,
+};
+
+use tempfile::TempDir;
+
+use crate::program::Bench;
+
+/// Its sides in pixels.
+pub(crate) const SCREEN: [usize; 2] = [1400, 1000];
+
+/// How often something is looked at that is waited for, and how many times.
+const PAUSE: Duration = Duration::from_millis(50);
+const PATIENCE: u32 = 1200;
+
+/// What `look` gives once it gives something.
+pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    for _ in 0..PATIENCE {
+        if let Some(found) = look() {
+            return found;
+        }
+        thread::sleep(PAUSE);
+    }
+    panic!("waited in vain for {what}");
+}
+
+/// An X server that draws into a file.
+pub(crate) struct Screen {
+    server: Child,
+    display: String,
+    folder: TempDir,
+}
+
+impl Screen {
+    /// `None`, with a word, where there is no server and none is required.
+    pub(crate) fn start() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let [width, height] = SCREEN;
+        let mut command = Command::new("Xvfb");
+        command.args([
+            "-displayfd",
+            "1",
+            "-nolisten",
+            "tcp",
+            "-screen",
+            "0",
+            &format!("{width}x{height}x24"),
+        ]);
+        command.arg("-fbdir").arg(folder.path());
+        let server = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let (Ok(mut server), Ok(_)) = (server, Command::new("xdotool").arg("version").output()) else {
+            let why = "it takes Xvfb and xdotool";
+            assert!(env::var_os("TRIMARAN_REQUIRE_SCREEN").is_none(), "{why}");
+            println!("skipped: {why}");
+            return None;
+        };
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        Some(Self { server, display: format!(":{}", number.trim()), folder })
+    }
+
+    /// Opens a scene of `bench`. The validation layer watches what the program does.
+    pub(crate) fn open(&self, bench: &Bench, scene: &str, flags: &[&str]) -> Window<'_> {
+        let name = scene.trim_end_matches(".scene");
+        let args = [&["view", "--window", scene][..], flags].concat();
+        let mut command = bench.command(&args);
+        command.env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
+        command.env("VK_LAYER_ENABLES", "VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT");
+        let program = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut window = Window { screen: self, program, id: String::new() };
+        window.id = wait_for("a window", || {
+            if let Some(code) = window.program.try_wait().unwrap() {
+                panic!("{code}: {}", window.said());
+            }
+            let found = self.xdotool(&["search", "--onlyvisible", "--name", &format!("^{name}: ")])?;
+            found.lines().next().map(str::to_owned)
+        });
+        window.xdotool(&["windowfocus"]);
+        window
+    }
+
+    /// What `xdotool` says, if it succeeds.
+    fn xdotool(&self, args: &[&str]) -> Option<String> {
+        let output = Command::new("xdotool").args(args).env("DISPLAY", &self.display).output().unwrap();
+        output.status.success().then(|| String::from_utf8(output.stdout).unwrap())
+    }
+
+    /// What it shows, row by row from the top: red, green and blue.
+    pub(crate) fn picture(&self) -> Vec<[u8; 3]> {
+        let bytes = fs::read(self.folder.path().join("Xvfb_screen0")).unwrap();
+        // The file is an X window dump: sizes in words of 4 bytes, most significant first.
+        let word =
+            |place: usize| u32::from_be_bytes(bytes[4 * place..4 * place + 4].try_into().unwrap()) as usize;
+        let (header, width, height, row, colours) = (word(0), word(4), word(5), word(12), word(19));
+        assert_eq!([width, height], SCREEN);
+        let pixels = &bytes[header + 12 * colours..];
+        let rows = pixels.chunks(row).take(height);
+        rows.flat_map(|row| row[..4 * width].chunks(4).map(|pixel| [pixel[2], pixel[1], pixel[0]])).collect()
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let _ended = self.server.kill();
+        let _code = self.server.wait();
+    }
+}
+
+/// A window of the program, at the upper left of the screen.
+pub(crate) struct Window<'s> {
+    screen: &'s Screen,
+    program: Child,
+    id: String,
+}
+
+impl Window<'_> {
+    /// Does something to it: a command of `xdotool` with what follows the window.
+    pub(crate) fn xdotool(&self, command: &[&str]) -> String {
+        let args = [&command[..1], &[&self.id], &command[1..]].concat();
+        self.screen.xdotool(&args).unwrap_or_else(|| panic!("{args:?}"))
+    }
+
+    /// Presses keys or moves the pointer, as if by hand.
+    pub(crate) fn by_hand(&self, command: &[&str]) {
+        self.screen.xdotool(command).unwrap_or_else(|| panic!("{command:?}"));
+    }
+
+    pub(crate) fn title(&self) -> String {
+        self.xdotool(&["getwindowname"]).trim().to_owned()
+    }
+
+    /// Where the eye is, as the title says.
+    pub(crate) fn eye(&self) -> [f64; 3] {
+        let title = self.title();
+        let (_, place) = title.split_once("eye at ").unwrap_or_else(|| panic!("{title}"));
+        let mut numbers = place.split([' ', ',']).map(|number| number.parse::<f64>().unwrap());
+        [(); 3].map(|()| numbers.next().unwrap())
+    }
+
+    /// Waits until the eye rests. Gives where.
+    pub(crate) fn rests(&self) -> [f64; 3] {
+        wait_for("rest", || {
+            let before = self.title();
+            thread::sleep(4 * PAUSE);
+            (before == self.title() && !before.contains("pictures")).then(|| self.eye())
+        })
+    }
+
+    pub(crate) fn id(&self) -> u32 {
+        self.program.id()
+    }
+
+    /// Waits until the program has ended. Gives how, and what it has said.
+    pub(crate) fn end(mut self) -> (ExitStatus, String) {
+        let status = wait_for("the program's end", || self.program.try_wait().unwrap());
+        (status, self.said())
+    }
+
+    /// All that the program says until its end.
+    fn said(&mut self) -> String {
+        let mut said = String::new();
+        self.program.stdout.take().unwrap().read_to_string(&mut said).unwrap();
+        self.program.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        said
+    }
+}
+
+impl Drop for Window<'_> {
+    fn drop(&mut self) {
+        let _ended = self.program.kill();
+        let _code = self.program.wait();
+    }
+}

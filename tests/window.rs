@@ -1,0 +1,285 @@
+//! The window on a screen that nobody sees: what it shows, and what a hand does in it. The validation layer
+//! watches all of it.
+#![cfg(feature = "window")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "common/house.rs"]
+mod house;
+#[path = "common/program.rs"]
+mod program;
+#[path = "common/screen.rs"]
+mod screen;
+
+use std::{sync::Arc, thread, time::Duration};
+
+use glam::{DVec3, Vec3};
+use house::{RISE, STEPS, house};
+use program::{Bench, said, signal};
+use screen::{SCREEN, Screen, Window, wait_for};
+use trimaran::{
+    page::SceneDescription,
+    window::navigate::{Drag, Ground, Motion, Navigator, Pose, Solid, Start},
+};
+use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut};
+use trimaran_gpu::{BACKGROUND, Gpu, GpuOptions, GpuScene, PicturePass};
+use trimaran_proto::{Camera, FrameNumber};
+use trimaran_scene::Scene;
+
+/// A scene, and a person in it who moves as the window lets them.
+struct Person {
+    scene: Arc<Scene>,
+    clearance: f64,
+    navigator: Navigator,
+    ground: Ground,
+}
+
+impl Person {
+    fn new(bench: &Bench, scene: &str) -> Self {
+        let file = bench.path(scene);
+        let scene = Arc::new(Scene::open(&file).unwrap());
+        let SceneDescription { start, eye_height, has_floors, vfov_deg, clearance, .. } =
+            SceneDescription::new(&file, &scene).unwrap();
+        let (eye, forward) = (start.eye.into(), start.forward.into());
+        let navigator = Navigator::new(&Start { eye, forward, eye_height, has_floors, vfov_deg });
+        let ground = Ground::new(&scene, eye_height).unwrap();
+        Self { scene, clearance, navigator, ground }
+    }
+
+    /// Stands where it falls.
+    fn rests(&mut self) -> Pose {
+        let Self { navigator, ground, .. } = self;
+        wait_for("the ground", || {
+            let Pose { eye, .. } = navigator.pose();
+            ground.look_around(eye.x, eye.z);
+            ground.spans(eye.x, eye.z).map(|_| ())
+        });
+        while navigator.step(Duration::from_millis(20), Motion::default(), false, ground) {}
+        navigator.pose()
+    }
+
+    /// From where it is, in a picture of this size, with pixels as large as those of one of `of`.
+    fn view(&self, size: [u32; 2], of: [u32; 2]) -> View {
+        let Pose { eye, gaze } = self.navigator.pose();
+        let tan = (self.navigator.vfov_deg().to_radians() / 2.0).tan();
+        let tan = tan * f64::from(size[1]) / f64::from(of[1]);
+        let near = (self.clearance / 2.0) as f32;
+        let turn = gaze.orientation().normalize().to_array();
+        let camera = Camera::new(eye.to_array(), turn, tan as f32, near, FrameNumber(0)).unwrap();
+        View::new(camera, Viewport::new(size[0], size[1]).unwrap())
+    }
+
+    /// What a window of this size is to show: the mean of four pixels each, and nothing where an edge goes
+    /// between sky and things.
+    fn picture(&self, gpu: &Arc<Gpu>, size: [u32; 2]) -> Vec<Option<Vec3>> {
+        // What is culled for is wider by half, with pixels of the same size.
+        let asked = self.view(size.map(|side| (3 * side).div_ceil(2)), size);
+        let mut cut = lod_cut(&self.scene, &asked, LodRule::new(2.0).unwrap());
+        let view = self.view(size, size);
+        draw_order(&self.scene, &view, &mut cut);
+        let [width, height] = size.map(|side| 2 * side);
+        let fine = View::new(*view.camera(), Viewport::new(width, height).unwrap());
+        let drawn = GpuScene::new(gpu, &self.scene).unwrap();
+        let mut pass = PicturePass::for_window(&drawn, fine.viewport()).unwrap();
+        pass.begin(&fine).unwrap();
+        pass.draw(&cut).unwrap();
+        pass.finish().unwrap();
+        let pixels = pass.pixels().unwrap();
+        let mean = |x: u32, y: u32| {
+            let at = |right: u32, down: u32| pixels[((2 * y + down) * width + 2 * x + right) as usize];
+            let four = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+            match four.iter().filter(|pixel| **pixel == BACKGROUND).count() {
+                0 => Some(four.iter().map(colour).sum::<Vec3>() / 4.0),
+                4 => Some(sky(&view, x, y) * 255.0),
+                _ => None,
+            }
+        };
+        (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| mean(x, y))).collect()
+    }
+}
+
+fn colour(&[red, green, blue, _]: &[u8; 4]) -> Vec3 {
+    Vec3::new(f32::from(red), f32::from(green), f32::from(blue))
+}
+
+/// Sky above the horizon and ground below, as the page has it.
+fn sky(view: &View, x: u32, y: u32) -> Vec3 {
+    let size = view.viewport();
+    let across = ((f64::from(x) + 0.5) / f64::from(size.width()) * 2.0 - 1.0) * view.tan_half_fov_x();
+    let up = (1.0 - (f64::from(y) + 0.5) / f64::from(size.height()) * 2.0) * view.tan_half_fov_y();
+    let ray = DVec3::new(across, up, -1.0).normalize();
+    let height = (view.to_view().transpose() * ray).y as f32;
+    let mix =
+        |near: [f32; 3], far: [f32; 3], share: f32| Vec3::from(near).lerp(Vec3::from(far), share.sqrt());
+    let sky = mix([0.90, 0.93, 0.95], [0.62, 0.74, 0.86], height.clamp(0.0, 1.0));
+    let ground = mix([0.80, 0.81, 0.80], [0.60, 0.61, 0.60], (-height).clamp(0.0, 1.0));
+    let edge = ((height + 0.012) / 0.024).clamp(0.0, 1.0);
+    ground.lerp(sky, edge * edge * (3.0 - 2.0 * edge))
+}
+
+/// The share of pixels at which a window that begins at the upper left of the screen shows something else.
+fn wrong(screen: &Screen, size: [u32; 2], expected: &[Option<Vec3>]) -> f64 {
+    let shown = screen.picture();
+    let row = |y: u32| (0..size[0]).map(move |x| y as usize * SCREEN[0] + x as usize);
+    let pixels = (0..size[1]).flat_map(row).map(|place| shown[place]);
+    let is_wrong = |([red, green, blue], expected): ([u8; 3], &Option<Vec3>)| {
+        let shown = Vec3::new(f32::from(red), f32::from(green), f32::from(blue));
+        expected.is_some_and(|expected| (shown - expected).abs().max_element() > 2.0)
+    };
+    pixels.zip(expected).filter(|pair| is_wrong(*pair)).count() as f64 / expected.len() as f64
+}
+
+fn said_nothing(said: &str) {
+    let complaint = said.lines().find(|line| line.contains("Validation") || line.contains("VUID"));
+    assert_eq!(complaint, None, "{said}");
+}
+
+/// Ends the program as a person does.
+fn quit(window: Window<'_>) {
+    window.by_hand(&["key", "ctrl+q"]);
+    let (status, said) = window.end();
+    assert_eq!(status.code(), Some(0), "{said}");
+    said_nothing(&said);
+}
+
+/// Drags from the middle of the window, so that the person turns by so many pixels.
+fn turn(window: &Window<'_>, person: &mut Person, right: i32, down: i32) {
+    window.by_hand(&["mousemove", "400", "300"]);
+    window.by_hand(&["mousedown", "1"]);
+    window.by_hand(&["mousemove", &(400 + right).to_string(), &(300 + down).to_string()]);
+    window.by_hand(&["mouseup", "1"]);
+    let drag = Drag { right: right.into(), down: down.into(), is_pan: false };
+    person.navigator.drag(drag, 600.0);
+}
+
+#[test]
+fn at_rest_the_window_shows_the_whole_cut_whatever_its_size() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::with_plant(300);
+    let gpu = Gpu::open(&GpuOptions::default()).unwrap();
+    let window = screen.open(&bench, "plant.scene", &[]);
+    let mut person = Person::new(&bench, "plant.scene");
+    person.rests();
+    for (size, drag) in
+        [([800, 600], [0, 0]), ([333, 777], [150, 40]), ([1200, 401], [-300, -80]), ([90, 70], [0, 0])]
+    {
+        window.xdotool(&["windowsize", &size[0].to_string(), &size[1].to_string()]);
+        turn(&window, &mut person, drag[0], drag[1]);
+        let expected = person.picture(&gpu, size);
+        let things = expected.iter().filter(|pixel| pixel.is_some()).count();
+        assert!(things * 10 > expected.len() * 9);
+        wait_for("the exact picture", || (wrong(&screen, size, &expected) < 1e-4).then_some(()));
+    }
+    quit(window);
+}
+
+#[test]
+fn a_wall_stops_who_walks_and_stairs_lead_up() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::empty();
+    bench.write("house.obj", house());
+    bench.done(&["import", "house.obj", "-o", "house.scene"]);
+    let window = screen.open(&bench, "house.scene", &[]);
+    let mut person = Person::new(&bench, "house.scene");
+    let Pose { eye, gaze } = person.rests();
+    let [x, y, z] = window.rests();
+    assert!((DVec3::new(x, y, z) - eye).abs().max_element() <= 0.006, "{x} {y} {z} is not {eye}");
+    // North, by 3 thousandths of a radian a pixel.
+    turn(&window, &mut person, (-gaze.heading / 0.003).round() as i32, 0);
+    let go = |key: &str, there: &dyn Fn([f64; 3]) -> bool| {
+        window.by_hand(&["keydown", key]);
+        let mut last = window.eye();
+        // As far as it should be, or nobody goes any further.
+        let reached = wait_for("the way", || {
+            thread::sleep(Duration::from_millis(400));
+            let now = window.eye();
+            let stands = now == std::mem::replace(&mut last, now);
+            (there(now) || stands).then(|| there(now))
+        });
+        window.by_hand(&["keyup", key]);
+        (reached, window.rests())
+    };
+    // Against the wall from the south, or from behind it against the wall of the house.
+    let (walls, expected) = if eye.x < 0.0 && eye.z > -4.0 { ("inner", -4.0) } else { ("outer", -12.0) };
+    let (_, [_, y, z]) = go("w", &|_| false);
+    assert!((expected + 0.1..expected + 0.5).contains(&z) && (y - 1.7).abs() < 0.06, "{walls}: {y} {z}");
+    // To the foot of the stairs, a way along each wall, and up.
+    let (_, [_, _, z]) = go("s", &|[_, _, z]| z > 9.0);
+    assert!(z > 8.0, "{z}");
+    let along = |key: &str, there: &dyn Fn([f64; 3]) -> bool| assert!(go(key, there).0, "{:?}", window.eye());
+    if window.eye()[0] < 5.0 {
+        along("d", &|[x, ..]| x > 4.3);
+    } else {
+        along("a", &|[x, ..]| x < 5.7);
+    }
+    along("w", &|[_, y, z]| y > 3.0 && z < 0.0);
+    let (_, [_, y, _]) = go("w", &|[_, _, z]| z < -3.5);
+    let top = 1.7 + RISE * f64::from(STEPS);
+    assert!((y - top).abs() < 0.06, "not up at {top}: {y}");
+    quit(window);
+}
+
+#[test]
+fn a_window_follows_a_hundred_sizes_and_being_minimized_while_somebody_walks() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::with_plant(100);
+    let gpu = Gpu::open(&GpuOptions::default()).unwrap();
+    let window = screen.open(&bench, "plant.scene", &[]);
+    let mut person = Person::new(&bench, "plant.scene");
+    person.rests();
+    window.rests();
+    window.by_hand(&["keydown", "Left"]);
+    for step in 0..100_u32 {
+        let size = [1 + step * 577 % 1300, 1 + step * 389 % 900];
+        window.xdotool(&["windowsize", &size[0].to_string(), &size[1].to_string()]);
+        if step % 20 == 7 {
+            window.xdotool(&["windowunmap"]);
+            window.xdotool(&["windowmap"]);
+            window.xdotool(&["windowfocus"]);
+            window.by_hand(&["keyup", "Left"]);
+            window.by_hand(&["keydown", "Left"]);
+        }
+    }
+    window.by_hand(&["keyup", "Left"]);
+    window.rests();
+    // Who does not know how far it has turned looks at where a drag ends: straight down.
+    window.xdotool(&["windowsize", "640", "480"]);
+    person.navigator.drag(Drag { right: 0.0, down: -1e6, is_pan: false }, 480.0);
+    for _ in 0..4 {
+        turn(&window, &mut person, 0, -300);
+    }
+    let floor = person.picture(&gpu, [640, 480])[240 * 640 + 320];
+    let shown = || {
+        let [red, green, blue] = screen.picture()[240 * SCREEN[0] + 320];
+        Vec3::new(f32::from(red), f32::from(green), f32::from(blue))
+    };
+    let floor = floor.unwrap();
+    wait_for("the floor", || ((shown() - floor).abs().max_element() <= 2.0).then_some(()));
+    quit(window);
+}
+
+#[test]
+fn a_window_ends_with_the_program_and_the_program_with_its_window() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::with_plant(100);
+    for end in ["closed", "TERM", "INT"] {
+        let window = screen.open(&bench, "plant.scene", &["--present-mode", "fifo"]);
+        window.rests();
+        match end {
+            "closed" => drop(window.xdotool(&["windowclose"])),
+            name => signal(name, &window.id().to_string()),
+        }
+        let (status, said) = window.end();
+        assert_eq!(status.code(), Some(0), "{end}: {said}");
+        said_nothing(&said);
+    }
+}
+
+#[test]
+fn who_has_no_screen_is_told_what_to_do() {
+    let bench = Bench::with_plant(100);
+    let mut command = bench.command(&["view", "--window", "plant.scene"]);
+    command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("no screen to open a window on; set DISPLAY"), "{}", said(&output));
+}
