@@ -13,7 +13,7 @@ use trimaran_proto::{Camera, FrameNumber, LodRule, Settings, ViewState};
 use trimaran_scene::Scene;
 use winit::{
     application::ApplicationHandler,
-    dpi::{LogicalSize, PhysicalPosition},
+    dpi::{LogicalSize, PhysicalPosition, PhysicalSize},
     event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent},
     event_loop::{ActiveEventLoop, ControlFlow},
     keyboard::{KeyCode, ModifiersState, PhysicalKey},
@@ -92,6 +92,8 @@ pub(super) struct State {
 /// A window with its pictures.
 struct Shown {
     window: Arc<Window>,
+    /// Its inside, pixels of the screen.
+    size: PhysicalSize<u32>,
     presenter: Presenter,
     pictures: Pictures,
     /// The size of the picture for which is culled.
@@ -129,13 +131,13 @@ impl App {
         let first = Viewport::new(size.width.max(1), size.height.max(1)).map_err(WindowError::Size)?;
         let pass = PicturePass::for_window(&self.drawn, first)?;
         let pictures = Pictures::new(&self.scene, pass);
-        Ok(Shown { window, presenter, pictures, culled: None, is_hidden: false })
+        Ok(Shown { window, size, presenter, pictures, culled: None, is_hidden: false })
     }
 
     /// Draws from where the eye is now. Gives whether another picture is due at once.
     fn picture(&mut self) -> Result<bool, WindowError> {
         let State { shown: Some(shown), .. } = &mut self.state else { return Ok(false) };
-        let size = shown.window.inner_size();
+        let size = shown.size;
         // It may be waited for here: what moves the eye is asked afterwards.
         let Some(picture) = shown.presenter.acquire([size.width, size.height])? else {
             return Ok(!shown.is_hidden && size.width > 0 && size.height > 0);
@@ -160,7 +162,7 @@ impl App {
         let camera = self.camera(self.navigator.pose(), 1.0)?;
         let is_exact = self.is_exact();
         let State { shown: Some(shown), recent, .. } = &mut self.state else { return Ok(()) };
-        let size = shown.window.inner_size();
+        let size = shown.size;
         let Some(picture) = shown.presenter.acquire([size.width, size.height])? else { return Ok(()) };
         let largest = self.drawn.gpu().info().max_viewport;
         let [width, height] = [picture.width(), picture.height()].map(|side| 2 * side);
@@ -255,8 +257,7 @@ impl App {
         let tan = (self.navigator.vfov_deg().to_radians() / 2.0).tan();
         let near = f64::from(self.near);
         let State { shown: Some(shown), pointer, .. } = &mut self.state else { return None };
-        let size = shown.window.inner_size();
-        let [width, height] = [size.width, size.height].map(f64::from);
+        let [width, height] = [shown.size.width, shown.size.height].map(f64::from);
         let share = DVec2::new(pointer.at.x / width, pointer.at.y / height);
         let depth = match shown.pictures.depth_at(share) {
             Ok(depth) => f64::from(depth),
@@ -314,7 +315,7 @@ impl App {
         let scale = shown.window.scale_factor();
         let is_pan = button != MouseButton::Left || self.state.modifiers.shift_key();
         let drag = Drag { right: (to.x - from.x) / scale, down: (to.y - from.y) / scale, is_pan };
-        self.navigator.drag(drag, f64::from(shown.window.inner_size().height) / scale);
+        self.navigator.drag(drag, f64::from(shown.size.height) / scale);
     }
 
     fn wheel(&mut self, delta: MouseScrollDelta) {
@@ -400,7 +401,11 @@ impl ApplicationHandler<News> for App {
                 }
             }
             WindowEvent::MouseWheel { delta, .. } => self.wheel(delta),
-            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => {}
+            WindowEvent::Resized(size) => {
+                if let Some(shown) = &mut self.state.shown {
+                    shown.size = size;
+                }
+            }
             _ => return,
         }
         self.redraw();

@@ -35,11 +35,20 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         loop {
             let pose = self.cameras.camera(self.dealer.fresh());
             let news = self.newest.is_none_or(|newest| newest.for_frame(pose.frame()) != pose);
+            if !news && self.is_seen(&pose) {
+                return Ok(());
+            }
             let Some(id) = self.dealer.wants_camera(news) else { return Ok(()) };
             let frame = self.dealer.hand_out(id, now);
             self.newest = Some(pose);
             self.publish(id, pose.for_frame(frame))?;
         }
+    }
+
+    /// Whether all is there that is seen from a pose. If the eye rests there, nobody has anything to do.
+    pub(super) fn is_seen(&self, pose: &Camera) -> bool {
+        let there = self.there.values().filter(|culled| culled.missing == 0).map(|culled| &culled.camera);
+        self.shown_whole.iter().chain(there).any(|camera| camera.for_frame(pose.frame()) == *pose)
     }
 
     /// Hands out a camera, and its view state if the culler was told of another one last.
@@ -151,6 +160,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let mut ids = if lacking == 0 { std::mem::take(&mut culled.ids) } else { culled.there() };
         self.note_drawn(&ids);
         let for_loss = self.role.work.draw(camera, &mut ids, culled.missing).await?;
+        self.shown_whole = (culled.missing == 0).then_some(camera);
         let shown = self.clock.elapsed();
         let number = self.said.next_number();
         let picture = match self.observer.wants_picture(number) {

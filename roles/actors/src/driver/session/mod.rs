@@ -55,6 +55,8 @@ pub(super) struct Session<'r, W, A> {
     published: Published,
     /// Live: the newest pose that was handed out.
     newest: Option<Camera>,
+    /// The camera of the frame shown last, if none of its ids were lost.
+    shown_whole: Option<Camera>,
     /// What cullers say of frames.
     said: Said,
     /// What was drawn last.
@@ -111,6 +113,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             failed: None,
             published: Published::default(),
             newest: None,
+            shown_whole: None,
             said: Said::from(role.first),
             last: Vec::new(),
             culled_in: ViewVersion(0),
@@ -162,8 +165,13 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         Ok(())
     }
 
-    fn to_cull_itself(&self) -> Option<FrameNumber> {
-        self.dealer.to_cull_itself().filter(|_| self.role.alone.is_some())
+    fn to_cull_itself(&mut self) -> Option<FrameNumber> {
+        let frame = self.dealer.to_cull_itself().filter(|_| self.role.alone.is_some())?;
+        let rests = self.role.pace == Pace::Live && {
+            let pose = self.cameras.camera(frame);
+            self.is_seen(&pose)
+        };
+        (!rests).then_some(frame)
     }
 
     fn is_over(&self) -> bool {
