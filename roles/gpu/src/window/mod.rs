@@ -166,7 +166,12 @@ impl Presenter {
             Ok(made) => self.swapchain = made.map(Arc::new),
             Err(vk::Result::ERROR_SURFACE_LOST_KHR | vk::Result::ERROR_NATIVE_WINDOW_IN_USE_KHR) => {
                 drop(old);
-                self.surface = Arc::new(Surface::new(&self.gpu, &self.make_surface)?);
+                match Surface::new(&self.gpu, &self.make_surface) {
+                    Ok(surface) => self.surface = Arc::new(surface),
+                    // The window itself is gone: its owner will hear of it.
+                    Err(GpuError::Vulkan { source: vk::Result::ERROR_SURFACE_LOST_KHR, .. }) => {}
+                    Err(error) => return Err(error),
+                }
             }
             Err(code) => return Err(GpuError::from_vk("making a window's images", code)),
         }
