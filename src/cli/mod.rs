@@ -43,9 +43,14 @@ use failure::Failure;
 /// Runs the command line given to this process.
 pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
-    // Thousands of simulated links would each warn of what is told once, and a comparison's walks by the clock
+    // Thousands of simulated links would each warn of what is told once, and a comparison's walks and a window
     // of cores that are too few.
-    let usual = if matches!(cli.command, Command::Sim(_) | Command::Compare(_)) { "error" } else { "warn" };
+    let is_quiet = match &cli.command {
+        Command::Sim(_) | Command::Compare(_) => true,
+        Command::View(args) => args.window,
+        _ => false,
+    };
+    let usual = if is_quiet { "error" } else { "warn" };
     log_to_stderr(cli.verbose, usual);
     match dispatch(cli.command) {
         Ok(()) => ExitCode::SUCCESS,

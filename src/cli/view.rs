@@ -9,7 +9,11 @@ use std::{
 };
 
 use bytesize::ByteSize;
-use trimaran::{config::options, page::DriveReport, scene_cache::CachedScene};
+use trimaran::{
+    config::options,
+    page::{DriveReport, WrongPixels},
+    scene_cache::CachedScene,
+};
 use trimaran_scene::path::PosePath;
 
 use super::{
@@ -22,15 +26,16 @@ use super::{
 };
 
 pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
+    let drive = args.drive.as_deref().map(path).transpose()?;
     #[cfg(feature = "window")]
     if args.window {
-        return super::window::run(args, &scene(args)?);
+        return super::window::run(args, &scene(args)?, drive);
     }
     #[cfg(not(feature = "window"))]
     if args.window {
         return Err(Failure::bad_input(NO_WINDOWS));
     }
-    let drive = args.drive.as_deref().map(path).transpose()?;
+    let drive = drive.map(|path| path.to_json().into_bytes());
     let scene = scene(args)?;
     let service = Service {
         scene: &scene,
@@ -72,13 +77,11 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
 const NO_WINDOWS: &str = "this program was built without windows: build it with `cargo build --release --features \
     window`, or leave --window out to walk in a browser";
 
-/// A camera path, checked, as JSON.
-fn path(file: &Path) -> Result<Vec<u8>, Failure> {
+fn path(file: &Path) -> Result<PosePath, Failure> {
     let unread =
         |error: &dyn Display| Failure::bad_input(format!("cannot read the path {}: {error}", file.display()));
     let text = fs::read_to_string(file).map_err(|error| unread(&error))?;
-    let path = PosePath::from_json(&text).map_err(|error| unread(&error))?;
-    Ok(path.to_json().into_bytes())
+    PosePath::from_json(&text).map_err(|error| unread(&error))
 }
 
 fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
@@ -94,19 +97,8 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
         format!("between two     {:.1} ms, p95 {:.1} ms", report.picture_ms, report.picture_p95_ms),
         format!("sets are old    {:.0} ms, p95 {:.0} ms", report.set_age_ms, report.set_age_p95_ms),
         format!("at rest         exact after {:.0} ms", report.rest_ms),
-        format!(
-            "wrong pixels    median {:.3} %, p95 {:.3} %, mean {:.3} %, at most {:.1} %; none in {} of {} pictures",
-            wrong.median_percent,
-            wrong.p95_percent,
-            wrong.mean_percent,
-            wrong.most_percent,
-            wrong.right,
-            wrong.pictures
-        ),
-        format!(
-            "for so long     above 0.1 % for {:.0} ms; after a jump for {:.0} ms",
-            wrong.longest_ms, wrong.jump_ms
-        ),
+        right(wrong),
+        lasting(wrong),
         format!(
             "received        {}, geometry held {}",
             ByteSize(report.received_bytes),
@@ -127,6 +119,25 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
     });
     let lines: Vec<String> = lines.into_iter().chain(moments).collect();
     printed(writeln!(io::stdout(), "{}", lines.join("\n")))
+}
+
+/// How many pixels were wrong on a walk.
+pub(super) fn right(wrong: &WrongPixels) -> String {
+    format!(
+        "wrong pixels    median {:.3} %, p95 {:.3} %, mean {:.3} %, at most {:.1} %; none in {} of {} pictures",
+        wrong.median_percent,
+        wrong.p95_percent,
+        wrong.mean_percent,
+        wrong.most_percent,
+        wrong.right,
+        wrong.pictures
+    )
+}
+
+/// For how long they were.
+pub(super) fn lasting(wrong: &WrongPixels) -> String {
+    let WrongPixels { longest_ms, jump_ms, .. } = wrong;
+    format!("for so long     above 0.1 % for {longest_ms:.0} ms; after a jump for {jump_ms:.0} ms")
 }
 
 /// The scene that is to be shown: the one given, or that of the files, cooked if it is not yet.

@@ -1,23 +1,31 @@
 //! `trimaran view --window`: the same in a window of the system.
 
-use std::path::Path;
+use std::{
+    io::{self, Write},
+    path::Path,
+};
 
 use trimaran::{
     page::SceneDescription,
-    window::{WindowOptions, navigate::Start, open},
+    report::schema::Stat,
+    window::{WindowOptions, WindowReport, navigate::Start, open},
 };
 use trimaran_proto::LodRule;
+use trimaran_scene::path::PosePath;
 
 use super::{
     Failure,
     args::{DeviceArgs, ViewArgs},
+    print_json, printed,
+    view::{lasting, right},
     walking::{self, gpu_options, runtime, stop_on_signal},
 };
 
 /// The most pixels by which a silhouette may be off: as in the page.
 const EPSILON: f64 = 2.0;
 
-pub(super) fn run(args: &ViewArgs, scene: &Path) -> Result<(), Failure> {
+/// With `drive` it walks along that path by itself, and says how that went.
+pub(super) fn run(args: &ViewArgs, scene: &Path, drive: Option<PosePath>) -> Result<(), Failure> {
     let file = walking::open(scene)?;
     let SceneDescription { name, has_floors, eye_height, clearance, vfov_deg, start, .. } =
         SceneDescription::new(scene, &file.scene).map_err(Failure::broken)?;
@@ -28,11 +36,39 @@ pub(super) fn run(args: &ViewArgs, scene: &Path) -> Result<(), Failure> {
         start: Start { eye, forward, eye_height, has_floors, vfov_deg },
         clearance,
         lod: LodRule::new(EPSILON).map_err(Failure::broken)?,
+        size: [args.size.width, args.size.height],
+        drive,
         present_mode: args.present_mode.into(),
         gpu: gpu_options(device.as_deref(), *gpu_memory, *device_timeout),
     };
     let runtime = runtime()?;
     let stop = stop_on_signal(&runtime);
-    open(&file.scene, &options, runtime.handle(), &stop)
-        .map_err(|error| if error.is_of_input() { Failure::bad_input(error) } else { Failure::broken(error) })
+    let shown = open(&file.scene, &options, runtime.handle(), &stop);
+    let report = shown.map_err(|error| {
+        if error.is_of_input() { Failure::bad_input(error) } else { Failure::broken(error) }
+    })?;
+    match report {
+        Some(report) if args.json => print_json(&report),
+        Some(report) => print_report(&report),
+        None if args.drive.is_some() => Err(Failure::stopped("closed before it had walked to the end")),
+        None => Ok(()),
+    }
+}
+
+fn print_report(report: &WindowReport) -> Result<(), Failure> {
+    let WindowReport { device, present_mode, width, height, pictures, walk_s, wrong, .. } = report;
+    let spread = |stat: Option<Stat>| {
+        stat.map_or_else(String::new, |Stat { median, p95, .. }| format!("{median:.1} ms, p95 {p95:.1} ms"))
+    };
+    let lines = [
+        format!("drawn by        {device}, {width} x {height}, {present_mode}"),
+        format!("first picture   exact after {:.2} s", report.exact_picture_s),
+        format!("pictures        {pictures} in {walk_s:.1} s: {:.1} a second", f64::from(*pictures) / walk_s),
+        format!("between two     {}", spread(report.picture_ms)),
+        format!("sets are old    {}", spread(report.set_age_ms)),
+        format!("at rest         exact after {:.0} ms", report.rest_ms),
+        right(wrong),
+        lasting(wrong),
+    ];
+    printed(writeln!(io::stdout(), "{}", lines.join("\n")))
 }

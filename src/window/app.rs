@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use trimaran_actors::Stopwatch;
 use trimaran_cull::{View, Viewport};
 use trimaran_gpu::{GpuError, GpuScene, PicturePass, PresentMode, Presenter};
-use trimaran_proto::{Camera, FrameNumber, LodRule, Settings, ViewState};
+use trimaran_proto::{Camera, FrameNumber, LodRule, Settings, SettingsError, ViewState};
 use trimaran_scene::Scene;
 use winit::{
     application::ApplicationHandler,
@@ -21,7 +21,8 @@ use winit::{
 };
 
 use super::{
-    WindowError,
+    WindowError, WindowReport,
+    drive::{Drawn, Drive, Exact, Moved},
     navigate::{Drag, Ground, Keys, Mode, Navigator, Pose, Prediction},
     pictures::Pictures,
     recent_sets::RecentSets,
@@ -37,8 +38,6 @@ const SPREAD: [f64; 3] = [0.6, 1.2, 1.8];
 const REST: Duration = Duration::from_millis(150);
 /// How often the title says where the eye is, at most.
 const TITLE: Duration = Duration::from_millis(250);
-/// The window at first, in pixels of a screen that is not scaled.
-const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 
 /// What other threads tell the window.
 #[derive(Debug, Clone, Copy)]
@@ -54,6 +53,8 @@ pub(super) struct App {
     pub(super) name: String,
     pub(super) scene: Arc<Scene>,
     pub(super) drawn: Arc<GpuScene>,
+    /// The window's inside at first, in pixels of a screen that is not scaled.
+    pub(super) size: [u32; 2],
     pub(super) mode: PresentMode,
     pub(super) lod: LodRule,
     /// Nothing comes nearer to an eye of a walk than twice this, metres.
@@ -63,6 +64,8 @@ pub(super) struct App {
     pub(super) wish: Wish,
     pub(super) sets: mpsc::Receiver<FoundSet>,
     pub(super) clock: Stopwatch,
+    /// A walk that it repeats by itself.
+    pub(super) drive: Option<Drive>,
     pub(super) state: State,
 }
 
@@ -86,6 +89,7 @@ pub(super) struct State {
     /// When what is shown has changed last, unless it was drawn finely since.
     changed: Option<Duration>,
     titled: Titled,
+    report: Option<WindowReport>,
     failure: Option<WindowError>,
 }
 
@@ -118,13 +122,16 @@ struct Titled {
 }
 
 impl App {
-    /// Why the window was closed, where nobody wanted that.
-    pub(super) fn into_failure(self) -> Option<WindowError> {
-        self.state.failure
+    /// What is to be told of a walk that it has repeated, or why it was closed though nobody wanted that.
+    pub(super) fn into_report(self) -> Result<Option<WindowReport>, WindowError> {
+        self.state.failure.map_or(Ok(self.state.report), Err)
     }
 
     fn open(&mut self, event_loop: &ActiveEventLoop) -> Result<Shown, WindowError> {
-        let attributes = Window::default_attributes().with_title(&self.name).with_inner_size(SIZE);
+        let attributes =
+            Window::default_attributes()
+                .with_title(&self.name)
+                .with_inner_size(LogicalSize::<u32>::from(self.size));
         let window = Arc::new(event_loop.create_window(attributes).map_err(WindowError::Window)?);
         let presenter = Presenter::new(self.drawn.gpu(), Arc::clone(&window), self.mode)?;
         let size = window.inner_size();
@@ -151,9 +158,29 @@ impl App {
         let State { shown: Some(shown), recent, .. } = &mut self.state else { return Ok(false) };
         shown.window.pre_present_notify();
         shown.pictures.show(&View::new(camera, picture), recent, is_exact, &mut shown.presenter)?;
+        if let Some(drive) = &mut self.drive {
+            let posed = recent.newest().map(|set| set.posed);
+            let ids = shown.pictures.ids();
+            drive.note(&Drawn { at: now, camera, size: picture, ids, posed, is_exact });
+        }
         self.state.changed = Some(now);
         self.tell(now, moved);
-        Ok(moved || self.state.keys.is_any_held())
+        let walks = self.drive.as_ref().is_some_and(Drive::is_walking);
+        Ok(moved || walks || self.state.keys.is_any_held())
+    }
+
+    /// Looks back on a walk that is over. Gives what is to be told of it.
+    fn look_back(&self) -> Result<Option<WindowReport>, WindowError> {
+        let Some(drive) = self.drive.as_ref().filter(|drive| drive.is_done()) else { return Ok(None) };
+        let wider = |view: &View| {
+            let camera = view.camera();
+            let wide = wider(view.viewport()).unwrap_or(view.viewport());
+            let tan = camera.tan_half_fov_y() * (wide.height() as f32 / view.viewport().height() as f32);
+            let asked = Camera::new(camera.eye(), camera.orientation(), tan, camera.near(), FrameNumber(0));
+            View::new(asked.unwrap_or(*camera), wide)
+        };
+        let exact = Exact { scene: &self.scene, drawn: &self.drawn, lod: self.lod, wider };
+        Ok(drive.report(&exact, self.mode)?)
     }
 
     /// The same picture once more, as the mean of four pixels each, where the device draws pictures as large.
@@ -175,7 +202,15 @@ impl App {
 
     /// Moves the eye as the person wants. Gives whether it has moved.
     fn follow(&mut self, now: Duration) -> bool {
-        let Self { navigator, ground, state, .. } = self;
+        let Self { navigator, ground, state, drive, .. } = self;
+        if let Some(drive) = drive {
+            let moved = drive.step(navigator, now);
+            if moved == Some(Moved::Leapt) {
+                state.prediction.forget();
+            }
+            state.prediction.add(now, navigator.pose());
+            return moved.is_some();
+        }
         let pose = navigator.pose();
         ground.look_around(pose.eye.x, pose.eye.z);
         let time = now.saturating_sub(std::mem::replace(&mut state.last, now));
@@ -195,9 +230,7 @@ impl App {
     /// Asks what is visible from where the eye will be when the set is there. Once it rests, its own pose
     /// follows.
     fn ask(&mut self, picture: Viewport, moved: bool) -> Result<(), WindowError> {
-        let wider = |side: u32| ((f64::from(side) * WIDER).ceil() as u32).min(65_536);
-        let wide =
-            Viewport::new(wider(picture.width()), wider(picture.height())).map_err(WindowError::Size)?;
+        let wide = wider(picture).map_err(WindowError::Size)?;
         let State { shown: Some(shown), prediction, turn, latency, .. } = &mut self.state else {
             return Ok(());
         };
@@ -378,6 +411,11 @@ impl ApplicationHandler<News> for App {
                 if self.guard(event_loop, drawn) == Some(true) {
                     self.redraw();
                 }
+                let seen = self.look_back();
+                self.state.report = self.guard(event_loop, seen).flatten();
+                if self.state.report.is_some() {
+                    event_loop.exit();
+                }
                 return;
             }
             WindowEvent::Occluded(is_hidden) => {
@@ -425,6 +463,12 @@ impl ApplicationHandler<News> for App {
         self.guard(event_loop, drawn);
         event_loop.set_control_flow(ControlFlow::Wait);
     }
+}
+
+/// The size of the picture that is culled for where one of this size is shown.
+fn wider(picture: Viewport) -> Result<Viewport, SettingsError> {
+    let wider = |side: u32| ((f64::from(side) * WIDER).ceil() as u32).min(65_536);
+    Viewport::new(wider(picture.width()), wider(picture.height()))
 }
 
 impl From<GpuError> for WindowError {

@@ -4,6 +4,7 @@
 //! A display role beside it deals poses to a culler and takes what that finds, on a thread of its own.
 
 mod app;
+mod drive;
 pub mod navigate;
 mod pictures;
 mod recent_sets;
@@ -27,7 +28,7 @@ use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, PresentMode};
 use trimaran_proto::{
     Camera, CameraError, FrameNumber, Identity, LodRule, Role, SessionKey, Settings, SettingsError,
 };
-use trimaran_scene::Scene;
+use trimaran_scene::{Scene, path::PosePath};
 use trimaran_transport::{Net, TokioNet};
 use winit::{
     error::{EventLoopError, OsError},
@@ -37,6 +38,8 @@ use winit::{
 
 use crate::culling::{Culling, CullingMethod};
 use app::{App, News, State};
+use drive::Drive;
+pub use drive::WindowReport;
 use navigate::{Ground, Navigator, Start};
 use role::{DrawsNothing, PassesOn, Wish};
 
@@ -51,6 +54,10 @@ pub struct WindowOptions {
     pub clearance: f64,
     /// When a level of detail is good enough.
     pub lod: LodRule,
+    /// Its inside at first, in pixels of a screen that is not scaled.
+    pub size: [u32; 2],
+    /// A walk that it is to repeat by itself. Then it closes.
+    pub drive: Option<PosePath>,
     /// When a picture takes the place of the one before.
     pub present_mode: PresentMode,
     /// The device that draws and culls.
@@ -95,8 +102,9 @@ impl WindowError {
     }
 }
 
-/// Opens a window in which a person walks through a scene, and returns when it is closed or `stop` asks. To
-/// be called on the process's main thread, and once in a process: systems demand both.
+/// Opens a window in which a person walks through a scene, and returns when it is closed or `stop` asks. Gives
+/// how a walk went that it has repeated to the end. To be called on the process's main thread, and once in a
+/// process: systems demand both.
 ///
 /// # Errors
 /// Says what is missing for a window, and what failed while it was there.
@@ -105,7 +113,7 @@ pub fn open(
     options: &WindowOptions,
     runtime: &Handle,
     stop: &Stop,
-) -> Result<(), WindowError> {
+) -> Result<Option<WindowReport>, WindowError> {
     let event_loop = EventLoop::with_user_event().build().map_err(WindowError::NoScreen)?;
     let display = event_loop.display_handle().map_err(|_| WindowError::Gpu(GpuError::NoWindows))?;
     let gpu = Gpu::open_for_windows(&options.gpu, display)?;
@@ -117,18 +125,25 @@ pub fn open(
     let (found, sets) = mpsc::channel();
     let near = (options.clearance / 2.0) as f32;
     let wish = Wish::new(first_camera(&options.start, near)?);
+    let mut navigator = Navigator::new(&options.start);
+    let drive = options.drive.as_ref().map(Drive::new);
+    if let Some(drive) = &drive {
+        navigator.set_vfov(drive.vfov_deg());
+    }
     let mut app = App {
         name: options.name.clone(),
         scene: Arc::clone(scene),
         drawn,
+        size: options.size,
         mode: options.present_mode,
         lod: options.lod,
         near,
-        navigator: Navigator::new(&options.start),
+        navigator,
         ground: Ground::new(scene, options.start.eye_height).map_err(WindowError::Thread)?,
         wish: wish.clone(),
         sets,
         clock: turns.clock(),
+        drive,
         state: State::default(),
     };
     // The first picture tells its own size, and with it comes the first view state.
@@ -153,11 +168,9 @@ pub fn open(
         drop(closed);
         let played = display.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         shown?;
-        match (app.into_failure(), played) {
-            (Some(failure), _) => Err(failure),
-            (None, Err(error)) => Err(WindowError::Session(error)),
-            (None, Ok(())) => Ok(()),
-        }
+        let report = app.into_report()?;
+        played.map_err(WindowError::Session)?;
+        Ok(report)
     })
 }
 

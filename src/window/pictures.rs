@@ -46,6 +46,11 @@ impl Pictures {
         pass.present(presenter)
     }
 
+    /// What was drawn last.
+    pub(super) fn ids(&self) -> &[DrawableId] {
+        &self.ids
+    }
+
     /// Depth of the picture shown last at shares of its width and height, from the upper left: the near
     /// distance over that along the gaze, 0 where nothing is.
     pub(super) fn depth_at(&mut self, share: DVec2) -> Result<f32, GpuError> {

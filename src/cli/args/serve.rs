@@ -10,6 +10,8 @@ use trimaran::{
 };
 use trimaran_netsim::Profile;
 
+#[cfg(feature = "window")]
+use super::walks::{Size, size};
 use super::{links::LinkFlags, scenes::ReadingArgs};
 
 #[derive(Debug, Args)]
@@ -44,14 +46,18 @@ pub(crate) struct ViewArgs {
     #[arg(long)]
     pub(crate) no_browser: bool,
     /// Show it in a window of the system instead. Only in programs that were built with the feature `window`.
-    #[arg(long, conflicts_with_all = ["no_browser", "drive"])]
+    #[arg(long, conflicts_with_all = ["no_browser", "network"])]
     pub(crate) window: bool,
+    /// The size of the window's picture at first.
+    #[cfg(feature = "window")]
+    #[arg(long, value_name = "WxH", requires = "window", default_value = "1280x720", value_parser = size)]
+    pub(crate) size: Size,
     /// When a picture takes the place of the one in the window. `mailbox` follows the hand a little sooner
     /// than `fifo` and takes more power, and `immediate` may tear.
     #[cfg(feature = "window")]
     #[arg(long, value_name = "MODE", requires = "window", value_enum, default_value = "fifo")]
     pub(crate) present_mode: PresentModeArg,
-    /// Let the page walk along a camera path by itself, print how it fared, and end.
+    /// Let the page or the window walk along a camera path by itself, print how it fared, and end.
     #[arg(long, value_name = "PATH.json")]
     pub(crate) drive: Option<PathBuf>,
     /// A network that is simulated between the page and its culler on that walk: fast-ethernet, gigabit, 10g,
@@ -59,7 +65,7 @@ pub(crate) struct ViewArgs {
     #[arg(long, value_name = "NAME", requires = "drive", hide_possible_values = true)]
     #[arg(value_parser = PossibleValuesParser::new(Profile::names()))]
     pub(crate) network: Option<String>,
-    /// Print how the page fared as JSON.
+    /// Print how it fared as JSON.
     #[arg(long, requires = "drive")]
     pub(crate) json: bool,
     #[command(flatten)]

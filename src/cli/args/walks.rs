@@ -224,7 +224,7 @@ pub(crate) struct DemoArgs {
     pub(crate) out: PathBuf,
 }
 
-fn size(text: &str) -> Result<Size, String> {
+pub(super) fn size(text: &str) -> Result<Size, String> {
     let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match sides {
         Some((width @ 1.., height @ 1..)) => Ok(Size { width, height }),

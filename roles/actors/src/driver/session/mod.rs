@@ -154,7 +154,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
                 self.show(frame).await?;
             } else if self.has_more() {
                 self.show_again().await?;
-            } else if let Some(frame) = self.to_cull_itself() {
+            } else if let Some(frame) = self.itself_to_cull() {
                 self.cull_itself(frame).await?;
             } else {
                 let event = self.event(Some(self.next_look())).await;
@@ -165,7 +165,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         Ok(())
     }
 
-    fn to_cull_itself(&mut self) -> Option<FrameNumber> {
+    fn itself_to_cull(&mut self) -> Option<FrameNumber> {
         let frame = self.dealer.to_cull_itself().filter(|_| self.role.alone.is_some())?;
         let rests = self.role.pace == Pace::Live && {
             let pose = self.cameras.camera(frame);
