@@ -16,6 +16,7 @@ use glam::{DVec3, Vec3};
 use house::{RISE, STEPS, house};
 use program::{Bench, said, signal};
 use screen::{SCREEN, Screen, Window, wait_for};
+use serde_json::{Value, json};
 use trimaran::{
     page::SceneDescription,
     window::navigate::{Drag, Ground, Motion, Navigator, Pose, Solid, Start},
@@ -290,4 +291,40 @@ fn who_has_no_screen_is_told_what_to_do() {
     let output = command.output().unwrap();
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(said(&output).contains("no screen to open a window on; set DISPLAY"), "{}", said(&output));
+}
+
+#[test]
+fn a_window_repeats_a_walk_and_says_how_it_went() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::with_plant(100);
+    bench.done(&[
+        "run",
+        "plant.scene",
+        "--frames",
+        "60",
+        "--audit-every",
+        "0",
+        "--size",
+        "64x64",
+        "--out",
+        "walk",
+    ]);
+    let report = bench.report("walk");
+    let frames = report["frames"].as_array().unwrap().iter();
+    let poses: Vec<_> = frames
+        .map(|frame| json!({ "eye": frame["eye"], "forward": frame["forward"], "up": frame["up"] }))
+        .collect();
+    bench.write("path.json", json!({ "vfov_deg": report["vfov_deg"], "frames": poses }).to_string());
+    let window = screen.open(&bench, "plant.scene", &["--drive", "path.json", "--json", "--size", "320x240"]);
+    let (status, said) = window.end();
+    assert_eq!(status.code(), Some(0), "{said}");
+    said_nothing(&said);
+    let json = said.get(said.find('{').unwrap()..=said.rfind('}').unwrap()).unwrap();
+    let report: Value = serde_json::from_str(json).unwrap_or_else(|error| panic!("{error}: {said}"));
+    assert_eq!((&report["width"], &report["height"]), (&json!(320), &json!(240)));
+    assert!(report["walkS"].as_f64().unwrap() >= 2.0, "60 poses of 30 a second: {report}");
+    let wrong = &report["wrong"];
+    assert!(wrong["pictures"].as_u64().unwrap() > 3, "{report}");
+    assert!(wrong["medianPercent"].as_f64().unwrap() < 5.0, "{report}");
+    assert!(report["pictures"].as_u64() >= wrong["pictures"].as_u64(), "{report}");
 }
