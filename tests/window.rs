@@ -10,12 +10,12 @@ mod program;
 #[path = "common/screen.rs"]
 mod screen;
 
-use std::{sync::Arc, thread, time::Duration};
+use std::{process::ExitStatus, sync::Arc, thread, time::Duration};
 
 use glam::{DVec3, Vec3};
 use house::{RISE, STEPS, house};
 use program::{Bench, said, signal};
-use screen::{SCREEN, Screen, Window, wait_for};
+use screen::{Compositor, SCREEN, Screen, Window, wait_for};
 use serde_json::{Value, json};
 use trimaran::{
     page::SceneDescription,
@@ -293,9 +293,8 @@ fn who_has_no_screen_is_told_what_to_do() {
     assert!(said(&output).contains("no screen to open a window on; set DISPLAY"), "{}", said(&output));
 }
 
-#[test]
-fn a_window_repeats_a_walk_and_says_how_it_went() {
-    let Some(screen) = Screen::start() else { return };
+/// A plant, and a walk of two seconds in it.
+fn plant_and_path() -> Bench {
     let bench = Bench::with_plant(100);
     bench.done(&[
         "run",
@@ -315,16 +314,38 @@ fn a_window_repeats_a_walk_and_says_how_it_went() {
         .map(|frame| json!({ "eye": frame["eye"], "forward": frame["forward"], "up": frame["up"] }))
         .collect();
     bench.write("path.json", json!({ "vfov_deg": report["vfov_deg"], "frames": poses }).to_string());
-    let window = screen.open(&bench, "plant.scene", &["--drive", "path.json", "--json", "--size", "320x240"]);
-    let (status, said) = window.end();
+    bench
+}
+
+/// What a window says of a walk that it was to repeat.
+fn told((status, said): (ExitStatus, String)) -> Value {
     assert_eq!(status.code(), Some(0), "{said}");
     said_nothing(&said);
     let json = said.get(said.find('{').unwrap()..=said.rfind('}').unwrap()).unwrap();
     let report: Value = serde_json::from_str(json).unwrap_or_else(|error| panic!("{error}: {said}"));
     assert_eq!((&report["width"], &report["height"]), (&json!(320), &json!(240)));
     assert!(report["walkS"].as_f64().unwrap() >= 2.0, "60 poses of 30 a second: {report}");
+    report
+}
+
+const DRIVE: [&str; 5] = ["--drive", "path.json", "--json", "--size", "320x240"];
+
+#[test]
+fn a_window_repeats_a_walk_and_says_how_it_went() {
+    let Some(screen) = Screen::start() else { return };
+    let report = told(screen.open(&plant_and_path(), "plant.scene", &DRIVE).end());
     let wrong = &report["wrong"];
     assert!(wrong["pictures"].as_u64().unwrap() > 3, "{report}");
     assert!(wrong["medianPercent"].as_f64().unwrap() < 5.0, "{report}");
     assert!(report["pictures"].as_u64() >= wrong["pictures"].as_u64(), "{report}");
+}
+
+#[test]
+fn a_window_is_shown_on_wayland_as_well() {
+    let Some(compositor) = Compositor::start() else { return };
+    let bench = plant_and_path();
+    for mode in ["fifo", "mailbox"] {
+        let flags = [&DRIVE[..], &["--present-mode", mode]].concat();
+        assert_eq!(told(compositor.run(&bench, "plant.scene", &flags))["presentMode"], mode);
+    }
 }

@@ -396,6 +396,11 @@ impl ApplicationHandler<News> for App {
         self.state.shown = None;
     }
 
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        // The connection to the screen goes with the event loop, and nothing of the window may outlive it.
+        self.state.shown = None;
+    }
+
     fn user_event(&mut self, event_loop: &ActiveEventLoop, news: News) {
         match news {
             News::Set => self.redraw(),

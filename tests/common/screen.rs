@@ -56,24 +56,18 @@ impl Screen {
         command.arg("-fbdir").arg(folder.path());
         let server = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let (Ok(mut server), Ok(_)) = (server, Command::new("xdotool").arg("version").output()) else {
-            let why = "it takes Xvfb and xdotool";
-            assert!(env::var_os("TRIMARAN_REQUIRE_SCREEN").is_none(), "{why}");
-            println!("skipped: {why}");
-            return None;
+            return skipped("it takes Xvfb and xdotool");
         };
         let mut number = String::new();
         BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
         Some(Self { server, display: format!(":{}", number.trim()), folder })
     }
 
-    /// Opens a scene of `bench`. The validation layer watches what the program does.
+    /// Opens a scene of `bench`.
     pub(crate) fn open(&self, bench: &Bench, scene: &str, flags: &[&str]) -> Window<'_> {
         let name = scene.trim_end_matches(".scene");
-        let args = [&["view", "--window", scene][..], flags].concat();
-        let mut command = bench.command(&args);
+        let mut command = watched(bench, scene, flags);
         command.env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
-        command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
-        command.env("VK_LAYER_ENABLES", "VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT");
         let program = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut window = Window { screen: self, program, id: String::new() };
         window.id = wait_for("a window", || {
@@ -112,6 +106,57 @@ impl Drop for Screen {
         let _ended = self.server.kill();
         let _code = self.server.wait();
     }
+}
+
+/// A Wayland compositor that shows nothing to anybody.
+pub(crate) struct Compositor {
+    server: Child,
+    folder: TempDir,
+}
+
+impl Compositor {
+    /// `None`, with a word, where there is none and none is required.
+    pub(crate) fn start() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = Command::new("weston");
+        command.args(["--backend=headless-backend.so", "--socket=nobody", "--idle-time=0", "--no-config"]);
+        command.env("XDG_RUNTIME_DIR", folder.path()).stdout(Stdio::null()).stderr(Stdio::null());
+        let Ok(server) = command.spawn() else { return skipped("it takes weston") };
+        let compositor = Self { server, folder };
+        wait_for("the compositor", || compositor.folder.path().join("nobody").exists().then_some(()));
+        Some(compositor)
+    }
+
+    /// Opens a scene of `bench`, and waits for the program's end: how it ended, and what it has said.
+    pub(crate) fn run(&self, bench: &Bench, scene: &str, flags: &[&str]) -> (ExitStatus, String) {
+        let mut command = watched(bench, scene, flags);
+        command.env_remove("DISPLAY").env("WAYLAND_DISPLAY", "nobody");
+        let output = command.env("XDG_RUNTIME_DIR", self.folder.path()).output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        (output.status, String::from_utf8(said).unwrap())
+    }
+}
+
+impl Drop for Compositor {
+    fn drop(&mut self) {
+        let _ended = self.server.kill();
+        let _code = self.server.wait();
+    }
+}
+
+/// The program with a window of a scene. The validation layer watches what it does.
+fn watched(bench: &Bench, scene: &str, flags: &[&str]) -> Command {
+    let mut command = bench.command(&[&["view", "--window", scene][..], flags].concat());
+    command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
+    command.env("VK_LAYER_ENABLES", "VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT");
+    command
+}
+
+/// Nothing, with a word; a panic where a screen is required.
+fn skipped<T>(why: &str) -> Option<T> {
+    assert!(env::var_os("TRIMARAN_REQUIRE_SCREEN").is_none(), "{why}");
+    println!("skipped: {why}");
+    None
 }
 
 /// A window of the program, at the upper left of the screen.
