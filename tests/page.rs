@@ -380,3 +380,38 @@ fn a_page_with_a_wrong_token_says_so() {
     };
     assert!(status.as_str().unwrap().contains("token"), "{status}");
 }
+
+#[test]
+fn a_page_goes_on_with_several_cullers_and_with_two_that_take_turns() {
+    let bench = Bench::with_plant(300);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let Some(mut browser) = Browser::start(300, 300) else { return };
+    browser.done(json!({ "do": "open", "url": service.url() }));
+    browser.done(json!({ "do": "settle" }));
+    let scene = Scene::open(&bench.path("plant.scene")).unwrap();
+    browser.done(json!({ "do": "press", "key": "KeyP" }));
+    let mut before = browser.done(json!({ "do": "look" }));
+    let in_turn = "two that take turns, as in the paper";
+    for (chosen, count) in [("two, each for itself", 2), (in_turn, 2), ("four", 4), ("one", 1)] {
+        browser.done(json!({ "do": "choose", "label": "Cullers", "value": chosen }));
+        let expected = json!({ "count": count, "isInTurn": chosen == in_turn });
+        for look in 0.. {
+            browser.done(json!({ "do": "hold", "key": "ArrowLeft", "milliseconds": 300 }));
+            let now = browser.done(json!({ "do": "look" }))["cullers"].take();
+            if now == expected {
+                break;
+            }
+            assert!(look < 100, "{chosen}: {now}");
+        }
+        browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 700 }));
+        browser.done(json!({ "do": "settle" }));
+        let look = browser.done(json!({ "do": "look" }));
+        assert_eq!(look["cullers"], expected, "{chosen}");
+        assert_ne!(look["orientation"], before["orientation"], "{chosen}");
+        assert!(look["frame"].as_u64() > before["frame"].as_u64(), "{chosen}");
+        let Difference { drawables, pixels, .. } = difference(&look, &scene);
+        assert_eq!(drawables, [], "{chosen}");
+        assert!(pixels < 0.01, "{chosen}: {pixels}");
+        before = look;
+    }
+}

@@ -14,7 +14,7 @@ use trimaran::{
     page::{Drive, DriveReport, Pages, SceneDescription, Token},
 };
 use trimaran_actors::{CullerService, ServiceEndpoints, max_frame};
-use trimaran_transport::{Net, Options, TokioNet};
+use trimaran_transport::{Endpoints, Net, Options, TokioNet};
 
 use super::{
     Failure,
@@ -76,8 +76,9 @@ impl Service<'_> {
         let metrics = Metrics::show(self.metrics, &runtime)?;
         let mut options = Options { transports: vec![Arc::new(pages.clone())], ..self.options };
         options.link.max_frame = max_frame(&file.scene);
-        let listen = Some(Pages::endpoint(self.listen).into());
-        let at = ServiceEndpoints { listen, displays: Vec::new(), options };
+        // The first is the page's.
+        let listen = Endpoints::from(Pages::endpoint(self.listen)).and(description.meeting.clone());
+        let at = ServiceEndpoints { listen: Some(listen), displays: Vec::new(), options };
         let started = runtime.block_on(CullerService::start(&net, file.scene.outline(), at));
         let service =
             started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })?;

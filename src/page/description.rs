@@ -2,13 +2,14 @@
 
 use std::{path::Path, sync::Arc};
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use trimaran_netsim::Profile;
 use trimaran_scene::{
     Scene,
     heightfield::Heightfield,
     path::{AutoPathError, AutoPathOptions, PathKind, auto},
 };
+use trimaran_transport::{Endpoint, Name};
 
 /// A scene as the page is told of it. Lengths are metres, in world space with y up.
 #[derive(Debug, Clone, Serialize)]
@@ -36,8 +37,15 @@ pub struct SceneDescription {
     pub vfov_deg: f64,
     /// Where to begin.
     pub start: Start,
+    /// Where cullers of the service meet each other, when a page asks two of them to take turns.
+    #[serde(serialize_with = "as_text")]
+    pub meeting: Endpoint,
     /// The networks that can be simulated between the page and its culler.
     pub networks: Vec<Network>,
+}
+
+fn as_text<S: Serializer>(endpoint: &Endpoint, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(endpoint)
 }
 
 /// A network that can be simulated.
@@ -84,6 +92,7 @@ impl SceneDescription {
             clearance: found.clearance,
             vfov_deg: found.path.vfov_deg(),
             start,
+            meeting: Endpoint::Inproc(Name::unique()),
             networks: Profile::names()
                 .filter_map(|name| Profile::find(name).ok())
                 .map(|Profile { name, about, .. }| Network { name, about })

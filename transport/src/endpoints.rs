@@ -30,6 +30,13 @@ impl Endpoints {
         &self.first
     }
 
+    /// The same, and behind them another one.
+    #[must_use]
+    pub fn and(mut self, endpoint: Endpoint) -> Self {
+        self.push(endpoint);
+        self
+    }
+
     /// Adds another one.
     pub(crate) fn push(&mut self, endpoint: Endpoint) {
         self.rest.push(endpoint);

@@ -227,7 +227,8 @@ function look(): unknown {
     depth: renderer.depth,
     frame: display?.shown?.camera.frame,
     latency: display?.latency,
-    bytes: display?.link.bytes,
+    cullers: display?.cullers,
+    bytes: display?.bytes,
   };
 }
 

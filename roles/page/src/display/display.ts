@@ -6,7 +6,7 @@
 import { type Camera, decodeCamera, encodeCamera } from "../proto/camera.ts";
 import { faultOfIds, IdDecoder } from "../proto/idCoding.ts";
 import { CloseCode, decodeIdentity, encodeIdentity, type Outline, TRIMARAN } from "../proto/identity.ts";
-import { decodeRoleMessage, viewMessages } from "../proto/messages.ts";
+import { decodeRoleMessage, encodeRoleMessage, viewMessages } from "../proto/messages.ts";
 import { loadCodecs } from "../proto/piece.ts";
 import type { DrawableRecord } from "../proto/records.ts";
 import type { Settings } from "../proto/settings.ts";
@@ -14,8 +14,11 @@ import { type DisplayItem, dropped, holds, lacks, packBlocks } from "../proto/su
 import { type ViewState, viewStateOf } from "../proto/viewState.ts";
 import { WireError } from "../wire/bytes.ts";
 import type { Frame } from "../wire/frames.ts";
-import { connect, type Link, type LinkEnd } from "../wire/link.ts";
+import { LANES, type LaneName } from "../wire/handshake.ts";
+import { type Bytes, connect, type Link, type LinkEnd } from "../wire/link.ts";
+import { Dealing, type Schedule } from "./dealing.ts";
 import { Holdings, type Store } from "./holdings.ts";
+import { Introduction } from "./introduction.ts";
 import { RecentSets } from "./recentSets.ts";
 import { Timeline } from "./timeline.ts";
 
@@ -29,8 +32,16 @@ export interface DisplayOptions {
   /** The most bytes of unpacked geometry that are kept. */
   readonly memory: number;
   readonly store: Store;
+  /** How many cullers, and how they share frames. */
+  readonly cullers: number;
+  readonly schedule: Schedule;
+  /** Where cullers of the service meet. */
+  readonly meeting: string;
   readonly onEnd: (end: LinkEnd) => void;
 }
+
+/** A pose that is culled for. */
+type Pose = Omit<Camera, "frame" | "viewState">;
 
 /** A set of drawables that a culler has found for a camera. */
 interface FoundSet {
@@ -56,7 +67,12 @@ export interface Shown {
 }
 
 export class Display {
-  readonly #link: Link;
+  /** To each culler; the first one sends geometry as well. */
+  readonly #links: readonly Link[];
+  readonly #dealing: Dealing;
+  readonly #introduction: Introduction | undefined;
+  /** What nobody could be asked for yet. */
+  #owed: { readonly pose: Pose; readonly isForeseen: boolean } | undefined;
   readonly #holdings: Holdings;
   readonly #waiting: FoundSet[] = [];
   /** Frames that were published, by number: when, and whether nobody has been there yet. */
@@ -70,7 +86,11 @@ export class Display {
   /** Bytes of blocks that were taken, and what the culler knows of that. */
   #taken = 0;
   #confirmed = 0;
-  #frame = 0;
+  readonly #onEnd: (end: LinkEnd) => void;
+  #isOver = false;
+  #frame: number;
+  /** The newest frame whose ids have come. */
+  #newestFound = 0;
   #view: { version: number; state: ViewState };
   #latency = 0;
   /** When the newest set came, and how long it took once the one before was there. */
@@ -81,38 +101,45 @@ export class Display {
   /** Cameras that were published, and ids that came. */
   readonly counts = { cameras: 0, ids: 0 };
 
-  private constructor(link: Link, holdings: Holdings, settings: Settings) {
-    [this.#link, this.#holdings] = [link, holdings];
-    this.#view = { version: 0, state: viewStateOf(settings) };
+  private constructor(links: readonly Link[], holdings: Holdings, options: DisplayOptions, last: number) {
+    [this.#links, this.#holdings, this.#frame, this.#onEnd] = [links, holdings, last, options.onEnd];
+    this.#dealing = new Dealing(links.length, last);
+    this.#view = { version: 0, state: viewStateOf(options.settings) };
+    if (options.schedule === "switch" && links.length === 2) {
+      this.#introduction = this.#introduce(options.meeting);
+    }
     this.#say([...holds(...holdings.all()), { item: "begin", coarserFirst: true, ahead: AHEAD }]);
   }
 
   /**
-   * Finds a culler at `url`, and begins a session with it. Of the same scene it keeps what the display
-   * `before` had, and shows that until something newer is there.
+   * Finds its cullers at `url`, and begins a session with each. Of the same scene it keeps what the display
+   * `before` had, and shows that until something newer is there. It ends with the first link that does.
    */
   static async join(url: string, options: DisplayOptions, before?: Display): Promise<Display> {
     await loadCodecs();
     const { settings } = options;
-    const key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
     let outline: Outline | undefined;
     let display: Display | undefined;
-    const link = await connect(url, encodeIdentity({ role: "display", session: { key, settings } }), {
-      application: TRIMARAN,
-      admit: (introduction) => {
-        const { role, scene } = decodeIdentity(introduction);
-        if (role !== "culler" || scene === undefined) {
-          return { isTaken: false, why: "a display needs a culler with a scene" };
-        }
-        outline = scene;
-        return { isTaken: true, mostIds: scene.drawables, decoder: new IdDecoder() };
-      },
-      handlers: {
-        onFrame: (frame) => display?.guard(() => display?.takeFrame(frame)),
-        onMessage: (payload) => display?.guard(() => display?.takeMessage(payload)),
-        onBlock: (block) => display?.guard(() => display?.takeBlock(block)),
-        onEnd: options.onEnd,
-      },
+    const links = await connectAll(options.cullers, (culler) => {
+      // A key of its own: it is no display that comes again.
+      const key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
+      return connect(url, encodeIdentity({ role: "display", session: { key, settings } }), {
+        application: TRIMARAN,
+        admit: (introduction) => {
+          const { role, scene } = decodeIdentity(introduction);
+          if (role !== "culler" || scene === undefined) {
+            return { isTaken: false, why: "a display needs a culler with a scene" };
+          }
+          outline = scene;
+          return { isTaken: true, mostIds: scene.drawables, decoder: new IdDecoder() };
+        },
+        handlers: {
+          onFrame: (frame) => display?.guard(() => display?.takeFrame(culler, frame)),
+          onMessage: (payload) => display?.guard(() => display?.takeMessage(culler, payload)),
+          onBlock: (block) => display?.guard(() => display?.takeBlock(block)),
+          onEnd: (end) => display?.end(end),
+        },
+      });
     });
     if (outline === undefined) {
       throw new WireError("the culler did not say which scene it has");
@@ -120,10 +147,9 @@ export class Display {
     const kept = before?.outline.hash === outline.hash ? before : undefined;
     const holdings = kept?.holdings ?? new Holdings(outline, options.store, options.memory);
     holdings.beginAnew();
-    display = new Display(link, holdings, settings);
+    // Frames of before are not taken for those of these links.
+    display = new Display(links, holdings, options, kept === undefined ? 0 : kept.#frame + 1);
     if (kept !== undefined) {
-      // Its frames are not taken for those of this link.
-      display.#frame = kept.#frame + 1;
       [display.#shown, display.#whole] = [kept.#shown, kept.#whole];
     }
     return display;
@@ -137,8 +163,26 @@ export class Display {
     return this.#holdings;
   }
 
-  get link(): Link {
-    return this.#link;
+  /** It asks for nothing any more. */
+  get isOver(): boolean {
+    return this.#isOver;
+  }
+
+  /** What has travelled on each lane, of all links together. */
+  get bytes(): Readonly<Record<LaneName, Bytes>> {
+    const sum = (lane: LaneName): Bytes => {
+      const all = this.#links.map(({ bytes }) => bytes[lane]);
+      const add = (of: keyof Bytes) => all.reduce((bytes, one) => bytes + one[of], 0);
+      return { sent: add("sent"), received: add("received") };
+    };
+    const [latest, frames, messages, bulk] = LANES.map(sum);
+    const none = { sent: 0, received: 0 };
+    return { latest: latest ?? none, frames: frames ?? none, messages: messages ?? none, bulk: bulk ?? none };
+  }
+
+  /** How many cullers there are, and whether they take turns. */
+  get cullers(): { readonly count: number; readonly isInTurn: boolean } {
+    return { count: this.#links.length, isInTurn: this.#dealing.isInTurn };
   }
 
   /** Milliseconds from a camera to its set, of the newest set that came. */
@@ -158,7 +202,8 @@ export class Display {
 
   /** Whether what is shown was found for the newest camera, and is all there. */
   get isSettled(): boolean {
-    return this.#shown?.isExact === true && this.#shown.camera.frame === this.#frame;
+    const isNewest = this.#shown?.camera.frame === this.#frame && this.#owed === undefined;
+    return isNewest && this.#shown?.isExact === true;
   }
 
   /** What is to be drawn now; nothing before the first set is there. */
@@ -168,21 +213,30 @@ export class Display {
 
   /**
    * Asks what is visible from here. A pose that was not culled yet gives way to it. Where the eye is not, but
-   * may soon be, what was visible lately is shown as well. Gives the number of the frame.
+   * may soon be, what was visible lately is shown as well. Gives the number of the frame; nothing where it
+   * is asked for once another frame has come.
    */
-  publish(pose: Omit<Camera, "frame" | "viewState">, isForeseen: boolean): number {
-    this.#frame += 1;
+  publish(pose: Pose, isForeseen: boolean): number | undefined {
+    const dealt = this.#dealing.deal();
+    this.#owed = dealt === undefined ? { pose, isForeseen } : undefined;
+    if (dealt === undefined) {
+      return undefined;
+    }
+    const { culler, frame } = dealt;
+    this.#frame = frame;
     this.counts.cameras += 1;
-    this.#asked.set(this.#frame, { at: performance.now(), isForeseen });
-    this.#link.publish(encodeCamera({ ...pose, frame: this.#frame, viewState: this.#view.version }));
-    return this.#frame;
+    this.#asked.set(frame, { at: performance.now(), isForeseen });
+    this.#links[culler]?.publish(encodeCamera({ ...pose, frame, viewState: this.#view.version }));
+    return frame;
   }
 
   /** Changes what is seen; the next camera that is published is seen in it. */
   change(change: Partial<ViewState>): void {
     this.#view = { version: this.#view.version + 1, state: { ...this.#view.state, ...change } };
     for (const message of viewMessages(this.#view.version, this.#view.state)) {
-      this.#link.sendMessage(message);
+      for (const link of this.#links) {
+        link.sendMessage(message);
+      }
     }
   }
 
@@ -194,7 +248,20 @@ export class Display {
   }
 
   leave(): void {
-    this.#link.close(CloseCode.finished, "");
+    for (const link of this.#links) {
+      link.close(CloseCode.finished, "");
+    }
+  }
+
+  /** A link is over. The others go with it. */
+  end(end: LinkEnd): void {
+    const isFirst = !this.#isOver;
+    this.#isOver = true;
+    this.#introduction?.stop();
+    this.leave();
+    if (isFirst) {
+      this.#onEnd(end);
+    }
   }
 
   /** Ends the link where the culler has broken the protocol, and says why. */
@@ -205,16 +272,27 @@ export class Display {
       if (!(error instanceof WireError)) {
         throw error;
       }
-      this.#link.close(CloseCode.failed, error.message);
+      for (const link of this.#links) {
+        link.close(CloseCode.failed, error.message);
+      }
     }
   }
 
-  takeFrame(frame: Frame): void {
+  takeFrame(culler: number, frame: Frame): void {
     const fault = faultOfIds(frame.ids, this.outline.drawables);
     if (fault !== undefined) {
       throw new WireError(fault);
     }
     const camera = decodeCamera(frame.header);
+    this.#dealing.came(culler, camera.frame);
+    if (this.#owed !== undefined) {
+      this.publish(this.#owed.pose, this.#owed.isForeseen);
+    }
+    if (camera.frame < this.#newestFound) {
+      // Another culler was faster with a newer one.
+      return;
+    }
+    this.#newestFound = camera.frame;
     const now = performance.now();
     const { at: posed, isForeseen } = this.#asked.get(camera.frame) ?? { at: now, isForeseen: false };
     this.#latency = now - posed;
@@ -237,10 +315,12 @@ export class Display {
     this.#look();
   }
 
-  takeMessage(payload: Uint8Array): void {
+  takeMessage(culler: number, payload: Uint8Array): void {
     const message = decodeRoleMessage(payload);
     if (message.what === "stats") {
       this.timeline.said(message.stats);
+    } else {
+      this.#introduction?.hear(culler, message);
     }
   }
 
@@ -249,6 +329,24 @@ export class Display {
     this.#taken += block.length;
     this.#say([]);
     this.#look();
+  }
+
+  /** Lets two cullers meet, and take turns from then on. Until then each culls for itself. */
+  #introduce(meeting: string): Introduction {
+    return new Introduction(
+      meeting,
+      (culler, message) => this.#links[culler]?.sendMessage(encodeRoleMessage(message)),
+      () => {
+        this.#dealing.isHeld = true;
+        return this.#dealing.last + 1;
+      },
+      ({ isSwitched }) => {
+        [this.#dealing.isHeld, this.#dealing.isInTurn] = [false, isSwitched];
+        if (this.#owed !== undefined) {
+          this.publish(this.#owed.pose, this.#owed.isForeseen);
+        }
+      },
+    );
   }
 
   /**
@@ -320,13 +418,33 @@ export class Display {
         }
         this.#due = [];
         this.#isDue = false;
-        if (!this.#link.isOver) {
+        const [supplier] = this.#links;
+        if (supplier !== undefined && !this.isOver) {
           for (const block of packBlocks(due)) {
-            this.#link.sendBlock(block);
+            supplier.sendBlock(block);
           }
         }
       });
     }
     this.#due.push(...items);
+  }
+}
+
+/** Links to so many cullers, one after the other. Where one does not come about, none stays. */
+async function connectAll(count: number, connect: (culler: number) => Promise<Link>): Promise<Link[]> {
+  const links: Link[] = [];
+  try {
+    while (links.length < count) {
+      links.push(await connect(links.length));
+    }
+    if (links.some(({ isOver }) => isOver)) {
+      throw new WireError("a culler has left while others were looked for");
+    }
+    return links;
+  } catch (error) {
+    for (const link of links) {
+      link.close(CloseCode.finished, "");
+    }
+    throw error;
   }
 }

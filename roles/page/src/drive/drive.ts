@@ -87,6 +87,6 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
 }
 
 function received(viewer: Viewer): number {
-  const lanes = Object.values(viewer.display?.link.bytes ?? {});
+  const lanes = Object.values(viewer.display?.bytes ?? {});
   return lanes.reduce((sum, lane) => sum + lane.received, 0);
 }

@@ -28,7 +28,7 @@ export class Moments {
 
   add(seconds: number): void {
     const { display, renderer } = this.#viewer;
-    const bytes = display?.link.bytes;
+    const bytes = display?.bytes;
     this.list.push({
       seconds,
       cameraBytes: bytes?.latest.sent ?? 0,

@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { OcclusionTest } from "../proto/settings.ts";
 import { type Audited, LiveAudit } from "../viewer/liveAudit.ts";
-import type { Viewer } from "../viewer/viewer.ts";
+import type { Cullers, Viewer } from "../viewer/viewer.ts";
 import { Choice, type Option } from "./choice.tsx";
 import { TimelineChart } from "./timelineChart.tsx";
 
@@ -16,6 +16,13 @@ const TESTS: readonly Option<OcclusionTest>[] = [
   { value: "query", text: "the device's queries" },
   { value: "raster", text: "a count of pixels" },
   { value: "hzb", text: "a hierarchical Z-buffer" },
+];
+const CULLERS: readonly Option<Cullers>[] = [
+  { value: "1", text: "one" },
+  { value: "2", text: "two, each for itself" },
+  { value: "switch", text: "two that take turns, as in the paper" },
+  { value: "3", text: "three" },
+  { value: "4", text: "four" },
 ];
 const MEMORIES = [16, 32, 64, 128, 256, 512, 1024].map((mebibytes) => ({
   value: mebibytes * 2 ** 20,
@@ -70,6 +77,12 @@ export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
         }}
       />
       <Choice
+        label="Cullers"
+        options={CULLERS}
+        value={viewer.cullers.value}
+        onChoose={(cullers) => viewer.share(cullers)}
+      />
+      <Choice
         label="Geometry kept here, MiB"
         options={MEMORIES}
         value={viewer.memory.value}
@@ -98,7 +111,7 @@ function rowsOf(
   const { display, renderer, canvas } = viewer;
   const { drawables, triangles, milliseconds: taken } = renderer.drawn;
   const { cameras = 0, ids = 0 } = display?.counts ?? {};
-  const bytes = display?.link.bytes;
+  const bytes = display?.bytes;
   const count = (number: number) => number.toLocaleString("en");
   const size = (bytes: number) =>
     bytes < 1e6 ? `${(bytes / 1e3).toFixed(1)} kB` : `${(bytes / 1e6).toFixed(2)} MB`;

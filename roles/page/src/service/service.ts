@@ -19,6 +19,8 @@ export interface SceneDescription {
   readonly clearance: number;
   readonly vfovDeg: number;
   readonly start: { readonly eye: Point; readonly forward: Point };
+  /** Where cullers of the service meet each other. */
+  readonly meeting: string;
   /** Networks that can be simulated between the page and its culler. */
   readonly networks: readonly { readonly name: string; readonly about: string }[];
 }

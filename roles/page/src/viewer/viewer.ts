@@ -34,6 +34,9 @@ const REST = 150;
  */
 const MEMORY = 512 << 20;
 
+/** How many cullers; `switch` are two that take turns, and draw what the other one finds. */
+export type Cullers = "1" | "2" | "3" | "4" | "switch";
+
 /** Is told from where a picture was drawn, and of what. */
 export type Overlay = (camera: Camera, drawables: readonly Drawable[]) => void;
 
@@ -52,6 +55,8 @@ export class Viewer {
   /** The most pixels by which a silhouette may be off, and how a culler finds out what is hidden. */
   readonly epsilon = signal(2);
   readonly occlusionTest = signal<OcclusionTest>("hzb");
+  /** How many cullers, and how they share frames. */
+  readonly cullers = signal<Cullers>("1");
   /** Bytes of unpacked geometry that are kept here. */
   readonly memory = signal(ownMemory());
   /** A word to the person: what has just happened. */
@@ -83,7 +88,14 @@ export class Viewer {
     this.navigator = new Navigator(canvas, scene, service);
     this.navigator.pointAt = (x, y) => this.pointAt(x, y);
     this.#fit();
-    const options = () => ({ settings: this.#settings(), memory: this.memory.peek(), store: this.renderer });
+    const options = () => ({
+      settings: this.#settings(),
+      memory: this.memory.peek(),
+      store: this.renderer,
+      cullers: this.cullers.peek() === "switch" ? 2 : Number(this.cullers.peek()),
+      schedule: this.cullers.peek() === "switch" ? ("switch" as const) : ("independent" as const),
+      meeting: scene.meeting,
+    });
     this.session = new Session((network) => service.link(network), options, network);
     // At each change, and for each new link.
     effect(() => {
@@ -116,7 +128,7 @@ export class Viewer {
   /** The picture is exact, and of where the eye is now. */
   get isSettled(): boolean {
     const { display } = this;
-    const isHere = display?.isSettled === true && !display.link.isOver;
+    const isHere = display?.isSettled === true && !display.isOver;
     return !this.#isMoved && isHere && this.#drawn === display.shown;
   }
 
@@ -154,6 +166,12 @@ export class Viewer {
     return new Projection(this.camera, clientWidth, clientHeight);
   }
 
+  /** Goes on with other cullers. */
+  share(cullers: Cullers): void {
+    this.cullers.value = cullers;
+    this.session.moveTo(this.session.network.peek());
+  }
+
   /** The picture is drawn again, though neither eye nor set has changed. */
   redraw(): void {
     this.#drawn = undefined;
@@ -165,7 +183,7 @@ export class Viewer {
    */
   ask(camera: Camera): number | undefined {
     const { display } = this;
-    if (display === undefined || display.link.isOver) {
+    if (display === undefined || display.isOver) {
       return undefined;
     }
     // No newer camera takes its place before the culler is free for it.
@@ -249,7 +267,7 @@ export class Viewer {
       this.#prediction.forget();
     }
     this.#prediction.add(now, this.navigator.pose);
-    if (this.#isMoved && !display.link.isOver && now - this.#published >= PERIOD) {
+    if (this.#isMoved && !display.isOver && now - this.#published >= PERIOD) {
       // What is visible from there comes when the eye is there. Once it rests, its own pose follows.
       const foreseen = hasMoved ? this.#foreseen(display.latency + PERIOD / 2) : undefined;
       const camera = this.#camera(this.#wider);

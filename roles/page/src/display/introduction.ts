@@ -1,0 +1,80 @@
+/** Introduces two cullers of a service to each other, so that each draws what the other one finds. */
+
+import type { RoleMessage } from "../proto/messages.ts";
+
+/** Milliseconds that the two may take to meet, and then to be ready. */
+const PATIENCE = 12_000;
+
+/** What comes of it: a frame from which on they take turns, or nothing. */
+type Outcome = { readonly isSwitched: boolean };
+
+export class Introduction {
+  readonly #say: (culler: number, message: RoleMessage) => void;
+  readonly #onMet: () => number;
+  readonly #onOver: (outcome: Outcome) => void;
+  readonly #key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
+  #state: "meeting" | "switching" | "over" = "meeting";
+  /** Who has said what is waited for. */
+  readonly #heard = new Set<number>();
+  readonly #timer: ReturnType<typeof setTimeout>;
+
+  /**
+   * Asks the cullers 0 and 1 to meet at an endpoint. Once they have, `onMet` says from which frame on they
+   * take turns, and deals none until `onOver` tells what came of it.
+   */
+  constructor(
+    endpoint: string,
+    say: (culler: number, message: RoleMessage) => void,
+    onMet: () => number,
+    onOver: (outcome: Outcome) => void,
+  ) {
+    [this.#say, this.#onMet, this.#onOver] = [say, onMet, onOver];
+    say(1, { what: "meet", key: this.#key, endpoint: undefined });
+    say(0, { what: "meet", key: this.#key, endpoint });
+    this.#timer = setTimeout(() => this.#giveUp(), PATIENCE);
+  }
+
+  /** A culler has said something that may be about it. */
+  hear(culler: number, message: RoleMessage): void {
+    if (!("key" in message) || message.key !== this.#key || this.#state === "over") {
+      return;
+    }
+    if (message.what === "unmet") {
+      this.#giveUp();
+    } else if (message.what === (this.#state === "meeting" ? "met" : "switched")) {
+      this.#heard.add(culler);
+      if (this.#heard.size === 2) {
+        this.#heard.clear();
+        this.#goOn();
+      }
+    }
+  }
+
+  /** Nobody waits for them any more. */
+  stop(): void {
+    clearTimeout(this.#timer);
+    this.#state = "over";
+  }
+
+  #goOn(): void {
+    if (this.#state === "switching") {
+      this.stop();
+      this.#onOver({ isSwitched: true });
+      return;
+    }
+    this.#state = "switching";
+    const firstFrame = this.#onMet();
+    for (const culler of [0, 1]) {
+      this.#say(culler, { what: "switch", key: this.#key, firstFrame });
+    }
+  }
+
+  /** They go on by themselves. */
+  #giveUp(): void {
+    this.stop();
+    for (const culler of [0, 1]) {
+      this.#say(culler, { what: "part" });
+    }
+    this.#onOver({ isSwitched: false });
+  }
+}
