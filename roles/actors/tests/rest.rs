@@ -1,5 +1,5 @@
 //! A live display whose eye rests.
-#![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 mod common;
 
