@@ -5,10 +5,13 @@
 
 mod app;
 mod drive;
+mod hand;
 pub mod navigate;
 mod pictures;
 mod recent_sets;
 mod role;
+mod sight;
+mod title;
 
 use std::{
     io,
@@ -42,6 +45,7 @@ use drive::Drive;
 pub use drive::WindowReport;
 use navigate::{Ground, Navigator, Start};
 use role::{DrawsNothing, PassesOn, Wish};
+use sight::Sight;
 
 /// A window that is to be opened.
 #[derive(Debug, Clone)]
@@ -136,12 +140,9 @@ pub fn open(
         drawn,
         size: options.size,
         mode: options.present_mode,
-        lod: options.lod,
-        near,
         navigator,
         ground: Ground::new(scene, options.start.eye_height).map_err(WindowError::Thread)?,
-        wish: wish.clone(),
-        sets,
+        sight: Sight::new(wish.clone(), sets, options.lod, near),
         clock: turns.clock(),
         drive,
         state: State::default(),

@@ -34,9 +34,6 @@ struct Wished {
     states: VecDeque<(ViewVersion, Arc<ViewState>)>,
 }
 
-/// View states that are kept. Frames under way are seen in a few.
-const STATES: usize = 64;
-
 impl Wish {
     /// A camera that is seen in version 0.
     pub(super) fn new(camera: Camera) -> Self {
@@ -56,11 +53,13 @@ impl Wish {
         let mut wished = self.0.lock();
         let version = ViewVersion(wished.version().0.saturating_add(1));
         wished.states.push_back((version, Arc::new(state)));
-        if wished.states.len() > STATES {
-            wished.states.pop_front();
-        }
         wished.camera = camera.in_view(version);
         wished.camera
+    }
+
+    /// A frame of this version was found: nobody asks for those before it any more.
+    pub(super) fn seen_in(&self, version: ViewVersion) {
+        self.0.lock().states.retain(|(known, _)| *known >= version);
     }
 }
 
@@ -134,7 +133,9 @@ mod tests {
         let camera = wish.camera(FrameNumber(3));
         assert_eq!((camera.view(), camera.eye()), (ViewVersion(100), [1.0; 3]));
         assert_eq!(*wish.view_state(ViewVersion(100)).unwrap(), state(100));
+        assert_eq!(*wish.view_state(ViewVersion(1)).unwrap(), state(1), "it may be under way");
+        wish.seen_in(ViewVersion(50));
         assert_eq!(*wish.view_state(ViewVersion(50)).unwrap(), state(50));
-        assert_eq!(wish.view_state(ViewVersion(36)), None, "nobody has that under way any more");
+        assert_eq!(wish.view_state(ViewVersion(49)), None);
     }
 }

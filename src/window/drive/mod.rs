@@ -12,7 +12,7 @@ use trimaran_gpu::{GpuError, PresentMode};
 use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::path::PosePath;
 
-use super::navigate::Navigator;
+use super::{navigate::Navigator, sight::Moved};
 use crate::{page::WrongPixels, report::schema::Stat};
 use album::{Album, Taken};
 pub(super) use audit::Exact;
@@ -98,30 +98,30 @@ impl Drive {
         }
     }
 
-    /// Puts the eye where it is at this time. Gives whether it has gone or leapt there.
-    pub(super) fn step(&mut self, navigator: &mut Navigator, now: Duration) -> Option<Moved> {
+    /// Puts the eye where it is at this time.
+    pub(super) fn step(&mut self, navigator: &mut Navigator, now: Duration) -> Moved {
         let (time, before) = match &mut self.phase {
             Phase::Waits => (Duration::ZERO, Duration::ZERO),
             Phase::Walks { begun, before } => {
                 let time = now.saturating_sub(*begun);
                 (time, std::mem::replace(before, time))
             }
-            Phase::Rests { .. } | Phase::Done { .. } => return None,
+            Phase::Rests { .. } | Phase::Done { .. } => return Moved::Not,
         };
         let Some(Step { eye, forward, is_jump }) = self.way.at(time, before) else {
             if let Phase::Walks { begun, .. } = self.phase {
                 self.phase = Phase::Rests { begun, ended: now };
             }
-            return None;
+            return Moved::Not;
         };
         if self.phase == Phase::Waits && navigator.pose().eye == eye {
-            return None;
+            return Moved::Not;
         }
         navigator.go_to(eye, forward);
         if is_jump {
             self.jumped = Some(now);
         }
-        Some(if is_jump { Moved::Leapt } else { Moved::Went })
+        if is_jump { Moved::Leapt } else { Moved::Went }
     }
 
     /// Vertical field of view of the walk, degrees.
@@ -191,13 +191,4 @@ impl Drive {
             wrong: exact.audit(pictures, size)?,
         }))
     }
-}
-
-/// How an eye came to where it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Moved {
-    /// It goes on as it did.
-    Went,
-    /// It was elsewhere before.
-    Leapt,
 }

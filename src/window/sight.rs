@@ -1,0 +1,211 @@
+//! What is asked of cullers for a moving eye, and what has come of it.
+
+use std::{sync::mpsc, time::Duration};
+
+use trimaran_cull::{View, Viewport};
+use trimaran_proto::{Camera, CameraError, FrameNumber, LodRule, Settings, SettingsError, ViewState};
+
+use super::{
+    navigate::{Pose, Prediction},
+    recent_sets::RecentSets,
+    role::{FoundSet, Wish},
+};
+
+/// The picture that is culled for is so much wider and higher: what a turn uncovers is there already.
+const WIDER: f64 = 1.5;
+/// An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it
+/// may slow down, or go around a corner.
+const SPREAD: [f64; 3] = [0.6, 1.2, 1.8];
+
+/// How an eye came to where it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Moved {
+    /// It rests.
+    Not,
+    /// It goes on as it did.
+    Went,
+    /// It was elsewhere before.
+    Leapt,
+}
+
+/// Asks what is visible, and keeps what was found lately.
+pub(super) struct Sight {
+    wish: Wish,
+    sets: mpsc::Receiver<FoundSet>,
+    recent: RecentSets,
+    lod: LodRule,
+    near: f32,
+    prediction: Prediction,
+    /// Which place of the spread is next.
+    turn: usize,
+    /// How long the newest set took.
+    latency: Duration,
+    /// The size of the picture for which is culled.
+    culled: Option<Viewport>,
+    /// What was asked for last, if the eye is there.
+    asked: Option<Camera>,
+}
+
+impl Sight {
+    /// Asks by `wish`, and hears of `sets`. The near plane is so many metres away.
+    pub(super) fn new(wish: Wish, sets: mpsc::Receiver<FoundSet>, lod: LodRule, near: f32) -> Self {
+        Self {
+            wish,
+            sets,
+            recent: RecentSets::default(),
+            lod,
+            near,
+            prediction: Prediction::default(),
+            turn: 0,
+            latency: Duration::ZERO,
+            culled: None,
+            asked: None,
+        }
+    }
+
+    /// The sets that came lately.
+    pub(super) const fn recent(&self) -> &RecentSets {
+        &self.recent
+    }
+
+    /// The near distance, metres.
+    pub(super) const fn near(&self) -> f32 {
+        self.near
+    }
+
+    /// When a level of detail is good enough.
+    pub(super) const fn lod(&self) -> LodRule {
+        self.lod
+    }
+
+    /// A camera of the pose with this vertical field of view, degrees.
+    pub(super) fn camera(&self, Pose { eye, gaze }: Pose, vfov_deg: f64) -> Result<Camera, CameraError> {
+        let tan = (vfov_deg.to_radians() / 2.0).tan() as f32;
+        let orientation = gaze.orientation().normalize().to_array();
+        Camera::new(eye.to_array(), orientation, tan, self.near, FrameNumber(0))
+    }
+
+    /// Takes the sets that have come.
+    pub(super) fn take_sets(&mut self) {
+        for set in self.sets.try_iter() {
+            self.latency = set.came.saturating_sub(set.posed);
+            self.wish.seen_in(set.camera.view());
+            self.recent.add(set);
+        }
+    }
+
+    /// The eye is there at this time, and sees a picture of this size. Asks what is visible from where it will
+    /// be when the set is there. Once it rests, its own pose follows.
+    pub(super) fn ask(
+        &mut self,
+        pose: Pose,
+        vfov_deg: f64,
+        picture: Viewport,
+        (now, moved): (Duration, Moved),
+    ) -> Result<(), CameraError> {
+        if moved == Moved::Leapt {
+            self.prediction.forget();
+        }
+        self.prediction.add(now, pose);
+        self.turn = (self.turn + 1) % SPREAD.len();
+        let ahead = self.latency.mul_f64(SPREAD.get(self.turn).copied().unwrap_or(1.0));
+        let foreseen = if moved == Moved::Not { None } else { self.prediction.after(ahead) };
+        let view = View::new(self.camera(foreseen.unwrap_or(pose), vfov_deg)?, picture);
+        let wide = wider(&view);
+        let asked = if self.culled.replace(wide.viewport()) == Some(wide.viewport()) {
+            self.wish.look(*wide.camera())
+        } else {
+            self.wish.change(ViewState::from(Settings::new(wide.viewport(), self.lod)), *wide.camera())
+        };
+        self.asked = foreseen.is_none().then_some(asked);
+        Ok(())
+    }
+
+    /// Whether the newest set was found from where the eye is, and for a picture of this size.
+    pub(super) fn is_exact(&self) -> bool {
+        let found = self.recent.newest().map(|newest| newest.camera.for_frame(FrameNumber(0)));
+        found.is_some() && found == self.asked
+    }
+}
+
+/// The view that is culled for where a picture is seen from this one: pixels are of the same size.
+pub(super) fn wider(view: &View) -> View {
+    let (camera, size) = (view.camera(), view.viewport());
+    let wider = |side: u32| ((f64::from(side) * WIDER).ceil() as u32).min(65_536);
+    let wide = || -> Result<View, SettingsError> {
+        let wide = Viewport::new(wider(size.width()), wider(size.height()))?;
+        let tan = view.tan_half_fov_y() * f64::from(wide.height()) / f64::from(size.height());
+        let near = camera.near();
+        let seen = Camera::new(camera.eye(), camera.orientation(), tan as f32, near, camera.frame());
+        Ok(View::new(seen.unwrap_or(*camera), wide))
+    };
+    wide().unwrap_or(*view)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use trimaran_actors::Cameras;
+
+    use super::super::navigate::Gaze;
+    use super::*;
+
+    const fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    fn pose(x: f64) -> Pose {
+        Pose { eye: DVec3::new(x, 0.0, 0.0), gaze: Gaze { heading: 0.0, pitch: 0.0 } }
+    }
+
+    #[test]
+    fn a_moving_eye_is_asked_for_ahead_and_a_resting_one_where_it_is() {
+        let (found, sets) = mpsc::channel();
+        let mut wish = Wish::new(Camera::at_origin(FrameNumber(0)));
+        let mut sight = Sight::new(wish.clone(), sets, LodRule::new(2.0).unwrap(), 0.1);
+        let size = Viewport::new(100, 50).unwrap();
+        let mut ask = |sight: &mut Sight, x: f64, at: u64, moved: Moved| {
+            sight.take_sets();
+            sight.ask(pose(x), 90.0, size, (ms(at), moved)).unwrap();
+            wish.camera(FrameNumber(0))
+        };
+        let come = |camera: Camera, posed: u64, came: u64| {
+            found.send(FoundSet { camera, ids: vec![], posed: ms(posed), came: ms(came) }).unwrap();
+        };
+        let first = ask(&mut sight, 0.0, 0, Moved::Not);
+        assert_eq!(first.view().0, 1, "the picture has a size of its own");
+        assert!((first.tan_half_fov_y() - 1.5).abs() < 1e-6, "pixels are as large as before");
+        assert!(!sight.is_exact());
+        come(first.for_frame(FrameNumber(4)), 0, 50);
+        sight.take_sets();
+        assert!(sight.is_exact());
+        // A set takes 50 ms, in which the eye goes 0.05 m; it is asked for short of that and beyond.
+        ask(&mut sight, 0.0, 100, Moved::Went);
+        let mut ahead: Vec<f64> = (1..=3)
+            .map(|step| {
+                let x = 0.1 * f64::from(step);
+                ask(&mut sight, x, 100 + 100 * step as u64, Moved::Went).eye()[0] - x
+            })
+            .collect();
+        ahead.sort_by(f64::total_cmp);
+        for (ahead, expected) in ahead.iter().zip([0.03, 0.06, 0.09]) {
+            assert!((ahead - expected).abs() < 1e-9, "{ahead}");
+        }
+        assert!(!sight.is_exact());
+        // A leap tells nothing of what follows.
+        assert_eq!(ask(&mut sight, 9.0, 500, Moved::Leapt).eye()[0], 9.0);
+        let rests = ask(&mut sight, 9.0, 600, Moved::Not);
+        come(rests, 600, 650);
+        sight.take_sets();
+        assert!(sight.is_exact());
+    }
+
+    #[test]
+    fn a_view_that_is_as_wide_as_any_stays_as_it_is() {
+        let view =
+            |side: u32| View::new(Camera::at_origin(FrameNumber(0)), Viewport::new(side, side).unwrap());
+        let wide = wider(&view(65_536));
+        assert_eq!((wide.viewport().width(), wide.camera().tan_half_fov_y()), (65_536, 1.0));
+        assert_eq!(wider(&view(3)).viewport().width(), 5);
+    }
+}
