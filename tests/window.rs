@@ -182,6 +182,25 @@ fn at_rest_the_window_shows_the_whole_cut_whatever_its_size() {
 }
 
 #[test]
+fn on_a_fine_screen_a_window_has_more_pixels_and_a_drag_turns_as_far() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::with_plant(300);
+    let gpu = Gpu::open(&GpuOptions::default()).unwrap();
+    let window = screen.open_scaled(&bench, "plant.scene", &["--size", "600x400"], 1.5);
+    let mut person = Person::new(&bench, "plant.scene");
+    person.rests();
+    window.by_hand(&["mousemove", "400", "300"]);
+    window.by_hand(&["mousedown", "1"]);
+    window.by_hand(&["mousemove", "550", "330"]);
+    window.by_hand(&["mouseup", "1"]);
+    person.navigator.drag(Drag { right: 100.0, down: 20.0, is_pan: false }, 400.0);
+    let size = [900, 600];
+    let expected = person.picture(&gpu, size);
+    wait_for("the exact picture", || (wrong(&screen, size, &expected) < 1e-3).then_some(()));
+    quit(window);
+}
+
+#[test]
 fn a_wall_stops_who_walks_and_stairs_lead_up() {
     let Some(screen) = Screen::start() else { return };
     let bench = Bench::empty();

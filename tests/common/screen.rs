@@ -65,9 +65,15 @@ impl Screen {
 
     /// Opens a scene of `bench`.
     pub(crate) fn open(&self, bench: &Bench, scene: &str, flags: &[&str]) -> Window<'_> {
+        self.open_scaled(bench, scene, flags, 1.0)
+    }
+
+    /// The same where a screen's pixels are so much smaller than usual.
+    pub(crate) fn open_scaled(&self, bench: &Bench, scene: &str, flags: &[&str], scale: f64) -> Window<'_> {
         let name = scene.trim_end_matches(".scene");
         let mut command = watched(bench, scene, flags);
         command.env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        command.env("WINIT_X11_SCALE_FACTOR", scale.to_string());
         let program = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut window = Window { screen: self, program, id: String::new() };
         window.id = wait_for("a window", || {
