@@ -1,8 +1,15 @@
-//! Servers of HTTP: who is served when many come.
+//! HTTP: who is served when many come, and asking others.
 
-use std::{collections::VecDeque, error::Error, sync::Arc, time::Duration};
+use std::{collections::VecDeque, error::Error, io, sync::Arc, time::Duration};
 
-use tokio::task::{AbortHandle, JoinSet};
+use http_body_util::{BodyExt, Empty};
+use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
+use hyper_util::rt::TokioIo;
+use thiserror::Error as ThisError;
+use tokio::{
+    net::TcpStream,
+    task::{AbortHandle, JoinSet},
+};
 use trimaran_net::{BoxFuture, Listen, Stream};
 use trimaran_transport::{Net, sleep_until};
 
@@ -43,9 +50,53 @@ pub(crate) async fn serve(
     }
 }
 
+/// Why an answer was not to be had.
+#[derive(Debug, ThisError)]
+#[non_exhaustive]
+pub enum GetError {
+    /// Nobody is there.
+    #[error("nobody answers there")]
+    Connect(#[source] io::Error),
+    /// The target is none.
+    #[error("that is no address")]
+    Target(#[source] hyper::http::Error),
+    /// The connection was lost, or carried something else.
+    #[error("it does not speak HTTP to the end")]
+    Exchange(#[source] hyper::Error),
+    /// It has no such thing, or not for whoever asks.
+    #[error("it answers {0}")]
+    Status(StatusCode),
+}
+
+/// What a server at a host and port, such as `127.0.0.1:7480`, has for a target, such as `/scene?token=T`.
+///
+/// # Errors
+/// When it cannot be had.
+pub async fn get(at: &str, target: &str) -> Result<Bytes, GetError> {
+    let stream = TcpStream::connect(at).await.map_err(GetError::Connect)?;
+    let (mut sender, connection) =
+        http1::handshake(TokioIo::new(stream)).await.map_err(GetError::Exchange)?;
+    let request =
+        Request::get(target).header("host", at).body(Empty::<Bytes>::new()).map_err(GetError::Target)?;
+    let exchange = async {
+        let response = sender.send_request(request).await?;
+        let status = response.status();
+        let body = response.into_body().collect().await?.to_bytes();
+        // With it the connection ends.
+        drop(sender);
+        Ok((status, body))
+    };
+    // The connection does the work that the exchange waits for; it may end first.
+    let (_, exchanged) = tokio::join!(connection, exchange);
+    match exchanged.map_err(GetError::Exchange)? {
+        (StatusCode::OK, body) => Ok(body),
+        (status, _) => Err(GetError::Status(status)),
+    }
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
-    use std::{io, net::SocketAddr};
+    use std::net::SocketAddr;
 
     use tokio::{
         io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex, split},

@@ -39,6 +39,7 @@
 //! | [`simulate`], [`trace`] | roles in virtual time, and recorded walks for them |
 //! | [`config`] | the configuration of roles and links |
 //! | [`metrics`] | what links carry, for Prometheus |
+//! | [`http`] | servers of HTTP, and asking them |
 //! | [`page`] | a display in a browser, and the server from which it comes |
 //! | [`scene_cache`] | cooked scenes of models that were viewed |
 //! | `netem` | a simulated network between programs, on Linux |
@@ -50,7 +51,7 @@
 pub mod comparison;
 pub mod config;
 pub mod culling;
-mod http;
+pub mod http;
 pub mod metrics;
 #[cfg(target_os = "linux")]
 pub mod netem;

@@ -5,6 +5,8 @@
 
 #[path = "common/house.rs"]
 mod house;
+#[path = "common/page.rs"]
+mod page;
 #[path = "common/program.rs"]
 mod program;
 #[path = "common/screen.rs"]
@@ -14,6 +16,7 @@ use std::{process::ExitStatus, sync::Arc, thread, time::Duration};
 
 use glam::{DVec3, Vec3};
 use house::{RISE, STEPS, house};
+use page::Service;
 use program::{Bench, said, signal};
 use screen::{Compositor, SCREEN, Screen, Window, wait_for};
 use serde_json::{Value, json};
@@ -198,6 +201,53 @@ fn on_a_fine_screen_a_window_has_more_pixels_and_a_drag_turns_as_far() {
     let expected = person.picture(&gpu, size);
     wait_for("the exact picture", || (wrong(&screen, size, &expected) < 1e-3).then_some(()));
     quit(window);
+}
+
+#[test]
+fn a_window_on_a_service_elsewhere_is_sent_what_it_shows_and_outlives_it() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::with_plant(300);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let gpu = Gpu::open(&GpuOptions::default()).unwrap();
+    let window = screen.open_named(&bench, "plant", &service.url(), &["--size", "800x600"], 1.0);
+    let mut person = Person::new(&bench, "plant.scene");
+    person.rests();
+    let exact = |person: &Person| {
+        let expected = person.picture(&gpu, [800, 600]);
+        wait_for("the exact picture", || (wrong(&screen, [800, 600], &expected) < 1e-3).then_some(()));
+    };
+    exact(&person);
+    turn(&window, &mut person, 200, 30);
+    exact(&person);
+    // The service is killed while somebody looks around, and comes back.
+    let at = service.at.clone();
+    drop(service);
+    turn(&window, &mut person, -300, 0);
+    let _again = Service::start(&bench, &at).unwrap();
+    turn(&window, &mut person, -100, 0);
+    exact(&person);
+    quit(window);
+}
+
+#[test]
+fn a_service_that_does_not_answer_or_does_not_know_the_token_is_named() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::with_plant(100);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let wrong_token = format!("http://{}/?token=0123456789abcdef0", service.at);
+    let nobody = "http://127.0.0.1:9/?token=0123456789abcdef".to_owned();
+    for (url, flags, code, word) in [
+        (&wrong_token, &["--window"][..], 1, "it answers 403"),
+        (&nobody, &["--window"], 1, "nobody answers there"),
+        (&service.url(), &["--no-browser"], 2, "or add --window"),
+        (&service.url(), &["--window", "--drive", "plant.scene"], 2, "cannot read the path"),
+        (&"http://127.0.0.1:9/".to_owned(), &["--window"], 2, "that `trimaran serve` has printed"),
+    ] {
+        let mut command = bench.command(&[&["view", url.as_str()][..], flags].concat());
+        let output = screen.beside(&mut command).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{url} {flags:?}: {}", said(&output));
+        assert!(said(&output).contains(word), "{url} {flags:?}: {}", said(&output));
+    }
 }
 
 #[test]

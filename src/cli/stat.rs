@@ -2,13 +2,12 @@
 
 use std::{fmt::Write as _, io::IsTerminal, sync::Arc, time::Duration};
 
-use http_body_util::{BodyExt, Empty};
-use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
-use hyper_util::rt::TokioIo;
 use serde::de::DeserializeOwned;
-use tokio::net::TcpStream;
-use trimaran::metrics::{Carried, LinkReading, PathReading, TurnedAwayReading};
-use trimaran_transport::{Net, TokioNet, sleep_until};
+use trimaran::{
+    http::get,
+    metrics::{Carried, LinkReading, PathReading, TurnedAwayReading},
+};
+use trimaran_transport::{Net, TokioNet, causes, sleep_until};
 
 use super::{Failure, args::StatArgs, number, walking};
 
@@ -54,22 +53,7 @@ async fn read<T: DeserializeOwned>(at: &str, page: &str) -> Result<T, Failure> {
             "cannot read the metrics at {at}: {cause}: was the role started with --metrics {at}?"
         ))
     };
-    let stream = TcpStream::connect(at).await.map_err(|e| unreachable(&e))?;
-    let (mut sender, connection) =
-        http1::handshake(TokioIo::new(stream)).await.map_err(|e| unreachable(&e))?;
-    let request =
-        Request::get(page).header("host", at).body(Empty::<Bytes>::new()).map_err(|e| unreachable(&e))?;
-    let exchange = async {
-        let response = sender.send_request(request).await?;
-        let status = response.status();
-        Ok::<_, hyper::Error>((status, response.into_body().collect().await?.to_bytes()))
-    };
-    // The connection does the work that the exchange waits for; it may end first.
-    let (_, exchanged) = tokio::join!(connection, exchange);
-    let (status, body) = exchanged.map_err(|e| unreachable(&e))?;
-    if status != StatusCode::OK {
-        return Err(unreachable(&format!("it answers {status}")));
-    }
+    let body = get(at, page).await.map_err(|e| unreachable(&causes(&e)))?;
     serde_json::from_slice(&body).map_err(|e| unreachable(&e))
 }
 

@@ -29,11 +29,20 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
     let drive = args.drive.as_deref().map(path).transpose()?;
     #[cfg(feature = "window")]
     if args.window {
-        return super::window::run(args, &scene(args)?, drive);
+        return match service(&args.files) {
+            Some(_) if drive.is_some() => Err(Failure::bad_input(
+                "--drive holds pictures against the whole scene: give its file in the service's place",
+            )),
+            Some(url) => super::window::run_service(args, url),
+            None => super::window::run(args, &scene(args)?, drive),
+        };
     }
     #[cfg(not(feature = "window"))]
     if args.window {
         return Err(Failure::bad_input(NO_WINDOWS));
+    }
+    if let Some(url) = service(&args.files) {
+        return Err(Failure::bad_input(format!("open {url} in a browser, or add --window")));
     }
     let drive = drive.map(|path| path.to_json().into_bytes());
     let scene = scene(args)?;
@@ -76,6 +85,12 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
 #[cfg(not(feature = "window"))]
 const NO_WINDOWS: &str = "this program was built without windows: build it with `cargo build --release --features \
     window`, or leave --window out to walk in a browser";
+
+/// The address of a service, where one is to be viewed.
+fn service(files: &[PathBuf]) -> Option<&str> {
+    let [url] = files else { return None };
+    url.to_str().filter(|url| url.starts_with("http://") || url.starts_with("https://"))
+}
 
 fn path(file: &Path) -> Result<PosePath, Failure> {
     let unread =

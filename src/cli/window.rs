@@ -5,11 +5,16 @@ use std::{
     path::Path,
 };
 
+use tokio::runtime::Handle;
 use trimaran::{
     page::SceneDescription,
     report::schema::Stat,
-    window::{WindowOptions, WindowReport, navigate::Start, open},
+    walkthrough::SceneFile,
+    window::{
+        About, ServiceAt, WindowError, WindowOptions, WindowReport, navigate::Start, open, open_service,
+    },
 };
+use trimaran_actors::Stop;
 use trimaran_proto::LodRule;
 use trimaran_scene::path::PosePath;
 
@@ -27,14 +32,30 @@ const EPSILON: f64 = 2.0;
 /// With `drive` it walks along that path by itself, and says how that went.
 pub(super) fn run(args: &ViewArgs, scene: &Path, drive: Option<PosePath>) -> Result<(), Failure> {
     let file = walking::open(scene)?;
+    let about = about(scene, &file)?;
+    show(args, drive, |options, runtime, stop| open(&file.scene, &about, options, runtime, stop))
+}
+
+/// The scene of a service.
+pub(super) fn run_service(args: &ViewArgs, url: &str) -> Result<(), Failure> {
+    let service: ServiceAt = url.parse().map_err(Failure::bad_input)?;
+    show(args, None, |options, runtime, stop| open_service(&service, options, runtime, stop))
+}
+
+fn about(scene: &Path, file: &SceneFile) -> Result<About, Failure> {
     let SceneDescription { name, has_floors, eye_height, clearance, vfov_deg, start, .. } =
         SceneDescription::new(scene, &file.scene).map_err(Failure::broken)?;
-    let DeviceArgs { device, gpu_memory, device_timeout } = &args.device;
     let (eye, forward) = (start.eye.into(), start.forward.into());
+    Ok(About { name, start: Start { eye, forward, eye_height, has_floors, vfov_deg }, clearance })
+}
+
+fn show(
+    args: &ViewArgs,
+    drive: Option<PosePath>,
+    open: impl FnOnce(&WindowOptions, &Handle, &Stop) -> Result<Option<WindowReport>, WindowError>,
+) -> Result<(), Failure> {
+    let DeviceArgs { device, gpu_memory, device_timeout } = &args.device;
     let options = WindowOptions {
-        name,
-        start: Start { eye, forward, eye_height, has_floors, vfov_deg },
-        clearance,
         lod: LodRule::new(EPSILON).map_err(Failure::broken)?,
         size: [args.size.width, args.size.height],
         drive,
@@ -43,7 +64,7 @@ pub(super) fn run(args: &ViewArgs, scene: &Path, drive: Option<PosePath>) -> Res
     };
     let runtime = runtime()?;
     let stop = stop_on_signal(&runtime);
-    let shown = open(&file.scene, &options, runtime.handle(), &stop);
+    let shown = open(&options, runtime.handle(), &stop);
     let report = shown.map_err(|error| {
         if error.is_of_input() { Failure::bad_input(error) } else { Failure::broken(error) }
     })?;

@@ -4,12 +4,14 @@
 //! A display role beside it deals poses to a culler and takes what that finds, on a thread of its own.
 
 mod app;
+mod beside;
+mod display_role;
 mod drive;
 mod hand;
 pub mod navigate;
 mod pictures;
 mod recent_sets;
-mod role;
+mod service;
 mod sight;
 mod title;
 
@@ -17,45 +19,44 @@ use std::{
     io,
     sync::{Arc, mpsc},
     thread,
-    time::Duration,
 };
 
 use thiserror::Error;
 use tokio::runtime::Handle;
-use trimaran_actors::{
-    CullerId, DisplayRole, LocalCullers, Pace, Peers, RoleError, Schedule, SessionError, Sought, Stop,
-    Stopper, Turns, max_frame,
-};
+use trimaran_actors::{SessionError, Stop, Stopper, Turns};
 use trimaran_cull::Viewport;
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, PresentMode};
-use trimaran_proto::{
-    Camera, CameraError, FrameNumber, Identity, LodRule, Role, SessionKey, Settings, SettingsError,
-};
+use trimaran_proto::{Camera, CameraError, FrameNumber, LodRule, Settings, SettingsError};
 use trimaran_scene::{Scene, path::PosePath};
-use trimaran_transport::{Net, TokioNet};
 use winit::{
     error::{EventLoopError, OsError},
     event_loop::{EventLoop, EventLoopProxy},
     raw_window_handle::HasDisplayHandle,
 };
 
-use crate::culling::{Culling, CullingMethod};
 use app::{App, News, State};
+use beside::Beside;
+use display_role::{PassesOn, Wish};
 use drive::Drive;
 pub use drive::WindowReport;
 use navigate::{Ground, Navigator, Start};
-use role::{DrawsNothing, PassesOn, Wish};
+pub use service::{AskError, NoService, ServiceAt};
 use sight::Sight;
 
-/// A window that is to be opened.
+/// What a window has to know of a scene before it shows anything of it.
 #[derive(Debug, Clone)]
-pub struct WindowOptions {
+pub struct About {
     /// What it is called.
     pub name: String,
     /// Where a person begins.
     pub start: Start,
     /// Nothing comes nearer to an eye of a walk than this, metres.
     pub clearance: f64,
+}
+
+/// A window that is to be opened.
+#[derive(Debug, Clone)]
+pub struct WindowOptions {
     /// When a level of detail is good enough.
     pub lod: LodRule,
     /// Its inside at first, in pixels of a screen that is not scaled.
@@ -90,6 +91,9 @@ pub enum WindowError {
     /// The eye has gone where no camera is.
     #[error("no picture can be drawn from there")]
     Eye(#[source] CameraError),
+    /// The service does not answer as it should.
+    #[error("the service cannot be asked")]
+    Service(#[source] AskError),
     /// The system gives no thread.
     #[error("the system gives no thread")]
     Thread(#[source] io::Error),
@@ -114,65 +118,139 @@ impl WindowError {
 /// Says what is missing for a window, and what failed while it was there.
 pub fn open(
     scene: &Arc<Scene>,
+    about: &About,
     options: &WindowOptions,
     runtime: &Handle,
     stop: &Stop,
 ) -> Result<Option<WindowReport>, WindowError> {
-    let event_loop = EventLoop::with_user_event().build().map_err(WindowError::NoScreen)?;
-    let display = event_loop.display_handle().map_err(|_| WindowError::Gpu(GpuError::NoWindows))?;
-    let gpu = Gpu::open_for_windows(&options.gpu, display)?;
-    let drawn = GpuScene::new(&gpu, scene)?;
+    let screen = Screen::open(options)?;
     // A culler has a device of its own, so that no picture waits behind its work.
     let culled = GpuScene::new(&Gpu::open(&options.gpu)?, scene)?;
-
-    let turns = Turns::at_once();
-    let (found, sets) = mpsc::channel();
-    let near = (options.clearance / 2.0) as f32;
-    let wish = Wish::new(first_camera(&options.start, near)?);
-    let mut navigator = Navigator::new(&options.start);
-    let drive = options.drive.as_ref().map(Drive::new);
-    if let Some(drive) = &drive {
-        navigator.set_vfov(drive.vfov_deg());
-    }
-    let mut app = App {
-        name: options.name.clone(),
-        scene: Arc::clone(scene),
-        drawn,
-        size: options.size,
-        mode: options.present_mode,
-        navigator,
-        ground: Ground::new(scene, options.start.eye_height).map_err(WindowError::Thread)?,
-        sight: Sight::new(wish.clone(), sets, options.lod, near),
-        clock: turns.clock(),
-        drive,
-        state: State::default(),
+    let ground = Ground::new(scene, about.start.eye_height).map_err(WindowError::Thread)?;
+    let beside = Beside::new(options, runtime)?;
+    let roles = beside.clone();
+    let play = move |wish: Wish, observer: PassesOn<_>, stop: &Stop| {
+        roles.play_local((scene, &culled), wish, observer, stop)
     };
-    // The first picture tells its own size, and with it comes the first view state.
-    let small = Viewport::new(64, 64).map_err(WindowError::Size)?;
-    let settings = Settings::new(small, options.lod);
-    let roles = Roles { scene, culled: &culled, settings, turns: &turns, runtime };
-    let (closed, over) = Stop::new();
-    let wake = event_loop.create_proxy();
-    let observer = PassesOn { sets: found, wake: told(&wake, News::Set) };
-    close_when_asked(stop, &wake, runtime);
-    thread::scope(|scope| {
-        let closed = StopsAtLast(closed);
-        let play = || {
-            let played = roles.play(wish, observer, &over);
-            // Whoever plays no more has no use for the window either.
-            told(&wake, News::Close)();
-            played
+    screen.show(scene, about, ground, options, &beside, play, stop)
+}
+
+/// Opens a window in which a person walks through the scene of a service elsewhere. It begins with nothing of
+/// it, and is sent what becomes visible.
+///
+/// # Errors
+/// As [`open`], and when the service does not answer.
+pub fn open_service(
+    service: &ServiceAt,
+    options: &WindowOptions,
+    runtime: &Handle,
+    stop: &Stop,
+) -> Result<Option<WindowReport>, WindowError> {
+    let described = service.describe(runtime).map_err(WindowError::Service)?;
+    let (start, clearance) = (described.start(), described.clearance);
+    let about = About { name: described.name, start, clearance };
+    let screen = Screen::open(options)?;
+    let beside = Beside::new(options, runtime)?;
+    let at = service.endpoint().map_err(WindowError::Service)?;
+    let found = beside.find(at).map_err(WindowError::Session)?;
+    let (outline, seeking) = found.ok_or(WindowError::Service(AskError::Late))?;
+    let scene = Arc::new(Scene::empty(outline));
+    let asked = (service.clone(), runtime.clone());
+    let ground = Ground::of(described.tile_side, move |x, z| asked.0.tile(x, z, &asked.1));
+    let ground = ground.map_err(WindowError::Thread)?;
+    let (roles, supplied) = (beside.clone(), Arc::clone(&scene));
+    let play = move |wish: Wish, observer: PassesOn<_>, stop: &Stop| {
+        roles.play_remote(supplied, seeking, wish, observer, stop)
+    };
+    screen.show(&scene, &about, ground, options, &beside, play, stop)
+}
+
+impl Beside {
+    fn new(options: &WindowOptions, runtime: &Handle) -> Result<Self, WindowError> {
+        // The first picture tells its own size, and with it comes the first view state.
+        let small = Viewport::new(64, 64).map_err(WindowError::Size)?;
+        let settings = Settings::new(small, options.lod);
+        Ok(Self { settings, turns: Turns::at_once(), runtime: runtime.clone() })
+    }
+}
+
+/// A screen, and the device that draws on it.
+struct Screen {
+    event_loop: EventLoop<News>,
+    gpu: Arc<Gpu>,
+}
+
+impl Screen {
+    fn open(options: &WindowOptions) -> Result<Self, WindowError> {
+        let event_loop = EventLoop::with_user_event().build().map_err(WindowError::NoScreen)?;
+        let display = event_loop.display_handle().map_err(|_| WindowError::Gpu(GpuError::NoWindows))?;
+        let gpu = Gpu::open_for_windows(&options.gpu, display)?;
+        Ok(Self { event_loop, gpu })
+    }
+
+    /// Shows the window until it is closed, with the roles that `play` plays beside it.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "each is a part of what is shown, and there is one caller a kind"
+    )]
+    fn show<P>(
+        self,
+        scene: &Arc<Scene>,
+        about: &About,
+        ground: Ground,
+        options: &WindowOptions,
+        beside: &Beside,
+        play: P,
+        stop: &Stop,
+    ) -> Result<Option<WindowReport>, WindowError>
+    where
+        P: FnOnce(Wish, PassesOn<Box<dyn Fn() + Send>>, &Stop) -> Result<(), SessionError> + Send,
+    {
+        let Self { event_loop, gpu } = self;
+        let (found, sets) = mpsc::channel();
+        let near = (about.clearance / 2.0) as f32;
+        let wish = Wish::new(first_camera(&about.start, near)?);
+        let mut navigator = Navigator::new(&about.start);
+        let drive = options.drive.as_ref().map(Drive::new);
+        if let Some(drive) = &drive {
+            navigator.set_vfov(drive.vfov_deg());
+        }
+        let mut app = App {
+            name: about.name.clone(),
+            scene: Arc::clone(scene),
+            drawn: GpuScene::new(&gpu, scene)?,
+            size: options.size,
+            mode: options.present_mode,
+            navigator,
+            ground,
+            sight: Sight::new(wish.clone(), sets, options.lod, near),
+            clock: beside.turns.clock(),
+            drive,
+            state: State::default(),
         };
-        let display = thread::Builder::new().name("display".to_owned());
-        let display = display.spawn_scoped(scope, play).map_err(WindowError::Thread)?;
-        let shown = event_loop.run_app(&mut app).map_err(WindowError::NoScreen);
-        drop(closed);
-        let played = display.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-        shown?;
-        let report = app.into_report()?;
-        played.map_err(WindowError::Session)?;
-        Ok(report)
-    })
+        let (closed, over) = Stop::new();
+        let wake = event_loop.create_proxy();
+        let observer = PassesOn { sets: found, wake: told(&wake, News::Set) };
+        close_when_asked(stop, &wake, &beside.runtime);
+        thread::scope(|scope| {
+            let closed = StopsAtLast(closed);
+            let play = || {
+                let played = play(wish, observer, &over);
+                // Whoever plays no more has no use for the window either.
+                told(&wake, News::Close)();
+                played
+            };
+            let display = thread::Builder::new().name("display".to_owned());
+            let display = display.spawn_scoped(scope, play).map_err(WindowError::Thread)?;
+            let shown = event_loop.run_app(&mut app).map_err(WindowError::NoScreen);
+            drop(closed);
+            let played = display.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            shown?;
+            let report = app.into_report()?;
+            played.map_err(WindowError::Session)?;
+            Ok(report)
+        })
+    }
 }
 
 /// Stops the roles however the window ends.
@@ -185,12 +263,12 @@ impl Drop for StopsAtLast {
 }
 
 /// Tells the window something, from any thread.
-fn told(wake: &EventLoopProxy<News>, news: News) -> impl Fn() + use<> {
+fn told(wake: &EventLoopProxy<News>, news: News) -> Box<dyn Fn() + Send> {
     let wake = wake.clone();
-    move || {
+    Box::new(move || {
         // A window that is closed needs no news.
         let _closed = wake.send_event(news);
-    }
+    })
 }
 
 fn close_when_asked(stop: &Stop, wake: &EventLoopProxy<News>, runtime: &Handle) {
@@ -206,64 +284,4 @@ fn first_camera(start: &Start, near: f32) -> Result<Camera, WindowError> {
     let tan = (start.vfov_deg.to_radians() / 2.0).tan() as f32;
     let orientation = gaze.orientation().normalize().to_array();
     Camera::new(eye.to_array(), orientation, tan, near, FrameNumber(0)).map_err(WindowError::Eye)
-}
-
-/// A display role and a culler beside a window.
-struct Roles<'r> {
-    scene: &'r Arc<Scene>,
-    culled: &'r Arc<GpuScene>,
-    settings: Settings,
-    turns: &'r Turns,
-    runtime: &'r Handle,
-}
-
-impl Roles<'_> {
-    /// Plays until `stop` asks.
-    fn play<F: Fn()>(
-        &self,
-        mut wish: Wish,
-        mut observer: PassesOn<F>,
-        stop: &Stop,
-    ) -> Result<(), SessionError> {
-        let Self { scene, culled, settings, turns, runtime } = *self;
-        let cull =
-            |settings: &Settings| Culling::open(CullingMethod::Trimaran, scene, culled, settings, turns);
-        let local = LocalCullers::new(scene, 1, turns);
-        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
-        let session = SessionKey(net.random().map_err(SessionError::Random)?);
-        let show = || -> Result<(), SessionError> {
-            let identity = Identity {
-                role: Role::Display,
-                scene: Some(scene.outline()),
-                session: Some((session, settings)),
-            };
-            let sought = Sought {
-                identity,
-                role: Role::Culler,
-                endpoints: local.peers().collect(),
-                listener: None,
-                most: CullerId::MOST,
-            };
-            let role = DisplayRole {
-                work: DrawsNothing,
-                alone: Some(cull(&settings)?),
-                supplied: None,
-                cullers: Peers::seek(&net, sought),
-                session,
-                settings,
-                schedule: Schedule::Independent,
-                pace: Pace::Live,
-                first: FrameNumber(0),
-                join_timeout: Duration::ZERO,
-                drawables: max_frame(scene),
-                net: Arc::clone(&net),
-                turns: turns.clone(),
-            };
-            Ok(runtime.block_on(role.run(&mut wish, &mut observer, stop))?)
-        };
-        match local.beside(|_, settings| cull(settings), runtime, show) {
-            Err(SessionError::Role(RoleError::Stopped)) => Ok(()),
-            played => played,
-        }
-    }
 }

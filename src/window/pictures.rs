@@ -38,12 +38,19 @@ impl Pictures {
             Some(newest) if newest_alone => ids.extend_from_slice(&newest.ids),
             _ => recent.union(scene, ids),
         }
+        if !scene.is_whole() {
+            // What came lately may have gone again.
+            ids.retain(|id| scene.has(*id).unwrap_or(false));
+        }
         // What was culled for is wider than what is shown.
         retain_in_sight(scene, view, ids);
         order.sort(scene, view, ids);
         pass.begin(view)?;
-        pass.draw(ids)?;
-        pass.present(presenter)
+        match pass.draw(ids) {
+            // It has gone in this moment. The next picture is drawn without it.
+            Err(GpuError::Scene(_)) if !scene.is_whole() => Ok(()),
+            drawn => drawn.and_then(|()| pass.present(presenter)),
+        }
     }
 
     /// What was drawn last.

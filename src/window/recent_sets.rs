@@ -8,7 +8,7 @@ use std::{
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use super::role::FoundSet;
+use super::display_role::FoundSet;
 
 /// The time between the poses of two sets of which both still count.
 const KEPT: Duration = Duration::from_millis(120);
@@ -59,7 +59,13 @@ mod tests {
 
     fn set(posed: u64, ids: &[DrawableId]) -> FoundSet {
         let posed = Duration::from_millis(posed);
-        FoundSet { camera: Camera::at_origin(FrameNumber(0)), ids: ids.to_vec(), posed, came: posed }
+        FoundSet {
+            camera: Camera::at_origin(FrameNumber(0)),
+            ids: ids.to_vec(),
+            posed,
+            came: posed,
+            is_whole: true,
+        }
     }
 
     #[test]

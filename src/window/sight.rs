@@ -6,9 +6,9 @@ use trimaran_cull::{View, Viewport};
 use trimaran_proto::{Camera, CameraError, FrameNumber, LodRule, Settings, SettingsError, ViewState};
 
 use super::{
+    display_role::{FoundSet, Wish},
     navigate::{Pose, Prediction},
     recent_sets::RecentSets,
-    role::{FoundSet, Wish},
 };
 
 /// The picture that is culled for is so much wider and higher: what a turn uncovers is there already.
@@ -121,10 +121,10 @@ impl Sight {
         Ok(())
     }
 
-    /// Whether the newest set was found from where the eye is, and for a picture of this size.
+    /// Whether the newest set was found from where the eye is, for a picture of this size, and is all there.
     pub(super) fn is_exact(&self) -> bool {
-        let found = self.recent.newest().map(|newest| newest.camera.for_frame(FrameNumber(0)));
-        found.is_some() && found == self.asked
+        let newest = self.recent.newest().filter(|newest| newest.is_whole);
+        newest.is_some_and(|newest| Some(newest.camera.for_frame(FrameNumber(0))) == self.asked)
     }
 }
 
@@ -170,7 +170,9 @@ mod tests {
             wish.camera(FrameNumber(0))
         };
         let come = |camera: Camera, posed: u64, came: u64| {
-            found.send(FoundSet { camera, ids: vec![], posed: ms(posed), came: ms(came) }).unwrap();
+            found
+                .send(FoundSet { camera, ids: vec![], posed: ms(posed), came: ms(came), is_whole: true })
+                .unwrap();
         };
         let first = ask(&mut sight, 0.0, 0, Moved::Not);
         assert_eq!(first.view().0, 1, "the picture has a size of its own");

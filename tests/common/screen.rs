@@ -70,9 +70,20 @@ impl Screen {
 
     /// The same where a screen's pixels are so much smaller than usual.
     pub(crate) fn open_scaled(&self, bench: &Bench, scene: &str, flags: &[&str], scale: f64) -> Window<'_> {
-        let name = scene.trim_end_matches(".scene");
+        self.open_named(bench, scene.trim_end_matches(".scene"), scene, flags, scale)
+    }
+
+    /// Opens something that has this name.
+    pub(crate) fn open_named(
+        &self,
+        bench: &Bench,
+        name: &str,
+        scene: &str,
+        flags: &[&str],
+        scale: f64,
+    ) -> Window<'_> {
         let mut command = watched(bench, scene, flags);
-        command.env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        self.beside(&mut command);
         command.env("WINIT_X11_SCALE_FACTOR", scale.to_string());
         let program = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut window = Window { screen: self, program, id: String::new() };
@@ -85,6 +96,11 @@ impl Screen {
         });
         window.xdotool(&["windowfocus"]);
         window
+    }
+
+    /// A program that has this screen.
+    pub(crate) fn beside<'c>(&self, command: &'c mut Command) -> &'c mut Command {
+        command.env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY")
     }
 
     /// What `xdotool` says, if it succeeds.

@@ -50,19 +50,6 @@ impl Heightfield {
         Self { cell: eye_height / 17.0, unit, base: min.y - unit }
     }
 
-    /// Side of a column.
-    #[must_use]
-    pub const fn cell(&self) -> f64 {
-        self.cell
-    }
-
-    /// The numbers of the tile that a place of the ground is in.
-    #[must_use]
-    pub fn tile_at(&self, x: f64, z: f64) -> (i32, i32) {
-        let along = |at: f64| (at / self.tile_side()).floor() as i32;
-        (along(x), along(z))
-    }
-
     /// Side of a tile. The tile of numbers x and z has its lower corner at these multiples of it.
     #[must_use]
     pub fn tile_side(&self) -> f64 {
@@ -144,6 +131,33 @@ impl Tile {
             }
         }
         bytes
+    }
+
+    /// Reads a tile as it [travels](Self::to_bytes). `None` where the bytes are none.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (head, mut rest) = bytes.split_at_checked(36)?;
+        let double = |at: usize| Some(f64::from_le_bytes(head.get(at..at + 8)?.try_into().ok()?));
+        let single = |at: usize| Some(f32::from_le_bytes(head.get(at..at + 4)?.try_into().ok()?));
+        let (corner, base) = (DVec2::new(double(0)?, double(8)?), double(16)?);
+        let (cell, unit) = (f64::from(single(24)?), f64::from(single(28)?));
+        let side = u32::from_le_bytes(head.get(32..36)?.try_into().ok()?);
+        let is_sound = corner.is_finite() && base.is_finite() && cell > 0.0 && unit > 0.0;
+        if !is_sound || side as usize != Heightfield::SIDE {
+            return None;
+        }
+        let mut word = || {
+            let (word, others) = rest.split_first_chunk::<2>()?;
+            rest = others;
+            Some(u16::from_le_bytes(*word))
+        };
+        let mut columns = Vec::with_capacity(Heightfield::SIDE * Heightfield::SIDE);
+        for _ in 0..Heightfield::SIDE * Heightfield::SIDE {
+            let count = word()?;
+            let span = |word: &mut dyn FnMut() -> Option<u16>| Some(Span { bottom: word()?, top: word()? });
+            columns.push((0..count).map(|_| span(&mut word)).collect::<Option<Vec<_>>>()?);
+        }
+        Some(Self { field: Heightfield { cell, unit, base }, corner, columns })
     }
 
     /// Adds the triangles of a drawable.
@@ -288,11 +302,9 @@ mod tests {
         let [_, wall] = tile.column(10, 40) else { panic!("{:?}", tile.column(10, 40)) };
         assert!((height(wall.top) - 3.0).abs() <= 0.05, "{}", height(wall.top));
         assert!(tile.column(8, 40).iter().all(|span| height(span.top) < 0.1));
-        // The same at places of the world, within the tile of these numbers.
-        assert_eq!(field.tile_at(1.05, 4.05), (0, 0));
+        // The same at a place of the world.
         let [_, [bottom, top]] = tile.spans_at(1.05, 4.05).collect::<Vec<_>>()[..] else { panic!() };
         assert!((top - 3.0).abs() <= 0.05 && bottom < 0.06, "{bottom} to {top}");
-        assert_eq!(field.tile_at(-0.1, 6.5), (-1, 1));
         // Beyond the floor there is nothing, and a tile of its own.
         let edge = field.tile(&scene, 1, 0).unwrap();
         assert_eq!((edge.column(35, 0).len(), edge.column(37, 0).len()), (2, 0));
@@ -307,6 +319,18 @@ mod tests {
         assert_eq!(bytes.len(), 36 + 64 * 64 * 2 + 4 * tile.columns.iter().map(Vec::len).sum::<usize>());
         assert_eq!(f64::from_le_bytes(bytes[..8].try_into().unwrap()), -field(&scene).tile_side());
         assert_eq!(u32::from_le_bytes(bytes[32..36].try_into().unwrap()), 64);
+        let read = Tile::from_bytes(&bytes).unwrap();
+        assert_eq!((read.corner, &read.columns), (tile.corner, &tile.columns));
+        assert!((read.field.cell - tile.field.cell).abs() < 1e-6);
+        for end in [0, 35, 36, bytes.len() / 2, bytes.len() - 1] {
+            assert_eq!(Tile::from_bytes(&bytes[..end]), None, "{end} bytes");
+        }
+        let mut other = bytes.clone();
+        other[32] = 65;
+        assert_eq!(Tile::from_bytes(&other), None, "of another size");
+        other.clone_from(&bytes);
+        other[24..28].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert_eq!(Tile::from_bytes(&other), None, "columns of no size");
     }
 
     #[test]

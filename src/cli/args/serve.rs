@@ -39,7 +39,7 @@ pub(crate) struct ServeArgs {
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
     /// A cooked scene, or files of a model: glTF (.glb, .gltf), AVEVA review (.rvm), OBJ (.obj). Several make
-    /// one model.
+    /// one model. With --window also the address that `trimaran serve` has printed elsewhere.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
     /// Print the page's address, and leave opening it to you.

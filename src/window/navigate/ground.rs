@@ -2,9 +2,11 @@
 
 use std::{
     collections::HashMap,
+    error::Error,
     io,
     sync::{Arc, mpsc},
     thread,
+    time::Duration,
 };
 
 use trimaran_scene::{
@@ -23,14 +25,17 @@ pub trait Solid {
 
 /// Tiles that are kept.
 const MOST: usize = 100;
+/// The pause after one that could not be had.
+const PAUSE: Duration = Duration::from_millis(200);
 
 /// The tiles around a person.
 pub struct Ground {
-    field: Heightfield,
+    /// Side of a tile, metres.
+    side: f64,
     /// Those that are there, and those that were asked for.
     tiles: HashMap<(i32, i32), Option<Tile>>,
     asked: mpsc::Sender<(i32, i32)>,
-    made: mpsc::Receiver<((i32, i32), Tile)>,
+    made: mpsc::Receiver<((i32, i32), Option<Tile>)>,
 }
 
 impl Ground {
@@ -40,29 +45,52 @@ impl Ground {
     /// When the system gives no thread.
     pub fn new(scene: &Arc<Scene>, eye_height: f64) -> io::Result<Self> {
         let (field, scene) = (Heightfield::new(scene, eye_height), Arc::clone(scene));
-        let (asked, questions) = mpsc::channel();
+        Self::of(field.tile_side(), move |x, z| field.tile(&scene, x, z))
+    }
+
+    /// Of tiles with sides of so many metres, which `tile` gives by their numbers, along x and z. It is asked
+    /// on a thread of its own, and once more later for what it does not give.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn of<E: Error>(
+        side: f64,
+        tile: impl Fn(i32, i32) -> Result<Tile, E> + Send + 'static,
+    ) -> io::Result<Self> {
+        let (asked, questions) = mpsc::channel::<(i32, i32)>();
         let (answers, made) = mpsc::channel();
         // It ends with the questions.
         thread::Builder::new().name("ground".to_owned()).spawn(move || {
             while let Ok((x, z)) = questions.recv() {
-                match field.tile(&scene, x, z) {
-                    Ok(tile) => {
-                        if answers.send(((x, z), tile)).is_err() {
-                            break;
-                        }
-                    }
-                    // The person waits at its edge. The roles have the same scene, and end the walk.
-                    Err(error) => tracing::warn!(%error, "does not know what is solid there"),
+                let made = tile(x, z);
+                if let Err(error) = &made {
+                    // The person waits at its edge meanwhile.
+                    tracing::warn!(%error, "does not know what is solid there");
+                    thread::sleep(PAUSE);
+                }
+                if answers.send(((x, z), made.ok())).is_err() {
+                    break;
                 }
             }
         })?;
-        Ok(Self { field, tiles: HashMap::new(), asked, made })
+        Ok(Self { side, tiles: HashMap::new(), asked, made })
+    }
+
+    /// The numbers of the tile that a place is in.
+    fn tile_at(&self, x: f64, z: f64) -> (i32, i32) {
+        let along = |at: f64| (at / self.side).floor() as i32;
+        (along(x), along(z))
     }
 
     /// Takes what is there by now, and asks for all tiles around a place that are not.
     pub fn look_around(&mut self, x: f64, z: f64) {
-        self.tiles.extend(self.made.try_iter().map(|(place, tile)| (place, Some(tile))));
-        let here = self.field.tile_at(x, z);
+        for (place, tile) in self.made.try_iter() {
+            match tile {
+                Some(tile) => self.tiles.insert(place, Some(tile)),
+                None => self.tiles.remove(&place),
+            };
+        }
+        let here = self.tile_at(x, z);
         for right in [0, -1, 1] {
             for back in [0, -1, 1] {
                 let place = (here.0.saturating_add(right), here.1.saturating_add(back));
@@ -82,17 +110,19 @@ impl Ground {
 
 impl Solid for Ground {
     fn cell(&self) -> f64 {
-        self.field.cell()
+        self.side / Heightfield::SIDE as f64
     }
 
     fn spans(&self, x: f64, z: f64) -> Option<impl Iterator<Item = [f64; 2]>> {
-        let tile = self.tiles.get(&self.field.tile_at(x, z))?.as_ref()?;
+        let tile = self.tiles.get(&self.tile_at(x, z))?.as_ref()?;
         Some(tile.spans_at(x, z))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+
     use glam::DVec3;
     use trimaran_audit::cases::plant;
 
@@ -112,12 +142,28 @@ mod tests {
         };
         wait(&mut ground, 0.0);
         let here: Vec<_> = ground.spans(0.0, 0.0).unwrap().collect();
-        let (x, z) = ground.field.tile_at(0.0, 0.0);
-        let tile = ground.field.tile(&scene, x, z).unwrap();
+        let tile = Heightfield::new(&scene, 1.7).tile(&scene, 0, 0).unwrap();
         assert_eq!(here, tile.spans_at(0.0, 0.0).collect::<Vec<_>>());
         for step in 0..60 {
             wait(&mut ground, f64::from(step) * 6.4);
             assert!(ground.tiles.len() <= MOST, "{}", ground.tiles.len());
         }
+    }
+
+    #[test]
+    fn what_could_not_be_had_is_asked_for_again() {
+        let tries = Arc::new(AtomicU32::new(0));
+        let counted = Arc::clone(&tries);
+        let tile = move |_, _| {
+            counted.fetch_add(1, Ordering::Relaxed);
+            Err(io::Error::from(io::ErrorKind::TimedOut))
+        };
+        let mut ground = Ground::of(6.4, tile).unwrap();
+        assert!((ground.cell() - 0.1).abs() < 1e-12);
+        while tries.load(Ordering::Relaxed) < 10 {
+            ground.look_around(0.0, 0.0);
+            thread::yield_now();
+        }
+        assert!(ground.spans(0.0, 0.0).is_none());
     }
 }

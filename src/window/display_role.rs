@@ -21,6 +21,8 @@ pub(super) struct FoundSet {
     pub(super) posed: Duration,
     /// When the set was there.
     pub(super) came: Duration,
+    /// Nothing stands in for anything.
+    pub(super) is_whole: bool,
 }
 
 /// From where the next frame is to be culled, and in which view state: the window says it, the role asks.
@@ -101,9 +103,10 @@ pub(super) struct PassesOn<F> {
 
 impl<F: Fn()> Observer for PassesOn<F> {
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
-        let ShownFrame { camera, ids, published: posed, shown: came, .. } = *frame;
+        let ShownFrame { camera, ids, published: posed, shown: came, lacking, .. } = *frame;
         // A window that is gone stops the role.
-        let _gone = self.sets.send(FoundSet { camera, ids: ids.to_vec(), posed, came });
+        let _gone =
+            self.sets.send(FoundSet { camera, ids: ids.to_vec(), posed, came, is_whole: lacking == 0 });
         (self.wake)();
         Ok(())
     }

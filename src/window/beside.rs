@@ -1,0 +1,153 @@
+//! The roles beside a window: a display that draws nothing, and its culler in this process or in a service.
+
+use std::{sync::Arc, time::Duration};
+
+use tokio::runtime::Handle;
+use trimaran_actors::{
+    CullerId, DisplayRole, LocalCullers, Pace, PeerEndpoint, Peers, RoleError, Schedule, SessionError,
+    Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
+};
+use trimaran_gpu::GpuScene;
+use trimaran_proto::{FrameNumber, Identity, Role, SceneOutline, SessionKey, Settings};
+use trimaran_scene::Scene;
+use trimaran_transport::{Endpoint, Net, Options, TokioNet, until};
+
+use super::{
+    display_role::{DrawsNothing, PassesOn, Wish},
+    service::PATIENCE,
+};
+use crate::culling::{Culling, CullingMethod};
+
+/// Bytes of packed geometry that are kept of what a service sends.
+const MEMORY: u64 = 512 << 20;
+
+/// What all roles of a window share.
+#[derive(Clone)]
+pub(super) struct Beside {
+    pub(super) settings: Settings,
+    pub(super) turns: Turns,
+    pub(super) runtime: Handle,
+}
+
+impl Beside {
+    fn net(&self) -> Arc<dyn Net> {
+        Arc::new(TokioNet::new(self.runtime.clone()))
+    }
+
+    /// Plays a display with a culler of this process, on a device of its own, until `stop` asks.
+    pub(super) fn play_local<F: Fn()>(
+        &self,
+        (scene, culled): (&Arc<Scene>, &Arc<GpuScene>),
+        wish: Wish,
+        observer: PassesOn<F>,
+        stop: &Stop,
+    ) -> Result<(), SessionError> {
+        let Self { settings, turns, runtime } = self;
+        let cull =
+            |settings: &Settings| Culling::open(CullingMethod::Trimaran, scene, culled, settings, turns);
+        let local = LocalCullers::new(scene, 1, turns);
+        let show = || -> Result<(), SessionError> {
+            let sought = self.seek(Some(scene.outline()), local.peers().collect())?;
+            let display = Display { sought, alone: Some(cull(settings)?), supplied: None };
+            self.show(display, max_frame(scene), wish, observer, stop)
+        };
+        match local.beside(|_, settings| cull(settings), runtime, show) {
+            Err(SessionError::Role(RoleError::Stopped)) => Ok(()),
+            played => played,
+        }
+    }
+
+    /// Plays a display of a service's scene, of which it has nothing at first, until `stop` asks. A service
+    /// that is lost is looked for again.
+    pub(super) fn play_remote<F: Fn()>(
+        &self,
+        scene: Arc<Scene>,
+        sought: Seeking,
+        wish: Wish,
+        observer: PassesOn<F>,
+        stop: &Stop,
+    ) -> Result<(), SessionError> {
+        let drawables = scene.outline().drawables;
+        let supplied = Supplied { scene, memory: MEMORY, while_loading: WhileLoading::Coarser };
+        let display = Display { sought, alone: None, supplied: Some(supplied) };
+        match self.show(display, drawables, wish, observer, stop) {
+            Err(SessionError::Role(RoleError::Stopped)) => Ok(()),
+            played => played,
+        }
+    }
+
+    /// Looks for the culler of a service, until it says which scene it has. `None` where it does not come in
+    /// time.
+    pub(super) fn find(&self, at: Endpoint) -> Result<Option<(SceneOutline, Seeking)>, SessionError> {
+        let mut options = Options::default();
+        // How many ids a frame can have is not known yet. It is judged when the culler has come.
+        options.link.max_frame = u32::MAX;
+        let _within = self.runtime.enter();
+        let mut seeking = self.seek(None, vec![PeerEndpoint { endpoint: at, options }])?;
+        let net = self.net();
+        let found = self.runtime.block_on(until(&*net, net.now().after(PATIENCE), async {
+            loop {
+                let arrival = seeking.peers.next().await?;
+                if let Some(outline) = arrival.link.peer.hello.scene {
+                    seeking.peers.put_back(arrival);
+                    return Ok::<_, SessionError>(outline);
+                }
+            }
+        }));
+        found.transpose().map(|outline| outline.map(|outline| (outline, seeking)))
+    }
+
+    fn seek(
+        &self,
+        scene: Option<SceneOutline>,
+        endpoints: Vec<PeerEndpoint>,
+    ) -> Result<Seeking, SessionError> {
+        let net = self.net();
+        let session = SessionKey(net.random().map_err(SessionError::Random)?);
+        let identity = Identity { role: Role::Display, scene, session: Some((session, self.settings)) };
+        let most = CullerId::MOST;
+        let sought = Sought { identity, role: Role::Culler, endpoints, listener: None, most };
+        Ok(Seeking { session, peers: Peers::seek(&net, sought) })
+    }
+
+    fn show<F: Fn()>(
+        &self,
+        Display { sought, alone, supplied }: Display,
+        drawables: u32,
+        mut wish: Wish,
+        mut observer: PassesOn<F>,
+        stop: &Stop,
+    ) -> Result<(), SessionError> {
+        let role = DisplayRole {
+            work: DrawsNothing,
+            alone,
+            supplied,
+            cullers: sought.peers,
+            session: sought.session,
+            settings: self.settings,
+            schedule: Schedule::Independent,
+            pace: Pace::Live,
+            first: FrameNumber(0),
+            join_timeout: Duration::ZERO,
+            drawables,
+            net: self.net(),
+            turns: self.turns.clone(),
+        };
+        Ok(self.runtime.block_on(role.run(&mut wish, &mut observer, stop))?)
+    }
+}
+
+/// A session whose cullers are looked for.
+pub(super) struct Seeking {
+    session: SessionKey,
+    peers: Peers,
+}
+
+/// What sets one display apart from another.
+struct Display {
+    sought: Seeking,
+    /// How it culls itself where no culler does.
+    alone: Option<Culling>,
+    /// Where it holds no scene: what it is supplied.
+    supplied: Option<Supplied>,
+}

@@ -1,0 +1,160 @@
+//! A service of a scene elsewhere: what a window asks of it beside links, as a page does.
+
+use std::{str::FromStr, time::Duration};
+
+use serde::Deserialize;
+use thiserror::Error;
+use tokio::runtime::Handle;
+use trimaran_scene::heightfield::Tile;
+use trimaran_transport::{Endpoint, EndpointError, Net, TokioNet, until};
+
+use super::navigate::Start;
+use crate::http::{GetError, get};
+
+/// How long an answer may take.
+pub(super) const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Where a service is, and the secret by which it knows whoever may look.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServiceAt {
+    /// Host and port.
+    at: String,
+    token: String,
+}
+
+/// That is no address of a service.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("give the address that `trimaran serve` has printed: http://HOST:PORT/?token=TOKEN")]
+pub struct NoService;
+
+/// Why a service has not said what it was asked.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AskError {
+    /// It does not answer as it should.
+    #[error(transparent)]
+    Get(#[from] GetError),
+    /// It does not answer in time.
+    #[error("it has not answered within {PATIENCE:?}")]
+    Late,
+    /// Its answer is none. It may be of another release.
+    #[error("its answer cannot be read")]
+    Answer(#[source] serde_json::Error),
+    /// What it has sent is no tile.
+    #[error("it has sent something that is no tile")]
+    Tile,
+    /// It has no links there.
+    #[error("it has no links there")]
+    Link(#[source] EndpointError),
+}
+
+/// What a service says of its scene.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Described {
+    pub(super) name: String,
+    has_floors: bool,
+    eye_height: f64,
+    pub(super) tile_side: f64,
+    pub(super) clearance: f64,
+    vfov_deg: f64,
+    start: Place,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct Place {
+    eye: [f64; 3],
+    forward: [f64; 3],
+}
+
+impl Described {
+    /// Where a person begins.
+    pub(super) fn start(&self) -> Start {
+        let Self { has_floors, eye_height, vfov_deg, start, .. } = self;
+        let (eye, forward) = (start.eye.into(), start.forward.into());
+        Start { eye, forward, eye_height: *eye_height, has_floors: *has_floors, vfov_deg: *vfov_deg }
+    }
+}
+
+impl ServiceAt {
+    /// Where its links are.
+    pub(super) fn endpoint(&self) -> Result<Endpoint, AskError> {
+        format!("ws://{}/link?token={}", self.at, self.token).parse().map_err(AskError::Link)
+    }
+
+    /// What it says of its scene.
+    pub(super) fn describe(&self, runtime: &Handle) -> Result<Described, AskError> {
+        let text = self.ask("/scene?", runtime)?;
+        serde_json::from_slice(&text).map_err(AskError::Answer)
+    }
+
+    /// What is solid in a tile.
+    pub(super) fn tile(&self, x: i32, z: i32, runtime: &Handle) -> Result<Tile, AskError> {
+        let bytes = self.ask(&format!("/tile?x={x}&z={z}&"), runtime)?;
+        Tile::from_bytes(&bytes).ok_or(AskError::Tile)
+    }
+
+    fn ask(&self, what: &str, runtime: &Handle) -> Result<Vec<u8>, AskError> {
+        let target = format!("{what}token={}", self.token);
+        let net = TokioNet::new(runtime.clone());
+        let answer = runtime.block_on(until(&net, net.now().after(PATIENCE), get(&self.at, &target)));
+        Ok(answer.ok_or(AskError::Late)??.to_vec())
+    }
+}
+
+impl FromStr for ServiceAt {
+    type Err = NoService;
+
+    fn from_str(url: &str) -> Result<Self, NoService> {
+        let (at, rest) =
+            url.strip_prefix("http://").and_then(|rest| rest.split_once('/')).ok_or(NoService)?;
+        let (_, query) = rest.split_once('?').ok_or(NoService)?;
+        let query = query.split_once('#').map_or(query, |(query, _)| query);
+        let token = query.split('&').find_map(|pair| pair.strip_prefix("token=")).ok_or(NoService)?;
+        let is_plain = |text: &str, more: &str| {
+            !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || more.contains(c))
+        };
+        if !is_plain(at, ".:-[]_") || !is_plain(token, "-_") {
+            return Err(NoService);
+        }
+        let at = if at.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok()) {
+            at.to_owned()
+        } else {
+            format!("{at}:80")
+        };
+        Ok(Self { at, token: token.to_owned() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_address_that_serve_prints_is_read_and_nothing_else() {
+        let read = |url: &str| url.parse::<ServiceAt>().map(|service| (service.at, service.token));
+        let of = |at: &str| Ok((at.to_owned(), "0123456789abcdef".to_owned()));
+        assert_eq!(read("http://10.0.0.1:7480/?token=0123456789abcdef"), of("10.0.0.1:7480"));
+        assert_eq!(read("http://[::1]:7480/?token=0123456789abcdef#view=7"), of("[::1]:7480"));
+        assert_eq!(read("http://plant.example/?a=b&token=0123456789abcdef"), of("plant.example:80"));
+        for bad in [
+            "plant.scene",
+            "https://plant.example/?token=0123456789abcdef",
+            "http://plant.example",
+            "http://plant.example/",
+            "http://plant.example/?token=",
+            "http:///?token=0123456789abcdef",
+            "http://a b/?token=0123456789abcdef",
+            "http://plant.example/?token=a\r\nb",
+        ] {
+            assert_eq!(read(bad), Err(NoService), "{bad}");
+        }
+    }
+
+    #[test]
+    fn links_are_where_pages_have_them() {
+        let service: ServiceAt = "http://10.0.0.1:7480/?token=0123456789abcdef".parse().unwrap();
+        let links = service.endpoint().unwrap().to_string();
+        assert_eq!(links, "ws://10.0.0.1:7480/link?token=0123456789abcdef");
+    }
+}
