@@ -84,18 +84,18 @@ impl ServiceAt {
 
     /// What it says of its scene.
     pub(super) fn describe(&self, runtime: &Handle) -> Result<Described, AskError> {
-        let text = self.ask("/scene?", runtime)?;
+        let text = self.ask("/scene", "", runtime)?;
         serde_json::from_slice(&text).map_err(AskError::Answer)
     }
 
     /// What is solid in a tile.
     pub(super) fn tile(&self, x: i32, z: i32, runtime: &Handle) -> Result<Tile, AskError> {
-        let bytes = self.ask(&format!("/tile?x={x}&z={z}&"), runtime)?;
+        let bytes = self.ask("/tile", &format!("&x={x}&z={z}"), runtime)?;
         Tile::from_bytes(&bytes).ok_or(AskError::Tile)
     }
 
-    fn ask(&self, what: &str, runtime: &Handle) -> Result<Vec<u8>, AskError> {
-        let target = format!("{what}token={}", self.token);
+    fn ask(&self, what: &str, which: &str, runtime: &Handle) -> Result<Vec<u8>, AskError> {
+        let target = format!("{what}?token={}{which}", self.token);
         let net = TokioNet::new(runtime.clone());
         let answer = runtime.block_on(until(&net, net.now().after(PATIENCE), get(&self.at, &target)));
         Ok(answer.ok_or(AskError::Late)??.to_vec())
