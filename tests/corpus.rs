@@ -8,7 +8,8 @@ mod files;
 #[allow(unreachable_pub, reason = "tests of other packages share the file")]
 mod replay;
 
-const TARGETS: [replay::Target; 2] = [("traces", 15, files::traces), ("profiles", 25, files::profiles)];
+const TARGETS: [replay::Target; 3] =
+    [("traces", 15, files::traces), ("profiles", 25, files::profiles), ("tiles", 6, files::tiles)];
 
 #[test]
 fn the_fuzz_corpus_does_no_harm() {

@@ -3,6 +3,7 @@
 
 use trimaran::trace::Trace;
 use trimaran_netsim::Profile;
+use trimaran_scene::heightfield::Tile;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Any bytes, as a trace's contents behind a right head and before a right checksum, are refused or read; and
@@ -44,4 +45,12 @@ pub fn profiles(bytes: &[u8]) {
         }
         Err(refusal) => assert!(refusal.to_string().contains("any")),
     }
+}
+
+/// Any bytes are a tile that is written as it was read, or none.
+pub fn tiles(bytes: &[u8]) {
+    let Some(tile) = Tile::from_bytes(bytes) else { return };
+    assert_eq!(tile.to_bytes(), bytes);
+    let spans: Vec<_> = tile.spans_at(f64::NAN, 1e300).collect();
+    assert!(spans.iter().all(|[bottom, top]| bottom <= top), "{spans:?}");
 }

@@ -142,7 +142,8 @@ impl Tile {
         let (corner, base) = (DVec2::new(double(0)?, double(8)?), double(16)?);
         let (cell, unit) = (f64::from(single(24)?), f64::from(single(28)?));
         let side = u32::from_le_bytes(head.get(32..36)?.try_into().ok()?);
-        let is_sound = corner.is_finite() && base.is_finite() && cell > 0.0 && unit > 0.0;
+        let is_length = |length: f64| length.is_finite() && length > 0.0;
+        let is_sound = corner.is_finite() && base.is_finite() && is_length(cell) && is_length(unit);
         if !is_sound || side as usize != Heightfield::SIDE {
             return None;
         }
@@ -154,10 +155,19 @@ impl Tile {
         let mut columns = Vec::with_capacity(Heightfield::SIDE * Heightfield::SIDE);
         for _ in 0..Heightfield::SIDE * Heightfield::SIDE {
             let count = word()?;
-            let span = |word: &mut dyn FnMut() -> Option<u16>| Some(Span { bottom: word()?, top: word()? });
-            columns.push((0..count).map(|_| span(&mut word)).collect::<Option<Vec<_>>>()?);
+            let mut column: Vec<Span> = Vec::new();
+            for _ in 0..count {
+                let span = Span { bottom: word()?, top: word()? };
+                let is_above = column.last().is_none_or(|below| span.bottom > below.top);
+                if !is_above || span.bottom >= span.top {
+                    return None;
+                }
+                column.push(span);
+            }
+            columns.push(column);
         }
-        Some(Self { field: Heightfield { cell, unit, base }, corner, columns })
+        let field = Heightfield { cell, unit, base };
+        rest.is_empty().then_some(Self { field, corner, columns })
     }
 
     /// Adds the triangles of a drawable.
@@ -325,6 +335,7 @@ mod tests {
         for end in [0, 35, 36, bytes.len() / 2, bytes.len() - 1] {
             assert_eq!(Tile::from_bytes(&bytes[..end]), None, "{end} bytes");
         }
+        assert_eq!(Tile::from_bytes(&[&bytes[..], &[0]].concat()), None, "more than a tile");
         let mut other = bytes.clone();
         other[32] = 65;
         assert_eq!(Tile::from_bytes(&other), None, "of another size");
