@@ -5,7 +5,7 @@ use std::{sync::Arc, time::Duration};
 use glam::{DVec2, DVec3};
 use trimaran_actors::Stopwatch;
 use trimaran_cull::{View, Viewport};
-use trimaran_gpu::{GpuError, GpuScene, PicturePass, PresentMode, Presenter};
+use trimaran_gpu::{GpuScene, PicturePass, PresentMode, Presenter};
 use trimaran_scene::Scene;
 use winit::{
     application::ApplicationHandler,
@@ -16,8 +16,8 @@ use winit::{
 };
 
 use super::{
-    WindowError, WindowReport,
-    drive::{Drawn, Drive, Exact},
+    drive::{Drawn, Drive, Exact, WindowReport},
+    error::WindowError,
     hand::Hand,
     navigate::{Ground, Mode, Navigator},
     pictures::Pictures,
@@ -303,11 +303,5 @@ impl ApplicationHandler<News> for App {
         let drawn = self.picture_finely();
         self.guard(event_loop, drawn);
         event_loop.set_control_flow(ControlFlow::Wait);
-    }
-}
-
-impl From<GpuError> for WindowError {
-    fn from(error: GpuError) -> Self {
-        Self::Gpu(error)
     }
 }

@@ -7,6 +7,7 @@ mod app;
 mod beside;
 mod display_role;
 mod drive;
+mod error;
 mod hand;
 pub mod navigate;
 mod pictures;
@@ -16,20 +17,17 @@ mod sight;
 mod title;
 
 use std::{
-    io,
     sync::{Arc, mpsc},
     thread,
 };
 
-use thiserror::Error;
 use tokio::runtime::Handle;
 use trimaran_actors::{SessionError, Stop, Stopper, Turns};
 use trimaran_cull::Viewport;
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, PresentMode};
-use trimaran_proto::{Camera, CameraError, FrameNumber, LodRule, Settings, SettingsError};
+use trimaran_proto::{Camera, FrameNumber, LodRule, Settings};
 use trimaran_scene::{Scene, path::PosePath};
 use winit::{
-    error::{EventLoopError, OsError},
     event_loop::{EventLoop, EventLoopProxy},
     raw_window_handle::HasDisplayHandle,
 };
@@ -39,6 +37,7 @@ use beside::Beside;
 use display_role::{PassesOn, Wish};
 use drive::Drive;
 pub use drive::WindowReport;
+pub use error::WindowError;
 use navigate::{Ground, Navigator, Start};
 pub use service::{AskError, NoService, ServiceAt};
 use sight::Sight;
@@ -67,47 +66,6 @@ pub struct WindowOptions {
     pub present_mode: PresentMode,
     /// The device that draws and culls.
     pub gpu: GpuOptions,
-}
-
-/// Why a window could not be opened, or was closed though nobody wanted that.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum WindowError {
-    /// There is no screen.
-    #[error(
-        "there is no screen to open a window on; set DISPLAY or WAYLAND_DISPLAY, or walk in a browser \
-         (leave --window out)"
-    )]
-    NoScreen(#[source] EventLoopError),
-    /// The system does not open a window.
-    #[error("the system does not open a window")]
-    Window(#[source] OsError),
-    /// The device failed, or cannot show pictures there.
-    #[error(transparent)]
-    Gpu(GpuError),
-    /// The window is larger than any picture.
-    #[error("the window is larger than any picture")]
-    Size(#[source] SettingsError),
-    /// The eye has gone where no camera is.
-    #[error("no picture can be drawn from there")]
-    Eye(#[source] CameraError),
-    /// The service does not answer as it should.
-    #[error("the service cannot be asked")]
-    Service(#[source] AskError),
-    /// The system gives no thread.
-    #[error("the system gives no thread")]
-    Thread(#[source] io::Error),
-    /// What finds out what is visible has failed.
-    #[error("what is visible cannot be found out any more")]
-    Session(#[source] SessionError),
-}
-
-impl WindowError {
-    /// Whether it is the machine's, and may work with other flags.
-    #[must_use]
-    pub const fn is_of_input(&self) -> bool {
-        matches!(self, Self::NoScreen(_) | Self::Gpu(GpuError::NoPresentMode { .. } | GpuError::NoWindows))
-    }
 }
 
 /// Opens a window in which a person walks through a scene, and returns when it is closed or `stop` asks. Gives
