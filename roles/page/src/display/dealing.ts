@@ -64,18 +64,16 @@ export class Dealing {
     return { culler, frame };
   }
 
+  /** A culler gets its next camera when its frame before has come: in its cell a newer one would replace it. */
   #dealInTurn(): Dealt | undefined {
-    const next = this.#last + 1;
-    const culler = next % this.#hands.length;
+    const frame = this.#last + 1;
+    const culler = frame % this.#hands.length;
     const hand = this.#hands[culler];
-    if (hand !== undefined && hand.length < 2) {
-      hand.push(next);
-      this.#last = next;
-      return { culler, frame: next };
+    if (hand === undefined || hand.length > 0) {
+      return undefined;
     }
-    // The frame dealt last waits in its cell: a newer camera takes its place.
-    const before = this.#last % this.#hands.length;
-    const waits = this.#hands[before]?.[1] === this.#last;
-    return waits ? { culler: before, frame: this.#last } : undefined;
+    hand.push(frame);
+    this.#last = frame;
+    return { culler, frame };
   }
 }
