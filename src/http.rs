@@ -2,7 +2,7 @@
 
 use std::{collections::VecDeque, error::Error, io, sync::Arc, time::Duration};
 
-use http_body_util::{BodyExt, Empty};
+use http_body_util::{BodyExt, Empty, Limited};
 use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
 use hyper_util::rt::TokioIo;
 use thiserror::Error as ThisError;
@@ -50,6 +50,9 @@ pub(crate) async fn serve(
     }
 }
 
+/// The most bytes of an answer.
+const LONGEST: usize = 16 << 20;
+
 /// Why an answer was not to be had.
 #[derive(Debug, ThisError)]
 #[non_exhaustive]
@@ -63,6 +66,9 @@ pub enum GetError {
     /// The connection was lost, or carried something else.
     #[error("it does not speak HTTP to the end")]
     Exchange(#[source] hyper::Error),
+    /// Its answer is longer than any, or was cut off.
+    #[error("its answer does not come to an end")]
+    Body(#[source] Box<dyn Error + Send + Sync>),
     /// It has no such thing, or not for whoever asks.
     #[error("it answers {0}")]
     Status(StatusCode),
@@ -79,16 +85,17 @@ pub async fn get(at: &str, target: &str) -> Result<Bytes, GetError> {
     let request =
         Request::get(target).header("host", at).body(Empty::<Bytes>::new()).map_err(GetError::Target)?;
     let exchange = async {
-        let response = sender.send_request(request).await?;
+        let response = sender.send_request(request).await.map_err(GetError::Exchange)?;
         let status = response.status();
-        let body = response.into_body().collect().await?.to_bytes();
+        let body = Limited::new(response.into_body(), LONGEST).collect().await.map_err(GetError::Body)?;
+        let body = body.to_bytes();
         // With it the connection ends.
         drop(sender);
         Ok((status, body))
     };
     // The connection does the work that the exchange waits for; it may end first.
     let (_, exchanged) = tokio::join!(connection, exchange);
-    match exchanged.map_err(GetError::Exchange)? {
+    match exchanged? {
         (StatusCode::OK, body) => Ok(body),
         (status, _) => Err(GetError::Status(status)),
     }

@@ -43,8 +43,8 @@ use failure::Failure;
 /// Runs the command line given to this process.
 pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
-    // Thousands of simulated links would each warn of what is told once, and a comparison's walks and a window
-    // of cores that are too few.
+    // Thousands of simulated links would each warn of what is told once, and a comparison's walks and a
+    // window of cores that are too few.
     let is_quiet = match &cli.command {
         Command::Sim(_) | Command::Compare(_) => true,
         Command::View(args) => args.window,

@@ -14,7 +14,7 @@ use trimaran_transport::{Endpoint, Net, Options, TokioNet, until};
 
 use super::{
     display_role::{DrawsNothing, PassesOn, Wish},
-    service::PATIENCE,
+    service::TIMEOUT,
 };
 use crate::culling::{Culling, CullingMethod};
 
@@ -85,7 +85,7 @@ impl Beside {
         let _within = self.runtime.enter();
         let mut seeking = self.seek(None, vec![PeerEndpoint { endpoint: at, options }])?;
         let net = self.net();
-        let found = self.runtime.block_on(until(&*net, net.now().after(PATIENCE), async {
+        let found = self.runtime.block_on(until(&*net, net.now().after(TIMEOUT), async {
             loop {
                 let arrival = seeking.peers.next().await?;
                 if let Some(outline) = arrival.link.peer.hello.scene {

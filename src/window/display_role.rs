@@ -1,5 +1,5 @@
-//! The display role beside the window: it hands out the newest pose, and passes on what cullers find. It draws
-//! nothing, as the window does so from a newer pose.
+//! The display role beside the window: it hands out the newest pose, and passes on what cullers find. It
+//! draws nothing, as the window does so from a newer pose.
 
 use std::{
     collections::VecDeque,

@@ -1,6 +1,6 @@
 //! A display in a window of the system: the display and the navigation of the page, in Rust on Vulkan.
 //!
-//! The window draws each picture from the newest pose with the newest sets that are there, on the main thread.
+//! The window draws each picture from the newest pose with the newest sets, on the main thread.
 //! A display role beside it deals poses to a culler and takes what that finds, on a thread of its own.
 
 mod app;
@@ -68,8 +68,8 @@ pub struct WindowOptions {
     pub gpu: GpuOptions,
 }
 
-/// Opens a window in which a person walks through a scene, and returns when it is closed or `stop` asks. Gives
-/// how a walk went that it has repeated to the end. To be called on the process's main thread, and once in a
+/// Opens a window in which a person walks through a scene, and returns when it is closed or `stop` asks.
+/// Gives how a walk went that it has repeated to the end. To be called on the process's main thread, and once in a
 /// process: systems demand both.
 ///
 /// # Errors

@@ -12,7 +12,7 @@ use super::navigate::Start;
 use crate::http::{GetError, get};
 
 /// How long an answer may take.
-pub(super) const PATIENCE: Duration = Duration::from_secs(10);
+pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Where a service is, and the secret by which it knows whoever may look.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub enum AskError {
     #[error(transparent)]
     Get(#[from] GetError),
     /// It does not answer in time.
-    #[error("it has not answered within {PATIENCE:?}")]
+    #[error("it has not answered within {TIMEOUT:?}")]
     Late,
     /// Its answer is none. It may be of another release.
     #[error("its answer cannot be read")]
@@ -97,7 +97,7 @@ impl ServiceAt {
     fn ask(&self, what: &str, which: &str, runtime: &Handle) -> Result<Vec<u8>, AskError> {
         let target = format!("{what}?token={}{which}", self.token);
         let net = TokioNet::new(runtime.clone());
-        let answer = runtime.block_on(until(&net, net.now().after(PATIENCE), get(&self.at, &target)));
+        let answer = runtime.block_on(until(&net, net.now().after(TIMEOUT), get(&self.at, &target)));
         Ok(answer.ok_or(AskError::Late)??.to_vec())
     }
 }

@@ -94,8 +94,8 @@ impl Sight {
         }
     }
 
-    /// The eye is there at this time, and sees a picture of this size. Asks what is visible from where it will
-    /// be when the set is there. Once it rests, its own pose follows.
+    /// The eye is there at this time, and sees a picture of this size. Asks what is visible from where it
+    /// will be when the set is there. Once it rests, its own pose follows.
     pub(super) fn ask(
         &mut self,
         pose: Pose,

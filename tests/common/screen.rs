@@ -18,11 +18,11 @@ pub(crate) const SCREEN: [usize; 2] = [1400, 1000];
 
 /// How often something is looked at that is waited for, and how many times.
 const PAUSE: Duration = Duration::from_millis(50);
-const PATIENCE: u32 = 1200;
+const LOOKS: u32 = 1200;
 
 /// What `look` gives once it gives something.
 pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    for _ in 0..PATIENCE {
+    for _ in 0..LOOKS {
         if let Some(found) = look() {
             return found;
         }

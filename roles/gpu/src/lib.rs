@@ -39,11 +39,12 @@
 //! | `occluder`, `picture`, `item` | the three passes |
 //! | `boxes`, `query`, `raster` | tests of boxes that draw them over the occluders' depth |
 //! | `pyramid`, `hzb` | the depth's pyramid, and the test of boxes against it |
+//! | `window` | pictures in windows of the system, with the feature `window` |
 //! | `timing`, `validation` | what a pass took, what the validation layer said |
 //!
 //! # Soundness
 //! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `stream`,
-//! `recorder`, `pipeline`, `query`); the passes above them are safe code. Three rules carry them. An object
+//! `recorder`, `pipeline`, `query`, `window`); the passes above them are safe code. Three rules carry them. An object
 //! holds an [`Arc`](std::sync::Arc) of the device it was made from. And whatever owns a stream of
 //! commands declares it before the things its commands use: fields drop in order of declaration, and a stream
 //! that is dropped waits for the device. Where a stream gives up waiting, nothing of the device is destroyed

@@ -96,7 +96,9 @@ mod tests {
         }
 
         #[test]
-        fn a_pivot_stays_where_it_shows(pivot in point(), eye in point(), left in -9.0..9.0, up in -9.0..9.0) {
+        fn a_pivot_stays_where_it_shows(
+            pivot in point(), eye in point(), left in -9.0..9.0, up in -9.0..9.0
+        ) {
             let mut gaze = Gaze { heading: 0.3, pitch: -0.2 };
             let before = gaze.orientation().inverse() * (pivot - eye);
             let eye = gaze.turn_about(pivot, eye, left, up);

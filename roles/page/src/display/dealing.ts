@@ -1,6 +1,6 @@
 /** Which culler gets the next camera, and as which frame. */
 
-/** How cullers share frames: each for itself, or two in turn, each of which draws what the other one finds. */
+/** How cullers share frames: each for itself, or two in turn that draw what the other one finds. */
 export type Schedule = "independent" | "switch";
 
 /** A camera's way: the number of its culler, counted from 0, and of its frame. */
@@ -10,7 +10,7 @@ export interface Dealt {
 }
 
 export class Dealing {
-  /** Frames that each culler was dealt and has not answered, oldest first. The second one waits in its cell. */
+  /** Frames that each culler was dealt and has not answered. The second one waits in its cell. */
   readonly #hands: readonly number[][];
   /** The frame that each was dealt last. */
   readonly #given: number[];
@@ -64,7 +64,7 @@ export class Dealing {
     return { culler, frame };
   }
 
-  /** A culler gets its next camera when its frame before has come: in its cell a newer one would replace it. */
+  /** A culler gets a camera when its frame before has come: a newer one in its cell would replace it. */
   #dealInTurn(): Dealt | undefined {
     const frame = this.#last + 1;
     const culler = frame % this.#hands.length;

@@ -3,7 +3,7 @@
 import type { RoleMessage } from "../proto/messages.ts";
 
 /** Milliseconds that the two may take to meet, and then to be ready. */
-const PATIENCE = 12_000;
+const TIMEOUT = 12_000;
 
 /** What comes of it: a frame from which on they take turns, or nothing. */
 type Outcome = { readonly isSwitched: boolean };
@@ -31,7 +31,7 @@ export class Introduction {
     [this.#say, this.#onMet, this.#onOver] = [say, onMet, onOver];
     say(1, { what: "meet", key: this.#key, endpoint: undefined });
     say(0, { what: "meet", key: this.#key, endpoint });
-    this.#timer = setTimeout(() => this.#giveUp(), PATIENCE);
+    this.#timer = setTimeout(() => this.#giveUp(), TIMEOUT);
   }
 
   /** A culler has said something that may be about it. */
