@@ -2,14 +2,13 @@
 
 import type { ObjectSet } from "../proto/objectSet.ts";
 import { GeometryArena } from "./arena.ts";
+import { clearToBackground } from "./background.ts";
 import { Batch } from "./batch.ts";
 import { cutPlanes } from "./cut.ts";
 import { type Features, featuresOf } from "./features.ts";
 import type { Camera, Drawable, Look } from "./model.ts";
 import { Program } from "./program.ts";
 import {
-  BACKGROUND_FRAGMENT,
-  backgroundVertex,
   CUT_ITEM_FRAGMENT,
   CUT_PICTURE_FRAGMENT,
   ITEM_FRAGMENT,
@@ -43,7 +42,6 @@ export class Device {
   readonly #gl: WebGL2RenderingContext;
   readonly #itemBatch: Batch;
   readonly #view = new View();
-  readonly #background: Program;
   readonly #pictureTarget: PictureTarget;
   #itemTarget: Target | undefined;
   #pickTarget: Target | undefined;
@@ -56,8 +54,7 @@ export class Device {
   constructor(gl: WebGL2RenderingContext, options: DeviceOptions) {
     this.#gl = gl;
     this.features = featuresOf(gl, options.extensions);
-    const { depth, provoking, isSoftware, mostSamples } = this.features;
-    this.#background = new Program(gl, backgroundVertex(depth), BACKGROUND_FRAGMENT);
+    const { provoking, isSoftware, mostSamples } = this.features;
     this.samples = Math.min(options.samples ?? (isSoftware ? 1 : 4), mostSamples);
     this.#pictureTarget = options.isOnCanvas ? new CanvasTarget(gl) : new Target(gl, gl.RGBA8, this.samples);
     this.arena = new GeometryArena(gl, provoking);
@@ -91,14 +88,13 @@ export class Device {
     const { opaque, seeThrough } = apart(drawables, look.seeThrough);
     const { width, height } = gl.canvas;
     this.#pictureTarget.begin(width, height);
-    gl.clear(gl.COLOR_BUFFER_BIT);
     this.#view.set(camera, width, height);
+    clearToBackground(gl, this.#view, width, height);
     const picture = this.#program("picture", look);
     picture.use();
     this.#setUp(picture);
     this.#prepare(picture, camera, look);
     this.batch.draw(camera.eye, this.#view, opaque, this.arena, picture, look);
-    this.#drawBackground();
     if (seeThrough.length > 0) {
       this.#drawSeeThrough(picture, camera, seeThrough, look);
     }
@@ -202,16 +198,6 @@ export class Device {
     gl.uniform2f(program.at("scale"), 1 / this.#view.tanX, 1 / this.#view.tanY);
     gl.uniform1f(program.at("near"), this.#view.near);
     gl.uniform2f(program.at("shift"), ...this.#shift);
-  }
-
-  /** Where nothing else is. It comes last: so it is not worked out for what is covered. */
-  #drawBackground(): void {
-    const gl = this.#gl;
-    this.#background.use();
-    this.#setUp(this.#background);
-    gl.uniform2f(this.#background.at("ray"), this.#view.tanX, this.#view.tanY);
-    gl.depthFunc(this.features.depth === "reversed" ? gl.GEQUAL : gl.LEQUAL);
-    gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
   /** Says where up is. */

@@ -169,31 +169,6 @@ flat in highp uint item;
 layout(location = 0) out highp uvec4 pixel;
 void main() { pixel = uvec4(item, floatBitsToUint(1.0 / gl_FragCoord.w), 0u, 0u); }`;
 
-/** A triangle over the whole picture, infinitely far away. */
-export function backgroundVertex(depth: Depth): string {
-  return `#version 300 es
-uniform vec2 ray;
-out vec3 direction;
-void main() {
-  vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
-  direction = vec3(corner * ray, -1.0);
-  gl_Position = vec4(corner, ${depth === "reversed" ? "0.0" : "1.0"}, 1.0);
-}`;
-}
-
-/** Sky above the horizon, ground below. */
-export const BACKGROUND_FRAGMENT = `#version 300 es
-precision highp float;
-in vec3 direction;
-uniform vec3 up;
-out vec4 pixel;
-void main() {
-  float height = dot(normalize(direction), up);
-  vec3 sky = mix(vec3(0.90, 0.93, 0.95), vec3(0.62, 0.74, 0.86), sqrt(clamp(height, 0.0, 1.0)));
-  vec3 ground = mix(vec3(0.80, 0.81, 0.80), vec3(0.60, 0.61, 0.60), sqrt(clamp(-height, 0.0, 1.0)));
-  pixel = vec4(mix(ground, sky, smoothstep(-0.012, 0.012, height)), 1.0);
-}`;
-
 /** A triangle over the whole picture. */
 export const WHOLE_VERTEX = `#version 300 es
 void main() {

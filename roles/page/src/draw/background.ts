@@ -1,0 +1,64 @@
+/** Sky above the horizon, and ground below. */
+
+import type { View } from "./view.ts";
+
+type Colour = readonly [number, number, number];
+
+const SKY: readonly [Colour, Colour] = [
+  [0.9, 0.93, 0.95],
+  [0.62, 0.74, 0.86],
+];
+const GROUND: readonly [Colour, Colour] = [
+  [0.8, 0.81, 0.8],
+  [0.6, 0.61, 0.6],
+];
+/** Sine of the angle over and under the horizon in which one passes into the other. */
+const HAZE = 0.012;
+
+/**
+ * Clears the picture to it.
+ *
+ * The eye does not roll, so the horizon is a row of pixels, and each row has one colour. Rows of one colour are
+ * cleared at once. Where a processor draws, that takes a tenth of what a surface behind everything takes.
+ */
+export function clearToBackground(
+  gl: WebGL2RenderingContext,
+  view: View,
+  width: number,
+  height: number,
+): void {
+  const [up, back] = [view.along(1, 0, 1, 0), view.along(2, 0, 1, 0)];
+  const colourOf = (row: number) => {
+    const y = ((2 * row + 1) / height - 1) * view.tanY;
+    return eightBits(colourAt((up * y - back) / Math.hypot(y, 1)));
+  };
+  gl.enable(gl.SCISSOR_TEST);
+  let [first, colour] = [0, colourOf(0)];
+  for (let row = 1; row <= height; row += 1) {
+    const next = row < height ? colourOf(row) : -1;
+    if (next !== colour) {
+      gl.scissor(0, first, width, row - first);
+      gl.clearColor((colour >> 16) / 255, ((colour >> 8) & 255) / 255, (colour & 255) / 255, 1);
+      gl.clear(gl.COLOR_BUFFER_BIT);
+      [first, colour] = [row, next];
+    }
+  }
+  gl.disable(gl.SCISSOR_TEST);
+}
+
+/** The colour at a height over the horizon: the sine of the angle. */
+function colourAt(height: number): Colour {
+  const share = Math.min(1, Math.max(0, (height / HAZE + 1) / 2));
+  const sky = mix(...SKY, Math.sqrt(Math.max(0, height)));
+  const ground = mix(...GROUND, Math.sqrt(Math.max(0, -height)));
+  return mix(ground, sky, share * share * (3 - 2 * share));
+}
+
+function mix(from: Colour, to: Colour, share: number): Colour {
+  const at = (channel: 0 | 1 | 2) => from[channel] + (to[channel] - from[channel]) * share;
+  return [at(0), at(1), at(2)];
+}
+
+function eightBits([red, green, blue]: Colour): number {
+  return (Math.round(255 * red) << 16) | (Math.round(255 * green) << 8) | Math.round(255 * blue);
+}
