@@ -9,7 +9,7 @@ import { Navigator } from "../navigate/navigator.ts";
 import type { Camera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { OcclusionTest, Settings } from "../proto/settings.ts";
-import type { Point } from "../proto/viewState.ts";
+import type { Point, ViewState } from "../proto/viewState.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
 import { Projection } from "../tools/projection.ts";
 import type { Distance } from "../tools/snap.ts";
@@ -20,6 +20,11 @@ import { ViewHistory } from "./viewHistory.ts";
 
 /** The picture that is culled for is so much wider and higher: what a turn uncovers is there already. */
 const WIDER = 1.5;
+/**
+ * While the eye moves, pixels that are culled for are so much wider: its sets come sooner. Silhouettes are as
+ * fine as ever.
+ */
+const COARSER = 1.5;
 /**
  * An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it
  * may slow down, or go around a corner.
@@ -73,6 +78,8 @@ export class Viewer {
   #last = 0;
   /** The newest pose was not published yet: another one was that was foreseen, or none. */
   #isMoved = true;
+  /** Pixels that are culled for are wider than those of the picture. */
+  #isCoarse = false;
   /** The set that the canvas shows; nothing where it is to be drawn again. */
   #drawn: unknown;
 
@@ -99,9 +106,8 @@ export class Viewer {
     this.session = new Session((network) => service.link(network), options, network);
     // At each change, and for each new link.
     effect(() => {
-      const levelRule = { epsilon: this.epsilon.value, fewPixels: false };
       const occlusionTest = this.occlusionTest.value;
-      this.display?.change({ ...this.view.current.value, levelRule, occlusionTest });
+      this.display?.change({ ...this.view.current.value, ...this.#sampling(), occlusionTest });
       this.#isMoved = true;
       this.redraw();
     });
@@ -189,6 +195,7 @@ export class Viewer {
     // No newer camera takes its place before the culler is free for it.
     this.#published = performance.now() + display.interval;
     this.#isMoved = true;
+    this.#coarsen(false);
     const tanHalfFov = camera.tanHalfFov * this.#wider;
     return display.publish({ ...camera, tanHalfFov }, true);
   }
@@ -235,9 +242,16 @@ export class Viewer {
     };
   }
 
-  #viewport(): { width: number; height: number } {
+  #viewport(coarser = 1): { width: number; height: number } {
     const { width, height } = this.canvas;
-    return { width: Math.ceil(WIDER * width), height: Math.ceil(WIDER * height) };
+    return { width: Math.ceil((WIDER * width) / coarser), height: Math.ceil((WIDER * height) / coarser) };
+  }
+
+  /** How finely is culled. */
+  #sampling(): Pick<ViewState, "pictureSize" | "levelRule"> {
+    const coarser = this.#isCoarse ? COARSER : 1;
+    const epsilon = this.epsilon.value / coarser;
+    return { pictureSize: this.#viewport(coarser), levelRule: { epsilon, fewPixels: false } };
   }
 
   /**
@@ -270,6 +284,7 @@ export class Viewer {
     if (this.#isMoved && !display.isOver && now - this.#published >= PERIOD) {
       // What is visible from there comes when the eye is there. Once it rests, its own pose follows.
       const foreseen = hasMoved ? this.#foreseen(display.latency + PERIOD / 2) : undefined;
+      this.#coarsen(foreseen !== undefined);
       const camera = this.#camera(this.#wider);
       const pose = foreseen && {
         eye: foreseen.eye,
@@ -294,6 +309,14 @@ export class Viewer {
     this.hand.follow(hasMoved);
   }
 
+  /** The next camera is culled for with pixels so large. */
+  #coarsen(isCoarse: boolean): void {
+    if (isCoarse !== this.#isCoarse) {
+      this.#isCoarse = isCoarse;
+      this.display?.change(this.#sampling());
+    }
+  }
+
   #foreseen(ahead: number): Pose | undefined {
     this.#turn = (this.#turn + 1) % SPREAD.length;
     return this.#prediction.after(ahead * (SPREAD[this.#turn] ?? 1));
@@ -301,7 +324,7 @@ export class Viewer {
 
   #resize(): void {
     if (this.#fit()) {
-      this.display?.change({ pictureSize: this.#viewport() });
+      this.display?.change(this.#sampling());
       this.#isMoved = true;
       this.#drawn = undefined;
     }
