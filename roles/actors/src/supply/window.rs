@@ -26,7 +26,8 @@ const REMEMBERED: Duration = Duration::from_secs(30);
 /// where all blocks of [`STANDS`] waited longer.
 ///
 /// A queue of its own becomes shorter when the window does. What does not is something else, such as a peer
-/// whose processor is busy: then the window becomes as large as it was, and that wait counts as the way.
+/// whose processor is busy: then the window becomes as large as it was, and that wait counts as the way. So
+/// does what blocks wait for where the window is the least.
 #[derive(Debug)]
 pub(super) struct Window {
     size: u64,
@@ -170,6 +171,11 @@ impl Window {
                 self.shortest = [took; 2];
                 return;
             }
+        } else if self.size == LEAST {
+            // It cannot shrink until that tells, and makes no long queue.
+            self.shrunk = None;
+            self.shortest = [took; 2];
+            return;
         }
         // By half at most.
         let kept = 1.0 - (0.5 * over).min(0.5);
@@ -271,6 +277,16 @@ mod tests {
         to_drawing(&mut window, 0, 4, 2, &[1]);
         let taken = to_drawing(&mut window, 4, 5004, 2, &[55, 70, 63, 58]);
         assert!(taken as f64 > 20e6, "{taken} bytes in 5 s");
+    }
+
+    /// It cannot shrink until that tells.
+    #[test]
+    fn the_least_window_grows_again_where_a_display_is_slow() {
+        let mut window = Window::new();
+        to_drawing(&mut window, 0, 4, 2, &[1]);
+        (window.size, window.is_starting) = (LEAST + 100, false);
+        let taken = to_drawing(&mut window, 4, 5004, 2, &[55, 70, 63, 58]);
+        assert!(taken as f64 > 10e6, "{taken} bytes in 5 s");
     }
 
     #[test]
