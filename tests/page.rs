@@ -94,6 +94,8 @@ fn a_browser_shows_what_is_visible_and_nothing_else() {
     let scene = Scene::open(&bench.path("plant.scene")).unwrap();
     assert_eq!(browser.done(json!({ "do": "open", "url": service.url() })), 200);
     let mut eyes = BTreeSet::new();
+    // Before the page is there it hears no key.
+    browser.done(json!({ "do": "settle" }));
     browser.done(json!({ "do": "press", "key": "2" }));
     for way in [
         json!({ "do": "status" }),
