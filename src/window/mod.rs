@@ -69,8 +69,8 @@ pub struct WindowOptions {
 }
 
 /// Opens a window in which a person walks through a scene, and returns when it is closed or `stop` asks.
-/// Gives how a walk went that it has repeated to the end. To be called on the process's main thread, and once in a
-/// process: systems demand both.
+/// Gives how a walk went that it has repeated to the end. To be called on the process's main thread, and once
+/// in a process: systems demand both.
 ///
 /// # Errors
 /// Says what is missing for a window, and what failed while it was there.

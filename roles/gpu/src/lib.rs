@@ -44,8 +44,8 @@
 //!
 //! # Soundness
 //! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `stream`,
-//! `recorder`, `pipeline`, `query`, `window`); the passes above them are safe code. Three rules carry them. An object
-//! holds an [`Arc`](std::sync::Arc) of the device it was made from. And whatever owns a stream of
+//! `recorder`, `pipeline`, `query`, `window`); the passes above them are safe code. Three rules carry them.
+//! An object holds an [`Arc`](std::sync::Arc) of the device it was made from. And whatever owns a stream of
 //! commands declares it before the things its commands use: fields drop in order of declaration, and a stream
 //! that is dropped waits for the device. Where a stream gives up waiting, nothing of the device is destroyed
 //! any more ([`Gpu`]).

@@ -26,8 +26,8 @@ const REMEMBERED: Duration = Duration::from_secs(30);
 /// where all blocks of [`STANDS`] waited longer.
 ///
 /// A queue of its own becomes shorter when the window does. What does not is something else, such as a peer
-/// whose processor is busy: then the window becomes twice as large as it was, and that wait counts as the way.
-/// So does what blocks wait for where the window is the least.
+/// whose processor is busy: then the window becomes twice as large as it was, and that wait counts as the
+/// way. So does what blocks wait for where the window is the least.
 #[derive(Debug)]
 pub(super) struct Window {
     size: u64,
