@@ -18,8 +18,8 @@ const HAZE = 0.012;
 /**
  * Clears the picture to it.
  *
- * The eye does not roll, so the horizon is a row of pixels, and each row has one colour. Rows of one colour are
- * cleared at once. Where a processor draws, that takes a tenth of what a surface behind everything takes.
+ * The eye does not roll, so the horizon is a row of pixels, and each row has one colour. Rows of one colour
+ * are cleared at once. Where a processor draws, that takes a tenth of what a surface behind everything takes.
  */
 export function clearToBackground(
   gl: WebGL2RenderingContext,
