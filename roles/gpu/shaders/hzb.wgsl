@@ -1,6 +1,6 @@
 // Boxes tested against a pyramid of farthest depths, as `HzbTest` does on the host and with the same answers:
 // f64 sums and products in the same order. The build script forbids to fuse them: fma rounds once, the host
-// twice.
+// twice. A workgroup tests a box: its invocations share the texels of a level, and then those of the next finer.
 
 struct Plane {
     middle: f64,
@@ -28,9 +28,8 @@ struct Test {
     margin: f64,
     nearer: f64,
     width: u32,
-    boxes: u32,
     // Where each level's texels begin.
-    starts: array<u32, 18>,
+    starts: array<u32, 17>,
 }
 
 @group(0) @binding(0) var<storage, read_write> texels: array<f32>;
@@ -38,11 +37,16 @@ struct Test {
 @group(0) @binding(2) var<storage, read_write> visible: array<u32>;
 var<immediate> test: Test;
 
-struct Texel {
-    level: u32,
-    x: u32,
-    y: u32,
-}
+const LANES = 32u;
+// No less than a box's budget of texels.
+const MOST = 256u;
+
+// The workgroup's box.
+var<workgroup> shape: Box;
+// Texels to look at, all of one level, and those of the next finer: a column, and a row times 65,536.
+var<workgroup> listed: array<array<u32, MOST>, 2>;
+var<workgroup> added: atomic<u32>;
+var<workgroup> count: u32;
 
 // The pixels of a box in a texel.
 struct Part {
@@ -60,27 +64,27 @@ struct Block {
     half_y: f64,
 }
 
-fn depth_at(texel: Texel) -> f64 {
-    let width = ((test.width - 1u) >> texel.level) + 1u;
-    return f64(texels[test.starts[texel.level] + texel.y * width + texel.x]);
+fn depth_at(level: u32, x: u32, y: u32) -> f64 {
+    let width = ((test.width - 1u) >> level) + 1u;
+    return f64(texels[test.starts[level] + y * width + x]);
 }
 
-fn part_of(shape: u32, texel: Texel) -> Part {
-    let left = texel.x << texel.level;
-    let top = texel.y << texel.level;
-    let last = (1u << texel.level) - 1u;
+fn part_of(level: u32, x: u32, y: u32) -> Part {
+    let left = x << level;
+    let top = y << level;
+    let last = (1u << level) - 1u;
     return Part(
-        max(boxes[shape].x0, left),
-        min(boxes[shape].x1, left + last),
-        max(boxes[shape].y0, top),
-        min(boxes[shape].y1, top + last),
+        max(shape.x0, left),
+        min(shape.x1, left + last),
+        max(shape.y0, top),
+        min(shape.y1, top + last),
     );
 }
 
-fn block_of(shape: u32, part: Part, margin: f64) -> Block {
+fn block_of(part: Part, margin: f64) -> Block {
     return Block(
-        0.5lf * f64(part.x0 + part.x1 + 1u) - 0.5lf * f64(boxes[shape].x0 + boxes[shape].x1 + 1u),
-        0.5lf * f64(part.y0 + part.y1 + 1u) - 0.5lf * f64(boxes[shape].y0 + boxes[shape].y1 + 1u),
+        0.5lf * f64(part.x0 + part.x1 + 1u) - 0.5lf * f64(shape.x0 + shape.x1 + 1u),
+        0.5lf * f64(part.y0 + part.y1 + 1u) - 0.5lf * f64(shape.y0 + shape.y1 + 1u),
         0.5lf * f64(part.x1 - part.x0) + margin,
         0.5lf * f64(part.y1 - part.y0) + margin,
     );
@@ -92,23 +96,23 @@ fn greatest(plane: Plane, block: Block) -> f64 {
 }
 
 // How near the box's front can be at the centres of these pixels.
-fn nearest_over(shape: u32, part: Part) -> f64 {
-    let block = block_of(shape, part, test.margin);
-    var front = boxes[shape].nearest;
-    for (var i = 0u; i < boxes[shape].fronts; i += 1u) {
-        front = min(front, greatest(boxes[shape].planes[i], block) * test.nearer);
+fn nearest_over(part: Part) -> f64 {
+    let block = block_of(part, test.margin);
+    var front = shape.nearest;
+    for (var i = 0u; i < shape.fronts; i += 1u) {
+        front = min(front, greatest(shape.planes[i], block) * test.nearer);
     }
-    return max(front, boxes[shape].farthest);
+    return max(front, shape.farthest);
 }
 
 // Whether the grown outline misses the centres of all these pixels.
-fn misses(shape: u32, part: Part) -> bool {
-    let block = block_of(shape, part, test.grown);
-    let fronts = boxes[shape].fronts;
+fn misses(part: Part) -> bool {
+    let block = block_of(part, test.grown);
+    let fronts = shape.fronts;
     for (var i = 0u; i < fronts; i += 1u) {
-        let front = boxes[shape].planes[i];
-        for (var j = fronts; j < fronts + boxes[shape].backs; j += 1u) {
-            let back = boxes[shape].planes[j];
+        let front = shape.planes[i];
+        for (var j = fronts; j < fronts + shape.backs; j += 1u) {
+            let back = shape.planes[j];
             let edge = Plane(front.middle - back.middle, front.dx - back.dx, front.dy - back.dy);
             if greatest(edge, block) < 0.0lf {
                 return true;
@@ -118,49 +122,79 @@ fn misses(shape: u32, part: Part) -> bool {
     return false;
 }
 
-// The host visits texels in another order. That changes no answer: a box is hidden only if all that are to be
-// looked at were, and the budget sufficed.
-fn shows(shape: u32) -> bool {
-    let level = boxes[shape].level;
-    var looked_at = 0u;
-    for (var y = boxes[shape].y0 >> level; y <= boxes[shape].y1 >> level; y += 1u) {
-        for (var x = boxes[shape].x0 >> level; x <= boxes[shape].x1 >> level; x += 1u) {
-            var at = Texel(level, x, y);
-            if boxes[shape].nearest < depth_at(at) {
-                continue;
-            }
-            // Down to pixels, and on to the next of four texels where one is done.
-            loop {
-                let part = part_of(shape, at);
-                if part.x0 <= part.x1 && part.y0 <= part.y1 {
-                    looked_at += 1u;
-                    if looked_at > boxes[shape].budget {
-                        return true;
-                    }
-                    if !(nearest_over(shape, part) < depth_at(at) || misses(shape, part)) {
-                        if at.level == 0u {
-                            return true;
-                        }
-                        at = Texel(at.level - 1u, 2u * at.x, 2u * at.y);
-                        continue;
-                    }
-                }
-                while at.level < level && (at.x & at.y & 1u) == 1u {
-                    at = Texel(at.level + 1u, at.x >> 1u, at.y >> 1u);
-                }
-                if at.level == level {
-                    break;
-                }
-                at = Texel(at.level, at.x ^ 1u, at.y + (at.x & 1u));
-            }
-        }
+fn add(list: u32, x: u32, y: u32) {
+    let place = atomicAdd(&added, 1u);
+    if place < MOST {
+        listed[list][place] = x | (y << 16u);
     }
-    return false;
 }
 
-@compute @workgroup_size(64)
-fn cs_test_boxes(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x < test.boxes {
-        visible[id.x] = select(0u, 1u, shows(id.x));
+// Adds the texels of the coarsest level whose depth does not hide the box's nearest point.
+fn add_coarsest(lane: u32) {
+    let level = shape.level;
+    let left = shape.x0 >> level;
+    let top = shape.y0 >> level;
+    let width = (shape.x1 >> level) - left + 1u;
+    let height = (shape.y1 >> level) - top + 1u;
+    for (var i = lane; i < width * height; i += LANES) {
+        let x = left + i % width;
+        let y = top + i / width;
+        if !(shape.nearest < depth_at(level, x, y)) {
+            add(0u, x, y);
+        }
+    }
+}
+
+// Adds the finer texels of one in which the box may show.
+fn look_at(level: u32, x: u32, y: u32, list: u32) {
+    let part = part_of(level, x, y);
+    if nearest_over(part) < depth_at(level, x, y) || misses(part) {
+        return;
+    }
+    if level == 0u {
+        // It shows at a pixel: more texels than any budget.
+        atomicAdd(&added, MOST + 1u);
+        return;
+    }
+    for (var row = part.y0 >> (level - 1u); row <= part.y1 >> (level - 1u); row += 1u) {
+        for (var column = part.x0 >> (level - 1u); column <= part.x1 >> (level - 1u); column += 1u) {
+            add(list, column, row);
+        }
+    }
+}
+
+// The host visits texels in another order. That changes no answer: a box is hidden only if all that are to be
+// looked at were, and the budget sufficed.
+@compute @workgroup_size(LANES)
+fn cs_test_boxes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    if lane == 0u {
+        shape = boxes[group.x];
+        atomicStore(&added, 0u);
+    }
+    workgroupBarrier();
+    let budget = min(shape.budget, MOST);
+    var level = shape.level;
+    var list = 0u;
+    var looked_at = 0u;
+    add_coarsest(lane);
+    loop {
+        workgroupBarrier();
+        if lane == 0u {
+            count = atomicExchange(&added, 0u);
+        }
+        let here = workgroupUniformLoad(&count);
+        looked_at += here;
+        if here == 0u || looked_at > budget {
+            break;
+        }
+        for (var i = lane; i < here; i += LANES) {
+            let texel = listed[list][i];
+            look_at(level, texel & 0xffffu, texel >> 16u, 1u - list);
+        }
+        list = 1u - list;
+        level -= min(level, 1u);
+    }
+    if lane == 0u {
+        visible[group.x] = select(0u, 1u, looked_at > budget);
     }
 }

@@ -79,8 +79,9 @@ pub(crate) fn prepare(
     }
 }
 
-/// The most boxes tested at once: some megabytes of records.
-const BATCH: usize = 65_536;
+/// The most boxes tested at once: some megabytes of records, and fewer than the workgroups that any device
+/// takes in a dispatch.
+const BATCH: usize = 32_768;
 
 /// The room to make for a batch of `count` boxes: enough that the next ones seldom need more.
 pub(crate) fn room_for(count: usize) -> usize {

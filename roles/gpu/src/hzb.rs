@@ -55,15 +55,11 @@ struct Room {
 struct Constants {
     margins: ScreenMargins,
     width: u32,
-    boxes: u32,
     starts: [u32; MAX_LEVELS],
 }
 
-/// Levels over the largest picture, 65,536 pixels wide, and one to fill the structure.
-const MAX_LEVELS: usize = 18;
-
-/// Boxes a workgroup tests.
-const GROUP: u32 = 64;
+/// Levels over the largest picture, 65,536 pixels wide.
+const MAX_LEVELS: usize = 17;
 
 impl<'a> DeviceHzbTest<'a> {
     pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
@@ -98,15 +94,14 @@ impl OcclusionTest for DeviceHzbTest<'_> {
             let room = Room::fit(room, pass.gpu(), layout, pyramid, records.len())?;
             let OverDepth { stream, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
-            let count = records.len() as u32;
-            let constants = Constants { margins: ready.margins(), width: size.width(), boxes: count, starts };
+            let constants = Constants { margins: ready.margins(), width: size.width(), starts };
             stream.submit(OPERATION, |commands| {
                 if !*pyramid_is_current {
                     pyramid.build(commands, halving, depth);
                 }
                 commands.bind(pipeline, &constants);
                 commands.bind_set(pipeline, &room.set);
-                commands.dispatch([count.div_ceil(GROUP), 1]);
+                commands.dispatch([records.len() as u32, 1]);
                 commands.barrier(answered, host);
             })?;
             stream.wait(OPERATION)?;
