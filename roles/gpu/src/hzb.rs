@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
+use rayon::prelude::*;
 use trimaran_cull::{
     OcclusionTest, OnScreen, Outline, ScreenMargins, ScreenRecord, ScreenRecords, TestBox, View, Viewport,
 };
@@ -38,6 +39,7 @@ pub(crate) struct HzbBoxes {
     pyramid: Option<Pyramid>,
     /// The pyramid is of what was drawn last.
     pyramid_is_current: bool,
+    found: Vec<OnScreen>,
     records: Vec<ScreenRecord>,
     owners: Vec<u32>,
 }
@@ -60,6 +62,9 @@ struct Constants {
 
 /// Levels over the largest picture, 65,536 pixels wide.
 const MAX_LEVELS: usize = 17;
+
+/// Boxes that a thread projects at least: a tenth of a millisecond's work.
+const MIN_BOXES: usize = 512;
 
 impl<'a> DeviceHzbTest<'a> {
     pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
@@ -84,7 +89,9 @@ impl OcclusionTest for DeviceHzbTest<'_> {
         let ready = ScreenRecords::new(view, Outline::OnScreen);
         own.prepare(&ready, boxes, visible);
         own.fit(pass.gpu(), size)?;
-        let HzbBoxes { halving, layout, pipeline, room, pyramid, pyramid_is_current, records, owners } = own;
+        let HzbBoxes {
+            halving, layout, pipeline, room, pyramid, pyramid_is_current, records, owners, ..
+        } = own;
         let Some(pyramid) = pyramid else { return Ok(()) };
         let mut starts = [0; MAX_LEVELS];
         starts.iter_mut().zip(pyramid.starts()).for_each(|(slot, start)| *slot = start);
@@ -131,6 +138,7 @@ impl HzbBoxes {
             room: None,
             pyramid: None,
             pyramid_is_current: false,
+            found: vec![],
             records: vec![],
             owners: vec![],
         })
@@ -146,8 +154,12 @@ impl HzbBoxes {
         visible.clear();
         self.records.clear();
         self.owners.clear();
-        for (index, test_box) in (0..).zip(boxes) {
-            let found = ready.find(test_box);
+        boxes
+            .par_iter()
+            .with_min_len(MIN_BOXES)
+            .map(|test_box| ready.find(test_box))
+            .collect_into_vec(&mut self.found);
+        for (index, found) in (0..).zip(self.found.drain(..)) {
             visible.push(u32::from(matches!(found, OnScreen::Shows)));
             if let OnScreen::Test(record) = found {
                 self.records.push(record);
