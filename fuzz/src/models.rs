@@ -138,7 +138,7 @@ pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     };
     let length = file.len() as u64;
     file[..8].copy_from_slice(b"TRIMRN\r\n");
-    file[8..12].copy_from_slice(&5_u32.to_le_bytes());
+    file[8..12].copy_from_slice(&trimaran_scene::FORMAT_VERSION.to_le_bytes());
     file[16..24].copy_from_slice(&length.to_le_bytes());
     file[24..32].copy_from_slice(&(directory as u64).to_le_bytes());
     let (pages, entries) = file.split_at_mut(directory);

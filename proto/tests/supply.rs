@@ -207,7 +207,7 @@ const FILES: [(&str, &str, Make); 64] = [
         block(&[entries(&[DrawableEntry { world_min: [0.0, 2.0, 0.0], ..entry(0) }])])
     }),
     ("unknown-sides-and-no-triangles", "refused", || {
-        let sides: Sides = bytemuck::cast(2_u32);
+        let sides: Sides = bytemuck::cast(1_u32 << 24);
         block(&[entries(&[DrawableEntry { sides, ..entry(0) }, DrawableEntry { triangles: 0, ..entry(1) }])])
     }),
     ("a-drawable-and-a-node-that-change", "refused", || {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use serde::Serialize;
-use trimaran_scene::{Node, Records, Scene, Sides};
+use trimaran_scene::{Node, Records, Scene};
 
 use super::{Failure, args::InfoArgs, number};
 
@@ -59,7 +59,7 @@ impl SceneSummary {
             interior_with_levels: tree.interior_with_levels,
             depth: tree.depth,
             drawables: scene.drawables().len(),
-            solids: scene.drawables().iter().filter(|drawable| drawable.sides == Sides::FRONT).count(),
+            solids: scene.drawables().iter().filter(|drawable| drawable.sides.are_of_solids()).count(),
             triangles: scene.totals().full_detail_triangles,
             triangles_stored: scene.totals().stored_triangles,
             vertices_stored: scene.totals().stored_vertices,

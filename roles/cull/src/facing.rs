@@ -3,7 +3,8 @@
 //! That takes nothing from the picture, and saves whoever draws half of a solid's triangles. All decide
 //! alike, since only the drawable, its node and the view count.
 
-use trimaran_scene::{Drawable, Node, Sides};
+use glam::DVec3;
+use trimaran_scene::{Drawable, Node};
 
 use crate::View;
 
@@ -41,7 +42,12 @@ impl Solids {
     /// The sides of `drawable`, a level of `node`.
     #[must_use]
     pub fn facing(&self, drawable: &Drawable, node: &Node) -> Facing {
-        if drawable.sides != Sides::FRONT || node.distance_squared(self.view.eye()) <= self.near_squared {
+        let (min, max) = node.world_box();
+        let [low, high] = drawable.sides.eyes(min, max);
+        let eye = self.view.eye();
+        let outside = (low - eye).max(eye - high).max(DVec3::ZERO);
+        // Also where a number is none.
+        if !(outside.length_squared() > self.near_squared) {
             return Facing::Both;
         }
         match node.linear().as_dmat3().determinant() {

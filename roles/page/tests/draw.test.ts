@@ -11,6 +11,7 @@ import { DrawOrder } from "../src/draw/order.ts";
 import { moveIndices } from "../src/draw/page.ts";
 import { View } from "../src/draw/view.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
+import { BOTH_SIDES, FRONT_SIDE, isOfSolids } from "../src/proto/sides.ts";
 import { AHEAD, box, cameraAt, drawableAt, folded, UPRIGHT } from "./drawScene.ts";
 import { randomOf } from "./support.ts";
 
@@ -92,9 +93,9 @@ test("the first corner of a triangle goes where the browser looks for what is fl
   assert.deepEqual(moved("last"), [15, 16, 14, 15, 17, 16, 0]);
 });
 
-test("the nearest box comes first, and of boxes as near the lower number", () => {
-  const boxed = (id: number, [x, y, z]: Point) =>
-    drawableAt(id, [0, 0, 0], { worldMin: [x, y, z], worldMax: [x + 1, y + 1, z + 1] });
+test("near boxes come first, of those about as near what shows both sides, and then the lower number", () => {
+  const boxed = (id: number, [x, y, z]: Point, sides = BOTH_SIDES) =>
+    drawableAt(id, [0, 0, 0], { worldMin: [x, y, z], worldMax: [x + 1, y + 1, z + 1], sides });
   const drawables = [
     boxed(9, [5, 0, 0]),
     boxed(7, [-0.5, -0.5, -0.5]),
@@ -103,14 +104,16 @@ test("the nearest box comes first, and of boxes as near the lower number", () =>
   ];
   const order = new DrawOrder();
   const places = (eye: Point, of: typeof drawables) => {
-    order.sort(eye, of);
+    const view = new View();
+    view.set(cameraAt(eye), 100, 100);
+    order.sort(view, of);
     return of.map((_, before) => order.place(before));
   };
   assert.deepEqual(places([0.1, 0.1, 0.1], drawables), [2, 1, 3, 0]);
   assert.deepEqual(places([5.5, 0.5, 0.5], drawables), [0, 3, 2, 1]);
   const random = randomOf(3);
   const many = Array.from({ length: 400 }, (_, at) =>
-    boxed((at * 7919) % 4001, [random(4), random(4), random(4)]),
+    boxed((at * 7919) % 4001, [random(4), random(4), random(4)], at % 3 === 0 ? FRONT_SIDE : BOTH_SIDES),
   );
   const away = (at: number) => {
     const [x = 0, y = 0, z = 0] = (many[at]?.worldMin ?? []).map((low) =>
@@ -119,7 +122,11 @@ test("the nearest box comes first, and of boxes as near the lower number", () =>
     return Math.fround(x * x + y * y + z * z);
   };
   const number = (at: number) => many[at]?.id ?? 0;
-  const expected = [...many.keys()].sort((a, b) => away(a) - away(b) || number(a) - number(b));
+  const power = (at: number) => (away(at) === 0 ? -200 : Math.floor(Math.log2(away(at))));
+  const isFront = (at: number) => (many[at]?.sides === FRONT_SIDE && away(at) > 0.0154 ? 1 : 0);
+  const expected = [...many.keys()].sort(
+    (a, b) => power(a) - power(b) || isFront(a) - isFront(b) || away(a) - away(b) || number(a) - number(b),
+  );
   assert.deepEqual(places([0.3, 0.3, 0.3], many), expected);
 });
 
@@ -233,7 +240,6 @@ test("a box is seen if any of it is in the picture", () => {
       });
       const isShown = -z >= view.near && Math.abs(x) <= -z * view.tanX && Math.abs(y) <= -z * view.tanY;
       assert.ok(sees || !isShown, `round ${round}`);
-      assert.ok(x * x + y * y + z * z >= view.distanceSquared(bounds) * (1 - 1e-9), `round ${round}`);
     }
     seen += sees ? 1 : 0;
     unseen += sees ? 0 : 1;
@@ -279,24 +285,43 @@ test("a box beside each side of the picture is not seen", () => {
 test("a solid shows its front alone, unless it is flat or the near plane cuts it", () => {
   const view = new View();
   view.set(cameraAt([0, 0, 0], 0.5, 1), 100, 100);
-  const bounds = Float64Array.of(0, 0, 0, 1, 1, 1);
   const facing = (distance: number, sides: number, linear: readonly number[] = UPRIGHT) => {
-    const drawable = drawableAt(1, [0, 0, -distance], { sides, linear });
-    view.place(drawable);
-    return facingOf(drawable, bounds, view);
+    const box = { worldMin: [-1, -1, -distance - 1] as const, worldMax: [1, 1, 1 - distance] as const };
+    return facingOf(drawableAt(1, [0, 0, -distance], { sides, linear, ...box }), view);
   };
-  assert.equal(facing(5, 1), FRONT);
-  assert.equal(facing(5, 0), BOTH);
-  assert.equal(facing(5, 1, [-1, 0, 0, 0, 1, 0, 0, 0, 1]), MIRRORED);
-  assert.equal(facing(5, 1, [-1, 0, 0, 0, 1, 0, 0, 0, -1]), FRONT);
-  assert.equal(facing(5, 1, [1, 0, 0, 0, 1, 0, 0, 0, 0]), BOTH);
+  assert.equal(facing(5, FRONT_SIDE), FRONT);
+  assert.equal(facing(5, BOTH_SIDES), BOTH);
+  assert.equal(facing(5, FRONT_SIDE, [-1, 0, 0, 0, 1, 0, 0, 0, 1]), MIRRORED);
+  assert.equal(facing(5, FRONT_SIDE, [-1, 0, 0, 0, 1, 0, 0, 0, -1]), FRONT);
+  assert.equal(facing(5, FRONT_SIDE, [1, 0, 0, 0, 1, 0, 0, 0, 0]), BOTH);
   // Two axes that change places are a mirror, and three that go around are none.
-  assert.equal(facing(5, 1, [0, 1, 0, 1, 0, 0, 0, 0, 1]), MIRRORED);
-  assert.equal(facing(5, 1, [1, 0, 0, 0, 0, 1, 0, 1, 0]), MIRRORED);
-  assert.equal(facing(5, 1, [0, 0, 1, 0, 1, 0, 1, 0, 0]), MIRRORED);
-  assert.equal(facing(5, 1, [0, 1, 0, 0, 0, 1, 1, 0, 0]), FRONT);
-  // The near plane's corners are at the root of 1.5, and the box begins one metre before its origin.
-  assert.deepEqual([facing(2.23, 1), facing(2.25, 1)], [BOTH, FRONT]);
+  assert.equal(facing(5, FRONT_SIDE, [0, 1, 0, 1, 0, 0, 0, 0, 1]), MIRRORED);
+  assert.equal(facing(5, FRONT_SIDE, [1, 0, 0, 0, 0, 1, 0, 1, 0]), MIRRORED);
+  assert.equal(facing(5, FRONT_SIDE, [0, 0, 1, 0, 1, 0, 1, 0, 0]), MIRRORED);
+  assert.equal(facing(5, FRONT_SIDE, [0, 1, 0, 0, 0, 1, 1, 0, 0]), FRONT);
+  // The near plane's corners are at the root of 1.5, and the box begins one metre before its middle.
+  assert.deepEqual([facing(2.23, FRONT_SIDE), facing(2.25, FRONT_SIDE)], [BOTH, FRONT]);
+});
+
+test("eyes see into what is open as far as the wire says, and no farther", () => {
+  // A box of 2 m, whose diagonal is the root of 12.
+  const box = { worldMin: [-1, -1, -1] as const, worldMax: [1, 1, 1] as const };
+  const facing = (sides: number, ...eye: Point) => {
+    const view = new View();
+    view.set(cameraAt(eye, 0.5, 1e-3), 100, 100);
+    return facingOf(drawableAt(1, [0, 0, 0], { sides, ...box }), view);
+  };
+  // Open below: 15 at the lower end of y and at both of x and z.
+  const below = 0xf0_ffff;
+  assert.deepEqual([facing(below, 0, 1.1, 0), facing(below, 0, 0.9, 0)], [FRONT, BOTH]);
+  assert.deepEqual([facing(below, 900, 1.1, -900), facing(below, 900, -900, 0)], [FRONT, BOTH]);
+  // A diagonal farther at the upper end of z, and a sixty-fourth of it at the lower one.
+  const far = 0x70_0100;
+  const end = 1 + Math.sqrt(12);
+  assert.deepEqual([facing(far, 0, 0, end - 0.01), facing(far, 0, 0, end + 0.01)], [BOTH, FRONT]);
+  const start = -1 - Math.sqrt(12) / 64;
+  assert.deepEqual([facing(far, 0, 0, start + 0.01), facing(far, 0, 0, start - 0.01)], [BOTH, FRONT]);
+  assert.deepEqual([0, far, below, BOTH_SIDES].map(isOfSolids), [true, true, false, false]);
 });
 
 test("a walker's camera looks along its own -z", () => {

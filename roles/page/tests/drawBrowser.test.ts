@@ -79,10 +79,10 @@ for (const extensions of [true, false]) {
       stage.set(small, { vertices: large, indices }, { vertices: large, indices });
       const found: number[][] = [];
       for (const nearest of [0, 1, 2]) {
-        for (const sides of [0, 1]) {
+        for (const sides of [window.draw.FRONT_SIDE, window.draw.BOTH_SIDES]) {
           const drawables = [0, 1, 2].map((geometry) => {
             const box = [0, 0, geometry === nearest ? -4 : -6] as const;
-            const facing = geometry === nearest ? sides : 1 - sides;
+            const facing = geometry === nearest ? sides : window.draw.BOTH_SIDES - sides;
             return drawableAt(geometry, [0, 0, -5], { worldMin: box, worldMax: box, sides: facing });
           });
           found.push([nearest, ...stage.seen(cameraAt([0, 0, 0]), drawables)]);
@@ -109,7 +109,7 @@ for (const extensions of [true, false]) {
       const mirrored = [-1, 0, 0, 0, 1, 0, 0, 0, 1];
       const mirroredAndTurned = [1, 0, 0, 0, 1, 0, 0, 0, -1];
       const found = [undefined, turned, mirrored, mirroredAndTurned].map((linear) =>
-        [0, 1].map((sides) => {
+        [window.draw.BOTH_SIDES, window.draw.FRONT_SIDE].map((sides) => {
           const more = { geometry: 0, sides, ...(linear === undefined ? {} : { linear }) };
           return stage.seen(cameraAt([0, 0, 0]), [drawableAt(7, [0, 0, -3], more)]).length;
         }),
@@ -141,7 +141,10 @@ for (const extensions of [true, false]) {
         const camera = { ...cameraAt([0.5 + by, 0.25 - by, 2 + by]), orientation: turn };
         const drawables = Array.from({ length: 40 }, (_, id) => {
           const [x, y, z] = [((id * 7) % 16) - 8, ((id * 5) % 11) - 5, -4 - ((id * 3) % 13)];
-          return drawableAt(id, [x / 2 + by, y / 2 - by, z + by], { geometry: id % 2, sides: id & 1 });
+          return drawableAt(id, [x / 2 + by, y / 2 - by, z + by], {
+            geometry: id % 2,
+            sides: id & 1 ? window.draw.FRONT_SIDE : window.draw.BOTH_SIDES,
+          });
         });
         items.push(stage.items(camera, drawables).flat());
         pictures.push([...stage.picture(camera, drawables)]);
@@ -221,7 +224,12 @@ for (const extensions of [true, false]) {
       );
       const found = turns.map((_, id) =>
         // The winding is kept: all three are seen from the front.
-        stage.colour(cameraAt([0, 0, 0]), [drawableAt(id, [0, 0, -5], { sides: 1 })], 8, 8),
+        stage.colour(
+          cameraAt([0, 0, 0]),
+          [drawableAt(id, [0, 0, -5], { sides: window.draw.FRONT_SIDE })],
+          8,
+          8,
+        ),
       );
       stage.end();
       return found;
@@ -292,7 +300,7 @@ for (const extensions of [true, false]) {
       // Every other one is turned around, and shows its back.
       const turned = [-1, 0, 0, 0, 1, 0, 0, 0, -1];
       const drawables = Array.from({ length: count }, (_, id) => {
-        const more = id % 2 === 1 ? { sides: 1 } : { linear: turned };
+        const more = id % 2 === 1 ? { sides: window.draw.FRONT_SIDE } : { linear: turned };
         return drawableAt(id, [(id % 4) - 1.5, Math.floor(id / 4) - 1, -4], more);
       });
       const all = stage.seen(cameraAt([0, 0, 0]), drawables);
@@ -519,8 +527,8 @@ drawn(
     stage.set(box([1, 1, 1], [0, 0, 255]));
     const camera = cameraAt([0, 0, 0]);
     const drawables = [
-      drawableAt(7, [0, 0, -4], { geometry: 0, sides: 1 }),
-      drawableAt(8, [0, 0, -9], { geometry: 0, sides: 1 }),
+      drawableAt(7, [0, 0, -4], { geometry: 0, sides: window.draw.FRONT_SIDE }),
+      drawableAt(8, [0, 0, -9], { geometry: 0, sides: window.draw.FRONT_SIDE }),
     ];
     const look = (sections: readonly Section[], through: readonly number[] = []) => {
       return { sections, seeThrough: ObjectSet.of(through), highlighted: ObjectSet.EMPTY };
@@ -596,9 +604,9 @@ drawn(
     stage.set(box([1, 1, 1], [255, 0, 0]), pipe(0.2, 3, 12, 2, [0, 255, 0]));
     const camera = cameraAt([0, 0, 0]);
     const drawables = [
-      drawableAt(1, [-0.5, 0, -4], { geometry: 0, sides: 1 }),
-      drawableAt(2, [0.7, 0, -4], { geometry: 1, sides: 1 }),
-      drawableAt(3, [40, 0, -4], { geometry: 1, sides: 1 }),
+      drawableAt(1, [-0.5, 0, -4], { geometry: 0, sides: window.draw.FRONT_SIDE }),
+      drawableAt(2, [0.7, 0, -4], { geometry: 1, sides: window.draw.FRONT_SIDE }),
+      drawableAt(3, [40, 0, -4], { geometry: 1, sides: window.draw.FRONT_SIDE }),
     ];
     const colours = [
       [26, 32],

@@ -4,6 +4,7 @@ import type { Camera, Drawable, Mesh } from "../src/draw/model.ts";
 import { NOTHING, Renderer, type RendererOptions } from "../src/draw/renderer.ts";
 import { UNFOLDED } from "../src/draw/shaders.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
+import { BOTH_SIDES, FRONT_SIDE } from "../src/proto/sides.ts";
 import * as scene from "./drawScene.ts";
 
 /** A renderer on a canvas of its own. */
@@ -121,7 +122,7 @@ void main() { normal = unfolded(folded); }`;
 }
 
 /** What the tests find in the page. */
-const harness = { Stage, NOTHING, unfolded, ObjectSet, ...scene };
+const harness = { Stage, NOTHING, unfolded, ObjectSet, FRONT_SIDE, BOTH_SIDES, ...scene };
 
 declare global {
   interface Window {

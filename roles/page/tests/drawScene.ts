@@ -2,6 +2,7 @@
 
 import type { Camera, Drawable, Mesh } from "../src/draw/model.ts";
 import { VERTEX_BYTES } from "../src/proto/piece.ts";
+import { BOTH_SIDES, FRONT_SIDE } from "../src/proto/sides.ts";
 
 export type Colour = readonly [number, number, number];
 type Point = readonly [number, number, number];
@@ -26,7 +27,7 @@ export function drawableAt(id: number, origin: Point, more: Partial<Drawable> = 
     geometry: id,
     origin,
     linear: UPRIGHT,
-    sides: 0,
+    sides: BOTH_SIDES,
     ...box,
     ...more,
   };
@@ -170,7 +171,9 @@ export function pipes(count: number, sides = 12, parts = 5): { meshes: Mesh[]; d
     );
     const distance = 10 + 100 * share(id, 2);
     const origin = [(share(id, 0) - 0.5) * distance, (share(id, 1) - 0.5) * distance, -distance] as const;
-    drawables.push(drawableAt(id, origin, { linear: ways[id % 3] ?? UPRIGHT, sides: id & 1 }));
+    drawables.push(
+      drawableAt(id, origin, { linear: ways[id % 3] ?? UPRIGHT, sides: id & 1 ? FRONT_SIDE : BOTH_SIDES }),
+    );
   }
   return { meshes, drawables };
 }

@@ -15,7 +15,7 @@ before(loadCodecs);
 
 /** A record of the drawable that has the piece, node and object of its own number. */
 function record(id: number, more: Partial<DrawableRecord> = {}): DrawableRecord {
-  const own = { id, node: id, geometry: id, object: id, objects: 1, triangles: 1, sides: 0 };
+  const own = { id, node: id, geometry: id, object: id, objects: 1, triangles: 1, sides: 0xffffff };
   const linear = [1, 0, 0, 0, 1, 0, 0, 0, 1];
   return { ...own, linear, origin: [0, 0, 0], worldMin: [0, 0, 0], worldMax: [1, 1, 1], ...more };
 }

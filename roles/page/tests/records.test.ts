@@ -163,7 +163,7 @@ test("a record that cannot be of the scene is refused, for each reason", () => {
     [{ origin: [0, 0, Number.NEGATIVE_INFINITY] }, "a number is not finite"],
     [{ linear: [1, 0, 0, 0, 1, 0, 0, 0, Number.NaN] }, "a number is not finite"],
     [{ worldMin: [6, 2.5, -3] }, "its box is inside out"],
-    [{ sides: 2 }, "its sides are unknown"],
+    [{ sides: 0x1000000 }, "its sides are unknown"],
     [{ triangles: 0 }, "it has no triangles"],
   ];
   for (const [change, text] of faults) {

@@ -14,7 +14,7 @@ function drawable(id: number, object: number, x: number, more: Partial<Drawable>
     geometry: id,
     origin: [0, 0, 0],
     linear: [1, 0, 0, 0, 1, 0, 0, 0, 1],
-    sides: 0,
+    sides: 0xffffff,
     worldMin: [x, 0, 0],
     worldMax: [x + 1, 1, 1],
     ...more,

@@ -3,7 +3,8 @@
 use std::{sync::Arc, time::Duration};
 
 use trimaran_cull::{
-    Culler, CutRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, select_occluders, triangles,
+    Culler, CutRule, DrawOrder, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, select_occluders,
+    triangles,
 };
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings, ViewState};
 use trimaran_scene::Scene;
@@ -43,6 +44,7 @@ pub struct SceneCulling<D> {
     /// How many ids of an earlier frame have come for this one, and the occluders they map to.
     received: usize,
     due: Vec<DrawableId>,
+    order: DrawOrder,
 }
 
 impl<D: CullerDevice> SceneCulling<D> {
@@ -66,12 +68,14 @@ impl<D: CullerDevice> SceneCulling<D> {
             or_end: Duration::ZERO,
             received: 0,
             due: Vec::new(),
+            order: DrawOrder::default(),
         }
     }
 
     /// Draws the due occluders from this one on.
     fn draw(&mut self, first: usize) -> Result<(), RoleError> {
-        let ids = self.due.get(first..).unwrap_or_default();
+        let ids = self.due.get_mut(first..).unwrap_or_default();
+        self.order.sort(self.culler.scene(), &self.view, ids);
         self.device.draw_occluders(ids).map_err(RoleError::device("drawing occluders"))?;
         self.stats.occluders += count(ids);
         self.stats.occluder_triangles += triangles(self.culler.scene(), ids);

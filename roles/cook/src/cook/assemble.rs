@@ -2,16 +2,16 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::CookError;
 use super::clusters::ClusterNode;
 use super::gather::Merged;
-use super::levels::{Level, LeveledMesh};
+use super::levels::LeveledMesh;
 use super::linear::WorldBox;
 use super::placed::Leaf;
-use super::solid::mark_solids;
+use super::solid::{Solid, Solids};
 use super::tree::TreeNode;
 use crate::Model;
 use trimaran_scene::{
@@ -47,8 +47,8 @@ pub(super) fn assemble(
 ) -> Result<SceneArrays, CookError> {
     let mut arrays = SceneArrays::default();
     record_objects(model, &mut arrays)?;
-    let numbers = add_meshes(meshes, &mut arrays)?;
-    let parts = Parts { tree, leaves, meshes, numbers };
+    let (numbers, solids) = add_meshes(meshes, &mut arrays)?;
+    let parts = Parts { tree, leaves, meshes, numbers, solids };
     let mut merged = merged;
     // Breadth first: a node's children are appended when it is reached.
     let mut queue = vec![(Node::NONE, Place::Tree(0))];
@@ -76,7 +76,6 @@ pub(super) fn assemble(
         index += 1;
     }
     raise_errors(&mut arrays);
-    mark_solids(&mut arrays);
     Ok(arrays)
 }
 
@@ -87,6 +86,8 @@ struct Parts<'a> {
     meshes: &'a [Option<LeveledMesh>],
     /// Of each mesh.
     numbers: Vec<MeshNumbers>,
+    /// Of each of the meshes' pieces of geometry.
+    solids: Vec<Option<Solid>>,
 }
 
 impl<'a> Parts<'a> {
@@ -129,14 +130,18 @@ impl<'a> Parts<'a> {
             place_leaf(record, leaf, mesh);
             let numbers = self.numbers.get(leaf.mesh as usize).map_or(&[][..], |numbers| &numbers.levels);
             let levels = mesh.levels.iter().skip(mesh.levels.len().saturating_sub(numbers.len()));
-            for (level, number) in levels.zip(numbers) {
-                add_drawable(index, leaf.world_error(level.error), *number, arrays);
+            for (level, &number) in levels.zip(numbers) {
+                let sides = self.sides(leaf, number, record);
+                add_drawable(index, leaf.world_error(level.error), number, sides, arrays);
             }
         } else if let Some(merged) = merged {
             place_inner(record, merged.origin, merged.bounds);
             for level in merged.levels {
+                let solid = Solids::new(&level.vertices, &level.indices).of_all();
+                let sides = solid
+                    .map_or(Sides::BOTH, |solid| solid.sides(DMat3::IDENTITY, merged.origin, merged.bounds));
                 let number = add_geometry(piece(&level.vertices, &level.indices), arrays)?;
-                add_drawable(index, level.error, number, arrays);
+                add_drawable(index, level.error, number, sides, arrays);
             }
         }
         Ok(())
@@ -159,12 +164,22 @@ impl<'a> Parts<'a> {
         record.world_max = world.max.min(parent_max).to_array();
         let Some(numbers) = self.numbers.get(leaf.mesh as usize) else { return };
         if let Some(&Some(finest)) = numbers.clusters.get(node as usize) {
-            add_drawable(index, 0.0, finest, arrays);
+            add_drawable(index, 0.0, finest, self.sides(leaf, finest, record), arrays);
         }
         let levels = mesh.part_levels.iter().zip(&numbers.part_levels);
-        for (level, number) in levels.skip(cluster.levels.start as usize).take(cluster.levels.len()) {
-            add_drawable(index, leaf.world_error(level.error), *number, arrays);
+        for (level, &number) in levels.skip(cluster.levels.start as usize).take(cluster.levels.len()) {
+            let sides = self.sides(leaf, number, record);
+            add_drawable(index, leaf.world_error(level.error), number, sides, arrays);
         }
+    }
+
+    /// The sides that show of a piece of a placed mesh, in a node of this box.
+    fn sides(&self, leaf: &Leaf, number: u32, node: &Node) -> Sides {
+        let (min, max) = node.world_box();
+        let solid = self.solids.get(number as usize).copied().flatten();
+        solid.map_or(Sides::BOTH, |solid| {
+            solid.sides(leaf.linear.as_dmat3(), leaf.origin, WorldBox { min, max })
+        })
     }
 }
 
@@ -189,9 +204,8 @@ fn place_inner(record: &mut Node, origin: DVec3, bounds: WorldBox) {
     record.local_max = Vec3::new(high.x.next_up(), high.y.next_up(), high.z.next_up()).to_array();
 }
 
-fn add_drawable(node: u32, error: f32, geometry: u32, arrays: &mut SceneArrays) {
+fn add_drawable(node: u32, error: f32, geometry: u32, sides: Sides, arrays: &mut SceneArrays) {
     let triangles = arrays.geometries.get(geometry as usize).map_or(0, Geometry::triangles) as u32;
-    let sides = Sides::BOTH; // until all triangles are there
     arrays.drawables.push(Drawable { error, node, geometry, triangles, sides });
 }
 
@@ -211,48 +225,77 @@ fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookErr
     Ok(())
 }
 
-/// Adds the pieces of all meshes; returns their numbers.
+/// Adds the pieces of all meshes; returns their numbers, and of each piece what it is of.
 fn add_meshes(
     meshes: &[Option<LeveledMesh>],
     arrays: &mut SceneArrays,
-) -> Result<Vec<MeshNumbers>, CookError> {
+) -> Result<(Vec<MeshNumbers>, Vec<Option<Solid>>), CookError> {
     let pieces: Vec<Pieces> =
         meshes.par_iter().map(|mesh| mesh.as_ref().map(Pieces::of).unwrap_or_default()).collect();
-    pieces.into_iter().map(|pieces| pieces.add(arrays)).collect()
+    let mut solids = Vec::new();
+    let numbers =
+        pieces.into_iter().map(|pieces| pieces.add(arrays, &mut solids)).collect::<Result<_, _>>()?;
+    Ok((numbers, solids))
 }
 
 /// The geometry of a mesh: as [`MeshNumbers`].
 #[derive(Default)]
 struct Pieces {
-    levels: Vec<Geometry>,
-    clusters: Vec<Option<Geometry>>,
-    part_levels: Vec<Geometry>,
+    levels: Vec<Piece>,
+    clusters: Vec<Option<Piece>>,
+    part_levels: Vec<Piece>,
+}
+
+/// A piece of geometry, and the solids that it is of.
+struct Piece {
+    geometry: Geometry,
+    solid: Option<Solid>,
 }
 
 impl Pieces {
     fn of(mesh: &LeveledMesh) -> Self {
-        let level = |level: &Level| piece(&mesh.vertices, &level.indices);
+        let alone = |indices: &[u32]| Piece {
+            geometry: piece(&mesh.vertices, indices),
+            solid: Solids::new(&mesh.vertices, indices).of_all(),
+        };
         let clustered = usize::from(!mesh.clusters.is_empty());
         let finest = mesh.levels.first().map(|level| level.indices.as_slice()).unwrap_or_default();
+        // Clusters are drawn with all others of their mesh, unless parts of it have levels of their own.
+        let together =
+            (clustered == 1 && mesh.part_levels.is_empty()).then(|| Solids::new(&mesh.vertices, finest));
         let cluster = |node: &ClusterNode| {
-            let own = finest.get(node.indices.start as usize..node.indices.end as usize);
-            own.filter(|own| !own.is_empty()).map(|own| piece(&mesh.vertices, own))
+            let range = node.indices.start as usize..node.indices.end as usize;
+            let own = finest.get(range.clone()).filter(|own| !own.is_empty())?;
+            Some(match &together {
+                Some(solids) => Piece {
+                    geometry: piece(&mesh.vertices, own),
+                    solid: solids.of(range.start / 3..range.end / 3),
+                },
+                None => alone(own),
+            })
         };
         Self {
-            levels: mesh.levels.iter().skip(clustered).map(level).collect(),
+            levels: mesh.levels.iter().skip(clustered).map(|level| alone(&level.indices)).collect(),
             clusters: mesh.clusters.iter().map(cluster).collect(),
-            part_levels: mesh.part_levels.iter().map(level).collect(),
+            part_levels: mesh.part_levels.iter().map(|level| alone(&level.indices)).collect(),
         }
     }
 
-    fn add(self, arrays: &mut SceneArrays) -> Result<MeshNumbers, CookError> {
-        let mut add = |geometry| add_geometry(geometry, arrays);
+    fn add(
+        self,
+        arrays: &mut SceneArrays,
+        solids: &mut Vec<Option<Solid>>,
+    ) -> Result<MeshNumbers, CookError> {
+        let mut add = |Piece { geometry, solid }| {
+            solids.push(solid);
+            add_geometry(geometry, arrays)
+        };
         Ok(MeshNumbers {
             levels: self.levels.into_iter().map(&mut add).collect::<Result<_, _>>()?,
             clusters: self
                 .clusters
                 .into_iter()
-                .map(|geometry| geometry.map(&mut add).transpose())
+                .map(|piece| piece.map(&mut add).transpose())
                 .collect::<Result<_, _>>()?,
             part_levels: self.part_levels.into_iter().map(add).collect::<Result<_, _>>()?,
         })

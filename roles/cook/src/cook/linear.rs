@@ -1,6 +1,6 @@
 //! What a linear map does to lengths, and boxes in the world.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 
 /// An axis-aligned box in the world, metres. Empty boxes have infinite corners the wrong way round.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,6 +15,16 @@ impl WorldBox {
     /// The smallest box around all points.
     pub(super) fn around(points: impl IntoIterator<Item = DVec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, Self::including)
+    }
+
+    /// A box around a placed one.
+    pub(super) fn placed(min: Vec3, max: Vec3, linear: DMat3, origin: DVec3) -> Self {
+        let corners = (0..8_u32).map(|corner| {
+            let pick =
+                |axis: u32, low: f32, high: f32| f64::from(if corner >> axis & 1 == 0 { low } else { high });
+            linear * DVec3::new(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z)) + origin
+        });
+        Self::around(corners).padded()
     }
 
     pub(super) fn including(self, point: DVec3) -> Self {

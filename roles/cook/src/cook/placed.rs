@@ -90,14 +90,7 @@ impl Leaf {
 
     /// A world box around a box in the mesh's frame.
     pub(super) fn world_box(&self, min: Vec3, max: Vec3) -> WorldBox {
-        let linear = self.linear.as_dmat3();
-        let corners = (0..8_u32).map(|corner| {
-            let pick =
-                |axis: u32, low: f32, high: f32| f64::from(if corner >> axis & 1 == 0 { low } else { high });
-            linear * DVec3::new(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z))
-                + self.origin
-        });
-        WorldBox::around(corners).padded()
+        WorldBox::placed(min, max, self.linear.as_dmat3(), self.origin)
     }
 
     /// A vertex of the mesh in the world.

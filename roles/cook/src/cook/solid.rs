@@ -1,34 +1,174 @@
-//! Which drawables are made of solids: closed surfaces whose triangles all face outwards.
+//! Which triangles are of solids: closed surfaces whose triangles all face outwards.
 //!
 //! A ray from outside enters a solid before it leaves it, so it meets a triangle from its front first. What
 //! faces away is never seen, and need not be drawn.
 //!
-//! Corners are the same if their positions are, to the bit. A drawable is made of solids if along each edge
-//! as many triangles run one way as the other, and each part of it that hangs together by edges has a volume.
+//! A surface may lack a face where it stands on another one, as LDraw's studs do. A plane closes such an
+//! opening. A ray from the plane's inner side leaves the solid there, and cannot enter it. So to eyes on the
+//! inner side of all openings, and outside of the solid, the front is still all that shows.
+//!
+//! Corners are the same if their positions are, to the bit. Triangles that hang together by edges make a part.
+//! A part is a solid if along each edge as many triangles run one way as the other, those that close its
+//! openings counted, and if it has a volume.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
-use glam::{DVec3, Vec3};
-use rayon::prelude::*;
-use trimaran_scene::{SceneArrays, Sides, Vertex};
+use glam::{DMat3, DVec3, Vec3};
+use trimaran_scene::{Sides, Vertex};
+
+use super::linear::WorldBox;
 
 /// A part of less volume than this share of its diagonal's cube has none: far below any rod's or plate's, and
 /// far above what rounding in f64 makes of a sheet folded flat.
 const LEAST_VOLUME: f64 = 1e-12;
 
-/// Marks the drawables that are made of solids.
-pub(super) fn mark_solids(arrays: &mut SceneArrays) {
-    let SceneArrays { drawables, geometries, .. } = arrays;
-    let solid: Vec<bool> =
-        geometries.par_iter().map(|geometry| is_solid(&geometry.vertices, &geometry.indices)).collect();
-    drawables.par_iter_mut().for_each(|drawable| {
-        let is_solid = solid.get(drawable.geometry as usize) == Some(&true);
-        drawable.sides = if is_solid { Sides::FRONT } else { Sides::BOTH };
-    });
+/// An opening is flat if it is so within this share of its part's diagonal, and a slit that is no wider is
+/// none. Far above what rounding in f32 makes of a plane, and far below a pixel.
+const FLAT: f64 = 1e-5;
+
+/// What rounding makes of a box in the world, as a share of its diagonal.
+const ROUNDING: f64 = 1e-9;
+
+/// Something made of solids: the box around them, and to where they are open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Solid {
+    min: Vec3,
+    max: Vec3,
+    openings: Openings,
 }
 
+/// Directions along the axes to which solids are open: towards lower x, y and z in the first three bits, and
+/// towards greater ones in the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Openings(u8);
+
+/// The parts of a mesh.
+pub(super) struct Solids {
+    /// Of each triangle, its part's first triangle.
+    firsts: Vec<usize>,
+    /// By their first triangles; `None` for a part that is no solid.
+    parts: HashMap<usize, Option<Solid>>,
+}
+
+impl Solids {
+    /// Finds the parts of a mesh.
+    pub(super) fn new(vertices: &[Vertex], indices: &[u32]) -> Self {
+        let Some(mesh) = Welded::new(vertices, indices) else { return Self::none() };
+        let mut edges: HashMap<[usize; 2], Edge> = HashMap::with_capacity(mesh.triangles.len() * 3 / 2);
+        let mut chains = Chains::new(mesh.triangles.len());
+        for (index, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+            for [from, to] in [[a, b], [b, c], [c, a]] {
+                if from == to {
+                    continue; // a triangle without area
+                }
+                let edge =
+                    edges.entry([from.min(to), from.max(to)]).or_insert(Edge { balance: 0, triangle: index });
+                edge.balance += if from < to { 1 } else { -1 };
+                chains.join(edge.triangle, index);
+                edge.triangle = index;
+            }
+        }
+        let firsts: Vec<usize> = (0..mesh.triangles.len()).map(|index| chains.first(index)).collect();
+        let mut parts: HashMap<usize, Part> = HashMap::new();
+        for (&first, triangle) in firsts.iter().zip(&mesh.triangles) {
+            let corners = triangle.map(|corner| mesh.position(corner));
+            parts.entry(first).or_insert_with(|| Part::about(corners[0])).add(corners);
+        }
+        for (&[low, high], edge) in &edges {
+            let part = firsts.get(edge.triangle).and_then(|first| parts.get_mut(first));
+            let Some(part) = part else { continue };
+            match edge.balance {
+                0 => {}
+                1 => part.border.push([low, high]),
+                -1 => part.border.push([high, low]),
+                _ => part.is_branched = true,
+            }
+        }
+        let parts = parts.into_iter().map(|(first, part)| (first, part.solid(&mesh))).collect();
+        Self { firsts, parts }
+    }
+
+    fn none() -> Self {
+        Self { firsts: Vec::new(), parts: HashMap::new() }
+    }
+
+    /// What all triangles are of.
+    pub(super) fn of_all(&self) -> Option<Solid> {
+        self.of(0..self.firsts.len())
+    }
+
+    /// What these triangles are of; `None` if one of them is of no solid.
+    pub(super) fn of(&self, triangles: Range<usize>) -> Option<Solid> {
+        let mut firsts = self.firsts.get(triangles)?.to_vec();
+        firsts.sort_unstable();
+        firsts.dedup();
+        let mut solids = firsts.iter().map(|first| self.parts.get(first).copied().flatten());
+        let first = solids.next()??;
+        solids.try_fold(first, |all, solid| Some(all.with(solid?)))
+    }
+}
+
+impl Solid {
+    fn with(self, other: Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+            openings: Openings(self.openings.0 | other.openings.0),
+        }
+    }
+
+    /// The sides that show of it, placed in the world by `linear` and `origin`, in a node of this box.
+    pub(super) fn sides(&self, linear: DMat3, origin: DVec3, node: WorldBox) -> Sides {
+        let WorldBox { min, max } = WorldBox::placed(self.min, self.max, linear, origin);
+        let [mut low, mut high] = [min, max];
+        let mut directions = self.openings.in_world(linear);
+        if let Some(direction) = directions.next() {
+            let Some((axis, is_upper)) = direction.filter(|_| directions.all(|other| other == direction))
+            else {
+                return Sides::BOTH;
+            };
+            // All of space, but for what is beyond the end that is not open.
+            (low, high) = (DVec3::NEG_INFINITY, DVec3::INFINITY);
+            match is_upper {
+                true => low[axis] = min[axis],
+                false => high[axis] = max[axis],
+            }
+        }
+        // Boxes around the same are the same but for rounding.
+        let slack = DVec3::splat(ROUNDING * node.diagonal());
+        Sides::within(low + slack, high - slack, node.min, node.max)
+    }
+}
+
+impl Openings {
+    const NONE: Self = Self(0);
+
+    const fn add(&mut self, axis: usize, is_upper: bool) {
+        self.0 |= 1 << (axis + if is_upper { 3 } else { 0 });
+    }
+
+    /// The world's axis to which each leads, and whether towards its upper end. `None` for one that leads
+    /// along no axis.
+    fn in_world(self, linear: DMat3) -> impl Iterator<Item = Option<(usize, bool)>> {
+        let columns = [linear.x_axis, linear.y_axis, linear.z_axis];
+        let volume = linear.determinant();
+        (0..6_usize).filter(move |bit| self.0 >> bit & 1 == 1).map(move |bit| {
+            let [_, one, other] = [0, 1, 2].map(|k| columns[(bit + k) % 3]);
+            let outwards = one.cross(other) * volume.signum() * if bit < 3 { -1.0 } else { 1.0 };
+            let axis = outwards.abs().max_position();
+            let along = outwards[axis];
+            let across = (outwards.length_squared() - along * along).max(0.0).sqrt();
+            (volume.abs() > 0.0 && across <= TILT * along.abs()).then_some((axis, along > 0.0))
+        })
+    }
+}
+
+/// The most that an opening may be tilted against the world's axes: what rounding in f32 makes of a quarter
+/// turn.
+const TILT: f64 = 1e-6;
+
 /// An edge, as its lesser corner runs to the other.
-#[derive(Default)]
 struct Edge {
     /// Triangles that run along it, less those that run against it.
     balance: i32,
@@ -36,52 +176,44 @@ struct Edge {
     triangle: usize,
 }
 
-fn is_solid(vertices: &[Vertex], indices: &[u32]) -> bool {
-    let Some(triangles) = welded(vertices, indices) else { return false };
-    let mut edges: HashMap<[usize; 2], Edge> = HashMap::with_capacity(triangles.len() * 3 / 2);
-    let mut parts = Parts::new(triangles.len());
-    for (index, (corners, _)) in triangles.iter().enumerate() {
-        let [a, b, c] = *corners;
-        for [from, to] in [[a, b], [b, c], [c, a]] {
-            if from == to {
-                continue; // a triangle without area
-            }
-            let edge =
-                edges.entry([from.min(to), from.max(to)]).or_insert(Edge { balance: 0, triangle: index });
-            edge.balance += if from < to { 1 } else { -1 };
-            parts.join(edge.triangle, index);
-            edge.triangle = index;
-        }
-    }
-    edges.values().all(|edge| edge.balance == 0) && parts.have_volumes(&triangles)
+/// Triangles with corners that are the same where their positions are.
+struct Welded {
+    triangles: Vec<[usize; 3]>,
+    positions: Vec<DVec3>,
 }
 
-type Welded = ([usize; 3], [DVec3; 3]);
+impl Welded {
+    /// `None` if an index has no vertex.
+    fn new(vertices: &[Vertex], indices: &[u32]) -> Option<Self> {
+        let mut corners: HashMap<[u32; 3], usize> = HashMap::with_capacity(indices.len() / 6);
+        let mut positions = Vec::new();
+        let mut corner = |index: u32| {
+            let position = vertices.get(index as usize)?.position;
+            let next = positions.len();
+            // Zero has two signs.
+            let corner = *corners.entry(position.map(|x| (x + 0.0).to_bits())).or_insert(next);
+            if corner == next {
+                positions.push(Vec3::from_array(position).as_dvec3());
+            }
+            Some(corner)
+        };
+        let (triples, _) = indices.as_chunks::<3>();
+        let triangles = triples
+            .iter()
+            .map(|&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?]))
+            .collect::<Option<_>>()?;
+        Some(Self { triangles, positions })
+    }
 
-/// The triangles, with corners that are the same where their positions are. `None` if an index has no vertex.
-fn welded(vertices: &[Vertex], indices: &[u32]) -> Option<Vec<Welded>> {
-    let mut corners: HashMap<[u32; 3], usize> = HashMap::with_capacity(indices.len() / 6);
-    let mut corner = |index: u32| {
-        let position = vertices.get(index as usize)?.position;
-        let next = corners.len();
-        // Zero has two signs.
-        let corner = *corners.entry(position.map(|x| (x + 0.0).to_bits())).or_insert(next);
-        Some((corner, Vec3::from_array(position).as_dvec3()))
-    };
-    let (triples, _) = indices.as_chunks::<3>();
-    triples
-        .iter()
-        .map(|&[a, b, c]| {
-            let [a, b, c] = [corner(a)?, corner(b)?, corner(c)?];
-            Some(([a.0, b.0, c.0], [a.1, b.1, c.1]))
-        })
-        .collect()
+    fn position(&self, corner: usize) -> DVec3 {
+        self.positions.get(corner).copied().unwrap_or_default()
+    }
 }
 
 /// Triangles that hang together: each leads to another one of its part, and the first of a part to itself.
-struct Parts(Vec<usize>);
+struct Chains(Vec<usize>);
 
-impl Parts {
+impl Chains {
     fn new(triangles: usize) -> Self {
         Self((0..triangles).collect())
     }
@@ -105,38 +237,111 @@ impl Parts {
             *slot = one.min(other);
         }
     }
-
-    /// Whether each part has a volume above that of rounding, and not below 0, as one that is inside out.
-    fn have_volumes(&mut self, triangles: &[Welded]) -> bool {
-        let mut parts: HashMap<usize, Volume> = HashMap::new();
-        for (index, (_, corners)) in triangles.iter().enumerate() {
-            parts.entry(self.first(index)).or_insert_with(|| Volume::about(corners[0])).add(corners);
-        }
-        parts.values().all(Volume::is_proper)
-    }
 }
 
-/// Six times the volume of a closed surface, summed over its triangles about one of its corners.
-struct Volume {
+/// What is known of a part.
+struct Part {
+    /// One of its corners.
     about: DVec3,
     min: DVec3,
     max: DVec3,
+    /// Six times its volume, summed over its triangles about that corner.
     six_fold: f64,
+    /// Edges without a partner, as their triangles run along them.
+    border: Vec<[usize; 2]>,
+    /// Several edges without a partner lie in the same place.
+    is_branched: bool,
 }
 
-impl Volume {
+impl Part {
     const fn about(corner: DVec3) -> Self {
-        Self { about: corner, min: DVec3::ZERO, max: DVec3::ZERO, six_fold: 0.0 }
+        Self {
+            about: corner,
+            min: corner,
+            max: corner,
+            six_fold: 0.0,
+            border: Vec::new(),
+            is_branched: false,
+        }
     }
 
-    fn add(&mut self, corners: &[DVec3; 3]) {
+    fn add(&mut self, corners: [DVec3; 3]) {
         let [a, b, c] = corners.map(|corner| corner - self.about);
         self.six_fold += a.dot(b.cross(c));
-        (self.min, self.max) = (self.min.min(a).min(b).min(c), self.max.max(a).max(b).max(c));
+        for corner in corners {
+            (self.min, self.max) = (self.min.min(corner), self.max.max(corner));
+        }
     }
 
-    fn is_proper(&self) -> bool {
-        self.six_fold > 6.0 * LEAST_VOLUME * (self.max - self.min).length().powi(3)
+    /// Closes its openings. `None` if it is no solid.
+    fn solid(mut self, mesh: &Welded) -> Option<Solid> {
+        if self.is_branched {
+            return None;
+        }
+        let diagonal = self.min.distance(self.max);
+        let mut openings = Openings::NONE;
+        for points in loops(std::mem::take(&mut self.border), mesh)? {
+            let opening = Opening::new(&points);
+            if opening.area <= FLAT * diagonal * opening.length {
+                continue; // a slit
+            }
+            let axis = opening.axis_within(FLAT * diagonal)?;
+            self.six_fold += opening.outwards.dot(opening.about - self.about);
+            openings.add(axis, opening.outwards[axis] > 0.0);
+        }
+        // Not below that of rounding, nor below 0, as one that is inside out.
+        let is_solid = self.six_fold > 6.0 * LEAST_VOLUME * diagonal.powi(3);
+        is_solid.then(|| Solid { min: self.min.as_vec3(), max: self.max.as_vec3(), openings })
+    }
+}
+
+/// The loops of a border. Each corner has as many edges that lead to it as edges that lead away, since each
+/// triangle has.
+fn loops(mut border: Vec<[usize; 2]>, mesh: &Welded) -> Option<Vec<Vec<DVec3>>> {
+    border.sort_unstable(); // so that what is found does not depend on the order of a map
+    let mut onwards: HashMap<usize, Vec<usize>> = HashMap::new();
+    border.iter().for_each(|&[from, to]| onwards.entry(from).or_default().push(to));
+    let mut loops = Vec::new();
+    for &[start, _] in &border {
+        let Some(mut at) = onwards.get_mut(&start).and_then(Vec::pop) else { continue };
+        let mut points = vec![mesh.position(start)];
+        while at != start {
+            points.push(mesh.position(at));
+            at = onwards.get_mut(&at)?.pop()?;
+        }
+        loops.push(points);
+    }
+    Some(loops)
+}
+
+/// What closes a loop of a border.
+struct Opening {
+    about: DVec3,
+    /// Twice its area, as a normal that leads out of the solid.
+    outwards: DVec3,
+    area: f64,
+    length: f64,
+    min: DVec3,
+    max: DVec3,
+}
+
+impl Opening {
+    fn new(points: &[DVec3]) -> Self {
+        let about = points.first().copied().unwrap_or_default();
+        let mut own = Self { about, outwards: DVec3::ZERO, area: 0.0, length: 0.0, min: about, max: about };
+        for (&from, &to) in points.iter().zip(points.iter().cycle().skip(1)) {
+            // Against the border, as a triangle beside it runs.
+            own.outwards += (to - about).cross(from - about);
+            own.length += from.distance(to);
+            (own.min, own.max) = (own.min.min(from), own.max.max(from));
+        }
+        own.area = 0.5 * own.outwards.length();
+        own
+    }
+
+    /// The axis across which it is flat.
+    fn axis_within(&self, width: f64) -> Option<usize> {
+        (0..3).find(|&axis| self.max[axis] - self.min[axis] <= width)
     }
 }
 
@@ -155,11 +360,16 @@ mod tests {
         faces.iter().flat_map(|&[a, b, c, d]| [a, b, c, c, d, a]).map(corner).collect()
     }
 
-    /// Whether triangles are solid whose corners are given one after the other.
-    fn solid(corners: &[[f32; 3]]) -> bool {
+    /// What triangles are of whose corners are given one after the other.
+    fn found(corners: &[[f32; 3]]) -> Option<Solid> {
         let vertices: Vec<Vertex> =
             corners.iter().map(|&corner| Vertex::new(corner, Rgba8([0, 0, 0, 255]))).collect();
-        is_solid(&vertices, &(0..corners.len() as u32).collect::<Vec<_>>())
+        Solids::new(&vertices, &(0..corners.len() as u32).collect::<Vec<_>>()).of(0..corners.len() / 3)
+    }
+
+    /// Whether they are of solids without an opening.
+    fn solid(corners: &[[f32; 3]]) -> bool {
+        found(corners).is_some_and(|solid| solid.openings == Openings::NONE)
     }
 
     fn turned(corners: &[[f32; 3]], triangle: usize) -> Corners {
@@ -184,6 +394,98 @@ mod tests {
         }
     }
 
+    /// A box without its face towards that end of an axis, which is at 0 or 1.
+    fn open_box(axis: usize, end: f32) -> Corners {
+        let unit = cuboid([0.0; 3], UNIT);
+        let (triangles, _) = unit.as_chunks::<3>();
+        let is_left = |corners: &&[[f32; 3]; 3]| corners.iter().any(|corner| corner[axis] != end);
+        triangles.iter().filter(is_left).flatten().copied().collect()
+    }
+
+    /// A box around a unit box's eyes, as its node tells them.
+    fn eyes(solid: Solid, linear: DMat3) -> [DVec3; 2] {
+        let node = WorldBox::placed(Vec3::ZERO, Vec3::ONE, linear, DVec3::ZERO);
+        solid.sides(linear, DVec3::ZERO, node).eyes(node.min, node.max)
+    }
+
+    #[test]
+    fn a_box_without_a_face_is_seen_into_from_the_side_of_that_face_alone() {
+        for (axis, end) in [(0, 0.0), (0, 1.0), (1, 0.0), (1, 1.0), (2, 0.0), (2, 1.0)] {
+            let open = found(&open_box(axis, end)).unwrap();
+            let [low, high] = eyes(open, DMat3::IDENTITY);
+            for other in 0..3 {
+                let [is_below, is_above] = [low[other], high[other]].map(|x| x.is_infinite());
+                assert_eq!(is_below, other != axis || end == 0.0, "{axis} at {end}, along {other}");
+                assert_eq!(is_above, other != axis || end == 1.0, "{axis} at {end}, along {other}");
+            }
+            let closed_end = if end == 0.0 { high } else { low };
+            assert!((closed_end[axis] - (1.0 - f64::from(end))).abs() < 1e-9, "{axis} at {end}");
+        }
+    }
+
+    #[test]
+    fn openings_turn_with_what_they_are_in_and_lead_nowhere_if_it_is_tilted_or_flat() {
+        let below = found(&open_box(1, 0.0)).unwrap();
+        let is_open_towards = |linear: DMat3| {
+            let [low, high] = eyes(below, linear);
+            [low, high].map(|corner| corner.to_array().map(f64::is_infinite))
+        };
+        let all = [[true; 3]; 2];
+        let down = [[true; 3], [true, false, true]];
+        assert_eq!(is_open_towards(DMat3::IDENTITY), down);
+        assert_eq!(is_open_towards(DMat3::from_rotation_y(0.7)), down);
+        assert_eq!(is_open_towards(DMat3::from_diagonal(DVec3::new(-3.0, 2.0, 1.0))), down);
+        // Upside down, in a mirror, and lying on its side.
+        let up = [[true, false, true], [true; 3]];
+        assert_eq!(is_open_towards(DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0))), up);
+        let quarter = DMat3::from_cols(DVec3::Y, DVec3::NEG_X, DVec3::Z);
+        assert_eq!(is_open_towards(quarter), [[false, true, true], [true; 3]]);
+        assert_eq!(is_open_towards(DMat3::from_rotation_x(1e-3)), all);
+        assert_eq!(is_open_towards(DMat3::from_diagonal(DVec3::new(1.0, 0.0, 1.0))), all);
+    }
+
+    #[test]
+    fn what_is_open_to_several_sides_is_seen_into_from_everywhere() {
+        // A tube, and a box that lacks two faces beside each other.
+        for faces in [[(1, 0.0), (1, 1.0)], [(0, 0.0), (1, 0.0)]] {
+            let unit = cuboid([0.0; 3], UNIT);
+            let (triangles, _) = unit.as_chunks::<3>();
+            let is_left = |corners: &&[[f32; 3]; 3]| {
+                faces.iter().all(|&(axis, end)| corners.iter().any(|corner| corner[axis] != end))
+            };
+            let open: Corners = triangles.iter().filter(is_left).flatten().copied().collect();
+            let seen_into = found(&open)
+                .is_none_or(|solid| eyes(solid, DMat3::IDENTITY) == [DVec3::NEG_INFINITY, DVec3::INFINITY]);
+            assert!(seen_into, "{faces:?}");
+        }
+    }
+
+    #[test]
+    fn a_stud_on_a_brick_is_open_to_where_it_stands() {
+        // Its rim lies in the brick's top, in which there is no hole.
+        let stud: Corners =
+            open_box(1, 0.0).into_iter().map(|[x, y, z]| [3.0 + x, 2.0 + y, 3.0 + z]).collect();
+        let brick = found(&[cuboid([0.0; 3], [8.0, 2.0, 8.0]), stud].concat()).unwrap();
+        let node = WorldBox { min: DVec3::ZERO, max: DVec3::new(8.0, 3.0, 8.0) };
+        let [low, high] = brick.sides(DMat3::IDENTITY, DVec3::ZERO, node).eyes(node.min, node.max);
+        assert_eq!(low, DVec3::NEG_INFINITY);
+        assert!(high.x.is_infinite() && (high.y - 3.0).abs() < 1e-9 && high.z.is_infinite());
+    }
+
+    #[test]
+    fn a_part_of_a_solid_reaches_as_far_as_all_of_it() {
+        let vertices: Vec<Vertex> = cuboid([0.0; 3], [4.0, 1.0, 1.0])
+            .into_iter()
+            .map(|corner| Vertex::new(corner, Rgba8([0, 0, 0, 255])))
+            .collect();
+        let indices: Vec<u32> = (0..vertices.len() as u32).collect();
+        // The two triangles at its lower end along x.
+        let solid = Solids::new(&vertices, &indices).of(0..2).unwrap();
+        let node = WorldBox { min: DVec3::ZERO, max: DVec3::new(0.0, 1.0, 1.0) };
+        let [low, high] = solid.sides(DMat3::IDENTITY, DVec3::ZERO, node).eyes(node.min, node.max);
+        assert!(low.abs_diff_eq(DVec3::ZERO, 0.1) && high.x >= 4.0 && high.x < 8.0, "{low} {high}");
+    }
+
     #[test]
     fn nothing_is_solid_that_lacks_a_triangle_or_has_one_turned_over() {
         let unit = cuboid([0.0; 3], UNIT);
@@ -191,7 +493,7 @@ mod tests {
             let mut open = unit.clone();
             open.drain(3 * triangle..3 * triangle + 3);
             assert!(!solid(&open), "without {triangle}");
-            assert!(!solid(&turned(&unit, triangle)), "{triangle} turned over");
+            assert_eq!(found(&turned(&unit, triangle)), None, "{triangle} turned over");
         }
     }
 
@@ -216,13 +518,16 @@ mod tests {
         // And a triangle without area along an edge.
         unit.extend([[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
         assert!(solid(&unit));
+        // A slit is no opening, and a gap is one that no plane closes.
         unit[0][0] = 1e-20;
-        assert!(!solid(&unit));
+        assert!(solid(&unit));
+        unit[0] = [0.01, 0.01, 0.01];
+        assert_eq!(found(&unit), None);
     }
 
     #[test]
     fn an_index_without_a_vertex_or_no_triangle_is_no_solid_and_no_panic() {
-        assert!(!is_solid(&[], &[0, 1, 2]));
-        assert!(solid(&[])); // of nothing, nothing faces away
+        assert_eq!(Solids::new(&[], &[0, 1, 2]).of(0..1), None);
+        assert_eq!(found(&[]), None);
     }
 }

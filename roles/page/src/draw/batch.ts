@@ -1,9 +1,10 @@
 /** All drawables of a picture as few calls: their matrices lie in a texture, by the number of the draw. */
 
+import { isOfSolids } from "../proto/sides.ts";
 import type { GeometryArena } from "./arena.ts";
-import { BOTH, FACINGS, FRONT, facingOf, MIRRORED } from "./facing.ts";
+import { BOTH, FACINGS, MIRRORED } from "./facing.ts";
 import type { Features } from "./features.ts";
-import type { Camera, Drawable, Look } from "./model.ts";
+import type { Drawable, Look } from "./model.ts";
 import { DrawOrder } from "./order.ts";
 import type { Program } from "./program.ts";
 import { PER_ROW, TEXELS } from "./shaders.ts";
@@ -50,16 +51,9 @@ export class Batch {
    * Draws by `program` what is in view and has its geometry in `arena`, in the order of all displays: of
    * surfaces in one place the first one shows. Each run of draws of one kind is a call.
    */
-  draw(
-    eye: Camera["eye"],
-    view: View,
-    drawables: readonly Drawable[],
-    arena: GeometryArena,
-    program: Program,
-    look: Look,
-  ): void {
+  draw(view: View, drawables: readonly Drawable[], arena: GeometryArena, program: Program, look: Look): void {
     this.#reserve(drawables.length);
-    this.#order.sort(eye, drawables);
+    this.#order.sort(view, drawables);
     const count = this.#find(view, drawables, arena, look);
     this.#upload(count);
     this.drawn.calls = 0;
@@ -87,7 +81,8 @@ export class Batch {
   #find(view: View, drawables: readonly Drawable[], arena: GeometryArena, look: Look): number {
     let [count, triangles] = [0, 0];
     for (let before = 0; before < drawables.length; before += 1) {
-      const drawable = drawables[this.#order.place(before)];
+      const place = this.#order.place(before);
+      const drawable = drawables[place];
       const range = drawable && arena.range(drawable.geometry);
       if (drawable === undefined || range === undefined) {
         continue;
@@ -101,12 +96,12 @@ export class Batch {
       }
       this.#numbers[FLOATS * count + MATRIX] = drawable.id;
       this.#matrices[FLOATS * count + MATRIX + 1] = look.highlighted.has(drawable.object) ? 1 : 0;
-      this.#matrices[FLOATS * count + MATRIX + 2] = drawable.sides === FRONT ? 1 : 0;
+      this.#matrices[FLOATS * count + MATRIX + 2] = isOfSolids(drawable.sides) ? 1 : 0;
       this.#numbers[FLOATS * count + MATRIX + 3] = drawable.object;
       this.#counts[count] = range.count;
       this.#offsets[count] = range.byteOffset;
       // A solid that is cut open shows its inside.
-      const facing = look.sections.length > 0 ? BOTH : facingOf(drawable, range.bounds, view);
+      const facing = look.sections.length > 0 ? BOTH : this.#order.facing(place);
       this.#kinds[count] = FACINGS * range.pageNumber + facing;
       triangles += range.count / 3;
       count += 1;

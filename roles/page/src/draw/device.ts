@@ -94,9 +94,9 @@ export class Device {
     picture.use();
     this.#setUp(picture);
     this.#prepare(picture, camera, look);
-    this.batch.draw(camera.eye, this.#view, opaque, this.arena, picture, look);
+    this.batch.draw(this.#view, opaque, this.arena, picture, look);
     if (seeThrough.length > 0) {
-      this.#drawSeeThrough(picture, camera, seeThrough, look);
+      this.#drawSeeThrough(picture, seeThrough, look);
     }
   }
 
@@ -139,11 +139,11 @@ export class Device {
     const program = this.#program(of, look);
     program.use();
     this.#prepare(program, camera, look);
-    this.#itemBatch.draw(camera.eye, this.#view, drawables, this.arena, program, look);
+    this.#itemBatch.draw(this.#view, drawables, this.arena, program, look);
   }
 
   /** Over what is drawn already. None of them hides another one. */
-  #drawSeeThrough(picture: Program, { eye }: Camera, drawables: readonly Drawable[], look: Look): void {
+  #drawSeeThrough(picture: Program, drawables: readonly Drawable[], look: Look): void {
     const gl = this.#gl;
     picture.use();
     gl.depthFunc(this.features.depth === "reversed" ? gl.GREATER : gl.LESS);
@@ -152,7 +152,7 @@ export class Device {
     gl.blendColor(0, 0, 0, SEE_THROUGH);
     gl.blendFunc(gl.CONSTANT_ALPHA, gl.ONE_MINUS_CONSTANT_ALPHA);
     this.#seeThroughBatch ??= new Batch(gl, this.features);
-    this.#seeThroughBatch.draw(eye, this.#view, drawables, this.arena, picture, look);
+    this.#seeThroughBatch.draw(this.#view, drawables, this.arena, picture, look);
     gl.disable(gl.BLEND);
     gl.depthMask(true);
   }

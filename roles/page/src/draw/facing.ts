@@ -1,7 +1,8 @@
 /** Which sides of a drawable's triangles are drawn. */
 
+import { BOTH_SIDES, reachOf } from "../proto/sides.ts";
 import type { Drawable } from "./model.ts";
-import { at, type Bounds, type View } from "./view.ts";
+import { at, type View } from "./view.ts";
 
 /** Both sides. */
 export const BOTH = 0;
@@ -16,22 +17,42 @@ export const FACINGS = 3;
 const CLEARANCE = 1.01;
 
 /**
- * The sides of a drawable that `view` has placed, with the box around its vertices.
+ * The sides of a drawable that show.
  *
- * A solid shows its front alone, unless the near plane may cut it open: then its inside shows.
+ * A solid shows its front alone, unless the eye may see into it, or the near plane may cut it open.
  */
-export function facingOf({ sides, linear }: Drawable, bounds: Bounds, view: View): number {
+export function facingOf(drawable: Drawable, view: View): number {
   const { near, tanX, tanY } = view;
   const reach = CLEARANCE * near;
-  if (sides !== 1 || view.distanceSquared(bounds) <= reach * reach * (1 + tanX * tanX + tanY * tanY)) {
+  if (
+    drawable.sides === BOTH_SIDES ||
+    !(squaredDistance(drawable, view) > reach * reach * (1 + tanX * tanX + tanY * tanY))
+  ) {
     return BOTH;
   }
-  const volume = determinant(linear);
+  const volume = determinant(drawable.linear);
   if (volume > 0) {
     return FRONT;
   }
   // What is flattened has no side that is its front.
   return volume < 0 ? MIRRORED : BOTH;
+}
+
+/** From the eye to the box around the eyes to which both sides show, square metres. */
+function squaredDistance({ sides, worldMin, worldMax }: Drawable, { eye }: View): number {
+  const diagonal = Math.hypot(
+    worldMax[0] - worldMin[0],
+    worldMax[1] - worldMin[1],
+    worldMax[2] - worldMin[2],
+  );
+  let sum = 0;
+  for (let axis = 0; axis < 3; axis += 1) {
+    const below = at(worldMin, axis) - reachOf(sides, axis, diagonal) - at(eye, axis);
+    const above = at(eye, axis) - at(worldMax, axis) - reachOf(sides, axis + 3, diagonal);
+    const gap = Math.max(0, below, above);
+    sum += gap * gap;
+  }
+  return sum;
 }
 
 function determinant(m: ArrayLike<number>): number {

@@ -1,31 +1,48 @@
 /** In which order drawables are drawn: the nearest box first, as in all displays. */
 
-import type { Camera, Drawable } from "./model.ts";
+import { facingOf } from "./facing.ts";
+import type { Drawable } from "./model.ts";
+import { at, type View } from "./view.ts";
+
+/** Bits of a number of 32 bits after its exponent. */
+const MANTISSA = 23;
 
 export class DrawOrder {
-  /** Of each drawable its place, and above that its distance: words of one number to sort by. */
+  /** Of each drawable its place, and above that what it is sorted by: words of one number to sort. */
   #words = new Uint32Array(0);
   #distances = new Float32Array(0);
   #keys = new BigUint64Array(0);
+  /** Of each drawable the sides that show. */
+  #facings = new Uint8Array(0);
   #count = 0;
 
   /**
-   * Sorts `drawables` by the squared distance of the eye from their nodes' boxes (0 inside, rounded to 32
-   * bits), then by number. It takes no memory where there were as many before.
+   * Sorts `drawables` by the squared distance of the eye from their nodes' boxes (0 inside), first by its
+   * power of two, then by the sides that show, and then by all of it, rounded to 32 bits and by one bit more.
+   * Those that are as far away come in the order of their numbers.
+   *
+   * So a call draws many of them, and the nearest come first nevertheless. It takes no memory where there were
+   * as many before.
    */
-  sort(eye: Camera["eye"], drawables: readonly Drawable[]): void {
+  sort(view: View, drawables: readonly Drawable[]): void {
     this.#count = drawables.length;
     if (this.#count > this.#keys.length) {
       this.#keys = new BigUint64Array(2 * this.#count);
       this.#words = new Uint32Array(this.#keys.buffer);
       this.#distances = new Float32Array(this.#keys.buffer);
+      this.#facings = new Uint8Array(2 * this.#count);
     }
-    let at = 0;
+    let place = 0;
     for (const drawable of drawables) {
-      this.#words[2 * at] = at;
+      const facing = facingOf(drawable, view);
+      this.#facings[place] = facing;
+      this.#words[2 * place] = place;
       // The bits of numbers that are not negative are in the order of the numbers.
-      this.#distances[2 * at + 1] = squaredDistance(eye, drawable);
-      at += 1;
+      this.#distances[2 * place + 1] = squaredDistance(view.eye, drawable);
+      const bits = at(this.#words, 2 * place + 1);
+      const mantissa = bits & ((1 << MANTISSA) - 1);
+      this.#words[2 * place + 1] = ((bits >>> MANTISSA) << 24) | (facing << 22) | (mantissa >>> 1);
+      place += 1;
     }
     this.#keys.subarray(0, this.#count).sort();
     this.#sortEqual(drawables);
@@ -33,28 +50,37 @@ export class DrawOrder {
 
   /** The place in `drawables` of the one that is drawn after `before` others. */
   place(before: number): number {
-    return this.#words[2 * before] ?? 0;
+    return at(this.#words, 2 * before);
+  }
+
+  /** The sides that show of the drawable at a place. */
+  facing(place: number): number {
+    return at(this.#facings, place);
   }
 
   /** Puts those that are as far away in the order of their numbers. */
   #sortEqual(drawables: readonly Drawable[]): void {
     const words = this.#words;
-    const number = (at: number) => drawables[at]?.id ?? 0;
+    const number = (place: number) => drawables[place]?.id ?? 0;
     for (let next = 1; next < this.#count; next += 1) {
       const [place, distance] = [this.place(next), words[2 * next + 1]];
-      let at = next;
-      while (at > 0 && words[2 * at - 1] === distance && number(this.place(at - 1)) > number(place)) {
-        words[2 * at] = this.place(at - 1);
-        at -= 1;
+      let before = next;
+      while (
+        before > 0 &&
+        words[2 * before - 1] === distance &&
+        number(this.place(before - 1)) > number(place)
+      ) {
+        words[2 * before] = this.place(before - 1);
+        before -= 1;
       }
-      words[2 * at] = place;
+      words[2 * before] = place;
     }
   }
 }
 
-function squaredDistance(eye: Camera["eye"], { worldMin, worldMax }: Drawable): number {
-  const x = Math.max(worldMin[0] - eye[0], eye[0] - worldMax[0], 0);
-  const y = Math.max(worldMin[1] - eye[1], eye[1] - worldMax[1], 0);
-  const z = Math.max(worldMin[2] - eye[2], eye[2] - worldMax[2], 0);
+function squaredDistance(eye: ArrayLike<number>, { worldMin, worldMax }: Drawable): number {
+  const x = Math.max(worldMin[0] - at(eye, 0), at(eye, 0) - worldMax[0], 0);
+  const y = Math.max(worldMin[1] - at(eye, 1), at(eye, 1) - worldMax[1], 0);
+  const z = Math.max(worldMin[2] - at(eye, 2), at(eye, 2) - worldMax[2], 0);
   return x * x + y * y + z * z;
 }

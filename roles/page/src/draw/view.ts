@@ -27,7 +27,8 @@ export class View {
   readonly #rows = new Float64Array(9);
   /** The matrix that `place` has worked out last, row by row: from the local frame to camera space. */
   readonly matrix = new Float64Array(MATRIX);
-  readonly #eye = new Float64Array(3);
+  /** Where it looks from, in the world, metres. */
+  readonly eye: Float64Array = new Float64Array(3);
   /** Half of the picture's width and height at a distance of one. */
   tanX = 1;
   tanY = 1;
@@ -46,7 +47,7 @@ export class View {
     rows[6] = 2 * (x * z + y * w);
     rows[7] = 2 * (y * z - x * w);
     rows[8] = 1 - 2 * (x * x + y * y);
-    this.#eye.set(eye);
+    this.eye.set(eye);
     this.tanX = (tanHalfFov * width) / height;
     this.tanY = tanHalfFov;
     this.near = near;
@@ -61,9 +62,9 @@ export class View {
   /** Works out the matrix of a drawable. */
   place({ origin, linear }: Drawable): void {
     const { matrix } = this;
-    const x = origin[0] - at(this.#eye, 0);
-    const y = origin[1] - at(this.#eye, 1);
-    const z = origin[2] - at(this.#eye, 2);
+    const x = origin[0] - at(this.eye, 0);
+    const y = origin[1] - at(this.eye, 1);
+    const z = origin[2] - at(this.eye, 2);
     for (let axis = 0; axis < 3; axis += 1) {
       const row = 4 * axis;
       matrix[row] = this.along(axis, at(linear, 0), at(linear, 1), at(linear, 2));
@@ -84,21 +85,6 @@ export class View {
       this.#reach(bounds, 0, -1, -tanY, 0) &&
       this.#reach(bounds, 0, 0, -1, this.near)
     );
-  }
-
-  /** The square of a distance from the eye that the box, where `place` has put it, is not nearer than. */
-  distanceSquared(bounds: Bounds): number {
-    const { matrix } = this;
-    let sum = 0;
-    // How far away the box around the box is, with its sides along the axes of camera space.
-    for (let row = 0; row < MATRIX; row += 4) {
-      const [a, b, c] = [at(matrix, row), at(matrix, row + 1), at(matrix, row + 2)];
-      const centre = a * at(bounds, 0) + b * at(bounds, 1) + c * at(bounds, 2) + at(matrix, row + 3);
-      const half = Math.abs(a) * at(bounds, 3) + Math.abs(b) * at(bounds, 4) + Math.abs(c) * at(bounds, 5);
-      const gap = Math.max(0, Math.abs(centre) - half);
-      sum += gap * gap;
-    }
-    return sum;
   }
 
   /** Whether the corner of the box that is farthest along (x, y, z) in camera space is so far along. */

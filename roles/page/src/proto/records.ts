@@ -2,6 +2,7 @@
 
 import { Reader, WireError } from "../wire/bytes.ts";
 import type { Outline } from "./identity.ts";
+import { BOTH_SIDES } from "./sides.ts";
 import type { Point } from "./viewState.ts";
 import { unzstd } from "./zstd.ts";
 
@@ -19,7 +20,7 @@ export interface DrawableRecord {
   readonly geometry: number;
   /** How many triangles that has. */
   readonly triangles: number;
-  /** 0 both sides of its triangles can show, 1 the front alone. */
+  /** To which eyes both sides of its triangles can show: see `sides.ts`. */
   readonly sides: number;
   /** An object that it shows. */
   readonly object: number;
@@ -122,7 +123,7 @@ export function faultOfRecord(record: DrawableRecord, outline: Outline): string 
   if (worldMin.some((low, axis) => low > (worldMax[axis] ?? low))) {
     return "its box is inside out";
   }
-  if (record.sides > 1) {
+  if (record.sides > BOTH_SIDES) {
     return "its sides are unknown";
   }
   return record.triangles === 0 ? "it has no triangles" : undefined;

@@ -134,7 +134,7 @@ fn numbers_that_are_not_in_the_outline_are_refused() {
 #[test]
 fn records_that_no_cooked_scene_has_are_refused() {
     let sound = entry(1);
-    let unknown = bytemuck::cast::<u32, Sides>(2);
+    let unknown = bytemuck::cast::<u32, Sides>(1 << 24);
     for (entry, why) in [
         (DrawableEntry { origin: [0.0, f64::NAN, 0.0], ..sound }, "a number is not finite"),
         (DrawableEntry { linear: [f32::INFINITY; 9], ..sound }, "a number is not finite"),

@@ -28,7 +28,7 @@ use super::{Drawable, Node, ObjectRecord};
 /// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
 pub(super) const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
 /// The format this build reads and writes.
-pub const VERSION: u32 = 5;
+pub const VERSION: u32 = 6;
 /// A page unpacks to at most so many times its bytes. It is so few that a small file cannot ask for much
 /// memory.
 pub(super) const LARGEST_RATIO: usize = 4096;

@@ -80,23 +80,67 @@ pub struct Drawable {
     pub sides: Sides,
 }
 
-/// Which sides of a drawable's triangles can show.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, bytemuck::Pod, bytemuck::Zeroable)]
+/// Which sides of a drawable's triangles can show: both to eyes within a box, and to others the front alone.
+///
+/// The front is where corners run counter-clockwise in the node's local frame. The box reaches beyond the
+/// node's by a distance at each of its six faces. It is no smaller than what its maker asked for.
+///
+/// Four bits a face: at the lower ends of x, y and z first, then at the upper ones. 0 reaches no farther, and
+/// 15 without end. With any other number n the distance is 2^(n - 7) times the diagonal of the node's box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub struct Sides(u32);
 
 impl Sides {
-    /// Both.
-    pub const BOTH: Self = Self(0);
-    /// The front: in the node's local frame its corners run counter-clockwise.
-    ///
-    /// The drawable is made of solids. Seen from outside, each of their triangles that faces away is hidden by
-    /// one that does not.
-    pub const FRONT: Self = Self(1);
+    /// Both, to all eyes.
+    pub const BOTH: Self = Self(0xff_ffff);
+    /// The front alone to eyes outside of the node's box.
+    pub const FRONT: Self = Self(0);
 
-    /// Whether it is one of these two.
+    /// Both to eyes within the box from `low` to `high`, in the world, metres. Corners may be infinite.
+    /// `node_min` and `node_max` are the node's box.
+    #[must_use]
+    pub fn within(low: DVec3, high: DVec3, node_min: DVec3, node_max: DVec3) -> Self {
+        let diagonal = node_min.distance(node_max);
+        let reach = |beyond: f64| {
+            let reaches = |n: u32| n == ENDLESS || distance(n, diagonal) >= beyond;
+            (0..ENDLESS).find(|&n| reaches(n)).unwrap_or(ENDLESS)
+        };
+        let faces = [node_min - low, high - node_max].map(|faces| faces.to_array());
+        Self(faces.as_flattened().iter().rev().fold(0, |bits, &beyond| bits << 4 | reach(beyond)))
+    }
+
+    /// The lower and the upper corner of the box around the eyes to which both show, in the world, metres.
+    /// Corners may be infinite.
+    #[must_use]
+    pub fn eyes(self, node_min: DVec3, node_max: DVec3) -> [DVec3; 2] {
+        let diagonal = node_min.distance(node_max);
+        let [x0, y0, z0, x1, y1, z1] =
+            [0, 4, 8, 12, 16, 20].map(|bit| distance(self.0 >> bit & 15, diagonal));
+        [node_min - DVec3::new(x0, y0, z0), node_max + DVec3::new(x1, y1, z1)]
+    }
+
+    /// Whether it is made of solids: the box around the eyes ends at all faces.
+    #[must_use]
+    pub fn are_of_solids(self) -> bool {
+        self.is_known() && (0..24).step_by(4).all(|bit| self.0 >> bit & 15 != ENDLESS)
+    }
+
+    /// Whether there is nothing in it but six faces.
     pub(super) const fn is_known(self) -> bool {
-        self.0 <= Self::FRONT.0
+        self.0 <= Self::BOTH.0
+    }
+}
+
+/// The number of a face without end.
+const ENDLESS: u32 = 15;
+
+/// How far a face is moved out, metres.
+fn distance(n: u32, diagonal: f64) -> f64 {
+    match n {
+        0 => 0.0,
+        ENDLESS => f64::INFINITY,
+        n => diagonal * f64::from(n as i32 - 7).exp2(),
     }
 }
 
@@ -233,4 +277,42 @@ pub struct SceneArrays {
     pub sources: Vec<String>,
     /// How the objects are grouped, and what is said of them.
     pub hierarchy: Hierarchy,
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn corner() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-1e3..1e3_f64).prop_map(DVec3::from_array)
+    }
+
+    #[test]
+    fn sides_of_names() {
+        let [min, max] = [DVec3::ZERO, DVec3::new(2.0, 3.0, 6.0)]; // a diagonal of 7
+        assert_eq!(Sides::FRONT.eyes(min, max), [min, max]);
+        assert_eq!(Sides::BOTH.eyes(min, max), [DVec3::NEG_INFINITY, DVec3::INFINITY]);
+        assert_eq!(Sides::within(min, max, min, max), Sides::FRONT);
+        assert_eq!(Sides::within(DVec3::NEG_INFINITY, DVec3::INFINITY, min, max), Sides::BOTH);
+        let far = Sides::within(min - DVec3::X * 7.0, max + DVec3::Z * 0.1, min, max);
+        assert_eq!(far.eyes(min, max), [DVec3::new(-7.0, 0.0, 0.0), max + DVec3::Z * (7.0 / 64.0)]);
+        assert_eq!(far, Sides(0x10_0007));
+        // Farther than any number says, and from a point.
+        assert!(!Sides::within(min, max + DVec3::X * 1e4, min, max).are_of_solids());
+        assert_eq!(Sides::within(min, max, min, min).eyes(min, min)[1], DVec3::INFINITY);
+        assert!(far.are_of_solids() && !Sides(1 << 24).is_known());
+    }
+
+    proptest! {
+        #[test]
+        fn the_box_around_the_eyes_is_no_smaller_than_asked(a in corner(), b in corner(), c in corner(), d in corner()) {
+            let (low, high, min, max) = (a.min(b), a.max(b), c.min(d), c.max(d));
+            let sides = Sides::within(low, high, min, max);
+            let [least, most] = sides.eyes(min, max);
+            prop_assert!(sides.is_known() && least.cmple(low).all() && most.cmpge(high).all());
+            prop_assert!(least.cmple(min).all() && most.cmpge(max).all());
+        }
+    }
 }
