@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use serde::Serialize;
-use trimaran_scene::{Node, Records, Scene};
+use trimaran_scene::{Node, Records, Scene, Sides};
 
 use super::{Failure, args::InfoArgs, number};
 
@@ -33,6 +33,8 @@ pub(super) struct SceneSummary {
     drawables: usize,
     /// Of these, how many are made of solids: their backs are not drawn.
     solids: usize,
+    /// How many are made of what is open to one side: from others their backs are not drawn.
+    open_solids: usize,
     /// Triangles at full detail, instances counted each.
     triangles: u64,
     /// Triangles stored, over all levels.
@@ -48,6 +50,9 @@ impl SceneSummary {
         let nodes = scene.nodes();
         let tree = Tree::of(nodes);
         let (min, max) = nodes.first().map_or((DVec3::ZERO, DVec3::ZERO), Node::world_box);
+        let count = |has: &dyn Fn(Sides) -> bool| {
+            scene.drawables().iter().filter(|drawable| has(drawable.sides)).count()
+        };
         Self {
             file: path.display().to_string(),
             file_bytes: std::fs::metadata(path).map_or(0, |file| file.len()),
@@ -59,7 +64,8 @@ impl SceneSummary {
             interior_with_levels: tree.interior_with_levels,
             depth: tree.depth,
             drawables: scene.drawables().len(),
-            solids: scene.drawables().iter().filter(|drawable| drawable.sides.are_of_solids()).count(),
+            solids: count(&|sides| sides.are_of_solids()),
+            open_solids: count(&|sides| !sides.are_of_solids() && sides != Sides::BOTH),
             triangles: scene.totals().full_detail_triangles,
             triangles_stored: scene.totals().stored_triangles,
             vertices_stored: scene.totals().stored_vertices,
@@ -87,10 +93,11 @@ impl SceneSummary {
             number(self.interior_with_levels as u64),
             number(self.interior as u64)
         );
+        println!("  drawables   {} (nodes times their levels)", number(self.drawables as u64));
         println!(
-            "  drawables   {} (nodes times their levels); {} are made of solids, drawn from the front alone",
-            number(self.drawables as u64),
-            number(self.solids as u64)
+            "  solids      {} drawables are closed and {} open to one side: backs that nobody sees are not drawn",
+            number(self.solids as u64),
+            number(self.open_solids as u64)
         );
     }
 }

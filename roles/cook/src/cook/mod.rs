@@ -24,6 +24,7 @@ mod hlod;
 mod large_mesh;
 mod levels;
 mod linear;
+mod opening;
 mod placed;
 mod polygon;
 mod solid;

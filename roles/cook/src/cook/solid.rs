@@ -18,14 +18,11 @@ use glam::{DMat3, DVec3, Vec3};
 use trimaran_scene::{Sides, Vertex};
 
 use super::linear::WorldBox;
+use super::opening::Openings;
 
 /// A part of less volume than this share of its diagonal's cube has none: far below any rod's or plate's, and
 /// far above what rounding in f64 makes of a sheet folded flat.
 const LEAST_VOLUME: f64 = 1e-12;
-
-/// An opening is flat if it is so within this share of its part's diagonal, and a slit that is no wider is
-/// none. Far above what rounding in f32 makes of a plane, and far below a pixel.
-const FLAT: f64 = 1e-5;
 
 /// What rounding makes of a box in the world, as a share of its diagonal.
 const ROUNDING: f64 = 1e-9;
@@ -37,11 +34,6 @@ pub(super) struct Solid {
     max: Vec3,
     openings: Openings,
 }
-
-/// Directions along the axes to which solids are open: towards lower x, y and z in the first three bits, and
-/// towards greater ones in the next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Openings(u8);
 
 /// The parts of a mesh.
 pub(super) struct Solids {
@@ -114,7 +106,7 @@ impl Solid {
         Self {
             min: self.min.min(other.min),
             max: self.max.max(other.max),
-            openings: Openings(self.openings.0 | other.openings.0),
+            openings: self.openings.with(other.openings),
         }
     }
 
@@ -141,33 +133,6 @@ impl Solid {
     }
 }
 
-impl Openings {
-    const NONE: Self = Self(0);
-
-    const fn add(&mut self, axis: usize, is_upper: bool) {
-        self.0 |= 1 << (axis + if is_upper { 3 } else { 0 });
-    }
-
-    /// The world's axis to which each leads, and whether towards its upper end. `None` for one that leads
-    /// along no axis.
-    fn in_world(self, linear: DMat3) -> impl Iterator<Item = Option<(usize, bool)>> {
-        let columns = [linear.x_axis, linear.y_axis, linear.z_axis];
-        let volume = linear.determinant();
-        (0..6_usize).filter(move |bit| self.0 >> bit & 1 == 1).map(move |bit| {
-            let [_, one, other] = [0, 1, 2].map(|k| columns[(bit + k) % 3]);
-            let outwards = one.cross(other) * volume.signum() * if bit < 3 { -1.0 } else { 1.0 };
-            let axis = outwards.abs().max_position();
-            let along = outwards[axis];
-            let across = (outwards.length_squared() - along * along).max(0.0).sqrt();
-            (volume.abs() > 0.0 && across <= TILT * along.abs()).then_some((axis, along > 0.0))
-        })
-    }
-}
-
-/// The most that an opening may be tilted against the world's axes: what rounding in f32 makes of a quarter
-/// turn.
-const TILT: f64 = 1e-6;
-
 /// An edge, as its lesser corner runs to the other.
 struct Edge {
     /// Triangles that run along it, less those that run against it.
@@ -177,7 +142,7 @@ struct Edge {
 }
 
 /// Triangles with corners that are the same where their positions are.
-struct Welded {
+pub(super) struct Welded {
     triangles: Vec<[usize; 3]>,
     positions: Vec<DVec3>,
 }
@@ -205,7 +170,7 @@ impl Welded {
         Some(Self { triangles, positions })
     }
 
-    fn position(&self, corner: usize) -> DVec3 {
+    pub(super) fn position(&self, corner: usize) -> DVec3 {
         self.positions.get(corner).copied().unwrap_or_default()
     }
 }
@@ -279,69 +244,12 @@ impl Part {
             return None;
         }
         let diagonal = self.min.distance(self.max);
-        let mut openings = Openings::NONE;
-        for points in loops(std::mem::take(&mut self.border), mesh)? {
-            let opening = Opening::new(&points);
-            if opening.area <= FLAT * diagonal * opening.length {
-                continue; // a slit
-            }
-            let axis = opening.axis_within(FLAT * diagonal)?;
-            self.six_fold += opening.outwards.dot(opening.about - self.about);
-            openings.add(axis, opening.outwards[axis] > 0.0);
-        }
+        let (openings, six_fold) =
+            Openings::of(std::mem::take(&mut self.border), self.about, diagonal, mesh)?;
+        self.six_fold += six_fold;
         // Not below that of rounding, nor below 0, as one that is inside out.
         let is_solid = self.six_fold > 6.0 * LEAST_VOLUME * diagonal.powi(3);
         is_solid.then(|| Solid { min: self.min.as_vec3(), max: self.max.as_vec3(), openings })
-    }
-}
-
-/// The loops of a border. Each corner has as many edges that lead to it as edges that lead away, since each
-/// triangle has.
-fn loops(mut border: Vec<[usize; 2]>, mesh: &Welded) -> Option<Vec<Vec<DVec3>>> {
-    border.sort_unstable(); // so that what is found does not depend on the order of a map
-    let mut onwards: HashMap<usize, Vec<usize>> = HashMap::new();
-    border.iter().for_each(|&[from, to]| onwards.entry(from).or_default().push(to));
-    let mut loops = Vec::new();
-    for &[start, _] in &border {
-        let Some(mut at) = onwards.get_mut(&start).and_then(Vec::pop) else { continue };
-        let mut points = vec![mesh.position(start)];
-        while at != start {
-            points.push(mesh.position(at));
-            at = onwards.get_mut(&at)?.pop()?;
-        }
-        loops.push(points);
-    }
-    Some(loops)
-}
-
-/// What closes a loop of a border.
-struct Opening {
-    about: DVec3,
-    /// Twice its area, as a normal that leads out of the solid.
-    outwards: DVec3,
-    area: f64,
-    length: f64,
-    min: DVec3,
-    max: DVec3,
-}
-
-impl Opening {
-    fn new(points: &[DVec3]) -> Self {
-        let about = points.first().copied().unwrap_or_default();
-        let mut own = Self { about, outwards: DVec3::ZERO, area: 0.0, length: 0.0, min: about, max: about };
-        for (&from, &to) in points.iter().zip(points.iter().cycle().skip(1)) {
-            // Against the border, as a triangle beside it runs.
-            own.outwards += (to - about).cross(from - about);
-            own.length += from.distance(to);
-            (own.min, own.max) = (own.min.min(from), own.max.max(from));
-        }
-        own.area = 0.5 * own.outwards.length();
-        own
-    }
-
-    /// The axis across which it is flat.
-    fn axis_within(&self, width: f64) -> Option<usize> {
-        (0..3).find(|&axis| self.max[axis] - self.min[axis] <= width)
     }
 }
 
