@@ -46,8 +46,7 @@ impl Solids {
         let [low, high] = drawable.sides.eyes(min, max);
         let eye = self.view.eye();
         let outside = (low - eye).max(eye - high).max(DVec3::ZERO);
-        // Also where a number is none.
-        if !(outside.length_squared() > self.near_squared) {
+        if outside.length_squared() <= self.near_squared {
             return Facing::Both;
         }
         match node.linear().as_dmat3().determinant() {
