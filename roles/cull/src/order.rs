@@ -51,3 +51,37 @@ fn key(scene: &Scene, eye: DVec3, solids: &Solids, id: DrawableId) -> u64 {
     let word = exponent << 24 | (facing as u32) << 22 | mantissa >> 1;
     u64::from(word) << 32 | u64::from(id.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{Mat3, Vec3};
+    use trimaran_proto::{Camera, FrameNumber};
+    use trimaran_scene::{FlatObject, Rgba8, SceneArrays, Sides};
+
+    use super::*;
+    use crate::Viewport;
+
+    #[test]
+    fn what_shows_the_same_sides_comes_side_by_side_among_what_is_about_as_far_away() {
+        // Squared distances from 100 to 127, and of the last one 16.
+        let depths = [10.0, 10.2, 10.4, 10.6, 10.8, 11.0, 11.25, 4.0];
+        let objects = depths.map(|depth| FlatObject {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            indices: vec![0, 1, 2],
+            colour: Rgba8([0; 4]),
+            linear: Mat3::IDENTITY,
+            origin: DVec3::new(0.0, 0.0, -depth),
+        });
+        let mut arrays = SceneArrays::flat(&objects);
+        for (drawable, sides) in arrays.drawables.iter_mut().zip([Sides::FRONT, Sides::BOTH].iter().cycle()) {
+            drawable.sides = *sides;
+        }
+        let scene = Scene::from_arrays(arrays).unwrap();
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, FrameNumber(0)).unwrap();
+        let view = View::new(camera, Viewport::new(8, 8).unwrap());
+        let mut ids: Vec<_> = (0..9).rev().map(DrawableId).collect();
+        draw_order(&scene, &view, &mut ids);
+        // What the scene does not have comes last.
+        assert_eq!(ids.iter().map(|id| id.0).collect::<Vec<_>>(), [7, 1, 3, 5, 0, 2, 4, 6, 8]);
+    }
+}

@@ -64,6 +64,47 @@ fn solids_look_the_same_from_anywhere_outside_of_them_and_inside() {
 }
 
 #[test]
+fn what_is_open_below_looks_the_same_from_above_and_from_below() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let mut random = Random::new(32);
+    // Upright cubes without their lower faces, which stand apart: nothing else hides what is in them.
+    let objects: Vec<_> = (0..9)
+        .map(|i| {
+            let place = DVec3::new(f64::from(i % 3) * 2.0 - 2.0, 0.0, f64::from(i / 3) * 2.0 - 2.0);
+            let mut open = cube(Mat3::from_diagonal(Vec3::splat(0.5)), place);
+            let corners = |triangle: &[u32; 3]| triangle.map(|corner| open.positions[corner as usize].y);
+            let (triangles, _) = open.indices.as_chunks::<3>();
+            open.indices = triangles.iter().filter(|t| corners(t) != [-1.0; 3]).flatten().copied().collect();
+            open
+        })
+        .collect();
+    let mut arrays = SceneArrays::flat(&objects);
+    for drawable in &mut arrays.drawables {
+        let (min, max) = arrays.nodes[drawable.node as usize].world_box();
+        let high = DVec3::new(f64::INFINITY, max.y, f64::INFINITY);
+        drawable.sides = Sides::within(DVec3::NEG_INFINITY, high, min, max);
+    }
+    let mut open = Passes::new(&gpu, Arc::new(Scene::from_arrays(arrays).unwrap()));
+    let mut both = passes(&gpu, &objects, Sides::BOTH);
+    let (all, mut pixels, mut differing, mut from_below) = (ids(objects.len()), 0, 0, 0);
+    for round in 0..40 {
+        let eye = random.point(DVec3::new(-4.0, -3.0, -4.0), DVec3::new(4.0, 3.0, 4.0));
+        let turn = DQuat::from_rotation_arc(DVec3::NEG_Z, -eye.normalize());
+        let camera = Camera::new(eye.to_array(), turn.to_array(), 1.0, NEAR, FrameNumber(0)).unwrap();
+        let view = View::new(camera, Viewport::new(200, 150).unwrap());
+        let [both, open] = [both.draw(&view, &all), open.draw(&view, &all)];
+        for (both, open) in both.items.iter().zip(&open.items) {
+            assert_eq!(*both == NOTHING, *open == NOTHING, "round {round}: a pixel is lost, seen from {eye}");
+        }
+        pixels += both.items.len();
+        differing += both.items.iter().zip(&open.items).filter(|(a, b)| a != b).count();
+        from_below += usize::from(eye.y < 0.0);
+    }
+    assert!(differing * 2000 < pixels, "{differing} of {pixels} pixels differ");
+    assert!((10..30).contains(&from_below), "{from_below} of 40 eyes are below");
+}
+
+#[test]
 fn what_faces_away_is_drawn_in_no_pass() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let away = |wall: FlatObject| FlatObject { indices: vec![2, 1, 0, 3, 1, 2], ..wall };

@@ -285,7 +285,7 @@ fn every_broken_rule_is_named_with_its_record() {
         (|a| a.drawables[2].geometry = 1, "drawable 2 is malformed: its geometry does not exist"),
         (|a| a.drawables[2].triangles = 2, "drawable 2 is malformed: its number of triangles is not that"),
         (
-            |a| a.drawables[1].sides = bytemuck::cast(2_u32),
+            |a| a.drawables[1].sides = bytemuck::cast(1_u32 << 24),
             "drawable 1 is malformed: which sides of its triangles show",
         ),
         (|a| a.objects[1].name_start = 2, "object 1 is malformed: its name is not a range"),
@@ -641,7 +641,7 @@ fn the_fingerprint_changes_with_every_record_vertex_and_name() {
         |a| a.nodes[2].world_min[2] = -0.0,
         |a| a.nodes[1].linear[4] = 0.5,
         |a| a.drawables[0].error = 0.75,
-        |a| a.drawables[1].sides = Sides::FRONT,
+        |a| a.drawables[1].sides = Sides::BOTH,
         |a| a.geometries[0].vertices[2].position[1] = 0.5,
         |a| a.geometries[0].vertices[2].colour = Rgba8([9, 8, 7, 254]),
         |a| a.geometries[0].vertices[0].normal = Normal([1, 2]),
