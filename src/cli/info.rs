@@ -95,7 +95,8 @@ impl SceneSummary {
         );
         println!("  drawables   {} (nodes times their levels)", number(self.drawables as u64));
         println!(
-            "  solids      {} drawables are closed and {} open to one side: backs that nobody sees are not drawn",
+            "  solids      {} drawables are closed and {} open to one side: backs that nobody sees are not \
+             drawn",
             number(self.solids as u64),
             number(self.open_solids as u64)
         );

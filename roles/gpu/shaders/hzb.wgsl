@@ -1,6 +1,7 @@
 // Boxes tested against a pyramid of farthest depths, as `HzbTest` does on the host and with the same answers:
 // f64 sums and products in the same order. The build script forbids to fuse them: fma rounds once, the host
-// twice. A workgroup tests a box: its invocations share the texels of a level, and then those of the next finer.
+// twice. A workgroup tests a box: its invocations share the texels of a level, and then those of the next
+// finer one.
 
 struct Plane {
     middle: f64,

@@ -22,8 +22,8 @@ pub(super) struct Openings(u8);
 impl Openings {
     pub(super) const NONE: Self = Self(0);
 
-    /// Those of a part with this border, and six times the volume that what closes them adds about a corner of
-    /// it. `None` if no planes across the axes close it.
+    /// Those of a part with this border, and six times the volume that what closes them adds about a corner
+    /// of it. `None` if no planes across the axes close it.
     pub(super) fn of(
         border: Vec<[usize; 2]>,
         corner: DVec3,

@@ -7,9 +7,9 @@
 //! opening. A ray from the plane's inner side leaves the solid there, and cannot enter it. So to eyes on the
 //! inner side of all openings, and outside of the solid, the front is still all that shows.
 //!
-//! Corners are the same if their positions are, to the bit. Triangles that hang together by edges make a part.
-//! A part is a solid if along each edge as many triangles run one way as the other, those that close its
-//! openings counted, and if it has a volume.
+//! Corners are the same if their positions are, to the bit. Triangles that hang together by edges make a
+//! part. A part is a solid if along each edge as many triangles run one way as the other, those that close
+//! its openings counted, and if it has a volume.
 
 use std::collections::HashMap;
 use std::ops::Range;

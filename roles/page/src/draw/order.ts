@@ -21,8 +21,8 @@ export class DrawOrder {
    * power of two, then by the sides that show, and then by all of it, rounded to 32 bits and by one bit more.
    * Those that are as far away come in the order of their numbers.
    *
-   * So a call draws many of them, and the nearest come first nevertheless. It takes no memory where there were
-   * as many before.
+   * So a call draws many of them, and the nearest come first nevertheless. It takes no memory where there
+   * were as many before.
    */
   sort(view: View, drawables: readonly Drawable[]): void {
     this.#count = drawables.length;

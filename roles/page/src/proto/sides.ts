@@ -2,8 +2,8 @@
  * Which sides of a drawable's triangles can show: both to eyes within a box, and to others the front alone.
  *
  * The box reaches beyond the node's by a distance at each of its six faces, four bits each: at the lower ends
- * of x, y and z first, then at the upper ones. 0 reaches no farther, and 15 without end. With any other number
- * n the distance is 2^(n - 7) times the diagonal of the node's box.
+ * of x, y and z first, then at the upper ones. 0 reaches no farther, and 15 without end. With any other
+ * number n the distance is 2^(n - 7) times the diagonal of the node's box.
  */
 
 /** Both, to all eyes. */

@@ -307,7 +307,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_box_around_the_eyes_is_no_smaller_than_asked(a in corner(), b in corner(), c in corner(), d in corner()) {
+        fn the_box_around_the_eyes_is_no_smaller_than_asked([a, b, c, d] in [(); 4].map(|()| corner())) {
             let (low, high, min, max) = (a.min(b), a.max(b), c.min(d), c.max(d));
             let sides = Sides::within(low, high, min, max);
             let [least, most] = sides.eyes(min, max);
