@@ -1,6 +1,6 @@
 /** Which sides of a drawable's triangles are drawn. */
 
-import { BOTH_SIDES, reachOf } from "../proto/sides.ts";
+import { BOTH_SIDES, FRONT_SIDE, reachOf } from "../proto/sides.ts";
 import type { Drawable } from "./model.ts";
 import { at, type View } from "./view.ts";
 
@@ -26,7 +26,7 @@ export function facingOf(drawable: Drawable, view: View): number {
   const reach = CLEARANCE * near;
   if (
     drawable.sides === BOTH_SIDES ||
-    !(squaredDistance(drawable, view) > reach * reach * (1 + tanX * tanX + tanY * tanY))
+    squaredDistance(view.eye, drawable, drawable.sides) <= reach * reach * (1 + tanX * tanX + tanY * tanY)
   ) {
     return BOTH;
   }
@@ -38,13 +38,13 @@ export function facingOf(drawable: Drawable, view: View): number {
   return volume < 0 ? MIRRORED : BOTH;
 }
 
-/** From the eye to the box around the eyes to which both sides show, square metres. */
-function squaredDistance({ sides, worldMin, worldMax }: Drawable, { eye }: View): number {
-  const diagonal = Math.hypot(
-    worldMax[0] - worldMin[0],
-    worldMax[1] - worldMin[1],
-    worldMax[2] - worldMin[2],
-  );
+/** From an eye to the box around the eyes to which both `sides` show, and 0 within it; square metres. */
+export function squaredDistance(
+  eye: ArrayLike<number>,
+  { worldMin, worldMax }: Drawable,
+  sides: number,
+): number {
+  const diagonal = sides === FRONT_SIDE ? 0 : Math.sqrt(squaredDiagonal(worldMin, worldMax));
   let sum = 0;
   for (let axis = 0; axis < 3; axis += 1) {
     const below = at(worldMin, axis) - reachOf(sides, axis, diagonal) - at(eye, axis);
@@ -53,6 +53,11 @@ function squaredDistance({ sides, worldMin, worldMax }: Drawable, { eye }: View)
     sum += gap * gap;
   }
   return sum;
+}
+
+function squaredDiagonal(low: ArrayLike<number>, high: ArrayLike<number>): number {
+  const [x, y, z] = [at(high, 0) - at(low, 0), at(high, 1) - at(low, 1), at(high, 2) - at(low, 2)];
+  return x * x + y * y + z * z;
 }
 
 function determinant(m: ArrayLike<number>): number {

@@ -1,6 +1,7 @@
 /** In which order drawables are drawn: the nearest box first, as in all displays. */
 
-import { facingOf } from "./facing.ts";
+import { FRONT_SIDE } from "../proto/sides.ts";
+import { facingOf, squaredDistance } from "./facing.ts";
 import type { Drawable } from "./model.ts";
 import { at, type View } from "./view.ts";
 
@@ -38,7 +39,7 @@ export class DrawOrder {
       this.#facings[place] = facing;
       this.#words[2 * place] = place;
       // The bits of numbers that are not negative are in the order of the numbers.
-      this.#distances[2 * place + 1] = squaredDistance(view.eye, drawable);
+      this.#distances[2 * place + 1] = squaredDistance(view.eye, drawable, FRONT_SIDE);
       const bits = at(this.#words, 2 * place + 1);
       const mantissa = bits & ((1 << MANTISSA) - 1);
       this.#words[2 * place + 1] = ((bits >>> MANTISSA) << 24) | (facing << 22) | (mantissa >>> 1);
@@ -76,11 +77,4 @@ export class DrawOrder {
       words[2 * before] = place;
     }
   }
-}
-
-function squaredDistance(eye: ArrayLike<number>, { worldMin, worldMax }: Drawable): number {
-  const x = Math.max(worldMin[0] - at(eye, 0), at(eye, 0) - worldMax[0], 0);
-  const y = Math.max(worldMin[1] - at(eye, 1), at(eye, 1) - worldMax[1], 0);
-  const z = Math.max(worldMin[2] - at(eye, 2), at(eye, 2) - worldMax[2], 0);
-  return x * x + y * y + z * z;
 }
