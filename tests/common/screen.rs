@@ -44,7 +44,9 @@ impl Screen {
         let folder = tempfile::tempdir().unwrap();
         let [width, height] = SCREEN;
         let mut command = Command::new("Xvfb");
+        // A server that resets when its last client leaves drops whoever connects meanwhile.
         command.args([
+            "-noreset",
             "-displayfd",
             "1",
             "-nolisten",
