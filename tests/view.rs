@@ -10,10 +10,16 @@ use std::{
     net::TcpStream,
     path::Path,
     process::{Child, Command, Stdio},
+    thread,
+    time::Duration,
 };
 
 use program::{Bench, signal};
 use serde_json::{Value, json};
+
+/// How often it is looked whether a browser has ended, and how many times.
+const PAUSE: Duration = Duration::from_millis(50);
+const LOOKS: u32 = 600;
 
 /// A tetrahedron whose corner is so high.
 fn model(height: u32) -> String {
@@ -116,7 +122,7 @@ fn the_page_is_opened_in_the_browser_of_the_user() {
         if let Ok(opened) = fs::read_to_string(bench.path("opened")) {
             break opened;
         }
-        std::thread::yield_now();
+        thread::yield_now();
     };
     assert_eq!(opened.trim(), format!("http://{}/{}", view.url.0, view.url.1));
     assert!(!bench.path("cache/trimaran").exists(), "a scene is shown where it is");
@@ -133,8 +139,9 @@ fn a_page_walks_along_a_path_and_reports() {
         return;
     }
     let script = format!(
-        "#!/bin/sh\necho $$ > browser.pid\nexec {chromium} --headless=new --no-sandbox --use-angle=swiftshader \
-         --enable-unsafe-swiftshader --user-data-dir={} --window-size=300,300 \"$1\"\n",
+        "#!/bin/sh\n{chromium} --headless=new --no-sandbox --use-angle=swiftshader \
+         --enable-unsafe-swiftshader --user-data-dir={} --window-size=300,300 \"$1\" &\n\
+         echo $! > browser.pid; wait; touch browser.ended\n",
         bench.path("profile").display()
     );
     bench.write("browser", script);
@@ -145,7 +152,11 @@ fn a_page_walks_along_a_path_and_reports() {
     let args = ["plant.scene", "--drive", "path.json", "--network", "wan-80ms", "--json"];
     let mut command = view(&bench, &args);
     let output = command.env("BROWSER", bench.path("browser")).output().unwrap();
-    if let Ok(pid) = fs::read_to_string(bench.path("browser.pid")) {
+    let has_ended = (0..LOOKS).any(|_| {
+        thread::sleep(PAUSE);
+        bench.path("browser.ended").exists()
+    });
+    if !has_ended && let Ok(pid) = fs::read_to_string(bench.path("browser.pid")) {
         signal("KILL", pid.trim());
     }
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -154,6 +165,7 @@ fn a_page_walks_along_a_path_and_reports() {
         return;
     }
     assert!(output.status.success(), "{said}");
+    assert!(has_ended, "a page that has walked closes itself");
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let number = |name: &str| report[name].as_f64().unwrap();
     assert!(number("pictures") >= 2.0 && number("walkS") >= 1.0, "{report}");

@@ -8,7 +8,10 @@ import { Path } from "./path.ts";
 import { Samples } from "./samples.ts";
 import { each, until } from "./time.ts";
 
-/** Walks along the service's path from its first pose to its last, and reports. */
+/**
+ * Walks along the service's path from its first pose to its last, and reports. Then the page closes itself,
+ * where the browser lets a page that nobody has navigated: one that stays open slows down the walk behind it.
+ */
 export async function drive(viewer: Viewer, service: Service): Promise<void> {
   const written = await service.path();
   const { vfov_deg } = written;
@@ -84,6 +87,7 @@ export async function drive(viewer: Viewer, service: Service): Promise<void> {
     wrong,
   });
   viewer.said.value = "The walk is over.";
+  window.close();
 }
 
 function received(viewer: Viewer): number {
