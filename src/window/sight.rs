@@ -13,6 +13,9 @@ use super::{
 
 /// The picture that is culled for is so much wider and higher: what a turn uncovers is there already.
 const WIDER: f64 = 1.5;
+/// While the eye moves, pixels that are culled for are so much wider: its sets come sooner. Silhouettes are as
+/// fine as ever.
+const COARSER: f64 = 1.5;
 /// An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it
 /// may slow down, or go around a corner.
 const SPREAD: [f64; 3] = [0.6, 1.2, 1.8];
@@ -40,8 +43,8 @@ pub(super) struct Sight {
     turn: usize,
     /// How long the newest set took.
     latency: Duration,
-    /// The size of the picture for which is culled.
-    culled: Option<Viewport>,
+    /// How finely is culled.
+    sampling: Option<Sampling>,
     /// What was asked for last, if the eye is there.
     asked: Option<Camera>,
 }
@@ -58,7 +61,7 @@ impl Sight {
             prediction: Prediction::default(),
             turn: 0,
             latency: Duration::ZERO,
-            culled: None,
+            sampling: None,
             asked: None,
         }
     }
@@ -112,10 +115,13 @@ impl Sight {
         let foreseen = if moved == Moved::Not { None } else { self.prediction.after(ahead) };
         let view = View::new(self.camera(foreseen.unwrap_or(pose), vfov_deg)?, picture);
         let wide = wider(&view);
-        let asked = if self.culled.replace(wide.viewport()) == Some(wide.viewport()) {
+        let fine = Sampling { size: wide.viewport(), lod: self.lod };
+        let sampling = if foreseen.is_some() { fine.coarser() } else { fine };
+        let asked = if self.sampling.replace(sampling) == Some(sampling) {
             self.wish.look(*wide.camera())
         } else {
-            self.wish.change(ViewState::from(Settings::new(wide.viewport(), self.lod)), *wide.camera())
+            let Sampling { size, lod } = sampling;
+            self.wish.change(ViewState::from(Settings::new(size, lod)), *wide.camera())
         };
         self.asked = foreseen.is_none().then_some(asked);
         Ok(())
@@ -125,6 +131,25 @@ impl Sight {
     pub(super) fn is_exact(&self) -> bool {
         let newest = self.recent.newest().filter(|newest| newest.is_whole);
         newest.is_some_and(|newest| Some(newest.camera.for_frame(FrameNumber(0))) == self.asked)
+    }
+}
+
+/// How finely is culled: the size of the picture that is culled for, and which levels are good enough in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Sampling {
+    size: Viewport,
+    lod: LodRule,
+}
+
+impl Sampling {
+    /// The same picture and the same levels, in fewer pixels.
+    fn coarser(self) -> Self {
+        let Self { size, lod } = self;
+        let side = |side: u32| (f64::from(side) / COARSER).ceil() as u32;
+        let size = Viewport::new(side(size.width()), side(size.height())).unwrap_or(size);
+        let few = lod.stops_at_few_pixels();
+        let lod = LodRule::new(lod.epsilon_px() / COARSER).map_or(lod, |lod| lod.stopping_at_few_pixels(few));
+        Self { size, lod }
     }
 }
 
@@ -164,6 +189,11 @@ mod tests {
         let mut wish = Wish::new(Camera::at_origin(FrameNumber(0)));
         let mut sight = Sight::new(wish.clone(), sets, LodRule::new(2.0).unwrap(), 0.1);
         let size = Viewport::new(100, 50).unwrap();
+        let states = wish.clone();
+        let culled_for = |camera: Camera| {
+            let state = states.clone().view_state(camera.view()).unwrap();
+            ([state.viewport.width(), state.viewport.height()], state.lod.epsilon_px())
+        };
         let mut ask = |sight: &mut Sight, x: f64, at: u64, moved: Moved| {
             sight.take_sets();
             sight.ask(pose(x), 90.0, size, (ms(at), moved)).unwrap();
@@ -194,9 +224,12 @@ mod tests {
             assert!((ahead - expected).abs() < 1e-9, "{ahead}");
         }
         assert!(!sight.is_exact());
+        let moving = ask(&mut sight, 0.4, 450, Moved::Went);
+        assert_eq!(culled_for(moving), ([100, 50], 2.0 / 1.5), "pixels are wider, and silhouettes the same");
         // A leap tells nothing of what follows.
         assert_eq!(ask(&mut sight, 9.0, 500, Moved::Leapt).eye()[0], 9.0);
         let rests = ask(&mut sight, 9.0, 600, Moved::Not);
+        assert_eq!(culled_for(rests), ([150, 75], 2.0), "of an eye at rest they are as before");
         come(rests, 600, 650);
         sight.take_sets();
         assert!(sight.is_exact());

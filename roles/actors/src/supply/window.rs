@@ -289,6 +289,27 @@ mod tests {
         assert!(taken as f64 > 10e6, "{taken} bytes in 5 s");
     }
 
+    /// What blocks wait for becomes shorter with a window whose own queue it is, and else does not.
+    #[test]
+    fn a_window_whose_queue_is_not_its_own_becomes_twice_as_large_as_it_was() {
+        let ms = Duration::from_millis;
+        let shrunk = || {
+            let mut window = Window::new();
+            (window.size, window.is_starting, window.shortest) = (1 << 20, false, [ms(2); 2]);
+            window.judge(ms(62));
+            assert_eq!(window.size, 512 << 10);
+            window
+        };
+        let mut window = shrunk();
+        window.judge(ms(40));
+        assert_eq!((window.size, window.least()), (256 << 10, ms(2)), "half the queue: it is its own");
+        let mut window = shrunk();
+        window.judge(ms(60));
+        assert_eq!((window.size, window.least()), (2 << 20, ms(60)), "the wait counts as the way");
+        window.judge(ms(65));
+        assert_eq!(window.size, 2 << 20);
+    }
+
     #[test]
     fn what_was_not_sent_cannot_be_taken() {
         let mut window = Window::new();

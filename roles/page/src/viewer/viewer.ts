@@ -15,16 +15,10 @@ import { Projection } from "../tools/projection.ts";
 import type { Distance } from "../tools/snap.ts";
 import { Hand } from "./hand.ts";
 import { type Pose, Prediction } from "./prediction.ts";
+import { sampling, widerBy } from "./sampling.ts";
 import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
 
-/** The picture that is culled for is so much wider and higher: what a turn uncovers is there already. */
-const WIDER = 1.5;
-/**
- * While the eye moves, pixels that are culled for are so much wider: its sets come sooner. Silhouettes are as
- * fine as ever.
- */
-const COARSER = 1.5;
 /**
  * An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it
  * may slow down, or go around a corner.
@@ -196,7 +190,7 @@ export class Viewer {
     this.#published = performance.now() + display.interval;
     this.#isMoved = true;
     this.#coarsen(false);
-    const tanHalfFov = camera.tanHalfFov * this.#wider;
+    const tanHalfFov = camera.tanHalfFov * widerBy(this.canvas);
     return display.publish({ ...camera, tanHalfFov }, true);
   }
 
@@ -231,34 +225,21 @@ export class Viewer {
     return { sections, seeThrough, highlighted: this.selected.peek() };
   }
 
-  /** The settings of a session: the picture that is culled for is wider than the one that is shown. */
+  /** The settings of a session. */
   #settings(): Settings {
+    const { pictureSize, levelRule } = sampling(this.canvas, this.epsilon.peek(), false);
     return {
-      viewport: this.#viewport(),
-      levelRule: { epsilon: this.epsilon.peek(), fewPixels: false },
+      viewport: pictureSize,
+      levelRule,
       batch: 1024,
       coding: "changes",
       occlusionTest: this.occlusionTest.peek(),
     };
   }
 
-  #viewport(coarser = 1): { width: number; height: number } {
-    const { width, height } = this.canvas;
-    return { width: Math.ceil((WIDER * width) / coarser), height: Math.ceil((WIDER * height) / coarser) };
-  }
-
   /** How finely is culled. */
   #sampling(): Pick<ViewState, "pictureSize" | "levelRule"> {
-    const coarser = this.#isCoarse ? COARSER : 1;
-    const epsilon = this.epsilon.value / coarser;
-    return { pictureSize: this.#viewport(coarser), levelRule: { epsilon, fewPixels: false } };
-  }
-
-  /**
-   * By how much what is culled for is wider: its pixels are as large as those of the picture that is shown.
-   */
-  get #wider(): number {
-    return this.#viewport().height / this.canvas.height;
+    return sampling(this.canvas, this.epsilon.value, this.#isCoarse);
   }
 
   #camera(wider: number): Camera {
@@ -285,7 +266,7 @@ export class Viewer {
       // What is visible from there comes when the eye is there. Once it rests, its own pose follows.
       const foreseen = hasMoved ? this.#foreseen(display.latency + PERIOD / 2) : undefined;
       this.#coarsen(foreseen !== undefined);
-      const camera = this.#camera(this.#wider);
+      const camera = this.#camera(widerBy(this.canvas));
       const pose = foreseen && {
         eye: foreseen.eye,
         orientation: orientationOf(foreseen.heading, foreseen.pitch),
