@@ -13,8 +13,8 @@ use super::{
 
 /// The picture that is culled for is so much wider and higher: what a turn uncovers is there already.
 const WIDER: f64 = 1.5;
-/// While the eye moves, pixels that are culled for are so much wider: its sets come sooner. Silhouettes are as
-/// fine as ever.
+/// While the eye moves, pixels that are culled for are so much wider: its sets come sooner. Silhouettes are
+/// as fine as ever.
 const COARSER: f64 = 1.5;
 /// An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it
 /// may slow down, or go around a corner.
