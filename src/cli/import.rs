@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use serde_json::json;
 use trimaran_cook::CookOptions;
-use trimaran_cook::import::{ImportLimits, ImportOptions, ImportReport, Imported, Progress, UpAxis, import};
+use trimaran_cook::import::{
+    ImportLimits, ImportOptions, ImportReport, Imported, Progress, UpAxis, Warning, import,
+};
 
 use super::{
     Failure,
@@ -75,8 +77,8 @@ pub(super) fn print_report(report: &ImportReport) {
             number(report.box_mismatches)
         );
     }
-    for (warning, count) in &report.warnings {
-        println!("  {} {warning}", number(*count));
+    for warning in &report.warnings {
+        println!("  {warning}");
     }
 }
 
@@ -84,7 +86,9 @@ fn report_json(report: &ImportReport) -> serde_json::Value {
     let warnings: Vec<_> = report
         .warnings
         .iter()
-        .map(|(warning, count)| json!({ "what": warning.to_string(), "count": count }))
+        .map(|Warning { kind, file, detail, objects, count }| {
+            json!({ "what": kind.to_string(), "file": file, "detail": detail, "objects": objects, "count": count })
+        })
         .collect();
     json!({
         "files": report.files,

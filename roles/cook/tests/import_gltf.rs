@@ -8,7 +8,7 @@ mod import_files;
 use glam::{DMat3, DVec3};
 use import_files::{floats, glb, import_beside, import_bytes};
 use trimaran_cook::Model;
-use trimaran_cook::import::{GltfError, ImportError, Warning};
+use trimaran_cook::import::{GltfError, ImportError, WarningKind};
 use trimaran_scene::{Attribute, Rgba8};
 
 /// A document around `nodes` (JSON) with one triangle as mesh 0: corners (0,0,0), (1,0,0), (0,1,0).
@@ -73,7 +73,7 @@ fn only_the_default_scene_is_read() {
 fn a_flattening_matrix_flattens_the_mesh() {
     let file = one_triangle(r#"[{"mesh":0,"scale":[1,0,1]},{"mesh":0}]"#, "");
     let imported = import_bytes("a.glb", &file).unwrap();
-    assert_eq!(imported.report.warnings, [(Warning::FlattenedObject, 1)]);
+    assert_eq!(imported.report.counts(), [(WarningKind::FlattenedObject, 1)]);
     assert_eq!(imported.model.objects.iter().map(|o| o.mesh).collect::<Vec<_>>(), [1, 0]);
 }
 
@@ -119,7 +119,10 @@ fn primitives_of_one_mesh_become_one_mesh_in_their_colours() {
     assert_eq!((mesh.triangle_count(), mesh.positions.len()), (2, 6));
     assert_eq!(mesh.colours[0], Rgba8([255, 0, 0, 255]));
     assert_eq!(mesh.colours[5], Rgba8([0, 255, 0, 128]));
-    assert_eq!(imported.report.warnings, [(Warning::PointsOrLines, 1), (Warning::TexturedMaterial, 1)]);
+    assert_eq!(
+        imported.report.counts(),
+        [(WarningKind::PointsOrLines, 1), (WarningKind::TexturedMaterial, 1)]
+    );
 }
 
 #[test]

@@ -7,7 +7,7 @@ mod import_files;
 
 use glam::{DVec3, Vec3};
 use import_files::{RvmWriter, import_beside, import_bytes, reals, word};
-use trimaran_cook::import::{ImportError, ImportOptions, RvmError, UpAxis, Warning, import};
+use trimaran_cook::import::{ImportError, ImportOptions, RvmError, UpAxis, WarningKind, import};
 use trimaran_scene::Rgba8;
 
 fn error(file: &[u8]) -> RvmError {
@@ -84,7 +84,7 @@ fn what_has_no_surface_is_left_out_and_counted() {
         .finish();
     let imported = import_bytes("a.rvm", &file).unwrap();
     assert_eq!(imported.report.objects, 0);
-    assert_eq!(imported.report.warnings, [(Warning::VolumeLeftOut, 1), (Warning::EmptyObject, 1)]);
+    assert_eq!(imported.report.counts(), [(WarningKind::VolumeLeftOut, 1), (WarningKind::EmptyObject, 1)]);
 }
 
 #[test]

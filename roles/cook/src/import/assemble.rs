@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::budget::{Budget, OverBudget};
-use super::report::{ImportReport, Warning};
+use super::report::{ImportReport, WarningKind};
 use super::{ImportError, Imported, Part};
 use crate::{Mesh, Model, Object, Source};
 use trimaran_scene::{Extent, Group, ObjectAttributes, Rgba8};
@@ -80,7 +80,7 @@ pub(super) fn place(
         mesh = part.model.meshes.len() as u32;
         to_world = DAffine3::from_translation(to_world.translation);
         part.model.meshes.push(flat);
-        part.report.warn(Warning::FlattenedObject, 1);
+        part.report.warn_of(WarningKind::FlattenedObject, "", &name);
     }
     part.model.objects.push(Object { mesh, to_world, name, source: 0, source_index });
     Ok(())
@@ -88,19 +88,21 @@ pub(super) fn place(
 
 /// Joins the files' parts, in order, into one checked model.
 pub(super) fn merge<'a>(
+    budget: &Budget,
     parts: impl IntoIterator<Item = (&'a Path, Result<Part, ImportError>)>,
 ) -> Result<Imported, ImportError> {
     let mut model = Model::default();
     let mut report = ImportReport::default();
     for (path, part) in parts {
         let Part { model: mut part, report: met } = part?;
-        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        part.sources = vec![Source { name: name.clone() }];
-        within_file(&mut part, name);
+        let file = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        part.sources = vec![Source { name: file.clone() }];
+        within_file(&mut part, file.clone());
         part.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
-        report.absorb(&met);
+        report.absorb(met, &file);
         append(&mut model, part)?;
     }
+    report.looked_for = budget.looked_for();
     report.files = model.sources.len() as u64;
     report.objects = model.objects.len() as u64;
     report.meshes = model.meshes.len() as u64;
@@ -215,6 +217,6 @@ mod tests {
         assert_eq!((object.mesh, object.source_index), (1, 9));
         assert_eq!(object.to_world, DAffine3::from_translation(DVec3::new(5.0, 6.0, 7.0)));
         assert_eq!(part.model.meshes[1].positions[4], Vec3::new(2.0, 0.0, 0.0));
-        assert_eq!(part.report.warnings, [(Warning::FlattenedObject, 1)]);
+        assert_eq!(part.report.counts(), [(WarningKind::FlattenedObject, 1)]);
     }
 }

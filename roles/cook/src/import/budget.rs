@@ -1,7 +1,10 @@
 //! How much an import may make. What a file asks for is counted before memory is taken for it.
 
-use std::fmt;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::{fmt, fs, io};
 
 use thiserror::Error;
 
@@ -102,6 +105,7 @@ pub(super) struct Budget {
     triangles: AtomicU64,
     vertices: AtomicU64,
     objects: AtomicU64,
+    looked_for: Mutex<BTreeSet<PathBuf>>,
 }
 
 impl Budget {
@@ -116,7 +120,33 @@ impl Budget {
             triangles: AtomicU64::new(0),
             vertices: AtomicU64::new(0),
             objects: AtomicU64::new(0),
+            looked_for: Mutex::default(),
         }
+    }
+
+    /// The bytes of a regular file: the model's, or one beside it. Pipes and devices are refused: they may
+    /// never end.
+    pub(super) fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
+        self.look_for(path);
+        if fs::metadata(path)?.is_file() {
+            fs::read(path)
+        } else {
+            Err(io::Error::other("it is not a regular file"))
+        }
+    }
+
+    /// Notes that the model depends on a file, whether it is there or not.
+    pub(super) fn look_for(&self, path: &Path) {
+        // A panic elsewhere leaves the set whole.
+        let mut looked_for = self.looked_for.lock().unwrap_or_else(PoisonError::into_inner);
+        if !looked_for.contains(path) {
+            looked_for.insert(path.to_owned());
+        }
+    }
+
+    /// All files that the model depends on so far.
+    pub(super) fn looked_for(&self) -> Vec<PathBuf> {
+        self.looked_for.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
     }
 
     /// Asks for a mesh's triangles and vertices; `user` is named if they are too many.
@@ -195,6 +225,19 @@ mod tests {
         assert_eq!(budget.objects(1, 3 * 256, String::new).unwrap_err().resource, Resource::Objects);
         assert_eq!(budget.objects(1, 2 * 256, String::new), Ok(()));
         assert_eq!(budget.objects(u64::MAX, 512, String::new).unwrap_err().limit, 5);
+    }
+
+    #[test]
+    fn a_folder_is_not_a_file_and_a_pipe_is_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = budget().read(folder.path()).unwrap_err();
+        assert!(error.to_string().contains("not a regular file"), "{error}");
+        let pipe = folder.path().join("pipe.att");
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status().unwrap();
+        assert!(made.success());
+        let budget = budget();
+        assert!(budget.read(&pipe).is_err() && budget.read(&folder.path().join("lost")).is_err());
+        assert_eq!(budget.looked_for(), [folder.path().join("lost"), pipe]);
     }
 
     #[test]

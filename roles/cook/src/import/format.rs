@@ -1,7 +1,6 @@
 //! Which format a file is in: its name says, its first bytes confirm.
 
 use std::path::Path;
-use std::{fs, io};
 
 use super::ImportError;
 
@@ -48,15 +47,6 @@ fn first_visible(bytes: &[u8]) -> Option<u8> {
     bytes.iter().copied().find(|byte| !byte.is_ascii_whitespace())
 }
 
-/// The bytes of a regular file. Pipes and devices are refused: they may never end.
-pub(super) fn read(path: &Path) -> io::Result<Vec<u8>> {
-    if fs::metadata(path)?.is_file() {
-        fs::read(path)
-    } else {
-        Err(io::Error::other("it is not a regular file"))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -79,11 +69,5 @@ mod tests {
         let error = Format::of(Path::new("plant.step"), b"").unwrap_err();
         assert!(error.to_string().starts_with("plant.step is of no known format"), "{error}");
         assert!(matches!(Format::of(Path::new("glb"), b"glTF"), Err(ImportError::UnknownFormat { .. })));
-    }
-
-    #[test]
-    fn a_folder_is_not_a_file() {
-        let error = read(Path::new(env!("CARGO_MANIFEST_DIR"))).unwrap_err();
-        assert!(error.to_string().contains("not a regular file"), "{error}");
     }
 }

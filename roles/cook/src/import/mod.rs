@@ -32,7 +32,7 @@ pub use error::ImportError;
 pub use format::Format;
 pub use gltf::GltfError;
 pub use obj::ObjError;
-pub use report::{ImportReport, Warning};
+pub use report::{ImportReport, Warning, WarningKind};
 pub use rvm::RvmError;
 
 use self::budget::Budget;
@@ -120,7 +120,7 @@ pub fn import(
             part
         })
         .collect();
-    assemble::merge(paths.iter().map(PathBuf::as_path).zip(parts))
+    assemble::merge(&budget, paths.iter().map(PathBuf::as_path).zip(parts))
 }
 
 /// Reads one file that is in memory. `name` tells the format; files that it refers to are not read.
@@ -129,8 +129,9 @@ pub fn import(
 /// If the file cannot be used, as with [`import`]; or options that make no sense.
 pub fn import_bytes(name: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Imported, ImportError> {
     options.check()?;
-    let part = read(name, None, bytes, options, &Budget::new(options.limits));
-    assemble::merge([(name, part)])
+    let budget = Budget::new(options.limits);
+    let part = read(name, None, bytes, options, &budget);
+    assemble::merge(&budget, [(name, part)])
 }
 
 /// One file's part of the model, its objects in the world frame, and what reading it met.
@@ -140,7 +141,7 @@ struct Part {
 }
 
 fn import_file(path: &Path, options: &ImportOptions, budget: &Budget) -> Result<Part, ImportError> {
-    let bytes = format::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
+    let bytes = budget.read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
     read(path, Some(path), &bytes, options, budget)
 }
 

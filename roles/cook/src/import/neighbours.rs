@@ -6,14 +6,15 @@ use std::io;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use super::format::read;
+use super::budget::Budget;
 
 /// Files beside a document, and those that were read already: naming one a thousand times costs no more than
 /// once.
-pub(super) struct Neighbours {
+pub(super) struct Neighbours<'b> {
     /// None if the document itself is no file.
     folder: Option<PathBuf>,
     read: HashMap<PathBuf, Arc<Vec<u8>>>,
+    budget: &'b Budget,
 }
 
 /// Why a neighbour could not be had.
@@ -24,11 +25,11 @@ pub(super) enum NotThere {
     Unread(PathBuf, io::Error),
 }
 
-impl Neighbours {
+impl<'b> Neighbours<'b> {
     /// Those of the document at `path`; with `None` there are none.
-    pub(super) fn of(path: Option<&Path>) -> Self {
+    pub(super) fn of(path: Option<&Path>, budget: &'b Budget) -> Self {
         let folder = path.map(|path| path.parent().unwrap_or(Path::new("")).to_owned());
-        Self { folder, read: HashMap::new() }
+        Self { folder, read: HashMap::new(), budget }
     }
 
     /// The bytes of the file called `name`, which must be in the document's folder or below. A model from a
@@ -37,11 +38,12 @@ impl Neighbours {
         let path = self.path(name).ok_or(NotThere::Elsewhere)?;
         // By its true name: `a.bin` and `./a.bin` are one file.
         let unread = |source| NotThere::Unread(path.clone(), source);
+        self.budget.look_for(&path);
         let true_path = fs::canonicalize(&path).map_err(unread)?;
         if let Some(bytes) = self.read.get(&true_path) {
             return Ok((Arc::clone(bytes), true));
         }
-        let bytes = Arc::new(read(&true_path).map_err(unread)?);
+        let bytes = Arc::new(self.budget.read(&true_path).map_err(unread)?);
         self.read.insert(true_path, Arc::clone(&bytes));
         Ok((bytes, false))
     }

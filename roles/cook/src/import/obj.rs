@@ -13,7 +13,7 @@ use super::assemble::centred;
 use super::budget::Budget;
 use super::neighbours::Neighbours;
 use super::polygon::Triangulator;
-use super::report::{ImportReport, Warning};
+use super::report::{ImportReport, WarningKind};
 use super::{ImportOptions, OverBudget, Part, UpAxis};
 use crate::{Model, Object};
 use trimaran_scene::Rgba8;
@@ -55,11 +55,11 @@ pub(super) fn import(
 ) -> Result<Part, ObjError> {
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
     let (text, lines_left_out) = essence(&String::from_utf8_lossy(bytes));
-    part.report.warn(Warning::PointsOrLines, lines_left_out);
+    part.report.warn(WarningKind::PointsOrLines, lines_left_out);
 
     let mut rest = text.as_bytes();
     let load_options = LoadOptions::default();
-    let neighbours = RefCell::new(Neighbours::of(path));
+    let neighbours = RefCell::new(Neighbours::of(path, budget));
     let library = |name: &Path| match neighbours.borrow_mut().read(name) {
         Ok((bytes, false)) => tobj::load_mtl_buf(&mut String::from_utf8_lossy(&bytes).as_bytes()),
         // Its materials are known by now.
@@ -72,10 +72,10 @@ pub(super) fn import(
         let line = text.as_bytes().iter().take(read).filter(|&&byte| byte == b'\n').count();
         ObjError::Malformed { line: line.max(1), source }
     })?;
-    part.report.warn(Warning::MaterialsMissing, u64::from(materials.is_err()));
+    part.report.warn(WarningKind::MaterialsMissing, u64::from(materials.is_err()));
     let materials = materials.unwrap_or_default();
     let textured = materials.iter().filter(|material| material.diffuse_texture.is_some());
-    part.report.warn(Warning::TexturedMaterial, textured.count() as u64);
+    part.report.warn(WarningKind::TexturedMaterial, textured.count() as u64);
 
     let file_to_world =
         options.file_to_world(UpAxis::Y) * DAffine3::from_scale(DVec3::splat(options.unit.unwrap_or(1.0)));
@@ -93,7 +93,7 @@ pub(super) fn import(
             shape.append(&model.mesh, material, &file_to_world, &mut triangulator);
         }
         if shape.indices.is_empty() {
-            part.report.warn(Warning::EmptyObject, 1);
+            part.report.warn(WarningKind::EmptyObject, 1);
             continue;
         }
         if shape.positions.iter().any(|p| !p.as_vec3().is_finite()) {
@@ -109,7 +109,7 @@ pub(super) fn import(
         });
         part.model.meshes.push(mesh);
     }
-    part.report.warn(Warning::LargePolygon, triangulator.large_polygons());
+    part.report.warn(WarningKind::LargePolygon, triangulator.large_polygons());
     Ok(part)
 }
 
@@ -269,7 +269,7 @@ mod tests {
         let text = format!("{SQUARE}g a\nl 1 2 3\np 1\ng b\nf 1 2 3\nmtllib lost.mtl\n");
         let Part { model, report } = parse(&text).unwrap();
         assert_eq!(model.objects.len(), 1);
-        assert_eq!(report.warnings, [(Warning::PointsOrLines, 2), (Warning::MaterialsMissing, 1)]);
+        assert_eq!(report.counts(), [(WarningKind::PointsOrLines, 2), (WarningKind::MaterialsMissing, 1)]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What an import met, for people to judge it by.
 
 use std::fmt;
+use std::path::PathBuf;
 
 /// Counts of an import, and what was left out.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -18,14 +19,32 @@ pub struct ImportReport {
     /// RVM primitives whose tessellation differs by more than 5 % from the box that the file stores with
     /// them. A few are right: writers store loose boxes for sheared snouts and eccentric pyramids.
     pub box_mismatches: u64,
-    /// What was left out or repaired, each kind once, with how often.
-    pub warnings: Vec<(Warning, u64)>,
+    /// What was left out or repaired: each kind once a file and detail, with how often.
+    pub warnings: Vec<Warning>,
+    /// Every file that the model depends on: those that were read, and those that would have been if they
+    /// were there. In order, each once.
+    pub looked_for: Vec<PathBuf>,
 }
 
-/// Something an import left out or repaired.
+/// Something that an import left out or repaired.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Warning {
+    /// What it was, and what was done.
+    pub kind: WarningKind,
+    /// The name of the model's file.
+    pub file: String,
+    /// What it is about where the kind does not say: a library, a material, an extension. Empty if nothing.
+    pub detail: String,
+    /// The first objects that it happened to, [`Warning::OBJECTS`] at most.
+    pub objects: Vec<String>,
+    /// How often it happened.
+    pub count: u64,
+}
+
+/// What an import left out or repaired, and what was done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
-pub enum Warning {
+pub enum WarningKind {
     /// glTF primitives and OBJ elements of points or lines: they have no surface.
     PointsOrLines,
     /// glTF and OBJ materials whose colour comes from a texture: drawn in their base colour.
@@ -44,30 +63,116 @@ pub enum Warning {
     /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a
     /// contour that is as large by itself is drawn as a fan.
     LargePolygon,
+    /// Warnings beyond [`ImportReport::MOST_WARNINGS`] of a file: counted, not listed.
+    Further,
 }
 
 impl ImportReport {
-    /// Notes that something happened `count` more times.
-    pub(super) fn warn(&mut self, warning: Warning, count: u64) {
+    /// How many different warnings of a file are listed. A file can make up any number of names.
+    pub const MOST_WARNINGS: usize = 1_000;
+
+    /// How often each kind of warning came.
+    #[must_use]
+    pub fn counts(&self) -> Vec<(WarningKind, u64)> {
+        let mut counts: Vec<(WarningKind, u64)> = Vec::new();
+        for warning in &self.warnings {
+            match counts.iter_mut().find(|(kind, _)| *kind == warning.kind) {
+                Some((_, count)) => *count += warning.count,
+                None => counts.push((warning.kind, warning.count)),
+            }
+        }
+        counts
+    }
+
+    /// Notes that something happened `count` more times, to nothing that has a name.
+    pub(super) fn warn(&mut self, kind: WarningKind, count: u64) {
+        self.note(kind, "", None, count);
+    }
+
+    /// Notes that something happened once to an object; `detail` says with what, or is empty.
+    pub(super) fn warn_of(&mut self, kind: WarningKind, detail: &str, object: &str) {
+        self.note(kind, detail, Some(object), 1);
+    }
+
+    /// Notes that something happened `count` more times, of which `detail` says with what.
+    pub(super) fn warn_about(&mut self, kind: WarningKind, detail: &str, count: u64) {
+        self.note(kind, detail, None, count);
+    }
+
+    fn note(&mut self, kind: WarningKind, detail: &str, object: Option<&str>, count: u64) {
         if count == 0 {
             return;
         }
-        match self.warnings.iter_mut().find(|(known, _)| *known == warning) {
-            Some((_, total)) => *total += count,
-            None => self.warnings.push((warning, count)),
+        let detail = cut(detail);
+        let known = |warning: &Warning| warning.kind == kind && warning.detail == detail;
+        let warning = match self.warnings.iter().position(known) {
+            Some(place) => self.warnings.get_mut(place),
+            None if self.warnings.len() < Self::MOST_WARNINGS => {
+                let (file, objects) = (String::new(), Vec::new());
+                self.warnings.push(Warning { kind, file, detail: detail.to_owned(), objects, count: 0 });
+                self.warnings.last_mut()
+            }
+            None if kind == WarningKind::Further => None,
+            None => return self.further(count),
+        };
+        let Some(warning) = warning else { return };
+        warning.count += count;
+        let object = object.map(cut).filter(|_| warning.objects.len() < Warning::OBJECTS);
+        warning.objects.extend(object.map(str::to_owned));
+    }
+
+    fn further(&mut self, count: u64) {
+        match self.warnings.last_mut() {
+            Some(last) if last.kind == WarningKind::Further => last.count += count,
+            _ => self.warnings.push(Warning {
+                kind: WarningKind::Further,
+                file: String::new(),
+                detail: String::new(),
+                objects: Vec::new(),
+                count,
+            }),
         }
     }
 
-    /// Adds what the import of another file met; what its model has is counted in the whole.
-    pub(super) fn absorb(&mut self, other: &Self) {
+    /// Adds what the import of one file met, whose name is `file`; what its model has is counted in the
+    /// whole.
+    pub(super) fn absorb(&mut self, other: Self, file: &str) {
         self.box_mismatches += other.box_mismatches;
-        for &(warning, count) in &other.warnings {
-            self.warn(warning, count);
-        }
+        let of_file = |warning| Warning { file: file.to_owned(), ..warning };
+        self.warnings.extend(other.warnings.into_iter().map(of_file));
     }
 }
 
+impl Warning {
+    /// How many objects are named.
+    pub const OBJECTS: usize = 3;
+}
+
+/// The longest that a name may be in a warning, bytes.
+const LONGEST_NAME: usize = 200;
+
+/// A name of a file's own as long as it may be in a warning.
+fn cut(name: &str) -> &str {
+    name.get(..name.floor_char_boundary(LONGEST_NAME)).unwrap_or(name)
+}
+
 impl fmt::Display for Warning {
+    /// One line: the file, how often, what was done, and to which objects.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { kind, file, detail, objects, count } = self;
+        write!(f, "{file}: {count} {kind}")?;
+        if !detail.is_empty() {
+            write!(f, " ({detail})")?;
+        }
+        if let Some((first, rest)) = objects.split_first() {
+            write!(f, "; first in {first:?}")?;
+            rest.iter().try_for_each(|object| write!(f, ", {object:?}"))?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for WarningKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::PointsOrLines => "primitives of points or lines left out: they have no surface",
@@ -78,6 +183,7 @@ impl fmt::Display for Warning {
             Self::FlattenedObject => "objects that their matrix flattens",
             Self::EmptyObject => "objects without a triangle left out",
             Self::LargePolygon => "polygons of more than 8,192 corners drawn without their holes",
+            Self::Further => "further warnings, not listed",
         })
     }
 }
@@ -90,11 +196,40 @@ mod tests {
     fn reports_add_up() {
         let mut all = ImportReport::default();
         let mut one = ImportReport { box_mismatches: 3, ..Default::default() };
-        one.warn(Warning::EmptyObject, 4);
-        one.warn(Warning::SkinnedNode, 0);
-        all.absorb(&one);
-        all.absorb(&one);
+        one.warn(WarningKind::EmptyObject, 4);
+        one.warn(WarningKind::SkinnedNode, 0);
+        all.absorb(one.clone(), "a.rvm");
+        all.absorb(one, "b.rvm");
         assert_eq!(all.box_mismatches, 6);
-        assert_eq!(all.warnings, [(Warning::EmptyObject, 8)]);
+        assert_eq!(all.counts(), [(WarningKind::EmptyObject, 8)]);
+        let files: Vec<&str> = all.warnings.iter().map(|warning| &*warning.file).collect();
+        assert_eq!(files, ["a.rvm", "b.rvm"]);
+    }
+
+    #[test]
+    fn a_warning_names_its_file_what_it_is_about_and_the_first_objects() {
+        let mut report = ImportReport::default();
+        for object in ["pump", "tank", "pipe", "valve"] {
+            report.warn_of(WarningKind::MaterialsMissing, "steel.mtl", object);
+        }
+        let mut all = ImportReport::default();
+        all.absorb(report, "a.obj");
+        let said = all.warnings[0].to_string();
+        assert_eq!(
+            said,
+            "a.obj: 4 material libraries that cannot be read: drawn grey (steel.mtl); \
+             first in \"pump\", \"tank\", \"pipe\""
+        );
+    }
+
+    #[test]
+    fn however_many_names_a_file_makes_up_the_list_has_an_end() {
+        let mut report = ImportReport::default();
+        for number in 0..ImportReport::MOST_WARNINGS + 5 {
+            report.warn_about(WarningKind::MaterialsMissing, &format!("{number} {}", "ä".repeat(500)), 1);
+        }
+        assert_eq!(report.warnings.len(), ImportReport::MOST_WARNINGS + 1);
+        assert_eq!(report.counts()[1], (WarningKind::Further, 5));
+        assert!(report.warnings.iter().all(|warning| warning.detail.len() <= LONGEST_NAME));
     }
 }

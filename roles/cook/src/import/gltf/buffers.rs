@@ -10,6 +10,7 @@ use percent_encoding::percent_decode_str;
 
 use super::GltfError;
 use super::json::Buffer;
+use crate::import::budget::Budget;
 use crate::import::neighbours::{Neighbours, NotThere};
 
 /// Exporters differ on padding.
@@ -41,8 +42,9 @@ pub(super) fn load<'a>(
     document: Option<&Path>,
     buffers: &[Buffer],
     bin: Option<&'a [u8]>,
+    budget: &Budget,
 ) -> Result<Vec<Bytes<'a>>, GltfError> {
-    let mut neighbours = Neighbours::of(document);
+    let mut neighbours = Neighbours::of(document, budget);
     let load = |(index, buffer): (usize, &Buffer)| {
         let malformed = |what| GltfError::Buffer { buffer: index, what };
         let too_short = malformed("it has fewer bytes than the document says");
@@ -59,7 +61,7 @@ pub(super) fn load<'a>(
     buffers.iter().enumerate().map(load).collect()
 }
 
-fn fetch(neighbours: &mut Neighbours, buffer: usize, uri: &str) -> Result<Arc<Vec<u8>>, GltfError> {
+fn fetch(neighbours: &mut Neighbours<'_>, buffer: usize, uri: &str) -> Result<Arc<Vec<u8>>, GltfError> {
     let malformed = |what| GltfError::Buffer { buffer, what };
     if let Some(data) = uri.strip_prefix("data:") {
         let (kind, data) = data.split_once(',').ok_or(malformed("its data URI has no comma"))?;
@@ -82,10 +84,15 @@ fn fetch(neighbours: &mut Neighbours, buffer: usize, uri: &str) -> Result<Arc<Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::import::ImportLimits;
+
+    fn budget() -> Budget {
+        Budget::new(ImportLimits::default())
+    }
 
     fn load_one(uri: Option<&str>, byte_length: u64) -> Result<Vec<u8>, GltfError> {
         let buffer = Buffer { uri: uri.map(str::to_owned), byte_length };
-        let loaded = load(Some(Path::new("no-such-folder/a.gltf")), &[buffer], Some(b"abc"))?;
+        let loaded = load(Some(Path::new("no-such-folder/a.gltf")), &[buffer], Some(b"abc"), &budget())?;
         Ok(loaded[0].as_slice().to_vec())
     }
 
@@ -128,7 +135,7 @@ mod tests {
         std::fs::write(folder.path().join("a.bin"), b"abcd").unwrap();
         let buffer = |uri: &str, byte_length| Buffer { uri: Some(uri.to_owned()), byte_length };
         let buffers = [buffer("a.bin", 4), buffer("./a.bin", 2), buffer("a.bin", 5)];
-        let load = |buffers| load(Some(&folder.path().join("a.gltf")), buffers, None);
+        let load = |buffers| load(Some(&folder.path().join("a.gltf")), buffers, None, &budget());
         let loaded = load(&buffers[..2]).unwrap();
         assert_eq!(loaded.iter().map(Bytes::as_slice).collect::<Vec<_>>(), [&b"abcd"[..], b"ab"]);
         assert!(matches!(loaded.as_slice(), [Bytes::Shared { bytes: a, .. }, Bytes::Shared { bytes: b, .. }]

@@ -23,7 +23,7 @@ use self::json::Document;
 use super::assemble::place;
 use super::budget::Budget;
 use super::hierarchy::groups;
-use super::report::{ImportReport, Warning};
+use super::report::{ImportReport, WarningKind};
 use super::{ImportOptions, Part, UpAxis};
 use crate::Model;
 use trimaran_scene::ObjectAttributes;
@@ -44,7 +44,7 @@ pub(super) fn import(
     let container = Container::parse(file)?;
     let document: Document = serde_json::from_slice(container.json)?;
     check(&document)?;
-    let buffers = buffers::load(path, &document.buffers, container.bin)?;
+    let buffers = buffers::load(path, &document.buffers, container.bin, budget)?;
     let accessors = Accessors::new(&document, &buffers);
     let (placements, branches) =
         nodes::place(&document, &accessors, budget, options.file_to_world(UpAxis::Y))?;
@@ -66,7 +66,7 @@ pub(super) fn import(
     let mut model_index = vec![None; meshes.len()];
     for (slot, imported) in model_index.iter_mut().zip(meshes) {
         let Some(imported) = imported else { continue };
-        part.report.warn(Warning::PointsOrLines, imported.without_surface);
+        part.report.warn(WarningKind::PointsOrLines, imported.without_surface);
         if imported.mesh.triangle_count() > 0 {
             *slot = Some(part.model.meshes.len() as u32);
             part.model.meshes.push(imported.mesh);
@@ -86,14 +86,15 @@ pub(super) fn import(
                     part.model.hierarchy.attributes.push(ObjectAttributes { object, attributes });
                 }
             }
-            None => part.report.warn(Warning::EmptyObject, 1),
+            None => part.report.warn_of(WarningKind::EmptyObject, "", &name),
         }
     }
     part.model.hierarchy.groups = groups(branches, &leaves);
     let textured = |material: &&json::Material| material.pbr_metallic_roughness.base_color_texture.is_some();
-    part.report.warn(Warning::TexturedMaterial, document.materials.iter().filter(textured).count() as u64);
+    part.report
+        .warn(WarningKind::TexturedMaterial, document.materials.iter().filter(textured).count() as u64);
     let skinned = document.nodes.iter().filter(|node| node.skin.is_some()).count();
-    part.report.warn(Warning::SkinnedNode, skinned as u64);
+    part.report.warn(WarningKind::SkinnedNode, skinned as u64);
     Ok(part)
 }
 

@@ -16,7 +16,7 @@ mod shape;
 mod solid;
 mod tessellate;
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
@@ -31,7 +31,7 @@ use self::tessellate::tessellate;
 use super::assemble::{bounds, centred};
 use super::budget::Budget;
 use super::hierarchy::groups;
-use super::report::{ImportReport, Warning};
+use super::report::{ImportReport, WarningKind};
 use super::{ImportOptions, Part, UpAxis};
 use crate::{Mesh, Model, Object};
 use trimaran_scene::{ObjectAttributes, Rgba8};
@@ -50,7 +50,7 @@ pub(super) fn import(
     budget: &Budget,
 ) -> Result<Part, RvmError> {
     let file = File::parse(bytes, budget)?;
-    let attributes = path.and_then(attributes_beside);
+    let attributes = path.and_then(|path| attributes_beside(path, budget));
     let scale = options.unit.unwrap_or(USUAL_UNIT) / USUAL_UNIT;
     let frame = Frame {
         file_to_world: options.file_to_world(UpAxis::Z) * DAffine3::from_scale(DVec3::splat(scale)),
@@ -64,14 +64,14 @@ pub(super) fn import(
         .collect::<Result<_, _>>()?;
 
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
-    part.report.warn(Warning::VolumeLeftOut, file.volumes);
+    part.report.warn(WarningKind::VolumeLeftOut, file.volumes);
     for (group, placed) in file.groups.into_iter().zip(objects) {
         let Some(Placed { mesh, origin, box_mismatches, large_polygons }) = placed else {
-            part.report.warn(Warning::EmptyObject, 1);
+            part.report.warn_of(WarningKind::EmptyObject, "", &group.name);
             continue;
         };
         part.report.box_mismatches += box_mismatches;
-        part.report.warn(Warning::LargePolygon, large_polygons);
+        part.report.warn(WarningKind::LargePolygon, large_polygons);
         let object = part.model.objects.len() as u32;
         let said = attributes.as_ref().map(|all| all.of(&group.name)).unwrap_or_default();
         if !said.is_empty() {
@@ -97,9 +97,9 @@ pub(super) fn import(
 }
 
 /// The attributes of a file with the same name but for its ending, if there is one that can be read.
-fn attributes_beside(path: &Path) -> Option<Attributes> {
+fn attributes_beside(path: &Path, budget: &Budget) -> Option<Attributes> {
     let endings = ["att", "ATT", "txt", "TXT"];
-    endings.iter().find_map(|ending| Attributes::parse(&fs::read(path.with_extension(ending)).ok()?))
+    endings.iter().find_map(|ending| Attributes::parse(&budget.read(&path.with_extension(ending)).ok()?))
 }
 
 /// A group as a mesh about `origin`.
