@@ -48,5 +48,5 @@ inside() {
         ${CARGO_BUILD_JOBS:+CARGO_BUILD_JOBS="$CARGO_BUILD_JOBS"} sh -c "cd /root/trimaran && $*"
 }
 [ "$what" = test ] || inside ./x demo
-[ "$what" = demo ] || inside ./x test --no-fail-fast    # so that one failure does not hide another
+[ "$what" = demo ] || inside ./x test
 echo "fresh_machine: $what passed"

@@ -32,6 +32,7 @@ if (process.argv[1] === fileURLToPath(import.meta.url)) {
       outExtension: { ".js": ".mjs" },
       platform: "node",
       packages: "external",
+      inject: ["tests/webCrypto.ts"],
     });
   } else {
     await build(PAGE);
