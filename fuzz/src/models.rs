@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use trimaran_cook::import::{ImportLimits, ImportOptions, import_bytes};
+use trimaran_cook::import::{ImportError, ImportLimits, ImportOptions, Imported, import_bytes};
 use trimaran_cook::{CookOptions, cook};
 use trimaran_scene::{OpenError, Scene};
 
@@ -22,15 +22,38 @@ pub fn rvm(bytes: &[u8]) {
     import("a.rvm", bytes);
 }
 
-/// Any text as a Wavefront OBJ.
+/// Stands between an OBJ file and its library in an input.
+const LIBRARY: &[u8] = b"\n#### a.mtl\n";
+
+/// Any text as a Wavefront OBJ; behind a line that says so, any text as the library `a.mtl` beside it.
 pub fn obj(bytes: &[u8]) {
-    import("a.obj", bytes);
+    let library = bytes.windows(LIBRARY.len()).position(|window| window == LIBRARY);
+    match library.map(|at| (&bytes[..at], &bytes[at + LIBRARY.len()..])) {
+        None => import("a.obj", bytes),
+        Some((text, library)) => BESIDE.with(|folder| {
+            let path = folder.path().join("a.obj");
+            std::fs::write(&path, text).unwrap();
+            std::fs::write(folder.path().join("a.mtl"), library).unwrap();
+            let options = ImportOptions { limits: LIMITS, ..ImportOptions::default() };
+            sound("a.obj", trimaran_cook::import::import(&[path], &options, &mut |_| {}));
+        }),
+    }
+}
+
+thread_local! {
+    /// Where files lie that read others.
+    static BESIDE: tempfile::TempDir = tempfile::tempdir().unwrap();
+}
+
+/// One file with nothing beside it.
+fn import(name: &str, bytes: &[u8]) {
+    let options = ImportOptions { limits: LIMITS, ..ImportOptions::default() };
+    sound(name, import_bytes(Path::new(name), bytes, &options));
 }
 
 /// What is imported is sound and within the limits; what is small is cooked, or refused with a reason.
-fn import(name: &str, bytes: &[u8]) {
-    let options = ImportOptions { limits: LIMITS, ..ImportOptions::default() };
-    let imported = match import_bytes(Path::new(name), bytes, &options) {
+fn sound(name: &str, imported: Result<Imported, ImportError>) {
+    let imported = match imported {
         Ok(imported) => imported,
         Err(error) => {
             assert!(error.to_string().contains(name), "{error}");

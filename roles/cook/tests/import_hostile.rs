@@ -18,7 +18,7 @@ use proptest::sample::Index;
 const TARGETS: [replay::Target; 4] = [
     ("gltf", 13, models::gltf),
     ("rvm", 15, models::rvm),
-    ("obj", 11, models::obj),
+    ("obj", 27, models::obj),
     ("scene", 28, models::scene),
 ];
 

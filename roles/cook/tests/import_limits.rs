@@ -100,6 +100,10 @@ fn hostile() -> Vec<Hostile> {
         |text: String, asks_for, user| Hostile { name: "a.obj", bytes: text.into_bytes(), asks_for, user };
     let fan = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf{}\n", " 1 2 3".repeat(400_000 / 3));
     let triangles = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "f 1 2 3\n".repeat(400_000));
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let many = |word: &str, then: &str| -> String {
+        (0..200_000).map(|number| format!("{word} {number:x}\n{then}")).collect()
+    };
     let names = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "o a\nf 1 2 3\no b\nf 3 2 1\n".repeat(40_000));
     vec![
         glb(
@@ -148,6 +152,11 @@ fn hostile() -> Vec<Hostile> {
         obj(format!("v 0 0 0\n{}", "f 1 1\n".repeat(2_000_000)), None, ""),
         obj("v 0 0 0\n".repeat(1_000_000), None, ""),
         obj("o a\n".repeat(1_000_000), None, ""),
+        obj(format!("{triangle}{}", many("usemtl", "")), None, ""),
+        obj(format!("{triangle}{}", many("usemtl", "f 1 2 3\n")), None, ""),
+        obj(format!("{triangle}{}", many("", "")), None, ""),
+        obj(format!("{triangle}o a\n{}", many("g", "f 1 2 3\n")), Some(Resource::Objects), "object \""),
+        obj(format!("{triangle}{}", "v 0 0 0 1 1 1 1\n".repeat(300_000)), None, ""),
     ]
 }
 

@@ -12,7 +12,7 @@ use thiserror::Error;
 ///
 /// A small file can ask for a great deal: a thousand meshes may share one array of positions, and a thousand
 /// nodes one list of instances. Memory while importing stays below 64 times the size of the files (those that
-/// they refer to included), plus 64 bytes a triangle, 128 a vertex and 512 an object of what is allowed here,
+/// they refer to included, and packed ones by what they unpack to), plus 64 bytes a triangle, 128 a vertex and 512 an object of what is allowed here,
 /// plus 64 MiB.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportLimits {

@@ -52,6 +52,28 @@ pub enum ImportError {
         /// What such a file starts with.
         magic: &'static str,
     },
+    /// A file of a format that is not read as gzip packs it.
+    #[error("{path} is packed with gzip, and only OBJ is read so: unpack it first, as with gunzip", path = path.display())]
+    Packed {
+        /// The file.
+        path: PathBuf,
+    },
+    /// What gzip packed is cut off or damaged.
+    #[error("{path} cannot be unpacked: {source}; it is damaged: get it again", path = path.display())]
+    Unpack {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: io::Error,
+    },
+    /// A packed file that is larger than any model that gzip packs.
+    #[error("{path} unpacks to more than {limit} bytes; if it is a model, unpack it with gunzip and import that", path = path.display())]
+    UnpacksToMore {
+        /// The file.
+        path: PathBuf,
+        /// How many bytes it may unpack to.
+        limit: u64,
+    },
     /// A glTF file is malformed or needs what is not supported.
     #[error("{path}: {source}", path = path.display())]
     Gltf {

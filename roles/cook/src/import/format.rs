@@ -33,9 +33,8 @@ impl Format {
             Some("rvm") => {
                 wrong(".rvm", "the word HEAD, four bytes a letter: it is binary, not the text form")
             }
-            // Text of any kind: it has no first bytes to know it by, but it cannot hold a zero.
-            Some("obj") if !bytes.contains(&0) => Ok(Self::Obj),
-            Some("obj") => wrong(".obj", "text"),
+            // Text of any kind: it has no first bytes to know it by.
+            Some("obj") => Ok(Self::Obj),
             _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
         }
     }

@@ -12,8 +12,10 @@
 mod assemble;
 mod budget;
 mod error;
+mod flat;
 mod format;
 mod gltf;
+mod gzip;
 mod hierarchy;
 mod neighbours;
 mod obj;
@@ -31,7 +33,7 @@ pub use budget::{ImportLimits, NAME_UNIT, OverBudget, Resource};
 pub use error::ImportError;
 pub use format::Format;
 pub use gltf::GltfError;
-pub use obj::ObjError;
+pub use obj::{NotText, ObjError};
 pub use report::{ImportReport, Warning, WarningKind};
 pub use rvm::RvmError;
 
@@ -153,7 +155,9 @@ fn read(
     options: &ImportOptions,
     budget: &Budget,
 ) -> Result<Part, ImportError> {
-    match Format::of(name, bytes)? {
+    let (inner, bytes) = gzip::unpacked(name, bytes)?;
+    let bytes = &*bytes;
+    match Format::of(&inner, bytes)? {
         Format::Gltf => gltf::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Gltf { path: name.to_owned(), source: Box::new(source) }),
         Format::Obj => obj::import(path, bytes, options, budget)

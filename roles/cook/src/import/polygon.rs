@@ -103,10 +103,8 @@ impl Triangulator {
         let wanted = outer.area.abs() - holes.iter().map(|hole| hole.area.abs()).sum::<f64>();
         let covered: f64 = corners.as_chunks::<3>().0.iter().map(|triangle| twice(triangle).abs()).sum();
         if covered < 0.999 * wanted {
-            // A contour that crosses itself or a hole. A fan covers all that the outer contour surrounds,
-            // holes too: better too much than a hole where a wall should be.
-            let count = outer.points.len() as u32;
-            corners = (2..count).flat_map(|corner| [0, corner - 1, corner]).collect();
+            // A contour that crosses itself or a hole: better too much than a hole where a wall should be.
+            corners = cover(outer.points.len() as u32);
         }
         for triangle in corners.as_chunks::<3>().0 {
             let [a, b, c] = *triangle;
@@ -116,6 +114,22 @@ impl Triangulator {
             }
         }
     }
+}
+
+/// Triangles that cover all that a contour of so many corners surrounds, holes too: every other corner is cut
+/// off, and again, so that few triangles meet at any. At the middle of a fan all would, and simplifying them
+/// would take time by the square of their number.
+fn cover(corners: u32) -> Vec<u32> {
+    let mut triangles = Vec::new();
+    let mut ring: Vec<u32> = (0..corners).collect();
+    while ring.len() > 2 {
+        triangles.extend(ring.windows(3).step_by(2).flatten());
+        if let ([first, .., before, last], true) = (&*ring, ring.len().is_multiple_of(2)) {
+            triangles.extend([before, last, first]);
+        }
+        ring = ring.into_iter().step_by(2).collect();
+    }
+    triangles
 }
 
 /// A point and the normal of the contour with the largest area (Newell's sum); none if all are flat.
@@ -252,7 +266,7 @@ mod tests {
     /// Each corner is across the middle from the last one, so that all sides cross: cutting this well would
     /// take days.
     #[test]
-    fn a_contour_of_very_many_corners_that_cross_is_a_fan() {
+    fn a_contour_of_very_many_corners_that_cross_is_covered() {
         let corners = 1_000_000;
         let star = (0..corners).map(|i| {
             let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
@@ -262,6 +276,24 @@ mod tests {
         let triangles = triangulator.triangulate(&[star.collect()]);
         assert_eq!(triangles.len(), corners as usize - 2);
         assert_eq!(triangulator.large_polygons(), 1);
+    }
+
+    #[test]
+    fn a_cover_has_all_sides_once_and_few_triangles_at_a_corner() {
+        for corners in 3..70 {
+            let triangles = cover(corners);
+            assert_eq!(triangles.len() as u32, 3 * (corners - 2));
+            let mut sides: Vec<[u32; 2]> = Vec::new();
+            for &[a, b, c] in triangles.as_chunks::<3>().0 {
+                sides.extend([[a, b], [b, c], [c, a]]);
+            }
+            // What is inside has a twin that leads back.
+            let outside: Vec<_> = sides.iter().filter(|[a, b]| !sides.contains(&[*b, *a])).collect();
+            assert_eq!(outside.len() as u32, corners);
+            assert!(outside.iter().all(|[a, b]| *b == (a + 1) % corners), "{corners}: {outside:?}");
+            let most = (0..corners).map(|corner| triangles.iter().filter(|at| **at == corner).count()).max();
+            assert!(most.unwrap() <= 14, "{corners}: {most:?}");
+        }
     }
 
     #[test]

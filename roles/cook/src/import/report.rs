@@ -51,6 +51,17 @@ pub enum WarningKind {
     TexturedMaterial,
     /// OBJ material libraries that cannot be read: what uses them is drawn grey.
     MaterialsMissing,
+    /// Uses of OBJ materials that no library defines: drawn grey.
+    MaterialUndefined,
+    /// Lines of OBJ files and their libraries that do not say what they should: a vertex without a place or a
+    /// colour that is no number. Each costs itself only.
+    MalformedLine,
+    /// OBJ faces with a corner at a vertex that is not there or has no place: left out.
+    FaceLeftOut,
+    /// OBJ curves and surfaces that are not faces: left out.
+    FreeForm,
+    /// OBJ statements that are unknown, or that would read another file or run a program: left out.
+    UnknownStatement,
     /// glTF nodes with a skin: drawn as modelled, without it.
     SkinnedNode,
     /// RVM insulation and obstruction volumes: they are room kept free, not things, and would hide what is in
@@ -61,7 +72,7 @@ pub enum WarningKind {
     /// Objects without a single triangle: left out.
     EmptyObject,
     /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a
-    /// contour that is as large by itself is drawn as a fan.
+    /// contour that is as large by itself is drawn without its notches.
     LargePolygon,
     /// Warnings beyond [`ImportReport::MOST_WARNINGS`] of a file: counted, not listed.
     Further,
@@ -97,6 +108,12 @@ impl ImportReport {
     /// Notes that something happened `count` more times, of which `detail` says with what.
     pub(super) fn warn_about(&mut self, kind: WarningKind, detail: &str, count: u64) {
         self.note(kind, detail, None, count);
+    }
+
+    /// Notes that something happened `count` more times, and the first objects that it happened to.
+    pub(super) fn warn_first(&mut self, kind: WarningKind, detail: &str, objects: &[String], count: u64) {
+        objects.iter().for_each(|object| self.note(kind, detail, Some(object), 1));
+        self.note(kind, detail, None, count.saturating_sub(objects.len() as u64));
     }
 
     fn note(&mut self, kind: WarningKind, detail: &str, object: Option<&str>, count: u64) {
@@ -178,6 +195,11 @@ impl fmt::Display for WarningKind {
             Self::PointsOrLines => "primitives of points or lines left out: they have no surface",
             Self::TexturedMaterial => "textured materials drawn in their base colour",
             Self::MaterialsMissing => "material libraries that cannot be read: drawn grey",
+            Self::MaterialUndefined => "uses of materials that no library defines: drawn grey",
+            Self::MalformedLine => "malformed lines: what is wrong in them left out",
+            Self::FaceLeftOut => "faces left out: a corner is at no vertex",
+            Self::FreeForm => "free-form curves and surfaces left out",
+            Self::UnknownStatement => "statements left out: unknown or not supported",
             Self::SkinnedNode => "skinned nodes drawn as modelled",
             Self::VolumeLeftOut => "insulation and obstruction volumes left out",
             Self::FlattenedObject => "objects that their matrix flattens",

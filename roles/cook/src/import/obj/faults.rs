@@ -1,0 +1,57 @@
+//! What is wrong in a file, kind by kind: how often, and where first.
+
+use std::collections::BTreeMap;
+
+use crate::import::report::{ImportReport, Warning, WarningKind};
+
+/// Faults by their kind, and by what they are in or of: a library, a word.
+#[derive(Default)]
+pub(super) struct Faults(BTreeMap<(WarningKind, String), Fault>);
+
+#[derive(Default)]
+struct Fault {
+    count: u64,
+    line: u32,
+    what: String,
+    objects: Vec<String>,
+}
+
+impl Faults {
+    /// Notes that in a line something is wrong; `what` is asked only if it is the first such line.
+    pub(super) fn note(
+        &mut self,
+        kind: WarningKind,
+        of: &str,
+        line: u32,
+        object: &str,
+        what: impl FnOnce() -> String,
+    ) {
+        let fault = match self.0.get_mut(&(kind, of.to_owned())) {
+            Some(fault) => fault,
+            None => self.0.entry((kind, of.to_owned())).or_default(),
+        };
+        if fault.count == 0 || line < fault.line {
+            (fault.line, fault.what) = (line, what());
+        }
+        fault.count += 1;
+        let is_new = !object.is_empty() && fault.objects.last().is_none_or(|last| last != object);
+        if is_new && fault.objects.len() < Warning::OBJECTS {
+            fault.objects.push(object.to_owned());
+        }
+    }
+
+    /// The first fault of those for which something was left out.
+    pub(super) fn worst(&self) -> Option<String> {
+        let first = self.0.iter().find(|((kind, of), _)| *kind != WarningKind::FreeForm && of.is_empty())?;
+        Some(format!("line {}: {}", first.1.line, first.1.what))
+    }
+
+    /// Tells the report.
+    pub(super) fn report(self, report: &mut ImportReport) {
+        for ((kind, of), Fault { count, line, what, objects }) in self.0 {
+            let of = if of.is_empty() { of } else { format!("{of}, ") };
+            let what = if what.is_empty() { what } else { format!(": {what}") };
+            report.warn_first(kind, &format!("{of}first at line {line}{what}"), &objects, count);
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Materials by their names, and what a material library (.mtl) says of them.
+
+use std::collections::HashMap;
+
+use super::faults::Faults;
+use super::parse::excerpt;
+use super::text::{Lines, name, numbers};
+use crate::import::report::WarningKind;
+
+/// The number of no material at all.
+pub(super) const NO_MATERIAL: u32 = u32::MAX;
+
+/// What is kept of a material.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Material {
+    /// `Kd`, the base colour, each part from 0 to 1.
+    pub(super) diffuse: Option<[f64; 3]>,
+    /// `d`: how opaque it is.
+    dissolve: Option<f64>,
+    /// `Tr`: how transparent it is.
+    transparency: Option<f64>,
+}
+
+impl Material {
+    /// How opaque it is, from 0 to 1. Programs that write both `d` and `Tr` do not agree about the second.
+    pub(super) fn opacity(&self) -> f64 {
+        self.dissolve.or(self.transparency.map(|transparency| 1.0 - transparency)).unwrap_or(1.0)
+    }
+}
+
+/// All materials that were defined or used.
+#[derive(Default)]
+pub(super) struct Materials {
+    list: Vec<Material>,
+    defined: HashMap<String, u32>,
+    /// Those used before anything defined them.
+    wanted: HashMap<String, u32>,
+    textured: u64,
+}
+
+impl Materials {
+    /// The number of the material of this name: the one that was defined last. It may be defined later.
+    pub(super) fn wanted(&mut self, name: &str) -> u32 {
+        // Of `steel #2`, the second part may be a comment.
+        let short = name.split_once(" #").map(|(short, _)| short.trim_end());
+        let known = |name: &str| self.defined.get(name).copied();
+        if let Some(known) = known(name).or_else(|| short.and_then(known)) {
+            return known;
+        }
+        if name.is_empty() || name.eq_ignore_ascii_case("(null)") || name.eq_ignore_ascii_case("none") {
+            return NO_MATERIAL;
+        }
+        if let Some(&number) = self.wanted.get(name) {
+            return number;
+        }
+        let number = self.add();
+        self.wanted.insert(name.to_owned(), number);
+        number
+    }
+
+    /// A material by its number; none where none is defined.
+    pub(super) fn get(&self, number: u32) -> Option<&Material> {
+        self.list.get(number as usize)
+    }
+
+    /// How many have their colour from a picture.
+    pub(super) const fn textured(&self) -> u64 {
+        self.textured
+    }
+
+    /// Gives those that were used before they were defined what was defined since. Returns the others: number
+    /// and name.
+    pub(super) fn settle(&mut self) -> HashMap<u32, String> {
+        let mut undefined = HashMap::new();
+        for (name, number) in std::mem::take(&mut self.wanted) {
+            let found = self.defined.get(&name).and_then(|&number| self.get(number)).cloned();
+            match (found, self.list.get_mut(number as usize)) {
+                (Some(found), Some(material)) => *material = found,
+                _ => _ = undefined.insert(number, name),
+            }
+        }
+        undefined
+    }
+
+    fn add(&mut self) -> u32 {
+        self.list.push(Material::default());
+        (self.list.len() as u32).saturating_sub(1)
+    }
+
+    /// Reads a library's text. A line that is wrong costs what it says, and is noted.
+    pub(super) fn read(&mut self, text: &str, library: &str, faults: &mut Faults) {
+        let mut current = None;
+        for (number, line) in Lines::of(text) {
+            let line = line.trim_ascii_start();
+            let end = line.bytes().position(|byte| byte.is_ascii_whitespace()).unwrap_or(line.len());
+            let (word, rest) = line.split_at_checked(end).unwrap_or((line, ""));
+            if word.eq_ignore_ascii_case("newmtl") {
+                current = Some(self.add());
+                self.defined.insert(name(rest).to_owned(), current.unwrap_or(NO_MATERIAL));
+                continue;
+            }
+            let material = current.and_then(|number| self.list.get_mut(number as usize));
+            let done = match word.to_ascii_lowercase().as_str() {
+                "kd" => colour(numbers(rest)).map(|colour| material.map(|of| of.diffuse = Some(colour))),
+                "d" => part(numbers(rest)).map(|part| material.map(|of| of.dissolve = Some(part))),
+                "tr" => part(numbers(rest)).map(|part| material.map(|of| of.transparency = Some(part))),
+                "map_kd" if name(rest).is_empty() => None,
+                "map_kd" => {
+                    self.textured += u64::from(current.is_some());
+                    Some(current.map(|_| ()))
+                }
+                _ => continue,
+            };
+            if done.flatten().is_none() {
+                faults.note(WarningKind::MalformedLine, library, number, "", || excerpt(line));
+            }
+        }
+    }
+}
+
+/// A colour of one to three values: those that are not there are as the first one.
+fn colour(rest: &str) -> Option<[f64; 3]> {
+    let mut words = rest.split_ascii_whitespace();
+    let first = value(words.next()?)?;
+    let mut next = || words.next().map_or(Some(first), value);
+    Some([first, next()?, next()?])
+}
+
+/// A number from 0 to 1. `d -halo 0.3` is seen through at its edges only by programs that trace rays.
+fn part(rest: &str) -> Option<f64> {
+    let mut words = rest.split_ascii_whitespace().skip_while(|word| word.eq_ignore_ascii_case("-halo"));
+    value(words.next()?)
+}
+
+fn value(word: &str) -> Option<f64> {
+    word.parse().ok().filter(|value: &f64| value.is_finite()).map(|value| value.clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::report::ImportReport;
+
+    fn read(text: &str) -> (Materials, Vec<String>) {
+        let (mut materials, mut faults, mut report) =
+            (Materials::default(), Faults::default(), ImportReport::default());
+        materials.read(text, "a.mtl", &mut faults);
+        faults.report(&mut report);
+        (materials, report.warnings.iter().map(ToString::to_string).collect())
+    }
+
+    fn of(text: &str) -> (Option<[f64; 3]>, f64) {
+        let (mut materials, warnings) = read(&format!("newmtl a\n{text}"));
+        assert_eq!(warnings, [""; 0]);
+        let number = materials.wanted("a");
+        let material = materials.get(number).unwrap();
+        (material.diffuse, material.opacity())
+    }
+
+    #[test]
+    fn colours_have_one_to_three_values() {
+        assert_eq!(of("Kd 0.7 # grey\nKa x\n"), (Some([0.7; 3]), 1.0));
+        assert_eq!(of("  Kd\t0.7 0.2"), (Some([0.7, 0.2, 0.7]), 1.0));
+        assert_eq!(of("KD 1 0 2\nKs\nmap_Bump\n"), (Some([1.0, 0.0, 1.0]), 1.0));
+        assert_eq!(of(""), (None, 1.0));
+    }
+
+    #[test]
+    fn opacity_has_two_words_of_which_d_counts() {
+        assert_eq!(of("d 0.25").1, 0.25);
+        assert_eq!(of("Tr 0.25").1, 0.75);
+        assert_eq!(of("d 0.25\nTr 0.25").1, 0.25);
+        assert_eq!(of("Tr 1\nd 1").1, 1.0);
+        assert_eq!(of("d -halo 0.5").1, 0.5);
+    }
+
+    #[test]
+    fn a_line_that_is_wrong_costs_that_line() {
+        let text = "Kd 1 1 1\nnewmtl a\nKd 1 0 0\nKd 0 x 0\nKd 0,5 0 0\nKd spectral a.rfl\nKd xyz 1 1 1\n\
+                    d nan\nd\nmap_Kd \nnewmtl b\nmap_Kd -s 1 1 1 b.png\n";
+        let (mut materials, warnings) = read(text);
+        let number = materials.wanted("a");
+        assert_eq!(materials.get(number).unwrap().diffuse, Some([1.0, 0.0, 0.0]));
+        assert_eq!(materials.textured(), 1);
+        assert_eq!(warnings.len(), 1);
+        assert!(
+            warnings[0].contains("8 malformed") && warnings[0].contains("a.mtl, first at line 1"),
+            "{warnings:?}"
+        );
+    }
+
+    #[test]
+    fn the_last_definition_counts_and_one_that_comes_late_counts_too() {
+        let mut materials = Materials::default();
+        let early = materials.wanted("a");
+        let never = materials.wanted("b");
+        let mut faults = Faults::default();
+        materials.read("newmtl a\nKd 1\n", "1", &mut faults);
+        let first = materials.wanted("a");
+        materials.read("newmtl a\nKd 0\n", "2", &mut faults);
+        let second = materials.wanted("a # comment");
+        assert_eq!(materials.settle(), HashMap::from([(never, "b".to_owned())]));
+        let grey = |number| materials.get(number).unwrap().diffuse.unwrap()[0];
+        assert_eq!([early, first, second].map(grey), [0.0, 1.0, 0.0]);
+        assert_eq!(["", "(null)", "None"].map(|name| materials.wanted(name)), [NO_MATERIAL; 3]);
+    }
+}

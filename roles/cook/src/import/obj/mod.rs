@@ -1,0 +1,171 @@
+//! Wavefront OBJ, with the base colours of its material libraries.
+//!
+//! Each run of faces under one `o` or `g` name becomes an object; `g` names under an `o` name are in a group
+//! of its name. Exporters write what no specification has, and other readers bear it: what is wrong costs the
+//! line or the face that it is in, and is counted.
+
+mod assemble;
+mod faults;
+mod library;
+mod materials;
+mod parse;
+mod text;
+mod tints;
+
+use std::path::Path;
+
+use glam::{DAffine3, DVec3};
+use thiserror::Error;
+
+pub use self::text::NotText;
+
+use self::faults::Faults;
+use super::budget::Budget;
+use super::neighbours::Neighbours;
+use super::report::{ImportReport, WarningKind};
+use super::{ImportOptions, OverBudget, Part, UpAxis};
+use crate::Model;
+
+/// What is wrong with an OBJ file, and where.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ObjError {
+    /// The bytes are no text.
+    #[error(transparent)]
+    NotText(#[from] NotText),
+    /// Something is wrong with all of it.
+    #[error("nothing of it can be drawn: {first}; it may be damaged, or no OBJ file")]
+    Nothing {
+        /// The first line that something is wrong with, and what.
+        first: String,
+    },
+    /// It asks for more than is allowed.
+    #[error(transparent)]
+    Budget(#[from] OverBudget),
+}
+
+/// Reads an OBJ file. `source_index` of its objects is their running number in the file, from 0 on.
+pub(super) fn import(
+    path: Option<&Path>,
+    bytes: &[u8],
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<Part, ObjError> {
+    let mut part = Part { model: Model::default(), report: ImportReport::default() };
+    let mut faults = Faults::default();
+    let text = text::decode(bytes)?;
+    let (parsed, libraries) = parse::parse(&text, Neighbours::of(path, budget), budget, &mut faults)?;
+    part.report.warn(WarningKind::PointsOrLines, parsed.points_or_lines);
+    libraries.report(&mut part.report);
+    part.report.warn(WarningKind::TexturedMaterial, parsed.materials.textured());
+
+    let file_to_world =
+        options.file_to_world(UpAxis::Y) * DAffine3::from_scale(DVec3::splat(options.unit.unwrap_or(1.0)));
+    assemble::assemble(parsed, &file_to_world, budget, &mut faults, &mut part)?;
+    match faults.worst().filter(|_| part.model.objects.is_empty()) {
+        Some(first) => Err(ObjError::Nothing { first }),
+        None => {
+            faults.report(&mut part.report);
+            Ok(part)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_scene::Rgba8;
+
+    use super::*;
+
+    fn parse(text: &str) -> Result<Part, ObjError> {
+        import_with(text, &ImportOptions::default())
+    }
+
+    fn import_with(text: &str, options: &ImportOptions) -> Result<Part, ObjError> {
+        import(
+            Some(Path::new("no-such-folder/a.obj")),
+            text.as_bytes(),
+            options,
+            &Budget::new(options.limits),
+        )
+    }
+
+    const SQUARE: &str = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\n";
+
+    #[test]
+    fn groups_become_objects_and_materials_do_not_split_them() {
+        let text = format!("{SQUARE}o left\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\ng right\nf 1 2 3 4\n");
+        let Part { model, report } = parse(&text).unwrap();
+        let names: Vec<_> = model.objects.iter().map(|o| (o.name.as_str(), o.source_index)).collect();
+        assert_eq!(names, [("left", 0), ("right", 1)]);
+        assert_eq!(model.meshes.iter().map(crate::Mesh::triangle_count).collect::<Vec<_>>(), [2, 2]);
+        assert_eq!(model.objects[0].to_world.translation, DVec3::new(1.0, 1.0, 0.0));
+        assert_eq!(report.counts(), [(WarningKind::MaterialUndefined, 3)]);
+    }
+
+    #[test]
+    fn a_concave_face_keeps_its_notch() {
+        let text = "v 0 0 0\nv 4 0 0\nv 1 1 0\nv 0 4 0\nf -4 -3 -2 -1\n";
+        let Part { model, .. } = parse(text).unwrap();
+        let mesh = &model.meshes[0];
+        let area: f32 = mesh
+            .indices
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|triangle| {
+                let [a, b, c] = triangle.map(|index| mesh.positions[index as usize]);
+                (b - a).cross(c - a).length() / 2.0
+            })
+            .sum();
+        assert_eq!(area, 4.0);
+    }
+
+    #[test]
+    fn units_axes_and_large_coordinates() {
+        let text = "v 500000000 1000 7000\nv 500001000 1000 7000\nv 500000000 2000 7000\nf 1 2 3\n";
+        let options = ImportOptions { unit: Some(0.001), up: Some(UpAxis::Z), ..Default::default() };
+        let Part { model, .. } = import_with(text, &options).unwrap();
+        assert_eq!(model.objects[0].to_world.translation, DVec3::new(500_000.5, 7.0, -1.5));
+        assert_eq!(model.meshes[0].positions[1] - model.meshes[0].positions[0], glam::Vec3::X);
+    }
+
+    #[test]
+    fn what_has_no_surface_is_counted() {
+        let text = format!("{SQUARE}g a\nl 1 2 3\np 1\ng b\nf 1 2 3\nmtllib lost.mtl\n");
+        let Part { model, report } = parse(&text).unwrap();
+        assert_eq!(model.objects.len(), 1);
+        assert_eq!(report.counts(), [(WarningKind::PointsOrLines, 2), (WarningKind::MaterialsMissing, 1)]);
+    }
+
+    #[test]
+    fn a_file_of_which_nothing_is_left_is_an_error_that_names_the_first_line() {
+        let said = |text: &str| parse(text).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(said("v 0 0 0\n\nv 1 x 0\n").contains("line 3: \"x\" is no number"));
+        assert!(said(&format!("{SQUARE}vn 0 0 1\nf 1 2 9\n")).contains("line 6: vertex 9 of 4"));
+        assert!(said("f 0 0 0\n").contains("line 1: \"0\": vertices count from 1"));
+        assert!(
+            said("v 0 0 0\nv inf 0 0\nv 0 1 0\no bad\nf 1 2 3\n").contains("vertex 2 has no finite place")
+        );
+        assert!(said("<html>\n").contains("line 1: \"<html>\""));
+        assert!(parse("v 0 0 0\np 1\n").is_ok_and(|part| part.model.objects.is_empty()));
+    }
+
+    #[test]
+    fn numbers_of_normals_cannot_overflow() {
+        let text =
+            format!("{SQUARE}vt 0 0\nvn 0 0 1\nf 1/-9223372036854775808/9223372036854775807 2/1/1 3/1/1\n");
+        assert_eq!(parse(&text).unwrap().model.objects.len(), 1);
+    }
+
+    #[test]
+    fn colours_of_vertices_are_kept() {
+        let text = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n";
+        let Part { model, .. } = parse(text).unwrap();
+        assert_eq!(model.meshes[0].colours[1], Rgba8([0, 255, 0, 255]));
+        // Those that have none are grey.
+        let Part { model, .. } = parse(&text.replacen(" 1 0 0\n", "\n", 1)).unwrap();
+        let colours: Vec<_> = model.meshes[0].colours.iter().map(|colour| colour.0).collect();
+        assert_eq!(colours, [[153, 153, 153, 255], [0, 255, 0, 255], [0, 0, 255, 255]]);
+    }
+}
