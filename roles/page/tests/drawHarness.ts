@@ -1,6 +1,6 @@
 /** Runs in the browser under test: gives tests the renderer, and pictures as numbers. */
 
-import type { Camera, Drawable, Mesh } from "../src/draw/model.ts";
+import type { Camera, Drawable, Look, Mesh } from "../src/draw/model.ts";
 import { NOTHING, Renderer, type RendererOptions } from "../src/draw/renderer.ts";
 import { UNFOLDED } from "../src/draw/shaders.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
@@ -79,6 +79,27 @@ export class Stage {
   }
 }
 
+/**
+ * The share of the pixels of a rectangle (left, top, width, height) of the picture at rest that are darker than
+ * nine tenths of their median: those that lines are on.
+ */
+function darkness(
+  stage: Stage,
+  camera: Camera,
+  drawables: readonly Drawable[],
+  [left, top, width, height]: readonly [number, number, number, number],
+  look?: Look,
+): number {
+  const { renderer, gl, canvas } = stage;
+  renderer.draw(camera, drawables, look);
+  while (renderer.refine()) {}
+  const pixels = new Uint8Array(4 * width * height);
+  gl.readPixels(left, canvas.height - top - height, width, height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+  const tones = pixels.filter((_, at) => at % 4 === 1);
+  const median = tones.slice().sort()[tones.length >> 1] ?? 0;
+  return tones.filter((tone) => tone < 0.9 * median).length / tones.length;
+}
+
 /** What the shaders make of folded normals, three numbers each. */
 function unfolded(normals: readonly (readonly [number, number])[]): Float32Array {
   const gl = document.createElement("canvas").getContext("webgl2");
@@ -122,7 +143,7 @@ void main() { normal = unfolded(folded); }`;
 }
 
 /** What the tests find in the page. */
-const harness = { Stage, NOTHING, unfolded, ObjectSet, FRONT_SIDE, BOTH_SIDES, ...scene };
+const harness = { Stage, NOTHING, darkness, unfolded, ObjectSet, FRONT_SIDE, BOTH_SIDES, ...scene };
 
 declare global {
   interface Window {

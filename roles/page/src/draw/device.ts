@@ -45,6 +45,7 @@ export class Device {
   readonly #pictureTarget: PictureTarget;
   #itemTarget: Target | undefined;
   #pickTarget: Target | undefined;
+  #aroundTarget: Target | undefined;
   #seeThroughBatch: Batch | undefined;
   readonly #programs = new Map<string, Program>();
   #still: Still | undefined;
@@ -77,9 +78,16 @@ export class Device {
     this.#drawPicture(camera, drawables, look);
     this.#still ??= new Still(gl);
     this.#still.takePicture(width, height);
-    // Lines are of what is not see-through.
-    this.#drawItems(camera, apart(drawables, look.seeThrough).opaque, look, "object");
-    this.#still.add(step, (2 * this.#view.tanY) / height);
+    const { opaque, seeThrough } = apart(drawables, look.seeThrough);
+    this.#still.beginObjects("opaque");
+    this.#drawItems(camera, opaque, look, "object");
+    if (seeThrough.length > 0) {
+      // What is see-through has lines of its own, and those of what it is before stay.
+      this.#still.beginObjects("all");
+      this.#drawItems(camera, drawables, look, "object");
+    }
+    const { tanX, tanY } = this.#view;
+    this.#still.add(step, [tanX, tanY], [right, up], seeThrough.length > 0);
     this.#shift = [0, 0];
   }
 
@@ -125,6 +133,32 @@ export class Device {
     this.#pickTarget.read(gl.RGBA_INTEGER, numbers);
     const [item = NOTHING] = numbers;
     return [item, new Float32Array(numbers.buffer)[1] ?? 0];
+  }
+
+  /**
+   * The distances along the view of what shows at the pixels around one that is counted from the upper left:
+   * of a square with so many on each side of it, rows from below. 0 is background.
+   */
+  depthsAround(
+    camera: Camera,
+    drawables: readonly Drawable[],
+    look: Look,
+    [x, y]: readonly [number, number],
+    radius: number,
+  ): Float32Array {
+    const gl = this.#gl;
+    const { width, height } = gl.canvas;
+    const side = 2 * radius + 1;
+    this.#aroundTarget ??= new Target(gl, gl.RG32UI);
+    this.#aroundTarget.begin(side, side);
+    gl.viewport(radius - x, radius + y + 1 - height, width, height);
+    this.#drawItems(camera, drawables, look);
+    const numbers = new Uint32Array(4 * side * side);
+    this.#aroundTarget.read(gl.RGBA_INTEGER, numbers);
+    const depths = new Float32Array(numbers.buffer);
+    return Float32Array.from({ length: side * side }, (_, pixel) =>
+      numbers[4 * pixel] === NOTHING ? 0 : (depths[4 * pixel + 1] ?? 0),
+    );
   }
 
   #drawItems(

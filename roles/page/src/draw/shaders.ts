@@ -72,6 +72,17 @@ vec3 unfolded(vec2 f) {
   return vec3(f.x + (f.x >= 0.0 ? -under : under), f.y + (f.y >= 0.0 ? -under : under), z);
 }`;
 
+/** The normal in camera space, a unit vector, by the rows of a matrix. */
+const NORMAL_OF = `
+${UNFOLDED}
+
+vec3 normalOf(vec3 x, vec3 y, vec3 z) {
+  vec3 n = unfolded(folded);
+  // Cofactors keep a normal at right angles to its plane under any scale.
+  vec3 normal = vec3(dot(cross(y, z), n), dot(cross(z, x), n), dot(cross(x, y), n));
+  return normal * inversesqrt(max(dot(normal, normal), 1e-36));
+}`;
+
 /**
  * Shades by a sky, which is brighter than the ground, and by a key light over the shoulder of who looks.
  *
@@ -85,17 +96,13 @@ flat out vec3 tone;
 ${isCut ? CUT_OUT : ""}
 const vec3 KEY = vec3(0.36, 0.48, 0.80);
 const vec3 HIGHLIGHT = vec3(1.0, 0.55, 0.10);
-${UNFOLDED}
+${NORMAL_OF}
 
 void main() {
   vec4 x = texel(0), y = texel(1), z = texel(2);
   vec4 p = vec4(local, 1.0);
   vec3 view = vec3(dot(x, p), dot(y, p), dot(z, p));
-  vec3 n = unfolded(folded);
-  // Cofactors keep a normal at right angles to its plane under any scale.
-  vec3 normal = vec3(
-    dot(cross(y.xyz, z.xyz), n), dot(cross(z.xyz, x.xyz), n), dot(cross(x.xyz, y.xyz), n));
-  normal *= inversesqrt(max(dot(normal, normal), 1e-36));
+  vec3 normal = normalOf(x.xyz, y.xyz, z.xyz);
   bool isBack = dot(normal, view) * dot(cross(x.xyz, y.xyz), z.xyz) > 0.0;
   // Both sides of a triangle are lit alike, whatever the winding and even in a mirror.
   normal = dot(normal, view) > 0.0 ? -normal : normal;
@@ -131,43 +138,56 @@ flat in vec3 tone;
 out vec4 pixel;
 void main() { pixel = vec4(tone, 1.0); }`;
 
-/** The number of the drawable or of the object at each pixel, and the bits of its distance along the view. */
+/**
+ * The number of the drawable at each pixel, and the bits of its distance along the view; or the number of the
+ * object, its distance, and its normal in camera space.
+ */
 export function itemVertex(
   number: DrawNumber,
   depth: Depth,
   isCut = false,
   of: "drawable" | "object" = "drawable",
 ): string {
+  const isObject = of === "object";
   return `${head(number, depth)}
 flat out highp uint item;
+flat out highp vec3 normal;
 ${isCut ? CUT_OUT : ""}
+${isObject ? NORMAL_OF : ""}
 void main() {
   vec4 x = texel(0), y = texel(1), z = texel(2);
   vec4 p = vec4(local, 1.0);
   vec3 view = vec3(dot(x, p), dot(y, p), dot(z, p));
-  item = floatBitsToUint(texel(3).${of === "drawable" ? "x" : "w"});
+  item = floatBitsToUint(texel(3).${isObject ? "w" : "x"});
+  normal = ${isObject ? "normalOf(x.xyz, y.xyz, z.xyz)" : "vec3(0.0)"};
   ${isCut ? "place = view; isInside = 0.0;" : ""}
   gl_Position = clip(view);
 }`;
 }
 
+const ITEM =
+  "uvec4(item, floatBitsToUint(1.0 / gl_FragCoord.w), packSnorm2x16(normal.xy), " +
+  "packSnorm2x16(vec2(normal.z, 0.0)))";
+
 export const CUT_ITEM_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
 flat in highp uint item;
+flat in highp vec3 normal;
 layout(location = 0) out highp uvec4 pixel;
 ${CUT}
 void main() {
   cut();
-  pixel = uvec4(item, floatBitsToUint(1.0 / gl_FragCoord.w), 0u, 0u);
+  pixel = ${ITEM};
 }`;
 
 export const ITEM_FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
 flat in highp uint item;
+flat in highp vec3 normal;
 layout(location = 0) out highp uvec4 pixel;
-void main() { pixel = uvec4(item, floatBitsToUint(1.0 / gl_FragCoord.w), 0u, 0u); }`;
+void main() { pixel = ${ITEM}; }`;
 
 /** A triangle over the whole picture. */
 export const WHOLE_VERTEX = `#version 300 es
@@ -176,9 +196,11 @@ void main() {
 }`;
 
 /**
- * Lines over a picture: on the nearer side of where one object ends before another, and where a surface
- * bends. One over the distance is linear across the picture of a plane: what is left of its second difference
- * is a bend.
+ * Lines over a picture: on the nearer side of a step from one surface down to another, and on both sides of
+ * where two that meet bend.
+ *
+ * Surfaces are compared as the planes that they are at each pixel. So a plane has no lines in it however flat
+ * it is looked along, nor have several objects in one plane, or what stands in for them with a little error.
  */
 export const STILL_FRAGMENT = `#version 300 es
 precision highp float;
@@ -186,35 +208,98 @@ precision highp int;
 precision highp sampler2D;
 precision highp usampler2D;
 uniform sampler2D colours;
+// What is opaque, and all there is: of each pixel the object, its distance and its normal.
 uniform usampler2D objects;
-uniform float bend;
+uniform usampler2D allObjects;
+uniform bool hasSeeThrough;
+// Tangents of a pixel's width and height, and by how many pixels the picture is shifted.
+uniform vec2 each;
+uniform vec2 offset;
+// How strong lines are.
+uniform float strength;
 out vec4 pixel;
 
-uvec2 object(ivec2 at) {
-  return texelFetch(objects, clamp(at, ivec2(0), textureSize(objects, 0) - 1), 0).xy;
+const uint NONE = 0xffffffffu;
+// Surfaces at a larger angle bend: the cosine. Sides of what stands in for something round do not.
+const float BEND = 0.82;
+// A lower step is none, in widths of a pixel.
+const float STEP = 1.0;
+// What is seen so flat that its distance changes by more from pixel to pixel is taken for steeper than it is.
+const float FLATTEST = 64.0;
+
+struct Surface {
+  uint object;
+  // One over the distance along the view: it is linear across the picture of a plane.
+  float near;
+  vec3 normal;
+  vec3 ray;
+};
+
+Surface surface(usampler2D of, ivec2 at) {
+  ivec2 size = textureSize(of, 0);
+  uvec4 texel = texelFetch(of, clamp(at, ivec2(0), size - 1), 0);
+  vec2 middle = vec2(at) + 0.5 - 0.5 * vec2(size) - offset;
+  float near = texel.x == NONE ? 0.0 : 1.0 / uintBitsToFloat(texel.y);
+  vec3 normal = vec3(unpackSnorm2x16(texel.z), unpackSnorm2x16(texel.w).x);
+  return Surface(texel.x, near, normal, vec3(middle * each, -1.0));
 }
 
-/** One over the distance; nothing is infinitely far away. */
-float nearness(uvec2 object) {
-  return object.x == 0xffffffffu ? 0.0 : 1.0 / uintBitsToFloat(object.y);
+// One over the distance at which the plane of a surface is met along another ray.
+float extended(Surface of, vec3 ray) {
+  float here = dot(of.normal, of.ray);
+  float most = FLATTEST * each.y;
+  float change = abs(here) < 1e-4 ? most : dot(of.normal, ray) / here - 1.0;
+  return of.near * (1.0 + clamp(change, -most, most));
+}
+
+// How far a surface is before the plane of another one, in widths of a pixel: below 0 it is behind. What errors
+// of its place may make of a slope is left out.
+float before(Surface one, Surface plane) {
+  float there = extended(plane, one.ray);
+  float off = one.near - there;
+  float more = max(abs(off) - 0.5 * abs(there - plane.near), 0.0);
+  return sign(off) * more / (each.y * plane.near);
+}
+
+// Whether two pixels may be of one surface: objects in one plane make one.
+bool isOne(Surface one, Surface other) {
+  bool isFlat = abs(before(one, other)) < 2.0 * STEP && abs(dot(one.normal, other.normal)) > BEND;
+  return one.object == NONE || other.object == NONE ? one.object == other.object : isFlat;
+}
+
+float line(usampler2D of, ivec2 at) {
+  Surface here = surface(of, at);
+  float found = 0.0;
+  // A pixel through which something else shows, and what is around it, is a crack between two triangles.
+  int holes = 0;
+  for (int axis = 0; axis < 2 && here.object != NONE; axis += 1) {
+    ivec2 by = axis == 0 ? ivec2(1, 0) : ivec2(0, 1);
+    Surface sides[2] = Surface[2](surface(of, at - by), surface(of, at + by));
+    holes += isOne(sides[0], sides[1]) && !isOne(here, sides[0]) ? 1 : 0;
+    for (int side = 0; side < 2; side += 1) {
+      Surface there = sides[side];
+      if (isOne(here, surface(of, at + (4 * side - 2) * by))) {
+        continue;
+      }
+      bool isSame = there.object == here.object;
+      bool isNothing = there.object == NONE;
+      float down = isNothing ? -2.0 * STEP : before(there, here);
+      float up = isNothing ? 2.0 * STEP : before(here, there);
+      if (down < -STEP && up > STEP) {
+        found = max(found, isSame ? 0.4 : 0.55);
+      } else if (!(down > STEP && up < -STEP) && abs(dot(here.normal, there.normal)) < BEND) {
+        found = max(found, isSame ? 0.3 : 0.45);
+      }
+    }
+  }
+  return holes == 2 ? 0.0 : found;
 }
 
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
-  vec3 colour = texelFetch(colours, at, 0).rgb;
-  uvec2 here = object(at);
-  float near = nearness(here);
-  float line = 0.0;
-  for (int axis = 0; axis < 2; axis += 1) {
-    ivec2 by = axis == 0 ? ivec2(1, 0) : ivec2(0, 1);
-    uvec2 before = object(at - by), after = object(at + by);
-    float left = nearness(before), right = nearness(after);
-    float off = abs(left + right - 2.0 * near);
-    // Of two objects in one plane now the one shows, now the other: there is no line between them.
-    bool ends = ((before.x != here.x && left < near) || (after.x != here.x && right < near)) &&
-      off > 0.12 * bend * near;
-    bool bends = before.x == here.x && after.x == here.x && off > bend * near;
-    line = max(line, ends ? 0.55 : bends ? 0.3 : 0.0);
+  float found = line(objects, at);
+  if (hasSeeThrough) {
+    found = max(found, 0.7 * line(allObjects, at));
   }
-  pixel = vec4(colour * (1.0 - line), 1.0);
+  pixel = vec4(texelFetch(colours, at, 0).rgb * (1.0 - min(strength * found, 1.0)), 1.0);
 }`;

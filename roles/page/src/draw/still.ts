@@ -11,6 +11,11 @@ import { STILL_FRAGMENT, WHOLE_VERTEX } from "./shaders.ts";
 /** Pictures of which the mean is shown. */
 export const STEPS = 8;
 
+/** How strong lines are in each of these: they come little by little, and in the mean they are as they are. */
+export function strengthOf(step: number): number {
+  return (2 * (step + 0.5)) / STEPS;
+}
+
 /** By how much of a pixel each picture is shifted, from -0.5 to 0.5: points of Halton's sequence. */
 export function shiftOf(step: number): readonly [number, number] {
   return [halton(step + 1, 2) - 0.5, halton(step + 1, 3) - 0.5];
@@ -32,8 +37,9 @@ export class Still {
   readonly #program: Program;
   readonly #colour: WebGLTexture;
   readonly #colourFrame: WebGLFramebuffer;
-  readonly #objects: WebGLTexture;
-  readonly #objectFrame: WebGLFramebuffer;
+  /** What is opaque, and all there is where something is see-through. */
+  readonly #objects: readonly [WebGLTexture, WebGLTexture];
+  readonly #objectFrames: readonly [WebGLFramebuffer, WebGLFramebuffer];
   readonly #depth: WebGLRenderbuffer;
   readonly #mean: WebGLRenderbuffer;
   readonly #meanFrame: WebGLFramebuffer;
@@ -43,37 +49,54 @@ export class Still {
   constructor(gl: WebGL2RenderingContext) {
     this.#gl = gl;
     this.#program = new Program(gl, WHOLE_VERTEX, STILL_FRAGMENT);
-    [this.#colour, this.#objects] = [gl.createTexture(), gl.createTexture()];
+    [this.#colour, this.#objects] = [gl.createTexture(), [gl.createTexture(), gl.createTexture()]];
     [this.#depth, this.#mean] = [gl.createRenderbuffer(), gl.createRenderbuffer()];
     this.#colourFrame = gl.createFramebuffer();
-    this.#objectFrame = gl.createFramebuffer();
+    this.#objectFrames = [gl.createFramebuffer(), gl.createFramebuffer()];
     this.#meanFrame = gl.createFramebuffer();
   }
 
-  /** Takes the picture that is bound for reading. Objects and their distances are drawn next, into this. */
+  /** Takes the picture that is bound for reading. */
   takePicture(width: number, height: number): void {
     const gl = this.#gl;
     this.#fit(width, height);
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.#colourFrame);
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#objectFrame);
-    gl.viewport(0, 0, width, height);
   }
 
-  /** Adds it to the mean of the steps before, and shows that. A pixel is so many radians wide. */
-  add(step: number, pixelAngle: number): void {
+  /** Objects that are opaque, or all of them, are drawn next, into this. */
+  beginObjects(which: "opaque" | "all"): void {
+    const gl = this.#gl;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.#objectFrames[which === "opaque" ? 0 : 1]);
+    gl.viewport(0, 0, this.#width, this.#height);
+  }
+
+  /**
+   * Adds it to the mean of the steps before, and shows that. Half of the picture's width and height at a distance
+   * of one are given, and by how many pixels it is shifted.
+   */
+  add(
+    step: number,
+    [tanX, tanY]: readonly [number, number],
+    shift: readonly [number, number],
+    hasSeeThrough: boolean,
+  ): void {
     const gl = this.#gl;
     const [width, height] = [this.#width, this.#height];
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.#meanFrame);
     gl.viewport(0, 0, width, height);
     this.#program.use();
-    for (const [unit, texture] of [this.#colour, this.#objects].entries()) {
+    for (const [unit, texture] of [this.#colour, ...this.#objects].entries()) {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, texture);
     }
     gl.uniform1i(this.#program.at("colours"), 0);
     gl.uniform1i(this.#program.at("objects"), 1);
-    gl.uniform1f(this.#program.at("bend"), BEND * pixelAngle);
+    gl.uniform1i(this.#program.at("allObjects"), 2);
+    gl.uniform1i(this.#program.at("hasSeeThrough"), hasSeeThrough ? 1 : 0);
+    gl.uniform2f(this.#program.at("each"), (2 * tanX) / width, (2 * tanY) / height);
+    gl.uniform2f(this.#program.at("offset"), ...shift);
+    gl.uniform1f(this.#program.at("strength"), strengthOf(step));
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
     gl.blendColor(0, 0, 0, 1 / (step + 1));
@@ -107,16 +130,15 @@ export class Still {
       gl.framebufferTexture2D(gl.DRAW_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, of, 0);
     };
     texture(this.#colour, this.#colourFrame, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
-    texture(this.#objects, this.#objectFrame, gl.RG32UI, gl.RG_INTEGER, gl.UNSIGNED_INT);
     gl.bindRenderbuffer(gl.RENDERBUFFER, this.#depth);
     gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT32F, width, height);
-    gl.framebufferRenderbuffer(gl.DRAW_FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.#depth);
+    for (const which of [0, 1] as const) {
+      texture(this.#objects[which], this.#objectFrames[which], gl.RGBA32UI, gl.RGBA_INTEGER, gl.UNSIGNED_INT);
+      gl.framebufferRenderbuffer(gl.DRAW_FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.#depth);
+    }
     gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.#meanFrame);
     gl.bindRenderbuffer(gl.RENDERBUFFER, this.#mean);
     gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA8, width, height);
     gl.framebufferRenderbuffer(gl.DRAW_FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, this.#mean);
   }
 }
-
-/** A surface that bends by less between two pixels, as a share of what a right angle bends, has no line. */
-const BEND = 0.6;

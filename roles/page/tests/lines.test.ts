@@ -1,0 +1,151 @@
+/** Lines of a picture at rest: where they are, and where they are not. */
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+
+import { STEPS, strengthOf } from "../src/draw/still.ts";
+import { DrawBrowser } from "./drawBrowser.ts";
+
+let browser: DrawBrowser | undefined;
+before(async () => {
+  browser = await DrawBrowser.open();
+});
+after(() => browser?.close());
+
+/** Runs `draw` in the page, which gives darkness by name: see `darkness`. */
+function lines(name: string, draw: () => Darkness, check: (found: Darkness) => void) {
+  test(name, async (context) => {
+    if (browser === undefined) {
+      context.skip("there is no Chromium");
+      return;
+    }
+    browser.faults.length = 0;
+    check((await browser.page.evaluate(draw)) as Darkness);
+    assert.deepEqual(browser.faults, []);
+  });
+}
+
+/** By name: the shares of pixels of a part of the picture that are darker than nine tenths of its median. */
+type Darkness = Record<string, number>;
+
+test("lines come little by little, and in the mean they are as strong as they are", () => {
+  const strengths = Array.from({ length: STEPS }, (_, step) => strengthOf(step));
+  assert.ok(strengths.every((strength, step) => step === 0 || strength > (strengths[step - 1] ?? 0)));
+  assert.ok((strengths[0] ?? 1) < 0.2);
+  assert.equal(strengths.reduce((sum, strength) => sum + strength) / STEPS, 1);
+});
+
+lines(
+  "nothing flat has lines in it, however it is looked along and of whatever it is put together",
+  () => {
+    const { cameraAt, darkness, drawableAt, plate, Stage } = window.draw;
+    const found: Record<string, number> = {};
+    for (const degrees of [89, 80, 60, 30, 5, 2, 1]) {
+      // A floor that is so far from facing the eye, of plates that are tenths of a pixel beside one plane.
+      const angle = ((90 - degrees) * Math.PI) / 180;
+      const [sin, cos] = [Math.sin(angle), Math.cos(angle)];
+      const linear = [1, 0, 0, 0, cos, -sin, 0, sin, cos];
+      const stage = new Stage(128, 128, { samples: 1 });
+      stage.set(plate(8, 8));
+      const drawables = Array.from({ length: 81 }, (_, id) => {
+        const [right, along] = [8 * ((id % 9) - 4), 8 * (Math.floor(id / 9) - 4)];
+        const off = 2e-4 * ((id * 7) % 5);
+        return drawableAt(id, [right, cos * along + sin * off, -40 - sin * along + cos * off], {
+          geometry: 0,
+          linear,
+        });
+      });
+      found[degrees] = darkness(stage, cameraAt([0, 0, 0]), drawables, [40, 66, 48, 5]);
+      stage.end();
+    }
+    return found;
+  },
+  (found) => {
+    for (const [degrees, dark] of Object.entries(found)) {
+      assert.equal(dark, 0, `at ${degrees} degrees: ${JSON.stringify(found)}`);
+    }
+  },
+);
+
+lines(
+  "what stands in for something round has no lines along it, but its outline has",
+  () => {
+    const { cameraAt, darkness, drawableAt, FRONT_SIDE, pipe, Stage } = window.draw;
+    const found: Record<string, number> = {};
+    for (const sides of [12, 16, 24]) {
+      const stage = new Stage(128, 128, { samples: 1 });
+      stage.set(pipe(1, 12, sides, 3, [200, 200, 200]));
+      const drawables = [drawableAt(0, [0, 0, -6], { sides: FRONT_SIDE })];
+      // A column of pixels: shades change across the pipe, and not along it.
+      for (const column of [45, 52, 60, 64, 70, 77, 84]) {
+        const key = `${sides} sides, column ${column}`;
+        found[key] = darkness(stage, cameraAt([0, 1, 0]), drawables, [column, 20, 1, 88]);
+      }
+      const edge = Math.round(64 + (64 / 0.5) * (1 / Math.sqrt(35)));
+      found[`outline ${sides}`] = darkness(stage, cameraAt([0, 0, 0]), drawables, [edge - 5, 60, 6, 8]);
+      stage.end();
+    }
+    return found;
+  },
+  (found) => {
+    for (const [where, dark] of Object.entries(found)) {
+      const isOutline = where.startsWith("outline");
+      assert.ok(isOutline ? dark > 0.1 : dark === 0, `${where}: ${JSON.stringify(found)}`);
+    }
+  },
+);
+
+lines(
+  "edges, steps and what is before the sky have lines",
+  () => {
+    const { box, cameraAt, darkness, drawableAt, plate, Stage } = window.draw;
+    const stage = new Stage(128, 128, { samples: 1 });
+    stage.set(box([2, 2, 2]), plate(20, 20));
+    const half = Math.SQRT1_2;
+    // A box with an edge towards the eye, and a plate half a metre before another one.
+    const turned = drawableAt(0, [0, 0, -8], { linear: [half, 0, -half, 0, 1, 0, half, 0, half] });
+    const low = drawableAt(1, [0, 0, -10.5], { geometry: 1 });
+    const high = drawableAt(2, [10, 0, -10], { geometry: 1 });
+    const camera = cameraAt([0, 0, 0]);
+    const found = {
+      edge: darkness(stage, camera, [turned], [60, 60, 9, 9]),
+      sky: darkness(stage, camera, [turned], [60, 40, 9, 6]),
+      step: darkness(stage, camera, [low, high], [60, 60, 9, 9]),
+      floor: darkness(stage, camera, [low], [20, 20, 80, 80]),
+    };
+    stage.end();
+    return found;
+  },
+  ({ edge = 0, step = 0, floor = 1 }) => {
+    assert.ok(edge > 0.1, `${edge}`);
+    assert.ok(step > 0.1, `${step}`);
+    assert.equal(floor, 0);
+  },
+);
+
+lines(
+  "what is see-through has lines, and so has what it is before",
+  () => {
+    const { box, cameraAt, darkness, drawableAt, ObjectSet, plate, Stage } = window.draw;
+    const stage = new Stage(128, 128, { samples: 1 });
+    stage.set(plate(2, 2, [230, 230, 230]), box([1, 1, 1], [230, 230, 230]), plate(30, 30, [230, 230, 230]));
+    const glass = drawableAt(0, [0, 0, -4]);
+    const behind = drawableAt(1, [0, 0, -8]);
+    const wall = drawableAt(2, [0, 0, -12]);
+    const look = { sections: [], highlighted: ObjectSet.EMPTY, seeThrough: ObjectSet.of([glass.object]) };
+    const camera = cameraAt([0, 0, 0]);
+    // The glass ends 32 pixels from the middle, and the box 8 to 9.
+    const found = {
+      glass: darkness(stage, camera, [glass, behind, wall], [90, 60, 12, 8], look),
+      behind: darkness(stage, camera, [glass, behind, wall], [68, 60, 10, 8], look),
+      between: darkness(stage, camera, [glass, behind, wall], [78, 60, 10, 8], look),
+    };
+    stage.end();
+    return found;
+  },
+  ({ glass = 0, behind = 0, between = 1 }) => {
+    assert.ok(glass > 0.05, `${glass}`);
+    assert.ok(behind > 0.05, `${behind}`);
+    assert.equal(between, 0);
+  },
+);
