@@ -40,10 +40,13 @@ impl Faults {
         }
     }
 
-    /// The first fault of those for which something was left out.
+    /// A fault of the file itself, for which something was left out: the first of its kind.
     pub(super) fn worst(&self) -> Option<String> {
-        let first = self.0.iter().find(|((kind, of), _)| *kind != WarningKind::FreeForm && of.is_empty())?;
-        Some(format!("line {}: {}", first.1.line, first.1.what))
+        let of_file =
+            self.0.iter().find(|((kind, of), _)| *kind != WarningKind::MalformedLine || of.is_empty());
+        let ((kind, _), Fault { line, what, .. }) = of_file?;
+        let what = if what.is_empty() { kind.to_string() } else { what.clone() };
+        Some(format!("line {line}: {what}"))
     }
 
     /// Tells the report.

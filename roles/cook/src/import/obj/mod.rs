@@ -34,7 +34,7 @@ pub enum ObjError {
     #[error(transparent)]
     NotText(#[from] NotText),
     /// Something is wrong with all of it.
-    #[error("nothing of it can be drawn: {first}; it may be damaged, or no OBJ file")]
+    #[error("nothing of it can be drawn: {first}; export it as polygons, and see that it is an OBJ file")]
     Nothing {
         /// The first line that something is wrong with, and what.
         first: String,
@@ -146,6 +146,9 @@ mod tests {
         assert!(said("f 0 0 0\n").contains("line 1: \"0\": vertices count from 1"));
         assert!(
             said("v 0 0 0\nv inf 0 0\nv 0 1 0\no bad\nf 1 2 3\n").contains("vertex 2 has no finite place")
+        );
+        assert!(
+            said("v 0 0 0\ncurv 0 1 1 1\nend\n").contains("line 2: free-form curves and surfaces left out")
         );
         assert!(said("<html>\n").contains("line 1: \"<html>\""));
         assert!(parse("v 0 0 0\np 1\n").is_ok_and(|part| part.model.objects.is_empty()));
