@@ -418,7 +418,7 @@ fn objects_that_draw_nothing_are_left_out() {
     let imported = read(text);
     assert_eq!(names(&imported.model), ["good"]);
     assert_eq!(imported.report.counts(), [(WarningKind::EmptyObject, 3)]);
-    assert!(warning(&imported).ends_with("first in \"thin\", \"flat\", \"dot\""), "{:?}", said(&imported));
+    assert!(warning(&imported).ends_with("first in \"flat\", \"dot\", \"thin\""), "{:?}", said(&imported));
 }
 
 #[test]

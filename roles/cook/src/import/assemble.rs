@@ -8,7 +8,7 @@ use glam::{DAffine3, DVec3, Vec3};
 
 use super::budget::{Budget, OverBudget};
 use super::report::{ImportReport, WarningKind};
-use super::{ImportError, Imported, Part, flat};
+use super::{ImportError, Imported, Part};
 use crate::{Mesh, Model, Object, Source};
 use trimaran_scene::{Extent, Group, ObjectAttributes, Rgba8};
 
@@ -94,14 +94,13 @@ pub(super) fn merge<'a>(
     let mut model = Model::default();
     let mut report = ImportReport::default();
     for (path, part) in parts {
-        let mut part = part?;
+        let Part { model: mut part, report: met } = part?;
         let file = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        part.model.sources = vec![Source { name: file.clone() }];
-        within_file(&mut part.model, file.clone());
-        part.model.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
-        flat::leave_out(&mut part);
-        report.absorb(part.report, &file);
-        append(&mut model, part.model)?;
+        part.sources = vec![Source { name: file.clone() }];
+        within_file(&mut part, file.clone());
+        part.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
+        report.absorb(met, &file);
+        append(&mut model, part)?;
     }
     report.looked_for = budget.looked_for();
     report.files = model.sources.len() as u64;

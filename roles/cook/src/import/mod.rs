@@ -12,7 +12,6 @@
 mod assemble;
 mod budget;
 mod error;
-mod flat;
 mod format;
 mod gltf;
 mod gzip;

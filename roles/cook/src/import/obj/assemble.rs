@@ -8,13 +8,13 @@ use super::faults::Faults;
 use super::materials::Material;
 use super::parse::{Face, Heading, Parsed, Run};
 use super::tints::Scale;
-use crate::Object;
 use crate::import::assemble::centred;
 use crate::import::budget::Budget;
 use crate::import::hierarchy::{Branch, groups};
 use crate::import::polygon::Triangulator;
 use crate::import::report::{ImportReport, Warning, WarningKind};
 use crate::import::{OverBudget, Part};
+use crate::{Mesh, Object};
 use trimaran_scene::Rgba8;
 
 /// What a face without a material is drawn in.
@@ -63,14 +63,14 @@ pub(super) fn assemble(
         let triangles = shape.faces.iter().map(|&corners| u64::from(corners.saturating_sub(2))).sum();
         budget.mesh(triangles, shape.used.len() as u64, || format!("object {name:?}"))?;
         let (positions, indices) = shape.triangles(&mut triangulator);
-        if indices.is_empty() {
-            part.report.warn_of(WarningKind::EmptyObject, "", name);
-            continue;
-        }
         let colour =
             |&(vertex, material): &(u32, u32)| colour(&tints, vertex, parsed.materials.get(material));
         let colours = shape.used.iter().map(colour).collect();
         let (mesh, origin) = centred(&positions, colours, indices);
+        if draws_nothing(&mesh) {
+            part.report.warn_of(WarningKind::EmptyObject, "", name);
+            continue;
+        }
         part.model.objects.push(Object {
             mesh: part.model.meshes.len() as u32,
             to_world: DAffine3::from_translation(origin),
@@ -205,6 +205,13 @@ impl Shape<'_> {
         }
         (positions, indices)
     }
+}
+
+/// Whether each triangle has two corners in one place: nothing of it would be in the scene.
+fn draws_nothing(mesh: &Mesh) -> bool {
+    let at = |corner: u32| mesh.positions.get(corner as usize);
+    let is_flat = |&[a, b, c]: &[u32; 3]| at(a) == at(b) || at(b) == at(c) || at(c) == at(a);
+    mesh.indices.as_chunks::<3>().0.iter().all(is_flat)
 }
 
 /// A vertex's own colour times its material's, as glTF has it. Material libraries keep colours as they are to
