@@ -107,13 +107,13 @@ impl OccluderMapper {
         for &id in ids {
             let drawable = scene.drawables().get(id.index()).ok_or_else(|| {
                 let unknown = OccluderError::Unknown { id, count: scene.drawables().len() };
-                scene.fault().cloned().map_or(unknown, OccluderError::Scene)
+                scene.fault_here().map_or(unknown, OccluderError::Scene)
             })?;
             if self.settle_path(&cut, drawable.node, due) == State::Above {
                 self.descend(&cut, drawable.node, due);
             }
         }
-        scene.fault().cloned().map_or(Ok(()), |fault| Err(OccluderError::Scene(fault)))
+        scene.fault_here().map_or(Ok(()), |fault| Err(OccluderError::Scene(fault)))
     }
 
     /// Whether `node`, which the cut has and which is in the frustum, was in this frame's place of an id.

@@ -246,7 +246,7 @@ impl<'c> Traversal<'c> {
 
     /// Whether all that was asked for of the scene was there.
     fn check_scene<E: std::error::Error>(&self) -> Result<(), CullError<E>> {
-        self.scene.fault().map_or(Ok(()), |fault| Err(CullError::Scene(fault.clone())))
+        self.scene.fault_here().map_or(Ok(()), |fault| Err(CullError::Scene(fault)))
     }
 
     /// What the traversal did so far.

@@ -111,13 +111,13 @@ impl GpuScene {
             .and_then(|drawable| Some((drawable, self.scene.nodes().get(drawable.node as usize)?)));
         found.ok_or_else(|| {
             let unknown = GpuError::UnknownDrawable { id, count: drawables.len() };
-            self.scene.fault().cloned().map_or(unknown, GpuError::Scene)
+            self.scene.fault_here().map_or(unknown, GpuError::Scene)
         })
     }
 
     /// Whether all that was asked for of the scene was there.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
-        self.scene.fault().cloned().map_or(Ok(()), |fault| Err(GpuError::Scene(fault)))
+        self.scene.fault_here().map_or(Ok(()), |fault| Err(GpuError::Scene(fault)))
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod encode;
 mod entries;
+mod faults;
 mod file;
 mod flat;
 mod geometry;
@@ -24,6 +25,7 @@ use rayon::prelude::*;
 use trimaran_proto::SceneHash;
 
 pub use entries::{EntriesError, MOST_ENTRIES, pack_entries, unpack_entries};
+use faults::Faults;
 pub use file::SaveError;
 use file::SceneFile;
 pub use flat::FlatObject;
@@ -49,8 +51,8 @@ pub use validate::SceneError;
 /// against the rules, so that later code can trust them: every index is in range, every box finite, errors
 /// never fall towards the root.
 ///
-/// What cannot be read is not there. Whoever went through the scene asks [`fault`](Self::fault) before it
-/// uses what it found: culling and drawing do.
+/// What cannot be read is not there. Whoever went through the scene asks [`fault_here`](Self::fault_here)
+/// before it uses what it found: culling and drawing do.
 #[derive(Debug)]
 pub struct Scene {
     file: Arc<SceneFile>,
@@ -60,7 +62,7 @@ pub struct Scene {
     objects: Pages<ObjectRecord>,
     names: OnceLock<String>,
     sources: Vec<String>,
-    fault: OnceLock<ReadError>,
+    faults: Faults,
     /// Where there is no file: what others gave.
     given: Option<Box<Given>>,
 }
@@ -135,7 +137,7 @@ impl Scene {
         let scene = Self::unread(file)?;
         // The top of the tree.
         let _ = (scene.nodes().first(), scene.drawables().first());
-        match scene.fault.get() {
+        match scene.faults.first() {
             Some(fault) => Err(fault.clone()),
             None => Ok(scene),
         }
@@ -155,7 +157,7 @@ impl Scene {
             objects: validate::object_pages(header.objects as usize),
             names: OnceLock::new(),
             sources,
-            fault: OnceLock::new(),
+            faults: Faults::none(),
             file,
             given: None,
         })
@@ -171,7 +173,7 @@ impl Scene {
             objects: validate::object_pages(header.objects as usize).without_pages(),
             names: OnceLock::new(),
             sources: Vec::new(),
-            fault: OnceLock::new(),
+            faults: Faults::none(),
             file,
             given: Some(Box::new(given)),
         }
@@ -323,7 +325,14 @@ impl Scene {
     /// there is.
     #[must_use]
     pub fn fault(&self) -> Option<&ReadError> {
-        self.fault.get()
+        self.faults.first()
+    }
+
+    /// The last thing that could not be read of what the calling thread has asked for, if any. Others that ask
+    /// for other parts of the scene go on.
+    #[must_use]
+    pub fn fault_here(&self) -> Option<ReadError> {
+        self.faults.here()
     }
 
     /// Bytes of records that are in memory, and of geometry that was given.
@@ -413,10 +422,8 @@ impl Scene {
         }
     }
 
-    /// Keeps the first fault.
     fn set_fault(&self, fault: ReadError) {
-        tracing::debug!(%fault, "part of the scene cannot be read");
-        let _ = self.fault.set(fault);
+        self.faults.note(fault);
     }
 }
 

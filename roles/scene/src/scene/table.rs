@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 use bytemuck::Pod;
 use rayon::prelude::*;
 
+use super::faults::PageNumber;
 use super::given::Given;
 use super::layout::Section;
 use super::{ReadError, Scene, SceneError};
@@ -150,6 +151,10 @@ impl<'s, T: Pod> Records<'s, T> {
             unread.par_iter().for_each(|page| {
                 self.load(*page);
             });
+            // What another thread could not read was asked for by this one.
+            unread.iter().filter(|page| is_unread(page)).for_each(|page| {
+                self.load(*page);
+            });
         }
         !unread.is_empty()
     }
@@ -173,16 +178,17 @@ impl<'s, T: Pod> Records<'s, T> {
 
     #[cold]
     fn load(self, page: usize) -> Option<&'s [T]> {
-        if self.scene.fault().is_some() {
-            return None;
-        }
         if CHECKING.get().is_some() {
             // Whoever checks reads it, and then checks again.
             CHECKING.set(Some(Some((self.pages.section, page))));
             return None;
         }
-        if let Err(fault) = load(self.scene, (self.pages.section, page)) {
-            self.scene.set_fault(fault);
+        let number = (self.pages.section, page);
+        if self.scene.faults.has(number) {
+            return None;
+        }
+        if let Err(fault) = load(self.scene, number) {
+            self.scene.faults.note_page(number, fault);
         }
         self.pages.pages.get(page)?.get().map(|records| &**records)
     }
@@ -204,9 +210,6 @@ impl<'s, T: Pod> Records<'s, T> {
         Ok(lacking)
     }
 }
-
-/// A page of a section.
-type PageNumber = (Section, usize);
 
 thread_local! {
     /// While this thread checks a page: the last one that the check asked for and that was not there.

@@ -1,4 +1,5 @@
 use std::ops::Range;
+use std::thread;
 
 use bytemuck::{AnyBitPattern, NoUninit, Pod, Zeroable};
 use glam::Mat3;
@@ -895,7 +896,7 @@ fn a_hostile_chain_of_nodes_is_refused_from_its_end() {
     let bytes = encoded(a_chain_of(200_000));
     // It reads the second drawable, and that its node, the last.
     let read = move || opened(&bytes).map(|scene| scene.hash()).unwrap_err();
-    let error = std::thread::Builder::new().stack_size(128 << 10).spawn(read).unwrap().join().unwrap();
+    let error = thread::Builder::new().stack_size(128 << 10).spawn(read).unwrap().join().unwrap();
     let OpenError::Read(ReadError { cause: ReadCause::Malformed(error), .. }) = error else {
         panic!("{error}");
     };
@@ -1042,6 +1043,34 @@ fn a_fault_stays_the_first_one() {
     assert_eq!(scene.nodes().get(4352), None);
     assert_eq!(scene.object_name(0), None);
     assert_eq!(scene.fault().unwrap().bytes, first);
+}
+
+#[test]
+fn a_fault_is_of_those_threads_that_asked_for_it_and_the_rest_of_the_scene_is_read_on() {
+    let (_folder, path, range) = damaged(Section::Nodes, 17);
+    let scene = Scene::open(&path).unwrap();
+    let asks = |numbers: &[usize], ahead: bool| {
+        thread::scope(|scope| {
+            let ask = scope.spawn(|| {
+                if ahead {
+                    scene.nodes().read_ahead(numbers.iter().copied());
+                }
+                let found = numbers.iter().filter(|number| scene.nodes().get(**number).is_some()).count();
+                (found, scene.fault_here().map(|fault| fault.bytes))
+            });
+            ask.join().unwrap()
+        })
+    };
+    assert_eq!(asks(&[0, 300], false), (2, None));
+    assert_eq!(asks(&[4352, 0], false), (1, Some(range.clone())));
+    assert_eq!(asks(&[600, 900], false), (2, None), "pages that were not read before");
+    assert_eq!(asks(&[4352], false), (0, Some(range.clone())), "whoever comes later is told as well");
+    assert_eq!(asks(&[1200, 1500], true), (2, None));
+    assert_eq!(asks(&[1800, 4353, 2100], true), (2, Some(range.clone())), "read by other threads");
+    let other = Scene::open_bytes(Path::new("other"), &Apart::of(two_leaves()).bytes()).unwrap();
+    assert_eq!(scene.nodes().get(4352), None);
+    assert!(scene.fault_here().is_some() && other.fault_here().is_none(), "scenes are told apart");
+    assert_eq!(scene.fault().unwrap().bytes, range);
 }
 
 #[test]
