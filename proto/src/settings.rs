@@ -66,6 +66,9 @@ pub enum SettingsError {
         /// Pixels.
         height: u32,
     },
+    /// The text names no size.
+    #[error("{0:?} is no size of a picture: give WIDTHxHEIGHT, such as 1920x1080")]
+    NoSize(String),
     /// No coding has this name.
     #[error("no coding of ids is called {0:?}: take plain or changes")]
     Coding(String),
@@ -127,6 +130,16 @@ mod tests {
         for (width, height) in [(0, 1), (1, 0), (65_537, 1), (1, 65_537)] {
             assert_eq!(Viewport::new(width, height), Err(SettingsError::Size { width, height }));
         }
+    }
+
+    #[test]
+    fn a_size_reads_back_from_its_text() {
+        let size = Viewport::new(1920, 1080).unwrap();
+        assert_eq!(size.to_string().parse(), Ok(size));
+        for text in ["", "x", "8", "8x", "x8", "8x8x8", "-1x8", "8 x 8", "8X8"] {
+            assert_eq!(text.parse::<Viewport>(), Err(SettingsError::NoSize(text.to_owned())));
+        }
+        assert_eq!("0x8".parse::<Viewport>(), Err(SettingsError::Size { width: 0, height: 8 }));
     }
 
     #[test]

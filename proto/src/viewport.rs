@@ -1,6 +1,6 @@
 //! The size of a picture.
 
-use std::fmt;
+use std::{fmt, str::FromStr};
 
 use serde::{Deserialize, Serialize};
 
@@ -15,6 +15,9 @@ pub struct Viewport {
 }
 
 impl Viewport {
+    /// The largest.
+    pub const LARGEST: Self = Self { width: 65_536, height: 65_536 };
+
     /// A picture of `width` by `height` pixels.
     ///
     /// # Errors
@@ -56,6 +59,20 @@ impl TryFrom<(u32, u32)> for Viewport {
 impl From<Viewport> for (u32, u32) {
     fn from(size: Viewport) -> Self {
         (size.width, size.height)
+    }
+}
+
+/// As `1920x1080`.
+impl FromStr for Viewport {
+    type Err = SettingsError;
+
+    fn from_str(text: &str) -> Result<Self, SettingsError> {
+        let sides = text.split_once('x').and_then(|(width, height)| {
+            let [width, height] = [width, height].map(|side| side.parse().ok());
+            width.zip(height)
+        });
+        let (width, height) = sides.ok_or_else(|| SettingsError::NoSize(text.to_owned()))?;
+        Self::new(width, height)
     }
 }
 

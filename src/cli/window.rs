@@ -43,10 +43,15 @@ pub(super) fn run_service(args: &ViewArgs, url: &str) -> Result<(), Failure> {
 }
 
 fn about(scene: &Path, file: &SceneFile) -> Result<About, Failure> {
-    let SceneDescription { name, has_floors, eye_height, clearance, vfov_deg, start, .. } =
+    let SceneDescription { name, has_floors, eye_height, clearance, vfov_deg, start, max_picture, .. } =
         SceneDescription::new(scene, &file.scene).map_err(Failure::broken)?;
     let (eye, forward) = (start.eye.into(), start.forward.into());
-    Ok(About { name, start: Start { eye, forward, eye_height, has_floors, vfov_deg }, clearance })
+    Ok(About {
+        name,
+        start: Start { eye, forward, eye_height, has_floors, vfov_deg },
+        clearance,
+        max_picture,
+    })
 }
 
 fn show(

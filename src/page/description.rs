@@ -4,6 +4,7 @@ use std::{path::Path, sync::Arc};
 
 use serde::{Serialize, Serializer};
 use trimaran_netsim::Profile;
+use trimaran_proto::Viewport;
 use trimaran_scene::{
     Scene,
     heightfield::Heightfield,
@@ -37,6 +38,8 @@ pub struct SceneDescription {
     pub vfov_deg: f64,
     /// Where to begin.
     pub start: Start,
+    /// The widest and the highest picture that the service culls for, pixels.
+    pub max_picture: Viewport,
     /// Where cullers of the service meet each other, when a page asks two of them to take turns.
     #[serde(serialize_with = "as_text")]
     pub meeting: Endpoint,
@@ -67,7 +70,7 @@ pub struct Start {
 }
 
 impl SceneDescription {
-    /// That of a scene in a file. Looks for a place to begin, which takes a moment in a large scene.
+    /// That of a scene in a file, for pictures of any size. Looks for a place to begin, which takes a moment in a large scene.
     ///
     /// # Errors
     /// When there is no place, which a scene of any shape has.
@@ -92,6 +95,7 @@ impl SceneDescription {
             clearance: found.clearance,
             vfov_deg: found.path.vfov_deg(),
             start,
+            max_picture: Viewport::LARGEST,
             meeting: Endpoint::Inproc(Name::unique()),
             networks: Profile::names()
                 .filter_map(|name| Profile::find(name).ok())

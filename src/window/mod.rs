@@ -51,6 +51,8 @@ pub struct About {
     pub start: Start,
     /// Nothing comes nearer to an eye of a walk than this, metres.
     pub clearance: f64,
+    /// The largest picture that its cullers take.
+    pub max_picture: Viewport,
 }
 
 /// A window that is to be opened.
@@ -106,7 +108,7 @@ pub fn open_service(
 ) -> Result<Option<WindowReport>, WindowError> {
     let described = service.describe(runtime).map_err(WindowError::Service)?;
     let (start, clearance) = (described.start(), described.clearance);
-    let about = About { name: described.name, start, clearance };
+    let about = About { name: described.name, start, clearance, max_picture: described.max_picture };
     let screen = Screen::open(options)?;
     let beside = Beside::new(options, runtime)?;
     let at = service.endpoint().map_err(WindowError::Service)?;
@@ -181,7 +183,7 @@ impl Screen {
             mode: options.present_mode,
             navigator,
             ground,
-            sight: Sight::new(wish.clone(), sets, options.lod, near),
+            sight: Sight::new(wish.clone(), sets, options.lod, near, about.max_picture),
             clock: beside.turns.clock(),
             drive,
             state: State::default(),

@@ -38,6 +38,8 @@ pub(super) struct Sight {
     recent: RecentSets,
     lod: LodRule,
     near: f32,
+    /// The largest picture that the cullers take.
+    most: Viewport,
     prediction: Prediction,
     /// Which place of the spread is next.
     turn: usize,
@@ -50,14 +52,22 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Asks by `wish`, and hears of `sets`. The near plane is so many metres away.
-    pub(super) fn new(wish: Wish, sets: mpsc::Receiver<FoundSet>, lod: LodRule, near: f32) -> Self {
+    /// Asks by `wish`, and hears of `sets`. The near plane is so many metres away, and no picture larger than
+    /// `most` is asked for.
+    pub(super) fn new(
+        wish: Wish,
+        sets: mpsc::Receiver<FoundSet>,
+        lod: LodRule,
+        near: f32,
+        most: Viewport,
+    ) -> Self {
         Self {
             wish,
             sets,
             recent: RecentSets::default(),
             lod,
             near,
+            most,
             prediction: Prediction::default(),
             turn: 0,
             latency: Duration::ZERO,
@@ -116,7 +126,7 @@ impl Sight {
         let view = View::new(self.camera(foreseen.unwrap_or(pose), vfov_deg)?, picture);
         let wide = wider(&view);
         let fine = Sampling { size: wide.viewport(), lod: self.lod };
-        let sampling = if foreseen.is_some() { fine.coarser() } else { fine };
+        let sampling = fine.coarser(if foreseen.is_some() { COARSER } else { 1.0 }, self.most);
         let asked = if self.sampling.replace(sampling) == Some(sampling) {
             self.wish.look(*wide.camera())
         } else {
@@ -142,13 +152,17 @@ struct Sampling {
 }
 
 impl Sampling {
-    /// The same picture and the same levels, in fewer pixels.
-    fn coarser(self) -> Self {
+    /// The same picture and the same levels, in pixels that are so much wider, or wider still where it is
+    /// larger than `most` else.
+    fn coarser(self, wider: f64, most: Viewport) -> Self {
         let Self { size, lod } = self;
-        let side = |side: u32| (f64::from(side) / COARSER).ceil() as u32;
-        let size = Viewport::new(side(size.width()), side(size.height())).unwrap_or(size);
+        let fitting = |side: u32, most: u32| f64::from(side) / f64::from(most);
+        let wider = wider.max(fitting(size.width(), most.width())).max(fitting(size.height(), most.height()));
+        let side = |side: u32, most: u32| ((f64::from(side) / wider).ceil() as u32).min(most);
+        let sides = (side(size.width(), most.width()), side(size.height(), most.height()));
+        let size = Viewport::new(sides.0, sides.1).unwrap_or(size);
         let few = lod.stops_at_few_pixels();
-        let lod = LodRule::new(lod.epsilon_px() / COARSER).map_or(lod, |lod| lod.stopping_at_few_pixels(few));
+        let lod = LodRule::new(lod.epsilon_px() / wider).map_or(lod, |lod| lod.stopping_at_few_pixels(few));
         Self { size, lod }
     }
 }
@@ -187,7 +201,7 @@ mod tests {
     fn a_moving_eye_is_asked_for_ahead_and_a_resting_one_where_it_is() {
         let (found, sets) = mpsc::channel();
         let mut wish = Wish::new(Camera::at_origin(FrameNumber(0)));
-        let mut sight = Sight::new(wish.clone(), sets, LodRule::new(2.0).unwrap(), 0.1);
+        let mut sight = Sight::new(wish.clone(), sets, LodRule::new(2.0).unwrap(), 0.1, Viewport::LARGEST);
         let size = Viewport::new(100, 50).unwrap();
         let states = wish.clone();
         let culled_for = |camera: Camera| {
@@ -233,6 +247,20 @@ mod tests {
         come(rests, 600, 650);
         sight.take_sets();
         assert!(sight.is_exact());
+    }
+
+    #[test]
+    fn no_picture_is_larger_than_the_cullers_take_and_silhouettes_are_as_fine_as_before() {
+        let size = |width, height| Viewport::new(width, height).unwrap();
+        let lod = LodRule::new(2.0).unwrap();
+        let sampling = |width, height, wider, most| {
+            let Sampling { size, lod } = Sampling { size: size(width, height), lod }.coarser(wider, most);
+            (size.width(), size.height(), lod.epsilon_px())
+        };
+        assert_eq!(sampling(8192, 4096, 1.0, size(4096, 4096)), (4096, 2048, 1.0));
+        assert_eq!(sampling(8192, 4096, 1.5, size(4096, 4096)), (4096, 2048, 1.0));
+        assert_eq!(sampling(300, 60, 1.5, size(4096, 4096)), (200, 40, 2.0 / 1.5));
+        assert_eq!(sampling(65_536, 1, 1.0, size(1, 1)), (1, 1, 2.0 / 65_536.0));
     }
 
     #[test]

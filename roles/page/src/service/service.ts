@@ -19,6 +19,8 @@ export interface SceneDescription {
   readonly clearance: number;
   readonly vfovDeg: number;
   readonly start: { readonly eye: Point; readonly forward: Point };
+  /** The widest and the highest picture that the service culls for, pixels. */
+  readonly maxPicture: readonly [width: number, height: number];
   /** Where cullers of the service meet each other. */
   readonly meeting: string;
   /** Networks that can be simulated between the page and its culler. */

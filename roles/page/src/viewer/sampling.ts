@@ -11,32 +11,34 @@ const WIDER = 1.5;
 const COARSER = 1.5;
 
 /** Pixels. */
-interface Size {
+export interface Size {
   readonly width: number;
   readonly height: number;
 }
 
 /**
  * What is culled for where a picture of this size is shown, in which silhouettes are off by `epsilon` pixels
- * at most.
+ * at most. Where the service takes no picture so large, pixels are wider until it does.
  */
 export function sampling(
   { width, height }: Size,
   epsilon: number,
   isMoving: boolean,
+  most: Size,
 ): Pick<ViewState, "pictureSize" | "levelRule"> {
-  const coarser = isMoving ? COARSER : 1;
-  const side = (pixels: number) => Math.ceil((WIDER * pixels) / coarser);
+  const fitting = Math.max((WIDER * width) / most.width, (WIDER * height) / most.height);
+  const coarser = Math.max(isMoving ? COARSER : 1, fitting);
+  const side = (pixels: number, most: number) => Math.min(most, Math.ceil((WIDER * pixels) / coarser));
   return {
-    pictureSize: { width: side(width), height: side(height) },
+    pictureSize: { width: side(width, most.width), height: side(height, most.height) },
     levelRule: { epsilon: epsilon / coarser, fewPixels: false },
   };
 }
 
 /**
  * By how much what is culled for is wider than a picture of this size. The pixels of an eye at rest are as
- * large as those of the picture.
+ * large as those of the picture, where the service takes that.
  */
-export function widerBy(picture: Size): number {
-  return sampling(picture, 1, false).pictureSize.height / picture.height;
+export function widerBy({ height }: Size): number {
+  return Math.ceil(WIDER * height) / height;
 }

@@ -2,10 +2,14 @@
 
 import { type Signal, signal } from "@preact/signals";
 import { Display, type DisplayOptions } from "../display/display.ts";
+import type { LinkEnd } from "../wire/link.ts";
+import { troubleJoining, troubleOfEnd } from "./trouble.ts";
 
 /** Milliseconds between attempts: at first, and at most. */
 const SOONEST = 250;
 const LATEST = 5000;
+/** A link that has held for so many milliseconds is one. */
+const STANDS = 1000;
 
 export class Session {
   readonly #display = signal<Display | undefined>(undefined);
@@ -51,22 +55,26 @@ export class Session {
   async #keep(): Promise<void> {
     for (let pause = SOONEST; ; pause = Math.min(2 * pause, LATEST)) {
       try {
-        let ended: () => void = () => {};
-        const over = new Promise<void>((resolve) => {
+        let ended: (end: LinkEnd) => void = () => {};
+        const over = new Promise<LinkEnd>((resolve) => {
           ended = resolve;
         });
-        const options = { ...this.#options(), onEnd: () => ended() };
+        const options = { ...this.#options(), onEnd: (end: LinkEnd) => ended(end) };
         this.#display.value = await Display.join(
           this.#url(this.network.peek()),
           options,
           this.#display.peek(),
         );
-        this.trouble.value = "";
-        await over;
-        pause = SOONEST;
+        // A service may end a link at once, and say why.
+        const stands = setTimeout(() => {
+          this.trouble.value = "";
+          pause = SOONEST;
+        }, STANDS);
+        const end = await over;
+        clearTimeout(stands);
+        this.trouble.value = troubleOfEnd(end);
       } catch (error) {
-        const why = error instanceof Error ? error.message : error;
-        this.trouble.value = `The service does not answer: ${why}`;
+        this.trouble.value = troubleJoining(error);
       }
       await new Promise<void>((resolve) => {
         this.#hurry = resolve;

@@ -15,7 +15,7 @@ import { Projection } from "../tools/projection.ts";
 import type { Distance } from "../tools/snap.ts";
 import { Hand } from "./hand.ts";
 import { type Pose, Prediction } from "./prediction.ts";
-import { sampling, widerBy } from "./sampling.ts";
+import { type Size, sampling, widerBy } from "./sampling.ts";
 import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
 
@@ -227,7 +227,7 @@ export class Viewer {
 
   /** The settings of a session. */
   #settings(): Settings {
-    const { pictureSize, levelRule } = sampling(this.canvas, this.epsilon.peek(), false);
+    const { pictureSize, levelRule } = sampling(this.canvas, this.epsilon.peek(), false, this.#most);
     return {
       viewport: pictureSize,
       levelRule,
@@ -237,9 +237,15 @@ export class Viewer {
     };
   }
 
+  /** The largest picture that the service culls for. */
+  get #most(): Size {
+    const [width, height] = this.scene.maxPicture;
+    return { width, height };
+  }
+
   /** How finely is culled. */
   #sampling(): Pick<ViewState, "pictureSize" | "levelRule"> {
-    return sampling(this.canvas, this.epsilon.value, this.#isCoarse);
+    return sampling(this.canvas, this.epsilon.value, this.#isCoarse, this.#most);
   }
 
   #camera(wider: number): Camera {

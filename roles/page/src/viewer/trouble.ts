@@ -1,0 +1,28 @@
+/** What a person is told where there is no link to the service. */
+
+import type { LinkEnd } from "../wire/link.ts";
+import { LinkError } from "../wire/meeting.ts";
+
+/** Why no link came about. */
+export function troubleJoining(error: unknown): string {
+  if (error instanceof LinkError && error.refusal?.reason === "busy") {
+    return "The service is full: there are as many people as it takes. This page goes on trying. Whoever runs \
+the service can let in more (--people).";
+  }
+  if (error instanceof LinkError && error.refusal !== undefined) {
+    return `The service refuses this page: ${error.message}`;
+  }
+  return `The service does not answer: ${error instanceof Error ? error.message : error}`;
+}
+
+/** Why a link has ended that this page did not leave. */
+export function troubleOfEnd(end: LinkEnd): string {
+  switch (end.why) {
+    case "left":
+      return "";
+    case "closed":
+      return `The service has ended the link: ${end.text}`;
+    default:
+      return `The link to the service is lost: ${end.text}`;
+  }
+}

@@ -1,0 +1,24 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { troubleJoining, troubleOfEnd } from "../src/viewer/trouble.ts";
+import { describeRefusal, type Refusal } from "../src/wire/handshake.ts";
+import { LinkError } from "../src/wire/meeting.ts";
+
+test("a person is told why there is no link, and what to do", () => {
+  const refused = (refusal: Refusal) => troubleJoining(new LinkError(describeRefusal(refusal), { refusal }));
+  assert.match(refused({ reason: "busy" }), /is full: .* goes on trying\. .*--people/);
+  assert.equal(
+    refused({ reason: "not taken", code: 1, text: "another scene" }),
+    "The service refuses this page: another scene",
+  );
+  assert.equal(
+    troubleJoining(new LinkError("the listener did not answer in time", { mayTryAgain: true })),
+    "The service does not answer: the listener did not answer in time",
+  );
+  assert.equal(
+    troubleOfEnd({ why: "closed", code: 2, text: "it failed: a picture of 9x9 pixels" }),
+    "The service has ended the link: it failed: a picture of 9x9 pixels",
+  );
+  assert.equal(troubleOfEnd({ why: "lost", text: "closed" }), "The link to the service is lost: closed");
+  assert.equal(troubleOfEnd({ why: "left", code: 0, text: "" }), "");
+});
