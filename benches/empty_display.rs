@@ -15,7 +15,7 @@ use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran_actors::{
     AheadUse, BoxedError, Cameras, CullerEvent, CullerId, CullerService, DisplayRole, DisplayWork, Observer,
     Pace, PeerEndpoint, Peers, RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints,
-    ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
+    SessionLimits, ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_cull::{Image, LodRule, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
@@ -211,7 +211,9 @@ impl Bench {
                 let culler = culler.map_err(RoleError::device("opening it"))?;
                 Ok(SceneCulling::new(&self.scene, culler, settings, &turns))
             };
-            session.play(work, &turns, max_frame(&self.scene), Some(&self.scene), &stop).await?;
+            let limits = SessionLimits::none();
+            let drawables = max_frame(&self.scene);
+            session.play(work, &turns, drawables, Some(&self.scene), &limits, &stop).await?;
             Ok::<_, Box<dyn Error>>(())
         };
         let seen = RefCell::new(Seen::default());

@@ -60,6 +60,10 @@ impl VulkanCuller {
 }
 
 impl CullerDevice for VulkanCuller {
+    fn is_lost(error: &VulkanCullerError) -> bool {
+        matches!(error, VulkanCullerError::Gpu(error) if error.is_lost())
+    }
+
     fn cancel_on(&mut self, stop: &Stop) {
         let stop = stop.clone();
         self.pass.cancel_when(move || stop.requested());

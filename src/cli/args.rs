@@ -18,7 +18,7 @@ pub(crate) use cullers::{CullerArgs, ScheduleArg};
 pub(crate) use links::{Coding, NetemArgs, PingArgs, StatArgs};
 pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, ReadingArgs, Up};
-pub(crate) use serve::{DeviceArgs, ServeArgs, ViewArgs};
+pub(crate) use serve::{DeviceArgs, GuestArgs, ServeArgs, ViewArgs};
 pub(crate) use sim::{SimArgs, SimLink};
 pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
 

@@ -1,19 +1,31 @@
 //! A culler's process: it serves displays side by side, each on a thread of its own.
 
-use std::{sync::Arc, thread};
+use std::{
+    io,
+    panic::{self, AssertUnwindSafe},
+    sync::Arc,
+    thread::{self, Scope, ScopedJoinHandle},
+    time::Duration,
+};
 
+use bytesize::ByteSize;
+use parking_lot::Mutex;
 use tokio::{runtime::Runtime, sync::mpsc};
 use trimaran::{
     culling::{Culling, CullingMethod},
     metrics::LinkMetrics,
     walkthrough::SceneFile,
 };
-use trimaran_actors::{CullerService, NewSession, RoleError, Stop, Stopper, Turns, max_frame};
+use trimaran_actors::{CullerService, NewSession, RoleError, SessionLimits, Stop, Stopper, Turns, max_frame};
 use trimaran_gpu::GpuScene;
-use trimaran_proto::{SessionKey, Settings};
+use trimaran_proto::{SessionKey, Settings, Viewport};
 use trimaran_transport::causes;
 
 use super::Failure;
+
+/// How long sessions may take to tell their displays that they end, in steps of a look at them.
+const STEP: Duration = Duration::from_millis(10);
+const STEPS: u32 = 100;
 
 /// What serves displays.
 pub(super) struct Host<'h> {
@@ -23,16 +35,31 @@ pub(super) struct Host<'h> {
     pub(super) links: LinkMetrics,
     /// How it culls.
     pub(super) method: CullingMethod,
+    pub(super) limits: SessionLimits,
+}
+
+/// A session that goes on.
+struct Running<'scope> {
+    key: SessionKey,
+    stopper: Stopper,
+    thread: ScopedJoinHandle<'scope, ()>,
+}
+
+impl Running<'_> {
+    fn is_over(&self) -> bool {
+        self.thread.is_finished()
+    }
 }
 
 impl Host<'_> {
-    /// Serves the displays that come until `stop` asks, or the device fails. Where there are several, each
-    /// gets a frame in turn.
+    /// Serves the displays that come until `stop` asks, or the device is lost. They share its time.
+    ///
+    /// Whatever else goes wrong in a session ends that session: its display is told, and the others go on.
     pub(super) fn serve(&self, mut service: CullerService, stop: &Stop) -> Result<(), Failure> {
         let turns = Turns::fair();
         let (failed, mut failures) = mpsc::unbounded_channel::<RoleError>();
-        let mut sessions: Vec<(SessionKey, Stopper)> = Vec::new();
         thread::scope(|scope| {
+            let mut sessions: Vec<Running<'_>> = Vec::new();
             let mut serve = || {
                 loop {
                     let next = async {
@@ -45,38 +72,48 @@ impl Host<'_> {
                         return Ok(());
                     };
                     let session = session?;
-                    let (stopper, over) = Stop::new();
+                    let (key, (stopper, over)) = (session.key, Stop::new());
+                    sessions.retain(|session| !session.is_over());
                     // A display that comes again has no use for its old session, and does not hear its end.
-                    for (_, old) in sessions.extract_if(.., |(key, _)| *key == session.key) {
-                        old.insist();
-                    }
-                    sessions.push((session.key, stopper));
-                    let (turns, failed) = (turns.clone(), failed.clone());
-                    let play = move || {
-                        if let Err(error) = self.play(session, &turns, &over) {
+                    sessions.iter().filter(|old| old.key == key).for_each(|old| old.stopper.insist());
+                    let (turns, failed, over_here) = (turns.clone(), failed.clone(), over.clone());
+                    let play = move |session| {
+                        let played = AssertUnwindSafe(|| self.play(session, &turns, stop, &over_here));
+                        // What was caught nowhere else has been told on standard error.
+                        if let Ok(Err(error)) = panic::catch_unwind(played) {
                             let _ended = failed.send(error);
                         }
                     };
-                    let thread = thread::Builder::new().name("session".to_owned());
-                    thread.spawn_scoped(scope, play).map_err(Failure::broken)?;
+                    match spawn(scope, thread::Builder::new().name("session".to_owned()), session, play) {
+                        Ok(thread) => sessions.push(Running { key, stopper, thread }),
+                        Err((Some(session), cause)) => self.turn_away(session, cause, &over),
+                        Err((None, _)) => {}
+                    }
                 }
             };
             let served = serve();
-            for (_, stopper) in &sessions {
-                stopper.stop();
+            sessions.iter().for_each(|session| session.stopper.stop());
+            // Who does not hear that in this time is not waited for.
+            for _ in (0..STEPS).take_while(|_| sessions.iter().any(|session| !session.is_over())) {
+                thread::sleep(STEP);
             }
+            sessions.iter().for_each(|session| session.stopper.insist());
             served
         })
     }
 
-    fn play(&self, session: NewSession, turns: &Turns, stop: &Stop) -> Result<(), RoleError> {
-        let Self { file, drawn, runtime, links, .. } = self;
+    /// Plays a session. An error is the end of all of them: the device is lost, or hangs.
+    fn play(&self, session: NewSession, turns: &Turns, stop: &Stop, over: &Stop) -> Result<(), RoleError> {
+        let Self { file, drawn, runtime, links, limits, .. } = self;
         let name = format!("display {:016x}", session.key.0);
         tracing::info!(display = name, settings = %session.settings, address = %session.display.peer.address, "serves");
         links.add(name.clone(), &session.display);
-        let work = |settings: &Settings| Culling::open(self.method, &file.scene, drawn, settings, turns);
-        let played =
-            runtime.block_on(session.play(work, turns, max_frame(&file.scene), Some(&file.scene), stop));
+        let work = |settings: &Settings| {
+            // A wait for the device that is given up costs all sessions: one that ends alone waits to its end.
+            Ok(Culling::open(self.method, &file.scene, drawn, settings, turns)?.cancelled_by(stop))
+        };
+        let (drawables, scene) = (max_frame(&file.scene), Some(&file.scene));
+        let played = runtime.block_on(session.play(work, turns, drawables, scene, limits, over));
         links.remove(&name);
         match played {
             Err(error) if error.device_failure().is_none() => {
@@ -88,5 +125,61 @@ impl Host<'_> {
                 played
             }
         }
+    }
+
+    /// Tells a display that the system gives its session no thread.
+    fn turn_away(&self, session: NewSession, cause: io::Error, over: &Stop) {
+        let name = format!("display {:016x}", session.key.0);
+        eprintln!("trimaran: turned {name} away: the system gives no thread: {cause}");
+        let over = over.clone();
+        self.runtime.spawn(async move { session.turn_away(RoleError::Thread(cause), &over).await });
+    }
+}
+
+/// The largest picture that `asked` and the device allow.
+pub(super) fn largest(drawn: &GpuScene, asked: Viewport) -> Viewport {
+    let most = drawn.gpu().info().max_viewport;
+    Viewport::new(asked.width().min(most), asked.height().min(most)).unwrap_or(asked)
+}
+
+/// What sessions may cost: pictures up to `largest`, and so much memory for the depth of all, or a quarter of
+/// the device's.
+pub(super) fn limits(drawn: &GpuScene, largest: Viewport, depth: Option<ByteSize>) -> SessionLimits {
+    SessionLimits::new(largest, depth.map_or(drawn.gpu().info().memory / 4, |depth| depth.as_u64()))
+}
+
+/// Starts a thread that does something with `taken`. Where there is none, gives that back.
+fn spawn<'scope, T: Send + 'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    thread: thread::Builder,
+    taken: T,
+    run: impl FnOnce(T) + Send + 'scope,
+) -> Result<ScopedJoinHandle<'scope, ()>, (Option<T>, io::Error)> {
+    let slot = Arc::new(Mutex::new(Some(taken)));
+    let its = Arc::clone(&slot);
+    let run = move || {
+        let taken = its.lock().take();
+        if let Some(taken) = taken {
+            run(taken);
+        }
+    };
+    thread.spawn_scoped(scope, run).map_err(|cause| (slot.lock().take(), cause))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_thread_was_for_is_there_still_where_there_is_none() {
+        let (told, heard) = std::sync::mpsc::channel();
+        thread::scope(|scope| {
+            let tell = |name: String| told.send(name).unwrap();
+            spawn(scope, thread::Builder::new(), "first".to_owned(), tell).unwrap();
+            let endless = thread::Builder::new().stack_size(1 << 50);
+            let (given_back, _) = spawn(scope, endless, "second".to_owned(), |_| {}).unwrap_err();
+            assert_eq!(given_back.as_deref(), Some("second"));
+        });
+        assert_eq!(heard.recv().unwrap(), "first");
     }
 }

@@ -23,6 +23,7 @@ mod run;
 mod serve;
 mod sim;
 mod stat;
+mod stopping;
 mod sweep;
 mod view;
 mod walking;

@@ -7,6 +7,7 @@ use std::{
     process::Stdio,
 };
 
+use bytesize::ByteSize;
 use tokio::{
     process::{Child, ChildStdin, Command},
     runtime::Runtime,
@@ -120,6 +121,9 @@ impl CullerProcesses {
                 culling: args.culling,
                 device: args.walk.device.clone(),
                 gpu_memory: args.walk.gpu_memory,
+                // They serve this display alone, which may ask for what the device can do.
+                max_picture: "65536x65536".to_owned(),
+                depth_memory: Some(ByteSize::tib(1)),
                 device_timeout_s: args.walk.device_timeout,
                 join_timeout_s: 120.0,
                 metrics: None,

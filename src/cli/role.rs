@@ -11,13 +11,13 @@ use trimaran::{
 };
 use trimaran_actors::{CullerService, Listener, PeerEndpoint, ServiceEndpoints, Turns, max_frame};
 use trimaran_gpu::Gpu;
-use trimaran_proto::{BatchSize, Identity, LodRule, Role, SessionKey, Viewport};
+use trimaran_proto::{BatchSize, Identity, LodRule, Role, SessionKey, SettingsError, Viewport};
 use trimaran_transport::{Endpoint, Endpoints, ListenError, Net, Options, TokioNet, sleep_until, until};
 
 use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
-    culling::Host,
+    culling::{Host, largest, limits},
     display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
     progress,
     recording::{Recording, check_trace, open_folder},
@@ -78,7 +78,7 @@ fn culler(
     let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let mut options = Options { security: known, ..options.clone() };
     let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
-    let start = Start::new(runtime, config.join_timeout_s, until_input_ends);
+    let start = Start::of_service(runtime, config.join_timeout_s, until_input_ends)?;
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
@@ -100,7 +100,10 @@ fn culler(
     if let Some(endpoints) = service.endpoints().filter(|_| !until_input_ends) {
         eprintln!("trimaran: the culler listens on {endpoints}");
     }
-    let host = Host { file: &file, drawn: &drawn, runtime, links: metrics.links(), method: config.culling };
+    let picture = config.max_picture.parse().map_err(|error: SettingsError| Failure::bad_input(error))?;
+    let limits = limits(&drawn, largest(&drawn, picture), config.depth_memory);
+    let links = metrics.links();
+    let host = Host { file: &file, drawn: &drawn, runtime, links, method: config.culling, limits };
     host.serve(service, &start.stop)
 }
 

@@ -18,10 +18,11 @@ use trimaran_transport::{Endpoints, Net, Options, TokioNet};
 
 use super::{
     Failure,
-    args::{DeviceArgs, ServeArgs},
-    culling::Host,
+    args::{DeviceArgs, GuestArgs, ServeArgs},
+    culling::{Host, largest, limits},
     printed,
-    walking::{Metrics, gpu_options, open, runtime, stoppable, upload},
+    stopping::stoppable_service,
+    walking::{Metrics, gpu_options, open, runtime, upload},
 };
 
 pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
@@ -32,6 +33,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
         token: args.token.clone(),
         metrics: args.metrics,
         device: &args.device,
+        guests: args.guests,
         options,
         drive: None,
     };
@@ -46,6 +48,7 @@ pub(super) struct Service<'s> {
     pub(super) token: Option<Token>,
     pub(super) metrics: Option<SocketAddr>,
     pub(super) device: &'s DeviceArgs,
+    pub(super) guests: GuestArgs,
     pub(super) options: Options,
     /// A camera path that a page is to repeat, as JSON. Its report ends the service.
     pub(super) drive: Option<Vec<u8>>,
@@ -59,11 +62,16 @@ impl Service<'_> {
     pub(super) fn run(self, ready: impl FnOnce(&str) -> Result<(), Failure>) -> Result<Driven, Failure> {
         let runtime = runtime()?;
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        let (stopper, stop) = stoppable(&runtime);
+        let (stopper, stop) = stoppable_service()?;
         let (reports, mut reported) = mpsc::channel(1);
         let drive = self.drive.map(|path| Drive::new(path, reports));
         let file = open(self.scene)?;
-        let description = SceneDescription::new(self.scene, &file.scene).map_err(Failure::broken)?;
+        let DeviceArgs { device, gpu_memory, device_timeout } = self.device;
+        let drawn = upload(&file, &gpu_options(device.as_deref(), *gpu_memory, *device_timeout))?;
+        let GuestArgs { people, max_picture, depth_memory } = self.guests;
+        let max_picture = largest(&drawn, max_picture);
+        let described = SceneDescription::new(self.scene, &file.scene).map_err(Failure::broken)?;
+        let description = SceneDescription { max_picture, ..described };
         let token = match self.token {
             Some(token) => token,
             None => Token::random(&*net).map_err(Failure::broken)?,
@@ -71,10 +79,9 @@ impl Service<'_> {
         let (ws, tcp) = (self.options.ws.clone(), self.options.tcp);
         let pages =
             Pages::new(&file.scene, &description, token, ws, tcp, drive).map_err(Failure::bad_input)?;
-        let DeviceArgs { device, gpu_memory, device_timeout } = self.device;
-        let drawn = upload(&file, &gpu_options(device.as_deref(), *gpu_memory, *device_timeout))?;
         let metrics = Metrics::show(self.metrics, &runtime)?;
         let mut options = Options { transports: vec![Arc::new(pages.clone())], ..self.options };
+        options.limits.peers = people.unwrap_or(options.limits.peers);
         options.link.max_frame = max_frame(&file.scene);
         // The first is the page's.
         let listen = Endpoints::from(Pages::endpoint(self.listen)).and(description.meeting.clone());
@@ -87,7 +94,9 @@ impl Service<'_> {
             ready(&url)?;
         }
         let method = CullingMethod::Trimaran;
-        let host = Host { file: &file, drawn: &drawn, runtime: &runtime, links: metrics.links(), method };
+        let limits = limits(&drawn, max_picture, depth_memory);
+        let links = metrics.links();
+        let host = Host { file: &file, drawn: &drawn, runtime: &runtime, links, method, limits };
         let (driven, mut report) = oneshot::channel();
         runtime.spawn(async move {
             if let Some(report) = reported.recv().await {

@@ -53,6 +53,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         token: None,
         metrics: None,
         device: &args.device,
+        guests: args.guests,
         options: options(&[], toml::Table::new()).map_err(Failure::bad_input)?,
         drive,
     };

@@ -28,6 +28,7 @@ use trimaran_transport::{Net, TokioNet};
 use super::{
     Failure,
     args::{CullerArgs, OcclusionTestArg, WalkArgs},
+    stopping::stoppable_service,
 };
 
 /// The plan that the flags ask for.
@@ -125,14 +126,9 @@ pub(super) fn runtime() -> Result<Runtime, Failure> {
 
 /// A stop that Ctrl-C and the termination signal of systemd set; a second one insists.
 pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
-    stoppable(runtime).1
-}
-
-/// The same, and what else may set it.
-pub(super) fn stoppable(runtime: &Runtime) -> (Stopper, Stop) {
     let (stopper, stop) = Stop::new();
-    stops_on_signal(stopper.clone(), runtime);
-    (stopper, stop)
+    stops_on_signal(stopper, runtime);
+    stop
 }
 
 fn stops_on_signal(stopper: Stopper, runtime: &Runtime) {
@@ -173,13 +169,31 @@ pub(super) struct Start<'r> {
 
 impl<'r> Start<'r> {
     pub(super) fn new(runtime: &'r Runtime, join_timeout_s: f64, until_input_ends: bool) -> Self {
+        let (stopper, stop) = Stop::new();
+        stops_on_signal(stopper.clone(), runtime);
+        Self::stopped_by((stopper, stop), runtime, join_timeout_s, until_input_ends)
+    }
+
+    /// The same for a service, which ends soon once it is asked to: see [`stoppable_service`].
+    pub(super) fn of_service(
+        runtime: &'r Runtime,
+        join_timeout_s: f64,
+        until_input_ends: bool,
+    ) -> Result<Self, Failure> {
+        Ok(Self::stopped_by(stoppable_service()?, runtime, join_timeout_s, until_input_ends))
+    }
+
+    fn stopped_by(
+        (stopper, stop): (Stopper, Stop),
+        runtime: &'r Runtime,
+        join_timeout_s: f64,
+        until_input_ends: bool,
+    ) -> Self {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let join_timeout = Duration::try_from_secs_f64(join_timeout_s).unwrap_or_default();
-        let (stopper, stop) = Stop::new();
         if until_input_ends {
-            stops_with_input(stopper.clone());
+            stops_with_input(stopper);
         }
-        stops_on_signal(stopper, runtime);
         Self { runtime, net, stop, join_timeout }
     }
 

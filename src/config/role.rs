@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use confique::Config;
 use serde::{Deserialize, Serialize};
 use trimaran_actors::{CullerId, Schedule};
-use trimaran_proto::{IdCoding, OcclusionTestKind};
+use trimaran_proto::{IdCoding, OcclusionTestKind, Viewport};
 use trimaran_transport::Endpoints;
 
 use super::{ConfigError, RoleConfig, enough_memory, memory, positive, seconds};
@@ -50,6 +50,23 @@ pub struct CullerConfig {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gpu_memory: Option<ByteSize>,
+    /// The largest picture that a display may ask for, such as `4096x4096`: its width and its height.
+    #[config(
+        env = "TRIMARAN_MAX_PICTURE",
+        default = "4096x4096",
+        validate(max_picture.parse::<Viewport>().is_ok(), "give WIDTHxHEIGHT, such as 4096x4096"),
+        layer_attr(arg(long = "max-picture", value_name = "WxH"))
+    )]
+    pub max_picture: String,
+    /// The most memory for the depth of all displays together, such as `2GiB`. A pixel takes 14 bytes. A
+    /// quarter of the device's memory if not given.
+    #[config(
+        env = "TRIMARAN_DEPTH_MEMORY",
+        validate = enough_memory,
+        layer_attr(arg(long = "depth-memory", value_name = "SIZE", value_parser = memory))
+    )]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub depth_memory: Option<ByteSize>,
     /// How long the device may make no progress before it counts as hung, seconds. The culler then ends with
     /// exit code 1, and displays go on without it.
     #[config(

@@ -66,6 +66,8 @@ fn a_cullers_configuration_survives_a_round_trip() {
         culling: CullingMethod::GigaWalk,
         device: None,
         gpu_memory: Some(bytesize::ByteSize::mib(64)),
+        max_picture: "640x480".to_owned(),
+        depth_memory: Some(bytesize::ByteSize::tib(1)),
         device_timeout_s: 30.0,
         join_timeout_s: 5.0,
         metrics: None,

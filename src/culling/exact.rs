@@ -8,7 +8,10 @@ use trimaran_gpu::{GpuError, GpuScene, ItemPass};
 use trimaran_proto::{CullCounts, DrawableId};
 use trimaran_scene::Scene;
 
-use super::work::{FrameCuller, Seen};
+use super::{
+    failed,
+    work::{FrameCuller, Seen},
+};
 
 /// Draws the whole LOD cut into an item buffer, and takes what shows. What is seen through is taken as a
 /// whole.
@@ -50,12 +53,12 @@ impl FrameCuller for Exact {
             self.pass.draw(&self.solid)?;
             self.pass.finish()
         };
-        draw().map_err(RoleError::device("drawing the item buffer"))?;
+        draw().map_err(failed("drawing the item buffer"))?;
         Ok(&self.solid)
     }
 
     fn cull(&mut self, _: Seen<'_>, found: &mut Vec<DrawableId>) -> Result<CullCounts, RoleError> {
-        let items = self.pass.items().map_err(RoleError::device("reading the item buffer"))?;
+        let items = self.pass.items().map_err(failed("reading the item buffer"))?;
         for [drawable, _] in items {
             // The background is no drawable.
             if let Some(shows) = self.shows.get_mut(*drawable as usize)

@@ -3,14 +3,15 @@
 use std::sync::Arc;
 
 use trimaran_actors::{RoleError, Stop};
-use trimaran_cull::{
-    CullError, Culler, CutRule, DepthPyramid, HzbError, HzbTest, OccluderMapper, View, Viewport,
-};
+use trimaran_cull::{Culler, CutRule, DepthPyramid, HzbTest, OccluderMapper, View, Viewport};
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
 use trimaran_proto::{CullCounts, DrawableId};
 use trimaran_scene::Scene;
 
-use super::work::{FrameCuller, Seen};
+use super::{
+    failed,
+    work::{FrameCuller, Seen},
+};
 
 /// Draws all that was visible in the last frame, and tests rectangles against the depth read back.
 pub(super) struct GigaWalk {
@@ -64,16 +65,17 @@ impl FrameCuller for GigaWalk {
         self.mapper(seen.view, seen.rule).push(last, &mut occluders)?;
         seen.rule.retain_solid(self.culler.scene(), &mut occluders);
         self.occluders = occluders;
-        self.draw(seen.view).map_err(RoleError::device("drawing occluders"))?;
+        self.draw(seen.view).map_err(failed("drawing occluders"))?;
         Ok(&self.occluders)
     }
 
     fn cull(&mut self, seen: Seen<'_>, found: &mut Vec<DrawableId>) -> Result<CullCounts, RoleError> {
-        let image = self.pass.read_depth().map_err(RoleError::device("reading the depth"))?;
+        let image = self.pass.read_depth().map_err(failed("reading the depth"))?;
         self.pyramid.rebuild(image);
-        let test = HzbTest::new(image, &self.pyramid).map_err(CullError::<HzbError>::Test)?;
+        let test = HzbTest::new(image, &self.pyramid).map_err(failed("making a pyramid"))?;
         let mut test = test.by_rectangle();
-        let stats = self.culler.cull(seen.view, seen.rule, &mut test, |ids| found.extend_from_slice(ids))?;
+        let stats = self.culler.cull(seen.view, seen.rule, &mut test, |ids| found.extend_from_slice(ids));
+        let stats = stats.map_err(|error| RoleError::Cull(error.into()))?;
         Ok((&stats).into())
     }
 }

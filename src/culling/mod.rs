@@ -24,7 +24,12 @@ use rays::Rays;
 pub use work::Culling;
 use work::{FrameCuller, WholeFrames};
 
-use crate::vulkan::VulkanCuller;
+use crate::vulkan::{VulkanCuller, VulkanCullerError};
+
+/// What an error of the device means to a session that was `doing` something with it.
+fn failed<E: Into<VulkanCullerError>>(doing: &'static str) -> impl FnOnce(E) -> RoleError {
+    move |error| RoleError::of_device::<VulkanCuller>(doing)(error.into())
+}
 
 impl Culling {
     /// Culls `scene`, which `drawn` holds on a device, by `method` and as the display has decided in
@@ -39,7 +44,7 @@ impl Culling {
         settings: &Settings,
         turns: &Turns,
     ) -> Result<Self, RoleError> {
-        let opening = RoleError::device::<GpuError>;
+        let opening = failed::<GpuError>;
         let size = settings.viewport;
         let culler: Box<dyn FrameCuller> = match method {
             CullingMethod::Trimaran => {

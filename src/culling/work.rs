@@ -10,7 +10,11 @@ use trimaran_scene::Scene;
 use crate::vulkan::VulkanCuller;
 
 /// A culler's work by one of the [methods](super::CullingMethod).
-pub struct Culling(Work);
+pub struct Culling {
+    work: Work,
+    /// What ends waits for the device, in place of what ends the session.
+    cancel: Option<Stop>,
+}
 
 /// All sessions but comparisons have the first one.
 enum Work {
@@ -20,61 +24,70 @@ enum Work {
 
 impl From<SceneCulling<VulkanCuller>> for Culling {
     fn from(culling: SceneCulling<VulkanCuller>) -> Self {
-        Self(Work::Scene(Box::new(culling)))
+        Self { work: Work::Scene(Box::new(culling)), cancel: None }
     }
 }
 
 impl From<WholeFrames> for Culling {
     fn from(culling: WholeFrames) -> Self {
-        Self(Work::Whole(Box::new(culling)))
+        Self { work: Work::Whole(Box::new(culling)), cancel: None }
+    }
+}
+
+impl Culling {
+    /// Waits for the device end early once `stop` is requested, and not where the session alone is to end.
+    #[must_use]
+    pub fn cancelled_by(self, stop: &Stop) -> Self {
+        Self { cancel: Some(stop.clone()), ..self }
     }
 }
 
 impl CullerWork for Culling {
     fn cancel_on(&mut self, stop: &Stop) {
-        match &mut self.0 {
+        let stop = self.cancel.as_ref().unwrap_or(stop);
+        match &mut self.work {
             Work::Scene(work) => work.cancel_on(stop),
             Work::Whole(work) => work.cancel_on(stop),
         }
     }
 
     fn change_view(&mut self, state: &ViewState) {
-        match &mut self.0 {
+        match &mut self.work {
             Work::Scene(work) => work.change_view(state),
             Work::Whole(work) => work.change_view(state),
         }
     }
 
     fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
-        match &mut self.0 {
+        match &mut self.work {
             Work::Scene(work) => work.begin_occluders(camera, as_they_come),
             Work::Whole(work) => work.begin_occluders(camera, as_they_come),
         }
     }
 
     fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
-        match &mut self.0 {
+        match &mut self.work {
             Work::Scene(work) => work.take_occluders(ids),
             Work::Whole(work) => work.take_occluders(ids),
         }
     }
 
     async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
-        match &mut self.0 {
+        match &mut self.work {
             Work::Scene(work) => work.complete_occluders(camera).await,
             Work::Whole(work) => work.complete_occluders(camera).await,
         }
     }
 
     async fn cull(&mut self, camera: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
-        match &mut self.0 {
+        match &mut self.work {
             Work::Scene(work) => work.cull(camera, visible).await,
             Work::Whole(work) => work.cull(camera, visible).await,
         }
     }
 
     fn frame_stats(&mut self, away: Duration) -> FrameStats {
-        match &mut self.0 {
+        match &mut self.work {
             Work::Scene(work) => work.frame_stats(away),
             Work::Whole(work) => work.frame_stats(away),
         }

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use trimaran_actors::{
     BoxedError, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint, Peers, Schedule,
-    ServiceEndpoints, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
-    sent_bytes,
+    ServiceEndpoints, SessionError, SessionLimits, ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading,
+    max_frame, sent_bytes,
 };
 use trimaran_netsim::{HostId, Machines};
 use trimaran_proto::{
@@ -115,8 +115,9 @@ impl Roles {
         let session = service.next().await?;
         self.recording.log(|log| log.stats.push(session.display.stats.clone()));
         let (recording, (_stopper, stop)) = (&self.recording, Stop::new());
+        let limits = SessionLimits::none();
         let work = |settings: &Settings| Ok(RecordedCulling::new(recording, clock, settings.batch));
-        Ok(session.play(work, &Turns::at_once(), self.drawables(), scene, &stop).await?)
+        Ok(session.play(work, &Turns::at_once(), self.drawables(), scene, &limits, &stop).await?)
     }
 
     /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says

@@ -10,6 +10,13 @@ use crate::stop::Stop;
 /// The device of a culler: it draws occluders and culls against their depth, which stays on it (paper,
 /// section 3.2). As an [`OcclusionTest`] it tests against the occluders finished last.
 pub trait CullerDevice: OcclusionTest {
+    /// Whether after this error no role can do anything more with the device. Any other error ends the
+    /// session that met it, and no other one: see [`RoleError::of_device`](crate::RoleError::of_device).
+    fn is_lost(error: &Self::Error) -> bool {
+        let _ = error;
+        true
+    }
+
     /// Told before the role begins: once `stop` is requested, what waits for the device ends soon, with an
     /// error. A device that never waits long need not look at it.
     fn cancel_on(&mut self, stop: &Stop) {

@@ -36,8 +36,9 @@
 //! | `peers`, `join`, `meeting` | how roles find each other, and again after a loss |
 //! | `supply` | geometry for displays that hold no scene |
 //! | `service`, `local` | a culler as a service; all roles in one process |
+//! | `limits` | what a session may cost |
 //! | `links`, `ids` | links that carry what Trimaran says; the ids of a frame, checked |
-//! | `stop`, `turn`, `clock` | being asked to stop; computing one after another; measuring |
+//! | `stop`, `turn`, `shares`, `clock` | being asked to stop; computing one after another; measuring |
 
 mod clock;
 mod deal;
@@ -45,11 +46,13 @@ mod device;
 mod driver;
 mod ids;
 mod join;
+mod limits;
 mod links;
 mod local;
 mod meeting;
 mod peers;
 mod service;
+mod shares;
 mod stop;
 mod supply;
 mod turn;
@@ -64,6 +67,7 @@ pub use driver::{
 };
 pub use ids::{IdError, max_frame};
 pub use join::{JoinError, PeerEndpoint, again};
+pub use limits::{Lease, LimitError, SessionLimits};
 pub use links::{
     FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LatestSender, Link, Listener,
     sent_bytes,

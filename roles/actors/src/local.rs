@@ -13,6 +13,7 @@ use crate::{
     driver::{Cameras, CullerWork, DisplayRole, Observer, RoleError, Supplied},
     ids::max_frame,
     join::PeerEndpoint,
+    limits::SessionLimits,
     peers::{Peers, Sought},
     service::{CullerService, ServiceEndpoints, SessionError},
     stop::Stop,
@@ -103,7 +104,14 @@ impl LocalCullers {
         while let Some(session) = stop.unless_requested(service.next()).await {
             let session = session?;
             match session
-                .play(|settings| work(id, settings), turns, max_frame(scene), Some(scene), stop)
+                .play(
+                    |settings| work(id, settings),
+                    turns,
+                    max_frame(scene),
+                    Some(scene),
+                    &SessionLimits::none(),
+                    stop,
+                )
                 .await
             {
                 Err(error) if error.lost_a_peer() => {}

@@ -1,6 +1,10 @@
 //! A culler as a service: it serves one session after another, and several displays at once.
 
-use std::{io, sync::Arc};
+use std::{
+    io,
+    panic::{self, AssertUnwindSafe},
+    sync::Arc,
+};
 
 use thiserror::Error;
 use trimaran_proto::{Identity, Role, SceneOutline, SessionKey, Settings};
@@ -10,6 +14,7 @@ use trimaran_transport::{Endpoints, ListenError, Net, Options};
 use crate::{
     driver::{CullerRole, CullerWork, RoleError, leave_unable},
     join::{JoinError, PeerEndpoint},
+    limits::SessionLimits,
     links::{Link, Listener},
     meeting::{Expected, Meeting},
     peers::{Arrival, Peers, Seat, Sought},
@@ -132,25 +137,41 @@ impl NewSession {
     /// display that holds none.
     ///
     /// # Errors
-    /// When `work` cannot be had, the display dies, or the device fails. The display is told.
+    /// When the session asks for more than `limits` allow, `work` cannot be had, the display dies, or the
+    /// device fails. The display is told.
     pub async fn play<W: CullerWork>(
         self,
         work: impl FnOnce(&Settings) -> Result<W, RoleError>,
         turns: &Turns,
         drawables: u32,
         scene: Option<&Arc<Scene>>,
+        limits: &SessionLimits,
         stop: &Stop,
     ) -> Result<(), RoleError> {
-        let Self { settings, display, meeting, seat: _seat, .. } = self;
-        match work(&settings) {
-            Ok(work) => {
+        let opened = async {
+            let lease = limits.lease(self.settings.viewport)?;
+            // What a session begins with takes the device as long as some frames do.
+            let turn = turns.of_a_role();
+            turn.take().await;
+            let work = panic::catch_unwind(AssertUnwindSafe(|| work(&self.settings)));
+            Ok((lease, work.unwrap_or_else(|payload| Err(RoleError::panic(&*payload)))?))
+        };
+        match stop.unless_requested(opened).await.unwrap_or(Err(RoleError::Stopped)) {
+            Ok((lease, work)) => {
+                let Self { display, meeting, seat: _seat, .. } = self;
                 let (turns, scene) = (turns.clone(), scene.map(Arc::clone));
-                CullerRole { work, display, meeting, turns, drawables, scene }.run(stop).await
+                CullerRole { work, display, meeting, turns, drawables, scene, lease }.run(stop).await
             }
-            Err(error) => {
-                leave_unable(display, &error).await;
-                Err(error)
-            }
+            Err(error) => self.turn_away(error, stop).await,
         }
+    }
+
+    /// Tells the display that this session is not played, and why. It gives that error.
+    ///
+    /// # Errors
+    /// Always but where `stop` asked for it.
+    pub async fn turn_away(self, error: RoleError, stop: &Stop) -> Result<(), RoleError> {
+        let _unheard = stop.unless_insisted(leave_unable(self.display, &error)).await;
+        if error.is_clean_end() { Ok(()) } else { Err(error) }
     }
 }

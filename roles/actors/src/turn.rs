@@ -2,16 +2,21 @@
 
 use std::{
     cell::Cell,
-    future::{Future, poll_fn},
+    collections::HashMap,
+    future::{Future, pending, poll_fn},
     pin::{Pin, pin},
     sync::Arc,
     task::ready,
     time::Duration,
 };
 
-use tokio::sync::{Mutex, OwnedMutexGuard};
+use parking_lot::Mutex;
+use tokio::sync::oneshot;
 
-use crate::clock::Stopwatch;
+use crate::{
+    clock::Stopwatch,
+    shares::{Number, Shares},
+};
 
 /// What the roles of a process measure by, and whether they compute at once or one after another.
 ///
@@ -21,7 +26,7 @@ use crate::clock::Stopwatch;
 #[derive(Debug, Clone)]
 pub struct Turns {
     clock: Stopwatch,
-    lock: Option<Arc<Mutex<()>>>,
+    lock: Option<Arc<Lock>>,
     /// Whether a device is to be idle while its role waits.
     idle_devices: bool,
 }
@@ -36,13 +41,20 @@ impl Turns {
     /// Roles that compute one after another, as far as all of them hold a clone of this.
     #[must_use]
     pub fn alone() -> Self {
-        Self { idle_devices: true, ..Self::fair() }
+        Self { idle_devices: true, ..Self::one_at_a_time(false) }
     }
 
-    /// Roles that share a device fairly: a frame each in turn, as far as all of them hold a clone of this.
+    /// Roles that share a device fairly, as far as all of them hold a clone of this: one has it at a time,
+    /// and each gets the same time of it, however long its frames take.
     #[must_use]
     pub fn fair() -> Self {
-        Self { lock: Some(Arc::default()), ..Self::at_once() }
+        Self::one_at_a_time(true)
+    }
+
+    fn one_at_a_time(by_time: bool) -> Self {
+        let turns = Self::at_once();
+        let waiting = Mutex::new(Waiting { shares: Shares::new(by_time), told: HashMap::new() });
+        Self { lock: Some(Arc::new(Lock { clock: turns.clock, waiting })), ..turns }
     }
 
     /// Whether a role's device is to be idle while the role waits for something, so that no other role's
@@ -60,7 +72,67 @@ impl Turns {
 
     /// A role's part in it.
     pub(crate) fn of_a_role(&self) -> Turn {
-        Turn { turns: self.clone(), held: Cell::new(None), away: Cell::default() }
+        let role = self.lock.as_ref().map_or(0, |lock| lock.waiting.lock().shares.join());
+        Turn { turns: self.clone(), role, held: Cell::new(None), away: Cell::default() }
+    }
+}
+
+/// What one role has at a time.
+#[derive(Debug)]
+struct Lock {
+    clock: Stopwatch,
+    waiting: Mutex<Waiting>,
+}
+
+#[derive(Debug)]
+struct Waiting {
+    shares: Shares,
+    /// How those that wait are told that it is their turn.
+    told: HashMap<Number, oneshot::Sender<Held>>,
+}
+
+impl Lock {
+    /// Waits for the role's turn. Dropping the future gives it up.
+    async fn take(self: Arc<Self>, role: Number) -> Held {
+        let (tell, told) = oneshot::channel();
+        {
+            let mut waiting = self.waiting.lock();
+            waiting.shares.ask(role);
+            waiting.told.insert(role, tell);
+        }
+        self.tell_next();
+        match told.await {
+            Ok(held) => held,
+            // The role has left.
+            Err(_) => pending().await,
+        }
+    }
+
+    fn tell_next(self: &Arc<Self>) {
+        let (role, tell) = {
+            let mut waiting = self.waiting.lock();
+            let Some(role) = waiting.shares.next() else { return };
+            (role, waiting.told.remove(&role))
+        };
+        let held = Held { lock: Arc::clone(self), role, since: self.clock.elapsed() };
+        // Where nobody waits any more the turn is dropped here, and is the next one's.
+        let _unheard = tell.map(|tell| tell.send(held));
+    }
+}
+
+/// The turn. Another role has it once this is dropped.
+#[derive(Debug)]
+struct Held {
+    lock: Arc<Lock>,
+    role: Number,
+    since: Duration,
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        let took = self.lock.clock.elapsed().saturating_sub(self.since);
+        self.lock.waiting.lock().shares.give_back(self.role, took);
+        self.lock.tell_next();
     }
 }
 
@@ -69,18 +141,32 @@ impl Turns {
 pub(crate) struct Turn {
     /// Without a lock, taking and giving back do nothing.
     turns: Turns,
-    held: Cell<Option<OwnedMutexGuard<()>>>,
+    role: Number,
+    held: Cell<Option<Held>>,
     away: Cell<Duration>,
 }
 
-type Taking = Pin<Box<dyn Future<Output = OwnedMutexGuard<()>>>>;
+impl Drop for Turn {
+    fn drop(&mut self) {
+        self.give_back();
+        if let Some(lock) = &self.turns.lock {
+            let mut waiting = lock.waiting.lock();
+            waiting.shares.leave(self.role);
+            let told = waiting.told.remove(&self.role);
+            // It may hold the turn, which takes the lock when it goes.
+            drop((waiting, told));
+        }
+    }
+}
+
+type Taking = Pin<Box<dyn Future<Output = Held>>>;
 
 impl Turn {
-    /// Waits until no other role computes. Whoever waits longest is next.
+    /// Waits until it is this role's turn.
     pub(crate) async fn take(&self) {
         let held = self.held.take();
         let taken = match &self.turns.lock {
-            Some(lock) if held.is_none() => Some(Arc::clone(lock).lock_owned().await),
+            Some(lock) if held.is_none() => Some(Arc::clone(lock).take(self.role).await),
             _ => held,
         };
         self.held.set(taken);
@@ -109,7 +195,7 @@ impl Turn {
                 // Before another role can begin: its time and this one's are not to overlap.
                 let since = self.turns.clock.elapsed();
                 drop(held);
-                gave_back = Some((since, Box::pin(Arc::clone(lock).lock_owned())));
+                gave_back = Some((since, Box::pin(Arc::clone(lock).take(self.role))));
             }
             polled
         })

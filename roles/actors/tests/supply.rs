@@ -23,7 +23,7 @@ use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     Arrival, BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, CullerRole, DisplayRole, Expected,
     FrameStart, Link, LocalSession, Meeting, Observer, Pace, Peers, PictureDevice, RoleError, SceneCulling,
-    ScenePictures, Schedule, Seat, ShownFrame, Stop, Supplied, Turns, WhileLoading, max_frame,
+    ScenePictures, Schedule, Seat, SessionLimits, ShownFrame, Stop, Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_audit::{IdBuffer, Placement, ReferenceTest, TriangleId, rasterize};
 use trimaran_cook::{
@@ -588,6 +588,7 @@ async fn sound(net: &Arc<dyn Net>, display: Link, stop: &Stop) {
         turns,
         drawables: max_frame(&PLANT),
         scene: Some(Arc::clone(&PLANT)),
+        lease: SessionLimits::none().lease(settings().viewport).unwrap(),
     };
     // The display ends the session.
     let _ended = role.run(stop).await;

@@ -170,6 +170,13 @@ pub enum GpuError {
 }
 
 impl GpuError {
+    /// Whether nothing more can be done with the device: it was lost, or hangs. After any other error others
+    /// go on with it, and whoever asked for too much may ask for less.
+    #[must_use]
+    pub const fn is_lost(&self) -> bool {
+        matches!(self, Self::DeviceLost { .. } | Self::DeviceHung { .. })
+    }
+
     /// An error for Vulkan's code, with the operation named.
     pub(crate) const fn from_vk(operation: &'static str, code: vk::Result) -> Self {
         match code {

@@ -9,6 +9,7 @@ use trimaran::{
     page::Token,
 };
 use trimaran_netsim::Profile;
+use trimaran_proto::Viewport;
 
 #[cfg(feature = "window")]
 use super::walks::{Size, size};
@@ -30,9 +31,34 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "ADDRESS:PORT")]
     pub(crate) metrics: Option<SocketAddr>,
     #[command(flatten)]
+    pub(crate) guests: GuestArgs,
+    #[command(flatten)]
     pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) links: LinkFlags,
+}
+
+/// What those who come may cost.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct GuestArgs {
+    /// How many people may be there at once; more are told that it is full. A page with several cullers takes
+    /// a place for each [default: 64].
+    #[arg(long, value_name = "N", value_parser = people)]
+    pub(crate) people: Option<usize>,
+    /// The largest picture that a page or display may ask for: its width and its height.
+    #[arg(long, value_name = "WxH", default_value = "4096x4096", env = "TRIMARAN_MAX_PICTURE")]
+    pub(crate) max_picture: Viewport,
+    /// The most memory for the depth of all of them together, such as 2GiB; a pixel takes 14 bytes [default:
+    /// a quarter of the device's].
+    #[arg(long, value_name = "SIZE", value_parser = memory, env = "TRIMARAN_DEPTH_MEMORY")]
+    pub(crate) depth_memory: Option<ByteSize>,
+}
+
+fn people(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(people) if people > 0 => Ok(people),
+        _ => Err("give a number above 0".to_owned()),
+    }
 }
 
 /// Reading files and showing them to a browser of this machine.
@@ -68,6 +94,8 @@ pub(crate) struct ViewArgs {
     /// Print how it fared as JSON.
     #[arg(long, requires = "drive")]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) guests: GuestArgs,
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
     #[command(flatten)]

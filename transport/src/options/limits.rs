@@ -6,7 +6,7 @@
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct Limits {
     /// How many peers a listener has links with at once; more are told that it is busy. Who comes again takes
-    /// the place of its old link. Default 16.
+    /// the place of its old link. Default 64.
     pub peers: usize,
     /// How many handshakes a listener has under way at once. One more takes the slot of the oldest: of the
     /// address that holds most, where one holds more than a link takes. Default 64.
@@ -24,6 +24,6 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { peers: 16, handshakes: 64, handshakes_per_s: 1000, handshakes_per_s_per_address: 500 }
+        Self { peers: 64, handshakes: 64, handshakes_per_s: 1000, handshakes_per_s_per_address: 500 }
     }
 }

@@ -24,7 +24,7 @@ pub(super) async fn worked(
     turn.give_back();
     match result {
         // A device that gave up a wait because the role was asked to stop has not failed.
-        Err(error) if error.device_failure().is_some() && stop.requested() => {
+        Err(error) if error.is_of_a_device() && stop.requested() => {
             tracing::debug!(error = &error as &dyn std::error::Error, "the device's work was left");
             Err(RoleError::Stopped)
         }

@@ -1,7 +1,8 @@
 //! A culler: which messages move when (paper, algorithm 4.2).
 
-use std::{future::Future, mem, sync::Arc, time::Duration};
+use std::{future::Future, mem, panic::AssertUnwindSafe, sync::Arc, time::Duration};
 
+use futures_util::FutureExt;
 use trimaran_cull::View;
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, ViewState, ViewVersion};
 use trimaran_scene::Scene;
@@ -12,6 +13,7 @@ use super::{
     pair::Pair,
 };
 use crate::{
+    limits::Lease,
     links::{FrameSender, FrameStart, Link},
     meeting::Meeting,
     stop::Stop,
@@ -131,6 +133,8 @@ pub struct CullerRole<W> {
     pub drawables: u32,
     /// The scene, for displays that hold none; without it such a display is sent ids alone.
     pub scene: Option<Arc<Scene>>,
+    /// What the session has taken of what sessions may cost. After the work, whose memory goes first.
+    pub lease: Lease,
 }
 
 impl<W: CullerWork> CullerRole<W> {
@@ -150,6 +154,7 @@ impl<W: CullerWork> CullerRole<W> {
             work: self.work,
             pair: Pair::new(self.meeting, self.drawables),
             display: self.display,
+            lease: self.lease,
             supply,
             turn: &turn,
             sent: FrameNumber(0),
@@ -164,6 +169,7 @@ impl<W: CullerWork> CullerRole<W> {
 
 struct Session<'t, W> {
     work: W,
+    lease: Lease,
     pair: Pair,
     display: Link,
     supply: Option<CullerEnd>,
@@ -180,7 +186,10 @@ struct Session<'t, W> {
 impl<W: CullerWork> Session<'_, W> {
     async fn play(mut self, stop: &Stop) -> (Link, Result<(), RoleError>) {
         let turn = self.turn;
-        let result = worked(self.frames(), turn, stop).await;
+        // A bug that one session meets ends that session.
+        let frames = AssertUnwindSafe(self.frames()).catch_unwind();
+        let frames = frames.map(|ended| ended.unwrap_or_else(|payload| Err(RoleError::panic(&*payload))));
+        let result = worked(frames, turn, stop).await;
         self.pair.part();
         if let Some(supply) = self.supply.take() {
             self.display.bulk = supply.give_back().await;
@@ -197,6 +206,7 @@ impl<W: CullerWork> Session<'_, W> {
                 continue;
             }
             if mem::replace(&mut self.view, camera.view()) != camera.view() {
+                self.lease.change(state.viewport)?;
                 self.work.change_view(&state);
             }
             if let Some(supply) = &self.supply

@@ -1,13 +1,15 @@
 //! Why a role ends early.
 
-use std::error::Error;
+use std::{any::Any, error::Error, io};
 
 use trimaran_cull::{CullError, OccluderError};
 use trimaran_proto::{CloseCode, ViewStateError, ViewVersion};
 use trimaran_transport::{RecvError, SendError};
 
 use crate::{
+    LimitError,
     deal::Disorder,
+    device::CullerDevice,
     ids::IdError,
     supply::{SupplyError, SupplyFault},
 };
@@ -61,7 +63,7 @@ pub enum RoleError {
     /// The display cannot be sent what it needs of the scene.
     #[error("the display cannot be supplied")]
     Supply(#[source] Box<SupplyFault>),
-    /// The device failed.
+    /// The device failed: nothing more can be done with it.
     #[error("the device failed while {doing}")]
     Device {
         /// What the role was doing.
@@ -70,6 +72,24 @@ pub enum RoleError {
         #[source]
         cause: BoxedError,
     },
+    /// The device does not do what this session asks of it, or has no memory for it. Other sessions go on.
+    #[error("the device cannot serve this session: {doing} failed")]
+    Session {
+        /// What the role was doing.
+        doing: &'static str,
+        /// Why.
+        #[source]
+        cause: BoxedError,
+    },
+    /// The session asks for more than one may.
+    #[error(transparent)]
+    Limit(#[from] LimitError),
+    /// The system gives the session no thread.
+    #[error("the machine has no thread for this session: try later")]
+    Thread(#[source] io::Error),
+    /// The role's own program failed: a bug.
+    #[error("a fault in the program: {0}")]
+    Panic(String),
     /// Culling failed.
     #[error("culling failed")]
     Cull(#[source] BoxedError),
@@ -88,9 +108,35 @@ pub enum RoleError {
 }
 
 impl RoleError {
-    /// What a failure of its device means to a role that was `doing` something with it.
+    /// What a failure of its device means to a role that was `doing` something with it, and that has the
+    /// device for itself.
     pub fn device<D: Error + Send + Sync + 'static>(doing: &'static str) -> impl FnOnce(D) -> Self {
         move |cause| Self::Device { doing, cause: cause.into() }
+    }
+
+    /// What an error of a device means that sessions share: the end of all of them where the device is lost,
+    /// and else of the one that was `doing` something with it.
+    pub fn of_device<D: CullerDevice>(doing: &'static str) -> impl FnOnce(D::Error) -> Self {
+        move |cause| match D::is_lost(&cause) {
+            true => Self::Device { doing, cause: cause.into() },
+            false => Self::Session { doing, cause: cause.into() },
+        }
+    }
+
+    /// What a failure to cull on such a device means.
+    pub fn of_culling<D: CullerDevice>(error: CullError<D::Error>) -> Self {
+        match error {
+            CullError::Test(cause) => Self::of_device::<D>("testing boxes against the occluders")(cause),
+            error => Self::Cull(error.into()),
+        }
+    }
+
+    /// What a panic means to the session in which it was caught.
+    #[must_use]
+    pub fn panic(payload: &(dyn Any + Send)) -> Self {
+        let text = payload.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| payload.downcast_ref::<&str>().copied());
+        Self::Panic(text.unwrap_or("no word of what it is").to_owned())
     }
 
     /// Whether a peer is gone that may come again: its connection broke, it was interrupted, or its device
@@ -120,14 +166,19 @@ impl RoleError {
         }
     }
 
-    /// How this role's own device failed, if that is what happened. The role cannot go on, but its process
-    /// may be started again, for which its peers wait as for one that was lost.
+    /// How this role's own device failed, if that is what happened: the one end of a session that is the end
+    /// of its process as well. It may be started again, for which its peers wait as for one that was lost.
     #[must_use]
     pub fn device_failure(&self) -> Option<&(dyn Error + Send + Sync + 'static)> {
         match self {
             Self::Device { cause, .. } => Some(&**cause),
             _ => None,
         }
+    }
+
+    /// Whether a device gave up what the role was doing.
+    pub(crate) const fn is_of_a_device(&self) -> bool {
+        matches!(self, Self::Device { .. } | Self::Session { .. })
     }
 
     /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is
@@ -154,15 +205,6 @@ pub enum LinkError {
 impl From<SupplyFault> for RoleError {
     fn from(fault: SupplyFault) -> Self {
         Self::Supply(Box::new(fault))
-    }
-}
-
-impl<D: Error + Send + Sync + 'static> From<CullError<D>> for RoleError {
-    fn from(error: CullError<D>) -> Self {
-        match error {
-            CullError::Test(cause) => Self::device("testing boxes against the occluders")(cause),
-            error => Self::Cull(error.into()),
-        }
     }
 }
 

@@ -76,7 +76,7 @@ impl<D: CullerDevice> SceneCulling<D> {
     fn draw(&mut self, first: usize) -> Result<(), RoleError> {
         let ids = self.due.get_mut(first..).unwrap_or_default();
         self.order.sort(self.culler.scene(), &self.view, ids);
-        self.device.draw_occluders(ids).map_err(RoleError::device("drawing occluders"))?;
+        self.device.draw_occluders(ids).map_err(RoleError::of_device::<D>("drawing occluders"))?;
         self.stats.occluders += count(ids);
         self.stats.occluder_triangles += triangles(self.culler.scene(), ids);
         Ok(())
@@ -106,7 +106,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
                 self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, &self.rule));
             }
         }
-        self.device.begin_occluders(&view).map_err(RoleError::device("clearing the depth"))?;
+        self.device.begin_occluders(&view).map_err(RoleError::of_device::<D>("clearing the depth"))?;
         self.received = 0;
         self.due.clear();
         self.as_they_come = as_they_come && !self.takes_turns;
@@ -148,7 +148,8 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.draw(drawn)?;
         self.host += self.clock.elapsed().saturating_sub(start);
         let start = self.clock.elapsed();
-        let drawing = self.device.finish_occluders().map_err(RoleError::device("completing the depth"))?;
+        let drawing =
+            self.device.finish_occluders().map_err(RoleError::of_device::<D>("completing the depth"))?;
         self.or_end = self.clock.elapsed();
         let waited = self.or_end.saturating_sub(start);
         // What is drawn as it comes may have been drawn before this. What is drawn at once was drawn while
@@ -162,7 +163,8 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     async fn cull(&mut self, _: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
         let Some(last) = &self.mapper else { return Ok(()) };
         let scene = Arc::clone(self.culler.scene());
-        let traversal = self.culler.traverse(&self.view, &self.rule, &self.device)?;
+        let traversal = self.culler.traverse(&self.view, &self.rule, &self.device);
+        let traversal = traversal.map_err(RoleError::of_culling::<D>)?;
         // The paper's schedule has one round, as the paper has.
         let rule = if self.as_they_come { RoundRule::ONE } else { self.policy.rule() };
         let mut rounds = Rounds::new(traversal, last, &self.due, rule);
@@ -173,7 +175,9 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             drawing += clock.elapsed().saturating_sub(start);
             Ok(())
         };
-        while let Some(ids) = rounds.next(&mut self.device, &mut add_occluders)? {
+        while let Some(ids) =
+            rounds.next(&mut self.device, &mut add_occluders).map_err(RoleError::of_culling::<D>)?
+        {
             visible.push(ids).await?;
         }
         let stats = rounds.stats();

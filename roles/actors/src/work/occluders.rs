@@ -63,12 +63,12 @@ impl OccluderPolicy {
         let mut occluders = Vec::new();
         mapper.push(last, &mut occluders)?;
         self.choose(culler.scene(), view, rule, last.len(), &mut occluders);
-        device.begin_occluders(view).map_err(RoleError::device("clearing the depth"))?;
-        device.add_occluders(&occluders).map_err(RoleError::device("drawing occluders"))?;
+        device.begin_occluders(view).map_err(RoleError::of_device::<D>("clearing the depth"))?;
+        device.add_occluders(&occluders).map_err(RoleError::of_device::<D>("drawing occluders"))?;
         let mut visible = Vec::new();
-        let traversal = culler.traverse(view, rule, device)?;
+        let traversal = culler.traverse(view, rule, device).map_err(RoleError::of_culling::<D>)?;
         let mut rounds = Rounds::new(traversal, &mapper, &occluders, self.rule());
-        while let Some(ids) = rounds.next(device, D::add_occluders)? {
+        while let Some(ids) = rounds.next(device, D::add_occluders).map_err(RoleError::of_culling::<D>)? {
             visible.extend_from_slice(ids);
         }
         occluders.extend_from_slice(rounds.occluders());

@@ -31,6 +31,8 @@ pub(crate) fn link(net: &Arc<dyn Net>, scene: &Scene, ours: Role, theirs: Role) 
 pub(crate) enum Fault {
     /// It says so.
     Fails(Broken),
+    /// A bug.
+    Panics,
     /// It never ends, unless the role is asked to stop. Says that it has begun.
     Hangs(Sender<()>),
 }
@@ -43,6 +45,8 @@ pub(crate) enum Broken {
     Hung,
     #[error("asked to stop")]
     Cancelled,
+    #[error("out of memory while drawing")]
+    NoMemory,
 }
 
 /// What a device is asked to do.
@@ -79,6 +83,7 @@ impl Device {
         }
         match fault {
             Fault::Fails(broken) => Err(*broken),
+            Fault::Panics => panic!("a bug that only this session meets"),
             Fault::Hangs(begun) => {
                 begun.send(()).unwrap();
                 let stop = self.stop.as_ref().unwrap();
@@ -92,6 +97,10 @@ impl Device {
 }
 
 impl CullerDevice for Device {
+    fn is_lost(error: &Broken) -> bool {
+        matches!(error, Broken::Lost | Broken::Hung)
+    }
+
     fn cancel_on(&mut self, stop: &Stop) {
         self.stop = Some(stop.clone());
     }

@@ -1,0 +1,198 @@
+//! Whose turn is next of roles that share a device: each gets the same time, whatever its frames cost.
+//!
+//! Fair queueing by virtual time (Goyal, Vin and Cheng, 1996). A piece of work starts at the start of what runs
+//! when it is asked for, or where the role's work before it ends, whichever is later. The one that is likely to
+//! end first is next, if it takes as long as the last of its role. So a role that uses less than its share waits for one
+//! piece of another, and of two that always ask neither gets ahead by more than a piece of each.
+
+use std::{collections::BTreeMap, time::Duration};
+
+/// A role among those that share.
+pub(crate) type Number = u64;
+
+/// The turns of all roles.
+#[derive(Debug)]
+pub(crate) struct Shares {
+    /// Otherwise whoever waits longest is next.
+    by_time: bool,
+    accounts: BTreeMap<Number, Account>,
+    joined: Number,
+    /// Virtual time: where the work begins that runs, or ran last.
+    now: Duration,
+    holder: Option<Number>,
+    /// In the order in which they have asked.
+    waiting: Vec<Number>,
+}
+
+/// What a role has used.
+#[derive(Debug, Clone, Copy, Default)]
+struct Account {
+    /// Where its next or present piece of work begins, and where the last one ended: virtual time.
+    start: Duration,
+    end: Duration,
+    /// What the last piece took.
+    took: Duration,
+}
+
+impl Shares {
+    pub(crate) fn new(by_time: bool) -> Self {
+        let (accounts, waiting) = (BTreeMap::new(), Vec::new());
+        Self { by_time, accounts, joined: 0, now: Duration::ZERO, holder: None, waiting }
+    }
+
+    /// One more role.
+    pub(crate) fn join(&mut self) -> Number {
+        // Nobody gains by coming anew: its first piece may be as long as any.
+        let took = self.accounts.values().map(|account| account.took).max().unwrap_or_default();
+        self.joined += 1;
+        self.accounts.insert(self.joined, Account { took, ..Account::default() });
+        self.joined
+    }
+
+    /// A role that wants nothing more.
+    pub(crate) fn leave(&mut self, role: Number) {
+        self.accounts.remove(&role);
+        self.waiting.retain(|waiting| *waiting != role);
+    }
+
+    /// A role waits for its turn.
+    pub(crate) fn ask(&mut self, role: Number) {
+        if let Some(account) = self.accounts.get_mut(&role) {
+            account.start = account.end.max(self.now);
+            self.waiting.retain(|waiting| *waiting != role);
+            self.waiting.push(role);
+        }
+    }
+
+    /// Gives the turn to whose it is next, if nobody has it.
+    pub(crate) fn next(&mut self) -> Option<Number> {
+        if self.holder.is_some() {
+            return None;
+        }
+        let account = |role: &Number| self.accounts.get(role).copied().unwrap_or_default();
+        let end = |role: &Number| account(role).start + account(role).took;
+        let places = 0..self.waiting.len();
+        let place = match self.by_time {
+            // Of equals the first is found, which waits longest.
+            true => places.min_by_key(|place| self.waiting.get(*place).map(end))?,
+            false => places.min()?,
+        };
+        let role = self.waiting.remove(place);
+        self.now = self.now.max(self.accounts.get(&role).map_or(self.now, |account| account.start));
+        self.holder = Some(role);
+        self.holder
+    }
+
+    /// The role that has the turn gives it back after this time.
+    pub(crate) fn give_back(&mut self, role: Number, took: Duration) {
+        self.holder = None;
+        if let Some(account) = self.accounts.get_mut(&role) {
+            (account.end, account.took) = (account.start + took, took);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    /// A display: what a frame of it takes, and how long it then wants none.
+    #[derive(Debug, Clone, Copy)]
+    struct Display {
+        frame: Duration,
+        pause: Duration,
+    }
+
+    /// Lets displays share a device for so long; gives the frames and the time that each has had, and its
+    /// longest wait. The last is one frame of each at most behind the end.
+    fn share(by_time: bool, displays: &[Display], long: Duration) -> Vec<(u32, Duration, Duration)> {
+        let mut shares = Shares::new(by_time);
+        let roles: Vec<_> = displays.iter().map(|_| shares.join()).collect();
+        let mut had = vec![(0, Duration::ZERO, Duration::ZERO); displays.len()];
+        // When each asks next; none while it waits.
+        let mut asks: Vec<_> = displays.iter().map(|_| Some(Duration::ZERO)).collect();
+        let mut asked = vec![Duration::ZERO; displays.len()];
+        let mut now = Duration::ZERO;
+        while now < long {
+            for (place, ask) in asks.iter_mut().enumerate() {
+                if let Some(at) = ask.take_if(|at| *at <= now) {
+                    asked[place] = at;
+                    shares.ask(roles[place]);
+                }
+            }
+            let Some(role) = shares.next() else {
+                now = asks.iter().flatten().min().copied().unwrap();
+                continue;
+            };
+            assert_eq!(shares.next(), None, "one at a time");
+            let place = roles.iter().position(|known| *known == role).unwrap();
+            let Display { frame, pause } = displays[place];
+            let (frames, time, longest) = &mut had[place];
+            *longest = (*longest).max(now - asked[place]);
+            now += frame;
+            (*frames, *time) = (*frames + 1, *time + frame);
+            shares.give_back(role, frame);
+            asks[place] = Some(now + pause);
+        }
+        had
+    }
+
+    #[test]
+    fn an_honest_display_beside_fifteen_greedy_ones_keeps_a_twentieth_and_more() {
+        let minute = Duration::from_secs(60);
+        for (frame, pause) in [(10, 0), (10, 10), (10, 40), (30, 30), (100, 20), (150, 0)] {
+            let honest = Display { frame: frame * MS, pause: pause * MS };
+            let alone = share(true, &[honest], minute)[0].0;
+            let greedy = Display { frame: 150 * MS, pause: Duration::ZERO };
+            let all = [&[honest][..], &[greedy; 15]].concat();
+            let (frames, _, longest) = share(true, &all, minute)[0];
+            assert!(frames * 20 >= alone, "{honest:?}: {alone} frames alone, {frames} beside");
+            // At first all are equals.
+            assert!(longest <= 16 * greedy.frame, "{honest:?}: {longest:?}");
+        }
+        // A frame each in turn is what it was, and is what a twentieth is not.
+        let honest = Display { frame: 10 * MS, pause: 20 * MS };
+        let greedy = Display { frame: 150 * MS, pause: Duration::ZERO };
+        let all = [&[honest][..], &[greedy; 15]].concat();
+        let frames = |by_time| share(by_time, &all, minute)[0].0;
+        assert!(frames(false) * 20 < share(true, &[honest], minute)[0].0);
+        assert!(frames(true) > 10 * frames(false), "{} and {}", frames(true), frames(false));
+    }
+
+    #[test]
+    fn a_role_that_leaves_while_it_waits_is_not_given_the_turn() {
+        let mut shares = Shares::new(true);
+        let [first, second, third] = [(); 3].map(|()| shares.join());
+        for role in [first, second, third] {
+            shares.ask(role);
+        }
+        assert_eq!(shares.next(), Some(first));
+        shares.leave(second);
+        shares.leave(first);
+        shares.give_back(first, MS);
+        assert_eq!((shares.next(), shares.next()), (Some(third), None));
+        shares.give_back(third, MS);
+        shares.ask(second);
+        assert_eq!(shares.next(), None);
+    }
+
+    proptest! {
+        /// Of roles that always ask none gets ahead of another by more than a frame of each: the bound of
+        /// start-time fair queueing.
+        #[test]
+        fn who_always_asks_has_the_same_time(frames in prop::collection::vec(1_u32..200, 2..20)) {
+            let displays: Vec<_> =
+                frames.iter().map(|frame| Display { frame: *frame * MS, pause: Duration::ZERO }).collect();
+            let had = share(true, &displays, Duration::from_secs(100));
+            for (one, (_, time, _)) in displays.iter().zip(&had) {
+                for (other, (_, others, _)) in displays.iter().zip(&had) {
+                    prop_assert!(*time <= *others + one.frame + other.frame, "{:?}: {:?}", frames, had);
+                }
+            }
+        }
+    }
+}

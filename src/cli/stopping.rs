@@ -1,0 +1,55 @@
+//! The end of a service that is asked to stop: it tells those who are there, and does not wait for long.
+
+use std::{process, thread, time::Duration};
+
+use tokio::{
+    runtime::{Builder, Handle},
+    signal::unix::{SignalKind, signal},
+};
+use trimaran_actors::{Stop, Stopper};
+use trimaran_transport::{Net, TokioNet, sleep_until, until};
+
+use super::Failure;
+
+/// How long after the request those who are there may take to hear that the service ends, and when the process
+/// ends whatever they do.
+const HEARD: Duration = Duration::from_millis(1200);
+const ENDED: Duration = Duration::from_millis(2500);
+
+/// A stop that Ctrl-C and the termination signal of systemd set, and that a second one insists on. The process
+/// ends within 3 s of the first one, whatever else it does: with exit code 0, since it was asked to.
+///
+/// # Errors
+/// When signals cannot be heard.
+pub(super) fn stoppable_service() -> Result<(Stopper, Stop), Failure> {
+    let (stopper, stop) = Stop::new();
+    let asked = stopper.clone();
+    // It has a thread and a runtime of its own: those of links and sessions may be busy, or stuck.
+    let runtime = Builder::new_current_thread().enable_all().build().map_err(Failure::broken)?;
+    let (mut interrupt, mut terminate) = {
+        let _within = runtime.enter();
+        let listen = |kind| signal(kind).map_err(Failure::broken);
+        (listen(SignalKind::interrupt())?, listen(SignalKind::terminate())?)
+    };
+    let wait = move || {
+        runtime.block_on(async move {
+            let mut signalled = async || {
+                tokio::select! {
+                    _ = interrupt.recv() => {}
+                    _ = terminate.recv() => {}
+                }
+            };
+            signalled().await;
+            stopper.stop();
+            let net = TokioNet::new(Handle::current());
+            let (heard, ended) = (net.now().after(HEARD), net.now().after(ENDED));
+            let _again = until(&net, heard, signalled()).await;
+            stopper.stop();
+            sleep_until(&net, ended).await;
+            eprintln!("trimaran: ends, though a session has not");
+            process::exit(0);
+        });
+    };
+    thread::Builder::new().name("signals".to_owned()).spawn(wait).map_err(Failure::broken)?;
+    Ok((asked, stop))
+}
