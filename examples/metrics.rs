@@ -9,7 +9,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran::metrics::LinkMetrics;
 use trimaran_actors::{FrameEvent, FrameStart, Link};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
-use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until};
+use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until, ws::WsOptions};
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {
@@ -24,7 +24,11 @@ async fn main() -> Result<(), Box<dyn Error>> {
     // alive or not.
     let metrics = LinkMetrics::of([&culler]);
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
-    let serving = metrics.clone().serve(address.unwrap_or(any), &tokio::runtime::Handle::current())?;
+    let serving = metrics.clone().serve(
+        address.unwrap_or(any),
+        &WsOptions::default(),
+        &tokio::runtime::Handle::current(),
+    )?;
     println!("http://{}/metrics, and /links as JSON", serving.address());
 
     let frames = if address.is_some() { u32::MAX } else { 30 };
@@ -63,7 +67,7 @@ async fn receive(mut link: Link) -> Result<(), Box<dyn Error>> {
 /// What a scraper gets.
 async fn fetch(from: SocketAddr) -> Result<String, Box<dyn Error>> {
     let mut stream = tokio::net::TcpStream::connect(from).await?;
-    stream.write_all(b"GET /metrics HTTP/1.0\r\n\r\n").await?;
+    stream.write_all(b"GET /metrics HTTP/1.0\r\nHost: localhost\r\n\r\n").await?;
     let mut answer = String::new();
     stream.read_to_string(&mut answer).await?;
     Ok(answer.split_once("\r\n\r\n").map_or(answer.clone(), |(_, body)| body.to_owned()))

@@ -1,6 +1,13 @@
 //! HTTP: who is served when many come, and asking others.
 
-use std::{collections::VecDeque, error::Error, io, sync::Arc, time::Duration};
+use std::{
+    collections::{HashMap, VecDeque},
+    error::Error,
+    io,
+    net::IpAddr,
+    sync::Arc,
+    time::Duration,
+};
 
 use http_body_util::{BodyExt, Empty, Limited};
 use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
@@ -10,14 +17,32 @@ use tokio::{
     net::TcpStream,
     task::{AbortHandle, JoinSet},
 };
-use trimaran_net::{BoxFuture, Listen, Stream};
+use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer};
 use trimaran_transport::{Net, sleep_until};
 
 /// The pause after the system could not accept, for instance for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Serves whoever comes, for ever: `most` at once. One more takes the place of whoever came first: that one
-/// has had time to ask, and who asks in earnest is not kept out by those who say nothing.
+/// Somebody who asks: those of one address share what one may ask at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct Asker(Option<IpAddr>);
+
+impl Asker {
+    pub(crate) fn of(peer: StreamPeer) -> Self {
+        Self(match peer {
+            StreamPeer::Unix(_) => None,
+            StreamPeer::Tcp(at) => Some(match at.ip().to_canonical() {
+                // One site has all addresses of a network.
+                IpAddr::V6(ip) => IpAddr::V6((ip.to_bits() >> 64 << 64).into()),
+                ip => ip,
+            }),
+        })
+    }
+}
+
+/// Serves whoever comes, for ever: `most` at once. One more takes the place of the one who came first of those
+/// whose address has most: that one has had time to ask, and who asks in earnest is not kept out by those who
+/// say nothing.
 pub(crate) async fn serve(
     net: Arc<dyn Net>,
     mut listener: Box<dyn Listen>,
@@ -30,13 +55,13 @@ pub(crate) async fn serve(
             Ok(stream) => {
                 failing = false;
                 while guests.try_join_next().is_some() {}
-                places.retain(|guest: &AbortHandle| !guest.is_finished());
+                places.retain(|(_, guest): &Place| !guest.is_finished());
                 if places.len() >= most
-                    && let Some(first) = places.pop_front()
+                    && let Some((_, first)) = first_of_most(&places).and_then(|first| places.remove(first))
                 {
                     first.abort();
                 }
-                places.push_back(guests.spawn(each(stream)));
+                places.push_back((Asker::of(stream.peer), guests.spawn(each(stream))));
             }
             Err(e) => {
                 if !failing {
@@ -50,8 +75,21 @@ pub(crate) async fn serve(
     }
 }
 
+/// A guest that is served.
+type Place = (Asker, AbortHandle);
+
+/// Which guest came first of those whose address has most.
+fn first_of_most(places: &VecDeque<Place>) -> Option<usize> {
+    let mut counts: HashMap<Asker, usize> = HashMap::new();
+    for (asker, _) in places {
+        *counts.entry(*asker).or_default() += 1;
+    }
+    let most = counts.values().max().copied();
+    places.iter().position(|(asker, _)| counts.get(asker).copied() == most)
+}
+
 /// The most bytes of an answer.
-const LONGEST: usize = 16 << 20;
+const LONGEST: usize = 1 << 20;
 
 /// Why an answer was not to be had.
 #[derive(Debug, ThisError)]
@@ -80,10 +118,24 @@ pub enum GetError {
 /// When it cannot be had.
 pub async fn get(at: &str, target: &str) -> Result<Bytes, GetError> {
     let stream = TcpStream::connect(at).await.map_err(GetError::Connect)?;
+    ask(stream, at, target).await
+}
+
+/// The same from a server that may not know its name: it is asked by its address.
+///
+/// # Errors
+/// When it cannot be had.
+pub async fn get_by_address(at: &str, target: &str) -> Result<Bytes, GetError> {
+    let stream = TcpStream::connect(at).await.map_err(GetError::Connect)?;
+    let host = stream.peer_addr().map_err(GetError::Connect)?.to_string();
+    ask(stream, &host, target).await
+}
+
+async fn ask(stream: TcpStream, host: &str, target: &str) -> Result<Bytes, GetError> {
     let (mut sender, connection) =
         http1::handshake(TokioIo::new(stream)).await.map_err(GetError::Exchange)?;
     let request =
-        Request::get(target).header("host", at).body(Empty::<Bytes>::new()).map_err(GetError::Target)?;
+        Request::get(target).header("host", host).body(Empty::<Bytes>::new()).map_err(GetError::Target)?;
     let exchange = async {
         let response = sender.send_request(request).await.map_err(GetError::Exchange)?;
         let status = response.status();
@@ -170,6 +222,49 @@ pub(crate) mod tests {
             ended += usize::from(end.is_some());
         }
         assert_eq!(ended, 100 + 1 - MOST);
+    }
+
+    /// A guest from somewhere else waits for its answer as long as it takes.
+    #[tokio::test(start_paused = true)]
+    async fn a_crowd_from_one_address_takes_the_place_of_nobody_else() {
+        let net = TokioNet::current().unwrap();
+        let (come, guests) = mpsc::unbounded_channel();
+        let mut server = JoinSet::new();
+        server.spawn(serve(Arc::new(net), Box::new(Elsewhere { first: true, guests }), 8, echo));
+        let (mut one, mut crowd) = (guest(&come), Vec::new());
+        tokio::task::yield_now().await;
+        for _ in 0..50 {
+            crowd.push(guest(&come));
+            tokio::task::yield_now().await;
+        }
+        one.write_u8(5).await.unwrap();
+        assert_eq!(one.read_u8().await.unwrap(), 5);
+    }
+
+    /// The first guest comes from another address than all others.
+    struct Elsewhere {
+        first: bool,
+        guests: mpsc::UnboundedReceiver<DuplexStream>,
+    }
+
+    impl Listen for Elsewhere {
+        fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>> {
+            let first = std::mem::take(&mut self.first);
+            Box::pin(async move {
+                let guest = self.guests.recv().await.ok_or(io::ErrorKind::BrokenPipe)?;
+                let peer = StreamPeer::Tcp(SocketAddr::from(([127, 0, 0, 1 + u8::from(first)], 1)));
+                Ok(Stream { peer, ..stream(guest) })
+            })
+        }
+    }
+
+    #[test]
+    fn addresses_of_one_network_are_one_asker() {
+        let of = |text: &str| Asker::of(StreamPeer::Tcp(text.parse().unwrap()));
+        assert_eq!(of("[2001:db8:1:2::1]:80"), of("[2001:db8:1:2:3::9]:81"));
+        assert_ne!(of("[2001:db8:1:2::1]:80"), of("[2001:db8:1:3::1]:80"));
+        assert_eq!(of("[::ffff:10.0.0.1]:80"), of("10.0.0.1:7"));
+        assert_ne!(of("10.0.0.1:80"), of("10.0.0.2:80"));
     }
 
     /// As without file descriptors.

@@ -399,6 +399,10 @@ fn when_a_culler_is_killed_the_walk_goes_on_and_says_which() {
 
 /// The report of a [`LongSession`], which is to hold what was walked and no more.
 fn long_report(bench: &Bench) -> serde_json::Value {
+    if bench.path("long/unchecked.json").exists() {
+        // It was stopped before all of its pictures were drawn.
+        bench.done(&["report", "long"]);
+    }
     let report = bench.report("long");
     let frames = report["frames"].as_array().unwrap();
     assert!((1..100_000).contains(&frames.len()));
@@ -435,6 +439,79 @@ fn an_interrupted_session_reports_what_it_walked() {
     session.ends(3, &["ended early", "it was asked to stop"]);
     assert_eq!(long_report(&bench)["summary"]["ended"]["how"], "interrupted");
     assert!(fs::read_to_string(bench.path("long/report.html")).unwrap().contains("This walk ended early"));
+}
+
+/// What is asked to stop leaves its report soon, and its checks for another time.
+#[test]
+fn a_walk_that_is_stopped_is_reported_at_once_and_checked_later() {
+    let bench = Bench::with_plant(300);
+    let args = ["run", "plant.scene", "--out", "long", "--frames", "100000", "--size", "512x512"];
+    let mut walk = bench.start(&[&args[..], &["--audit-every", "1"]].concat());
+    while recorded(&bench.path("long/unfinished")) < 40 {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    walk.signal("INT");
+    walk.says("reporting it");
+    walk.signal("INT");
+    let said = walk.ends(3);
+    assert!(said.contains("ended early"), "{said}");
+    let audited = |report: &serde_json::Value| {
+        let frames = report["frames"].as_array().unwrap();
+        let is_exact = |frame: &&serde_json::Value| frame["cut_mismatch_pixels"] == 0;
+        (frames.iter().filter(is_exact).count(), frames.len())
+    };
+    let before = bench.report("long");
+    let (checked, frames) = audited(&before);
+    assert!(checked < frames && frames >= 40, "{checked} of {frames} frames are checked");
+    let notes = before["run"]["notes"].to_string();
+    assert!(notes.contains("pictures and checks end after") && notes.contains("trimaran report"), "{notes}");
+
+    bench.done(&["generate", "plant", "--objects", "50", "--triangles", "5000", "-o", "other.scene"]);
+    let said = bench.trimaran(&["report", "long", "--scene", "other.scene"]);
+    expect(&said, 2, &["--scene", "other.scene"]);
+    bench.done(&["report", "long"]);
+    let after = bench.report("long");
+    assert_eq!(audited(&after), (frames, frames));
+    assert_eq!(after["summary"]["ended"], before["summary"]["ended"]);
+    assert_eq!(after["run"]["command_line"], before["run"]["command_line"]);
+    for (number, [one, other]) in before["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .zip(after["frames"].as_array().unwrap())
+        .map(|(a, b)| [a, b])
+        .enumerate()
+    {
+        for key in ["eye", "nodes_drawn", "triangles_drawn", "latency_ms"] {
+            assert_eq!(one[key], other[key], "{key} of frame {number}");
+        }
+        assert!(
+            bench.path(&format!("long/frames/{number:05}.png")).exists(),
+            "frame {number} has no picture"
+        );
+    }
+    assert!(!bench.path("long/unchecked.json").exists() && !bench.path("long/unfinished").exists());
+    // There is nothing to be added any more.
+    expect(&bench.trimaran(&["report", "long"]), 2, &["unchecked.json"]);
+}
+
+/// A name in a model sets no title of a terminal, and is no line of its own.
+#[test]
+fn words_of_a_file_are_no_commands_to_a_terminal() {
+    let bench = Bench::empty();
+    let name = "a\\u001b]0;PWNED\\u0007\\u001b[31m\\nfake line";
+    let gltf = |children: &str| {
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"name":"{name}","mesh":7,"children":[{children}]}},{{"name":"{name}","children":[0]}}]}}"#
+        )
+    };
+    for (file, children) in [("loop.gltf", "1"), ("\u{1b}[31mx.gltf", "0"), ("mesh.gltf", "")] {
+        bench.write(file, gltf(children));
+        let said = bench.trimaran(&["import", file, "-o", "x.scene"]);
+        let text = String::from_utf8([said.stdout, said.stderr].concat()).unwrap();
+        assert!(!text.is_empty() && !text.lines().any(|line| line.starts_with("fake")), "{text:?}");
+        assert!(text.chars().all(|c| c == '\n' || !c.is_control()), "{text:?}");
+    }
 }
 
 #[test]

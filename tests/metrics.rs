@@ -14,7 +14,9 @@ use tokio::net::TcpStream as Dial;
 use trimaran::metrics::LinkMetrics;
 use trimaran_actors::{FrameStart, Listener};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
-use trimaran_transport::{Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until};
+use trimaran_transport::{
+    Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until, ws::WsOptions,
+};
 
 fn get(address: &str, path: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
@@ -126,7 +128,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     }
     while display.frames_rx.recv().await.is_ok() {}
     let serving = LinkMetrics::of([&display])
-        .serve(([127, 0, 0, 1], 0).into(), &tokio::runtime::Handle::current())
+        .serve(([127, 0, 0, 1], 0).into(), &WsOptions::default(), &tokio::runtime::Handle::current())
         .unwrap();
     let address = serving.address().to_string();
     let (metrics, listener) =

@@ -83,6 +83,7 @@ fn view(bench: &Bench, args: &[&str]) -> Command {
 fn cached(bench: &Bench) -> Vec<String> {
     let names = fs::read_dir(bench.path("cache/trimaran")).unwrap();
     let mut names: Vec<_> = names.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.retain(|name| name.ends_with(".scene"));
     names.sort();
     names
 }
@@ -101,7 +102,6 @@ fn a_model_is_cooked_when_it_has_changed_and_else_is_there_at_once() {
 
     let again = View::start(view(&bench, &["tank.obj", "--no-browser"])).unwrap();
     assert_eq!((again.said.len(), cached(&bench)), (0, before.clone()));
-    assert_ne!(again.url.1, first.url.1, "each has a token of its own");
 
     bench.write("tank.obj", model(50));
     let changed = View::start(view(&bench, &["tank.obj", "--no-browser"])).unwrap();
@@ -110,13 +110,43 @@ fn a_model_is_cooked_when_it_has_changed_and_else_is_there_at_once() {
     assert!(after.len() == 1 && after != before, "{after:?}");
 }
 
+/// Links and what a browser keeps are good the next time as well, and for this model alone.
 #[test]
-fn the_page_is_opened_in_the_browser_of_the_user() {
+fn a_model_keeps_its_address() {
+    let bench = Bench::empty();
+    bench.write("tank.obj", model(5));
+    bench.write("other.obj", model(7));
+    let Some(first) = View::start(view(&bench, &["tank.obj", "--no-browser"])) else { return };
+    let url = first.url.clone();
+    // While it is shown, the same model has another port, and another model has one of its own.
+    let beside = View::start(view(&bench, &["tank.obj", "--no-browser"])).unwrap();
+    let other = View::start(view(&bench, &["other.obj", "--no-browser"])).unwrap();
+    assert!(beside.url.0 != url.0 && beside.url.1 == url.1, "{:?}", beside.url);
+    assert!(other.url.0 != url.0 && other.url.1 != url.1, "{:?}", other.url);
+    drop((first, beside));
+    bench.write("tank.obj", model(50));
+    let again = View::start(view(&bench, &["./tank.obj", "--no-browser"])).unwrap();
+    assert_eq!(again.url, url);
+    let folder = bench.path("cache/trimaran");
+    assert_eq!(mode(&folder), 0o700);
+    let names = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
+    let tokens: Vec<_> =
+        names.filter(|path| path.extension().is_some_and(|ending| ending == "token")).collect();
+    assert!(tokens.len() == 2 && tokens.iter().all(|token| mode(token) == 0o600), "{tokens:?}");
+}
+
+fn mode(path: &Path) -> u32 {
+    std::os::unix::fs::PermissionsExt::mode(&fs::metadata(path).unwrap().permissions()) & 0o777
+}
+
+/// Any user of the machine sees what a browser is started with: not the token.
+#[test]
+fn the_page_is_opened_in_the_browser_of_the_user_by_a_file_that_nobody_else_reads() {
     let bench = Bench::with_plant(60);
-    bench.write("browser", "#!/bin/sh\necho \"$1\" > opened.part && mv opened.part opened\n");
+    bench.write("browser", "#!/bin/sh\necho \"$@\" > opened.part && mv opened.part opened\n");
     fs::set_permissions(bench.path("browser"), std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
     let mut command = view(&bench, &["plant.scene"]);
-    command.env("BROWSER", bench.path("browser"));
+    command.env("BROWSER", bench.path("browser")).env("HOME", bench.path(""));
     let Some(view) = View::start(command) else { return };
     let opened = loop {
         if let Ok(opened) = fs::read_to_string(bench.path("opened")) {
@@ -124,8 +154,18 @@ fn the_page_is_opened_in_the_browser_of_the_user() {
         }
         thread::yield_now();
     };
-    assert_eq!(opened.trim(), format!("http://{}/{}", view.url.0, view.url.1));
-    assert!(!bench.path("cache/trimaran").exists(), "a scene is shown where it is");
+    let file = Path::new(opened.trim().strip_prefix("file://").unwrap());
+    let token = view.url.1.strip_prefix("?token=").unwrap();
+    assert!(!opened.contains(token), "{opened}");
+    let page = fs::read_to_string(file).unwrap();
+    assert!(page.contains(&format!("href=\"http://{}/{}\"", view.url.0, view.url.1)), "{page}");
+    assert_eq!((mode(file), mode(file.parent().unwrap())), (0o600, 0o700));
+    assert!(cached(&bench).is_empty(), "a scene is shown where it is");
+    let folder = file.parent().unwrap().to_owned();
+    signal("INT", &view.child.id().to_string());
+    while folder.exists() {
+        thread::sleep(PAUSE);
+    }
 }
 
 /// A browser repeats a walk by itself, and the program says how that went.

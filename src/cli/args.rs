@@ -20,7 +20,9 @@ pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName}
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, ReadingArgs, Up};
 pub(crate) use serve::{DeviceArgs, GuestArgs, ServeArgs, ViewArgs};
 pub(crate) use sim::{SimArgs, SimLink};
-pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
+pub(crate) use walks::{
+    DemoArgs, LinkKind, OcclusionTestArg, ReportArgs, RunArgs, Size, SweepArgs, WalkArgs,
+};
 
 /// Walk through CAD models of process plants with tens of millions of triangles.
 ///
@@ -64,6 +66,8 @@ pub(crate) enum Command {
     Serve(ServeArgs),
     /// Walk a camera through a scene with the three roles and write a report.
     Run(RunArgs),
+    /// Add to a report the pictures and checks that were left out when its walk was stopped.
+    Report(ReportArgs),
     /// Walk the same path at several error bounds: speed against error.
     Sweep(SweepArgs),
     /// Walk the same path with other systems, those of the paper among them: speed, what is drawn, error.

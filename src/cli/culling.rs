@@ -105,16 +105,15 @@ impl Host<'_> {
     /// Plays a session. An error is the end of all of them: the device is lost, or hangs.
     fn play(&self, session: NewSession, turns: &Turns, stop: &Stop, over: &Stop) -> Result<(), RoleError> {
         let Self { file, drawn, runtime, links, limits, .. } = self;
-        let name = format!("display {:016x}", session.key.0);
+        let watching = links.watch("display", &session.display);
+        let name = watching.peer();
         tracing::info!(display = name, settings = %session.settings, address = %session.display.peer.address, "serves");
-        links.add(name.clone(), &session.display);
         let work = |settings: &Settings| {
             // A wait for the device that is given up costs all sessions: one that ends alone waits to its end.
             Ok(Culling::open(self.method, &file.scene, drawn, settings, turns)?.cancelled_by(stop))
         };
         let (drawables, scene) = (max_frame(&file.scene), Some(&file.scene));
         let played = runtime.block_on(session.play(work, turns, drawables, scene, limits, over));
-        links.remove(&name);
         match played {
             Err(error) if error.device_failure().is_none() => {
                 eprintln!("trimaran: {name} is gone: {}", causes(&error));
@@ -129,8 +128,7 @@ impl Host<'_> {
 
     /// Tells a display that the system gives its session no thread.
     fn turn_away(&self, session: NewSession, cause: io::Error, over: &Stop) {
-        let name = format!("display {:016x}", session.key.0);
-        eprintln!("trimaran: turned {name} away: the system gives no thread: {cause}");
+        eprintln!("trimaran: turned a display away: the system gives no thread: {cause}");
         let over = over.clone();
         self.runtime.spawn(async move { session.turn_away(RoleError::Thread(cause), &over).await });
     }

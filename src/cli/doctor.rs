@@ -1,10 +1,6 @@
 //! `trimaran doctor`: what works on this machine, what is missing, what to install.
 
-use std::{
-    io::{self, Write as _},
-    net::TcpListener,
-    thread,
-};
+use std::{io::Write as _, net::TcpListener, thread};
 
 use serde::Serialize;
 use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, HzbPlace, Optional};
@@ -42,7 +38,11 @@ pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
     if args.json {
         print_json(&serde_json::json!({ "works": healthy, "findings": findings }))?;
     } else {
-        printed(write!(io::stdout(), "{}", findings.iter().map(Finding::lines).collect::<String>()))?;
+        printed(write!(
+            super::terminal::stdout(),
+            "{}",
+            findings.iter().map(Finding::lines).collect::<String>()
+        ))?;
     }
     if healthy {
         Ok(())

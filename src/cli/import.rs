@@ -14,6 +14,7 @@ use super::{
     cooking,
     info::SceneSummary,
     number, print_json, progress,
+    terminal::word,
 };
 
 pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
@@ -78,7 +79,7 @@ pub(super) fn print_report(report: &ImportReport) {
         );
     }
     for warning in &report.warnings {
-        println!("  {warning}");
+        println!("  {}", word(&warning.to_string()));
     }
 }
 

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 use trimaran_scene::{Node, Records, Scene, Sides};
 
-use super::{Failure, args::InfoArgs, number};
+use super::{Failure, args::InfoArgs, number, terminal::word};
 
 /// What a scene holds, as `info --json` prints it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -76,9 +76,9 @@ impl SceneSummary {
 
     pub(super) fn print(&self) {
         let size = DVec3::from_array(self.max) - DVec3::from_array(self.min);
-        println!("{}", self.file);
+        println!("{}", word(&self.file));
         println!("  size        {:.1} MB, fingerprint {}", self.file_bytes as f64 / 1e6, self.hash);
-        println!("  from        {}", self.sources.join(", "));
+        println!("  from        {}", word(&self.sources.join(", ")));
         println!("  extent      {:.2} x {:.2} x {:.2} m (y up)", size.x, size.y, size.z);
         println!("  objects     {}", number(self.objects as u64));
         println!(

@@ -1,6 +1,12 @@
 //! The command-line tool: a file a command.
 
+// Before all others, which print by its macros.
+#[macro_use]
+mod terminal;
+
+mod address;
 mod args;
+mod browser;
 mod compare;
 mod cooking;
 mod culling;
@@ -18,6 +24,7 @@ mod ping;
 mod processes;
 mod progress;
 mod recording;
+mod report;
 mod role;
 mod run;
 mod serve;
@@ -30,7 +37,7 @@ mod walking;
 #[cfg(feature = "window")]
 mod window;
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -75,6 +82,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         }
         Command::Serve(args) => serve::run(&args),
         Command::Run(args) => run::run(&args),
+        Command::Report(args) => report::run(&args),
         Command::Sweep(args) => sweep::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Sim(args) => sim::run(&args),
@@ -106,13 +114,14 @@ fn log_to_stderr(verbose: u8, usual: &str) {
     };
     let filter = EnvFilter::try_from_env("TRIMARAN_LOG").unwrap_or_else(|_| EnvFilter::new(level));
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_target(false);
-    log.with_ansi(io::stderr().is_terminal()).with_writer(io::stderr).init();
+    // Colours are control characters, which only the terminal's own place may send.
+    log.with_ansi(false).with_writer(terminal::stderr).init();
 }
 
 /// Prints a value as JSON on standard output.
 fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(Failure::broken)?;
-    printed(writeln!(io::stdout(), "{text}"))
+    printed(writeln!(terminal::stdout(), "{text}"))
 }
 
 /// What printing came to. Whoever stops reading, as `head` does, has what they wanted.

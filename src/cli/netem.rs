@@ -65,7 +65,7 @@ fn line(report: &Report) -> String {
 }
 
 fn print(report: &Report) -> io::Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = super::terminal::stdout();
     let Report { totals, strangers, late, links } = report;
     let columns = ["sent", "copies", "delivered", "lost", "corrupt", "queue", "managed", "mtu", "under way"];
     write!(out, "{:<24}", "packets")?;

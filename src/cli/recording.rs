@@ -2,8 +2,9 @@
 //! however it ends.
 
 use std::{
-    ops::ControlFlow,
     path::{Path, PathBuf},
+    sync::{Arc, OnceLock},
+    time::Duration,
 };
 
 use trimaran::{
@@ -13,9 +14,9 @@ use trimaran::{
         text,
     },
     trace::Trace,
-    walkthrough::{FrameRecord, Journal, ReportingError, Walk, Written, write_report},
+    walkthrough::{FrameRecord, GivesUp, Journal, ReportingError, Walk, Written, write_report},
 };
-use trimaran_actors::Stop;
+use trimaran_actors::{Stop, Stopwatch};
 use trimaran_transport::causes;
 
 use super::{Failure, print_json, progress};
@@ -110,14 +111,12 @@ impl Recording<'_> {
         };
         let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);
         if let Some(said) = ended.sentence(frames) {
-            eprintln!("trimaran: the walk {said}; reporting it (interrupt again to leave its pictures out)");
+            eprintln!("trimaran: the walk {said}; reporting it");
         }
         let bar = progress::bar("reporting", records.len() as u64);
-        let mut advance = |_| {
-            bar.inc(1);
-            if stop.insisted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        };
-        let written = write_report(writer, full, walk, run, &records, ended, &mut advance);
+        let is_given_up = Grace::of(&stop).is_over();
+        let mut advance = |_| bar.inc(1);
+        let written = write_report(writer, full, walk, run, &records, ended, &mut advance, &is_given_up);
         bar.finish_and_clear();
         let Written { report, incomplete, .. } = written.map_err(Failure::broken)?;
         let missing = match (report.summary.ended.sentence(frames), incomplete) {
@@ -130,6 +129,32 @@ impl Recording<'_> {
         };
         let recorded = record(trace.as_deref(), walk, &records);
         Ok(Outcome { report, missing: missing.or(recorded.err()) })
+    }
+}
+
+/// How long the pictures and checks of a report go on that is asked to stop: so it is there soon after, whole
+/// where little was left.
+const GRACE: Duration = Duration::from_secs(2);
+
+/// How long a report may take once it is asked to stop.
+#[derive(Debug, Clone)]
+pub(super) struct Grace {
+    stop: Stop,
+    /// Since it was seen to be asked.
+    asked: Arc<OnceLock<Stopwatch>>,
+}
+
+impl Grace {
+    pub(super) fn of(stop: &Stop) -> Self {
+        Self { stop: stop.clone(), asked: Arc::default() }
+    }
+
+    /// Says whether what is left is to be left out.
+    pub(super) fn is_over(self) -> GivesUp {
+        Arc::new(move || {
+            let has_passed = || self.asked.get_or_init(Stopwatch::start).elapsed() > GRACE;
+            self.stop.requested() && (self.stop.insisted() || has_passed())
+        })
     }
 }
 

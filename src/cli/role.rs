@@ -82,7 +82,7 @@ fn culler(
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
-    let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
         return Ok(());
     };
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
@@ -141,7 +141,9 @@ fn display(
         }
         false => None,
     };
-    let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
+        return Ok(());
+    };
     let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };
     let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
     let progress = match Progress::resume(&mut folder, walk, walking::date()).map_err(Failure::broken)? {
@@ -208,7 +210,9 @@ fn display_without_scene(
     let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
     let gpu = Gpu::open(&gpu).map_err(Failure::broken)?;
     let runtime = start.runtime();
-    let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, &options.ws, runtime))? else {
+        return Ok(());
+    };
     let key = SessionKey(start.net.random().map_err(Failure::broken)?);
     let identity = identity(None, key, plan.settings());
     let listening = async || match &config.listen {

@@ -123,12 +123,14 @@ pub(super) fn record<'w>(
         }
         false => None,
     };
+    let mut options = config::options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
+    options.link.max_frame = max_frame(&file.scene);
     let session = DisplaySession {
         walk: way,
         about: about(way, &walk.path, walk.seed, roles.collect()),
         folder,
         join_timeout: JOIN_TIMEOUT,
-        metrics: Metrics::show(args.metrics, runtime)?,
+        metrics: Metrics::show(args.metrics, &options.ws, runtime)?,
         trace: args.record.clone(),
         key: SessionKey(net.random().map_err(Failure::broken)?),
         progress: None,
@@ -138,8 +140,6 @@ pub(super) fn record<'w>(
         turns: turns.clone(),
         bar,
     };
-    let mut options = config::options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
-    options.link.max_frame = max_frame(&file.scene);
     let Some(devices) = devices else {
         let folder = tempfile::tempdir().map_err(Failure::broken)?;
         let endpoints = endpoints(*link, cullers.len(), folder.path())?;

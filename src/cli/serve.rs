@@ -1,11 +1,6 @@
 //! `trimaran serve`: a scene for whoever comes with a browser or a display.
 
-use std::{
-    io::{self, Write},
-    net::SocketAddr,
-    path::Path,
-    sync::Arc,
-};
+use std::{io::Write as _, net::SocketAddr, path::Path, sync::Arc};
 
 use tokio::sync::{mpsc, oneshot};
 use trimaran::{
@@ -18,10 +13,12 @@ use trimaran_transport::{Endpoints, Net, Options, TokioNet};
 
 use super::{
     Failure,
+    address::Address,
     args::{DeviceArgs, GuestArgs, ServeArgs},
     culling::{Host, largest, limits},
     printed,
     stopping::stoppable_service,
+    terminal::stdout,
     walking::{Metrics, gpu_options, open, runtime, upload},
 };
 
@@ -30,28 +27,36 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
     let service = Service {
         scene: &args.scene,
         listen: args.listen,
-        token: args.token.clone(),
+        token: args.token.clone().map_or(Secret::New, Secret::Given),
         metrics: args.metrics,
         device: &args.device,
         guests: args.guests,
         options,
         drive: None,
     };
-    service.run(|url| printed(writeln!(io::stdout(), "{url}"))).map(drop)
+    service.run(|url| printed(writeln!(stdout(), "{url}"))).map(drop)
 }
 
 /// A culler and its page, for whoever comes.
 pub(super) struct Service<'s> {
     pub(super) scene: &'s Path,
     pub(super) listen: SocketAddr,
-    /// A new one each time if there is none.
-    pub(super) token: Option<Token>,
+    pub(super) token: Secret<'s>,
     pub(super) metrics: Option<SocketAddr>,
     pub(super) device: &'s DeviceArgs,
     pub(super) guests: GuestArgs,
     pub(super) options: Options,
     /// A camera path that a page is to repeat, as JSON. Its report ends the service.
     pub(super) drive: Option<Vec<u8>>,
+}
+
+/// The token of a page.
+pub(super) enum Secret<'s> {
+    Given(Token),
+    /// A new one each time.
+    New,
+    /// The same each time that one looks at a model.
+    KeptFor(&'s Address),
 }
 
 /// How the service ended, where a page has repeated a walk: what it says of it.
@@ -73,13 +78,15 @@ impl Service<'_> {
         let described = SceneDescription::new(self.scene, &file.scene).map_err(Failure::broken)?;
         let description = SceneDescription { max_picture, ..described };
         let token = match self.token {
-            Some(token) => token,
-            None => Token::random(&*net).map_err(Failure::broken)?,
+            Secret::Given(token) => Ok(token),
+            Secret::New => Token::random(&*net),
+            Secret::KeptFor(address) => address.token(&*net),
         };
+        let token = token.map_err(Failure::broken)?;
         let (ws, tcp) = (self.options.ws.clone(), self.options.tcp);
         let pages =
             Pages::new(&file.scene, &description, token, ws, tcp, drive).map_err(Failure::bad_input)?;
-        let metrics = Metrics::show(self.metrics, &runtime)?;
+        let metrics = Metrics::show(self.metrics, &self.options.ws, &runtime)?;
         let mut options = Options { transports: vec![Arc::new(pages.clone())], ..self.options };
         options.limits.peers = people.unwrap_or(options.limits.peers);
         options.link.max_frame = max_frame(&file.scene);

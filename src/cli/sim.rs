@@ -66,7 +66,7 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     if args.json {
         return print_json(&runs);
     }
-    printed(write!(io::stdout(), "{}", simulation::tables(&pooled)))
+    printed(write!(super::terminal::stdout(), "{}", simulation::tables(&pooled)))
 }
 
 fn unwritten(place: &Path, cause: &io::Error) -> Failure {

@@ -1,15 +1,20 @@
 //! `trimaran stat`: what the links of a running role carry, second by second.
 
-use std::{fmt::Write as _, io::IsTerminal, sync::Arc, time::Duration};
+use std::{
+    fmt::Write as _,
+    io::{self, IsTerminal, Write as _},
+    sync::Arc,
+    time::Duration,
+};
 
 use serde::de::DeserializeOwned;
 use trimaran::{
-    http::get,
+    http::get_by_address,
     metrics::{Carried, LinkReading, PathReading, TurnedAwayReading},
 };
 use trimaran_transport::{Net, TokioNet, causes, sleep_until};
 
-use super::{Failure, args::StatArgs, number, walking};
+use super::{Failure, args::StatArgs, number, printed, terminal::word, walking};
 
 pub(super) fn run(args: &StatArgs) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
@@ -23,16 +28,23 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
     let mut before: Option<(Vec<LinkReading>, trimaran_transport::Instant)> = None;
     for taken in 0.. {
         let at = net.now();
-        let readings: Vec<LinkReading> = match (read(&args.at, "/links").await, &before) {
+        let mut readings: Vec<LinkReading> = match (read(&args.at, "/links").await, &before) {
             (Ok(readings), _) => readings,
             // It was there before: the session is over.
             (Err(_), Some(_)) => break,
             (Err(failure), None) => return Err(failure),
         };
+        for reading in &mut readings {
+            reading.peer = word(&reading.peer).into_owned();
+        }
         if args.json {
             println!("{}", serde_json::to_string(&readings).map_err(Failure::broken)?);
         } else if let Some((before, then)) = &before {
             let turned_away = read(&args.at, "/listener").await?;
+            if io::stdout().is_terminal() {
+                // From the top of an empty screen: the only command that a terminal is sent.
+                printed(io::stdout().write_all(b"\x1b[H\x1b[2J"))?;
+            }
             print!("{}{}", table(before, &readings, at.since(*then)), warnings(&readings, &turned_away));
         }
         before = Some((readings, at));
@@ -53,17 +65,13 @@ async fn read<T: DeserializeOwned>(at: &str, page: &str) -> Result<T, Failure> {
             "cannot read the metrics at {at}: {cause}: was the role started with --metrics {at}?"
         ))
     };
-    let body = get(at, page).await.map_err(|e| unreachable(&causes(&e)))?;
+    let body = get_by_address(at, page).await.map_err(|e| unreachable(&causes(&e)))?;
     serde_json::from_slice(&body).map_err(|e| unreachable(&e))
 }
 
 /// What was carried between two readings, a line a link and direction.
 fn table(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> String {
     let mut text = String::new();
-    if std::io::stdout().is_terminal() {
-        // From the top of an empty screen.
-        text.push_str("\x1b[H\x1b[2J");
-    }
     let _infallible = writeln!(
         text,
         "{:<10} {:<9} {:>10} {:>12} {:>12} {:>14} {:>14}",

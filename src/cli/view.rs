@@ -3,8 +3,7 @@
 use std::{
     fmt::Display,
     fs,
-    io::{self, Write},
-    net::{Ipv4Addr, SocketAddr},
+    io::Write as _,
     path::{Path, PathBuf},
 };
 
@@ -18,11 +17,13 @@ use trimaran_scene::path::PosePath;
 
 use super::{
     Failure,
+    address::Address,
     args::ViewArgs,
-    cooking,
+    browser, cooking,
     import::{print_report, read},
     print_json, printed,
-    serve::Service,
+    serve::{Secret, Service},
+    terminal::stdout,
 };
 
 pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
@@ -46,18 +47,18 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
     }
     let drive = drive.map(|path| path.to_json().into_bytes());
     let scene = scene(args)?;
+    let address = Address::of(&args.files);
     let service = Service {
         scene: &scene,
-        // A port of the system's choice, for programs of this machine.
-        listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
-        token: None,
+        listen: address.listen(),
+        token: Secret::KeptFor(&address),
         metrics: None,
         device: &args.device,
         guests: args.guests,
         options: options(&[], toml::Table::new()).map_err(Failure::bad_input)?,
         drive,
     };
-    let is_driven = args.drive.is_some();
+    let (is_driven, mut opened) = (args.drive.is_some(), None);
     let report = service.run(|url| {
         let url = match (is_driven, &args.network) {
             (false, _) => url.to_owned(),
@@ -68,13 +69,18 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         if args.json {
             eprintln!("{url}");
         } else {
-            printed(writeln!(io::stdout(), "{url}"))?;
+            printed(writeln!(stdout(), "{url}"))?;
         }
-        if !args.no_browser && webbrowser::open(&url).is_err() {
-            eprintln!("trimaran: found no browser to open: open the address above in one");
+        if !args.no_browser {
+            match browser::open(&url) {
+                // A browser may take its time to read it.
+                Ok(file) => opened = Some(file),
+                Err(_) => eprintln!("trimaran: found no browser to open: open the address above in one"),
+            }
         }
         Ok(())
     })?;
+    drop(opened);
     match report {
         Some(report) if args.json => print_json(&report),
         Some(report) => print_report_of(&report),
@@ -134,7 +140,7 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
         )
     });
     let lines: Vec<String> = lines.into_iter().chain(moments).collect();
-    printed(writeln!(io::stdout(), "{}", lines.join("\n")))
+    printed(writeln!(stdout(), "{}", lines.join("\n")))
 }
 
 /// How many pixels were wrong on a walk.

@@ -23,7 +23,7 @@ use trimaran_actors::{Stop, Stopper, again};
 use trimaran_gpu::{DeviceChoice, Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, LodRule, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
-use trimaran_transport::{Net, TokioNet};
+use trimaran_transport::{Net, TokioNet, ws::WsOptions};
 
 use super::{
     Failure,
@@ -234,10 +234,15 @@ pub(super) struct Metrics {
 }
 
 impl Metrics {
-    /// Shows them at this address, if there is one, for as long as this lives.
-    pub(super) fn show(at: Option<SocketAddr>, runtime: &Runtime) -> Result<Self, Failure> {
+    /// Shows them at this address, if there is one, for as long as this lives, to whoever asks by a name that
+    /// is allowed.
+    pub(super) fn show(
+        at: Option<SocketAddr>,
+        names: &WsOptions,
+        runtime: &Runtime,
+    ) -> Result<Self, Failure> {
         let links = LinkMetrics::default();
-        let shown = at.map(|at| links.clone().serve(at, runtime.handle())).transpose();
+        let shown = at.map(|at| links.clone().serve(at, names, runtime.handle())).transpose();
         let shown = shown.map_err(Failure::broken)?;
         if let Some(serving) = &shown {
             eprintln!("trimaran: metrics on http://{}/metrics", serving.address());

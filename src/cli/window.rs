@@ -1,9 +1,6 @@
 //! `trimaran view --window`: the same in a window of the system.
 
-use std::{
-    io::{self, Write},
-    path::Path,
-};
+use std::{io::Write as _, path::Path};
 
 use tokio::runtime::Handle;
 use trimaran::{
@@ -96,5 +93,5 @@ fn print_report(report: &WindowReport) -> Result<(), Failure> {
         right(wrong),
         lasting(wrong),
     ];
-    printed(writeln!(io::stdout(), "{}", lines.join("\n")))
+    printed(writeln!(super::terminal::stdout(), "{}", lines.join("\n")))
 }

@@ -96,20 +96,28 @@ impl LinkMetrics {
     /// Watches a link to `peer` from now on, in place of an earlier one. What it carries counts from zero, as
     /// a scraper expects of a program that was started again.
     pub fn add(&self, peer: String, link: &Link) {
-        let stats = link.stats.clone();
-        let mut watched = self.watched.write();
-        watched.links.retain(|link| link.peer != peer);
-        if let Some(listener) = stats.listener().filter(|listener| !watched.listeners.contains(listener)) {
-            watched.listeners.push(listener);
-        }
-        // By name, whoever comes first.
-        let place = watched.links.partition_point(|link| link.peer < peer);
-        watched.links.insert(place, WatchedLink { peer, stats });
+        self.watched.write().insert(peer, link.stats.clone());
     }
 
     /// Watches the link to `peer` no longer.
     pub fn remove(&self, peer: &str) {
         self.watched.write().links.retain(|link| link.peer != peer);
+    }
+
+    /// Watches a link to one of many peers of a kind until what is returned is dropped: as `display 2` where
+    /// that is the lowest number that is free. So there are no more labels than links, and none says a secret.
+    #[must_use]
+    pub fn watch(&self, kind: &str, link: &Link) -> Watching {
+        Watching { peer: self.insert_numbered(kind, link.stats.clone()), metrics: self.clone() }
+    }
+
+    fn insert_numbered(&self, kind: &str, stats: StatsHandle) -> String {
+        let mut watched = self.watched.write();
+        let is_free = |peer: &String| watched.links.iter().all(|link| link.peer != *peer);
+        let peer = (1..=u32::MAX).map(|number| format!("{kind} {number}")).find(is_free);
+        let peer = peer.unwrap_or_else(|| kind.to_owned());
+        watched.insert(peer.clone(), stats);
+        peer
     }
 
     /// What each link has carried until now.
@@ -143,6 +151,40 @@ impl LinkMetrics {
         let mut text = String::new();
         text::encode(&mut text, &registry)?;
         Ok(text)
+    }
+}
+
+impl Watched {
+    /// In place of an earlier link to the same peer.
+    fn insert(&mut self, peer: String, stats: StatsHandle) {
+        self.links.retain(|link| link.peer != peer);
+        if let Some(listener) = stats.listener().filter(|listener| !self.listeners.contains(listener)) {
+            self.listeners.push(listener);
+        }
+        // By name, whoever comes first.
+        let place = self.links.partition_point(|link| link.peer < peer);
+        self.links.insert(place, WatchedLink { peer, stats });
+    }
+}
+
+/// A link that is watched until this is dropped.
+#[derive(Debug)]
+pub struct Watching {
+    metrics: LinkMetrics,
+    peer: String,
+}
+
+impl Watching {
+    /// What the peer is called meanwhile.
+    #[must_use]
+    pub fn peer(&self) -> &str {
+        &self.peer
+    }
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        self.metrics.remove(&self.peer);
     }
 }
 
@@ -247,5 +289,45 @@ impl Collector for LinkMetrics {
         }
         self.turned_away().encode(&mut encoder)?;
         path::encode(&readings, &mut encoder)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{Identity, LodRule, Role, SceneHash, SessionKey, Settings, Viewport, Walkthrough};
+    use trimaran_transport::{LinkConfig, Net, TokioNet, inproc};
+
+    use super::*;
+
+    /// However many displays come, one after the other.
+    #[tokio::test]
+    async fn labels_are_small_numbers_that_are_used_again_and_say_no_key() {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+        let metrics = LinkMetrics::default();
+        let mut kept = Vec::new();
+        for key in 0x1234_5678_9abc_def0..0x1234_5678_9abc_def0 + 40_u64 {
+            let settings = Settings::new(Viewport::new(8, 8).unwrap(), LodRule::new(1.0).unwrap());
+            let identity = |role| Identity {
+                role,
+                scene: Some(SceneHash(1).into()),
+                session: (role == Role::Display).then_some((SessionKey(key), settings)),
+            };
+            let config = LinkConfig::default();
+            let (culler, _display) =
+                inproc::pair::<Walkthrough>(&net, identity(Role::Culler), identity(Role::Display), &config)
+                    .unwrap();
+            let watching = metrics.watch("display", &culler);
+            assert!(["display 1", "display 2", "display 3"].contains(&watching.peer()), "{watching:?}");
+            let text = metrics.text().unwrap();
+            assert!(text.contains("peer=\"display 1\"") && !text.contains("9abcdef"), "{text}");
+            kept.push(watching);
+            // The oldest of three leaves.
+            if kept.len() > 2 {
+                kept.remove(0);
+            }
+            assert!(metrics.read().len() <= 2);
+        }
+        drop(kept);
+        assert!(metrics.read().is_empty());
     }
 }

@@ -14,7 +14,10 @@ use hyper_util::rt::TokioIo;
 use thiserror::Error;
 use tokio::{io::join, runtime::Handle, task::JoinHandle};
 use trimaran_net::{BoxFuture, Stream};
-use trimaran_transport::{Net, TcpOptions, TokioNet, until};
+use trimaran_transport::{
+    Net, TcpOptions, TokioNet, until,
+    ws::{ForeignOrigin, WsOptions},
+};
 
 use super::LinkMetrics;
 use crate::http;
@@ -61,27 +64,46 @@ impl Drop for Serving {
 }
 
 impl LinkMetrics {
-    /// Shows them on `address`, on the threads of `runtime`.
+    /// Shows them on `address`, on the threads of `runtime`, to whoever asks by its IP address, as `localhost`
+    /// or by a name that `names` allows. Another name could be one that a page in somebody's browser has given
+    /// this machine.
     ///
     /// # Errors
     /// When nobody can listen there.
-    pub fn serve(self, address: SocketAddr, runtime: &Handle) -> Result<Serving, MetricsError> {
+    pub fn serve(
+        self,
+        address: SocketAddr,
+        names: &WsOptions,
+        runtime: &Handle,
+    ) -> Result<Serving, MetricsError> {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
         let (listener, address) = (net.listen_tcp(address, TcpOptions::default()))
             .map_err(|cause| MetricsError { address, cause })?;
+        let page = Arc::new(Page { metrics: self, names: names.clone() });
         let clock = Arc::clone(&net);
-        let each = move |stream| answer(self.clone(), Arc::clone(&clock), stream);
+        let each = move |stream| answer(Arc::clone(&page), Arc::clone(&clock), stream);
         Ok(Serving { address, task: runtime.spawn(http::serve(net, listener, READERS, each)) })
     }
+}
 
+/// The metrics, and who may ask for them.
+struct Page {
+    metrics: LinkMetrics,
+    names: WsOptions,
+}
+
+impl Page {
     fn answer(&self, request: &Request<Incoming>) -> Response<Full<Bytes>> {
+        if let Err(ForeignOrigin { origin }) = self.names.check_host(request.headers()) {
+            return unknown_name(&origin);
+        }
         let page = match (request.method(), request.uri().path()) {
-            (&Method::GET, "/metrics") => self.text().map(|text| (OPEN_METRICS, text)).ok(),
+            (&Method::GET, "/metrics") => self.metrics.text().map(|text| (OPEN_METRICS, text)).ok(),
             (&Method::GET, "/links") => {
-                serde_json::to_string(&self.read()).map(|text| ("application/json", text)).ok()
+                serde_json::to_string(&self.metrics.read()).map(|text| ("application/json", text)).ok()
             }
             (&Method::GET, "/listener") => {
-                serde_json::to_string(&self.turned_away()).map(|text| ("application/json", text)).ok()
+                serde_json::to_string(&self.metrics.turned_away()).map(|text| ("application/json", text)).ok()
             }
             (&Method::GET, _) => {
                 return plain(StatusCode::NOT_FOUND, "there is /metrics, /links and /listener\n");
@@ -98,10 +120,10 @@ impl LinkMetrics {
 }
 
 /// Answers one question, if it comes in time.
-fn answer(metrics: LinkMetrics, net: Arc<dyn Net>, stream: Stream) -> BoxFuture<'static, ()> {
+fn answer(page: Arc<Page>, net: Arc<dyn Net>, stream: Stream) -> BoxFuture<'static, ()> {
     Box::pin(async move {
         let answer = service_fn(|request| {
-            let response = metrics.answer(&request);
+            let response = page.answer(&request);
             async move { Ok::<_, Infallible>(response) }
         });
         let stream = TokioIo::new(join(stream.reader, stream.writer));
@@ -109,6 +131,16 @@ fn answer(metrics: LinkMetrics, net: Arc<dyn Net>, stream: Stream) -> BoxFuture<
         // A reader that goes away, or that takes too long, is not worth a word.
         let _read = until(&*net, net.now().after(READING), reading).await;
     })
+}
+
+fn unknown_name(origin: &str) -> Response<Full<Bytes>> {
+    let text = format!(
+        "These metrics are not known by that name. Ask by the IP address, or allow the name: \
+         -o ws.allow_origins={origin}\n"
+    );
+    let mut response = Response::new(Full::from(text));
+    *response.status_mut() = StatusCode::FORBIDDEN;
+    response
 }
 
 fn plain(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {
@@ -128,21 +160,27 @@ mod tests {
     use super::*;
     use crate::http::tests::{Guests, guest};
 
-    const QUESTION: &[u8] = b"GET /metrics HTTP/1.1\r\nhost: here\r\n\r\n";
+    const QUESTION: &[u8] = b"GET /metrics HTTP/1.1\r\nhost: 127.0.0.1:9\r\n\r\n";
 
     /// Guests that come one after the other, and the server that takes them.
     fn serving() -> (mpsc::UnboundedSender<DuplexStream>, JoinSet<()>) {
         let (come, guests) = mpsc::unbounded_channel();
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let clock = Arc::clone(&net);
-        let each = move |stream| answer(LinkMetrics::default(), Arc::clone(&clock), stream);
+        let names = WsOptions { allow_origins: vec!["http://pages:9".parse().unwrap()] };
+        let page = Arc::new(Page { metrics: LinkMetrics::default(), names });
+        let each = move |stream| answer(Arc::clone(&page), Arc::clone(&clock), stream);
         let mut server = JoinSet::new();
         server.spawn(http::serve(net, Box::new(Guests(guests)), READERS, each));
         (come, server)
     }
 
-    async fn answered(mut guest: DuplexStream) -> String {
-        guest.write_all(QUESTION).await.unwrap();
+    async fn answered(guest: DuplexStream) -> String {
+        answer_to(QUESTION, guest).await
+    }
+
+    async fn answer_to(question: &[u8], mut guest: DuplexStream) -> String {
+        guest.write_all(question).await.unwrap();
         let mut answer = String::new();
         guest.read_to_string(&mut answer).await.unwrap();
         answer
@@ -170,5 +208,24 @@ mod tests {
         assert!(answer.starts_with("HTTP/1.1 200 OK") && answer.contains("# EOF"), "{answer}");
         assert!(answer.contains("connection: close"), "{answer}");
         assert_eq!(net.now(), began, "the reader waited for the end of it");
+    }
+
+    /// A page of somebody's browser gives this machine a name of its own, and asks by that.
+    #[tokio::test(start_paused = true)]
+    async fn whoever_asks_by_a_foreign_name_is_told_nothing() {
+        let (come, _server) = serving();
+        for page in ["/metrics", "/links", "/listener"] {
+            for (name, answer) in [
+                ("evil.example", "HTTP/1.1 403"),
+                ("127.0.0.1.evil.example:9", "HTTP/1.1 403"),
+                ("localhost:9", "HTTP/1.1 200"),
+                ("[::1]:9", "HTTP/1.1 200"),
+                ("pages:9", "HTTP/1.1 200"),
+            ] {
+                let question = format!("GET {page} HTTP/1.1\r\nhost: {name}\r\n\r\n");
+                let told = answer_to(question.as_bytes(), guest(&come)).await;
+                assert!(told.starts_with(answer), "{page} by {name}: {told}");
+            }
+        }
     }
 }

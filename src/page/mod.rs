@@ -1,6 +1,7 @@
 //! The page: a display in a browser, and the server from which it comes. Its links are WebSockets at the same
 //! port, so that one address is enough.
 
+mod answering;
 mod assets;
 mod description;
 mod drive;
@@ -9,7 +10,9 @@ mod parts;
 mod people;
 mod questions;
 mod server;
+mod tiles;
 mod token;
+mod warnings;
 
 pub use description::SceneDescription;
 pub use drive::{Drive, DriveReport, Moment, WrongPixels};

@@ -9,6 +9,15 @@ use trimaran_scene::{Attribute, Extent, Hierarchy, Node, ReadError, Scene};
 const CHILDREN: usize = 500;
 /// The most parts in an answer to a search.
 const FOUND: usize = 100;
+/// The most bytes of a list in an answer. No answer has more than two of them.
+const LIST: usize = 256 << 10;
+/// The most bytes of a part's name, of an attribute's and of its value. Longer ones are cut.
+const NAME: usize = 256;
+const VALUE: usize = 4096;
+/// Ends what is cut.
+const CUT: char = '…';
+/// Parts between two looks whether somebody still waits for the answer.
+const BETWEEN_LOOKS: u32 = 64;
 
 /// The objects of a scene, and their groups.
 #[derive(Debug)]
@@ -51,12 +60,15 @@ pub(super) struct PartList {
 pub(super) struct Details {
     #[serde(flatten)]
     part: Part,
-    /// The groups that it is in, the outermost first.
+    /// The groups that it is in, the outermost first. Where there are too many, some after it are left out.
     path: Vec<Part>,
     #[serde(flatten)]
     extent: Extent,
-    /// Names and values.
+    /// Names and values, as many as fit in an answer.
     attributes: Vec<(String, String)>,
+    /// How many attributes it has.
+    #[serde(rename = "attributeCount")]
+    attribute_count: usize,
 }
 
 impl Parts {
@@ -83,9 +95,10 @@ impl Parts {
             }
             PartId::Object(id) => (self.extent(id), self.hierarchy.attributes_of(id)),
         };
-        let pair = |Attribute { name, value }: &Attribute| (name.clone(), value.clone());
-        let attributes = attributes.iter().map(pair).collect();
-        Some(Details { part, path: self.path(id), extent, attributes })
+        let pair = |Attribute { name, value }: &Attribute| (cut(name, NAME), cut(value, VALUE));
+        let attribute_count = attributes.len();
+        let attributes = that_fit(attributes.iter().map(pair));
+        Some(Details { part, path: self.path(id), extent, attributes, attribute_count })
     }
 
     /// The parts of a group, or the outermost ones, in their order: from the one of number `from` on, as many
@@ -106,37 +119,53 @@ impl Parts {
             runs.push((objects, Some(id)));
         }
         runs.push((next..all.end, None));
-        let total = runs.iter().map(|(run, group)| if group.is_some() { 1 } else { run.len() }).sum();
-        let ids = runs.into_iter().flat_map(|(run, group)| {
-            let objects = if group.is_some() { 0..0 } else { run };
-            group.map(PartId::Group).into_iter().chain(objects.map(PartId::Object))
+        let count = |(run, group): &(Range<u32>, Option<u32>)| if group.is_some() { 1 } else { run.len() };
+        let total = runs.iter().map(count).sum();
+        let mut before = from;
+        let ids = runs.into_iter().flat_map(|run| {
+            let skipped = before.min(count(&run));
+            before -= skipped;
+            let (Range { start, end }, group) = run;
+            let objects = if group.is_some() { 0..0 } else { start + skipped as u32..end };
+            group.filter(|_| skipped == 0).map(PartId::Group).into_iter().chain(objects.map(PartId::Object))
         });
-        let parts = ids.skip(from).take(CHILDREN).filter_map(|id| self.part(id)).collect();
-        Some(PartList { parts, total })
+        Some(PartList { parts: that_fit(ids.take(CHILDREN).filter_map(|id| self.part(id))), total })
     }
 
     /// The parts with `text` in their name or in an attribute, whatever its case: groups first, as many as
-    /// fit in an answer. Nothing has no text in it.
-    pub(super) fn search(&self, text: &str) -> PartList {
+    /// fit in an answer. Nothing has no text in it. `None` soon after `is_given_up` says that nobody waits.
+    pub(super) fn search(&self, text: &str, is_given_up: &dyn Fn() -> bool) -> Option<PartList> {
         let text = text.trim().to_lowercase();
         if text.is_empty() {
-            return PartList { parts: Vec::new(), total: 0 };
+            return Some(PartList { parts: Vec::new(), total: 0 });
         }
-        let has = |word: &str| word.to_lowercase().contains(&text);
+        // Of a text as much as is shown.
+        let has = |word: &str| start(word, VALUE).to_lowercase().contains(&text);
         let says = |of: &[Attribute]| of.iter().any(|attribute| has(&attribute.value));
-        let groups = (0..).zip(&self.hierarchy.groups);
-        let groups = groups.filter(|(_, group)| has(&group.name) || says(&group.attributes));
-        let objects = (0..self.scene.objects().len() as u32).filter(|&id| {
-            self.scene.object_name(id).is_some_and(has) || says(self.hierarchy.attributes_of(id))
-        });
-        let (mut parts, mut total) = (Vec::new(), 0);
-        for id in groups.map(|(id, _)| PartId::Group(id)).chain(objects.map(PartId::Object)) {
-            total += 1;
-            if parts.len() < FOUND {
-                parts.extend(self.part(id));
+        let is_found = |id: &PartId| match *id {
+            PartId::Group(id) => {
+                let group = self.hierarchy.groups.get(id as usize);
+                group.is_some_and(|group| has(&group.name) || says(&group.attributes))
+            }
+            PartId::Object(id) => {
+                self.scene.object_name(id).is_some_and(has) || says(self.hierarchy.attributes_of(id))
+            }
+        };
+        let groups = (0..self.hierarchy.groups.len() as u32).map(PartId::Group);
+        let objects = (0..self.scene.objects().len() as u32).map(PartId::Object);
+        let (mut found, mut total) = (Vec::new(), 0);
+        for (id, number) in groups.chain(objects).zip((0..BETWEEN_LOOKS).cycle()) {
+            if number == 0 && is_given_up() {
+                return None;
+            }
+            if is_found(&id) {
+                total += 1;
+                if found.len() < FOUND {
+                    found.push(id);
+                }
             }
         }
-        PartList { parts, total }
+        Some(PartList { parts: that_fit(found.into_iter().filter_map(|id| self.part(id))), total })
     }
 
     fn part(&self, id: PartId) -> Option<Part> {
@@ -144,10 +173,10 @@ impl Parts {
             PartId::Group(id) => {
                 let group = self.hierarchy.groups.get(id as usize)?;
                 let Range { start, end } = group.objects;
-                Part { kind: "group", id, name: group.name.clone(), first: start, end }
+                Part { kind: "group", id, name: cut(&group.name, NAME), first: start, end }
             }
             PartId::Object(id) => {
-                let name = self.scene.object_name(id)?.to_owned();
+                let name = cut(self.scene.object_name(id)?, NAME);
                 Part { kind: "object", id, name, first: id, end: id + 1 }
             }
         })
@@ -164,7 +193,12 @@ impl Parts {
             }
         };
         let above = std::iter::successors(innermost, |id| parent(*id));
-        let mut path: Vec<Part> = above.filter_map(|id| self.part(PartId::Group(id))).collect();
+        let mut path = that_fit(above.clone().filter_map(|id| self.part(PartId::Group(id))));
+        // The outermost is the file, and always told.
+        let file = above.last().and_then(|id| self.part(PartId::Group(id)));
+        if let Some(file) = file.filter(|file| path.last() != Some(file)) {
+            path.push(file);
+        }
         path.reverse();
         path
     }
@@ -186,6 +220,31 @@ impl Parts {
     }
 }
 
+/// A text that is cut, with a mark, where it has more than so many bytes.
+fn cut(text: &str, most: usize) -> String {
+    match start(text, most) {
+        start if start.len() < text.len() => format!("{start}{CUT}"),
+        whole => whole.to_owned(),
+    }
+}
+
+/// So many bytes of a text at most.
+fn start(text: &str, most: usize) -> &str {
+    text.get(..text.floor_char_boundary(most)).unwrap_or(text)
+}
+
+/// As many as fit in a list of an answer.
+fn that_fit<T: Serialize>(all: impl Iterator<Item = T>) -> Vec<T> {
+    let mut left = LIST;
+    let fits = |one: &T| {
+        let bytes = serde_json::to_vec(one).map_or(usize::MAX, |json| json.len() + 1);
+        let rest = left.checked_sub(bytes);
+        left = rest.unwrap_or(0);
+        rest.is_some()
+    };
+    all.take_while(fits).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use trimaran_cook::{
@@ -201,7 +260,7 @@ mod tests {
         let mut model: Model = plant(&PlantOptions::small(7));
         let count = model.objects.len() as u32;
         let group = |name: &str, parent, objects: Range<u32>| Group {
-            name: name.to_owned(),
+            name: name.into(),
             parent,
             objects,
             attributes: Vec::new(),
@@ -213,9 +272,13 @@ mod tests {
             group("/PIPE-7", Some(1), 2..4),
             group("/ZONE-2", Some(0), 6..7),
         ];
-        let tag = Attribute { name: "TAG".to_owned(), value: "P-101A".to_owned() };
+        let tag = Attribute { name: "TAG".into(), value: "P-101A".into() };
         model.hierarchy.attributes = vec![ObjectAttributes { object: 3, attributes: vec![tag] }];
         Parts::new(Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())).unwrap()
+    }
+
+    fn length(json: serde_json::Result<Vec<u8>>) -> usize {
+        json.unwrap().len()
     }
 
     fn ids(list: &PartList) -> Vec<(&str, u32)> {
@@ -256,10 +319,72 @@ mod tests {
     #[test]
     fn a_search_finds_names_and_attributes_whatever_their_case() {
         let parts = parts();
-        assert_eq!(ids(&parts.search(" zone ")), [("group", 1), ("group", 3)]);
-        assert_eq!(ids(&parts.search("p-101")), [("object", 3)]);
-        assert_eq!(parts.search("").total, 0);
-        let all = parts.search("a");
+        assert_eq!(ids(&parts.search(" zone ", &|| false).unwrap()), [("group", 1), ("group", 3)]);
+        assert_eq!(ids(&parts.search("p-101", &|| false).unwrap()), [("object", 3)]);
+        assert_eq!(parts.search("", &|| false).unwrap().total, 0);
+        let all = parts.search("a", &|| false).unwrap();
         assert!(all.parts.len() <= FOUND && all.total >= all.parts.len());
+    }
+
+    /// Pages of a list go through all of it, whatever is between the groups.
+    #[test]
+    fn the_pages_of_a_list_have_each_part_once() {
+        let parts = parts();
+        let whole = parts.children(Some(0), 0).unwrap();
+        for from in 0..=whole.total + 1 {
+            let rest = parts.children(Some(0), from).unwrap();
+            assert_eq!(ids(&rest), ids(&whole).get(from..).unwrap_or_default(), "from {from}");
+            assert_eq!(rest.total, whole.total);
+        }
+        assert_eq!(parts.children(Some(0), usize::MAX).unwrap().parts, []);
+    }
+
+    /// Long names, in deep groups, with long attributes: no answer has more than fits, and it says how much
+    /// there is.
+    #[test]
+    fn answers_are_short_however_long_names_are() {
+        let mut model: Model = plant(&PlantOptions::small(7));
+        let count = model.objects.len() as u32;
+        let long = "\u{1}".repeat(1 << 16);
+        for object in &mut model.objects {
+            object.name.clone_from(&long);
+        }
+        let tag = Attribute { name: "TAG".into(), value: long.as_str().into() };
+        let group = |parent| Group {
+            name: "é".repeat(1 << 10).into(),
+            parent,
+            objects: 0..count,
+            attributes: Vec::new(),
+            extent: Extent::default(),
+        };
+        model.hierarchy.groups = (0..4000).map(|depth: u32| group(depth.checked_sub(1))).collect();
+        model.hierarchy.groups[0].name = "file".into();
+        model.hierarchy.groups[3999].attributes = vec![tag; 50];
+        let parts = Parts::new(Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())).unwrap();
+        let deepest = parts.details(PartId::Group(3999)).unwrap();
+        assert_eq!((deepest.attribute_count, deepest.part.name.chars().last()), (50, Some(CUT)));
+        assert!(deepest.path.len() > 100 && deepest.attributes.len() > 5 && deepest.attributes.len() < 50);
+        assert_eq!((&*deepest.path[0].name, deepest.path.last().unwrap().id), ("file", 3998));
+        assert!(length(serde_json::to_vec(&deepest)) < 1 << 20, "{}", length(serde_json::to_vec(&deepest)));
+        let mut told = 0;
+        while told < count as usize {
+            let some = parts.children(Some(3999), told).unwrap();
+            assert!(
+                some.total == count as usize
+                    && !some.parts.is_empty()
+                    && length(serde_json::to_vec(&some)) < 1 << 20
+            );
+            told += some.parts.len();
+        }
+        let found = parts.search("\u{1}\u{1}", &|| false).unwrap();
+        assert!(found.total == count as usize + 1 && length(serde_json::to_vec(&found)) < 1 << 20);
+        assert_eq!(parts.search("a", &|| true), None);
+    }
+
+    #[test]
+    fn a_text_is_cut_between_letters() {
+        assert_eq!(cut("née", 3), "né…");
+        assert_eq!(cut("née", 2), "n…");
+        assert_eq!(cut("née", 4), "née");
     }
 }

@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use trimaran_net::Instant;
 
+use crate::http::Asker;
+
 /// The most bytes in which a page tells where it is.
 pub(super) const LONGEST_MEETING: usize = 4 << 10;
 /// The most people at a time.
@@ -30,6 +32,7 @@ struct Inner {
 #[derive(Debug)]
 struct Known {
     number: u32,
+    asker: Asker,
     pose: Pose,
     at: Instant,
 }
@@ -69,39 +72,54 @@ struct Person {
     pose: Pose,
 }
 
-/// Why nobody is met.
+/// The page's name for itself is too long.
 #[derive(Debug, Error)]
-pub(super) enum MeetError {
-    /// The page's name for itself is too long.
-    #[error("a page calls itself by at most {LONGEST_NAME} bytes")]
-    Name,
-    /// There are as many as there may be.
-    #[error("there are {MOST} people already")]
-    TooMany,
-}
+#[error("a page calls itself by at most {LONGEST_NAME} bytes")]
+pub(super) struct NameTooLong;
 
 impl People {
-    /// Somebody is here, and meets the others.
-    pub(super) fn meet(&self, Here { page, pose }: Here, now: Instant) -> Result<Company, MeetError> {
+    /// Somebody is here, and meets the others. Of too many, one of those leaves whose address has most: the
+    /// one who has been silent the longest. So invented names shut out nobody else.
+    pub(super) fn meet(
+        &self,
+        asker: Asker,
+        Here { page, pose }: Here,
+        now: Instant,
+    ) -> Result<Company, NameTooLong> {
         if page.len() > LONGEST_NAME {
-            return Err(MeetError::Name);
+            return Err(NameTooLong);
         }
         let Inner { people, last } = &mut *self.0.lock();
         people.retain(|_, known| now.since(known.at) < LEAVES);
         let you = match people.get(&page) {
             Some(known) => known.number,
-            None if people.len() >= MOST => return Err(MeetError::TooMany),
             None => {
-                *last += 1;
+                if people.len() >= MOST {
+                    make_room(people);
+                }
+                *last = last.wrapping_add(1);
                 *last
             }
         };
-        people.insert(page, Known { number: you, pose, at: now });
+        people.insert(page, Known { number: you, asker, pose, at: now });
         let others = people.values().filter(|known| known.number != you);
         let mut others: Vec<_> =
             others.map(|known| Person { number: known.number, pose: known.pose.clone() }).collect();
         others.sort_unstable_by_key(|person| person.number);
         Ok(Company { you, others })
+    }
+}
+
+fn make_room(people: &mut HashMap<String, Known>) {
+    let mut counts: HashMap<Asker, usize> = HashMap::new();
+    for known in people.values() {
+        *counts.entry(known.asker).or_default() += 1;
+    }
+    let most = counts.values().max().copied();
+    let of_most = people.iter().filter(|(_, known)| counts.get(&known.asker).copied() == most);
+    let silent = of_most.min_by_key(|(_, known)| (known.at, known.number));
+    if let Some(page) = silent.map(|(page, _)| page.clone()) {
+        people.remove(&page);
     }
 }
 
@@ -112,6 +130,10 @@ mod tests {
     fn here(page: &str, x: f64) -> Here {
         let pose = Pose { eye: [x, 0.0, 0.0], forward: [0.0, 0.0, -1.0], vfov_deg: 60.0 };
         Here { page: page.to_owned(), pose }
+    }
+
+    fn asker(number: u8) -> Asker {
+        Asker::of(trimaran_net::StreamPeer::Tcp(([10, 0, 0, number], 80).into()))
     }
 
     fn at(seconds: u64) -> Instant {
@@ -125,28 +147,40 @@ mod tests {
     #[test]
     fn each_is_told_where_the_others_are_until_they_leave() {
         let people = People::default();
-        let alone = people.meet(here("a", 1.0), at(0)).unwrap();
+        let alone = people.meet(asker(1), here("a", 1.0), at(0)).unwrap();
         assert_eq!((alone.you, places(&alone)), (1, vec![]));
-        let second = people.meet(here("b", 2.0), at(1)).unwrap();
+        let second = people.meet(asker(1), here("b", 2.0), at(1)).unwrap();
         assert_eq!((second.you, places(&second)), (2, vec![(1, 1.0)]));
-        people.meet(here("c", 3.0), at(2)).unwrap();
-        let moved = people.meet(here("a", 9.0), at(9)).unwrap();
+        people.meet(asker(1), here("c", 3.0), at(2)).unwrap();
+        let moved = people.meet(asker(1), here("a", 9.0), at(9)).unwrap();
         assert_eq!((moved.you, places(&moved)), (1, vec![(2, 2.0), (3, 3.0)]));
-        let later = people.meet(here("a", 9.0), at(11)).unwrap();
+        let later = people.meet(asker(1), here("a", 9.0), at(11)).unwrap();
         assert_eq!(places(&later), [(3, 3.0)], "the second has left");
-        assert_eq!(people.meet(here("b", 2.0), at(11)).unwrap().you, 4, "a number is given once");
+        assert_eq!(people.meet(asker(1), here("b", 2.0), at(11)).unwrap().you, 4, "a number is given once");
     }
 
     #[test]
-    fn there_is_room_for_some_people_with_short_names() {
+    fn invented_names_shut_out_nobody_else() {
         let people = People::default();
-        for page in 0..MOST {
-            people.meet(here(&page.to_string(), 0.0), at(0)).unwrap();
+        let you = people.meet(asker(2), here("honest", 7.0), at(0)).unwrap().you;
+        let meet =
+            |name: usize, seconds| people.meet(asker(1), here(&name.to_string(), 0.0), at(seconds)).unwrap();
+        for name in 0..3 * MOST {
+            let company = meet(name, 1);
+            assert!(company.others.len() < MOST && places(&company).contains(&(you, 7.0)), "{name}");
         }
-        assert!(matches!(people.meet(here("more", 0.0), at(1)), Err(MeetError::TooMany)));
-        assert_eq!(people.meet(here("7", 0.0), at(1)).unwrap().you, 8, "who is here stays");
-        people.meet(here("more", 0.0), at(20)).unwrap();
-        let long = people.meet(here(&"x".repeat(LONGEST_NAME + 1), 0.0), at(20));
-        assert!(matches!(long, Err(MeetError::Name)));
+        // Somebody else comes as well, and both stay.
+        people.meet(asker(3), here("other", 8.0), at(2)).unwrap();
+        let company = meet(4 * MOST, 3);
+        assert!([7.0, 8.0].iter().all(|x| company.others.iter().any(|person| person.pose.eye[0] == *x)));
+        assert_eq!(people.meet(asker(2), here("honest", 7.0), at(3)).unwrap().you, you);
+        // Of the same address, too: whoever comes is let in.
+        assert!(people.meet(asker(1), here("of the same address", 9.0), at(3)).is_ok());
+    }
+
+    #[test]
+    fn names_are_short() {
+        let long = People::default().meet(asker(1), here(&"x".repeat(LONGEST_NAME + 1), 0.0), at(20));
+        assert!(matches!(long, Err(NameTooLong)));
     }
 }

@@ -1,15 +1,23 @@
 //! What pages ask beside their links: a scene's parts, and what is solid in it.
 
-use std::{borrow::Cow, sync::Arc};
+use std::{
+    borrow::Cow,
+    sync::{Arc, Once},
+};
 
-use hyper::{Response, StatusCode};
+use hyper::{Response, StatusCode, body::Bytes};
+use parking_lot::Mutex;
 use serde::Serialize;
 use trimaran_scene::{ReadError, Scene, heightfield::Heightfield};
 
 use super::{
     parts::{PartId, Parts},
     server::{Body, file, plain},
+    tiles::Tiles,
 };
+
+/// The most bytes of an answer. What cannot be so short is cut: see [`Parts`] and [`Heightfield::SPANS`].
+const LONGEST: usize = 1 << 20;
 
 /// A question about a scene that takes a moment to answer.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,6 +34,9 @@ pub(super) struct Answers {
     scene: Arc<Scene>,
     parts: Parts,
     heightfield: Heightfield,
+    tiles: Mutex<Tiles>,
+    /// A fault of the scene stays, and is told once.
+    is_told: Once,
 }
 
 impl Question {
@@ -59,23 +70,59 @@ impl Answers {
     /// If its hierarchy cannot be read.
     pub(super) fn new(scene: &Arc<Scene>, eye_height: f64) -> Result<Self, ReadError> {
         let heightfield = Heightfield::new(scene, eye_height);
-        Ok(Self { scene: Arc::clone(scene), parts: Parts::new(Arc::clone(scene))?, heightfield })
+        let parts = Parts::new(Arc::clone(scene))?;
+        Ok(Self {
+            scene: Arc::clone(scene),
+            parts,
+            heightfield,
+            tiles: Mutex::default(),
+            is_told: Once::new(),
+        })
     }
 
-    pub(super) fn answer(&self, question: &Question) -> Response<Body> {
+    /// What is known already.
+    pub(super) fn known(&self, question: &Question) -> Option<Response<Body>> {
         match question {
+            Question::Tile { x, z } => self.tiles.lock().get([*x, *z]).map(tile),
+            _ => None,
+        }
+    }
+
+    /// The answer, or none soon after `is_given_up` says that nobody waits for it.
+    pub(super) fn answer(
+        &self,
+        question: &Question,
+        is_given_up: &dyn Fn() -> bool,
+    ) -> Option<Response<Body>> {
+        // Somebody else may have asked the same.
+        if let Some(known) = self.known(question) {
+            return Some(known);
+        }
+        Some(match question {
             Question::Part(id) => json(self.parts.details(*id)),
             Question::Children { group, from } => json(self.parts.children(*group, *from)),
-            Question::Search(text) => json(Some(self.parts.search(text))),
-            Question::Tile { x, z } => match self.heightfield.tile(&self.scene, *x, *z) {
-                Ok(tile) => file("application/octet-stream", tile.to_bytes().into()),
+            Question::Search(text) => json(Some(self.parts.search(text, is_given_up)?)),
+            Question::Tile { x, z } => match self.heightfield.tile_unless(&self.scene, *x, *z, is_given_up) {
+                Ok(made) => {
+                    let made = made?;
+                    let bytes = Bytes::from(made.to_bytes());
+                    // What is beside the scene takes no time to make, and there is no end of it.
+                    if !made.is_empty() {
+                        self.tiles.lock().keep([*x, *z], bytes.clone());
+                    }
+                    tile(bytes)
+                }
                 Err(fault) => {
-                    tracing::warn!("{fault}");
+                    self.is_told.call_once(|| tracing::warn!("{fault}"));
                     plain(StatusCode::INTERNAL_SERVER_ERROR, "the scene's file cannot be read\n")
                 }
             },
-        }
+        })
     }
+}
+
+fn tile(bytes: Bytes) -> Response<Body> {
+    file("application/octet-stream", bytes)
 }
 
 fn json(answer: Option<impl Serialize>) -> Response<Body> {
@@ -83,8 +130,8 @@ fn json(answer: Option<impl Serialize>) -> Response<Body> {
         return plain(StatusCode::NOT_FOUND, "the scene has no such part\n");
     };
     match serde_json::to_vec(&answer) {
-        Ok(bytes) => file("application/json", bytes.into()),
-        Err(_) => plain(StatusCode::INTERNAL_SERVER_ERROR, "the answer cannot be written\n"),
+        Ok(bytes) if bytes.len() <= LONGEST => file("application/json", bytes.into()),
+        _ => plain(StatusCode::INTERNAL_SERVER_ERROR, "the answer cannot be written\n"),
     }
 }
 

@@ -14,10 +14,7 @@ use hyper::{
 use hyper_util::rt::{TokioIo, TokioTimer};
 use serde::de::DeserializeOwned;
 use thiserror::Error;
-use tokio::{
-    io::join,
-    sync::{mpsc, oneshot},
-};
+use tokio::{io::join, sync::mpsc};
 use trimaran_net::{BoxFuture, Instant, Listen, Stream, StreamPeer};
 use trimaran_scene::{ReadError, Scene};
 use trimaran_transport::{
@@ -27,13 +24,15 @@ use trimaran_transport::{
 
 use super::{
     SceneDescription, Token,
+    answering::Answering,
     assets::ASSETS,
     drive::{Drive, LONGEST_REPORT},
     network::{Network, NetworkError, Networks, Wanted},
-    people::{LONGEST_MEETING, MeetError, People},
+    people::{LONGEST_MEETING, NameTooLong, People},
     questions::{Answers, Question},
+    warnings::Warnings,
 };
-use crate::http;
+use crate::http::{self, Asker};
 
 /// How many connections are served at once; those that have become links do not count.
 const CONNECTIONS: usize = 256;
@@ -61,6 +60,9 @@ pub enum PageError {
     /// The scene cannot be described.
     #[error("the scene cannot be described to a page")]
     Description(#[from] serde_json::Error),
+    /// Nobody would answer.
+    #[error("the system has no thread to answer pages with")]
+    Thread(#[source] io::Error),
 }
 
 /// The page of one scene, and the links of those who look at it: a transport of the scheme `http`.
@@ -70,9 +72,11 @@ pub struct Pages(Arc<Inner>);
 struct Inner {
     token: Token,
     scene: Bytes,
-    answers: Answers,
+    answers: Arc<Answers>,
+    answering: Answering,
     networks: Networks,
     people: People,
+    warnings: Warnings,
     drive: Option<Drive>,
     options: WsOptions,
     tcp: TcpOptions,
@@ -94,14 +98,17 @@ impl Pages {
         if ASSETS.is_empty() {
             return Err(PageError::NotBuilt);
         }
-        let answers = Answers::new(scene, description.eye_height)?;
+        let answers = Arc::new(Answers::new(scene, description.eye_height)?);
+        let answering = Answering::start(&answers).map_err(PageError::Thread)?;
         let scene = serde_json::to_vec(description)?.into();
         Ok(Self(Arc::new(Inner {
             token,
             scene,
             answers,
+            answering,
             networks: Networks::default(),
             people: People::default(),
+            warnings: Warnings::default(),
             drive,
             options,
             tcp,
@@ -219,9 +226,9 @@ impl Pages {
                         net.spawn(Box::pin(open(upgrade, network, peer, links)));
                         response
                     }
-                    Answer::Later(question) => pages.think(question).await,
+                    Answer::Later(question) => pages.think(Asker::of(peer), question).await,
                     Answer::Report(drive) => take_report(request, &drive).await,
-                    Answer::Meet => pages.meet(request, net.now()).await,
+                    Answer::Meet => pages.meet(Asker::of(peer), request, net.now()).await,
                 })
             }
         });
@@ -283,27 +290,23 @@ impl Pages {
     }
 
     /// A person meets the others.
-    async fn meet(&self, request: Request<Incoming>, now: Instant) -> Response<Body> {
+    async fn meet(&self, asker: Asker, request: Request<Incoming>, now: Instant) -> Response<Body> {
         let Some(here) = json(request, LONGEST_MEETING).await else {
             return plain(StatusCode::BAD_REQUEST, "that is no place of a person\n");
         };
-        match self.0.people.meet(here, now).map(|company| serde_json::to_vec(&company)) {
+        match self.0.people.meet(asker, here, now).map(|company| serde_json::to_vec(&company)) {
             Ok(Ok(company)) => file("application/json", company.into()),
-            Err(MeetError::TooMany) => plain(StatusCode::SERVICE_UNAVAILABLE, "there are too many people\n"),
-            Ok(Err(_)) | Err(MeetError::Name) => {
-                plain(StatusCode::BAD_REQUEST, "that is no place of a person\n")
-            }
+            Ok(Err(_)) | Err(NameTooLong) => plain(StatusCode::BAD_REQUEST, "that is no place of a person\n"),
         }
     }
 
-    /// Answers on a thread that may take its time: those of links may not.
-    async fn think(&self, question: Question) -> Response<Body> {
-        let (answered, answer) = oneshot::channel();
-        let pages = self.clone();
-        rayon::spawn(move || {
-            let _gone = answered.send(pages.0.answers.answer(&question));
-        });
-        answer.await.unwrap_or_else(|_| plain(StatusCode::INTERNAL_SERVER_ERROR, "there is no answer\n"))
+    /// Answers on a thread that may take its time: those of links may not. Hyper drops this when whoever asks
+    /// goes away.
+    async fn think(&self, asker: Asker, question: Question) -> Response<Body> {
+        match self.0.answers.known(&question) {
+            Some(known) => known,
+            None => self.0.answering.ask(asker, question).await,
+        }
     }
 
     /// Makes a WebSocket of the connection.
@@ -312,7 +315,7 @@ impl Pages {
             return wrong_token().into();
         }
         if let Err(foreign) = self.0.options.check(request.headers()) {
-            tracing::warn!("{foreign}");
+            self.0.warnings.warn(&foreign, net.now());
             return plain(StatusCode::FORBIDDEN, "pages from elsewhere may not connect here\n").into();
         }
         let Some(answer) = ws::answer(request) else {
@@ -326,7 +329,10 @@ impl Pages {
             Ok(network) => {
                 Answer::Link(answer.map(|()| Full::default()), hyper::upgrade::on(request), network)
             }
-            Err(fault) => refused(&fault).into(),
+            Err(fault) => {
+                self.0.warnings.warn(&fault, net.now());
+                refused(&fault).into()
+            }
         }
     }
 
@@ -371,7 +377,6 @@ async fn json<T: DeserializeOwned>(request: Request<Incoming>, longest: usize) -
 }
 
 fn refused(fault: &NetworkError) -> Response<Body> {
-    tracing::warn!("{fault}");
     match fault {
         NetworkError::Unknown => plain(StatusCode::NOT_FOUND, "there is no such network\n"),
         NetworkError::TooMany | NetworkError::Thread(_) => {

@@ -1,6 +1,12 @@
 //! What whoever may see a scene knows: a part of the page's address.
 
-use std::{fmt, io, str::FromStr};
+use std::{
+    fmt,
+    fs::{self, File},
+    io::{self, Read, Write},
+    path::Path,
+    str::FromStr,
+};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -27,6 +33,40 @@ impl Token {
     /// When the system has no randomness to give.
     pub fn random(net: &dyn Net) -> io::Result<Self> {
         Ok(Self(format!("{:016x}{:016x}", net.random()?, net.random()?)))
+    }
+
+    /// The token that a file keeps, which nobody but its owner may read. Else a new one, which it keeps from
+    /// now on.
+    ///
+    /// # Errors
+    /// When the file cannot be written, or the system has no randomness to give.
+    pub fn kept(file: &Path, net: &dyn Net) -> io::Result<Self> {
+        if let Some(token) = Self::read(file) {
+            return Ok(token);
+        }
+        let token = Self::random(net)?;
+        // Such a file has mode 600 from its beginning.
+        let folder = file.parent().unwrap_or(Path::new("."));
+        let mut temporary =
+            tempfile::Builder::new().prefix(".trimaran-").suffix(".tmp").tempfile_in(folder)?;
+        temporary.write_all(token.0.as_bytes())?;
+        temporary.persist(file)?;
+        Ok(token)
+    }
+
+    /// The token in a file, if it is one and nobody else could read it.
+    fn read(file: &Path) -> Option<Self> {
+        if !fs::symlink_metadata(file).ok()?.is_file() {
+            return None;
+        }
+        let file = File::open(file).ok()?;
+        #[cfg(unix)]
+        if std::os::unix::fs::PermissionsExt::mode(&file.metadata().ok()?.permissions()) & 0o077 != 0 {
+            return None;
+        }
+        let mut text = String::new();
+        file.take(LONGEST as u64 + 1).read_to_string(&mut text).ok()?;
+        text.parse().ok()
     }
 
     /// The token as text.
@@ -88,5 +128,29 @@ mod tests {
             assert_eq!(bad.parse::<Token>().unwrap_err(), TokenError, "{bad}");
         }
         assert_eq!(format!("{token:?}"), "Token");
+    }
+
+    #[cfg(unix)]
+    #[tokio::test]
+    async fn a_kept_token_is_the_same_until_others_could_read_it() {
+        use std::os::unix::fs::PermissionsExt;
+
+        let net = trimaran_transport::TokioNet::current().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("view.token");
+        let kept = || Token::kept(&file, &net).unwrap().0;
+        let first = kept();
+        assert_eq!((kept(), fs::read_to_string(&file).unwrap()), (first.clone(), first.clone()));
+        assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o600);
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o644)).unwrap();
+        let second = kept();
+        assert_ne!(second, first, "somebody may have read it");
+        assert_eq!(kept(), second);
+        for damaged in ["", "short", &"a".repeat(1 << 20), "0123456789abcdef\n"] {
+            fs::write(&file, damaged).unwrap();
+            let new = kept();
+            assert!(new != damaged && new == kept(), "{damaged:.20}");
+        }
+        assert!(Token::kept(&folder.path().join("no/folder"), &net).is_err());
     }
 }

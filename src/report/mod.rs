@@ -25,4 +25,4 @@ pub use error::ReportError;
 pub use left::Left;
 pub use pictures::PictureKind;
 pub use schema::{Frame, Projection, Report, Run, Summary, SweepPoint};
-pub use write::{Paths, Writer, write};
+pub use write::{Paths, UNCHECKED, Writer, write};

@@ -45,6 +45,9 @@ pub enum AuditError {
         #[source]
         cause: AttributionError,
     },
+    /// Whoever asked for it wants it no longer.
+    #[error("the audit was given up")]
+    GivenUp,
     /// The picture drawn again is not the one that was shown: the device does not repeat itself.
     #[error(
         "the picture of {frame} drawn again differs from the one shown: the device does not draw the same twice"
@@ -66,6 +69,9 @@ pub struct AuditPictures {
     pub full: Image,
 }
 
+/// Says whether something is to be left as it is.
+pub type GivesUp = Arc<dyn Fn() -> bool + Send + Sync>;
+
 /// Checks frames of a finished session, away from its clock: draws each again from its record, as it was,
 /// without culling and at full detail.
 pub struct Auditor {
@@ -75,6 +81,8 @@ pub struct Auditor {
     pictures: PicturePass,
     /// Made when the first frame is checked.
     items: Option<ItemPass>,
+    /// Says whether a check is to be left as it is.
+    is_given_up: Option<GivesUp>,
     /// What was drawn last at full detail: frames of one camera at several error bounds share it.
     full: Option<Arc<FullDetail>>,
 }
@@ -97,8 +105,24 @@ impl Auditor {
             drawn: Arc::clone(drawn),
             pictures: PicturePass::new(drawn, size)?,
             items: None,
+            is_given_up: None,
             full: None,
         })
+    }
+
+    /// Leaves a check as soon as `is_given_up` says so, also while the device draws, with an error. After that
+    /// nothing more can be checked.
+    pub fn give_up_when(&mut self, is_given_up: GivesUp) {
+        let is_cancelled = Arc::clone(&is_given_up);
+        self.pictures.cancel_when(move || is_cancelled());
+        self.is_given_up = Some(is_given_up);
+    }
+
+    fn go_on(&self) -> Result<(), AuditError> {
+        match &self.is_given_up {
+            Some(is_given_up) if is_given_up() => Err(AuditError::GivenUp),
+            _ => Ok(()),
+        }
     }
 
     /// From now on frames are seen in these view states, of pictures of the same size.
@@ -139,9 +163,13 @@ impl Auditor {
     ) -> Result<(), AuditError> {
         let Some(record) = walk.last() else { return Ok(()) };
         let (view, rule) = self.seen_from(&record.camera);
+        self.go_on()?;
         self.picture(record, &mut pictures.shown)?;
+        self.go_on()?;
         let cut = self.unculled(record.camera, &mut pictures.unculled)?;
+        self.go_on()?;
         let full = self.full(record.camera)?;
+        self.go_on()?;
         pictures.full.clone_from(&full.picture);
         frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full.items)?, &full.items.triangle);
         let objects = self.objects(&exactly_visible(&items_of(&full.items)?));
@@ -154,7 +182,9 @@ impl Auditor {
             return Ok(());
         }
 
+        self.go_on()?;
         let shown_items = self.draw_items(&view, &rule, &record.ids)?;
+        self.go_on()?;
         let cut_items = self.draw_items(&view, &rule, &cut)?;
         let missing = enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
         if !missing.is_empty()
@@ -164,6 +194,7 @@ impl Auditor {
             frame.false_culls = attribution::false_culls(&self.scene, &self.views, machine, walk, &missing)
                 .map_err(|cause| AuditError::Attribution { frame: number, cause })?;
         }
+        self.go_on()?;
         let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
         frame.objects_exact = Some(count_objects(&self.scene, exact));
         let drawn = Drawn { ids: &record.ids, picture: &pictures.shown, items: &shown_items };
@@ -237,7 +268,13 @@ impl Auditor {
         let solid = rule.divide(&self.scene, ids, &mut Vec::new());
         let items = match self.items.take() {
             Some(items) => items,
-            None => ItemPass::new(&self.drawn, view.viewport())?,
+            None => {
+                let mut items = ItemPass::new(&self.drawn, view.viewport())?;
+                if let Some(is_given_up) = self.is_given_up.clone() {
+                    items.cancel_when(move || is_given_up());
+                }
+                items
+            }
         };
         let items = self.items.insert(items);
         items.begin(view)?;

@@ -18,7 +18,7 @@ pub enum ReportingError {
     #[error(transparent)]
     Audit(#[from] AuditError),
     /// It was broken off.
-    #[error("interrupted again")]
+    #[error("interrupted: `trimaran report DIR` adds what is missing to the report in the folder DIR")]
     Interrupted,
     /// Writing failed.
     #[error(transparent)]

@@ -1,6 +1,6 @@
 //! From a session to a report on disk, however the session ended.
 
-use std::{ops::ControlFlow, path::PathBuf, sync::Arc};
+use std::{path::PathBuf, sync::Arc};
 
 use trimaran_actors::{RoleError, SessionError};
 use trimaran_audit::metrics::ImageRef;
@@ -10,13 +10,14 @@ use trimaran_scene::Scene;
 use trimaran_transport::causes;
 
 use super::{
-    audit::{AuditPictures, Auditor},
+    audit::{AuditPictures, Auditor, GivesUp},
     compose::{Composer, FrameRecord},
     error::ReportingError,
     journal::Journal,
     path::CameraPath,
     plan::{Pace, Plan},
     resume::{Keeper, Progress},
+    unchecked::Unchecked,
     view_states::{ViewChange, ViewStates},
 };
 use crate::report::{
@@ -90,12 +91,13 @@ pub struct Written {
 }
 
 /// Audits the session's frames, draws the pictures that `writer` has not got yet, and writes the report.
-/// Calls `progress` after each frame, and draws no more if it says so. After `failure`, with which the folder
-/// took no more, nothing more is drawn.
+/// Calls `progress` after each frame, and soon draws no more once `is_given_up` says so. After `failure`, with
+/// which the folder took no more, nothing more is drawn.
 ///
 /// # Errors
 /// When the disk fails. Whatever else does, the report is written with what there is, and says what is
-/// missing.
+/// missing; what it takes to [add it later](Unchecked) lies beside it.
+#[expect(clippy::too_many_arguments, reason = "what a walk has left, and how its report is watched")]
 pub fn write_report(
     mut writer: Writer,
     failure: Option<ReportingError>,
@@ -103,7 +105,8 @@ pub fn write_report(
     mut run: Run,
     records: &[FrameRecord],
     ended: Ended,
-    progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(u32),
+    is_given_up: &GivesUp,
 ) -> Result<Written, ReportError> {
     // Before pictures are drawn once more.
     run.memory.get_or_insert_with(|| memory_use(&walk.file.scene, walk.drawn));
@@ -119,7 +122,14 @@ pub fn write_report(
                 checked += 1;
                 progress(frame)
             };
-            draw(&mut writer, walk, records, &mut frames, &mut count).err()
+            let drawn = draw(&mut writer, walk, records, &mut frames, &mut count, is_given_up);
+            let missing = drawn.err().map(|e| if is_given_up() { ReportingError::Interrupted } else { e });
+            if missing.is_some() {
+                let unchecked = Unchecked::of(walk, run.clone(), ended.clone(), records);
+                // A disk that is full takes the report alone.
+                let _less_is_left = unchecked.keep(&mut writer);
+            }
+            missing
         }
     };
     if let Some(why) = &incomplete {
@@ -137,13 +147,18 @@ fn draw(
     Walk { file, drawn, plan, path }: Walk<'_>,
     records: &[FrameRecord],
     frames: &mut [Frame],
-    progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
+    progress: &mut dyn FnMut(u32),
+    is_given_up: &GivesUp,
 ) -> Result<(), ReportingError> {
     let mut auditor = Auditor::new(&file.scene, drawn, path.views().clone())?;
+    auditor.give_up_when(Arc::clone(is_given_up));
     let mut machine = VulkanCuller::new(drawn, plan.viewport, plan.occlusion_test)?;
     let mut pictures = AuditPictures::default();
     for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
         let number = frame.frame;
+        if is_given_up() {
+            return Err(ReportingError::Interrupted);
+        }
         if plan.audit_every > 0 && number.is_multiple_of(plan.audit_every) {
             let walk = records.get(..=index).unwrap_or_default();
             let again = (plan.culling == CullingMethod::Trimaran).then_some(&mut machine);
@@ -162,9 +177,7 @@ fn draw(
             auditor.picture(record, &mut pictures.shown)?;
             write_picture(writer, number, PictureKind::Shown, &pictures.shown)?;
         }
-        if progress(number).is_break() {
-            return Err(ReportingError::Interrupted);
-        }
+        progress(number);
     }
     Ok(())
 }

@@ -199,7 +199,7 @@ impl Keeper {
 
 impl FrameState {
     /// What was kept of this frame of the walk, after one with the ids `last`; none where it cannot be.
-    fn record(
+    pub(super) fn record(
         &self,
         scene: &Scene,
         path: &CameraPath,

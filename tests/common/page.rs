@@ -50,6 +50,11 @@ impl Service {
         Some(service)
     }
 
+    /// Its number among processes.
+    pub(crate) fn process(&self) -> u32 {
+        self.child.id()
+    }
+
     pub(crate) fn url(&self) -> String {
         format!("http://{}/?token={TOKEN}", self.at)
     }

@@ -152,7 +152,7 @@ fn groups_of_groups_are_the_hierarchy_and_have_the_attributes_beside_the_file() 
         .map(|g| (&*g.name, g.parent, g.objects.clone(), g.attributes.len()))
         .collect();
     assert_eq!(groups, [("a.rvm", None, 0..3, 0), ("/SITE", Some(0), 0..3, 1), ("/PUMP", Some(1), 0..2, 0)]);
-    assert_eq!(hierarchy.attributes_of(1)[0].value, "80");
+    assert_eq!(&*hierarchy.attributes_of(1)[0].value, "80");
     assert_eq!(hierarchy.attributes_of(0), []);
     let alone = import_bytes("a.rvm", &file).unwrap();
     assert!(alone.model.hierarchy.attributes.is_empty());

@@ -101,6 +101,13 @@ test("a viewpoint is the same behind its text, which needs no quoting in an addr
   assert.equal(decodeViewpoint(nowhere), undefined);
 });
 
+test("a viewpoint may hide any number of objects", () => {
+  // Every other one of a million: they make no runs.
+  const hidden = ObjectSet.of(Array.from({ length: 500_000 }, (_, index) => 2 * index));
+  const large = { ...VIEWPOINT, view: { ...VIEWPOINT.view, hidden } };
+  assert.deepEqual(decodeViewpoint(encodeViewpoint(large)), large);
+});
+
 test("viewpoints are read from a file that is right, and a wrong one changes nothing", () => {
   const kept = new KeptViewpoints("0");
   kept.add({ name: "pump", thumbnail: "data:image/jpeg;base64,AA", viewpoint: VIEWPOINT });

@@ -4,9 +4,17 @@
 //! something is. They are what triangles pass through, not what is inside of a closed surface: nobody gets
 //! there without passing a triangle.
 
+use std::{collections::BTreeSet, ops::ControlFlow};
+
 use glam::{DVec2, DVec3};
 
 use crate::{Drawable, Node, ReadError, Scene};
+
+/// Spans that a column has at most before they are joined: so a tile takes 16 MiB, however many triangles lie
+/// above each other in it.
+const UNJOINED: usize = 1024;
+/// Triangles between two looks whether the tile is given up: a large one takes about 0.1 ms.
+const BETWEEN_LOOKS: usize = 64;
 
 /// How a scene is divided. All lengths are metres in the world, y up.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +48,9 @@ pub struct Tile {
 impl Heightfield {
     /// Columns along a side of a tile.
     pub const SIDE: usize = 64;
+    /// The most spans of a column: so a tile [travels](Tile::to_bytes) in less than a mebibyte, whatever the
+    /// scene. Of more, the narrowest gaps are closed.
+    pub const SPANS: usize = 63;
 
     /// That of a scene in which eyes are so high above floors: columns are 10 cm where eyes are at 1.7 m.
     #[must_use]
@@ -61,26 +72,52 @@ impl Heightfield {
     /// # Errors
     /// If a part of the scene cannot be read.
     pub fn tile(&self, scene: &Scene, x: i32, z: i32) -> Result<Tile, ReadError> {
+        // Nobody gives it up.
+        Ok(self.tile_unless(scene, x, z, &|| false)?.unwrap_or_else(|| self.empty_tile(x, z)))
+    }
+
+    fn empty_tile(&self, x: i32, z: i32) -> Tile {
         let corner = DVec2::new(f64::from(x), f64::from(z)) * self.tile_side();
-        let mut tile = Tile { field: *self, corner, columns: vec![Vec::new(); Self::SIDE * Self::SIDE] };
+        Tile { field: *self, corner, columns: vec![Vec::new(); Self::SIDE * Self::SIDE] }
+    }
+
+    /// The same, for an asker that may leave: `None` soon after `is_given_up` says so.
+    ///
+    /// # Errors
+    /// If a part of the scene cannot be read.
+    pub fn tile_unless(
+        &self,
+        scene: &Scene,
+        x: i32,
+        z: i32,
+        is_given_up: &dyn Fn() -> bool,
+    ) -> Result<Option<Tile>, ReadError> {
+        let mut tile = self.empty_tile(x, z);
+        let corner = tile.corner;
         let far = corner + self.tile_side();
         let mut open = vec![0];
         while let Some(node) = open.pop().and_then(|index| scene.nodes().get(index as usize)) {
+            if is_given_up() {
+                return Ok(None);
+            }
             let (min, max) = node.world_box();
             if max.x < corner.x || min.x > far.x || max.z < corner.y || min.z > far.y {
                 continue;
             }
             match self.coarse_enough(scene, node) {
-                Some(drawable) => tile.add(scene, node, drawable)?,
+                Some(drawable) if tile.add(scene, node, drawable, is_given_up)?.is_break() => {
+                    return Ok(None);
+                }
+                Some(_) => {}
                 None => open.extend(node.children()),
             }
         }
         for column in &mut tile.columns {
-            join(column);
+            join(column, Self::SPANS);
         }
         match scene.fault() {
             Some(fault) => Err(fault.clone()),
-            None => Ok(tile),
+            None => Ok(Some(tile)),
         }
     }
 
@@ -170,8 +207,20 @@ impl Tile {
         rest.is_empty().then_some(Self { field, corner, columns })
     }
 
-    /// Adds the triangles of a drawable.
-    fn add(&mut self, scene: &Scene, node: &Node, drawable: &Drawable) -> Result<(), ReadError> {
+    /// Whether nothing is in it.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.columns.iter().all(Vec::is_empty)
+    }
+
+    /// Adds the triangles of a drawable, unless the tile is given up.
+    fn add(
+        &mut self,
+        scene: &Scene,
+        node: &Node,
+        drawable: &Drawable,
+        is_given_up: &dyn Fn() -> bool,
+    ) -> Result<ControlFlow<()>, ReadError> {
         let geometry = scene.geometry(drawable.geometry)?;
         // In columns and units from the tile's corner and the base, so that large coordinates cost nothing.
         let Heightfield { cell, unit, base } = self.field;
@@ -181,12 +230,17 @@ impl Tile {
             (linear * DVec3::from_array(position.map(f64::from)) + origin) / DVec3::new(cell, unit, cell)
         };
         let corners: Vec<DVec3> = geometry.vertices.iter().map(|vertex| place(vertex.position)).collect();
-        for triangle in geometry.indices.as_chunks::<3>().0 {
-            if let [Some(a), Some(b), Some(c)] = triangle.map(|index| corners.get(index as usize)) {
-                self.add_triangle([*a, *b, *c]);
+        for triangles in geometry.indices.as_chunks::<3>().0.chunks(BETWEEN_LOOKS) {
+            if is_given_up() {
+                return Ok(ControlFlow::Break(()));
+            }
+            for triangle in triangles {
+                if let [Some(a), Some(b), Some(c)] = triangle.map(|index| corners.get(index as usize)) {
+                    self.add_triangle([*a, *b, *c]);
+                }
             }
         }
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Adds what a triangle has in each column: it is cut into rows, and these into columns.
@@ -208,6 +262,9 @@ impl Tile {
                 let span = column.span();
                 let place = self.columns.get_mut(z * Heightfield::SIDE + x);
                 if let (Some(span), Some(column)) = (span, place) {
+                    if column.len() >= UNJOINED {
+                        join(column, UNJOINED / 2);
+                    }
                     column.push(span);
                 }
             }
@@ -272,8 +329,8 @@ impl Polygon {
     }
 }
 
-/// Makes spans ascend, and one of those that touch.
-fn join(spans: &mut Vec<Span>) {
+/// Makes spans ascend, and one of those that touch. Closes the narrowest gaps where more than `most` are left.
+fn join(spans: &mut Vec<Span>, most: usize) {
     spans.sort_unstable();
     spans.dedup_by(|next, before| {
         let touches = next.bottom <= before.top;
@@ -282,6 +339,21 @@ fn join(spans: &mut Vec<Span>) {
         }
         touches
     });
+    let excess = spans.len().saturating_sub(most);
+    if excess > 0 {
+        let gaps = spans.array_windows().map(|[below, above]| above.bottom - below.top);
+        let mut gaps: Vec<(u16, usize)> = gaps.zip(1..).collect();
+        gaps.sort_unstable();
+        let closed: BTreeSet<usize> = gaps.into_iter().take(excess).map(|(_, above)| above).collect();
+        let mut above = 1..;
+        spans.dedup_by(|next, before| {
+            let is_closed = above.next().is_some_and(|above| closed.contains(&above));
+            if is_closed {
+                before.top = next.top;
+            }
+            is_closed
+        });
+    }
 }
 
 #[cfg(test)]
@@ -352,6 +424,55 @@ mod tests {
         assert!(highest.is_some_and(|top| top > 60_000), "{highest:?}");
     }
 
+    #[test]
+    fn a_tile_of_any_scene_travels_in_less_than_a_mebibyte() {
+        let spans = |count: u16| -> Vec<Span> {
+            (0..count).map(|at| Span { bottom: 20 * at + at % 7, top: 20 * at + 10 }).collect()
+        };
+        let mut tile = Tile {
+            field: Heightfield { cell: 1.0, unit: 1.0, base: 0.0 },
+            corner: DVec2::ZERO,
+            columns: vec![spans(3000); Heightfield::SIDE * Heightfield::SIDE],
+        };
+        tile.columns.iter_mut().for_each(|column| join(column, Heightfield::SPANS));
+        assert!(tile.columns.iter().all(|column| column.len() == Heightfield::SPANS));
+        let bytes = tile.to_bytes();
+        assert!(bytes.len() < 1 << 20, "{}", bytes.len());
+        assert_eq!(Tile::from_bytes(&bytes).unwrap().columns, tile.columns);
+        // The narrowest gaps are those that are closed.
+        let mut few = [(0, 1), (2, 3), (13, 14), (15, 20)].map(|(bottom, top)| Span { bottom, top }).to_vec();
+        join(&mut few, 2);
+        assert_eq!(few, [Span { bottom: 0, top: 3 }, Span { bottom: 13, top: 20 }]);
+    }
+
+    /// Many triangles above each other take no more memory than few.
+    #[test]
+    fn a_column_is_joined_before_it_has_grown() {
+        let mut tile = field(&uncooked(&boxes(&[([0.0; 3], [1.0; 3])]))).empty_tile(0, 0);
+        for height in 0..20 * UNJOINED {
+            let y = 3.0 * (height * 7919 % 20_011) as f64;
+            tile.add_triangle([[0.1, y, 0.1], [0.9, y, 0.1], [0.1, y, 0.9]].map(DVec3::from_array));
+            assert!(tile.columns.iter().all(|column| column.len() <= UNJOINED), "{height}");
+        }
+        assert!(!tile.is_empty());
+    }
+
+    #[test]
+    fn a_tile_that_is_given_up_is_left() {
+        let scene = uncooked(&boxes(&[([0.0; 3], [1.0; 3])]));
+        let (field, looks) = (field(&scene), std::cell::Cell::new(0));
+        let leaves = || {
+            looks.set(looks.get() + 1);
+            true
+        };
+        assert_eq!(field.tile_unless(&scene, 0, 0, &leaves).unwrap(), None);
+        assert_eq!(looks.get(), 1);
+        assert_eq!(
+            field.tile_unless(&scene, 0, 0, &|| false).unwrap(),
+            Some(field.tile(&scene, 0, 0).unwrap())
+        );
+    }
+
     fn point() -> impl Strategy<Value = DVec3> {
         (-20.0..84.0, 1.0..200.0, -20.0..84.0).prop_map(|(x, y, z)| DVec3::new(x, y, z))
     }
@@ -368,7 +489,7 @@ mod tests {
             let columns = vec![Vec::new(); Heightfield::SIDE * Heightfield::SIDE];
             let mut tile = Tile { field, corner: DVec2::ZERO, columns };
             tile.add_triangle(corners);
-            tile.columns.iter_mut().for_each(join);
+            tile.columns.iter_mut().for_each(|column| join(column, Heightfield::SPANS));
             let [a, b, c] = corners;
             for (u, v) in weights {
                 let (u, v): (f64, f64) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };

@@ -12,6 +12,7 @@ use trimaran::{
 use super::{
     cullers::{CullerArgs, CullerLists, ScheduleArg},
     links::{Coding, LinkFlags},
+    serve::DeviceArgs,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -213,6 +214,21 @@ pub(crate) struct SweepArgs {
     /// Print the sweep as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// The folder of the report.
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    /// The scene, where it is not where it was.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) scene: Option<PathBuf>,
+    /// Print the report's summary as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) device: DeviceArgs,
 }
 
 #[derive(Debug, Args)]

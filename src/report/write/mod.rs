@@ -57,7 +57,11 @@ pub struct Writer {
     unfinished: Unfinished,
     journal: Option<File>,
     pictures: BTreeSet<(u32, PictureKind)>,
+    is_unchecked: bool,
 }
+
+/// What it takes to add later what a report lacks.
+pub const UNCHECKED: &str = "unchecked.json";
 
 impl Writer {
     /// Prepares to write into `dir`, which is created if need be. What a killed process left is moved aside.
@@ -77,7 +81,13 @@ impl Writer {
     /// As [`create`](Self::create).
     pub fn open(dir: &Path) -> Result<Self, ReportError> {
         let unfinished = Unfinished::open(dir)?;
-        Ok(Self { out: dir.to_owned(), unfinished, journal: None, pictures: BTreeSet::new() })
+        Ok(Self {
+            out: dir.to_owned(),
+            unfinished,
+            journal: None,
+            pictures: BTreeSet::new(),
+            is_unchecked: false,
+        })
     }
 
     /// What a killed process recorded here; `None` if it recorded nothing, or something else.
@@ -191,6 +201,20 @@ impl Writer {
         Ok(())
     }
 
+    /// Writes what it takes to add later what the report lacks: it will lie beside the report, until one that
+    /// lacks nothing takes its place.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn keep(&mut self, unchecked: &impl Serialize) -> Result<(), ReportError> {
+        let kept = self.save(UNCHECKED, &serde_json::to_vec(unchecked)?);
+        if kept.is_err() {
+            let _left = fs::remove_file(self.unfinished.path().join(UNCHECKED));
+        }
+        self.is_unchecked = kept.is_ok();
+        kept
+    }
+
     /// Whether this picture has been written.
     #[must_use]
     pub fn has(&self, frame: u32, kind: PictureKind) -> bool {
@@ -267,11 +291,14 @@ impl Writer {
         let pictures: Vec<String> =
             self.pictures.iter().map(|(frame, kind)| file_name(*frame, *kind)).collect();
         fs::create_dir_all(&paths.frames).map_err(io_error("creating the folder", &paths.frames))?;
-        for name in pictures.iter().map(String::as_str).chain(["report.html", "report.json"]) {
+        let unchecked = self.is_unchecked.then_some(UNCHECKED);
+        let report = unchecked.into_iter().chain(["report.html", "report.json"]);
+        for name in pictures.iter().map(String::as_str).chain(report) {
             let target = self.out.join(name);
             fs::rename(self.unfinished.path().join(name), &target).map_err(io_error("moving", &target))?;
         }
-        for stale in before.iter().filter(|name| !pictures.contains(name)) {
+        let stale = before.iter().filter(|name| !pictures.contains(name)).map(String::as_str);
+        for stale in stale.chain((!self.is_unchecked).then_some(UNCHECKED)) {
             let path = self.out.join(stale);
             match fs::remove_file(&path) {
                 Err(cause) if cause.kind() != ErrorKind::NotFound => {

@@ -116,7 +116,7 @@ fn within_file(part: &mut Model, name: String) {
     let groups = std::mem::take(&mut part.hierarchy.groups);
     let objects = 0..part.objects.len() as u32;
     let extent = Extent::default();
-    let file = Group { name, parent: None, objects, attributes: Vec::new(), extent };
+    let file = Group { name: name.into(), parent: None, objects, attributes: Vec::new(), extent };
     let below =
         groups.into_iter().map(|group| Group { parent: Some(group.parent.map_or(0, |p| p + 1)), ..group });
     part.hierarchy.groups = std::iter::once(file).chain(below).collect();

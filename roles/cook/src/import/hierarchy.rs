@@ -27,7 +27,7 @@ pub(super) fn groups(branches: Vec<Branch>, leaves: &[u32]) -> Vec<Group> {
         numbers.push((!objects.is_empty()).then_some(groups.len() as u32));
         if !objects.is_empty() {
             let parent = parent.and_then(|parent| numbers.get(parent as usize).copied().flatten());
-            groups.push(Group { name, parent, objects, attributes, extent: Extent::default() });
+            groups.push(Group { name: name.into(), parent, objects, attributes, extent: Extent::default() });
         }
     }
     groups

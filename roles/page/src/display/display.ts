@@ -426,7 +426,9 @@ export class Display {
         }
       });
     }
-    this.#due.push(...items);
+    for (const item of items) {
+      this.#due.push(item);
+    }
   }
 }
 

@@ -130,7 +130,9 @@ export class Holdings {
         standIns.add(standIn);
       }
     }
-    shown.push(...standIns);
+    for (const standIn of standIns) {
+      shown.push(standIn);
+    }
     return { shown, isWhole };
   }
 

@@ -45,11 +45,13 @@ function rows(details: PartDetails): readonly (readonly [string, string])[] {
   const { min, max } = details;
   const sides = [max[0] - min[0], max[1] - min[1], max[2] - min[2]] as const;
   const objects = details.end - details.first;
+  const left = details.attributeCount - details.attributes.length;
   return [
     ["size", `${sides.map(metres).join(" × ")}`],
     ["triangles", details.triangles.toLocaleString("en")],
     ...(details.kind === "group" ? [["objects", objects.toLocaleString("en")] as const] : []),
     ...details.attributes,
+    ...(left > 0 ? [["and", `${left.toLocaleString("en")} more attributes`] as const] : []),
   ];
 }
 

@@ -47,6 +47,8 @@ export interface PartDetails extends Part {
   /** At full detail. */
   readonly triangles: number;
   readonly attributes: readonly (readonly [name: string, value: string])[];
+  /** How many attributes it has; an answer has only so many of them. */
+  readonly attributeCount: number;
 }
 
 /** Some of the parts that a question has for answer, in order. */
@@ -119,6 +121,9 @@ export interface Company {
   readonly others: readonly { readonly number: number; readonly pose: PersonPose }[];
 }
 
+/** How often the page asks again where the service is busy. */
+const MOST_TRIES = 5;
+
 /** The service from which the page came. Every request throws where there is no answer, and says why. */
 export class Service {
   readonly #base: string;
@@ -187,11 +192,17 @@ export class Service {
   }
 
   async #send(url: URL, request: RequestInit): Promise<Response> {
-    const answer = await fetch(url, request);
-    if (!answer.ok) {
-      throw new Error((await answer.text()).trim());
+    for (let tries = 1; ; tries += 1) {
+      const answer = await fetch(url, request);
+      if (answer.ok) {
+        return answer;
+      }
+      const seconds = Number(answer.headers.get("retry-after"));
+      if (!(answer.status === 503 && seconds > 0) || tries === MOST_TRIES) {
+        throw new Error((await answer.text()).trim());
+      }
+      await new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
     }
-    return answer;
   }
 
   #url(what: string, query: Query): URL {

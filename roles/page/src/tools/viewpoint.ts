@@ -38,9 +38,12 @@ export function encodeViewpoint({ eye, forward, vfovDeg, view, distances }: View
     levelRule: { epsilon: 1, fewPixels: false },
     occlusionTest: "hzb",
   };
-  const bytes = [...writer.take(), ...encodeViewState(state)];
-  const text = btoa(String.fromCharCode(...bytes));
-  return text.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+  let letters = "";
+  // One by one: a call takes only so many arguments.
+  for (const byte of [...writer.take(), ...encodeViewState(state)]) {
+    letters += String.fromCharCode(byte);
+  }
+  return btoa(letters).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 }
 
 /** The reverse; nothing where the text is no viewpoint. */

@@ -4,8 +4,8 @@ use bytemuck::{NoUninit, Zeroable};
 use rayon::prelude::*;
 
 use super::geometry::GeometryPlace;
-use super::layout::{Entry, Firsts, Header, LARGEST_RATIO, MAGIC, Section, Totals, VERSION};
-use super::{Drawable, Extent, Geometry, Hierarchy, Node, SceneArrays, SceneError};
+use super::layout::{Entry, Firsts, Header, MAGIC, Section, Totals, VERSION};
+use super::{Drawable, Extent, Geometry, Node, SceneArrays, SceneError, hierarchy_bytes};
 
 /// Pieces of geometry fill a page until it has so many bytes: reading one of them reads and checks them all.
 const GEOMETRY_PAGE: usize = 32 << 10;
@@ -31,13 +31,15 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     let (places, geometry) = place(&arrays.geometries, &packed)?;
     let sources = encode_sources(&arrays.sources);
     set_extents(&mut arrays)?;
-    let hierarchy = encode_hierarchy(&arrays)?;
+    let hierarchy = hierarchy_bytes::encode(&arrays)?;
     let mut pages = records(&arrays.nodes, Section::Nodes);
     set_firsts(&mut pages, &arrays.nodes);
     pages.extend(records(&arrays.drawables, Section::Drawables));
     pages.extend(records(&places, Section::Places));
     pages.extend(records(&arrays.objects, Section::Objects));
-    pages.extend([arrays.names.as_bytes(), &sources, &hierarchy].map(Page::packed));
+    let texts = [arrays.names.as_bytes(), &sources, &hierarchy];
+    let sections = [Section::Names, Section::Sources, Section::Hierarchy];
+    pages.extend(texts.into_iter().zip(sections).map(|(text, section)| Page::packed(text, section)));
     pages.extend(geometry);
     let mut header = Header {
         magic: MAGIC,
@@ -187,7 +189,7 @@ fn place(geometries: &[Geometry], packed: &[Vec<u8>]) -> Result<(Vec<GeometryPla
 
 fn records<T: NoUninit + Sync>(records: &[T], section: Section) -> Vec<Page> {
     let pages = records.par_chunks(section.per_page());
-    pages.map(|page| Page::packed(bytemuck::cast_slice(page))).collect()
+    pages.map(|page| Page::packed(bytemuck::cast_slice(page), section)).collect()
 }
 
 /// Says in the directory what the nodes of each page begin with.
@@ -212,11 +214,11 @@ fn totals(arrays: &SceneArrays) -> Totals {
 }
 
 impl Page {
-    fn packed(unpacked: &[u8]) -> Self {
+    fn packed(unpacked: &[u8], section: Section) -> Self {
         // Into a vector zstd always packs: there is room, and the level is one that it has.
         let mut bytes = zstd::bulk::compress(unpacked, ZSTD_LEVEL).unwrap_or_default();
         // Names that are all alike are packed tighter than a reader unpacks: a frame that zstd skips follows.
-        let missing = unpacked.len().div_ceil(LARGEST_RATIO).saturating_sub(bytes.len());
+        let missing = section.least_packed(unpacked.len()).saturating_sub(bytes.len());
         if missing > 0 {
             bytes.extend_from_slice(&SKIPPED.to_le_bytes());
             bytes.extend_from_slice(&(missing as u32).to_le_bytes());
@@ -239,22 +241,6 @@ impl Page {
         };
         Self { bytes, entry }
     }
-}
-
-/// The hierarchy as bytes of postcard.
-fn encode_hierarchy(arrays: &SceneArrays) -> Result<Vec<u8>, SceneError> {
-    let why = "it is too large for memory";
-    postcard::to_stdvec(&arrays.hierarchy).map_err(|_| SceneError::Malformed {
-        what: "hierarchy",
-        index: 0,
-        why,
-    })
-}
-
-/// The reverse; `None` if the bytes are no hierarchy.
-pub(super) fn decode_hierarchy(bytes: &[u8]) -> Option<Hierarchy> {
-    let (hierarchy, rest) = postcard::take_from_bytes(bytes).ok()?;
-    rest.is_empty().then_some(hierarchy)
 }
 
 /// The sources' names as bytes: each a length (u32, little-endian) and that many bytes of UTF-8.

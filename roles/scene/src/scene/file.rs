@@ -13,7 +13,7 @@ use trimaran_proto::SceneOutline;
 use zstd::bulk::Decompressor;
 
 use super::geometry::GeometryPlace;
-use super::layout::{Entry, Firsts, Header, LARGEST_RATIO, MAGIC, Section, VERSION};
+use super::layout::{Entry, Firsts, Header, MAGIC, Section, VERSION};
 use super::source::Source;
 use super::{OpenError, ReadCause, ReadError, SceneError};
 
@@ -91,7 +91,7 @@ impl SceneFile {
         records: &Range<usize>,
     ) -> Result<Vec<u8>, ReadError> {
         let Entry { length, unpacked, .. } = self.entry(section, page);
-        if unpacked as usize > LARGEST_RATIO * length as usize {
+        if unpacked as usize > section.most_unpacked(length as usize) {
             return Err(self.error(section, page, records, ReadCause::Damaged));
         }
         let mut bytes = vec![0; unpacked as usize];

@@ -1,6 +1,6 @@
 //! How objects are grouped in the files that they came from, and what those files say of them.
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -11,7 +11,7 @@ use super::SceneError;
 ///
 /// Objects are numbered as a walk down the hierarchy meets them. So the objects of a group, with those of the
 /// groups below it, are a run of numbers.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Hierarchy {
     /// Each behind the one that it is in, and behind all that is in its elder siblings. The outermost are the
     /// files.
@@ -21,10 +21,10 @@ pub struct Hierarchy {
 }
 
 /// Objects that belong together: a file, a zone, an assembly.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Group {
     /// Its name in its file; empty if it has none.
-    pub name: String,
+    pub name: Arc<str>,
     /// Index of the group that it is in; none for the outermost.
     pub parent: Option<u32>,
     /// Its objects, with those of the groups in it.
@@ -47,7 +47,7 @@ pub struct Extent {
 }
 
 /// What is said of an object.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ObjectAttributes {
     /// The object's number.
     pub object: u32,
@@ -55,13 +55,13 @@ pub struct ObjectAttributes {
     pub attributes: Vec<Attribute>,
 }
 
-/// A name and a value, as a file has them.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+/// A name and a value, as a file has them. Equal texts of a scene that was read are one.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Attribute {
     /// Such as `DESCRIPTION`.
-    pub name: String,
+    pub name: Arc<str>,
     /// As text.
-    pub value: String,
+    pub value: Arc<str>,
 }
 
 /// Nothing.
@@ -138,11 +138,11 @@ mod tests {
     use super::*;
 
     fn group(parent: Option<u32>, objects: Range<u32>) -> Group {
-        Group { name: String::new(), parent, objects, attributes: Vec::new(), extent: Extent::default() }
+        Group { name: "".into(), parent, objects, attributes: Vec::new(), extent: Extent::default() }
     }
 
     fn of(object: u32) -> ObjectAttributes {
-        let attributes = vec![Attribute { name: "TAG".into(), value: object.to_string() }];
+        let attributes = vec![Attribute { name: "TAG".into(), value: object.to_string().into() }];
         ObjectAttributes { object, attributes }
     }
 
@@ -170,7 +170,7 @@ mod tests {
     fn attributes_are_found_by_the_number_of_an_object() {
         let hierarchy = Hierarchy { attributes: vec![of(2), of(5)], ..Default::default() };
         assert_eq!(hierarchy.check(6), Ok(()));
-        assert_eq!(hierarchy.attributes_of(5)[0].value, "5");
+        assert_eq!(*hierarchy.attributes_of(5)[0].value, *"5");
         assert_eq!(hierarchy.attributes_of(3), []);
         assert!(hierarchy.check(5).is_err());
         assert!(Hierarchy { attributes: vec![of(2), of(2)], ..Default::default() }.check(6).is_err());

@@ -33,6 +33,11 @@ pub const VERSION: u32 = 6;
 /// memory.
 pub(super) const LARGEST_RATIO: usize = 4096;
 
+/// The pages of names and of the hierarchy, which are one each, unpack to so many times their bytes where that
+/// is more than so many bytes: opening a small file takes little memory, whatever it says.
+const LARGEST_TEXT_RATIO: usize = 32;
+const FREE_TEXT: usize = 16 << 20;
+
 const _: () =
     assert!(cfg!(target_endian = "little"), "cooked scenes are read as they stand: little-endian only");
 
@@ -162,6 +167,29 @@ impl Section {
     /// The pages of so many records.
     const fn pages(self, records: u32) -> usize {
         (records as usize).div_ceil(self.per_page())
+    }
+
+    /// The most bytes that a page unpacks to.
+    pub(super) const fn most_unpacked(self, length: usize) -> usize {
+        let most = LARGEST_RATIO * length;
+        match self {
+            Self::Names | Self::Sources | Self::Hierarchy => {
+                let text = LARGEST_TEXT_RATIO * length;
+                let text = if text > FREE_TEXT { text } else { FREE_TEXT };
+                if most < text { most } else { text }
+            }
+            _ => most,
+        }
+    }
+
+    /// The fewest bytes of a page that unpacks to so many.
+    pub(super) const fn least_packed(self, unpacked: usize) -> usize {
+        match self {
+            Self::Names | Self::Sources | Self::Hierarchy if unpacked > FREE_TEXT => {
+                unpacked.div_ceil(LARGEST_TEXT_RATIO)
+            }
+            _ => unpacked.div_ceil(LARGEST_RATIO),
+        }
     }
 
     /// What its records are called in errors.

@@ -8,6 +8,7 @@ mod flat;
 mod geometry;
 mod given;
 mod hierarchy;
+mod hierarchy_bytes;
 mod layout;
 mod open_error;
 mod read_error;
@@ -280,7 +281,7 @@ impl Scene {
         let all = 0..self.objects().len();
         let bytes = self.file.unpack(Section::Hierarchy, 0, &all)?;
         let damaged = || self.file.error(Section::Hierarchy, 0, &all, ReadCause::Damaged);
-        let hierarchy = encode::decode_hierarchy(&bytes).ok_or_else(damaged)?;
+        let hierarchy = hierarchy_bytes::decode(&bytes).ok_or_else(damaged)?;
         let malformed = |error| self.file.malformed(Section::Hierarchy, 0, &all, error);
         hierarchy.check(all.end as u32).map_err(malformed)?;
         Ok(hierarchy)

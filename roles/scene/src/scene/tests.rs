@@ -60,11 +60,11 @@ fn two_leaves() -> SceneArrays {
 }
 
 fn group(name: &str, parent: Option<u32>, objects: Range<u32>) -> Group {
-    Group { name: name.to_owned(), parent, objects, attributes: vec![tag()], extent: Extent::default() }
+    Group { name: name.into(), parent, objects, attributes: vec![tag()], extent: Extent::default() }
 }
 
 fn tag() -> Attribute {
-    Attribute { name: "TAG".to_owned(), value: "Röhr".to_owned() }
+    Attribute { name: "TAG".into(), value: "Röhr".into() }
 }
 
 #[test]
@@ -86,6 +86,27 @@ fn a_file_has_the_hierarchy_and_what_its_groups_take() {
     arrays.hierarchy.groups[1].objects.end = 3;
     let error = Scene::from_arrays(arrays).unwrap_err().to_string();
     assert!(error.contains("group 1"), "{error}");
+}
+
+/// Packed, it has next to no bytes: a small file would take much memory.
+#[test]
+fn texts_take_memory_by_the_bytes_that_they_have_in_the_file() {
+    let mut arrays = two_leaves();
+    let long: Arc<str> = "x".repeat(50 << 20).into();
+    arrays.hierarchy.groups[0].name = Arc::clone(&long);
+    let file = encoded(arrays);
+    assert!(file.len() > 1 << 20, "a file that is honest about it has room for it: {} bytes", file.len());
+    assert!(opened(&file).unwrap().hierarchy().unwrap().groups[0].name == long);
+
+    let mut small = Apart::new(&file);
+    let number = small.number(Section::Hierarchy, 0);
+    let unpacked = small.directory[number].unpacked as usize;
+    let hierarchy = zstd::bulk::decompress(&small.pages[number], unpacked).unwrap();
+    small.replace(Section::Hierarchy, 0, &hierarchy);
+    let small = small.bytes();
+    assert!(small.len() < 100 << 10, "{}", small.len());
+    let error = opened(&small).unwrap().hierarchy().unwrap_err();
+    assert!(matches!(error.cause, ReadCause::Damaged), "{error}");
 }
 
 /// The nodes of [`tree`].

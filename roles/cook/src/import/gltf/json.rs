@@ -84,7 +84,7 @@ impl Node {
     pub(super) fn attributes(&self) -> Vec<Attribute> {
         let attribute = |name: &str, value: &Value| {
             let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            Attribute { name: name.to_owned(), value }
+            Attribute { name: name.into(), value: value.into() }
         };
         match self.extras.as_deref() {
             None | Some(Value::Null) => Vec::new(),

@@ -85,8 +85,8 @@ impl<'t> Words<'t> {
 
     fn attribute(&self, part: &str) -> Option<Attribute> {
         let (name, value) = part.split_once(self.name_end)?;
-        let (name, value) = (name.trim().to_owned(), value.trim().to_owned());
-        (!name.is_empty()).then_some(Attribute { name, value })
+        let (name, value) = (name.trim(), value.trim());
+        (!name.is_empty()).then(|| Attribute { name: name.into(), value: value.into() })
     }
 }
 
@@ -100,7 +100,7 @@ mod tests {
          OWNER := /SITE &end& \r\nEND\r\nNEW /PIPE-7\r\n TYPE := OTHER\r\nEND\r\n";
 
     fn pairs(attributes: &Attributes, name: &str) -> Vec<(String, String)> {
-        attributes.of(name).into_iter().map(|of| (of.name, of.value)).collect()
+        attributes.of(name).into_iter().map(|of| (of.name.to_string(), of.value.to_string())).collect()
     }
 
     fn owned(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
