@@ -1,6 +1,7 @@
 // Bundles the page, or with `tests` the tests, into target/.
-import { readdirSync } from "node:fs";
+import { readdirSync, readFileSync, writeFileSync } from "node:fs";
 import { fileURLToPath } from "node:url";
+import { brotliCompressSync, gzipSync } from "node:zlib";
 import { build } from "esbuild";
 
 const common = {
@@ -36,5 +37,12 @@ if (process.argv[1] === fileURLToPath(import.meta.url)) {
     });
   } else {
     await build(PAGE);
+    for (const name of ["main.js", "main.css"]) {
+      // The program has them in it, and sends what a browser reads.
+      const file = `${PAGE.outdir}/${name}`;
+      const bytes = readFileSync(file);
+      writeFileSync(`${file}.br`, brotliCompressSync(bytes));
+      writeFileSync(`${file}.gz`, gzipSync(bytes, { level: 9 }));
+    }
   }
 }

@@ -261,7 +261,7 @@ impl Pages {
             return unknown_name(&origin).into();
         }
         if let Some(asset) = ASSETS.iter().find(|asset| asset.path == path) {
-            return file(asset.kind, Bytes::from_static(asset.bytes)).into();
+            return asset.answer(request.headers()).into();
         }
         let query = form_urlencoded::parse(request.uri().query().unwrap_or_default().as_bytes());
         let question = Question::parse(path, query);
