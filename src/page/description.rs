@@ -12,6 +12,8 @@ use trimaran_scene::{
 };
 use trimaran_transport::{Endpoint, Name};
 
+use super::extents::{Bounds, core};
+
 /// A scene as the page is told of it. Lengths are metres, in world space with y up.
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "camelCase")]
@@ -26,6 +28,8 @@ pub struct SceneDescription {
     pub min: [f64; 3],
     /// The upper corner.
     pub max: [f64; 3],
+    /// The box around it without the few objects that lie far from all others.
+    pub core: Bounds,
     /// Whether there are floors to walk on.
     pub has_floors: bool,
     /// Height of the eye above floors.
@@ -89,6 +93,7 @@ impl SceneDescription {
             objects: scene.outline().objects,
             min: min.to_array(),
             max: max.to_array(),
+            core: core(scene, 0..scene.outline().objects),
             has_floors: found.kind == PathKind::Floors,
             eye_height: found.eye_height,
             tile_side: Heightfield::new(scene, found.eye_height).tile_side(),

@@ -5,6 +5,7 @@ mod answering;
 mod assets;
 mod description;
 mod drive;
+mod extents;
 mod network;
 mod parts;
 mod people;
@@ -16,5 +17,6 @@ mod warnings;
 
 pub use description::SceneDescription;
 pub use drive::{Drive, DriveReport, Moment, WrongPixels};
+pub use extents::Bounds;
 pub use server::{PageError, Pages};
 pub use token::{Token, TokenError};

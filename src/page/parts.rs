@@ -5,6 +5,8 @@ use std::{collections::HashMap, ops::Range, sync::Arc};
 use serde::Serialize;
 use trimaran_scene::{Attribute, Extent, Hierarchy, Node, ReadError, Scene};
 
+use super::extents::{Bounds, Side, core, sides};
+
 /// The most parts in an answer to what is below a group.
 const CHILDREN: usize = 500;
 /// The most parts in an answer to a search.
@@ -64,6 +66,10 @@ pub(super) struct Details {
     path: Vec<Part>,
     #[serde(flatten)]
     extent: Extent,
+    /// The box around it without the few objects that lie far from all others.
+    core: Bounds,
+    /// How much of that is hidden from which sides.
+    sides: Vec<Side>,
     /// Names and values, as many as fit in an answer.
     attributes: Vec<(String, String)>,
     /// How many attributes it has.
@@ -98,7 +104,10 @@ impl Parts {
         let pair = |Attribute { name, value }: &Attribute| (cut(name, NAME), cut(value, VALUE));
         let attribute_count = attributes.len();
         let attributes = that_fit(attributes.iter().map(pair));
-        Some(Details { part, path: self.path(id), extent, attributes, attribute_count })
+        let objects = part.first..part.end;
+        let core = core(&self.scene, objects.clone());
+        let sides = sides(&self.scene, &core, &objects);
+        Some(Details { part, path: self.path(id), extent, core, sides, attributes, attribute_count })
     }
 
     /// The parts of a group, or the outermost ones, in their order: from the one of number `from` on, as many

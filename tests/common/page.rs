@@ -34,7 +34,12 @@ impl Service {
 
     /// `None` where the program was built without its page and none is required.
     pub(crate) fn of(bench: &Bench, scene: &str, listen: &str) -> Option<Self> {
-        let mut command = bench.command(&["serve", scene, "--listen", listen, "--token", TOKEN]);
+        Self::with_token(bench, scene, listen, TOKEN)
+    }
+
+    /// The same, for who knows another token.
+    pub(crate) fn with_token(bench: &Bench, scene: &str, listen: &str, token: &str) -> Option<Self> {
+        let mut command = bench.command(&["serve", scene, "--listen", listen, "--token", token]);
         command.env("TRIMARAN_WS_ALLOW_ORIGINS", "https://plant.example,http://pages:7480");
         let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut service = Self { child, at: String::new() };
@@ -46,7 +51,7 @@ impl Service {
             return skipped(&said);
         };
         url.split_once('/').unwrap().0.clone_into(&mut service.at);
-        assert_eq!(url, format!("{}/?token={TOKEN}", service.at));
+        assert_eq!(url, format!("{}/?token={token}", service.at));
         Some(service)
     }
 
@@ -108,6 +113,15 @@ pub(crate) struct Browser {
 impl Browser {
     /// `None` where there is none, and none is required.
     pub(crate) fn start(width: u32, height: u32) -> Option<Self> {
+        Self::with(&[&width.to_string(), &height.to_string()])
+    }
+
+    /// The same, as a phone that has no mouse.
+    pub(crate) fn with_touch(width: u32, height: u32) -> Option<Self> {
+        Self::with(&[&width.to_string(), &height.to_string(), "touch"])
+    }
+
+    fn with(arguments: &[&str]) -> Option<Self> {
         let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("roles/page/target/tests/driver.mjs");
         let chromium = env::var("TRIMARAN_CHROMIUM").unwrap_or_else(|_| "/usr/bin/chromium".to_owned());
         if !driver.exists() || !Path::new(&chromium).exists() {
@@ -116,7 +130,7 @@ impl Browser {
         let mut command = Command::new("node");
         command
             .arg(driver)
-            .args([width.to_string(), height.to_string()])
+            .args(arguments)
             .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("roles/page"));
         let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let (input, output) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());

@@ -6,7 +6,8 @@ import { showPanels } from "./panels/app.tsx";
 import { Service } from "./service/service.ts";
 import { decodeViewpoint } from "./tools/viewpoint.ts";
 import { goTo } from "./tools/viewsPanel.tsx";
-import { Viewer } from "./viewer/viewer.ts";
+import { OTHER_SCENE, Viewer } from "./viewer/viewer.ts";
+import { messageOf } from "./wire/errors.ts";
 
 declare global {
   interface Window {
@@ -30,6 +31,10 @@ async function begin(): Promise<void> {
     const viewer = new Viewer(canvas, scene, service, network);
     window.trimaran = viewer;
     showPanels(panels, viewer);
+    if (sessionStorage.getItem(OTHER_SCENE) !== null) {
+      sessionStorage.removeItem(OTHER_SCENE);
+      viewer.said.value = `The service shows another model now: ${scene.name}.`;
+    }
     const viewpoint = location.hash.startsWith("#v=") && decodeViewpoint(location.hash.slice(3));
     if (viewpoint) {
       goTo(viewer, viewpoint);
@@ -43,7 +48,7 @@ async function begin(): Promise<void> {
     const status = document.createElement("p");
     status.id = "status";
     status.role = "alert";
-    status.textContent = error instanceof Error ? error.message : String(error);
+    status.textContent = messageOf(error);
     panels.replaceChildren(status);
   }
 }

@@ -38,13 +38,45 @@ type Command =
   | { readonly do: "look" }
   | { readonly do: "status" }
   | { readonly do: "figures" }
+  /** What has the keyboard: its name, and what it is. */
+  | { readonly do: "focused" }
+  /** Presses Tab until something of that name has the keyboard. */
+  | { readonly do: "tab"; readonly name: string }
+  | { readonly do: "wheel"; readonly x: number; readonly y: number; readonly down: number }
+  /** From one place of the canvas on, with the left button. */
+  | {
+      readonly do: "pull";
+      readonly x: number;
+      readonly y: number;
+      readonly right: number;
+      readonly down: number;
+    }
+  /** A finger at a place for so long. */
+  | { readonly do: "touch"; readonly x: number; readonly y: number; readonly milliseconds: number }
+  /** The page says something to the person. */
+  | { readonly do: "say"; readonly text: string }
+  | { readonly do: "title" }
+  | { readonly do: "reload" }
+  /** Where a finger meets an object, CSS pixels. */
+  | { readonly do: "place"; readonly object: number }
+  /** Where the eye is, and what is picked and hidden: what `look` tells, without pixels. */
+  | { readonly do: "state" }
+  /** All that can be used now, and where it is. */
+  | { readonly do: "targets" }
+  /** A finger on what has that name, for so long. */
+  | { readonly do: "tap"; readonly name: string; readonly milliseconds: number }
+  /** Which part of the picture shows what is picked; where nothing is, all that is no background. */
+  | { readonly do: "extent" }
+  /** What the files of the page took to come. */
+  | { readonly do: "files" }
   | { readonly do: "memory" }
   | { readonly do: "screenshot"; readonly file: string };
 
 /** How long a picture may take to be exact, milliseconds. */
 const PATIENCE = 60_000;
 
-const [width = 512, height = 512] = process.argv.slice(2).map(Number);
+const [width = 512, height = 512] = process.argv.slice(2, 4).map(Number);
+const isTouch = process.argv[4] === "touch";
 const browser = await chromium.launch({
   executablePath: process.env.TRIMARAN_CHROMIUM ?? "/usr/bin/chromium",
   args: [
@@ -55,7 +87,7 @@ const browser = await chromium.launch({
     "--enable-precise-memory-info",
   ],
 });
-const page = await browser.newPage({ viewport: { width, height } });
+const page = await browser.newPage({ viewport: { width, height }, hasTouch: isTouch, isMobile: isTouch });
 const faults: string[] = [];
 page.on("pageerror", (error) => faults.push(String(error.stack ?? error)));
 page.on("console", (message) => {
@@ -152,6 +184,57 @@ async function run(command: Command, page: Page): Promise<unknown> {
       return (await page.$("#status"))?.textContent() ?? "";
     case "figures":
       return page.evaluate(figures);
+    case "focused":
+      return page.evaluate(focused);
+    case "tab":
+      for (let press = 0; press < 100; press += 1) {
+        const { name } = await page.evaluate(focused);
+        if (name === command.name) {
+          return press;
+        }
+        await page.keyboard.press("Tab");
+      }
+      throw new Error(`no Tab leads to ${command.name}`);
+    case "wheel":
+      await page.mouse.move(command.x, command.y);
+      await page.mouse.wheel(0, command.down);
+      return true;
+    case "pull":
+      await page.mouse.move(command.x, command.y);
+      await page.mouse.down();
+      await page.mouse.move(command.x + command.right, command.y + command.down, { steps: 8 });
+      await page.mouse.up();
+      return true;
+    case "touch":
+      return touch(page, command.x, command.y, command.milliseconds);
+    case "tap": {
+      const [place] = (await page.evaluate(targets, command.name)) as { x: number; y: number }[];
+      if (place === undefined) {
+        throw new Error(`nothing is called ${command.name}`);
+      }
+      return touch(page, place.x, place.y, command.milliseconds);
+    }
+    case "state":
+      return page.evaluate(state);
+    case "say":
+      await page.evaluate((text) => {
+        if (window.trimaran !== undefined) {
+          window.trimaran.said.value = text;
+        }
+      }, command.text);
+      return true;
+    case "title":
+      return page.title();
+    case "reload":
+      return (await page.reload())?.status();
+    case "place":
+      return page.evaluate(place, command.object);
+    case "targets":
+      return page.evaluate(targets, "");
+    case "extent":
+      return page.evaluate(extent);
+    case "files":
+      return page.evaluate(files);
     case "memory":
       await page.requestGC();
       return page.evaluate(memory);
@@ -166,6 +249,117 @@ function memory(): Record<string, number> {
   const { usedJSHeapSize } = (performance as unknown as { memory: { usedJSHeapSize: number } }).memory;
   const geometry = window.trimaran?.renderer.bytes ?? 0;
   return { scripts: usedJSHeapSize, geometry, elements: document.querySelectorAll("*").length };
+}
+
+/** Runs in the page. */
+function state(): unknown {
+  const seen = window.trimaran;
+  const { hidden, seeThrough } = seen?.view.current.value ?? {};
+  return {
+    ...seen?.camera,
+    forward: seen?.navigator.forward,
+    mode: seen?.navigator.mode.value,
+    selected: [...(seen?.selected.value ?? [])],
+    hidden: [...(hidden ?? [])],
+    seeThrough: [...(seeThrough ?? [])],
+    drawn: seen?.renderer.drawn,
+  };
+}
+
+/** A finger comes down and goes up. */
+async function touch(page: Page, x: number, y: number, milliseconds: number): Promise<true> {
+  const devtools = await page.context().newCDPSession(page);
+  const touchPoints = [{ x, y }];
+  await devtools.send("Input.dispatchTouchEvent", { type: "touchStart", touchPoints });
+  await page.waitForTimeout(milliseconds);
+  await devtools.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] });
+  await devtools.detach();
+  return true;
+}
+
+/** What has the keyboard: its name, what it is, and whether it shows that. Runs in the page. */
+function focused(): { name: string; tag: string; shows: boolean } {
+  const element = document.activeElement;
+  const name = element?.getAttribute("aria-label") ?? element?.textContent ?? "";
+  const row = element?.querySelector(":scope > .row") ?? element;
+  const shows = row !== null && getComputedStyle(row).outlineStyle !== "none";
+  return { name: name.trim(), tag: element?.tagName.toLowerCase() ?? "", shows };
+}
+
+/** What can be used now: its name, its place, the size of its letters, and whether a finger there meets it. */
+function targets(wanted: string): unknown {
+  const controls = document.querySelectorAll<HTMLElement>(
+    "button, input, select, label.file, [role=treeitem] > .link",
+  );
+  return [...controls].flatMap((control) => {
+    const name = (control.getAttribute("aria-label") ?? control.textContent ?? "").trim();
+    if (wanted !== "" && wanted !== name) {
+      return [];
+    }
+    // What lists and bars have scrolled away can be scrolled to.
+    control.scrollIntoView({ block: "nearest", inline: "nearest" });
+    const { left, top, width, height } = control.getBoundingClientRect();
+    const isSeen = control.checkVisibility({ checkOpacity: true, checkVisibilityCSS: true });
+    if (!isSeen || width === 0) {
+      return [];
+    }
+    const [x, y] = [left + width / 2, top + height / 2];
+    const met = document.elementFromPoint(x, y);
+    const letters = Number.parseFloat(getComputedStyle(control).fontSize);
+    const isMet = met !== null && (control.contains(met) || met.contains(control));
+    return [{ name, tag: control.tagName.toLowerCase(), x, y, width, height, letters, isMet }];
+  });
+}
+
+/** Runs in the page. */
+function place(wanted: number): { x: number; y: number } | undefined {
+  const seen = window.trimaran;
+  const [width = 1, height = 1] = [seen?.canvas.width, seen?.canvas.height];
+  const scale = width / Math.max(1, seen?.canvas.clientWidth ?? 1);
+  const objects = new Map(seen?.display?.shown?.drawables.map(({ id, object }) => [id, object]));
+  const items = seen?.items() ?? [];
+  const shows = (at: number) => objects.get(items[at] ?? -1) === wanted;
+  for (let at = 0; at < items.length; at += 1) {
+    const [x, y] = [(at % width) + 0.5, height - 0.5 - Math.floor(at / width)];
+    // Not at its edge.
+    const isInside = [-3 * width - 3, -3 * width + 3, 3 * width - 3, 3 * width + 3].every((by) =>
+      shows(at + by),
+    );
+    if (isInside && document.elementFromPoint(x / scale, y / scale) === seen?.canvas) {
+      return { x: x / scale, y: y / scale };
+    }
+  }
+  return undefined;
+}
+
+/** Runs in the page. */
+function extent(): Record<string, number> {
+  const seen = window.trimaran;
+  const [width = 1, height = 1] = [seen?.canvas.width, seen?.canvas.height];
+  const picked = seen?.selected.value;
+  const objects = new Map(seen?.display?.shown?.drawables.map(({ id, object }) => [id, object]));
+  let [left, right, top, bottom, pixels] = [width, -1, height, -1, 0];
+  for (const [at, id] of (seen?.items() ?? []).entries()) {
+    const object = objects.get(id);
+    if (object !== undefined && (picked?.isEmpty === true || picked?.has(object) === true)) {
+      const [x, y] = [at % width, height - 1 - Math.floor(at / width)];
+      [left, right] = [Math.min(left, x), Math.max(right, x)];
+      [top, bottom] = [Math.min(top, y), Math.max(bottom, y)];
+      pixels += 1;
+    }
+  }
+  const [across, down] = [(right + 1 - left) / width, (bottom + 1 - top) / height];
+  return { pixels, across, down, x: (left + right + 1) / 2 / width, y: (top + bottom + 1) / 2 / height };
+}
+
+/** Bytes on the way and behind it, by the name of the file. Runs in the page. */
+function files(): unknown {
+  const all = performance.getEntriesByType("resource") as PerformanceResourceTiming[];
+  return Object.fromEntries(
+    all.map(({ name, transferSize, encodedBodySize, decodedBodySize }) => {
+      return [new URL(name).pathname, { transferSize, encodedBodySize, decodedBodySize }];
+    }),
+  );
 }
 
 /** What the panel "Status" says, by name. */

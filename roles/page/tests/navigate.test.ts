@@ -1,9 +1,12 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { centreOf, framingEye } from "../src/navigate/framing.ts";
+import { Frustum } from "../src/navigate/frustum.ts";
 import { Gaze, type Point } from "../src/navigate/gaze.ts";
 import { Ground, type Solid } from "../src/navigate/ground.ts";
 import { addGamepad, Keys, still } from "../src/navigate/motion.ts";
 import { approach, pan, turnAbout } from "../src/navigate/orbit.ts";
+import { mostOpen } from "../src/navigate/sides.ts";
 import { Tile } from "../src/navigate/tile.ts";
 import { Walk } from "../src/navigate/walk.ts";
 import { Projection } from "../src/tools/projection.ts";
@@ -269,14 +272,78 @@ test("what is turned round stays where it shows, and comes nearer by shares", ()
     assert.ok(Math.abs(before[side] - after[side]) < 1e-6, `${side}: ${before[side]} ${after[side]}`);
   }
   assert.ok(Math.hypot(turned[0] - eye[0], turned[2] - eye[2]) > 3);
-  const near = approach([10, 0, 0], [0, 0, 0], 0.15);
-  assert.deepEqual(
-    [near, approach([10, 0, 0], [0, 0, 0], 9)],
-    [
-      [1.5, 0, 0],
-      [5, 0, 0],
-    ],
-  );
+  const ways = [0.15, 9].map((share) => approach([10, 0, 0], [0, 0, 0], share, 1));
+  assert.deepEqual(ways, [
+    [1.5, 0, 0],
+    [5, 0, 0],
+  ]);
+  assert.deepEqual(approach([10, 0, 0], [8.5, 0, 0], 0.5, 1), [9, 0, 0]);
+  assert.deepEqual(approach([10, 0, 0], [9.5, 0, 0], 0.5, 1), [9.5, 0, 0], "it is near enough");
+  assert.deepEqual(approach([10, 0, 0], [9.5, 0, 0], -1, 1), [9, 0, 0], "and goes away");
   const across = pan([0, 0, 0], new Gaze([0, 0, -1]), 2, 3);
   assert.ok(Math.hypot(across[0] - 2, across[1] - 3, across[2]) < 1e-12, `${across}`);
+});
+
+test("a box that is framed is all in the picture and fills it one way, from wherever it is seen", () => {
+  let seed = 5;
+  const random = () => {
+    seed = (seed * 48271) % 0x7fff_ffff;
+    return seed / 0x7fff_ffff;
+  };
+  for (let round = 0; round < 500; round += 1) {
+    const min: Point = [1e4 * random(), 50 * random(), -1e4 * random()];
+    const size = 10 ** (6 * random() - 3);
+    const max: Point = [min[0] + size * random(), min[1] + size * random(), min[2] + size];
+    const gaze = new Gaze([random() - 0.5, 1.6 * (random() - 0.5), random() - 0.5]);
+    const [width, height] = [100 + 1900 * random(), 100 + 1900 * random()];
+    const vfov = 20 + 80 * random();
+    const tanY = Math.tan((vfov * Math.PI) / 360);
+    const eye = framingEye({ min, max }, gaze, (tanY * width) / height, tanY);
+    const { orientation } = gaze;
+    const projection = new Projection({ eye, orientation, tanHalfFov: tanY, near: 1e-9 }, width, height);
+    const places = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) => {
+      const side = (axis: 0 | 1 | 2) => ((corner >> axis) & 1 ? max : min)[axis];
+      const place = projection.place([side(0), side(1), side(2)]);
+      assert.ok(place !== undefined, `${round}: a corner is behind the eye`);
+      return place;
+    });
+    const [xs, ys] = [places.map(({ x }) => x), places.map(({ y }) => y)];
+    const across = (Math.max(...xs) - Math.min(...xs)) / width;
+    const down = (Math.max(...ys) - Math.min(...ys)) / height;
+    assert.ok(Math.min(...xs) >= 0 && Math.max(...xs) <= width, `${round}: ${xs}`);
+    assert.ok(Math.min(...ys) >= 0 && Math.max(...ys) <= height, `${round}: ${ys}`);
+    const filled = Math.max(across, down);
+    // A corner right before the eye keeps it a little farther away.
+    assert.ok(filled < 0.861 && filled > (vfov < 60 ? 0.85 : 0.6), `${round}: it fills ${filled}`);
+  }
+});
+
+test("what is a point is framed from a distance", () => {
+  const point: Point = [1, 2, 3];
+  const eye = framingEye({ min: point, max: point }, new Gaze([0, 0, -1]), 0.5, 0.5);
+  assert.deepEqual([eye[0], eye[1]], [1, 2]);
+  assert.ok(eye[2] > 3 && eye[2] < 3.1, `${eye}`);
+  assert.deepEqual(centreOf({ min: [0, 0, 0], max: [2, 4, 6] }), [1, 2, 3]);
+});
+
+test("a frustum tells what shows and where", () => {
+  const frustum = new Frustum([1, 2, 3], new Gaze([0, 0, -1]), 90, 200, 100);
+  const shown: Point = [5, 4, -1];
+  assert.ok(frustum.shows(shown) && Math.abs(frustum.depthOf(shown) - 4) < 1e-12);
+  assert.ok(Math.abs(frustum.offset(shown, 153, 29) - 5) < 1e-9);
+  assert.ok(!frustum.shows([1, 2, 7]) && !frustum.shows([1, 8, -1]));
+  assert.equal(frustum.offset([1, 2, 7], 100, 50), Number.POSITIVE_INFINITY);
+});
+
+test("of the sides that are open, that one is gone to that is least far round", () => {
+  const sides = [
+    { from: [0, 0, 1], hidden: 1 },
+    { from: [1, 0, 0], hidden: 0 },
+    { from: [0, 0, -1], hidden: 0 },
+    { from: [-0.6, 0, -0.8], hidden: 0.05 },
+  ] as const;
+  // It looks along -z, so from +z, where all is hidden.
+  const [x, y, z] = mostOpen(sides, [0, 0, -7]) ?? [0, 0, 0];
+  assert.deepEqual([x, y + 0, z + 0], [-1, 0, 0]);
+  assert.equal(mostOpen([], [0, 0, -1]), undefined);
 });

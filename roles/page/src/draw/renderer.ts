@@ -35,6 +35,13 @@ export interface Picked {
   readonly depth: number;
 }
 
+/** A pixel that shows something, counted from the upper left, and the metres to that along the view. */
+export interface Met {
+  readonly x: number;
+  readonly y: number;
+  readonly depth: number;
+}
+
 export class Renderer {
   readonly #canvas: HTMLCanvasElement;
   readonly #gl: WebGL2RenderingContext;
@@ -105,6 +112,11 @@ export class Renderer {
     return this.#stats;
   }
 
+  /** Whether the canvas shows the last picture as finely as it gets: smooth, and with lines. */
+  get isFine(): boolean {
+    return this.#steps === STEPS;
+  }
+
   /** Makes the picture so large, in pixels, or as large as the device can. */
   resize(width: number, height: number): void {
     const side = (wanted: number) => Math.max(1, Math.min(Math.round(wanted), this.#longestSide));
@@ -166,6 +178,31 @@ export class Renderer {
       }
     }
     return undefined;
+  }
+
+  /**
+   * The pixel within so many of one, counted from the upper left, that shows what is nearest to the eye; nothing
+   * where all is background. What is see-through is not met.
+   */
+  nearest(x: number, y: number, radius: number): Met | undefined {
+    if (this.#device === undefined || this.#last === undefined) {
+      return undefined;
+    }
+    const { camera, drawables, look } = this.#last;
+    const opaque = drawables.filter((one) => !look.seeThrough.has(one.object));
+    const [column, row] = [Math.floor(x), Math.floor(y)];
+    const depths = this.#device.depthsAround(camera, opaque, look, [column, row], radius);
+    let found: Met | undefined;
+    for (let up = -radius; up <= radius; up += 1) {
+      for (let right = -radius; right <= radius; right += 1) {
+        const depth = depths[(up + radius) * (2 * radius + 1) + right + radius] ?? 0;
+        const isNearer = depth > 0 && (found === undefined || depth < found.depth);
+        if (isNearer && Math.hypot(right, up) <= radius) {
+          found = { x: column + right + 0.5, y: row - up + 0.5, depth };
+        }
+      }
+    }
+    return found;
   }
 
   /**

@@ -27,13 +27,21 @@ const HELP: readonly (readonly [string, string])[] = [
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
   ["/", "search"],
   ["T, B, M, V, P", "the model as a tree, sections, distances, views, status"],
-  ["Escape", "pick nothing"],
+  ["Home", "see the whole model"],
+  ["no key", "edges of objects come once the picture rests"],
+  ["Escape", "back to the picture; pick nothing"],
+  ["Tab; arrows and Space", "the next control; use it"],
 ];
 
 export function NavigationBar({ navigator }: { readonly navigator: Navigator }) {
   const help = useRef<HTMLDialogElement>(null);
+  const showHelp = () => {
+    // The dialog hears the keys from now on, also that they are let go.
+    navigator.release();
+    help.current?.showModal();
+  };
   return (
-    <div class="panel bar navigation" role="toolbar" aria-label="Moving">
+    <fieldset class="panel bar navigation" aria-label="Moving">
       {MODES.map(([mode, label, key]) => (
         <button
           type="button"
@@ -57,7 +65,7 @@ export function NavigationBar({ navigator }: { readonly navigator: Navigator }) 
           onInput={(event) => navigator.setVfov(event.currentTarget.valueAsNumber)}
         />
       </label>
-      <button type="button" aria-label="Keys" onClick={() => help.current?.showModal()}>
+      <button type="button" aria-label="Keys" onClick={showHelp}>
         ?
       </button>
       <dialog ref={help} aria-label="Keys">
@@ -75,6 +83,6 @@ export function NavigationBar({ navigator }: { readonly navigator: Navigator }) 
           <button type="submit">Close</button>
         </form>
       </dialog>
-    </div>
+    </fieldset>
   );
 }

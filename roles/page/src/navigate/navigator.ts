@@ -2,12 +2,15 @@
 
 import { signal } from "@preact/signals";
 import type { SceneDescription, Service } from "../service/service.ts";
+import { type Box, centreOf, framingEye } from "./framing.ts";
+import { Frustum } from "./frustum.ts";
 import { Gaze, type Point } from "./gaze.ts";
 import { Ground } from "./ground.ts";
 import { addGamepad, Keys, type Motion, still } from "./motion.ts";
-import { approach, pan, turnAbout } from "./orbit.ts";
+import { along, approach, pan, turnAbout } from "./orbit.ts";
 import { type Drag, listenToPointers } from "./pointers.ts";
-import { isTyping } from "./typing.ts";
+import { mostOpen, type Side } from "./sides.ts";
+import { isForControl } from "./typing.ts";
 import { Walk } from "./walk.ts";
 
 /** On the ground, freely through everything, or round what is pointed at. */
@@ -22,6 +25,10 @@ const ORBIT = 0.006;
 const PUSH = 150;
 /** The share of the way that a step of the wheel goes. */
 const DOLLY = 0.15;
+/** CSS pixels around the pointer within which something is meant, where nothing is right under it. */
+const AROUND = 8;
+/** The eye comes no nearer to what it goes to than this share of the height of the eye. */
+const CLOSEST = 0.005;
 /** Longest step in time, seconds: a page that was in the background does not jump. */
 const LONGEST = 0.1;
 /** Who runs is so much faster. */
@@ -40,12 +47,17 @@ export class Navigator {
   #eye: Point;
   /** How far two fingers have pushed the person since the last step: ahead and to the right, metres. */
   #pushed: [number, number] = [0, 0];
-  /** What is dragged round. */
-  #pivot: Readonly<Point> | undefined;
+  /** What is turned round: what was pointed at or gone to last, at first the middle of the model. */
+  #pivot: Readonly<Point>;
+  /** What the wheel goes to, for as long as it shows at the pointer. */
+  #zoomed: Readonly<Point> | undefined;
+  readonly #canvas: HTMLCanvasElement;
+  /** The middle of the model. */
+  readonly #middle: Readonly<Point>;
   /** Height of the eye above floors: how large things are here. */
   readonly #scale: number;
-  /** Tells which point shows at a place of the canvas, in CSS pixels. */
-  pointAt: (x: number, y: number) => Readonly<Point> | undefined = () => undefined;
+  /** Tells which point shows at a place of the canvas, or within `around` of it. CSS pixels. */
+  pointAt: (x: number, y: number, around: number) => Readonly<Point> | undefined = () => undefined;
   readonly mode = signal<Mode>("walk");
   /** Vertical field of view, degrees. */
   readonly vfov = signal(0);
@@ -60,6 +72,9 @@ export class Navigator {
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Pick<Service, "tile">) {
     const { eye, forward } = scene.start;
     this.#eye = [...eye];
+    this.#canvas = canvas;
+    this.#middle = centreOf(scene.core);
+    this.#pivot = this.#middle;
     this.#scale = scene.eyeHeight;
     this.#gaze = new Gaze([...forward]);
     this.#ground = new Ground(service, scene.tileSide);
@@ -89,6 +104,11 @@ export class Navigator {
     return { eye: this.#eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
   }
 
+  /** Metres from the eye to what it turns round; where one walks nothing is turned. */
+  get reach(): number {
+    return this.mode.peek() === "walk" ? Number.POSITIVE_INFINITY : this.#wayTo(this.#pivot);
+  }
+
   /** Vertical field of view, degrees. */
   get vfovDeg(): number {
     return this.vfov.peek();
@@ -112,6 +132,16 @@ export class Navigator {
     this.#hasMoved = true;
   }
 
+  /** No key is held any more, as far as this knows: others have the keyboard. */
+  release(): void {
+    this.#keys.release();
+  }
+
+  /** Presses or lets go what moves the eye, as the key of that code does. */
+  press(code: string, isDown: boolean): void {
+    this.#keys.press(code, isDown);
+  }
+
   /** Faster by so many steps. */
   hasten(steps: number): void {
     this.speed.value = Math.min(1000, Math.max(0.01, this.speed.peek() * 1.2 ** steps));
@@ -127,6 +157,7 @@ export class Navigator {
   /** Puts the eye at a place, and lets it look along `forward`. */
   goTo(eye: Readonly<Point>, forward: Readonly<Point>): void {
     this.#hasJumped = true;
+    this.#zoomed = undefined;
     this.follow(eye, forward);
   }
 
@@ -138,20 +169,21 @@ export class Navigator {
     this.#hasMoved = true;
   }
 
-  /** Flies to where a box, given by its corners, fills about half of the picture, and looks at it. */
-  frame(min: Readonly<Point>, max: Readonly<Point>): void {
-    const centre: Point = [(min[0] + max[0]) / 2, (min[1] + max[1]) / 2, (min[2] + max[2]) / 2];
-    const radius = Math.hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]) / 2;
-    const distance = Math.max(radius, 1e-3) / Math.sin((this.vfovDeg * Math.PI) / 720);
-    // From the side from which it is seen now, and from a little above.
-    const [right, , back] = this.forward;
-    const level = Math.hypot(right, back) || 1;
-    const forward: Point = [(0.9 * right) / level, -0.44, (0.9 * back) / level];
-    const at = (axis: 0 | 1 | 2) => centre[axis] - (forward[axis] * distance) / Math.hypot(...forward);
+  /**
+   * Flies to where a box fills the picture, and looks at it: from the side from which it is seen now and from a
+   * little above, or from another side that is more open.
+   */
+  frame(box: Box, sides: readonly Side[] = []): void {
+    const { forward } = this;
+    const level = Math.hypot(forward[0], forward[2]) || 1;
+    const ahead: Point = [(0.9 * forward[0]) / level, -0.44, (0.9 * forward[2]) / level];
+    const gaze = new Gaze(mostOpen(sides, ahead) ?? ahead);
     if (this.mode.peek() === "walk") {
       this.mode.value = "fly";
     }
-    this.goTo([at(0), at(1), at(2)], forward);
+    const { tanX, tanY } = this.#frustum;
+    this.goTo(framingEye(box, gaze, tanX, tanY), gaze.forward);
+    this.#pivot = centreOf(box);
   }
 
   #move(seconds: number): boolean {
@@ -191,59 +223,93 @@ export class Navigator {
     }
     this.#hasMoved = true;
     const isOrbit = this.mode.peek() === "orbit";
-    const pivot = this.#pivot;
     if (isPan && this.mode.peek() === "walk") {
       // Two fingers push the ground away, as hands on a rail would.
       const each = this.#scale / PUSH;
       this.#pushed = [this.#pushed[0] + down * each, this.#pushed[1] - right * each];
     } else if (isPan) {
-      const depth = pivot === undefined ? this.#scale : this.#depthOf(pivot);
+      const depth = Math.max(this.#frustum.depthOf(this.#pivot), CLOSEST * this.#scale);
       const each = (2 * depth * Math.tan((this.vfovDeg * Math.PI) / 360)) / height;
       this.#eye = pan(this.#eye, this.#gaze, -right * each, down * each);
       this.#approach(1 - 1 / spread);
-    } else if (isOrbit && pivot !== undefined) {
-      this.#eye = turnAbout(pivot, this.#eye, this.#gaze, -ORBIT * right, -ORBIT * down);
+    } else if (isOrbit) {
+      this.#eye = turnAbout(this.#pivot, this.#eye, this.#gaze, -ORBIT * right, -ORBIT * down);
     } else {
       this.#gaze.turn(MOUSE * right, MOUSE * down);
     }
   }
 
-  /** Goes a share of the way to the pivot, or ahead. */
+  /** Something is taken hold of: it is turned round. Where nothing is, that stays what it was if it shows. */
+  #hold(x: number, y: number): void {
+    this.#zoomed = undefined;
+    const held = this.pointAt(x, y, AROUND);
+    if (held !== undefined || !this.#frustum.shows(this.#pivot)) {
+      const { clientWidth, clientHeight } = this.#canvas;
+      this.#pivot = held ?? this.pointAt(clientWidth / 2, clientHeight / 2, AROUND) ?? this.#ahead();
+    }
+  }
+
+  /** The middle of the model where it shows, or else what is as far ahead. */
+  #ahead(): Readonly<Point> {
+    const middle = this.#middle;
+    return this.#frustum.shows(middle)
+      ? middle
+      : along(this.#eye, [this.forward], [this.#wayTo(middle), 0, 0]);
+  }
+
+  /**
+   * Goes nearer to what shows at a place of the canvas, or away from it. It stays there meanwhile. Where nothing
+   * shows, what is turned round comes nearer.
+   */
+  #zoom(x: number, y: number, share: number): void {
+    const frustum = this.#frustum;
+    if (this.#zoomed === undefined || frustum.offset(this.#zoomed, x, y) > AROUND + 1) {
+      this.#zoomed = this.pointAt(x, y, AROUND);
+    }
+    this.#pivot = this.#zoomed ?? (frustum.shows(this.#pivot) ? this.#pivot : this.#ahead());
+    this.#approach(share);
+  }
+
+  /** Goes a share of the way to what is turned round. */
   #approach(share: number): void {
-    const [x, y, z] = this.forward;
-    const way = 4 * this.#scale;
-    const ahead: Point = [this.#eye[0] + way * x, this.#eye[1] + way * y, this.#eye[2] + way * z];
-    this.#eye = approach(this.#pivot ?? ahead, this.#eye, share);
+    this.#eye = approach(this.#pivot, this.#eye, share, CLOSEST * this.#scale);
     this.#hasMoved = true;
   }
 
-  /** Metres along the gaze. */
-  #depthOf(point: Readonly<Point>): number {
-    const { forward } = this;
-    const [x, y, z] = [point[0] - this.#eye[0], point[1] - this.#eye[1], point[2] - this.#eye[2]];
-    return Math.max(x * forward[0] + y * forward[1] + z * forward[2], 0.1 * this.#scale);
+  #wayTo([x, y, z]: Readonly<Point>): number {
+    return Math.hypot(x - this.#eye[0], y - this.#eye[1], z - this.#eye[2]);
+  }
+
+  /** What is in the picture. */
+  get #frustum(): Frustum {
+    const { clientWidth, clientHeight } = this.#canvas;
+    return new Frustum(this.#eye, this.#gaze, this.vfovDeg, clientWidth, clientHeight);
   }
 
   #listen(canvas: HTMLCanvasElement): void {
     addEventListener("keydown", (event) => {
-      const isForOthers = event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target);
-      if (!isForOthers && (this.#keys.press(event.code, true) || this.#command(event.code))) {
+      const isShortcut = event.ctrlKey || event.metaKey || event.altKey;
+      if (
+        !isShortcut &&
+        !isForControl(event) &&
+        (this.#keys.press(event.code, true) || this.#command(event.code))
+      ) {
         event.preventDefault();
       }
     });
     addEventListener("keyup", (event) => this.#keys.press(event.code, false));
-    addEventListener("blur", () => this.#keys.release());
-    const begin = (x: number, y: number) => {
-      this.#pivot = this.pointAt(x, y);
-    };
-    listenToPointers(canvas, begin, (drag) => this.#drag(drag, canvas.clientHeight));
+    addEventListener("blur", () => this.release());
+    listenToPointers(
+      canvas,
+      (x, y) => this.#hold(x, y),
+      (drag) => this.#drag(drag, canvas.clientHeight),
+    );
     canvas.addEventListener(
       "wheel",
       (event) => {
         event.preventDefault();
         if (this.mode.peek() === "orbit") {
-          this.#pivot = this.pointAt(event.offsetX, event.offsetY) ?? this.#pivot;
-          this.#approach(DOLLY * -Math.sign(event.deltaY));
+          this.#zoom(event.offsetX, event.offsetY, DOLLY * -Math.sign(event.deltaY));
         } else {
           this.hasten(-Math.sign(event.deltaY));
         }

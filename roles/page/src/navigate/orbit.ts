@@ -3,7 +3,7 @@
 import type { Gaze, Point } from "./gaze.ts";
 
 /** Which way is right, up and ahead for a gaze: unit vectors of the world. */
-function axesOf(gaze: Gaze): readonly [Point, Point, Point] {
+export function axesOf(gaze: Gaze): readonly [Point, Point, Point] {
   const forward = gaze.forward;
   const right: Point = [Math.cos(gaze.heading), 0, -Math.sin(gaze.heading)];
   const up: Point = [
@@ -14,12 +14,12 @@ function axesOf(gaze: Gaze): readonly [Point, Point, Point] {
   return [right, up, forward];
 }
 
-function dot(a: Readonly<Point>, b: Readonly<Point>): number {
+export function dot(a: Readonly<Point>, b: Readonly<Point>): number {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 /** The place behind `steps` along right, up and ahead. */
-function along(from: Readonly<Point>, axes: readonly Point[], steps: Readonly<Point>): Point {
+export function along(from: Readonly<Point>, axes: readonly Point[], steps: Readonly<Point>): Point {
   const at = (axis: 0 | 1 | 2) =>
     from[axis] + axes.reduce((sum, unit, index) => sum + unit[axis] * (steps[index] ?? 0), 0);
   return [at(0), at(1), at(2)];
@@ -44,9 +44,19 @@ export function pan(eye: Readonly<Point>, gaze: Gaze, right: number, up: number)
   return along(eye, axesOf(gaze), [right, up, 0]);
 }
 
-/** Where the eye is when it has gone a share of the way to a point. It never gets there. */
-export function approach(pivot: Readonly<Point>, eye: Readonly<Point>, share: number): Point {
-  const part = Math.min(share, 0.5);
+/**
+ * Where the eye is when it has gone a share of the way to a point, and no nearer to it than `nearest` metres. It
+ * never gets there, and never beyond.
+ */
+export function approach(
+  pivot: Readonly<Point>,
+  eye: Readonly<Point>,
+  share: number,
+  nearest: number,
+): Point {
+  const way = Math.hypot(pivot[0] - eye[0], pivot[1] - eye[1], pivot[2] - eye[2]);
+  const most = way > 0 ? Math.max(0, 1 - nearest / way) : 0;
+  const part = Math.min(share, 0.5, most);
   const at = (axis: 0 | 1 | 2) => eye[axis] + (pivot[axis] - eye[axis]) * part;
   return [at(0), at(1), at(2)];
 }

@@ -1,5 +1,32 @@
-/** Whether what has the keyboard takes keys itself, and so shortcuts are not meant. */
-export function isTyping(target: EventTarget | null): boolean {
-  const takesKeys = "input:not([type=checkbox], [type=file]), select, textarea";
-  return target instanceof HTMLElement && target.closest(takesKeys) !== null;
+/** Which keys are for what has the keyboard, and so are no shortcuts. */
+
+const ARROWS = ["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight"];
+const PAGES = ["Home", "End", "PageUp", "PageDown"];
+const PRESS = [" ", "Enter"];
+
+/** Kinds of controls, and the keys that each takes: the first that fits counts. */
+const CONTROLS: readonly (readonly [selector: string, keys: readonly string[] | "all"])[] = [
+  ["input[type=range], [role=slider]", [...ARROWS, ...PAGES]],
+  ["input[type=checkbox], [role=switch]", [" "]],
+  ["input[type=radio]", [" ", ...ARROWS]],
+  ["input[type=file], input[type=button], input[type=submit], input[type=reset]", PRESS],
+  ["input, textarea, [contenteditable]:not([contenteditable=false])", "all"],
+  ["select, [role=listbox], [role=tree]", [...ARROWS, ...PAGES, ...PRESS]],
+  ["button, summary, [role=button]", PRESS],
+  ["a[href]", ["Enter"]],
+];
+
+/** What is asked of an element: whether it is within something that a selector fits. */
+export type Within = Pick<Element, "closest">;
+
+/** Whether the control around `target` takes a key itself, as the platform has it. */
+export function takesKey(target: Within, key: string): boolean {
+  const control = CONTROLS.find(([selector]) => target.closest(selector) !== null);
+  return control !== undefined && (control[1] === "all" || control[1].includes(key));
+}
+
+/** Whether a key is no shortcut: it is for the control that has the keyboard, or for a modal dialog. */
+export function isForControl({ target, key }: KeyboardEvent): boolean {
+  const isTaken = target instanceof Element && takesKey(target, key);
+  return isTaken || document.querySelector("dialog:modal") !== null;
 }

@@ -4,6 +4,7 @@ import type { ObjectSet } from "../proto/objectSet.ts";
 import type { PartDetails } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { type Change, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
+import { tellIfHidden } from "./reveal.ts";
 import type { Selection } from "./selection.ts";
 
 export interface Command {
@@ -26,6 +27,7 @@ export function commandsOf(viewer: Viewer, selection: Selection): readonly Comma
       run: () => goTo(viewer, selection.details.peek()),
       isPossible: hasSelection,
     },
+    { label: "Whole model", key: "Home", run: () => seeAll(viewer), isPossible: () => true },
     {
       label: "Hide",
       key: "H",
@@ -54,10 +56,16 @@ export function commandsOf(viewer: Viewer, selection: Selection): readonly Comma
 }
 
 /** Goes to where a part is seen. */
-export function goTo({ navigator }: Viewer, part: Pick<PartDetails, "min" | "max"> | undefined): void {
+export function goTo(viewer: Viewer, part: PartDetails | undefined): void {
   if (part !== undefined) {
-    navigator.frame([...part.min], [...part.max]);
+    viewer.navigator.frame(part.core, part.sides);
+    void tellIfHidden(viewer, part);
   }
+}
+
+/** Goes to where the whole model is seen. */
+export function seeAll({ navigator, scene }: Viewer): void {
+  navigator.frame(scene.core);
 }
 
 /** The key of an event as commands have it. */

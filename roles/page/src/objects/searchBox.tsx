@@ -2,9 +2,10 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { isTyping } from "../navigate/typing.ts";
+import { isForControl } from "../navigate/typing.ts";
 import type { Part, Parts } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { messageOf } from "../wire/errors.ts";
 import { goTo } from "./commands.ts";
 import { nameOf } from "./detailsPanel.tsx";
 import type { Selection } from "./selection.ts";
@@ -25,7 +26,7 @@ export function SearchBox({ viewer, selection }: Properties) {
 
   useEffect(() => {
     const focus = (event: KeyboardEvent) => {
-      if (event.key === "/" && !isTyping(event.target)) {
+      if (event.key === "/" && !isForControl(event)) {
         event.preventDefault();
         field.current?.focus();
       }
@@ -47,7 +48,7 @@ export function SearchBox({ viewer, selection }: Properties) {
       [found.value, at.value] = [answer, 0];
     } catch (error) {
       if (!asking.signal.aborted) {
-        viewer.said.value = error instanceof Error ? error.message : String(error);
+        viewer.said.value = messageOf(error);
       }
     }
   };

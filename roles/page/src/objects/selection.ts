@@ -4,6 +4,7 @@ import { effect, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { Part, PartDetails } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { messageOf } from "../wire/errors.ts";
 
 /** A click is no longer, and moves no farther: milliseconds and CSS pixels. */
 const LONGEST = 400;
@@ -24,7 +25,7 @@ export class Selection {
     effect(() => {
       if (viewer.selected.value.isEmpty) {
         this.#asked += 1;
-        this.details.value = undefined;
+        [this.details.value, viewer.picksMore.value] = [undefined, false];
       }
     });
   }
@@ -42,7 +43,7 @@ export class Selection {
       }
       return details;
     } catch (error) {
-      said.value = error instanceof Error ? error.message : String(error);
+      said.value = messageOf(error);
       return undefined;
     }
   }
@@ -85,7 +86,7 @@ export class Selection {
       return;
     }
     const one = ObjectSet.run(object, object + 1);
-    if (event.ctrlKey || event.metaKey) {
+    if (event.ctrlKey || event.metaKey || viewer.picksMore.peek()) {
       const { selected } = viewer;
       selected.value = selected.value.covers(one) ? selected.value.minus(one) : selected.value.union(one);
     } else {

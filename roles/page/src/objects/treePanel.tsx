@@ -1,10 +1,11 @@
-/** The model's hierarchy, with what of it is drawn. */
+/** The model's hierarchy, with what of it is drawn. One row has the keyboard: arrows go to others. */
 
-import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { type Signal, useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { Part } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { messageOf } from "../wire/errors.ts";
 import { hide, show, visibility } from "./actions.ts";
 import { goTo } from "./commands.ts";
 import { nameOf } from "./detailsPanel.tsx";
@@ -15,66 +16,140 @@ interface Properties {
   readonly selection: Selection;
 }
 
+interface Place {
+  /** From 1 on. */
+  readonly level: number;
+  /** The row that Tab leads to, by its key; empty is the first one. */
+  readonly current: Signal<string>;
+}
+
+const ROWS = "[role=treeitem]";
+
 export function TreePanel(properties: Properties) {
+  const current = useSignal("");
   return (
-    <section class="panel tree" aria-label="Model">
-      <Branch {...properties} group={undefined} />
+    <section class="tree" aria-label="Model">
+      <Branch {...properties} group={undefined} level={1} current={current} />
     </section>
   );
 }
 
 /** The parts of a group: some at first, more when they are asked for. */
-function Branch({ viewer, selection, group }: Properties & { readonly group: number | undefined }) {
+function Branch(properties: Properties & Place & { readonly group: number | undefined }) {
+  const { viewer, group, level, current } = properties;
   const parts = useSignal<readonly Part[]>([]);
   const total = useSignal(0);
+  const list = useRef<HTMLUListElement>(null);
   const more = async () => {
     try {
       const answer = await viewer.service.children(group, parts.value.length);
       parts.value = [...parts.value, ...answer.parts];
       total.value = answer.total;
     } catch (error) {
-      viewer.said.value = error instanceof Error ? error.message : String(error);
+      viewer.said.value = messageOf(error);
     }
   };
   // Once, when the branch opens.
   useEffect(() => void more(), []);
+  /** The first of the new rows stands where the row that asks for more stood. */
+  const goOn = async () => {
+    const shown = parts.value.length;
+    await more();
+    requestAnimationFrame(() => focusRow(list.current?.children[shown]));
+  };
   return (
-    <ul class="branch">
-      {parts.value.map((part) => (
-        <Row key={`${part.kind}${part.id}`} viewer={viewer} selection={selection} part={part} />
+    <ul class="branch" ref={list} role={level === 1 ? "tree" : "group"} aria-label="Model">
+      {parts.value.map((part, index) => (
+        <Row
+          {...properties}
+          key={keyOf(part)}
+          part={part}
+          isCurrent={isCurrent(current.value, keyOf(part), level === 1 && index === 0)}
+        />
       ))}
       {parts.value.length < total.value && (
-        <li>
-          <button type="button" class="link" onClick={() => void more()}>
-            {total.value - parts.value.length} more
-          </button>
+        <li
+          role="treeitem"
+          aria-level={level}
+          tabIndex={-1}
+          onKeyDown={(event) => {
+            if (event.key === "Enter" || event.key === " ") {
+              event.preventDefault();
+              void goOn();
+            } else {
+              walk(event);
+            }
+          }}
+          onClick={() => void goOn()}
+        >
+          <span class="link">{total.value - parts.value.length} more</span>
         </li>
       )}
     </ul>
   );
 }
 
-function Row({ viewer, selection, part }: Properties & { readonly part: Part }) {
+function Row({
+  viewer,
+  selection,
+  part,
+  level,
+  current,
+  isCurrent,
+}: Properties & Place & { readonly part: Part; readonly isCurrent: boolean }) {
   const isOpen = useSignal(false);
+  const isGroup = part.kind === "group";
   const objects = ObjectSet.run(part.first, part.end);
   const drawn = visibility(viewer.view.current.value, objects);
+  const name = nameOf(part);
+  const isPicked = !viewer.selected.value.isEmpty && viewer.selected.value.covers(objects);
   const toggle = () => {
     const view = viewer.view.current.peek();
     viewer.view.change(drawn === "all" ? hide(view, objects) : show(view, objects));
   };
-  const name = nameOf(part);
-  const isPicked = !viewer.selected.value.isEmpty && viewer.selected.value.covers(objects);
+  const open = (isToBe: boolean) => {
+    // What is below the row goes, maybe with the row that Tab leads to.
+    [isOpen.value, current.value] = [isToBe, keyOf(part)];
+  };
+  const press = (event: KeyboardEvent) => {
+    const { key, target, currentTarget } = event;
+    if (!(target instanceof Element) || target.closest(ROWS) !== currentTarget) {
+      return;
+    }
+    if (key === "Enter") {
+      void selection.pick(part);
+    } else if (key === " " && target === currentTarget) {
+      toggle();
+    } else if (key === "ArrowRight" && isGroup && !isOpen.value) {
+      open(true);
+    } else if (key === "ArrowLeft" && isOpen.value) {
+      open(false);
+    } else {
+      walk(event);
+      return;
+    }
+    event.preventDefault();
+  };
   return (
-    <li>
+    <li
+      role="treeitem"
+      aria-level={level}
+      aria-label={name}
+      aria-selected={isPicked}
+      aria-expanded={isGroup ? isOpen.value : undefined}
+      tabIndex={isCurrent ? 0 : -1}
+      onKeyDown={press}
+      onFocus={() => {
+        current.value = keyOf(part);
+      }}
+    >
       <div class="row">
-        {part.kind === "group" ? (
+        {isGroup ? (
           <button
             type="button"
-            aria-expanded={isOpen.value}
+            tabIndex={-1}
             aria-label={`What is in ${name}`}
-            onClick={() => {
-              isOpen.value = !isOpen.value;
-            }}
+            onClick={() => open(!isOpen.value)}
           >
             {isOpen.value ? "▾" : "▸"}
           </button>
@@ -83,6 +158,7 @@ function Row({ viewer, selection, part }: Properties & { readonly part: Part }) 
         )}
         <input
           type="checkbox"
+          tabIndex={-1}
           aria-label={`Show ${name}`}
           checked={drawn === "all"}
           indeterminate={drawn === "some"}
@@ -91,14 +167,55 @@ function Row({ viewer, selection, part }: Properties & { readonly part: Part }) 
         <button
           type="button"
           class="link"
+          tabIndex={-1}
           aria-pressed={isPicked}
-          onClick={() => void selection.pick(part)}
+          onClick={(event) => {
+            focusRow(event.currentTarget.closest(ROWS));
+            void selection.pick(part);
+          }}
           onDblClick={async () => goTo(viewer, await selection.pick(part))}
         >
           {name}
         </button>
       </div>
-      {isOpen.value && <Branch viewer={viewer} selection={selection} group={part.id} />}
+      {isOpen.value && (
+        <Branch viewer={viewer} selection={selection} group={part.id} level={level + 1} current={current} />
+      )}
     </li>
   );
+}
+
+function keyOf({ kind, id }: Part): string {
+  return `${kind}${id}`;
+}
+
+function isCurrent(current: string, key: string, isFirst: boolean): boolean {
+  return current === "" ? isFirst : current === key;
+}
+
+/** Goes to another row, as the keys of trees do. */
+function walk(event: KeyboardEvent): void {
+  const { target, key } = event;
+  const row = target instanceof Element ? target.closest(ROWS) : null;
+  const rows = [...(row?.closest("[role=tree]")?.querySelectorAll(ROWS) ?? [])];
+  const at = row === null ? -1 : rows.indexOf(row);
+  const ways: Readonly<Record<string, Element | null | undefined>> = {
+    ArrowDown: rows[at + 1],
+    ArrowUp: rows[at - 1],
+    ArrowLeft: row?.parentElement?.closest(ROWS),
+    ArrowRight: row?.querySelector(ROWS),
+    Home: rows[0],
+    End: rows.at(-1),
+  };
+  if (key in ways) {
+    event.preventDefault();
+    focusRow(ways[key]);
+  }
+}
+
+function focusRow(row: Element | null | undefined): void {
+  if (row instanceof HTMLElement) {
+    row.focus();
+    row.querySelector(".row")?.scrollIntoView({ block: "nearest" });
+  }
 }

@@ -4,7 +4,8 @@ import { useSignal } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useMemo } from "preact/hooks";
 import { NavigationBar } from "../navigate/bar.tsx";
-import { isTyping } from "../navigate/typing.ts";
+import { TouchPad } from "../navigate/touchPad.tsx";
+import { isForControl } from "../navigate/typing.ts";
 import { told } from "../objects/actions.ts";
 import { type Command, commandsOf, keyOf } from "../objects/commands.ts";
 import { DetailsPanel } from "../objects/detailsPanel.tsx";
@@ -19,6 +20,9 @@ import { SectionsPanel } from "../tools/sectionsPanel.tsx";
 import { ViewsPanel } from "../tools/viewsPanel.tsx";
 import { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { keepFocus } from "./focus.ts";
+import { Messages } from "./messages.tsx";
+import { Panel } from "./panel.tsx";
 import { StatusPanel } from "./statusPanel.tsx";
 
 /** Panels of which one is open at a time, by the keys that open them. */
@@ -34,6 +38,7 @@ type PanelName = (typeof PANEL_KEYS)[keyof typeof PANEL_KEYS];
 /** Shows the panels of `viewer` in `place`. */
 export function showPanels(place: HTMLElement, viewer: Viewer): void {
   render(<App viewer={viewer} />, place);
+  keepFocus(place, viewer.canvas);
 }
 
 function App({ viewer }: { readonly viewer: Viewer }) {
@@ -55,16 +60,27 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       measuring.toggle();
     }
   };
+  const close = (panel: PanelName | undefined) => {
+    if (panel !== undefined) {
+      toggle(panel);
+      document.getElementById(`open-${panel}`)?.focus();
+    }
+  };
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
-      if (isTyping(event.target)) {
+      if (isForControl(event)) {
         return;
       }
       const key = keyOf(event);
       const command = commands.find((command) => command.key === key);
       if (key === "Escape") {
-        selection.clear();
+        // Out of a panel first: what is picked there stays.
+        if (document.activeElement?.closest(".frame") == null) {
+          selection.clear();
+        }
+        viewer.canvas.focus({ preventScroll: true });
       } else if (isPanelKey(key)) {
+        event.preventDefault();
         toggle(PANEL_KEYS[key]);
       } else if (command?.isPossible()) {
         event.preventDefault();
@@ -85,6 +101,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
               type="button"
               class="panel"
               key={key}
+              id={`open-${panel}`}
               title={`${panel} (${key})`}
               aria-expanded={open.value === panel}
               onClick={() => toggle(panel)}
@@ -94,17 +111,20 @@ function App({ viewer }: { readonly viewer: Viewer }) {
           ))}
           <SearchBox viewer={viewer} selection={selection} />
         </div>
-        {open.value === "Model" && <TreePanel viewer={viewer} selection={selection} />}
-        {open.value === "Cut" && <SectionsPanel viewer={viewer} selection={selection} />}
-        {open.value === "Measure" && <MeasurePanel viewer={viewer} measuring={measuring} />}
-        {open.value === "Status" && <StatusPanel viewer={viewer} />}
-        {open.value === "Views" && <ViewsPanel viewer={viewer} people={people} />}
+        {open.value && (
+          <Panel name={open.value} onClose={() => close(open.value)}>
+            {open.value === "Model" && <TreePanel viewer={viewer} selection={selection} />}
+            {open.value === "Cut" && <SectionsPanel viewer={viewer} selection={selection} />}
+            {open.value === "Measure" && <MeasurePanel viewer={viewer} measuring={measuring} />}
+            {open.value === "Status" && <StatusPanel viewer={viewer} />}
+            {open.value === "Views" && <ViewsPanel viewer={viewer} people={people} />}
+          </Panel>
+        )}
       </div>
       <DetailsPanel selection={selection} />
       <div class="bottom">
-        <p id="status" role="status">
-          {viewer.session.trouble.value || viewer.said.value}
-        </p>
+        <Messages viewer={viewer} />
+        <TouchPad navigator={viewer.navigator} />
         <ViewBar viewer={viewer} commands={commands} />
         <NavigationBar navigator={viewer.navigator} />
       </div>
@@ -124,13 +144,25 @@ function ViewBar({ viewer, commands }: { readonly viewer: Viewer; readonly comma
     return null;
   }
   return (
-    <div class="panel bar objects" role="toolbar" aria-label="Objects">
+    <fieldset class="panel bar objects" aria-label="Objects">
+      {!viewer.selected.value.isEmpty && (
+        <button
+          type="button"
+          title="A click picks one object more, as with Ctrl"
+          aria-pressed={viewer.picksMore.value}
+          onClick={() => {
+            viewer.picksMore.value = !viewer.picksMore.value;
+          }}
+        >
+          Pick more
+        </button>
+      )}
       {commands.map(({ label, key, run, isPossible }) => (
         <button type="button" key={label} title={`${label} (${key})`} disabled={!isPossible()} onClick={run}>
           {label}
         </button>
       ))}
       {changed && <span>{changed}</span>}
-    </div>
+    </fieldset>
   );
 }

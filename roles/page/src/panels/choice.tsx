@@ -28,8 +28,6 @@ export function Choice<T>({
           if (chosen !== undefined) {
             onChoose(chosen.value);
           }
-          // The keys walk on.
-          event.currentTarget.blur();
         }}
       >
         {options.map(({ text, title }, at) => (

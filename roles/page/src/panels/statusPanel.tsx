@@ -129,6 +129,7 @@ function rowsOf(
     ],
     ["drawn", `${count(drawables)} drawables, ${count(triangles)} triangles`],
     ["picture", `${canvas.width} x ${canvas.height}, ${renderer.samples} samples`],
+    ["edges and smoothing", renderer.isFine ? "shown" : "come once the picture rests"],
     ["geometry here", size(renderer.bytes)],
     ["cameras sent", `${size(bytes?.latest.sent ?? 0)}; by 72 bytes each ${size(72 * cameras)}`],
     ["ids received", `${size(bytes?.frames.received ?? 0)}; by 4 bytes each ${size(4 * ids)}`],

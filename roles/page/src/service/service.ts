@@ -1,5 +1,7 @@
 /** What the service says of the scene beside the link, by requests of HTTP. */
 
+import type { Box } from "../navigate/framing.ts";
+import type { Side } from "../navigate/sides.ts";
 import type { Point } from "../proto/viewState.ts";
 
 /** What the service says of a scene. Lengths in metres. */
@@ -11,6 +13,8 @@ export interface SceneDescription {
   /** Corners of the box around it. */
   readonly min: Point;
   readonly max: Point;
+  /** The box around it without the few objects that lie far from all others. */
+  readonly core: Box;
   /** Whether there are floors to walk on. */
   readonly hasFloors: boolean;
   readonly eyeHeight: number;
@@ -44,6 +48,10 @@ export interface PartDetails extends Part {
   /** Corners of the box around it, metres in the world. */
   readonly min: Point;
   readonly max: Point;
+  /** The box around it without the few objects that lie far from all others. */
+  readonly core: Box;
+  /** How much of it is hidden from which sides. */
+  readonly sides: readonly Side[];
   /** At full detail. */
   readonly triangles: number;
   readonly attributes: readonly (readonly [name: string, value: string])[];
@@ -124,6 +132,14 @@ export interface Company {
 /** How often the page asks again where the service is busy. */
 const MOST_TRIES = 5;
 
+/** The service has answered, and gives nothing. */
+export class RefusedError extends Error {}
+
+/** The status by which the service refuses a token. */
+const FORBIDDEN = 403;
+const WRONG_TOKEN =
+  "The token in the address is not valid any more. Open the address that the service printed at its start.";
+
 /** The service from which the page came. Every request throws where there is no answer, and says why. */
 export class Service {
   readonly #base: string;
@@ -199,7 +215,8 @@ export class Service {
       }
       const seconds = Number(answer.headers.get("retry-after"));
       if (!(answer.status === 503 && seconds > 0) || tries === MOST_TRIES) {
-        throw new Error((await answer.text()).trim());
+        const isStranger = answer.status === FORBIDDEN;
+        throw new RefusedError(isStranger ? WRONG_TOKEN : (await answer.text()).trim());
       }
       await new Promise((resolve) => setTimeout(resolve, 1000 * seconds));
     }

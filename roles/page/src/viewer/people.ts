@@ -1,7 +1,7 @@
 /** The other people on the service, and going along with one of them. */
 
 import { signal } from "@preact/signals";
-import { isTyping } from "../navigate/typing.ts";
+import { isForControl } from "../navigate/typing.ts";
 import type { Company, PersonPose } from "../service/service.ts";
 import { lerp } from "../tools/projection.ts";
 import type { Viewer } from "./viewer.ts";
@@ -9,8 +9,8 @@ import type { Viewer } from "./viewer.ts";
 /** Milliseconds between two meetings, alone and in company. */
 const ALONE = 2000;
 const TOGETHER = 200;
-/** Keys that go to buttons and press them. */
-const OF_BUTTONS: ReadonlySet<string> = new Set(["Tab", "Shift", "Enter", " "]);
+/** Keys that go from one control to the next. */
+const OF_FOCUS: ReadonlySet<string> = new Set(["Tab", "Shift"]);
 /** Who is so many heights of an eye away is not walked to. */
 const JUMP = 10;
 
@@ -35,8 +35,8 @@ export class People {
     this.#viewer = viewer;
     void this.#meet();
     // A hand on the controls has its own way.
-    addEventListener("keydown", ({ key, target }) => {
-      if (!isTyping(target) && !OF_BUTTONS.has(key)) {
+    addEventListener("keydown", (event) => {
+      if (!isForControl(event) && !OF_FOCUS.has(event.key)) {
         this.follow(undefined);
       }
     });

@@ -2,6 +2,8 @@
 
 import { type Signal, signal } from "@preact/signals";
 import { Display, type DisplayOptions } from "../display/display.ts";
+import { RefusedError } from "../service/service.ts";
+import { messageOf } from "../wire/errors.ts";
 import type { LinkEnd } from "../wire/link.ts";
 import { troubleJoining, troubleOfEnd } from "./trouble.ts";
 
@@ -11,25 +13,40 @@ const LATEST = 5000;
 /** A link that has held for so many milliseconds is one. */
 const STANDS = 1000;
 
+/** What a session asks of the page. */
+export interface Service {
+  /** Where a link begins, over a simulated network of that name if there is one. */
+  link(network: string): string;
+  /** Which scene the service has now. Throws why it does not tell. */
+  scene(): Promise<{ readonly fingerprint: string }>;
+}
+
 export class Session {
   readonly #display = signal<Display | undefined>(undefined);
   /** Why there is no link; empty where there is one. */
   readonly trouble = signal("");
   /** The simulated network between the page and its culler; none where it is empty. */
   readonly network: Signal<string>;
-  readonly #url: (network: string) => string;
+  readonly #service: Service;
+  /** The fingerprint of the scene that the page shows. */
+  readonly #fingerprint: string;
   /** Ends the wait for the next attempt, which is not waited for at all where it is called before. */
   #hurry: () => void = () => {};
   #isHurried = false;
   readonly #options: () => Omit<DisplayOptions, "onEnd">;
+  /** Is called once, when the service turns out to have another scene. No link is looked for any more. */
+  readonly #onOtherScene: () => void;
 
-  /** `url` and `options` are asked for anew for each link. */
+  /** `options` are asked for anew for each link. */
   constructor(
-    url: (network: string) => string,
+    service: Service,
+    fingerprint: string,
     options: () => Omit<DisplayOptions, "onEnd">,
     network: string,
+    onOtherScene: () => void,
   ) {
-    [this.#url, this.#options, this.network] = [url, options, signal(network)];
+    [this.#service, this.#fingerprint, this.#options] = [service, fingerprint, options];
+    [this.network, this.#onOtherScene] = [signal(network), onOtherScene];
     void this.#keep();
   }
 
@@ -60,11 +77,14 @@ export class Session {
           ended = resolve;
         });
         const options = { ...this.#options(), onEnd: (end: LinkEnd) => ended(end) };
-        this.#display.value = await Display.join(
-          this.#url(this.network.peek()),
-          options,
-          this.#display.peek(),
-        );
+        const url = this.#service.link(this.network.peek());
+        const display = await Display.join(url, options, this.#display.peek());
+        if (display.outline.hash !== BigInt(`0x${this.#fingerprint}`)) {
+          display.leave();
+          this.#onOtherScene();
+          return;
+        }
+        this.#display.value = display;
         // A service may end a link at once, and say why.
         const stands = setTimeout(() => {
           this.trouble.value = "";
@@ -74,13 +94,31 @@ export class Session {
         clearTimeout(stands);
         this.trouble.value = troubleOfEnd(end);
       } catch (error) {
-        this.trouble.value = troubleJoining(error);
+        const why = await this.#why(error);
+        if (why === undefined) {
+          this.#onOtherScene();
+          return;
+        }
+        this.trouble.value = why;
       }
       await new Promise<void>((resolve) => {
         this.#hurry = resolve;
         setTimeout(resolve, this.#isHurried ? 0 : pause);
       });
       this.#isHurried = false;
+    }
+  }
+
+  /** Why there was no link, in words for a person; nothing where the service has another scene. */
+  async #why(error: unknown): Promise<string | undefined> {
+    try {
+      const { fingerprint } = await this.#service.scene();
+      return fingerprint === this.#fingerprint ? troubleJoining(error) : undefined;
+    } catch (refused) {
+      // A browser does not tell why a WebSocket has failed. The answer to a request says more.
+      return refused instanceof RefusedError
+        ? messageOf(refused)
+        : "The service does not answer. The page goes on with what it has, and tries again.";
     }
   }
 }

@@ -33,8 +33,21 @@ const REST = 150;
  */
 const MEMORY = 512 << 20;
 
+/** Where the page keeps that it has begun anew with another scene. */
+export const OTHER_SCENE = "trimaran.otherScene";
+
 /** How many cullers; `switch` are two that take turns, and draw what the other one finds. */
 export type Cullers = "1" | "2" | "3" | "4" | "switch";
+
+/** What is so many times as far away as what is beside it shows through a gap. */
+const GAP = 3;
+
+/** Something that a person may want to be done. */
+export interface Offer {
+  readonly text: string;
+  readonly label: string;
+  readonly run: () => void;
+}
 
 /** Is told from where a picture was drawn, and of what. */
 export type Overlay = (camera: Camera, drawables: readonly Drawable[]) => void;
@@ -49,6 +62,8 @@ export class Viewer {
   readonly view = new ViewHistory();
   /** The objects that a person has picked. */
   readonly selected = signal(ObjectSet.EMPTY);
+  /** Clicks pick one object more, or one less. */
+  readonly picksMore = signal(false);
   /** What a person has measured. */
   readonly distances = signal<readonly Distance[]>([]);
   /** The most pixels by which a silhouette may be off, and how a culler finds out what is hidden. */
@@ -60,6 +75,8 @@ export class Viewer {
   readonly memory = signal(ownMemory());
   /** A word to the person: what has just happened. */
   readonly said = signal("");
+  /** What can be done about something, and why. */
+  readonly offer = signal<Offer | undefined>(undefined);
   pictures = 0;
   readonly hand = new Hand();
   readonly #prediction = new Prediction();
@@ -87,7 +104,7 @@ export class Viewer {
       },
     });
     this.navigator = new Navigator(canvas, scene, service);
-    this.navigator.pointAt = (x, y) => this.pointAt(x, y);
+    this.navigator.pointAt = (x, y, around) => this.pointAt(x, y, around);
     this.#fit();
     const options = () => ({
       settings: this.#settings(),
@@ -97,7 +114,7 @@ export class Viewer {
       schedule: this.cullers.peek() === "switch" ? ("switch" as const) : ("independent" as const),
       meeting: scene.meeting,
     });
-    this.session = new Session((network) => service.link(network), options, network);
+    this.session = new Session(service, scene.fingerprint, options, network, beginAnew);
     // At each change, and for each new link.
     effect(() => {
       const occlusionTest = this.occlusionTest.value;
@@ -154,9 +171,17 @@ export class Viewer {
     return this.renderer.pick(x * scale, y * scale);
   }
 
-  /** The point of the world that shows at a place of the canvas; nothing for background. */
-  pointAt(x: number, y: number): Point | undefined {
+  /**
+   * The point of the world that shows at a place of the canvas, or where there is background or a gap within
+   * `around` of it, CSS pixels; nothing where all of that is background.
+   */
+  pointAt(x: number, y: number, around = 0): Point | undefined {
     const picked = this.pick(x, y);
+    const scale = this.canvas.width / Math.max(1, this.canvas.clientWidth);
+    const near = around > 0 && this.renderer.nearest(x * scale, y * scale, Math.round(around * scale));
+    if (near && (picked === undefined || picked.depth > GAP * near.depth)) {
+      return this.projection.point({ x: near.x / scale, y: near.y / scale, depth: near.depth });
+    }
     return picked && this.projection.point({ x, y, depth: picked.depth });
   }
 
@@ -251,7 +276,9 @@ export class Viewer {
   #camera(wider: number): Camera {
     const { eye, orientation, vfovDeg } = this.navigator;
     const tanHalfFov = Math.tan((vfovDeg * Math.PI) / 360) * wider;
-    const near = this.scene.clearance / 2;
+    // Nothing is nearer to an eye that walks. Another eye may go up to a bolt.
+    const { clearance } = this.scene;
+    const near = Math.min(clearance / 2, Math.max(clearance / 200, this.navigator.reach / 8));
     return { eye, orientation, tanHalfFov, near, frame: 0, viewState: 0 };
   }
 
@@ -329,6 +356,15 @@ export class Viewer {
     }
     return isOther;
   }
+}
+
+/** The service has another model now: the page begins anew with it, and what was of the other is gone. */
+function beginAnew(): void {
+  sessionStorage.setItem(OTHER_SCENE, "yes");
+  if (location.hash.startsWith("#v=")) {
+    history.replaceState(null, "", location.pathname + location.search);
+  }
+  location.reload();
 }
 
 /** An eighth of the machine's memory: a phone has little. */

@@ -4,6 +4,7 @@
  * They travel in binary messages, and where one of these ends means nothing.
  */
 
+import { withoutSecrets } from "./errors.ts";
 import type { Channel } from "./lane.ts";
 
 /** The most bytes of a binary message. */
@@ -24,7 +25,8 @@ export function openWebSocket(
     const socket = make(url);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => resolve(new WebSocketChannel(socket));
-    socket.onclose = (event) => reject(new Error(`cannot connect to ${url}: ${reasonOf(event)}`));
+    const where = withoutSecrets(url);
+    socket.onclose = (event) => reject(new Error(`cannot connect to ${where}: ${reasonOf(event)}`));
   });
 }
 

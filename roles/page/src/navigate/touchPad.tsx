@@ -1,0 +1,42 @@
+/** Buttons that move the eye up and down while they are held, for who has no keyboard. */
+
+import type { Navigator } from "./navigator.ts";
+
+/** By mode: what is written on a button, and the code of the key that does the same. */
+const WALKING = [["Jump", "Space"]] as const;
+const FLYING = [
+  ["Rise", "KeyE"],
+  ["Sink", "KeyQ"],
+] as const;
+
+export function TouchPad({ navigator }: { readonly navigator: Navigator }) {
+  const buttons = navigator.mode.value === "walk" ? WALKING : FLYING;
+  return (
+    <fieldset class="panel bar touch" aria-label="Up and down">
+      {buttons.map(([label, code]) => {
+        const press = (isDown: boolean) => () => navigator.press(code, isDown);
+        const tap = (event: MouseEvent) => {
+          // A click of a keyboard or a screen reader comes without a pointer.
+          if (event.detail === 0) {
+            navigator.press(code, true);
+            navigator.press(code, false);
+          }
+        };
+        return (
+          <button
+            type="button"
+            key={label}
+            onPointerDown={press(true)}
+            onPointerUp={press(false)}
+            onPointerCancel={press(false)}
+            onPointerLeave={press(false)}
+            onContextMenu={(event) => event.preventDefault()}
+            onClick={tap}
+          >
+            {label}
+          </button>
+        );
+      })}
+    </fieldset>
+  );
+}

@@ -1,0 +1,131 @@
+/** Says where other parts hide what was gone to, and lets it shine through them. */
+
+import type { Drawable } from "../draw/model.ts";
+import { type Box, centreOf } from "../navigate/framing.ts";
+import { dot } from "../navigate/orbit.ts";
+import { ObjectSet } from "../proto/objectSet.ts";
+import type { Point } from "../proto/viewState.ts";
+import type { PartDetails } from "../service/service.ts";
+import type { Viewer } from "../viewer/viewer.ts";
+
+type Part = Pick<PartDetails, "first" | "end" | "core">;
+
+/** Less of a part than this share of its pixels is hidden. */
+const SHOWN = 0.2;
+/** Layers that are seen through, one behind the other. */
+const LAYERS = 8;
+/** Milliseconds that a picture may take to be exact. */
+const LONGEST = 10_000;
+
+/** Offers to see through what hides a part, once the picture is exact, unless the eye goes on before. */
+export async function tellIfHidden(viewer: Viewer, part: Part): Promise<void> {
+  viewer.offer.value = undefined;
+  if ((await becomesExact(viewer)) && isHidden(viewer, part)) {
+    viewer.offer.value = {
+      text: "Other parts are in front of it.",
+      label: "See through them",
+      run: () => void seeThroughTo(viewer, part),
+    };
+  }
+}
+
+/** Makes all see-through that is in front of a part. It is one step of the history. */
+async function seeThroughTo(viewer: Viewer, part: Part): Promise<void> {
+  const { view } = viewer;
+  const { seeThrough: before } = view.current.peek();
+  let seeThrough = before;
+  for (let layer = 0; layer < LAYERS && isHidden(viewer, part); layer += 1) {
+    const next = seeThrough.union(coverOf(viewer, part));
+    if (next.size === seeThrough.size) {
+      break;
+    }
+    seeThrough = next;
+    view.drag({ seeThrough });
+    if (!(await becomesExact(viewer))) {
+      break;
+    }
+  }
+  if (seeThrough !== before) {
+    view.change({ seeThrough });
+  }
+}
+
+/** Waits until the picture is exact. Gives whether it is, with the eye where it was. */
+async function becomesExact(viewer: Viewer): Promise<boolean> {
+  const { eye, forward } = viewer.navigator;
+  const pose = [...eye, ...forward].join();
+  // What has just changed is not asked for before the next picture.
+  for (const begun = performance.now(); performance.now() - begun < LONGEST; ) {
+    await new Promise((resolve) => setTimeout(resolve, 50));
+    const { eye, forward } = viewer.navigator;
+    if ([...eye, ...forward].join() !== pose) {
+      return false;
+    }
+    if (viewer.isSettled) {
+      return true;
+    }
+  }
+  return false;
+}
+
+function isOf({ first, end }: Part, { object }: Pick<Drawable, "object">): boolean {
+  return first <= object && object < end;
+}
+
+/** Whether little or nothing of a part shows. */
+function isHidden(viewer: Viewer, part: Part): boolean {
+  const own = viewer.shown().filter((drawable) => isOf(part, drawable));
+  const ids = new Set(own.map(({ id }) => id));
+  const count = (items: Uint32Array) => items.reduce((sum, id) => sum + (ids.has(id) ? 1 : 0), 0);
+  const { seeThrough } = viewer.look();
+  const solid = viewer.shown().filter(({ object }) => ids.size > 0 && !seeThrough.has(object));
+  const { camera, renderer } = viewer;
+  const [alone, among] = [own, [...new Set([...solid, ...own])]].map((drawables) =>
+    count(renderer.items(camera, drawables, viewer.look())),
+  );
+  return (among ?? 0) <= SHOWN * (alone ?? 0);
+}
+
+/** The objects that show where a part is, and are not behind its middle. */
+function coverOf(viewer: Viewer, part: Part): ObjectSet {
+  const { camera, canvas, renderer, navigator } = viewer;
+  const { forward, eye } = navigator;
+  const { seeThrough } = viewer.look();
+  const solid = viewer.shown().filter(({ object }) => !seeThrough.has(object));
+  const items = renderer.items(camera, solid, viewer.look());
+  const met = new Set<number>();
+  const { left, right, low, high } = rectangleOf(viewer, part.core);
+  for (let y = low; y < high; y += 1) {
+    for (let x = left; x < right; x += 1) {
+      met.add(items[y * canvas.width + x] ?? 0);
+    }
+  }
+  const depthOf = (point: Readonly<Point>) => dot(point, forward) - dot(eye, forward);
+  const middle = depthOf(centreOf(part.core));
+  const isBefore = ({ worldMin, worldMax }: Drawable) => {
+    const nearest = (axis: 0 | 1 | 2) => (forward[axis] > 0 ? worldMin[axis] : worldMax[axis]);
+    return depthOf([nearest(0), nearest(1), nearest(2)]) < middle;
+  };
+  const cover = solid.filter((one) => met.has(one.id) && !isOf(part, one) && isBefore(one));
+  return cover.reduce(
+    (set, { object, objects }) => set.union(ObjectSet.run(object, object + objects)),
+    ObjectSet.EMPTY,
+  );
+}
+
+/** The pixels in which a box may show, rows from below. */
+function rectangleOf({ canvas, projection }: Viewer, { min, max }: Box) {
+  const scale = canvas.width / Math.max(1, canvas.clientWidth);
+  const places = [0, 1, 2, 3, 4, 5, 6, 7].flatMap((corner) => {
+    const side = (axis: 0 | 1 | 2) => ((corner >> axis) & 1 ? max : min)[axis];
+    const place = projection.place([side(0), side(1), side(2)]);
+    return place === undefined ? [] : [place];
+  });
+  const [xs, ys] = [places.map(({ x }) => x * scale), places.map(({ y }) => canvas.height - y * scale)];
+  return {
+    left: Math.max(0, Math.floor(Math.min(...xs))),
+    right: Math.min(canvas.width, Math.ceil(Math.max(...xs))),
+    low: Math.max(0, Math.floor(Math.min(...ys))),
+    high: Math.min(canvas.height, Math.ceil(Math.max(...ys))),
+  };
+}

@@ -1,0 +1,75 @@
+/** What has just happened, and why there is no link: said once, and gone after a while. */
+
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import type { Viewer } from "../viewer/viewer.ts";
+import { withoutSecrets } from "../wire/errors.ts";
+
+/** Milliseconds that a message stays: at least, and for each letter. */
+const SHORTEST = 5000;
+const EACH = 60;
+
+export function Messages({ viewer }: { readonly viewer: Viewer }) {
+  const { said, offer } = viewer;
+  const trouble = viewer.session.trouble.value;
+  /** The trouble that a person has closed. Another one is shown again. */
+  const closed = useSignal("");
+  /** Somebody reads it, or is about to close it. */
+  const isHeld = useSignal(false);
+  useEffect(() => {
+    const length = said.value.length + (offer.value?.text.length ?? 0);
+    if (length === 0 || isHeld.value) {
+      return;
+    }
+    const timer = setTimeout(
+      () => {
+        [said.value, offer.value] = ["", undefined];
+      },
+      SHORTEST + EACH * length,
+    );
+    return () => clearTimeout(timer);
+  }, [said.value, offer.value, isHeld.value]);
+  useEffect(() => {
+    if (trouble === "") {
+      closed.value = "";
+    }
+  }, [trouble]);
+  const now = [trouble === closed.value ? "" : trouble, said.value, offer.value?.text ?? ""];
+  const texts = now.filter((text) => text !== "");
+  const hold = (isNow: boolean) => () => {
+    isHeld.value = isNow;
+  };
+  const close = () => {
+    [closed.value, said.value, offer.value, isHeld.value] = [trouble, "", undefined, false];
+    viewer.canvas.focus({ preventScroll: true });
+  };
+  const accept = () => {
+    offer.value?.run();
+    close();
+  };
+  return (
+    <div
+      class={texts.length === 0 ? "messages" : "messages panel"}
+      onPointerEnter={hold(true)}
+      onPointerLeave={hold(false)}
+      onFocusIn={hold(true)}
+      onFocusOut={hold(false)}
+    >
+      <div id="status" role="status">
+        {texts.map((text) => (
+          <p key={text}>{withoutSecrets(text)}</p>
+        ))}
+      </div>
+      {offer.value && (
+        <button type="button" onClick={accept}>
+          {offer.value.label}
+        </button>
+      )}
+      {texts.length > 0 && (
+        <button type="button" aria-label="Close message" onClick={close}>
+          ×
+        </button>
+      )}
+    </div>
+  );
+}

@@ -1,0 +1,25 @@
+/** A panel beside the picture, with its name and a button that closes it. */
+
+import type { ComponentChildren } from "preact";
+
+export function Panel({
+  name,
+  onClose,
+  children,
+}: {
+  readonly name: string;
+  readonly onClose: () => void;
+  readonly children: ComponentChildren;
+}) {
+  return (
+    <div class="panel frame">
+      <header>
+        <h2>{name}</h2>
+        <button type="button" aria-label={`Close ${name}`} onClick={onClose}>
+          ×
+        </button>
+      </header>
+      {children}
+    </div>
+  );
+}
