@@ -8,7 +8,8 @@ use trimaran_cook::{CookOptions, cook};
 use trimaran_scene::{OpenError, Scene};
 
 /// Small, so that a run is fast.
-const LIMITS: ImportLimits = ImportLimits { triangles: 20_000, vertices: 20_000, objects: 500, depth: 20 };
+const LIMITS: ImportLimits =
+    ImportLimits { triangles: 20_000, vertices: 20_000, objects: 500, depth: 20, attribute_bytes: 1 << 20 };
 /// Models of so few triangles and objects are cooked as well.
 const COOKED: u64 = 64;
 
@@ -21,6 +22,50 @@ pub fn gltf(bytes: &[u8]) {
 pub fn rvm(bytes: &[u8]) {
     import("a.rvm", bytes);
 }
+
+/// Any text as a review file of the text form.
+pub fn rvm_text(bytes: &[u8]) {
+    import("a.rev", bytes);
+}
+
+/// Any text as the attribute file beside a review file: each part has attributes of its own or none, and no
+/// more parts have some than there are.
+pub fn attributes(bytes: &[u8]) {
+    thread_local! {
+        static FOLDER: tempfile::TempDir = tempfile::tempdir().unwrap();
+    }
+    FOLDER.with(|folder| {
+        let path = folder.path().join("a.rev");
+        std::fs::write(&path, SAID_OF).unwrap();
+        std::fs::write(folder.path().join("a.att"), bytes).unwrap();
+        let options = ImportOptions { limits: LIMITS, ..ImportOptions::default() };
+        match trimaran_cook::import::import(&[path], &options, &mut |_| {}) {
+            Ok(imported) => {
+                assert_eq!(imported.model.check(), Ok(()));
+                let (report, hierarchy) = (imported.report, imported.model.hierarchy);
+                assert!(report.parts_matched <= report.parts && [0, 9].contains(&report.parts), "{report:?}");
+                let groups = hierarchy.groups.iter().filter(|group| !group.attributes.is_empty()).count();
+                assert!(groups + hierarchy.attributes.len() <= report.parts_matched as usize);
+            }
+            Err(error) => assert!(error.to_string().contains("--max-attribute-bytes"), "{error}"),
+        }
+    });
+}
+
+/// Two pipes with parts of the same names: seven objects below two groups.
+const SAID_OF: &str = "HEAD\n 1 2\n\n\n\n\n\nMODL\n 1 1\n\n\n\
+    CNTB\n 1 2\n/P1\n0 0 0 2\n\
+    CNTB\n 1 2\nFLANGE 1\n0 0 0 2\nPRIM\n 1 1\n 2\n1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1 1 1 1 1\nCNTE\n 1 1\n\
+    CNTB\n 1 2\nVALVE\n0 0 0 2\nPRIM\n 1 1\n 2\n1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1 1 1 1 1\nCNTE\n 1 1\n\
+    CNTE\n 1 1\n\
+    CNTB\n 1 2\n/P2\n0 0 0 2\n\
+    CNTB\n 1 2\nFLANGE 1\n0 0 0 2\nPRIM\n 1 1\n 2\n1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1 1 1 1 1\nCNTE\n 1 1\n\
+    CNTB\n 1 2\nTWIN\n0 0 0 2\nPRIM\n 1 1\n 2\n1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1 1 1 1 1\nCNTE\n 1 1\n\
+    CNTB\n 1 2\nTWIN\n0 0 0 2\nPRIM\n 1 1\n 2\n1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1 1 1 1 1\nCNTE\n 1 1\n\
+    CNTE\n 1 1\n\
+    CNTB\n 1 2\n/P1\n0 0 0 2\nPRIM\n 1 1\n 2\n1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1 1 1 1 1\nCNTE\n 1 1\n\
+    CNTB\n 1 2\n/RÖHR\n0 0 0 2\nPRIM\n 1 1\n 2\n1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 1 1 1 1 1\nCNTE\n 1 1\n\
+    END:\n 1 1\n";
 
 /// Stands between an OBJ file and its library in an input.
 const LIBRARY: &[u8] = b"\n#### a.mtl\n";

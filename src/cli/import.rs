@@ -54,6 +54,7 @@ impl ReadingArgs {
                 vertices: self.limits.max_vertices,
                 objects: self.limits.max_objects,
                 depth: self.limits.max_depth,
+                attribute_bytes: self.limits.max_attribute_bytes,
             },
         }
     }
@@ -78,6 +79,10 @@ pub(super) fn print_report(report: &ImportReport) {
             number(report.box_mismatches)
         );
     }
+    if report.parts > 0 {
+        let (matched, parts) = (number(report.parts_matched), number(report.parts));
+        println!("  attributes: {matched} of {parts} parts matched");
+    }
     for warning in &report.warnings {
         println!("  {}", word(&warning.to_string()));
     }
@@ -98,6 +103,8 @@ fn report_json(report: &ImportReport) -> serde_json::Value {
         "triangles": report.triangles,
         "unique_triangles": report.unique_triangles,
         "box_mismatches": report.box_mismatches,
+        "parts": report.parts,
+        "parts_matched": report.parts_matched,
         "warnings": warnings,
     })
 }

@@ -7,7 +7,8 @@ use std::path::PathBuf;
 
 use data::Data;
 use glam::DVec3;
-use trimaran_cook::import::{ImportOptions, Imported, import};
+use trimaran_cook::import::{ImportOptions, Imported, WarningKind, import};
+use trimaran_scene::Attribute;
 
 /// What the whole program's tests on real models use as well.
 #[path = "../../../tests/common/data.rs"]
@@ -72,4 +73,36 @@ fn platform_from_its_review_files() {
     assert_eq!(report.triangles, 950_820);
     // Sheared snouts and eccentric pyramids, whose stored boxes are loose; an independent reader finds 232.
     assert!(report.box_mismatches <= 232, "{}", report.box_mismatches);
+    // One of the files has its attributes beside it.
+    assert_eq!((report.parts, report.parts_matched), (3_214, 3_214));
+    let kinds: Vec<_> = report.counts().into_iter().map(|(kind, _)| kind).collect();
+    assert_eq!(kinds, [WarningKind::EmptyObject]);
+}
+
+#[test]
+fn every_part_has_the_attributes_of_its_own_path() {
+    let Some(data) = Data::find() else { return };
+    let mut files = data.platform();
+    files.retain(|file| file.ends_with("WD1-PSUP.RVM"));
+    let Imported { model, .. } = import_files(&files);
+    let hierarchy = &model.hierarchy;
+    let value = |attributes: &[Attribute], name: &str| {
+        attributes.iter().find(|of| *of.name == *name).map(|of| of.value.to_string())
+    };
+    // Groups below the file's, and objects. Those with a name of their own say it.
+    let groups = hierarchy.groups.iter().skip(1).map(|group| (&*group.name, &*group.attributes));
+    let objects = (0..).zip(&model.objects).map(|(id, of)| (&*of.name, hierarchy.attributes_of(id)));
+    let (mut parts, mut own) = (0, 0);
+    for (name, attributes) in groups.chain(objects) {
+        assert!(value(attributes, "Type").is_some(), "{name}: {attributes:?}");
+        if let Some(said) = value(attributes, "Name") {
+            assert_eq!(said, name);
+            own += 1;
+        }
+        parts += 1;
+    }
+    assert_eq!(parts, 3_214);
+    assert!(own > 100, "{own}");
+    let site = hierarchy.groups.iter().find(|group| *group.name == *"/WD1-PSUP").unwrap();
+    assert_eq!(value(&site.attributes, "Description").unwrap(), "PSUP - HC - WEATHER DECK");
 }

@@ -12,7 +12,7 @@ use std::process::Command;
 
 use import_files::{RvmWriter, floats, glb, import_beside, reals};
 use trimaran_cook::import::{
-    GltfError, ImportError, ImportLimits, ImportOptions, ObjError, OverBudget, Resource, RvmError,
+    GltfError, ImportError, ImportLimits, ImportOptions, ObjError, OverBudget, Resource, RvmError, import,
     import_bytes,
 };
 
@@ -24,14 +24,27 @@ struct Hostile {
     asks_for: Option<Resource>,
     /// What the error says of who asked.
     user: &'static str,
+    /// The attribute file beside it.
+    beside: Vec<u8>,
 }
 
-const LIMITS: ImportLimits =
-    ImportLimits { triangles: 300_000, vertices: 300_000, objects: 30_000, depth: 100 };
+const LIMITS: ImportLimits = ImportLimits {
+    triangles: 300_000,
+    vertices: 300_000,
+    objects: 30_000,
+    depth: 100,
+    attribute_bytes: 4 << 20,
+};
 
 /// What [`ImportLimits`] promises for a file of so many bytes.
 fn promised(file: usize) -> u64 {
-    64 * file as u64 + 64 * LIMITS.triangles + 128 * LIMITS.vertices + 512 * LIMITS.objects + (64 << 20)
+    let attributes = 8 * LIMITS.attribute_bytes;
+    64 * file as u64
+        + 64 * LIMITS.triangles
+        + 128 * LIMITS.vertices
+        + 512 * LIMITS.objects
+        + attributes
+        + (64 << 20)
 }
 
 /// A document with the given nodes and primitives. Its accessors: 0 are `vertices` positions, 1 as many
@@ -94,10 +107,21 @@ fn hostile() -> Vec<Hostile> {
     let long_name = format!(r#"{{"mesh":0,"name":"{}"}}"#, "n".repeat(100_000));
     let named = long_name
         .replace("}", r#","extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":2}}}}"#);
-    let glb = |bytes, asks_for, user| Hostile { name: "a.glb", bytes, asks_for, user };
-    let rvm_file = |bytes, asks_for, user| Hostile { name: "a.rvm", bytes, asks_for, user };
-    let obj =
-        |text: String, asks_for, user| Hostile { name: "a.obj", bytes: text.into_bytes(), asks_for, user };
+    let glb = |bytes, asks_for, user| Hostile { name: "a.glb", bytes, asks_for, user, beside: vec![] };
+    let rvm_file = |bytes, asks_for, user| Hostile { name: "a.rvm", bytes, asks_for, user, beside: vec![] };
+    let text = |name, text: String, asks_for, user| {
+        let (bytes, beside) = (text.into_bytes(), vec![]);
+        Hostile { name, bytes, asks_for, user, beside }
+    };
+    let obj = |content: String, asks_for, user| text("a.obj", content, asks_for, user);
+    let rev = |groups: String| text("a.rev", format!("HEAD\n1 1\n{groups}END:\n"), None, "");
+    let said = |of: Vec<u8>, text: String, asks_for, user| {
+        let beside = format!("CADC_Attributes_File v1.0\n{text}").into_bytes();
+        Hostile { name: "a.rvm", bytes: of, asks_for, user, beside }
+    };
+    let copies = |count: usize| {
+        rvm(|file| (0..count).fold(file, |file, _| file.open("/A", 1).cuboid([0.0; 3], [1.0; 3]).close()))
+    };
     let fan = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf{}\n", " 1 2 3".repeat(400_000 / 3));
     let triangles = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "f 1 2 3\n".repeat(400_000));
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -145,6 +169,24 @@ fn hostile() -> Vec<Hostile> {
             Some(Resource::Depth),
             "/A",
         ),
+        rev("CNTB\n1 1\n\n0 0 0 1\nCNTE\n1 1\n".repeat(100_000)),
+        rev(format!("CNTB\n1 1\nA\n0 0 0 1\nPRIM\n1 1\n11\n{}CNTE\n1 1\n", "1\n".repeat(1_000_000))),
+        rev("ATTR\n1 1\n".repeat(200_000)),
+        said(
+            copies(1_000),
+            format!("NEW /A\n{}END\n", "K:=v\n".repeat(100_000)),
+            Some(Resource::AttributeBytes),
+            "several",
+        ),
+        said(
+            copies(1_000),
+            format!("NEW /A\n{}END\n", format!("K:={}\n", "x".repeat(1_000)).repeat(1_000)),
+            Some(Resource::AttributeBytes),
+            "several",
+        ),
+        said(copies(1), "NEW /A\nEND\n".repeat(500_000), Some(Resource::AttributeBytes), "a.att"),
+        said(copies(1), "NEW A\n".repeat(600_000), None, ""),
+        said(copies(1), format!("NEW /A\n{}", "a:=\n".repeat(1_000_000)), None, ""),
         obj(fan, Some(Resource::Triangles), "object"),
         obj(triangles, Some(Resource::Triangles), "object"),
         obj(names, Some(Resource::Objects), "object \"a\""),
@@ -174,6 +216,13 @@ fn over_budget(error: &ImportError) -> Option<&OverBudget> {
 
 fn import_hostile(file: &Hostile) -> Result<u64, ImportError> {
     let options = ImportOptions { limits: LIMITS, ..Default::default() };
+    if !file.beside.is_empty() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let path = folder.path().join(file.name);
+        std::fs::write(&path, &file.bytes).unwrap();
+        std::fs::write(folder.path().join("a.att"), &file.beside).unwrap();
+        return import(&[path], &options, &mut |_| {}).map(|imported| imported.report.triangles);
+    }
     import_bytes(Path::new(file.name), &file.bytes, &options).map(|imported| imported.report.triangles)
 }
 
@@ -195,8 +244,8 @@ fn files_that_ask_for_too_much_are_refused_with_who_asked_and_the_remedy() {
 #[test]
 fn primitives_take_what_they_use_of_a_shared_array() {
     let few = list(2_000, r#"{"attributes":{"POSITION":0},"indices":5}"#);
-    let file =
-        Hostile { name: "a.glb", bytes: document(r#"{"mesh":0}"#, &few, 100_000), asks_for: None, user: "" };
+    let bytes = document(r#"{"mesh":0}"#, &few, 100_000);
+    let file = Hostile { name: "a.glb", bytes, asks_for: None, user: "", beside: vec![] };
     assert_eq!(import_hostile(&file).unwrap(), 2_000);
 }
 
@@ -216,7 +265,7 @@ fn no_file_takes_more_memory_than_is_promised() {
         std::fs::write("/proc/self/clear_refs", "5").unwrap();
         let before = peak();
         let _refused = import_hostile(&file);
-        println!("peak {} of {}", peak().saturating_sub(before), file.bytes.len());
+        println!("peak {} of {}", peak().saturating_sub(before), file.bytes.len() + file.beside.len());
         return;
     }
     for (number, file) in hostile().iter().enumerate() {
@@ -228,7 +277,7 @@ fn no_file_takes_more_memory_than_is_promised() {
         let said = String::from_utf8_lossy(&child.stdout);
         let peak = said.lines().find_map(|line| line.split("peak ").nth(1)?.split(' ').next()?.parse().ok());
         let peak: u64 = peak.unwrap_or_else(|| panic!("number {number}: {said}"));
-        let most = promised(file.bytes.len());
+        let most = promised(file.bytes.len() + file.beside.len());
         println!(
             "{number} {}: {} bytes, {} MB of {} MB",
             file.name,

@@ -8,7 +8,7 @@ use trimaran_cook::{CookOptions, import::ImportLimits};
 
 #[derive(Debug, Args)]
 pub(crate) struct ImportArgs {
-    /// The files: glTF (.glb, .gltf), AVEVA review (.rvm), OBJ (.obj). Several make one scene.
+    /// The files: glTF (.glb, .gltf), AVEVA review (.rvm, .rev), OBJ (.obj). Several make one scene.
     #[arg(required = true, value_name = "FILES")]
     pub(crate) files: Vec<PathBuf>,
     /// Where to write the scene.
@@ -61,6 +61,9 @@ pub(crate) struct LimitArgs {
     /// How deep nodes or groups may be nested.
     #[arg(long, value_name = "N", default_value_t = ImportLimits::default().depth)]
     pub(crate) max_depth: u32,
+    /// The most bytes of attribute files; attributes that several parts share count for each.
+    #[arg(long, value_name = "N", default_value_t = ImportLimits::default().attribute_bytes)]
+    pub(crate) max_attribute_bytes: u64,
     /// The most nodes of the scene's tree: a small object is one, a large one some for each hundred
     /// triangles.
     #[arg(long, value_name = "N", default_value_t = CookOptions::default().max_nodes)]

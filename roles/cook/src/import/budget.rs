@@ -1,10 +1,12 @@
 //! How much an import may make. What a file asks for is counted before memory is taken for it.
 
 use std::collections::BTreeSet;
+use std::fmt;
+use std::fs::{self, File};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
-use std::{fmt, fs, io};
 
 use thiserror::Error;
 
@@ -12,8 +14,8 @@ use thiserror::Error;
 ///
 /// A small file can ask for a great deal: a thousand meshes may share one array of positions, and a thousand
 /// nodes one list of instances. Memory while importing stays below 64 times the size of the files (those that
-/// they refer to included, and packed ones by what they unpack to), plus 64 bytes a triangle, 128 a vertex and 512 an object of what is allowed here,
-/// plus 64 MiB.
+/// they refer to included, and packed ones by what they unpack to), plus 64 bytes a triangle, 128 a vertex,
+/// 512 an object and 8 a byte of attributes of what is allowed here, plus 64 MiB.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportLimits {
     /// Triangles as stored: each mesh once. At most [`ImportLimits::MOST_TRIANGLES`] counts.
@@ -25,6 +27,9 @@ pub struct ImportLimits {
     pub objects: u64,
     /// How deep nodes or groups may be nested.
     pub depth: u32,
+    /// Bytes of attributes: those of the files that they stand in, and again for each further object or group
+    /// that has the same ones.
+    pub attribute_bytes: u64,
 }
 
 /// What memory an object may take for its name without counting as another one, bytes.
@@ -40,7 +45,13 @@ impl ImportLimits {
 impl Default for ImportLimits {
     /// Far beyond any plant known: the largest models that this was made for store a few million triangles.
     fn default() -> Self {
-        Self { triangles: 200_000_000, vertices: 200_000_000, objects: 20_000_000, depth: 1_000 }
+        Self {
+            triangles: 200_000_000,
+            vertices: 200_000_000,
+            objects: 20_000_000,
+            depth: 1_000,
+            attribute_bytes: 512 << 20,
+        }
     }
 }
 
@@ -56,6 +67,8 @@ pub enum Resource {
     Objects,
     /// [`ImportLimits::depth`].
     Depth,
+    /// [`ImportLimits::attribute_bytes`].
+    AttributeBytes,
 }
 
 impl Resource {
@@ -67,6 +80,7 @@ impl Resource {
             Self::Vertices => "--max-vertices",
             Self::Objects => "--max-objects",
             Self::Depth => "--max-depth",
+            Self::AttributeBytes => "--max-attribute-bytes",
         }
     }
 }
@@ -78,6 +92,7 @@ impl fmt::Display for Resource {
             Self::Vertices => "vertices",
             Self::Objects => "objects",
             Self::Depth => "levels of nesting",
+            Self::AttributeBytes => "bytes of attributes",
         })
     }
 }
@@ -105,6 +120,7 @@ pub(super) struct Budget {
     triangles: AtomicU64,
     vertices: AtomicU64,
     objects: AtomicU64,
+    attribute_bytes: AtomicU64,
     looked_for: Mutex<BTreeSet<PathBuf>>,
 }
 
@@ -120,16 +136,24 @@ impl Budget {
             triangles: AtomicU64::new(0),
             vertices: AtomicU64::new(0),
             objects: AtomicU64::new(0),
+            attribute_bytes: AtomicU64::new(0),
             looked_for: Mutex::default(),
         }
     }
 
-    /// The bytes of a regular file: the model's, or one beside it. Pipes and devices are refused: they may
-    /// never end.
+    /// The bytes of a regular file: the model's, or one beside it.
     pub(super) fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.open(path)?.read_to_end(&mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Opens a regular file: the model's, or one beside it. Pipes and devices are refused: they may never
+    /// end.
+    pub(super) fn open(&self, path: &Path) -> io::Result<File> {
         self.look_for(path);
         if fs::metadata(path)?.is_file() {
-            fs::read(path)
+            File::open(path)
         } else {
             Err(io::Error::other("it is not a regular file"))
         }
@@ -171,6 +195,11 @@ impl Budget {
         take(&self.objects, count.saturating_mul(each), Resource::Objects, self.limits.objects, &user)
     }
 
+    /// Asks for so many bytes of attributes more.
+    pub(super) fn attributes(&self, bytes: u64, user: impl Fn() -> String) -> Result<(), OverBudget> {
+        take(&self.attribute_bytes, bytes, Resource::AttributeBytes, self.limits.attribute_bytes, &user)
+    }
+
     /// Asks to go `depth` deep.
     pub(super) fn depth(&self, depth: usize, user: impl Fn() -> String) -> Result<(), OverBudget> {
         if depth as u64 <= u64::from(self.limits.depth) {
@@ -201,7 +230,7 @@ mod tests {
     use super::*;
 
     fn budget() -> Budget {
-        Budget::new(ImportLimits { triangles: 10, vertices: 20, objects: 5, depth: 3 })
+        Budget::new(ImportLimits { triangles: 10, vertices: 20, objects: 5, depth: 3, attribute_bytes: 9 })
     }
 
     #[test]
@@ -228,6 +257,15 @@ mod tests {
     }
 
     #[test]
+    fn bytes_of_attributes_count() {
+        let budget = budget();
+        assert_eq!(budget.attributes(9, String::new), Ok(()));
+        let error = budget.attributes(1, || "group \"/A\"".to_owned()).unwrap_err();
+        assert_eq!((error.resource, error.limit), (Resource::AttributeBytes, 9));
+        assert!(error.to_string().contains("--max-attribute-bytes"), "{error}");
+    }
+
+    #[test]
     fn a_folder_is_not_a_file_and_a_pipe_is_not_waited_for() {
         let folder = tempfile::tempdir().unwrap();
         let error = budget().read(folder.path()).unwrap_err();
@@ -248,7 +286,9 @@ mod tests {
 
     #[test]
     fn no_limit_is_beyond_what_indices_can_number() {
-        let all = ImportLimits { triangles: u64::MAX, vertices: u64::MAX, objects: u64::MAX, depth: 9 };
+        let most = u64::MAX;
+        let all =
+            ImportLimits { triangles: most, vertices: most, objects: most, depth: 9, attribute_bytes: most };
         let budget = Budget::new(all);
         assert!(budget.mesh(1 << 31, 0, String::new).is_err());
         assert!(budget.mesh(0, 1 << 32, String::new).is_err());

@@ -15,7 +15,7 @@ use crate::ModelError;
 #[non_exhaustive]
 pub enum ImportError {
     /// Nothing to import.
-    #[error("no input files: name at least one .glb, .gltf, .rvm or .obj file")]
+    #[error("no input files: name at least one .glb, .gltf, .rvm, .rev or .obj file")]
     NoFiles,
     /// An option makes no sense.
     #[error("the {option} is {value}; it must be a positive, finite number")]
@@ -34,7 +34,7 @@ pub enum ImportError {
         source: io::Error,
     },
     /// The name tells of no format that is known here.
-    #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm or .obj", path = path.display())]
+    #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev or .obj", path = path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::ImportError;
+use super::rvm::is_review_file;
 
 /// A file format that can be imported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -10,13 +11,22 @@ use super::ImportError;
 pub enum Format {
     /// glTF 2.0, as one binary file (.glb) or as JSON with its buffers beside it (.gltf).
     Gltf,
-    /// AVEVA review file, binary.
+    /// AVEVA review file, in its binary or its text form.
     Rvm,
     /// Wavefront OBJ, with its materials (.mtl) beside it.
     Obj,
 }
 
 impl Format {
+    /// Bytes at the start of a review file that [`Self::of`] looks at.
+    pub(super) const START: u64 = 256;
+
+    /// Whether a file has the name of a review file.
+    pub(super) fn is_named_as_review(path: &Path) -> bool {
+        let ending = path.extension().unwrap_or_default();
+        ["rvm", "rev"].iter().any(|known| ending.eq_ignore_ascii_case(known))
+    }
+
     /// The format of a file with this name and these bytes.
     ///
     /// # Errors
@@ -29,10 +39,11 @@ impl Format {
             Some("glb") => wrong(".glb", "the letters glTF"),
             Some("gltf") if first_visible(bytes) == Some(b'{') => Ok(Self::Gltf),
             Some("gltf") => wrong(".gltf", "a brace: it is JSON"),
-            Some("rvm") if bytes.starts_with(b"\0\0\0H\0\0\0E\0\0\0A\0\0\0D") => Ok(Self::Rvm),
-            Some("rvm") => {
-                wrong(".rvm", "the word HEAD, four bytes a letter: it is binary, not the text form")
-            }
+            Some("rvm" | "rev") if is_review_file(bytes) => Ok(Self::Rvm),
+            Some("rvm" | "rev") => wrong(
+                ".rvm",
+                "the word HEAD: four bytes a letter in the binary form, a line in the text form",
+            ),
             // Text of any kind: it has no first bytes to know it by.
             Some("obj") => Ok(Self::Obj),
             _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
@@ -54,6 +65,18 @@ mod tests {
     fn names_are_read_without_regard_to_case() {
         assert_eq!(Format::of(Path::new("A.GLB"), b"glTF").unwrap(), Format::Gltf);
         assert_eq!(Format::of(Path::new("a.gLtF"), b"\xEF\xBB\xBF \n{").unwrap(), Format::Gltf);
+    }
+
+    #[test]
+    fn either_form_of_a_review_file_may_have_either_name() {
+        for start in [&b"\0\0\0H\0\0\0E\0\0\0A\0\0\0D"[..], b"HEAD\r\n     1     2\r\n"] {
+            assert_eq!(Format::of(Path::new("a.RVM"), start).unwrap(), Format::Rvm);
+            assert_eq!(Format::of(Path::new("a.rev"), start).unwrap(), Format::Rvm);
+        }
+        let wrong = Format::of(Path::new("a.rev"), b"\0\0\0H\0\0\0E");
+        assert!(matches!(wrong, Err(ImportError::WrongMagic { expected: ".rvm", .. })));
+        assert!(Format::is_named_as_review(Path::new("b/a.Rev")));
+        assert!(!Format::is_named_as_review(Path::new("rvm")));
     }
 
     #[test]

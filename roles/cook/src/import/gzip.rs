@@ -30,7 +30,7 @@ pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<(PathBuf, Cow
     let mut inner = if named { path.with_extension("") } else { owned() };
     match ending(&inner).as_deref() {
         Some("obj") => Ok((inner, Cow::Owned(unpack(path, bytes)?))),
-        Some("glb" | "gltf" | "rvm") => Err(ImportError::Packed { path: owned() }),
+        Some("glb" | "gltf" | "rvm" | "rev") => Err(ImportError::Packed { path: owned() }),
         // `plant.gz` may be anything.
         _ if named => {
             let text = unpack(path, bytes)?;

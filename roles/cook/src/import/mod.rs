@@ -22,6 +22,7 @@ mod polygon;
 mod report;
 mod rvm;
 
+use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -34,7 +35,7 @@ pub use format::Format;
 pub use gltf::GltfError;
 pub use obj::{NotText, ObjError};
 pub use report::{ImportReport, Warning, WarningKind};
-pub use rvm::RvmError;
+pub use rvm::{RvmError, RvmPlace};
 
 use self::budget::Budget;
 use crate::Model;
@@ -142,7 +143,18 @@ struct Part {
 }
 
 fn import_file(path: &Path, options: &ImportOptions, budget: &Budget) -> Result<Part, ImportError> {
-    let bytes = budget.read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
+    let unread = |source| ImportError::Read { path: path.to_owned(), source };
+    if Format::is_named_as_review(path) {
+        // These may be larger than the memory: they are read bit by bit.
+        let file = budget.open(path).map_err(unread)?;
+        let mut start = Vec::new();
+        (&file).take(Format::START).read_to_end(&mut start).map_err(unread)?;
+        let (named, start) = gzip::unpacked(path, &start)?;
+        Format::of(&named, &start)?;
+        return rvm::import(Some(path), file, options, budget)
+            .map_err(|source| ImportError::Rvm { path: path.to_owned(), source });
+    }
+    let bytes = budget.read(path).map_err(unread)?;
     read(path, Some(path), &bytes, options, budget)
 }
 
@@ -161,7 +173,7 @@ fn read(
             .map_err(|source| ImportError::Gltf { path: name.to_owned(), source: Box::new(source) }),
         Format::Obj => obj::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Obj { path: name.to_owned(), source }),
-        Format::Rvm => rvm::import(path, bytes, options, budget)
+        Format::Rvm => rvm::import(path, Cursor::new(bytes), options, budget)
             .map_err(|source| ImportError::Rvm { path: name.to_owned(), source }),
     }
 }

@@ -19,6 +19,10 @@ pub struct ImportReport {
     /// RVM primitives whose tessellation differs by more than 5 % from the box that the file stores with
     /// them. A few are right: writers store loose boxes for sheared snouts and eccentric pyramids.
     pub box_mismatches: u64,
+    /// Parts (objects and the groups that they are in) of files that have attribute files.
+    pub parts: u64,
+    /// Those of `parts` that an attribute file names.
+    pub parts_matched: u64,
     /// What was left out or repaired: each kind once a file and detail, with how often.
     pub warnings: Vec<Warning>,
     /// Every file that the model depends on: those that were read, and those that would have been if they
@@ -74,6 +78,32 @@ pub enum WarningKind {
     /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a
     /// contour that is as large by itself is drawn without its notches.
     LargePolygon,
+    /// RVM primitives that are broken: left out.
+    BrokenPrimitive,
+    /// Polygons of RVM primitives that are broken: left out.
+    BrokenPolygon,
+    /// RVM chunks of an unknown kind: skipped.
+    UnknownChunk,
+    /// Ends of RVM groups that never began: ignored.
+    ExtraGroupEnd,
+    /// RVM groups that never end: ended where their model ends.
+    GroupLeftOpen,
+    /// RVM models without their last chunk: read to where they stop.
+    EndMissing,
+    /// Bytes behind the last chunk of an RVM model that are no model: ignored.
+    BehindEnd,
+    /// RVM groups whose number stands for no known colour: drawn grey.
+    UnknownColour,
+    /// RVM groups that are more than 100 % transparent: drawn opaque.
+    SenselessTransparency,
+    /// Encodings of an RVM file that are not known: names are read as UTF-8, or else Latin-1.
+    UnknownEncoding,
+    /// Names in an RVM file that are not in the encoding that it names: read as UTF-8, or else Latin-1.
+    WrongEncoding,
+    /// Attribute files beside an RVM file that cannot be read: left out.
+    AttributesUnread,
+    /// Attribute files that name no part of their RVM file: left out.
+    AttributesUnmatched,
     /// Warnings beyond [`ImportReport::MOST_WARNINGS`] of a file: counted, not listed.
     Further,
 }
@@ -103,6 +133,11 @@ impl ImportReport {
     /// Notes that something happened once to an object; `detail` says with what, or is empty.
     pub(super) fn warn_of(&mut self, kind: WarningKind, detail: &str, object: &str) {
         self.note(kind, detail, Some(object), 1);
+    }
+
+    /// Notes that something happened `count` more times to an object; `detail` says with what, or is empty.
+    pub(super) fn warn_many(&mut self, kind: WarningKind, detail: &str, object: &str, count: u64) {
+        self.note(kind, detail, Some(object), count);
     }
 
     /// Notes that something happened `count` more times, of which `detail` says with what.
@@ -155,6 +190,8 @@ impl ImportReport {
     /// whole.
     pub(super) fn absorb(&mut self, other: Self, file: &str) {
         self.box_mismatches += other.box_mismatches;
+        self.parts += other.parts;
+        self.parts_matched += other.parts_matched;
         let of_file = |warning| Warning { file: file.to_owned(), ..warning };
         self.warnings.extend(other.warnings.into_iter().map(of_file));
     }
@@ -205,6 +242,21 @@ impl fmt::Display for WarningKind {
             Self::FlattenedObject => "objects that their matrix flattens",
             Self::EmptyObject => "objects without a triangle left out",
             Self::LargePolygon => "polygons of more than 8,192 corners drawn without their holes",
+            Self::BrokenPrimitive => "broken primitives left out",
+            Self::BrokenPolygon => "broken polygons left out",
+            Self::UnknownChunk => "chunks of an unknown kind skipped",
+            Self::ExtraGroupEnd => "ends of groups that never began ignored",
+            Self::GroupLeftOpen => "groups that never end, ended with their model",
+            Self::EndMissing => "models without their last chunk, END:, read to where they stop",
+            Self::BehindEnd => "stretches of bytes behind END: that are no model ignored",
+            Self::UnknownColour => "groups without a known colour drawn grey",
+            Self::SenselessTransparency => "groups more than 100 % transparent drawn opaque",
+            Self::UnknownEncoding => "unknown encodings of names, read as UTF-8 or Latin-1",
+            Self::WrongEncoding => {
+                "names that are not in the encoding of their file, read as UTF-8 or Latin-1"
+            }
+            Self::AttributesUnread => "attribute files that cannot be read left out",
+            Self::AttributesUnmatched => "attribute files that name no part of the model left out",
             Self::Further => "further warnings, not listed",
         })
     }

@@ -19,7 +19,9 @@ pub(crate) fn import_beside(
 ) -> Result<Imported, ImportError> {
     let folder = TempDir::new().unwrap();
     for (name, bytes) in others {
-        fs::write(folder.path().join(name), bytes).unwrap();
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
     }
     let path: PathBuf = folder.path().join(name);
     fs::write(&path, bytes).unwrap();
@@ -53,11 +55,16 @@ pub(crate) struct RvmWriter {
 impl RvmWriter {
     /// A file with its head and model.
     pub(crate) fn new() -> Self {
+        Self::in_encoding("Unicode UTF-8")
+    }
+
+    /// A file whose head names an encoding.
+    pub(crate) fn in_encoding(encoding: &str) -> Self {
         let mut head = word(2);
-        for text in ["test", "", "today", "me", "Unicode UTF-8"] {
-            head.extend(string(text));
+        for text in ["test", "", "today", "me", encoding] {
+            head.extend(string(text.as_bytes()));
         }
-        let model = [word(1), string("project"), string("model")].concat();
+        let model = [word(1), string(b"project"), string(b"model")].concat();
         Self { bytes: Vec::new() }.chunk("HEAD", &head).chunk("MODL", &model)
     }
 
@@ -73,7 +80,19 @@ impl RvmWriter {
 
     /// Opens a group.
     pub(crate) fn open(self, name: &str, material: u32) -> Self {
+        self.open_bytes(name.as_bytes(), material)
+    }
+
+    /// Opens a group whose name may be in any encoding.
+    pub(crate) fn open_bytes(self, name: &[u8], material: u32) -> Self {
         let body = [word(2), string(name), reals(&[0.0; 3]), word(material)].concat();
+        self.chunk("CNTB", &body)
+    }
+
+    /// Opens a group of version 3, which says how transparent it is.
+    pub(crate) fn open_transparent(self, name: &str, material: u32, percent: u8) -> Self {
+        let rest = vec![percent, 0, 0, 0];
+        let body = [word(3), string(name.as_bytes()), reals(&[0.0; 3]), word(material), rest].concat();
         self.chunk("CNTB", &body)
     }
 
@@ -106,6 +125,11 @@ impl RvmWriter {
     pub(crate) fn finish(self) -> Vec<u8> {
         self.chunk("END:", &word(1)).bytes
     }
+
+    /// The file as it is so far.
+    pub(crate) fn unfinished(self) -> Vec<u8> {
+        self.bytes
+    }
 }
 
 /// A big-endian word.
@@ -118,9 +142,9 @@ pub(crate) fn reals(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_be_bytes()).collect()
 }
 
-fn string(text: &str) -> Vec<u8> {
+fn string(text: &[u8]) -> Vec<u8> {
     let mut bytes = word(text.len().div_ceil(4) as u32);
-    bytes.extend(text.bytes());
+    bytes.extend(text);
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     bytes
 }

@@ -1,19 +1,41 @@
-//! The attribute file that AVEVA's programs write beside a review file: what is said of its groups, by name.
+//! The attribute file that AVEVA's programs write beside a review file: what is said of its groups.
 //!
 //! A text: the first line says by which words it is divided, and then `NEW name` opens a group, `END` closes
-//! it, and between them stand attributes, `name := value`, each on a line or several divided by `&end&`. There
-//! is no public specification; the facts here are those that readers of the format agree on.
+//! it, and between them stand groups, and attributes, `name := value`, each on a line or several divided by
+//! `&end&`. There is no public specification; the facts here are those that readers of the format agree on.
 
-use std::collections::{HashMap, hash_map::Entry};
+use std::collections::HashMap;
 
 use trimaran_scene::Attribute;
+
+use super::encoding::lines;
 
 /// What the first line begins with.
 const MAGIC: &str = "CADC_Attributes_File";
 
-/// What is said of groups, by their names.
+/// What attribute files say: a tree of groups.
 #[derive(Debug, Default)]
-pub(super) struct Attributes(HashMap<String, Vec<Attribute>>);
+pub(super) struct Attributes {
+    /// Each behind the one that it is in, and in front of all that is not in it and opens later.
+    nodes: Vec<Node>,
+    /// Numbers of names.
+    names: HashMap<String, usize>,
+    /// The nodes of each name, ascending.
+    of_name: Vec<Vec<u32>>,
+    /// The nodes of each name within a node, or within none.
+    within: HashMap<(Option<u32>, usize), Vec<u32>>,
+    /// Whether any group is in another one.
+    nested: bool,
+}
+
+/// A group of an attribute file.
+#[derive(Debug)]
+struct Node {
+    parent: Option<u32>,
+    /// Number behind that of the last node in it.
+    end: u32,
+    attributes: Vec<Attribute>,
+}
 
 /// The words that divide a file.
 struct Words<'t> {
@@ -23,49 +45,108 @@ struct Words<'t> {
     separator: &'t str,
 }
 
+/// Whether a text is that of an attribute file.
+pub(super) fn is_attributes(text: &str) -> bool {
+    text.trim_start_matches(is_blank).starts_with(MAGIC)
+}
+
 impl Attributes {
-    /// Reads a file; `None` if it is none. Bytes that are not UTF-8 are read as they can be. Of groups of one
-    /// name the first one counts.
-    pub(super) fn parse(bytes: &[u8]) -> Option<Self> {
-        let text = String::from_utf8_lossy(bytes);
-        let text = text.trim_start_matches('\u{feff}');
-        let (first, rest) = text.split_once('\n')?;
-        let words = Words::parse(first.trim().strip_prefix(MAGIC)?);
-        let mut found: HashMap<String, Vec<Attribute>> = HashMap::new();
-        // Names of the groups that are open. Nothing is kept for one whose name was met before.
-        let mut open: Vec<Option<&str>> = Vec::new();
-        for line in rest.lines().map(str::trim) {
+    /// Adds what an attribute file says.
+    pub(super) fn add(&mut self, text: &str) {
+        let mut lines = lines(text.trim_start_matches(is_blank)).map(str::trim);
+        let words =
+            Words::parse(lines.next().and_then(|first| first.strip_prefix(MAGIC)).unwrap_or_default());
+        let mut open: Vec<u32> = Vec::new();
+        for line in lines {
             if let Some(name) = words.opens(line) {
-                open.push(match found.entry(name.to_owned()) {
-                    Entry::Vacant(free) => {
-                        free.insert(Vec::new());
-                        Some(name)
-                    }
-                    Entry::Occupied(_) => None,
-                });
+                open.push(self.open(name, open.last().copied()));
             } else if line == words.end {
-                open.pop();
-            } else if let Some(Some(name)) = open.last()
-                && let Some(attributes) = found.get_mut(*name)
-            {
-                attributes.extend(line.split(words.separator).filter_map(|part| words.attribute(part)));
+                if let Some(node) = open.pop() {
+                    self.close(node);
+                }
+            } else if let Some(node) = open.last().and_then(|&node| self.nodes.get_mut(node as usize)) {
+                node.attributes.extend(line.split(words.separator).filter_map(|part| words.attribute(part)));
             }
         }
-        Some(Self(found))
+        open.into_iter().for_each(|node| self.close(node));
+    }
+
+    fn open(&mut self, name: &str, parent: Option<u32>) -> u32 {
+        let node = self.nodes.len() as u32;
+        self.nested |= parent.is_some();
+        let next_name = self.names.len();
+        let name = match self.names.get(name) {
+            Some(&known) => known,
+            None => {
+                self.names.insert(name.to_owned(), next_name);
+                self.of_name.push(Vec::new());
+                next_name
+            }
+        };
+        if let Some(nodes) = self.of_name.get_mut(name) {
+            nodes.push(node);
+        }
+        self.within.entry((parent, name)).or_default().push(node);
+        self.nodes.push(Node { parent, end: node + 1, attributes: Vec::new() });
+        node
+    }
+
+    fn close(&mut self, node: u32) {
+        let end = self.nodes.len() as u32;
+        if let Some(node) = self.nodes.get_mut(node as usize) {
+            node.end = end;
+        }
+    }
+
+    /// How many groups there are.
+    pub(super) const fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether no group is in another one.
+    pub(super) const fn is_flat(&self) -> bool {
+        !self.nested
+    }
+
+    /// The group that a group is in.
+    pub(super) fn parent(&self, node: u32) -> Option<u32> {
+        self.nodes.get(node as usize).and_then(|node| node.parent)
+    }
+
+    /// The groups of a name that lie directly in one, or in none.
+    pub(super) fn children(&self, within: Option<u32>, name: &str) -> &[u32] {
+        let name = self.names.get(name);
+        name.and_then(|&name| self.within.get(&(within, name))).map_or(&[], Vec::as_slice)
+    }
+
+    /// The only group of a name that lies anywhere within one, or within none.
+    pub(super) fn only(&self, within: Option<u32>, name: &str) -> Option<u32> {
+        let nodes = self.names.get(name).and_then(|&name| self.of_name.get(name))?;
+        let inside = within.map_or(0..u32::MAX, |around| {
+            around + 1..self.nodes.get(around as usize).map_or(0, |node| node.end)
+        });
+        let first = nodes.partition_point(|&node| node < inside.start);
+        let mut found = nodes.iter().skip(first).copied().take_while(|&node| node < inside.end);
+        let only = found.next()?;
+        found.next().is_none().then_some(only)
     }
 
     /// What is said of a group.
-    pub(super) fn of(&self, name: &str) -> Vec<Attribute> {
-        self.0.get(name).cloned().unwrap_or_default()
+    pub(super) fn of(&mut self, node: u32) -> Option<&mut Vec<Attribute>> {
+        self.nodes.get_mut(node as usize).map(|node| &mut node.attributes)
     }
+}
+
+fn is_blank(letter: char) -> bool {
+    letter.is_whitespace() || letter == '\u{feff}'
 }
 
 impl<'t> Words<'t> {
     /// Those of a first line, such as `v1.0 , start: NEW , end: END , name_end: := , sep: &end&`.
     fn parse(line: &'t str) -> Self {
         let mut words = Self { start: "NEW", end: "END", name_end: ":=", separator: "&end&" };
-        for part in line.split(" , ").map(str::trim) {
-            match part.split_once(": ").map(|(key, word)| (key, word.trim())) {
+        for part in line.split(',').map(str::trim) {
+            match part.split_once(':').map(|(key, word)| (key.trim(), word.trim())) {
                 Some((_, "")) | None => {}
                 Some(("start", word)) => words.start = word,
                 Some(("end", word)) => words.end = word,
@@ -80,14 +161,20 @@ impl<'t> Words<'t> {
     /// The name of the group that a line opens.
     fn opens(&self, line: &'t str) -> Option<&'t str> {
         let name = line.strip_prefix(self.start)?;
-        name.starts_with(char::is_whitespace).then_some(name.trim())
+        (name.is_empty() || name.starts_with(char::is_whitespace)).then_some(name.trim())
     }
 
     fn attribute(&self, part: &str) -> Option<Attribute> {
         let (name, value) = part.split_once(self.name_end)?;
-        let (name, value) = (name.trim(), value.trim());
+        let (name, value) = (name.trim(), unquoted(value.trim()));
         (!name.is_empty()).then(|| Attribute { name: name.into(), value: value.into() })
     }
+}
+
+/// A value without the quotes around it.
+fn unquoted(value: &str) -> &str {
+    let within = |quote| value.strip_prefix(quote).and_then(|rest| rest.strip_suffix(quote));
+    within('\'').or_else(|| within('"')).unwrap_or(value)
 }
 
 #[cfg(test)]
@@ -97,10 +184,19 @@ mod tests {
     const FILE: &str = "CADC_Attributes_File v1.0 , start: NEW , end: END , name_end: := , sep: &end&\r\n\
         NEW Header Information\r\n Source := PDMS Data &end& User := me\r\nEND\r\n\
         NEW /ZONE-1\r\n TYPE := ZONE &end&\r\n NEW /PIPE-7\r\n  TYPE:=PIPE\r\n  SPEC := A3B := x\r\n END\r\n\
-         OWNER := /SITE &end& \r\nEND\r\nNEW /PIPE-7\r\n TYPE := OTHER\r\nEND\r\n";
+         OWNER := /SITE &end& \r\nEND  \r\nNEW /PIPE-7\r\n TYPE := OTHER\r\nEND\r\n";
 
-    fn pairs(attributes: &Attributes, name: &str) -> Vec<(String, String)> {
-        attributes.of(name).into_iter().map(|of| (of.name.to_string(), of.value.to_string())).collect()
+    fn read(text: &str) -> Attributes {
+        let mut all = Attributes::default();
+        assert!(is_attributes(text), "{text:?}");
+        all.add(text);
+        all
+    }
+
+    /// What is said of the group at a path.
+    fn at(all: &mut Attributes, path: &[&str]) -> Vec<(String, String)> {
+        let node = path.iter().fold(None, |around, name| Some(all.children(around, name)[0])).unwrap();
+        all.of(node).unwrap().iter().map(|of| (of.name.to_string(), of.value.to_string())).collect()
     }
 
     fn owned(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
@@ -109,37 +205,52 @@ mod tests {
 
     #[test]
     fn attributes_belong_to_the_innermost_open_group() {
-        let read = Attributes::parse(FILE.as_bytes()).unwrap();
-        assert_eq!(pairs(&read, "/ZONE-1"), owned(&[("TYPE", "ZONE"), ("OWNER", "/SITE")]));
-        assert_eq!(pairs(&read, "/PIPE-7"), owned(&[("TYPE", "PIPE"), ("SPEC", "A3B := x")]));
-        assert_eq!(pairs(&read, "Header Information"), owned(&[("Source", "PDMS Data"), ("User", "me")]));
-        assert_eq!(pairs(&read, "/ELSE"), []);
+        let mut all = read(FILE);
+        assert_eq!(at(&mut all, &["/ZONE-1"]), owned(&[("TYPE", "ZONE"), ("OWNER", "/SITE")]));
+        assert_eq!(at(&mut all, &["/ZONE-1", "/PIPE-7"]), owned(&[("TYPE", "PIPE"), ("SPEC", "A3B := x")]));
+        assert_eq!(at(&mut all, &["/PIPE-7"]), owned(&[("TYPE", "OTHER")]));
+        assert_eq!(at(&mut all, &["Header Information"]), owned(&[("Source", "PDMS Data"), ("User", "me")]));
+        assert!(all.children(None, "/ELSE").is_empty() && all.children(Some(0), "/PIPE-7").is_empty());
+    }
+
+    #[test]
+    fn a_group_is_found_within_another_where_it_is_the_only_one_of_its_name() {
+        let all = read(FILE);
+        let zone = all.children(None, "/ZONE-1")[0];
+        assert_eq!(all.only(None, "/PIPE-7"), None);
+        assert_eq!(all.only(Some(zone), "/PIPE-7"), Some(zone + 1));
+        assert_eq!(all.parent(zone + 1), Some(zone));
+        assert_eq!(all.only(Some(zone + 1), "/PIPE-7"), None);
+    }
+
+    #[test]
+    fn quotes_around_a_value_are_no_part_of_it() {
+        let text =
+            "CADC_Attributes_File\nNEW A\nA:='Pump (duty)' &end& B:= \"x\"\nC:=''\nD:='\nE:= it's\nEND";
+        let expected = owned(&[("A", "Pump (duty)"), ("B", "x"), ("C", ""), ("D", "'"), ("E", "it's")]);
+        assert_eq!(at(&mut read(text), &["A"]), expected);
     }
 
     #[test]
     fn a_file_says_its_own_words() {
-        let text = "CADC_Attributes_File v1.0 , start: BEGIN , end: DONE , name_end: = , sep: ;\n\
-                    BEGIN A\nx = 1; y = 2\nDONE\nz = 3\n";
-        assert_eq!(
-            pairs(&Attributes::parse(text.as_bytes()).unwrap(), "A"),
-            owned(&[("x", "1"), ("y", "2")])
-        );
+        for first in [
+            "CADC_Attributes_File v1.0 , start: BEGIN , end: DONE , name_end: = , sep: ;",
+            "\u{feff}\nCADC_Attributes_File v1.0, start:BEGIN, end:DONE, name_end:=, sep:;",
+        ] {
+            let text = format!("{first}\rBEGIN A\rx = 1; y = 2\rDONE\rz = 3\r");
+            assert_eq!(at(&mut read(&text), &["A"]), owned(&[("x", "1"), ("y", "2")]), "{first:?}");
+        }
     }
 
     #[test]
-    fn what_is_no_attribute_file_is_not_read() {
-        for other in ["", "CADC_Attributes_File", "HEAD\nNEW A\nEND\n", "read me\n"] {
-            assert!(Attributes::parse(other.as_bytes()).is_none(), "{other:?}");
+    fn what_is_no_attribute_file_is_told() {
+        for other in ["", "CADC", "HEAD\nNEW A\nEND\n", "read me\n"] {
+            assert!(!is_attributes(other), "{other:?}");
         }
         // A file that ends early, and one that closes too much.
-        for odd in
-            ["CADC_Attributes_File v1.0\nNEW A\n x := 1", "CADC_Attributes_File\nEND\nNEW A\n x := 1\nEND"]
-        {
-            assert_eq!(
-                pairs(&Attributes::parse(odd.as_bytes()).unwrap(), "A"),
-                owned(&[("x", "1")]),
-                "{odd:?}"
-            );
+        for odd in ["NEW A\n x := 1", "END\nNEW A\n x := 1\nEND", "NEW\nEND\nNEW A\nx := 1"] {
+            let mut all = read(&format!("CADC_Attributes_File v1.0\n{odd}"));
+            assert_eq!(at(&mut all, &["A"]), owned(&[("x", "1")]), "{odd:?}");
         }
     }
 }

@@ -2,8 +2,6 @@
 
 use std::collections::HashMap;
 
-use trimaran_scene::Rgba8;
-
 /// Numbers 1 to 32, and again 33 to 64, of the standard colour list of PDMS.
 const BASIC: [u32; 32] = [
     0x00_00_00, // black
@@ -95,20 +93,21 @@ const NAMED: [u32; 50] = [
 ];
 
 /// What a number without a colour is drawn in.
-const GREY: u32 = 0x78_78_78;
+pub(super) const GREY: [u8; 3] = [0x78; 3];
 
-/// The colour of `material`: the file's own definition of it, else the standard one, else grey.
-pub(super) fn of(material: u32, redefined: &HashMap<u32, [u8; 3]>) -> Rgba8 {
-    let [r, g, b] = redefined.get(&material).copied().unwrap_or_else(|| {
+/// The colour of `material`: the file's own definition of it, else the standard one.
+pub(super) fn of(material: u32, redefined: &HashMap<u32, [u8; 3]>) -> Option<[u8; 3]> {
+    redefined.get(&material).copied().or_else(|| {
         let standard = match material {
             1..=64 => BASIC.get((material as usize - 1) % BASIC.len()),
             206.. => NAMED.get(material as usize - 206),
             _ => None,
         };
-        let [_, r, g, b] = standard.copied().unwrap_or(GREY).to_be_bytes();
-        [r, g, b]
-    });
-    Rgba8([r, g, b, 255])
+        standard.map(|colour| {
+            let [_, r, g, b] = colour.to_be_bytes();
+            [r, g, b]
+        })
+    })
 }
 
 #[cfg(test)]
@@ -117,19 +116,18 @@ mod tests {
 
     #[test]
     fn numbers_have_their_standard_colours() {
-        let none = HashMap::new();
-        let rgb = |material| of(material, &none).0;
-        assert_eq!(rgb(2), [0xcc, 0, 0, 255]);
+        let rgb = |material| of(material, &HashMap::new());
+        assert_eq!(rgb(2), Some([0xcc, 0, 0]));
         assert_eq!(rgb(32), rgb(64));
-        assert_eq!(rgb(206), [0, 0, 0, 255]);
-        assert_eq!(rgb(255), [0x8c, 0x44, 0x14, 255]);
+        assert_eq!(rgb(206), Some([0, 0, 0]));
+        assert_eq!(rgb(255), Some([0x8c, 0x44, 0x14]));
         for unknown in [0, 65, 205, 256, u32::MAX] {
-            assert_eq!(rgb(unknown), [0x78, 0x78, 0x78, 255], "{unknown}");
+            assert_eq!(rgb(unknown), None, "{unknown}");
         }
     }
 
     #[test]
     fn a_file_can_redefine_them() {
-        assert_eq!(of(2, &HashMap::from([(2, [1, 2, 3])])), Rgba8([1, 2, 3, 255]));
+        assert_eq!(of(2, &HashMap::from([(2, [1, 2, 3])])), Some([1, 2, 3]));
     }
 }

@@ -1,66 +1,53 @@
 //! Why an RVM file could not be imported.
 
+use std::{fmt, io};
+
 use thiserror::Error;
 
 use crate::import::OverBudget;
 
-/// What is wrong with an RVM file, at which byte, and in which group.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
+/// What is wrong with an RVM file, and where.
+#[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RvmError {
     /// The file or one of its chunks ends too early.
-    #[error(
-        "it ends at byte {offset}, in the middle of {what}; the file is cut off or damaged: get it again"
-    )]
+    #[error("it ends at {at}, in the middle of {what}; the file is cut off or damaged: get it again")]
     Truncated {
-        /// Byte in the file.
-        offset: usize,
+        /// Where.
+        at: RvmPlace,
         /// What was being read.
         what: &'static str,
     },
     /// Something is not as the format demands.
-    #[error("it is malformed at byte {offset}: {what}; the file is damaged: get it again")]
+    #[error("it is malformed at {at}: {what}; the file is damaged: get it again")]
     Malformed {
-        /// Byte in the file.
-        offset: usize,
+        /// Where.
+        at: RvmPlace,
         /// What is wrong there.
         what: &'static str,
     },
-    /// A chunk of an unknown kind.
-    #[error(
-        "the chunk at byte {offset} is of the unknown kind {id:?}; the file is damaged, or newer than this reader"
-    )]
-    UnknownChunk {
-        /// Byte in the file.
-        offset: usize,
-        /// The four letters of its kind.
-        id: String,
-    },
-    /// A primitive of an unknown kind.
-    #[error(
-        "the primitive at byte {offset} in group {group:?} is of the unknown kind {kind}; kinds are 1 to 11"
-    )]
-    UnknownPrimitive {
-        /// Byte in the file.
-        offset: usize,
-        /// Name of the group that holds it.
-        group: String,
-        /// Its kind.
-        kind: u32,
-    },
-    /// A primitive's place or size is not a number.
-    #[error(
-        "the primitive at byte {offset} in group {group:?} is unusable: {what}; repair the model where it was made"
-    )]
-    Unusable {
-        /// Byte in the file.
-        offset: usize,
-        /// Name of the group that holds it.
-        group: String,
-        /// What is wrong with it.
-        what: &'static str,
-    },
+    /// The system could not read it to its end.
+    #[error("it cannot be read to its end: {0}; check the disk")]
+    Read(#[from] io::Error),
     /// It asks for more than is allowed. A larger chord tolerance makes fewer triangles.
     #[error(transparent)]
     Budget(#[from] OverBudget),
+}
+
+/// A place in an RVM file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RvmPlace {
+    /// A byte of the binary form, from 0 on.
+    Byte(u64),
+    /// A line of the text form, from 1 on.
+    Line(u64),
+}
+
+impl fmt::Display for RvmPlace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Byte(byte) => write!(f, "byte {byte}"),
+            Self::Line(line) => write!(f, "line {line}"),
+        }
+    }
 }

@@ -4,110 +4,138 @@
 //! A file is a tree of named groups that hold primitives: cylinders, boxes, tori, and so on, eleven kinds.
 //! Each group with primitives of its own becomes one object, its primitives tessellated into one mesh about
 //! the middle of the group. There is no public specification; the facts here are those that readers of the
-//! format agree on, checked against the box that every primitive stores.
+//! format agree on, checked against the box that every primitive stores. The form is binary or text.
 
 mod attributes;
+mod beside;
+mod chunks;
 mod colour;
+mod encoding;
 mod error;
+mod file;
+mod matching;
 mod parse;
 mod reader;
 mod round;
+mod said;
 mod shape;
 mod solid;
 mod tessellate;
+mod text;
 
+use std::io::{Read, Seek};
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-pub use error::RvmError;
+pub use error::{RvmError, RvmPlace};
 
-use self::attributes::Attributes;
-use self::parse::{File, Group, Primitive};
-use self::shape::Shape;
+use self::file::{File, Group, Primitive, Solids};
+use self::said::Said;
+use self::shape::{Broken, Shape};
 use self::solid::{Chord, Solid};
 use self::tessellate::tessellate;
 use super::assemble::{bounds, centred};
-use super::budget::Budget;
-use super::hierarchy::groups;
-use super::report::{ImportReport, WarningKind};
-use super::{ImportOptions, Part, UpAxis};
+use super::budget::{Budget, OverBudget};
+use super::hierarchy::{self, Branch};
+use super::report::WarningKind;
+use super::{Format, ImportOptions, Part, UpAxis};
 use crate::{Mesh, Model, Object};
-use trimaran_scene::{ObjectAttributes, Rgba8};
+use trimaran_scene::ObjectAttributes;
+
+/// Whether a file that begins with these bytes is one, of either form.
+pub(super) fn is_review_file(start: &[u8]) -> bool {
+    let start = start.get(..Format::START as usize).unwrap_or(start);
+    start.starts_with(&chunks::MAGIC) || text::is_text(start)
+}
 
 /// Metres a unit of length that writers have in mind: a file's matrices take millimetres to metres.
 const USUAL_UNIT: f64 = 1e-3;
 
-/// Reads an RVM file. `source_index` of its objects is the running number of the group among all groups of
-/// the file, in the order in which they open; groups without primitives count too.
+/// Reads an RVM file of either form. `source_index` of its objects is the running number of the group among
+/// all groups of the file, in the order in which they open; groups without primitives count too.
 ///
-/// What an attribute file beside it says of its groups is kept.
+/// What attribute files say of its groups is kept.
 pub(super) fn import(
     path: Option<&Path>,
-    bytes: &[u8],
+    source: impl Read + Seek,
     options: &ImportOptions,
     budget: &Budget,
 ) -> Result<Part, RvmError> {
-    let file = File::parse(bytes, budget)?;
-    let attributes = path.and_then(|path| attributes_beside(path, budget));
+    let File { groups, solids, encoding, mut report, .. } = File::read(source, budget)?;
+    let said = match path {
+        Some(path) => beside::attributes_of(path, encoding, budget, &mut report)?,
+        None => None,
+    };
     let scale = options.unit.unwrap_or(USUAL_UNIT) / USUAL_UNIT;
     let frame = Frame {
         file_to_world: options.file_to_world(UpAxis::Z) * DAffine3::from_scale(DVec3::splat(scale)),
         chord_tolerance: options.chord_tolerance,
         budget,
     };
-    let objects: Vec<Option<Placed>> = file
-        .groups
-        .par_iter()
-        .map(|group| frame.place(group, colour::of(group.material, &file.colours)))
-        .collect::<Result<_, _>>()?;
+    let name_of = |solids: &Solids| groups.get(solids.group as usize).map_or("", |group| &group.name);
+    let placed: Vec<Placed> =
+        solids.par_iter().map(|solids| frame.place(solids, name_of(solids))).collect::<Result<_, _>>()?;
 
-    let mut part = Part { model: Model::default(), report: ImportReport::default() };
-    part.report.warn(WarningKind::VolumeLeftOut, file.volumes);
-    for (group, placed) in file.groups.into_iter().zip(objects) {
-        let Some(Placed { mesh, origin, box_mismatches, large_polygons }) = placed else {
-            part.report.warn_of(WarningKind::EmptyObject, "", &group.name);
+    let mut model = Model::default();
+    for (solids, placed) in solids.iter().zip(placed) {
+        let name = name_of(solids);
+        report.box_mismatches += placed.box_mismatches;
+        report.warn(WarningKind::LargePolygon, placed.large_polygons);
+        report.warn_many(WarningKind::BrokenPrimitive, &Broken::Place.to_string(), name, placed.left_out);
+        let Some((mesh, origin)) = placed.mesh else {
+            report.warn_of(WarningKind::EmptyObject, "", name);
             continue;
         };
-        part.report.box_mismatches += box_mismatches;
-        part.report.warn(WarningKind::LargePolygon, large_polygons);
-        let object = part.model.objects.len() as u32;
-        let said = attributes.as_ref().map(|all| all.of(&group.name)).unwrap_or_default();
-        if !said.is_empty() {
-            part.model.hierarchy.attributes.push(ObjectAttributes { object, attributes: said });
+        if !solids.colour_known {
+            report.warn_of(WarningKind::UnknownColour, &format!("material {}", solids.material), name);
         }
-        part.model.objects.push(Object {
-            mesh: part.model.meshes.len() as u32,
+        model.objects.push(Object {
+            mesh: model.meshes.len() as u32,
             to_world: DAffine3::from_translation(origin),
-            name: group.name,
+            name: name.to_owned(),
             source: 0,
-            source_index: group.index,
+            source_index: solids.group,
         });
-        part.model.meshes.push(mesh);
+        model.meshes.push(mesh);
     }
-    let leaves: Vec<u32> = part.model.objects.iter().map(|object| object.source_index).collect();
-    part.model.hierarchy.groups = groups(file.branches, &leaves);
-    if let Some(attributes) = attributes {
-        for group in &mut part.model.hierarchy.groups {
-            group.attributes = attributes.of(&group.name);
+    let leaves: Vec<u32> = model.objects.iter().map(|object| object.source_index).collect();
+    let mut branches = branches(&groups);
+    if let Some(said) = said {
+        let mut said = Said::new(said, &groups, &leaves);
+        [report.parts, report.parts_matched] = said.matched();
+        if report.parts_matched == 0 {
+            report.warn(WarningKind::AttributesUnmatched, 1);
+        }
+        for (number, branch) in &mut branches {
+            branch.attributes = said.of(*number, budget)?;
+        }
+        for (object, &number) in (0..).zip(&leaves) {
+            let attributes = said.of(number, budget)?;
+            if !attributes.is_empty() {
+                model.hierarchy.attributes.push(ObjectAttributes { object, attributes });
+            }
         }
     }
-    Ok(part)
+    model.hierarchy.groups =
+        hierarchy::groups(branches.into_iter().map(|(_, branch)| branch).collect(), &leaves);
+    Ok(Part { model, report })
 }
 
-/// The attributes of a file with the same name but for its ending, if there is one that can be read.
-fn attributes_beside(path: &Path, budget: &Budget) -> Option<Attributes> {
-    let endings = ["att", "ATT", "txt", "TXT"];
-    endings.iter().find_map(|ending| Attributes::parse(&budget.read(&path.with_extension(ending)).ok()?))
-}
-
-/// A group as a mesh about `origin`.
-struct Placed {
-    mesh: Mesh,
-    origin: DVec3,
-    box_mismatches: u64,
-    large_polygons: u64,
+/// The groups that hold groups, with their numbers among all.
+fn branches(groups: &[Group]) -> Vec<(u32, Branch)> {
+    let mut branches: Vec<(u32, Branch)> = Vec::new();
+    for (number, group) in (0..).zip(groups) {
+        if group.end > number + 1 {
+            let above = |parent| branches.binary_search_by_key(&parent, |(number, _)| *number).ok();
+            let parent = group.parent.and_then(above).map(|above| above as u32);
+            let leaves = number..group.end;
+            let branch = Branch { name: group.name.clone(), parent, leaves, attributes: Vec::new() };
+            branches.push((number, branch));
+        }
+    }
+    branches
 }
 
 /// What all groups of a file are placed and cut by.
@@ -118,12 +146,23 @@ struct Frame<'a> {
     budget: &'a Budget,
 }
 
+/// The primitives of a group in the world.
+#[derive(Default)]
+struct Placed {
+    /// A mesh about a place; none if they have no surface.
+    mesh: Option<(Mesh, DVec3)>,
+    box_mismatches: u64,
+    large_polygons: u64,
+    /// Primitives whose place cannot be had.
+    left_out: u64,
+}
+
 impl Frame<'_> {
-    /// The group's primitives as one mesh; none if they have no surface.
-    fn place(&self, group: &Group, colour: Rgba8) -> Result<Option<Placed>, RvmError> {
+    /// The primitives of the group `name` as one mesh.
+    fn place(&self, group: &Solids, name: &str) -> Result<Placed, OverBudget> {
+        let mut placed = Placed::default();
         let mut positions: Vec<DVec3> = Vec::new();
         let mut indices: Vec<u32> = Vec::new();
-        let (mut box_mismatches, mut large_polygons) = (0, 0);
         for primitive in &group.primitives {
             let to_world = self.file_to_world * primitive.matrix;
             let scale = largest_scale(&to_world);
@@ -132,32 +171,29 @@ impl Frame<'_> {
             // One primitive is small: a curve has a most number of chords, and facets stand in the file.
             let (triangles, vertices) = (solid.indices.len() / 3, solid.positions.len());
             self.budget.mesh(triangles as u64, vertices as u64, || {
-                format!("the primitive at byte {} in group {:?}", primitive.offset, group.name)
+                format!("the primitive at {} in group {name:?}", primitive.at)
             })?;
-            large_polygons += solid.large_polygons;
-            box_mismatches += u64::from(!fits_stored_box(primitive, &solid, tolerance));
-
-            let first = positions.len() as u32;
-            positions.extend(solid.positions.iter().map(|&p| to_world.transform_point3(p)));
-            if positions.iter().skip(first as usize).any(|p| !p.as_vec3().is_finite()) {
-                return Err(RvmError::Unusable {
-                    offset: primitive.offset,
-                    group: group.name.clone(),
-                    what: "it is too large or too far away for its place to be a number",
-                });
+            let in_world = solid.positions.iter().map(|&p| to_world.transform_point3(p));
+            let first = positions.len();
+            positions.extend(in_world);
+            if positions.iter().skip(first).any(|p| !p.as_vec3().is_finite()) {
+                positions.truncate(first);
+                placed.left_out += 1;
+                continue;
             }
+            placed.large_polygons += solid.large_polygons;
+            placed.box_mismatches += u64::from(!fits_stored_box(primitive, &solid, tolerance));
             // A mirroring matrix turns the solid inside out.
             let mirrored = to_world.matrix3.determinant() < 0.0;
             let turned = |&[a, b, c]: &[u32; 3]| if mirrored { [a, c, b] } else { [a, b, c] };
             let triangles = solid.indices.as_chunks::<3>().0.iter();
-            indices.extend(triangles.flat_map(turned).map(|index| index + first));
+            indices.extend(triangles.flat_map(turned).map(|index| index + first as u32));
         }
-        if indices.is_empty() {
-            return Ok(None);
+        if !indices.is_empty() {
+            let colours = vec![group.colour; positions.len()];
+            placed.mesh = Some(centred(&positions, colours, indices));
         }
-        let colours = vec![colour; positions.len()];
-        let (mesh, origin) = centred(&positions, colours, indices);
-        Ok(Some(Placed { mesh, origin, box_mismatches, large_polygons }))
+        Ok(placed)
     }
 }
 
@@ -184,24 +220,26 @@ fn fits_stored_box(primitive: &Primitive, solid: &Solid, tolerance: f64) -> bool
 
 #[cfg(test)]
 mod tests {
+    use trimaran_scene::Rgba8;
+
     use super::*;
     use crate::import::{ImportLimits, Resource};
 
-    fn tube(radius: f64, matrix: DAffine3) -> Group {
+    fn tube(radius: f64, matrix: DAffine3) -> Solids {
         let shape = Shape::Cylinder { radius, height: 100.0 };
         let stored_box = [DVec3::new(-radius, -radius, -50.0), DVec3::new(radius, radius, 50.0)];
-        let primitives = vec![Primitive { offset: 77, matrix, stored_box, shape }];
-        Group { index: 0, name: "/TUBE".into(), material: 1, primitives }
+        let primitives = vec![Primitive { at: RvmPlace::Byte(77), matrix, stored_box, shape }];
+        Solids { group: 0, material: 1, colour_known: true, colour: Rgba8([0; 4]), primitives }
     }
 
-    fn place(group: &Group) -> Result<Option<Placed>, RvmError> {
-        place_within(group, ImportLimits::default())
+    fn place(group: &Solids) -> Placed {
+        place_within(group, ImportLimits::default()).unwrap()
     }
 
-    fn place_within(group: &Group, limits: ImportLimits) -> Result<Option<Placed>, RvmError> {
+    fn place_within(group: &Solids, limits: ImportLimits) -> Result<Placed, OverBudget> {
         let budget = Budget::new(limits);
         let frame = Frame { file_to_world: DAffine3::IDENTITY, chord_tolerance: 1e-3, budget: &budget };
-        frame.place(group, Rgba8([0; 4]))
+        frame.place(group, "/TUBE")
     }
 
     fn volume(mesh: &Mesh) -> f32 {
@@ -213,9 +251,7 @@ mod tests {
     fn too_many_triangles_are_an_error_that_names_the_primitive() {
         let group = tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3)));
         let limits = ImportLimits { triangles: 50, ..Default::default() };
-        let Err(RvmError::Budget(error)) = place_within(&group, limits) else {
-            unreachable!("50 are enough")
-        };
+        let Err(error) = place_within(&group, limits) else { unreachable!("50 are enough") };
         assert_eq!((error.resource, error.limit), (Resource::Triangles, 50));
         assert!(error.user.contains("byte 77") && error.user.contains("/TUBE"), "{error}");
     }
@@ -252,26 +288,31 @@ mod tests {
     }
 
     #[test]
-    fn a_place_beyond_single_precision_is_an_error() {
-        let group = tube(50.0, DAffine3::from_translation(DVec3::X * 1e39));
-        assert!(matches!(place(&group), Err(RvmError::Unusable { offset: 77, .. })));
+    fn a_place_beyond_single_precision_is_left_out() {
+        let mut group = tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3)));
+        let (alone, origin) = place(&group).mesh.unwrap();
+        group.primitives.extend(tube(50.0, DAffine3::from_translation(DVec3::X * 1e39)).primitives);
+        let placed = place(&group);
+        assert_eq!((placed.left_out, placed.box_mismatches), (1, 0));
+        let (mesh, place) = placed.mesh.unwrap();
+        assert_eq!((mesh.positions, mesh.indices, place), (alone.positions, alone.indices, origin));
     }
 
     #[test]
     fn a_mirroring_matrix_keeps_faces_outward() {
         for side in [1e-3, -1e-3] {
             let group = tube(50.0, DAffine3::from_scale(DVec3::new(side, 1e-3, 1e-3)));
-            let placed = place(&group).unwrap().unwrap();
-            assert!(volume(&placed.mesh) > 7e-4, "{side}");
+            let placed = place(&group);
+            assert!(volume(&placed.mesh.unwrap().0) > 7e-4, "{side}");
             assert_eq!(placed.box_mismatches, 0);
         }
     }
 
     #[test]
     fn the_tolerance_is_that_of_the_world() {
-        let small = place(&tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3)))).unwrap().unwrap();
-        let stretched = DAffine3::from_scale(DVec3::new(1e-3, 0.1, 1e-3));
-        let large = place(&tube(50.0, stretched)).unwrap().unwrap();
-        assert!(large.mesh.triangle_count() > 9 * small.mesh.triangle_count());
+        let triangles = |matrix| place(&tube(50.0, matrix)).mesh.unwrap().0.triangle_count();
+        let small = triangles(DAffine3::from_scale(DVec3::splat(1e-3)));
+        let stretched = triangles(DAffine3::from_scale(DVec3::new(1e-3, 0.1, 1e-3)));
+        assert!(stretched > 9 * small, "{stretched} and {small}");
     }
 }

@@ -1,12 +1,10 @@
-//! The eleven kinds of primitive, as they stand in a PRIM chunk.
+//! The eleven kinds of primitive, as they stand in a PRIM chunk of either form.
 //!
 //! Each stands in a frame of its own, in millimetres, about the z axis; a 3x4 matrix takes it to the world.
 //! Angles are in radians.
 
 use glam::DVec3;
-
-use super::RvmError;
-use super::reader::Reader;
+use thiserror::Error;
 
 /// A primitive's shape. Every number is finite.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,56 +38,77 @@ pub(super) enum Shape {
     Sphere { diameter: f64 },
     /// A line along x: no surface.
     Line,
-    /// Plane polygons, each of one or more contours; contours within contours are holes.
-    FacetGroup { polygons: Vec<Polygon> },
+    /// Plane polygons, each of one or more contours; contours within contours are holes. Those with a broken
+    /// corner were left out.
+    FacetGroup { polygons: Vec<Polygon>, left_out: u64 },
 }
 
 /// A plane polygon: its contours.
 pub(super) type Polygon = Vec<Vec<DVec3>>;
 
-/// Why a shape could not be read.
-pub(super) enum ShapeError {
-    /// The bytes do not fit.
-    Read(RvmError),
-    /// No primitive has this number.
-    UnknownKind(u32),
-    /// A length, angle or corner is infinite or not a number.
-    NotFinite,
+/// Why a primitive is left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub(super) enum Broken {
+    #[error("its chunk is too short for it")]
+    Short,
+    #[error("it is of an unknown kind")]
+    UnknownKind,
+    #[error("its matrix has a value that is not finite")]
+    Matrix,
+    #[error("one of its measures is not finite")]
+    Measure,
+    #[error("a polygon has a corner that is not finite")]
+    Corner,
+    #[error("it is too large or too far away for its place to be a number")]
+    Place,
+    #[error("it stands in no group")]
+    NoGroup,
 }
 
-impl From<RvmError> for ShapeError {
-    fn from(error: RvmError) -> Self {
-        Self::Read(error)
+/// Where the numbers of a primitive come from.
+pub(super) trait Numbers {
+    /// A whole number.
+    fn count(&mut self) -> Result<u32, Broken>;
+
+    /// Any number; it may be infinite or none at all.
+    fn real(&mut self) -> Result<f64, Broken>;
+
+    fn reals<const N: usize>(&mut self) -> Result<[f64; N], Broken> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = self.real()?;
+        }
+        Ok(values)
     }
 }
 
 impl Shape {
-    /// Reads the shape of primitive `kind` to the end of its chunk.
-    pub(super) fn read(kind: u32, reader: &mut Reader<'_>) -> Result<Self, ShapeError> {
+    /// Reads the shape of primitive `kind`.
+    pub(super) fn read(kind: u32, reader: &mut impl Numbers) -> Result<Self, Broken> {
         Ok(match kind {
             1 => {
-                let [a, b, c, d, e, f, height] = finite(reader.floats("a pyramid")?)?;
+                let [a, b, c, d, e, f, height] = finite(reader.reals()?)?;
                 Self::Pyramid { bottom: [a, b], top: [c, d], offset: [e, f], height }
             }
-            2 => Self::Box { size: finite(reader.floats("a box")?)? },
+            2 => Self::Box { size: finite(reader.reals()?)? },
             3 => {
-                let [inner, outer, height, angle] = finite(reader.floats("a rectangular torus")?)?;
+                let [inner, outer, height, angle] = finite(reader.reals()?)?;
                 Self::RectangularTorus { inner, outer, height, angle }
             }
             4 => {
-                let [offset, radius, angle] = finite(reader.floats("a circular torus")?)?;
+                let [offset, radius, angle] = finite(reader.reals()?)?;
                 Self::CircularTorus { offset, radius, angle }
             }
             5 => {
-                let [radius, height] = finite(reader.floats("an elliptical dish")?)?;
+                let [radius, height] = finite(reader.reals()?)?;
                 Self::EllipticalDish { radius, height }
             }
             6 => {
-                let [radius, height] = finite(reader.floats("a spherical dish")?)?;
+                let [radius, height] = finite(reader.reals()?)?;
                 Self::SphericalDish { radius, height }
             }
             7 => {
-                let [bottom, top, height, ox, oy, bx, by, tx, ty] = finite(reader.floats("a snout")?)?;
+                let [bottom, top, height, ox, oy, bx, by, tx, ty] = finite(reader.reals()?)?;
                 Self::Snout {
                     bottom,
                     top,
@@ -100,42 +119,46 @@ impl Shape {
                 }
             }
             8 => {
-                let [radius, height] = finite(reader.floats("a cylinder")?)?;
+                let [radius, height] = finite(reader.reals()?)?;
                 Self::Cylinder { radius, height }
             }
             9 => {
-                let [diameter] = finite(reader.floats("a sphere")?)?;
+                let [diameter] = finite(reader.reals()?)?;
                 Self::Sphere { diameter }
             }
             10 => {
-                finite(reader.floats::<2>("a line")?)?;
+                finite(reader.reals::<2>()?)?;
                 Self::Line
             }
-            11 => Self::FacetGroup { polygons: polygons(reader)? },
-            unknown => return Err(ShapeError::UnknownKind(unknown)),
+            11 => facets(reader)?,
+            _ => return Err(Broken::UnknownKind),
         })
     }
 }
 
-fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], ShapeError> {
-    if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(ShapeError::NotFinite) }
+fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], Broken> {
+    if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(Broken::Measure) }
 }
 
 /// Counts are never trusted with memory: each thing counted takes bytes, and the bytes run out first.
-fn polygons(reader: &mut Reader<'_>) -> Result<Vec<Polygon>, ShapeError> {
-    let mut polygons = Vec::new();
-    for _ in 0..reader.u32("a facet group")? {
+fn facets(reader: &mut impl Numbers) -> Result<Shape, Broken> {
+    let (mut polygons, mut left_out) = (Vec::new(), 0);
+    for _ in 0..reader.count()? {
         let mut contours = Vec::new();
-        for _ in 0..reader.u32("a facet")? {
+        for _ in 0..reader.count()? {
             let mut contour = Vec::new();
-            for _ in 0..reader.u32("a contour")? {
+            for _ in 0..reader.count()? {
                 // The last three are the normal, which follows from the contour.
-                let [x, y, z, _, _, _] = reader.floats("a corner of a facet")?;
-                contour.push(DVec3::from_array(finite([x, y, z])?));
+                let [x, y, z, _, _, _] = reader.reals()?;
+                contour.push(DVec3::new(x, y, z));
             }
             contours.push(contour);
         }
-        polygons.push(contours);
+        if contours.iter().flatten().all(|corner| corner.is_finite()) {
+            polygons.push(contours);
+        } else {
+            left_out += 1;
+        }
     }
-    Ok(polygons)
+    Ok(Shape::FacetGroup { polygons, left_out })
 }

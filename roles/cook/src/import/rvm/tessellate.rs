@@ -40,7 +40,7 @@ pub(super) fn tessellate(shape: &Shape, chord: Chord) -> Solid {
         }
         Shape::Sphere { diameter } => round::sphere(&mut solid, diameter / 2.0, chord),
         Shape::Line => {}
-        Shape::FacetGroup { ref polygons } => facets(&mut solid, polygons),
+        Shape::FacetGroup { ref polygons, .. } => facets(&mut solid, polygons),
     }
     solid
 }

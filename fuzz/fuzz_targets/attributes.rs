@@ -1,0 +1,4 @@
+//! Attribute files beside AVEVA review files.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::models::attributes(bytes));

@@ -1,0 +1,100 @@
+//! The attribute files of an RVM file: beside it under its name, or else in a folder of its name.
+
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+use super::attributes::{Attributes, is_attributes};
+use super::encoding::Encoding;
+use crate::import::budget::{Budget, OverBudget};
+use crate::import::report::{ImportReport, WarningKind};
+
+/// What endings attribute files have.
+const ENDINGS: [&str; 4] = ["att", "ATT", "txt", "TXT"];
+
+/// Bytes at the start of a file that tell whether it is an attribute file.
+const START: u64 = 256;
+
+/// What is said of the groups of the file at `path`, whose names are in `encoding`; none if it has no
+/// attribute files.
+pub(super) fn attributes_of(
+    path: &Path,
+    encoding: Encoding,
+    budget: &Budget,
+    report: &mut ImportReport,
+) -> Result<Option<Attributes>, OverBudget> {
+    let mut all = Attributes::default();
+    for ending in ENDINGS {
+        if add(&mut all, &path.with_extension(ending), encoding, budget, report)? {
+            return Ok(Some(all));
+        }
+    }
+    let mut any = false;
+    for file in folder_of(path, budget) {
+        any |= add(&mut all, &file, encoding, budget, report)?;
+    }
+    Ok(any.then_some(all))
+}
+
+/// The files with such an ending in the folder that has the model's name, in order.
+fn folder_of(path: &Path, budget: &Budget) -> Vec<PathBuf> {
+    let folder = path.with_extension("");
+    // That of a file without an ending would be the file.
+    if folder == path {
+        return Vec::new();
+    }
+    budget.look_for(&folder);
+    let files = fs::read_dir(folder).into_iter().flatten().filter_map(|file| Some(file.ok()?.path()));
+    let is_named_so = |file: &PathBuf| {
+        let of_file = file.extension().unwrap_or_default();
+        ENDINGS.iter().any(|ending| of_file.eq_ignore_ascii_case(ending))
+    };
+    let mut files: Vec<PathBuf> = files.filter(is_named_so).collect();
+    files.sort();
+    files
+}
+
+/// Adds what a file says, if it is an attribute file. Each of its bytes counts.
+fn add(
+    all: &mut Attributes,
+    path: &Path,
+    encoding: Encoding,
+    budget: &Budget,
+    report: &mut ImportReport,
+) -> Result<bool, OverBudget> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let mut unread =
+        |why: &str| report.warn_about(WarningKind::AttributesUnread, &format!("{name}: {why}"), 1);
+    let (file, mut bytes) = match started(path, budget) {
+        Ok(started) => started,
+        Err(error) => {
+            if error.kind() != io::ErrorKind::NotFound {
+                unread(&error.to_string());
+            }
+            return Ok(false);
+        }
+    };
+    if !is_attributes(&encoding.decode_file(&bytes)) {
+        // A text beside a model may be anything.
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("att")) {
+            unread("it does not begin as an attribute file does");
+        }
+        return Ok(false);
+    }
+    let length = file.metadata().map_or(0, |file| file.len());
+    budget.attributes(length, || format!("the attribute file {name:?}"))?;
+    if let Err(error) = file.take(length).read_to_end(&mut bytes) {
+        unread(&error.to_string());
+        return Ok(false);
+    }
+    all.add(&encoding.decode_file(&bytes));
+    Ok(true)
+}
+
+/// A file and its first bytes.
+fn started(path: &Path, budget: &Budget) -> io::Result<(File, Vec<u8>)> {
+    let file = budget.open(path)?;
+    let mut start = Vec::new();
+    (&file).take(START).read_to_end(&mut start)?;
+    Ok((file, start))
+}
