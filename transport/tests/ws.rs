@@ -6,12 +6,17 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Listener, connect, last_failure, net, soon};
+use common::{Listener, connect, introduce, last_failure, net, soon};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use trimaran_transport::conformance::{ARM, Joined, Overhead, PANEL, greeting, pose};
+use trimaran_transport::conformance::{
+    ARM, Joined, Overhead, PANEL, finished, greeting, points, pose, send_frame,
+};
 use trimaran_transport::ws::{ForeignOrigin, WsOptions};
-use trimaran_transport::{ConnectError, Endpoint, HandshakeError, Options, TcpOptions, sleep_until};
+use trimaran_transport::{
+    ConnectError, Endpoint, HandshakeError, Lane, LinkConfig, Options, SendError, SessionId, TcpOptions,
+    sleep_until, until,
+};
 
 const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
 
@@ -129,5 +134,41 @@ async fn text_and_long_messages_end_a_connection() {
             () = async { while let Some(Ok(_)) = socket.next().await {} } => {}
             () = sleep_until(&*net, net.now().after(Duration::from_secs(5))) => panic!("it goes on"),
         }
+    }
+}
+
+/// Connections that are reset within anything are errors, as often as what is left of the link is asked.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_reset_at_any_moment_is_a_loss() {
+    use futures_util::SinkExt;
+    use tokio_tungstenite::tungstenite::Message as WsMessage;
+    for round in 0..40 {
+        let link = LinkConfig { idle_timeout: Duration::from_millis(200), ..LinkConfig::default() };
+        let options = Options { link, ..Options::default() };
+        let (mut listener, at) = listen(&options).await;
+        let mut sockets = Vec::new();
+        for lane in [Lane::Latest, Lane::Frames, Lane::Messages, Lane::Bulk] {
+            let stream = TcpStream::connect(host(&at)).await.unwrap();
+            stream.set_zero_linger().unwrap();
+            let (mut socket, _) = tokio_tungstenite::client_async(at.to_string(), stream).await.unwrap();
+            let mut bytes = bytes::BytesMut::new();
+            introduce(&greeting(PANEL), SessionId(round), lane).encode(&mut bytes);
+            socket.send(WsMessage::Binary(bytes.freeze())).await.unwrap();
+            sockets.push(socket);
+        }
+        let net = net();
+        let mut arm = listener.accept(soon(&net)).await.unwrap();
+        let mut sockets = Some(sockets);
+        for frame in 0..60 {
+            if frame == round % 20 {
+                sockets = None;
+            }
+            let _gone = arm.latest_tx.publish(pose(1));
+            let _gone = send_frame(&mut arm.frames_tx, frame as u32, &points(2_000)).await;
+            let _gone = until(&*net, net.now().after(Duration::from_millis(5)), arm.messages_rx.recv()).await;
+        }
+        drop(sockets);
+        assert!(matches!(arm.latest_tx.publish(pose(1)), Err(SendError::Lost { .. })));
+        let _gone = arm.close(finished()).await;
     }
 }

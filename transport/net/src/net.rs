@@ -37,6 +37,12 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
     /// Runs `task` beside the caller.
     fn spawn(&self, task: BoxFuture<'static, ()>);
 
+    /// Runs work that may block, such as a read from a disk, where it holds up no task. By default at once: a
+    /// simulated network has no thread to spare, and its time stands still meanwhile.
+    fn spawn_blocking(&self, work: Box<dyn FnOnce() + Send>) {
+        work();
+    }
+
     /// 64 random bits, for session ids and the like. A simulated network draws them from its seed.
     ///
     /// # Errors

@@ -69,6 +69,10 @@ impl Net for TokioNet {
         self.runtime.spawn(task);
     }
 
+    fn spawn_blocking(&self, work: Box<dyn FnOnce() + Send>) {
+        self.runtime.spawn_blocking(work);
+    }
+
     fn random(&self) -> io::Result<u64> {
         Ok(getrandom::u64()?)
     }

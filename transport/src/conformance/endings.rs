@@ -4,9 +4,11 @@ use std::time::Duration;
 
 use super::pairs::Pairs;
 use super::robot::Robot;
-use super::talk::{ARM, finished, points, pose, receive, send_frame, start};
+use super::talk::{ARM, block, command, finished, points, pose, receive, send_frame, start};
 use super::talk::{batches_of, patient};
-use crate::{CloseReason, FrameEvent, FrameNumber, Link, Loss, RecvError, SendError, sleep_until};
+use crate::{
+    CloseReason, FrameEvent, FrameNumber, Link, LinkConfig, Loss, RecvError, SendError, sleep_until, until,
+};
 
 /// What was sent before a close arrives before it, and the close on each lane, as often as it is asked
 /// for.
@@ -145,6 +147,56 @@ pub async fn death_behind_every_step_of_a_frame_is_a_loss(pairs: &impl Pairs) {
         };
         let ((), sent) = tokio::join!(die, send);
         assert!(matches!(sent, Err(SendError::Lost { .. })), "{steps} steps: {sent:?}");
+    }
+}
+
+/// Whatever a peer leaves unread when it goes, everything that can be asked of the link goes on to give
+/// answers, however often it is asked: errors, and no panic.
+pub async fn a_link_whose_peer_is_gone_can_still_be_used(pairs: &impl Pairs) {
+    for unread in [0, 200, 20_000] {
+        // Keep-alives are among what is sent to nobody.
+        let config = LinkConfig { idle_timeout: Duration::from_millis(400), ..batches_of(10) };
+        let (arm, mut panel) = pairs.pair(config).await;
+        let net = pairs.net();
+        let soon = || net.now().after(Duration::from_millis(20));
+        let mut bulk = panel.bulk.take().unwrap();
+        if unread > 0 {
+            panel.latest_tx.publish(pose(1)).unwrap();
+            panel.messages_tx.send(&command(1)).await.unwrap();
+            bulk.tx.send(block(1)).await.unwrap();
+            let _full = until(&*net, soon(), send_frame(&mut panel.frames_tx, 0, &points(unread))).await;
+        }
+        drop(arm);
+        for frame in 1..40 {
+            let _gone = panel.latest_tx.publish(pose(frame));
+            let _gone = until(&*net, soon(), send_frame(&mut panel.frames_tx, frame, &points(30))).await;
+            let _gone = until(&*net, soon(), panel.frames_tx.flush()).await;
+            let _gone = until(&*net, soon(), panel.messages_tx.send(&command(frame))).await;
+            let _gone = until(&*net, soon(), bulk.tx.send(block(frame))).await;
+            let _gone = panel.latest_rx.try_latest();
+            let _gone = panel.frames_rx.try_recv();
+            let _gone = panel.messages_rx.try_recv();
+            let _gone = bulk.rx.try_recv();
+            sleep_until(&*net, net.now().after(Duration::from_millis(20))).await;
+        }
+        for _ in 0..3 {
+            let lost = panel.frames_rx.recv().await;
+            assert!(matches!(lost, Err(RecvError::Lost { .. })), "{unread} unread: {lost:?}");
+            let lost = panel.latest_rx.latest().await;
+            assert!(matches!(lost, Err(RecvError::Lost { .. })), "{unread} unread: {lost:?}");
+            let lost = panel.messages_rx.recv().await;
+            assert!(matches!(lost, Err(RecvError::Lost { .. })), "{unread} unread: {lost:?}");
+            let lost = bulk.rx.recv().await;
+            assert!(matches!(lost, Err(RecvError::Lost { .. })), "{unread} unread: {lost:?}");
+            let lost = panel.latest_tx.publish(pose(1));
+            assert!(matches!(lost, Err(SendError::Lost { .. })), "{unread} unread: {lost:?}");
+            let lost = panel.messages_tx.send(&command(1)).await;
+            assert!(matches!(lost, Err(SendError::Lost { .. })), "{unread} unread: {lost:?}");
+            let lost = bulk.tx.send(block(1)).await;
+            assert!(matches!(lost, Err(SendError::Lost { .. })), "{unread} unread: {lost:?}");
+        }
+        panel.bulk = Some(bulk);
+        let _nobody = panel.close(finished()).await;
     }
 }
 

@@ -152,6 +152,7 @@ macro_rules! conformance_cases {
                 death_within_a_frame_is_no_close,
                 death_behind_every_step_of_a_frame_is_a_loss,
                 a_dead_receiver_fails_the_sender,
+                a_link_whose_peer_is_gone_can_still_be_used,
                 frames_in_the_wrong_order_are_refused,
                 both_directions_at_once,
                 every_byte_is_counted,

@@ -19,6 +19,14 @@ pub(crate) struct Source {
     decoder: Decoder,
     /// How much is read at once at least, bytes.
     room: usize,
+    /// The stream is at its end, and is asked for no more: many panic then.
+    end: Option<End>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum End {
+    Closed,
+    Failed(io::ErrorKind),
 }
 
 impl fmt::Debug for Source {
@@ -30,7 +38,7 @@ impl fmt::Debug for Source {
 impl Source {
     /// Reads `room` bytes or more at once.
     pub(crate) fn new(reader: BoxReader, room: usize, format: Format) -> Self {
-        Self { reader, decoder: Decoder::new(format), room }
+        Self { reader, decoder: Decoder::new(format), room, end: None }
     }
 
     /// Goes on with another appetite, for instance once a stranger has become a peer.
@@ -55,20 +63,28 @@ impl Source {
         Ok(message)
     }
 
-    /// Reads what there is, at least one byte.
+    /// Reads what there is, at least one byte. At the end of the stream it says so as often as it is asked.
     pub(crate) fn poll_fill(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), LaneError>> {
-        let buffer = self.decoder.buffer(self.room);
-        // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on where the
-        // last one was.
-        let read = ready!(pin!(self.reader.read_buf(buffer)).poll(cx));
-        Poll::Ready(match read {
-            Ok(0) => Err(LaneError::Lost(match self.decoder.pending() {
-                0 => Loss::Closed,
-                bytes => Loss::Cut { bytes },
-            })),
-            Ok(_) => Ok(()),
-            Err(e) => Err(LaneError::Lost(Loss::Io(e))),
-        })
+        let failed = match self.end {
+            Some(End::Closed) => None,
+            Some(End::Failed(kind)) => Some(kind.into()),
+            None => {
+                let buffer = self.decoder.buffer(self.room);
+                // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on
+                // where the last one was.
+                match ready!(pin!(self.reader.read_buf(buffer)).poll(cx)) {
+                    Ok(0) => None,
+                    Ok(_) => return Poll::Ready(Ok(())),
+                    Err(e) => Some(e),
+                }
+            }
+        };
+        self.end = Some(failed.as_ref().map_or(End::Closed, |e| End::Failed(e.kind())));
+        Poll::Ready(Err(LaneError::Lost(match (failed, self.decoder.pending()) {
+            (Some(e), _) => Loss::Io(e),
+            (None, 0) => Loss::Closed,
+            (None, bytes) => Loss::Cut { bytes },
+        })))
     }
 }
 
@@ -78,6 +94,8 @@ pub(crate) struct Sink {
     out: BytesMut,
     /// The stream was given bytes that it may still hold.
     held: bool,
+    /// The stream has failed, or was told that nothing more comes: it is not asked again.
+    end: Option<End>,
 }
 
 impl fmt::Debug for Sink {
@@ -88,7 +106,7 @@ impl fmt::Debug for Sink {
 
 impl Sink {
     pub(crate) fn new(writer: BoxWriter) -> Self {
-        Self { writer, out: BytesMut::new(), held: false }
+        Self { writer, out: BytesMut::new(), held: false, end: None }
     }
 
     /// Whether everything has been written and passed on.
@@ -106,19 +124,20 @@ impl Sink {
     /// Writes as much as the stream takes now, at least one byte; where there is nothing to write, has the
     /// stream pass on what it holds.
     pub(crate) fn poll_write(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        if self.out.is_empty() {
-            ready!(Pin::new(&mut self.writer).poll_flush(cx))?;
-            self.held = false;
-            return Poll::Ready(Ok(()));
-        }
-        match ready!(Pin::new(&mut self.writer).poll_write(cx, &self.out))? {
-            0 => Poll::Ready(Err(io::ErrorKind::WriteZero.into())),
-            written => {
-                self.out.advance(written);
-                self.held = true;
-                Poll::Ready(Ok(()))
-            }
-        }
+        self.check()?;
+        let written = if self.out.is_empty() {
+            ready!(Pin::new(&mut self.writer).poll_flush(cx)).map(|()| self.held = false)
+        } else {
+            ready!(Pin::new(&mut self.writer).poll_write(cx, &self.out)).and_then(|written| match written {
+                0 => Err(io::ErrorKind::WriteZero.into()),
+                written => {
+                    self.out.advance(written);
+                    self.held = true;
+                    Ok(())
+                }
+            })
+        };
+        Poll::Ready(self.noted(written))
     }
 
     /// Writes everything, and has the stream pass it on.
@@ -131,6 +150,26 @@ impl Sink {
 
     /// Tells the peer that nothing more comes.
     pub(crate) fn poll_shutdown(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.writer).poll_shutdown(cx)
+        if let Some(End::Closed) = self.end {
+            return Poll::Ready(Ok(()));
+        }
+        self.check()?;
+        let shut = ready!(Pin::new(&mut self.writer).poll_shutdown(cx));
+        let shut = self.noted(shut);
+        self.end.get_or_insert(End::Closed);
+        Poll::Ready(shut)
+    }
+
+    /// That the stream takes more.
+    fn check(&self) -> io::Result<()> {
+        match self.end {
+            None => Ok(()),
+            Some(End::Closed) => Err(io::ErrorKind::BrokenPipe.into()),
+            Some(End::Failed(kind)) => Err(kind.into()),
+        }
+    }
+
+    fn noted(&mut self, done: io::Result<()>) -> io::Result<()> {
+        done.inspect_err(|e| self.end = Some(End::Failed(e.kind())))
     }
 }

@@ -3,9 +3,11 @@
 
 use std::io;
 use std::iter;
+use std::pin::Pin;
+use std::task::{Context, Poll};
 
 use ::bytes::Bytes;
-use futures_util::{SinkExt, StreamExt, TryStreamExt, future, stream};
+use futures_util::{Sink, SinkExt, StreamExt, TryStreamExt, future, stream};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio_tungstenite::WebSocketStream;
 use tokio_tungstenite::tungstenite::error::ProtocolError;
@@ -49,7 +51,7 @@ where
             _ => Ok(None),
         })
     });
-    let sink = sink.sink_map_err(io_error).with_flat_map(|mut bytes: Bytes| {
+    let sink = IoSink(sink).with_flat_map(|mut bytes: Bytes| {
         let pieces = iter::from_fn(move || {
             let piece = bytes.split_to(bytes.len().min(MESSAGE));
             (!piece.is_empty()).then(|| Ok(Message::Binary(piece)))
@@ -60,6 +62,29 @@ where
         reader: Box::new(StreamReader::new(bytes)),
         writer: Box::new(SinkWriter::new(CopyToBytes::new(sink))),
         peer,
+    }
+}
+
+/// A WebSocket's way out, with errors of streams. Unlike `sink_map_err` it may be asked again after one.
+struct IoSink<S>(S);
+
+impl<S: Sink<Message, Error = Error> + Unpin> Sink<Message> for IoSink<S> {
+    type Error = io::Error;
+
+    fn poll_ready(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.0.poll_ready_unpin(cx).map_err(io_error)
+    }
+
+    fn start_send(mut self: Pin<&mut Self>, message: Message) -> io::Result<()> {
+        self.0.start_send_unpin(message).map_err(io_error)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.0.poll_flush_unpin(cx).map_err(io_error)
+    }
+
+    fn poll_close(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.0.poll_close_unpin(cx).map_err(io_error)
     }
 }
 
