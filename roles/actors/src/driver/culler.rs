@@ -1,6 +1,12 @@
 //! A culler: which messages move when (paper, algorithm 4.2).
 
-use std::{future::Future, mem, panic::AssertUnwindSafe, sync::Arc, time::Duration};
+use std::{
+    future::{Future, pending},
+    mem,
+    panic::AssertUnwindSafe,
+    sync::Arc,
+    time::Duration,
+};
 
 use futures_util::FutureExt;
 use trimaran_cull::View;
@@ -17,7 +23,7 @@ use crate::{
     links::{FrameSender, FrameStart, Link},
     meeting::Meeting,
     stop::Stop,
-    supply::CullerEnd,
+    supply::{CullerEnd, SupplyFault},
     turn::{Turn, Turns},
 };
 
@@ -200,7 +206,11 @@ impl<W: CullerWork> Session<'_, W> {
     async fn frames(&mut self) -> Result<(), RoleError> {
         loop {
             self.work.awaits_camera();
-            let (camera, state) = self.pair.camera(&mut self.display).await?;
+            let (camera, state) = tokio::select! {
+                biased;
+                fault = failed(self.supply.as_ref()) => return Err(fault.into()),
+                camera = self.pair.camera(&mut self.display) => camera?,
+            };
             // A newer pose for a frame that had begun when it came.
             if self.last.as_ref().is_some_and(|(frame, _)| *frame == camera.frame()) {
                 continue;
@@ -270,5 +280,13 @@ impl<W: CullerWork> Session<'_, W> {
         let stats = FrameStats { occluders_of, to_other, ..self.work.frame_stats(self.turn.away()) };
         let said = RoleMessage::Stats(stats);
         self.display.messages_tx.send(&said).await.map_err(link("sending statistics"))
+    }
+}
+
+/// Why the display cannot be supplied. Never ends where it can be, or is not to be.
+async fn failed(supply: Option<&CullerEnd>) -> SupplyFault {
+    match supply {
+        Some(supply) => supply.failed().await,
+        None => pending().await,
     }
 }

@@ -70,13 +70,12 @@ impl Ahead {
         }
     }
 
-    /// These were found visible from `view`. Gives whether something may be sent ahead now.
-    pub(super) fn found(&mut self, scene: &Scene, view: &View, ids: &[DrawableId], now: Instant) -> bool {
+    /// These were found visible from `view`.
+    pub(super) fn found(&mut self, scene: &Scene, view: &View, ids: &[DrawableId], now: Instant) {
         if self.budget == 0 {
-            return false;
+            return;
         }
-        let is_new = self.frame.is_none_or(|(before, _)| before != *view);
-        if is_new {
+        if self.frame.is_none_or(|(before, _)| before != *view) {
             self.begin(view, now);
         }
         self.found.extend_from_slice(ids);
@@ -85,7 +84,6 @@ impl Ahead {
                 self.count_off(drawable.geometry);
             }
         }
-        is_new && self.next.is_some()
     }
 
     /// The next drawable to send ahead, as long as there is room for it.

@@ -1,15 +1,27 @@
 //! A culler's end of the bulk lane: a task that sends what is due while the culler computes.
 
-use std::{future::pending, sync::Arc};
+use std::{
+    collections::VecDeque,
+    future::pending,
+    mem,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+};
 
+use bytes::Bytes;
 use parking_lot::Mutex;
 use tokio::sync::{Notify, oneshot};
 use trimaran_cull::View;
 use trimaran_proto::{Demand, DrawableId, ViewState, items};
 use trimaran_scene::Scene;
-use trimaran_transport::{Bulk, Net, RecvError};
+use trimaran_transport::{Bulk, Instant, Net, RecvError};
 
 use super::supplier::{Supplier, SupplyFault};
+
+/// So many frames are kept at most until the task looks.
+const FRAMES: usize = 64;
 
 /// What a culler's session holds of the task. The task ends when this is dropped.
 #[derive(Debug)]
@@ -22,30 +34,64 @@ pub(crate) struct CullerEnd {
 
 #[derive(Debug)]
 struct Shared {
-    supplier: Mutex<Supplier>,
-    /// Something is due.
-    news: Notify,
+    news: Mutex<News>,
+    /// There is news.
+    told: Notify,
+    /// Whether the display has asked for anything. Until then the newest frame alone is kept.
+    has_begun: AtomicBool,
     /// Why the task ended early.
     fault: Mutex<Option<SupplyFault>>,
+    failed: Notify,
+    /// So many ids are kept at most beside those of the newest frame.
+    most: usize,
+}
+
+/// What the culler has done since the task looked.
+#[derive(Debug, Default)]
+struct News {
+    /// The view state, where it is another one.
+    state: Option<Arc<ViewState>>,
+    found: VecDeque<Found>,
+    /// How many ids were found.
+    ids: usize,
+}
+
+/// What was found visible from a view, the first of it at this time.
+#[derive(Debug)]
+struct Found {
+    view: View,
+    ids: Vec<DrawableId>,
+    at: Instant,
 }
 
 impl CullerEnd {
     /// Begins to serve the display at the other end of `bulk`.
     pub(crate) fn start(net: &Arc<dyn Net>, bulk: Bulk, scene: &Arc<Scene>) -> Self {
         let shared = Arc::new(Shared {
-            supplier: Mutex::new(Supplier::new(scene)),
-            news: Notify::new(),
+            news: Mutex::default(),
+            told: Notify::new(),
+            has_begun: AtomicBool::new(false),
             fault: Mutex::new(None),
+            failed: Notify::new(),
+            most: scene.drawables().len(),
         });
         let ((stop, stopped), (gives, over)) = (oneshot::channel(), oneshot::channel());
-        let task = serve(Arc::clone(net), bulk, Arc::clone(&shared), stopped, gives);
-        net.spawn(Box::pin(task));
+        let (supplier, clock) = (Supplier::new(scene), Arc::clone(net));
+        let end = Arc::clone(&shared);
+        net.spawn(Box::pin(async move {
+            let mut bulk = bulk;
+            if let Err(fault) = serve(&clock, &mut bulk, &end, supplier, stopped).await {
+                *end.fault.lock() = Some(fault);
+                end.failed.notify_one();
+            }
+            let _nobody = gives.send(bulk);
+        }));
         Self { net: Arc::clone(net), shared, stop, over }
     }
 
     /// Frames are culled in this view state from now on.
-    pub(crate) fn change_view(&self, state: &ViewState) {
-        self.shared.supplier.lock().change_view(state);
+    pub(crate) fn change_view(&self, state: &Arc<ViewState>) {
+        self.shared.news.lock().state = Some(Arc::clone(state));
     }
 
     /// These were found visible from `view`.
@@ -56,10 +102,23 @@ impl CullerEnd {
         if let Some(fault) = self.shared.fault.lock().take() {
             return Err(fault);
         }
-        if self.shared.supplier.lock().found(view, ids, self.net.now()) {
-            self.shared.news.notify_one();
+        let has_begun = self.shared.has_begun.load(Ordering::Relaxed);
+        let most = if has_begun { self.shared.most } else { 0 };
+        self.shared.news.lock().add(view, ids, self.net.now(), most);
+        if has_begun {
+            self.shared.told.notify_one();
         }
         Ok(())
+    }
+
+    /// Waits until the task fails. Dropping the future loses nothing.
+    pub(crate) async fn failed(&self) -> SupplyFault {
+        loop {
+            if let Some(fault) = self.shared.fault.lock().take() {
+                return fault;
+            }
+            self.shared.failed.notified().await;
+        }
     }
 
     /// Ends the task; gives the lane back.
@@ -69,57 +128,108 @@ impl CullerEnd {
     }
 }
 
-async fn serve(
-    net: Arc<dyn Net>,
-    mut bulk: Bulk,
-    shared: Arc<Shared>,
-    mut stopped: oneshot::Receiver<()>,
-    gives: oneshot::Sender<Bulk>,
-) {
-    let mut unsent = None;
-    let Bulk { tx, rx } = &mut bulk;
-    let fault = loop {
-        if unsent.is_none() {
-            let next = shared.supplier.lock().next_block(net.now());
-            match next {
-                Ok(block) => unsent = block,
-                Err(fault) => break Some(fault),
-            }
+impl News {
+    /// Of too much the oldest frames are left out: the display says itself what it lacks of those.
+    fn add(&mut self, view: &View, ids: &[DrawableId], now: Instant, most: usize) {
+        match self.found.back_mut().filter(|found| found.view == *view) {
+            Some(found) => found.ids.extend_from_slice(ids),
+            None => self.found.push_back(Found { view: *view, ids: ids.to_vec(), at: now }),
         }
+        self.ids += ids.len();
+        while (self.ids > most || self.found.len() > FRAMES)
+            && self.found.len() > 1
+            && let Some(oldest) = self.found.pop_front()
+        {
+            self.ids -= oldest.ids.len();
+        }
+    }
+}
+
+/// What is done in one go, away from the runtime's threads: it reads the scene from its disk, unpacks it, and
+/// searches it for what stands in for what is missing.
+struct Work {
+    supplier: Supplier,
+    news: News,
+    demands: Vec<Demand>,
+    /// Whether the lane has room for a block.
+    has_room: bool,
+    now: Instant,
+}
+
+impl Work {
+    /// Gives the next block, if one is to be sent and the lane has room.
+    fn run(mut self) -> (Supplier, Result<Option<Bytes>, SupplyFault>) {
+        let block = self.next_block();
+        (self.supplier, block)
+    }
+
+    fn next_block(&mut self) -> Result<Option<Bytes>, SupplyFault> {
+        let Self { supplier, news, demands, has_room, now } = self;
+        if let Some(state) = &news.state {
+            supplier.change_view(state);
+        }
+        for Found { view, ids, at } in &news.found {
+            supplier.found(view, ids, *at);
+        }
+        demands.drain(..).try_for_each(|demand| supplier.hear(demand, *now))?;
+        if *has_room { supplier.next_block(*now) } else { Ok(None) }
+    }
+}
+
+async fn serve(
+    net: &Arc<dyn Net>,
+    bulk: &mut Bulk,
+    shared: &Shared,
+    mut supplier: Supplier,
+    mut stopped: oneshot::Receiver<()>,
+) -> Result<(), SupplyFault> {
+    let (mut unsent, mut demands) = (None, Vec::new());
+    let Bulk { tx, rx } = bulk;
+    loop {
+        let work = Work {
+            supplier,
+            news: mem::take(&mut *shared.news.lock()),
+            demands: mem::take(&mut demands),
+            has_room: unsent.is_none(),
+            now: net.now(),
+        };
+        let (says, done) = oneshot::channel();
+        net.spawn_blocking(Box::new(move || {
+            let _nobody = says.send(work.run());
+        }));
+        let block;
+        (supplier, block) = tokio::select! {
+            biased;
+            _ = &mut stopped => return Ok(()),
+            // It broke off where the program has a fault, or its runtime is at its end.
+            done = done => done.map_err(|_| SupplyFault::BrokeOff)?,
+        };
+        unsent = block?.or(unsent);
+        shared.has_begun.store(supplier.has_begun(), Ordering::Relaxed);
         let send = async {
             match &unsent {
                 Some(block) => tx.send(block.clone()).await,
                 None => pending().await,
             }
         };
-        let heard = tokio::select! {
+        tokio::select! {
             biased;
-            _ = &mut stopped => break None,
-            heard = rx.recv() => heard,
+            _ = &mut stopped => return Ok(()),
+            heard = rx.recv() => match heard {
+                Ok(block) => demands = items(&block)?,
+                Err(RecvError::Silent { .. }) => {}
+                // Who is gone is noticed where cameras are waited for.
+                Err(_) => return Ok(()),
+            },
             sent = send => {
+                sent.map_err(SupplyFault::Lane)?;
                 unsent = None;
-                match sent {
-                    Ok(()) => continue,
-                    Err(error) => break Some(SupplyFault::Lane(error)),
-                }
             }
-            () = shared.news.notified() => continue,
-        };
-        let demands = match heard {
-            Ok(block) => items::<Demand>(&block),
-            Err(RecvError::Silent { .. }) => continue,
-            // Who is gone is noticed where cameras are waited for.
-            Err(_) => break None,
-        };
-        let now = net.now();
-        let heard = demands.map_err(SupplyFault::from).and_then(|demands| {
-            let mut supplier = shared.supplier.lock();
-            demands.into_iter().try_for_each(|demand| supplier.hear(demand, now))
-        });
-        if let Err(fault) = heard {
-            break Some(fault);
+            () = shared.told.notified() => {}
         }
-    };
-    *shared.fault.lock() = fault;
-    let _nobody = gives.send(bulk);
+    }
 }
+
+#[cfg(test)]
+#[path = "culler_end_tests.rs"]
+mod tests;

@@ -11,6 +11,9 @@ use trimaran_transport::{Bulk, Net, RecvError};
 
 use super::holdings::{Arriving, Holdings, SupplyError};
 
+/// So many blocks wait at most for a culler that takes nothing: more than what a display can have at first.
+const MOST_UNSAID: usize = 4_096;
+
 /// What a display holds of the task. The task ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct DisplayEnd {
@@ -18,8 +21,8 @@ pub(crate) struct DisplayEnd {
     /// Bytes of blocks that were taken.
     taken: Arc<Mutex<u64>>,
     over: oneshot::Receiver<(Bulk, Option<SupplyError>)>,
-    /// The lane of a task that has ended by itself.
-    ended: Option<Bulk>,
+    /// What is left of a task that has ended by itself: the lane, unless it broke off.
+    ended: Option<Option<Bulk>>,
 }
 
 impl DisplayEnd {
@@ -76,9 +79,9 @@ impl DisplayEnd {
 
     /// Waits until what came cannot be taken. Dropping the future loses nothing.
     pub(crate) async fn failed(&mut self) -> SupplyError {
-        if self.ended.is_none()
-            && let Ok((bulk, error)) = (&mut self.over).await
-        {
+        if self.ended.is_none() {
+            let (bulk, error) =
+                (&mut self.over).await.map_or((None, None), |(bulk, error)| (Some(bulk), error));
             self.ended = Some(bulk);
             if let Some(error) = error {
                 return error;
@@ -93,7 +96,7 @@ impl DisplayEnd {
         let Self { demands, over, ended, .. } = self;
         drop(demands);
         match ended {
-            Some(bulk) => Some(bulk),
+            Some(bulk) => bulk,
             None => over.await.ok().map(|(bulk, _)| bulk),
         }
     }
@@ -140,6 +143,9 @@ async fn take(
                 // All that is to be said goes together.
                 let more = std::iter::from_fn(|| due.recv().now_or_never().flatten());
                 unsaid.extend(blocks_of(std::iter::once(demand).chain(more)));
+                if unsaid.len() > MOST_UNSAID {
+                    break Some(SupplyError::Unheard);
+                }
             }
             block = rx.recv(), if has_room => match block {
                 Ok(block) => {

@@ -44,6 +44,9 @@ pub enum SupplyError {
     /// It sent more records than a display keeps.
     #[error("it sent more than {MOST_RECORDS} records of drawables")]
     Records,
+    /// It does not take what the display says.
+    #[error("it sends geometry, and hears nothing of what the display has and lacks")]
+    Unheard,
 }
 
 impl SupplyError {

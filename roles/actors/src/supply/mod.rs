@@ -9,6 +9,7 @@
 mod ahead;
 mod culler_end;
 mod display_end;
+mod held;
 mod holdings;
 mod queue;
 mod stand_ins;

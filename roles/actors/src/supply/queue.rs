@@ -2,7 +2,7 @@
 
 use std::{
     cmp::Ordering,
-    collections::{BinaryHeap, HashMap},
+    collections::{BinaryHeap, HashMap, HashSet},
 };
 
 use trimaran_proto::{DrawableId, FrameNumber};
@@ -15,6 +15,9 @@ pub(super) enum Purpose {
     /// It stands in for finer ones until these have come.
     StandsIn,
 }
+
+/// So many entries more than are due may lie in the order before it is made anew.
+const STALE: usize = 1_024;
 
 /// Drawables that are to be sent: what stands in for others first, and of each purpose what looks largest.
 #[derive(Debug, Default)]
@@ -48,6 +51,9 @@ impl Queue {
             self.due.insert(id, frame);
         }
         self.order.push(Entry { purpose, size, id });
+        if self.order.len() > 2 * self.due.len() + STALE {
+            self.forget_stale();
+        }
     }
 
     /// Takes the next one.
@@ -73,6 +79,14 @@ impl Queue {
     /// This frame, and all before it, need nothing more.
     pub(super) fn shown(&mut self, frame: FrameNumber) {
         self.shown = self.shown.max(Some(frame));
+    }
+
+    /// Leaves out what is not due any more, and all but the first entry of each.
+    fn forget_stale(&mut self) {
+        let mut seen = HashSet::new();
+        let sorted = std::mem::take(&mut self.order).into_sorted_vec();
+        let first = sorted.into_iter().rev().filter(|entry| self.due.contains_key(&entry.id));
+        self.order = first.filter(|entry| seen.insert(entry.id)).collect();
     }
 
     pub(super) fn clear(&mut self) {
@@ -120,6 +134,20 @@ mod tests {
         }
         let order: Vec<_> = std::iter::from_fn(|| queue.pop()).map(|id| id.0).collect();
         assert_eq!(order, [1, 2, 4, 3]);
+    }
+
+    /// What a display asks for over and over lies there once or twice.
+    #[test]
+    fn the_order_is_no_longer_than_what_is_due() {
+        let mut queue = Queue::default();
+        for _ in 0..5_000 {
+            queue.push(DrawableId(1), FrameNumber(1), Purpose::StandsIn, 1.0);
+            queue.push(DrawableId(2), FrameNumber(1), Purpose::Shows, 7.0);
+            queue.push(DrawableId(2), FrameNumber(1), Purpose::StandsIn, 9.0);
+            assert_eq!(queue.pop(), Some(DrawableId(2)));
+        }
+        assert!(queue.order.len() <= 4 + STALE, "{}", queue.order.len());
+        assert_eq!((queue.pop(), queue.pop()), (Some(DrawableId(1)), None));
     }
 
     #[test]

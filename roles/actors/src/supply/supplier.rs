@@ -1,9 +1,6 @@
 //! What a culler has to send to a display that holds no scene: which, in which order, and how much at once.
 
-use std::{
-    collections::{HashMap, VecDeque, hash_map::Entry},
-    sync::Arc,
-};
+use std::{collections::VecDeque, sync::Arc};
 
 use bytes::Bytes;
 use thiserror::Error;
@@ -14,6 +11,7 @@ use trimaran_transport::{Instant, MAX_BLOCK, SendError};
 
 use super::{
     ahead::Ahead,
+    held::Held,
     queue::{Purpose, Queue},
     stand_ins::StandIns,
     window::{NotSent, Window},
@@ -27,8 +25,6 @@ const AHEAD_BATCH: usize = 8;
 const LEAST_PART: usize = 256;
 /// The bytes of a part beside its content, at most.
 const PART_HEAD: usize = 24;
-/// Of what is on its way nobody knows yet where it ends.
-const NOT_YET: u64 = u64::MAX;
 
 /// Why a culler cannot supply a display.
 #[derive(Debug, Error)]
@@ -40,6 +36,17 @@ pub enum SupplyFault {
     /// The display says that it has taken what it was not sent.
     #[error("the display says that it has taken more geometry than it was sent")]
     NotSent,
+    /// The display names what the scene lacks.
+    #[error("the display names {what} {number}, which is not in this scene")]
+    Unknown {
+        /// Of what.
+        what: &'static str,
+        /// Its number.
+        number: u32,
+    },
+    /// A fault of the program.
+    #[error("serving the display's geometry broke off: this is a fault of the program, and its log has more")]
+    BrokeOff,
     /// What the display says cannot be read.
     #[error(transparent)]
     Block(#[from] BulkError),
@@ -61,10 +68,9 @@ pub(crate) struct Supplier {
     /// What was found in the newest frame before that: the first camera may overtake the request.
     early: Vec<DrawableId>,
     view: Option<View>,
-    /// Where in all that was sent the record of a drawable ended, and its geometry; 0 for what the display
-    /// had. What ended at or before what the display has taken is there, unless the display says otherwise.
-    records: HashMap<u32, u64>,
-    geometries: HashMap<u32, u64>,
+    /// The records of drawables that the display has, and the pieces of geometry.
+    records: Held,
+    geometries: Held,
     /// What is to be sent.
     queue: Queue,
     stand_ins: StandIns,
@@ -101,8 +107,8 @@ impl Supplier {
             coarser_first: false,
             early: Vec::new(),
             view: None,
-            records: HashMap::new(),
-            geometries: HashMap::new(),
+            records: Held::nothing_of(scene.drawables().len()),
+            geometries: Held::nothing_of(scene.places().len()),
             queue: Queue::default(),
             stand_ins: StandIns::default(),
             ahead: Ahead::new(0),
@@ -114,40 +120,46 @@ impl Supplier {
         }
     }
 
+    /// Whether the display has asked for anything.
+    pub(crate) const fn has_begun(&self) -> bool {
+        self.has_begun
+    }
+
     /// Frames are culled in this view state from now on.
     pub(crate) fn change_view(&mut self, state: &ViewState) {
         self.rule = Some(CutRule::new(&self.scene, state));
     }
 
-    /// These were found visible from `view`. Gives whether some of them are to be sent.
-    pub(crate) fn found(&mut self, view: &View, ids: &[DrawableId], now: Instant) -> bool {
+    /// These were found visible from `view`.
+    pub(crate) fn found(&mut self, view: &View, ids: &[DrawableId], now: Instant) {
         if !self.has_begun {
             if self.view != Some(*view) {
                 self.early.clear();
             }
             self.view = Some(*view);
             self.early.extend_from_slice(ids);
-            return false;
+            return;
         }
         self.view = Some(*view);
         let frame = view.camera().frame();
-        let news = ids.iter().filter(|id| self.need(frame, **id)).count();
-        self.ahead.found(&self.scene, view, ids, now) || news > 0
+        ids.iter().for_each(|id| self.need(frame, *id));
+        self.ahead.found(&self.scene, view, ids, now);
     }
 
     /// Takes what the display says.
     pub(crate) fn hear(&mut self, demand: Demand, now: Instant) -> Result<(), SupplyFault> {
+        self.check(&demand)?;
         match demand {
             Demand::Begin { coarser_first, ahead } => self.begin(coarser_first, ahead, now),
             Demand::End => self.end(),
             Demand::Holds { drawables, geometries } => {
-                self.records.extend(drawables.iter().map(|id| (id, 0)));
-                self.geometries.extend(geometries.iter().map(|number| (number, 0)));
+                drawables.iter().for_each(|id| self.records.insert(id));
+                geometries.iter().for_each(|number| self.geometries.insert(number));
             }
             Demand::Lacks { frame, taken, drawables } => self.lacks(frame, taken, &drawables),
             Demand::Dropped { geometries } => {
                 for number in geometries.iter() {
-                    self.geometries.remove(&number);
+                    self.geometries.remove(number);
                     self.ahead.count_off(number);
                 }
             }
@@ -191,12 +203,33 @@ impl Supplier {
                 Ending::Record(id) => (&mut self.records, id),
                 Ending::Geometry(number) => (&mut self.geometries, number),
             };
-            // What was dropped or lacked meanwhile stays away.
-            if let Some(end) = ends.get_mut(&number) {
-                *end = self.window.sent();
+            ends.sent(number, self.window.sent());
+        }
+        self.records.settle(self.window.taken());
+        self.geometries.settle(self.window.taken());
+        Ok(Some(block.into()))
+    }
+
+    /// That what the display names is there, and was sent.
+    fn check(&self, demand: &Demand) -> Result<(), SupplyFault> {
+        let none = NumberList::default();
+        let (drawables, geometries, taken) = match demand {
+            Demand::Holds { drawables, geometries } => (drawables, geometries, 0),
+            Demand::Lacks { drawables, taken, .. } => (drawables, &none, *taken),
+            Demand::Dropped { geometries } => (&none, geometries, 0),
+            _ => return Ok(()),
+        };
+        if taken > self.window.sent() {
+            return Err(SupplyFault::NotSent);
+        }
+        for (what, known, named) in
+            [("drawable", &self.records, drawables), ("piece of geometry", &self.geometries, geometries)]
+        {
+            if let Some(number) = known.stranger(named.iter()) {
+                return Err(SupplyFault::Unknown { what, number });
             }
         }
-        Ok(Some(block.into()))
+        Ok(())
     }
 
     fn begin(&mut self, coarser_first: bool, ahead: u64, now: Instant) {
@@ -221,24 +254,22 @@ impl Supplier {
         self.pieces.clear();
     }
 
-    /// Sends a drawable for a frame, unless the display has it or it is on its way. Gives whether it was not
-    /// to be sent before.
-    fn need(&mut self, frame: FrameNumber, id: DrawableId) -> bool {
+    /// Sends a drawable for a frame, unless the display has it or it is on its way.
+    fn need(&mut self, frame: FrameNumber, id: DrawableId) {
         if self.scene.drawables().get(id.index()).is_none() || self.has(id) || self.queue.renew(id, frame) {
-            return false;
+            return;
         }
         self.queue.push(id, frame, Purpose::Shows, self.size(id));
         if self.coarser_first {
             self.stand_ins.add(id, frame);
         }
-        true
     }
 
     /// Whether the display has it, or it is on its way.
     fn has(&self, id: DrawableId) -> bool {
         let drawable = self.scene.drawables().get(id.index());
         drawable.is_some_and(|drawable| {
-            self.records.contains_key(&id.0) && self.geometries.contains_key(&drawable.geometry)
+            self.records.contains(id.0) && self.geometries.contains(drawable.geometry)
         })
     }
 
@@ -267,10 +298,9 @@ impl Supplier {
         for id in drawables.iter().map(DrawableId) {
             let Some(drawable) = self.scene.drawables().get(id.index()) else { continue };
             // What ended later may still arrive.
-            let gone = |end: Option<&u64>| end.is_some_and(|end| *end <= taken);
-            if gone(self.records.get(&id.0)) && gone(self.geometries.get(&drawable.geometry)) {
-                self.records.remove(&id.0);
-                self.geometries.remove(&drawable.geometry);
+            if self.records.had_ended(id.0, taken) && self.geometries.had_ended(drawable.geometry, taken) {
+                self.records.remove(id.0);
+                self.geometries.remove(drawable.geometry);
             }
             self.need(frame, id);
         }
@@ -335,14 +365,15 @@ impl Supplier {
     /// Takes what the display lacks of a drawable. Gives the piece of geometry, if that is to be sent.
     fn take(&mut self, id: DrawableId, entries: &mut Vec<DrawableEntry>) -> Option<u32> {
         let drawable = self.scene.drawables().get(id.index())?;
-        if !self.records.contains_key(&id.0)
+        if !self.records.contains(id.0)
             && let Some(entry) = DrawableEntry::of(&self.scene, id)
         {
-            self.records.insert(id.0, NOT_YET);
+            self.records.send(id.0);
             entries.push(entry);
         }
-        let Entry::Vacant(place) = self.geometries.entry(drawable.geometry) else { return None };
-        place.insert(NOT_YET);
+        if !self.geometries.send(drawable.geometry) {
+            return None;
+        }
         self.pieces.push_back(drawable.geometry);
         Some(drawable.geometry)
     }

@@ -154,7 +154,7 @@ fn sorted(mut numbers: Vec<u32>) -> Vec<u32> {
 #[test]
 fn what_was_found_is_sent_once_and_records_come_before_their_geometry() {
     let (mut pair, ids) = (Pair::new(&PLANT), ids(0..300));
-    assert!(pair.supplier.found(&view(0), &ids, NOW));
+    pair.supplier.found(&view(0), &ids, NOW);
     let items = pair.items();
     let all = came(&items);
     assert_eq!(sorted(all.records.clone()), (0..300).collect::<Vec<_>>());
@@ -167,8 +167,8 @@ fn what_was_found_is_sent_once_and_records_come_before_their_geometry() {
             assert!(before.iter().any(is_needed), "piece {number} came before all records that need it");
         }
     }
-    assert!(!pair.supplier.found(&view(1), &ids, NOW), "all of it was sent");
-    assert_eq!(pair.came(), Came::default());
+    pair.supplier.found(&view(1), &ids, NOW);
+    assert_eq!(pair.came(), Came::default(), "all of it was sent");
 }
 
 #[test]
@@ -303,7 +303,7 @@ fn instances_share_their_geometry() {
 #[test]
 fn nothing_is_sent_before_the_display_asks() {
     let mut supplier = Supplier::new(&PLANT);
-    assert!(!supplier.found(&view(0), &ids(0..9), NOW));
+    supplier.found(&view(0), &ids(0..9), NOW);
     assert_eq!(supplier.next_block(NOW).unwrap(), None);
     supplier.hear(Demand::Begin { coarser_first: false, ahead: 0 }, NOW).unwrap();
     assert!(supplier.next_block(NOW).unwrap().is_some());
@@ -383,7 +383,7 @@ fn what_was_dropped_is_sent_again_when_it_is_found_again() {
     let dropped = geometry_of(&PLANT, few[2]);
     pair.hear(Demand::Dropped { geometries: NumberList::of(vec![dropped]) });
     assert_eq!(pair.came(), Came::default(), "nobody needs it now");
-    assert!(pair.supplier.found(&view(1), &few, NOW));
+    pair.supplier.found(&view(1), &few, NOW);
     assert_eq!(pair.came(), Came { records: vec![], pieces: vec![dropped] });
 }
 
@@ -444,7 +444,8 @@ fn who_begins_anew_is_sent_all_anew_behind_the_rest_of_a_piece() {
     pair.supplier.found(&view(0), &ids([0, 1]), NOW);
     let mut items = pair.block().unwrap();
     pair.hear(Demand::End);
-    assert!(!pair.supplier.found(&view(1), &ids([0, 1]), NOW), "another culler supplies the display");
+    // Another culler supplies the display.
+    pair.supplier.found(&view(1), &ids([0, 1]), NOW);
     pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
     pair.hear(Demand::Taken { bytes: pair.taken });
     pair.supplier.found(&view(2), &ids([0, 1]), NOW);
@@ -490,12 +491,37 @@ fn a_display_that_takes_what_was_not_sent_is_no_display() {
 }
 
 #[test]
-fn drawables_that_no_scene_has_are_passed_over() {
+fn a_culler_passes_over_drawables_that_no_scene_has() {
     let mut pair = Pair::new(&PLANT);
     let none = ids([PLANT.drawables().len() as u32, u32::MAX]);
-    assert!(!pair.supplier.found(&view(0), &none, NOW));
-    pair.lacks(0, 0, &none);
+    pair.supplier.found(&view(0), &none, NOW);
     assert_eq!(pair.came(), Came::default());
+}
+
+/// What a display says of numbers that the scene lacks, or of bytes that it was not sent, is an error, and
+/// leaves nothing behind.
+#[test]
+fn a_display_names_nothing_that_the_scene_lacks() {
+    let (drawables, geometries) = (PLANT.drawables().len() as u32, PLANT.places().len() as u32);
+    let numbers = |number| NumberList::of(vec![0, number]);
+    let none = NumberList::default;
+    let frame = FrameNumber(1);
+    for demand in [
+        Demand::Holds { drawables: numbers(drawables), geometries: none() },
+        Demand::Holds { drawables: none(), geometries: numbers(geometries) },
+        Demand::Holds { drawables: none(), geometries: numbers(u32::MAX) },
+        Demand::Lacks { frame, taken: 0, drawables: numbers(drawables) },
+        Demand::Lacks { frame, taken: 0, drawables: numbers(u32::MAX) },
+        Demand::Dropped { geometries: numbers(geometries) },
+    ] {
+        let mut pair = Pair::new(&PLANT);
+        let refused = pair.supplier.hear(demand.clone(), NOW);
+        assert!(matches!(refused, Err(SupplyFault::Unknown { .. })), "{demand:?}: {refused:?}");
+        pair.supplier.found(&view(0), &ids([0]), NOW);
+        assert!(pair.came().records.contains(&0), "{demand:?} counts for nothing");
+    }
+    let refused = Pair::new(&PLANT).supplier.hear(Demand::Lacks { frame, taken: 1, drawables: none() }, NOW);
+    assert!(matches!(refused, Err(SupplyFault::NotSent)), "{refused:?}");
 }
 
 /// What may happen while a display is supplied.

@@ -78,6 +78,11 @@ impl Window {
         self.sent
     }
 
+    /// Bytes that the peer has taken.
+    pub(super) const fn taken(&self) -> u64 {
+        self.taken
+    }
+
     pub(super) const fn has_room(&self) -> bool {
         self.sent - self.taken < self.size
     }
