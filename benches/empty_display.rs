@@ -203,7 +203,12 @@ impl Bench {
         let (_stopper, stop) = Stop::new();
         let culling = async {
             let at = format!("{scheme}://0.0.0.0:7400").parse::<Endpoint>()?;
-            let at = ServiceEndpoints { listen: Some(at.into()), displays: Vec::new(), options: theirs };
+            let at = ServiceEndpoints {
+                listen: Some(at.into()),
+                displays: Vec::new(),
+                cullers: Vec::new(),
+                options: theirs,
+            };
             let mut service = CullerService::start(&listener, self.scene.outline(), at).await?;
             let session = service.next().await?;
             let work = |settings: &Settings| {

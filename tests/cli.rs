@@ -232,30 +232,40 @@ fn pictures(bench: &Bench, out: &str, count: u32) -> Vec<Vec<u8>> {
     (0..count).map(|n| fs::read(bench.path(out).join(format!("frames/{n:05}.png"))).unwrap()).collect()
 }
 
-/// The display finds one culler over QUIC and the other one over TCP, over which these meet each other.
+/// The display finds one culler over QUIC and the other one over TCP, over which these meet each other. One that
+/// was not told where the other one listens culls by itself: a display's word is not enough.
 #[test]
-fn every_two_roles_may_have_another_transport() {
+fn every_two_roles_may_have_another_transport_and_cullers_meet_where_they_were_told() {
     const WALK: [&str; 6] = ["--frames", "4", "--size", "96x80", "--audit-every", "0"];
     let bench = Bench::with_plant(300);
     bench.done(&[&["run", "plant.scene", "--out", "alone"], &WALK[..]].concat());
     for name in ["show", "one", "two"] {
         bench.done(&["keys", "new", name]);
     }
-    let known = |own: &'static str| ["--keys", own, "--peer-displays", "show.pub"];
-    let (one, quic) = listening(&bench, "plant.scene", "quic://127.0.0.1:0", &known("one.key"));
     let (two, tcp) = listening(&bench, "plant.scene", "tcp://127.0.0.1:0", &[]);
-    let config = "scene = 'plant.scene'\nout = 'apart'\nkeys = 'show.key'\npeers.cullers = ['one.pub']\n\
+    let config = "scene = 'plant.scene'\nkeys = 'show.key'\npeers.cullers = ['one.pub']\n\
                   schedule = 'switch'\n\
-                  session = { frames = 4, width = 96, height = 80, audit_every = 0 }\n";
+                  session = { frames = 4, width = 96, height = 80, audit_every = 0, coding = 'plain' }\n";
     bench.write("display.toml", config);
-    let cullers = format!("{quic},{tcp}");
-    bench.done(&["role", "display", "--config", "display.toml", "--cullers", &cullers]);
-    for culler in [one, two] {
-        culler.signal("TERM");
-        culler.ends(0);
+    for (out, told, receivers) in [("apart", &["--cullers", &tcp][..], 2), ("untold", &[], 1)] {
+        let known = ["--keys", "one.key", "--peer-displays", "show.pub"];
+        let (one, quic) =
+            listening(&bench, "plant.scene", "quic://127.0.0.1:0", &[&known[..], told].concat());
+        let cullers = format!("{quic},{tcp}");
+        bench.done(&["role", "display", "--config", "display.toml", "--cullers", &cullers, "--out", out]);
+        one.signal("TERM");
+        let said = one.ends(0);
+        assert_eq!(said.contains("--cullers"), receivers == 1, "{said}");
+        assert_eq!(pictures(&bench, out, 4), pictures(&bench, "alone", 4));
+        let report = bench.report(out);
+        assert_eq!(report["run"]["link"], "quic and tcp");
+        for frame in report["frames"].as_array().unwrap() {
+            let ids = frame["bytes_by_kind"]["ids"].as_u64().unwrap();
+            assert_eq!(ids, receivers * 4 * frame["nodes_drawn"].as_u64().unwrap(), "{out}: {frame}");
+        }
     }
-    assert_eq!(pictures(&bench, "apart", 4), pictures(&bench, "alone", 4));
-    assert_eq!(bench.report("apart")["run"]["link"], "quic and tcp");
+    two.signal("TERM");
+    two.ends(0);
 }
 
 #[test]

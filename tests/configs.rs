@@ -59,6 +59,9 @@ fn the_encrypted_example_joins_machines_that_know_each_other() {
     assert!(each(&display.cullers).iter().all(|culler| culler.needs_keys()));
     for (culler, other) in cullers.iter().zip(cullers.iter().rev()) {
         assert_eq!(each(&culler.listen)[0].transport(), each(&display.cullers)[0].transport());
+        // The display names a culler as the other one knows it, or else they cannot meet.
+        let own = each(&culler.cullers)[0];
+        assert!(each(&display.cullers).contains(&own) && !each(&other.cullers).contains(&own));
         let [displays, others] = [&culler.peers.displays, &culler.peers.cullers].map(|known| &known[..]);
         assert_eq!(displays.iter().map(name).collect::<Vec<_>>(), [name(display.keys.as_ref().unwrap())]);
         assert_eq!(others.iter().map(name).collect::<Vec<_>>(), [name(other.keys.as_ref().unwrap())]);

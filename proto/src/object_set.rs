@@ -32,6 +32,12 @@ impl ObjectSet {
         self.runs.is_empty()
     }
 
+    /// The one with the largest number.
+    #[must_use]
+    pub fn last(&self) -> Option<u32> {
+        self.runs.last().map(|run| run.end - 1)
+    }
+
     /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -54,6 +54,13 @@ impl ViewState {
         }
     }
 
+    /// The last object that it names, of any set.
+    #[must_use]
+    pub fn last_named(&self) -> Option<u32> {
+        let sets = [Some(&self.hidden), self.isolated.as_ref(), Some(&self.see_through)];
+        sets.into_iter().flatten().filter_map(ObjectSet::last).max()
+    }
+
     /// Whether all objects are drawn as they are.
     #[must_use]
     pub const fn is_all_solid(&self) -> bool {
@@ -118,6 +125,14 @@ pub enum ViewStateError {
     /// The bytes are no view state.
     #[error("the bytes are no view state")]
     Unreadable,
+    /// It names an object that the scene lacks.
+    #[error("a view state names object {object}, and the scene has {objects}")]
+    Unknown {
+        /// The object.
+        object: u32,
+        /// How many the scene has.
+        objects: u32,
+    },
 }
 
 impl ViewReader {

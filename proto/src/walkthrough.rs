@@ -27,7 +27,8 @@ pub enum RoleMessage {
     Meet {
         /// By what the two know each other.
         key: SessionKey,
-        /// Where the other one listens, as an endpoint of the links; without it the other one comes.
+        /// Which of the endpoints that the culler was configured with, as it is written there: it connects to
+        /// no other one. Without it the other culler comes.
         at: Option<String>,
     },
     /// The culler has a link to the other one.
@@ -39,8 +40,6 @@ pub enum RoleMessage {
     Unmet {
         /// As in [`RoleMessage::Meet`].
         key: SessionKey,
-        /// Why, for people.
-        why: String,
     },
     /// The display asks both cullers to draw what the other one finds (paper, algorithm 4.2).
     Switch {
@@ -64,6 +63,11 @@ pub enum RoleMessage {
         part: Vec<u8>,
         /// Whether they are the last ones.
         last: bool,
+    },
+    /// The culler waits for the other one, which may come now.
+    Waits {
+        /// As in [`RoleMessage::Meet`].
+        key: SessionKey,
     },
 }
 

@@ -277,17 +277,17 @@ fn the_tables_of_lengths_and_codes_are_the_crates() {
         assert!(WIRE.contains(&format!("| {code} | {name} |")), "no row of {name}");
     }
     assert!(WIRE.contains(&format!("The protocol `{}`", Walkthrough::NAME)));
-    let why = String::new();
     let first = FrameNumber(0);
     for (name, message) in [
         ("stats", RoleMessage::Stats(stats())),
         ("meet", RoleMessage::Meet { key: KEY, at: None }),
         ("met", RoleMessage::Met { key: KEY }),
-        ("unmet", RoleMessage::Unmet { key: KEY, why }),
+        ("unmet", RoleMessage::Unmet { key: KEY }),
         ("switch", RoleMessage::Switch { key: KEY, first }),
         ("switched", RoleMessage::Switched { key: KEY }),
         ("part", RoleMessage::Part),
         ("view", view().to_messages(VIEW).unwrap().remove(0)),
+        ("waits", RoleMessage::Waits { key: KEY }),
     ] {
         let number = postcard(&message)[0];
         assert!(WIRE.contains(&format!("| {number} | {name} |")), "no row of {name}");

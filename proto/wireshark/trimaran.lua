@@ -17,7 +17,7 @@ local VERSION = 3
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
 local ROLES = { [0] = "culler", "display" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
-local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view" }
+local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view", "waits" }
 -- Items of blocks: what a display says, and what a culler sends.
 local DEMANDS = { [0] = "begin", "end", "holds", "lacks", "dropped", "taken", "shown" }
 local SUPPLIES = { [0] = "entries", "geometry", "stand-in", "ahead" }
@@ -444,9 +444,8 @@ end
 local function said(r, tree)
   local what = add_varint(tree, f.said, r)
   if what == 0 then return stats(r, tree) end
-  if what >= 1 and what <= 5 then add_wide(tree, f.meeting, r) end
+  if (what >= 1 and what <= 5) or what == 8 then add_wide(tree, f.meeting, r) end
   if what == 1 and r.take(1):uint() == 1 then add_text(tree, f.meet_at, r) end
-  if what == 3 then add_text(tree, f.text, r) end
   if what == 7 then
     local version = add_varint(tree, f.view, r)
     local part = r.take(r.varint())

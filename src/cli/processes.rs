@@ -16,7 +16,7 @@ use trimaran::config::{CullerConfig, CullerPeers};
 use trimaran_actors::{CullerId, PeerEndpoint};
 use trimaran_proto::Role;
 use trimaran_transport::{
-    Endpoint, Name, Options, SocketPath,
+    Endpoint, Endpoints, Name, Options, SocketPath,
     keys::{KeyFiles, Keys, KnownPeer, Security},
 };
 
@@ -90,6 +90,17 @@ pub(super) fn endpoints(link: LinkKind, cullers: usize, folder: &Path) -> Result
     CullerId::first(cullers).map(&mut endpoint).collect()
 }
 
+/// All of them but one.
+fn others(endpoints: &[Endpoint], but: &Endpoint) -> Option<Endpoints> {
+    let others = endpoints.iter().filter(|endpoint| *endpoint != but).cloned();
+    others.fold(None, |others: Option<Endpoints>, endpoint| {
+        Some(match others {
+            Some(others) => others.and(endpoint),
+            None => endpoint.into(),
+        })
+    })
+}
+
 /// The cullers, which do not outlive this process's interest in them.
 pub(super) struct CullerProcesses(Vec<CullerProcess>);
 
@@ -118,6 +129,7 @@ impl CullerProcesses {
                 scene: scene.clone(),
                 listen: Some(endpoint.clone().into()),
                 displays: None,
+                cullers: others(&endpoints, &endpoint),
                 culling: args.culling,
                 device: args.walk.device.clone(),
                 gpu_memory: args.walk.gpu_memory,
@@ -144,7 +156,7 @@ impl CullerProcesses {
             Ok(CullerProcess { id, endpoint, child, _input: input })
         };
         let ids = CullerId::first(endpoints.len());
-        Ok(Self(ids.zip(endpoints).map(start).collect::<Result<_, _>>()?))
+        Ok(Self(ids.zip(endpoints.iter().cloned()).map(start).collect::<Result<_, _>>()?))
     }
 
     /// Where the display finds them.

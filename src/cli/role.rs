@@ -74,7 +74,8 @@ fn culler(
         PeerFiles { name: "peers.displays", role: Some(Role::Display), paths: displays },
         PeerFiles { name: "peers.cullers", role: Some(Role::Culler), paths: cullers },
     ];
-    let endpoints = config.listen.iter().chain(&config.displays).flat_map(Endpoints::iter);
+    let endpoints = config.listen.iter().chain(&config.displays).chain(&config.cullers);
+    let endpoints = endpoints.flat_map(Endpoints::iter);
     let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let mut options = Options { security: known, ..options.clone() };
     let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
@@ -89,6 +90,7 @@ fn culler(
     let at = ServiceEndpoints {
         listen: config.listen.clone(),
         displays: config.displays.iter().flat_map(Endpoints::iter).map(peer).collect(),
+        cullers: config.cullers.iter().flat_map(Endpoints::iter).cloned().collect(),
         options: options.clone(),
     };
     let serve = async || {

@@ -91,8 +91,10 @@ impl Service<'_> {
         options.limits.peers = people.unwrap_or(options.limits.peers);
         options.link.max_frame = max_frame(&file.scene);
         // The first is the page's.
-        let listen = Endpoints::from(Pages::endpoint(self.listen)).and(description.meeting.clone());
-        let at = ServiceEndpoints { listen: Some(listen), displays: Vec::new(), options };
+        let meeting = description.meeting.clone();
+        let listen = Endpoints::from(Pages::endpoint(self.listen)).and(meeting.clone());
+        let at =
+            ServiceEndpoints { listen: Some(listen), displays: Vec::new(), cullers: vec![meeting], options };
         let started = runtime.block_on(CullerService::start(&net, file.scene.outline(), at));
         let service =
             started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })?;

@@ -29,6 +29,11 @@ pub struct CullerConfig {
     #[config(env = "TRIMARAN_DISPLAYS", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub displays: Option<Endpoints>,
+    /// Other cullers that a display may let this one meet, where these listen, for the schedule `switch`:
+    /// `tcp://two:7400`, as the display's own configuration names them. It connects to no others.
+    #[config(env = "TRIMARAN_CULLERS", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cullers: Option<Endpoints>,
     /// How to find what is visible: `trimaran`, or to compare with it `gigawalk`, `frustum`, `rays` or
     /// `exact`.
     #[config(

@@ -63,6 +63,7 @@ fn a_cullers_configuration_survives_a_round_trip() {
         scene: "/s/a.scene".into(),
         listen: Some("tcp://0.0.0.0:7400,quic://0.0.0.0:7400".parse().unwrap()),
         displays: Some("quic://show:7400".parse().unwrap()),
+        cullers: Some("tcp://one:7400".parse().unwrap()),
         culling: CullingMethod::GigaWalk,
         device: None,
         gpu_memory: Some(bytesize::ByteSize::mib(64)),

@@ -108,7 +108,8 @@ impl Roles {
         let Some(PeerEndpoint { endpoint, options }) = self.cullers.get(id.index()).cloned() else {
             return Ok(());
         };
-        let at = ServiceEndpoints { listen: Some(endpoint.into()), displays: Vec::new(), options };
+        let cullers = self.cullers.iter().map(|culler| culler.endpoint.clone()).collect();
+        let at = ServiceEndpoints { listen: Some(endpoint.into()), displays: Vec::new(), cullers, options };
         let scene = self.geometry.as_ref().map(|geometry| &geometry.scene);
         let outline = scene.map_or_else(|| SCENE.into(), |scene| scene.outline());
         let mut service = CullerService::start(net, outline, at).await?;

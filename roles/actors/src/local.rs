@@ -98,6 +98,7 @@ impl LocalCullers {
         let at = ServiceEndpoints {
             listen: Some(endpoint.clone().into()),
             displays: Vec::new(),
+            cullers: self.endpoints.clone(),
             options: options.clone(),
         };
         let mut service = CullerService::start(net, scene.outline(), at).await?;

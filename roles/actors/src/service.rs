@@ -9,7 +9,7 @@ use std::{
 use thiserror::Error;
 use trimaran_proto::{Identity, Role, SceneOutline, SessionKey, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoints, ListenError, Net, Options};
+use trimaran_transport::{Endpoint, Endpoints, ListenError, Net, Options};
 
 use crate::{
     driver::{CullerRole, CullerWork, RoleError, leave_unable},
@@ -49,7 +49,8 @@ pub struct CullerService {
     net: Arc<dyn Net>,
     scene: SceneOutline,
     displays: Peers,
-    /// What holds for links to other cullers.
+    /// Where other cullers listen that a display may let it meet, and what holds for links to them.
+    cullers: Arc<[Endpoint]>,
     others: Options,
     expected: Expected,
     endpoints: Option<Endpoints>,
@@ -62,6 +63,9 @@ pub struct ServiceEndpoints {
     pub listen: Option<Endpoints>,
     /// Displays that it connects to.
     pub displays: Vec<PeerEndpoint>,
+    /// Where other cullers listen that a display may let it meet, for the schedule `switch`: it connects to
+    /// no others.
+    pub cullers: Vec<Endpoint>,
     /// What holds for links of those that come, and which keys are known.
     pub options: Options,
 }
@@ -89,7 +93,7 @@ impl CullerService {
     pub async fn start(
         net: &Arc<dyn Net>,
         scene: SceneOutline,
-        ServiceEndpoints { listen, displays, options }: ServiceEndpoints,
+        ServiceEndpoints { listen, displays, cullers, options }: ServiceEndpoints,
     ) -> Result<Self, ListenError> {
         let identity = Identity { role: Role::Culler, scene: Some(scene), session: None };
         let listener = match &listen {
@@ -101,7 +105,8 @@ impl CullerService {
         let most = displays.len() + options.limits.peers;
         let sought = Sought { identity, role: Role::Display, endpoints: displays, listener, most };
         let displays = Peers::seek_and_expect(net, sought, expected.clone());
-        Ok(Self { net: Arc::clone(net), scene, displays, others: options, expected, endpoints })
+        let (net, cullers) = (Arc::clone(net), cullers.into());
+        Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints })
     }
 
     /// Where it listens, with the ports that the system chose.
@@ -124,6 +129,7 @@ impl CullerService {
                 scene: self.scene,
                 settings,
                 options: self.others.clone(),
+                cullers: Arc::clone(&self.cullers),
                 expected: self.expected.clone(),
             };
             return Ok(NewSession { key, settings, display: link, meeting, seat });

@@ -579,6 +579,7 @@ async fn sound(net: &Arc<dyn Net>, display: Link, stop: &Stop) {
         scene: PLANT.outline(),
         settings: settings(),
         options: Options::default(),
+        cullers: [].into(),
         expected: Expected::default(),
     };
     let role = CullerRole {

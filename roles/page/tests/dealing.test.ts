@@ -62,10 +62,11 @@ function introduced() {
 
 test("two cullers meet, hear from which frame on they take turns, and say that they do", () => {
   const { introduction, said, outcomes, key } = introduced();
-  assert.deepEqual(said, [
-    [1, { what: "meet", key, endpoint: undefined }],
-    [0, { what: "meet", key, endpoint: "inproc://here" }],
-  ]);
+  assert.deepEqual(said, [[1, { what: "meet", key, endpoint: undefined }]]);
+  introduction.hear(1, { what: "waits", key: key ^ 1n });
+  introduction.hear(1, { what: "waits", key });
+  introduction.hear(1, { what: "waits", key });
+  assert.deepEqual(said.slice(1), [[0, { what: "meet", key, endpoint: "inproc://here" }]]);
   said.length = 0;
   introduction.hear(0, { what: "met", key: key ^ 1n });
   introduction.hear(0, { what: "met", key });
@@ -80,7 +81,7 @@ test("two cullers meet, hear from which frame on they take turns, and say that t
   introduction.hear(1, { what: "switched", key });
   assert.deepEqual(outcomes, []);
   introduction.hear(0, { what: "switched", key });
-  introduction.hear(0, { what: "unmet", key, why: "late" });
+  introduction.hear(0, { what: "unmet", key });
   assert.deepEqual(outcomes, [true]);
 });
 
@@ -92,10 +93,11 @@ test("cullers that do not meet, or not in time, go on by themselves", (context) 
     timeUp = call;
   });
   for (const [name, fail] of [
-    ["unmet", (it: Introduction, key: bigint) => it.hear(1, { what: "unmet", key, why: "no way" })],
+    ["unmet", (it: Introduction, key: bigint) => it.hear(1, { what: "unmet", key })],
     ["late", () => timeUp()],
   ] as const) {
     const { introduction, said, outcomes, key } = introduced();
+    introduction.hear(1, { what: "waits", key });
     introduction.hear(0, { what: "met", key });
     fail(introduction, key);
     assert.deepEqual(

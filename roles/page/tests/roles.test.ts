@@ -230,11 +230,12 @@ test("each message of a role has its number and reads back", () => {
   const said: [number, RoleMessage][] = [
     [1, { what: "meet", key, endpoint: undefined }],
     [2, { what: "met", key }],
-    [3, { what: "unmet", key, why: "no route" }],
+    [3, { what: "unmet", key }],
     [4, { what: "switch", key, firstFrame: 0xffff_ffff }],
     [5, { what: "switched", key }],
     [6, { what: "part" }],
     [7, { what: "view", version: 1, part: Uint8Array.of(1, 2), isLast: false }],
+    [8, { what: "waits", key }],
   ];
   for (const [number, message] of said) {
     const bytes = encodeRoleMessage(message);
@@ -246,7 +247,7 @@ test("each message of a role has its number and reads back", () => {
     );
     assert.throws(() => decodeRoleMessage(bytes.subarray(0, -1)), WireError);
   }
-  assert.throws(() => decodeRoleMessage(Uint8Array.of(8)), WireError);
+  assert.throws(() => decodeRoleMessage(Uint8Array.of(9)), WireError);
 });
 
 test("each number of the stats is read in its place", () => {

@@ -28,7 +28,13 @@ enum State {
     #[default]
     Apart,
     /// They are to meet; these have.
-    Meeting { key: SessionKey, two: [CullerId; 2], met: Vec<CullerId> },
+    Meeting {
+        key: SessionKey,
+        two: [CullerId; 2],
+        /// What is said as soon as one of them waits: it takes nobody before.
+        then: Option<Word>,
+        met: Vec<CullerId>,
+    },
     /// They are to draw what the other one finds, and know from which frame on; these do.
     Switching { key: SessionKey, two: [CullerId; 2], ready: Vec<CullerId> },
     /// They do.
@@ -74,10 +80,10 @@ impl Introduction {
             self.next = self.next.wrapping_add(1);
             let key = SessionKey(self.next);
             words.push((whom, RoleMessage::Meet { key, at: None }));
-            words.push((who, RoleMessage::Meet { key, at: Some(at) }));
+            let then = Some((who, RoleMessage::Meet { key, at: Some(at) }));
             dealer.hold(!begun);
             self.deadline = Some(now.after(MEETING));
-            self.state = State::Meeting { key, two: [one, other], met: Vec::new() };
+            self.state = State::Meeting { key, two: [one, other], then, met: Vec::new() };
         }
         words
     }
@@ -91,7 +97,10 @@ impl Introduction {
         now: Instant,
     ) -> Vec<Word> {
         match (said, &mut self.state) {
-            (RoleMessage::Met { key }, State::Meeting { key: due, two, met }) if key == due => {
+            (RoleMessage::Waits { key }, State::Meeting { key: due, then, .. }) if key == due => {
+                then.take().into_iter().collect()
+            }
+            (RoleMessage::Met { key }, State::Meeting { key: due, two, met, .. }) if key == due => {
                 met.push(from);
                 if met.len() < 2 {
                     return Vec::new();
@@ -112,8 +121,8 @@ impl Introduction {
                 }
                 Vec::new()
             }
-            (RoleMessage::Unmet { key, why }, state) if Some(*key) == state.key() => {
-                tracing::warn!(%from, %why, "the cullers go on by themselves");
+            (RoleMessage::Unmet { key }, state) if Some(*key) == state.key() => {
+                tracing::warn!(%from, "the cullers go on by themselves: the log of this one says why");
                 self.give_up(dealer);
                 Vec::new()
             }

@@ -11,6 +11,7 @@ mod display;
 mod error;
 mod introduction;
 mod observer;
+mod other_frames;
 mod pair;
 mod published;
 mod said;

@@ -3,27 +3,31 @@
 //!
 //! What goes wrong between two cullers never ends a session: each goes on by what it found itself.
 
-use std::{collections::VecDeque, mem, sync::Arc};
+use std::{mem, sync::Arc};
 
 use trimaran_proto::{
     Camera, CloseCode, DrawableId, FrameNumber, RoleMessage, SentBytes, SessionKey, ViewState,
 };
-use trimaran_transport::{RecvError, Traffic, causes};
+use trimaran_transport::{Instant, RecvError, Traffic, causes};
 
 use super::{
     error::{RoleError, link},
+    other_frames::OtherFrames,
     views::Views,
 };
 use crate::{
-    ids::FrameIds,
     links::{FrameEvent, FrameStart, Link, sent_bytes},
-    meeting::{Meeting, Met},
+    meeting::{MeetError, Meeting, Met},
 };
 
 /// The other culler, as far as there is one.
 #[derive(Debug)]
 pub(super) struct Pair {
     meeting: Meeting,
+    /// When it may connect to another culler again.
+    connects_at: Instant,
+    /// Whether the log has why it did not meet another one: a display may ask as often as it likes.
+    has_warned: bool,
     drawables: u32,
     /// What the display has told of view states.
     views: Views,
@@ -52,9 +56,8 @@ enum State {
 #[derive(Debug)]
 struct Other {
     link: Link,
-    /// What came while this culler waited for a camera.
-    early: VecDeque<FrameEvent>,
-    ids: FrameIds,
+    /// What has come of its frames.
+    frames: OtherFrames,
     /// The number of the next frame that is sent to it.
     sent: FrameNumber,
     /// Whether a frame is being sent.
@@ -66,14 +69,24 @@ struct Other {
 enum News {
     Camera(Camera),
     Said(RoleMessage),
-    Met(Box<Result<Link, String>>),
+    Met(Box<Result<Link, MeetError>>),
     FromOther(Result<FrameEvent, RecvError>),
 }
 
 impl Pair {
     pub(super) fn new(meeting: Meeting, drawables: u32) -> Self {
-        let views = Views::new(meeting.settings);
-        Self { meeting, drawables, views, early: None, state: State::Single, unsaid: None }
+        let views = Views::new(meeting.settings, meeting.scene.objects);
+        let connects_at = meeting.net.now();
+        Self {
+            meeting,
+            connects_at,
+            has_warned: false,
+            drawables,
+            views,
+            early: None,
+            state: State::Single,
+            unsaid: None,
+        }
     }
 
     /// Waits for the display's next camera and its view state, and does what else the display asks for
@@ -92,7 +105,7 @@ impl Pair {
             let met = async {
                 match &mut self.state {
                     State::Meeting { met, .. } => {
-                        let met = met.await.unwrap_or_else(|_| Err("it did not come".to_owned()));
+                        let met = met.await.unwrap_or(Err(MeetError::Absent));
                         News::Met(Box::new(met))
                     }
                     State::Met { other, .. } => News::FromOther(other.link.frames_rx.recv().await),
@@ -117,7 +130,7 @@ impl Pair {
                 News::Camera(camera) => self.early = Some(camera),
                 News::Said(said) => self.hear(said)?,
                 News::Met(met) => self.met(*met),
-                News::FromOther(event) => self.keep(event),
+                News::FromOther(event) => self.take(event),
             }
         }
     }
@@ -130,38 +143,27 @@ impl Pair {
     /// Waits until the other one begins the frame before `frame`. Says whether it does: it may be gone, or
     /// the display may let it go.
     pub(super) async fn begins(&mut self, display: &mut Link, frame: FrameNumber) -> Result<bool, RoleError> {
-        let mut older = false;
-        while let Some(event) = self.event(display).await? {
-            match event {
-                FrameEvent::Begin(start) if start.header.frame().0.checked_add(1) == Some(frame.0) => {
-                    return Ok(true);
-                }
-                FrameEvent::Begin(start) if start.header.frame() < frame => older = true,
-                FrameEvent::Batch(_) | FrameEvent::End(_) if older => {}
-                _ => self.lose("it broke the order of frames"),
+        loop {
+            let State::Met { other, .. } = &mut self.state else { return Ok(false) };
+            match other.frames.first_from(frame.0.saturating_sub(1)) {
+                Some(begun) if begun.0.checked_add(1) == Some(frame.0) => return Ok(true),
+                Some(_) => self.lose("it broke the order of frames"),
+                None => self.hear_more(display).await?,
             }
         }
-        Ok(false)
     }
 
     /// The next ids of its frame, as they come; none at its end. What has come is of use also where the rest
     /// does not: fewer occluders only loosen the culling.
     pub(super) async fn ids(&mut self, display: &mut Link) -> Result<Option<Vec<DrawableId>>, RoleError> {
-        let Some(event) = self.event(display).await? else { return Ok(None) };
-        let State::Met { other, .. } = &mut self.state else { return Ok(None) };
-        let broke = match event {
-            FrameEvent::Batch(batch) => match other.ids.take(&batch) {
-                Ok(ids) => return Ok(Some(ids.to_vec())),
-                Err(error) => causes(&error),
-            },
-            FrameEvent::End(_) => {
-                other.ids.finish();
-                return Ok(None);
+        loop {
+            let State::Met { other, .. } = &mut self.state else { return Ok(None) };
+            match other.frames.next() {
+                Some(ids) if ids.is_empty() => return Ok(None),
+                Some(ids) => return Ok(Some(ids)),
+                None => self.hear_more(display).await?,
             }
-            FrameEvent::Begin(_) => "it broke the order of frames".to_owned(),
-        };
-        self.lose(&broke);
-        Ok(None)
+        }
     }
 
     /// Begins to send it a frame; gives it if it takes one.
@@ -224,7 +226,18 @@ impl Pair {
         match (said, &mut self.state) {
             (RoleMessage::Meet { key, at }, _) => {
                 self.part();
-                self.state = State::Meeting { key, met: self.meeting.meet(key, at) };
+                let met = match at {
+                    Some(at) => {
+                        let met = self.meeting.connect(key, &at, self.connects_at);
+                        self.connects_at = self.meeting.next_at(self.connects_at);
+                        met
+                    }
+                    None => {
+                        self.unsaid = Some(RoleMessage::Waits { key });
+                        self.meeting.wait(key)
+                    }
+                };
+                self.state = State::Meeting { key, met };
             }
             (RoleMessage::Switch { key, first: due }, State::Met { key: met, first, .. }) if key == *met => {
                 *first = Some(due);
@@ -238,57 +251,54 @@ impl Pair {
         Ok(())
     }
 
-    fn met(&mut self, met: Result<Link, String>) {
+    fn met(&mut self, met: Result<Link, MeetError>) {
         let State::Meeting { key, .. } = self.state else { return };
         match met {
             Ok(link) => {
-                let (ids, counted) = (FrameIds::of(self.drawables), link.stats.read().sent);
-                let (early, sent) = (VecDeque::new(), FrameNumber(0));
-                let other = Box::new(Other { link, early, ids, sent, sending: false, counted });
+                let counted = link.stats.read().sent;
+                let (frames, sent) = (OtherFrames::of(self.drawables), FrameNumber(0));
+                let other = Box::new(Other { link, frames, sent, sending: false, counted });
                 self.state = State::Met { key, other, first: None };
                 self.unsaid = Some(RoleMessage::Met { key });
             }
-            Err(why) => {
-                tracing::warn!(why, "does not meet the other culler");
-                self.unmet(key, why);
+            Err(error) => {
+                if !mem::replace(&mut self.has_warned, true) {
+                    tracing::warn!("does not meet the other culler: {}", causes(&error));
+                }
+                self.unmet(key);
             }
         }
     }
 
-    /// Keeps what came of a frame until its turn has come.
-    fn keep(&mut self, event: Result<FrameEvent, RecvError>) {
+    /// Takes what came of a frame of the other one.
+    fn take(&mut self, event: Result<FrameEvent, RecvError>) {
         match (event, &mut self.state) {
-            (Ok(event), State::Met { other, .. }) => other.early.push_back(event),
+            (Ok(event), State::Met { other, .. }) => {
+                if let Err(error) = other.frames.take(event) {
+                    self.lose(&causes(&error));
+                }
+            }
             (Err(RecvError::Silent { .. }), _) => {}
             (Err(end), _) => self.ended(&end),
             (Ok(_), _) => {}
         }
     }
 
-    /// What the other one says next, while the display does not let it go; none once it is gone.
-    async fn event(&mut self, display: &mut Link) -> Result<Option<FrameEvent>, RoleError> {
-        loop {
-            let State::Met { other, .. } = &mut self.state else { return Ok(None) };
-            if let Some(event) = other.early.pop_front() {
-                return Ok(Some(event));
+    /// Waits for more of what the other one says, or for what the display says of it.
+    async fn hear_more(&mut self, display: &mut Link) -> Result<(), RoleError> {
+        let State::Met { other, .. } = &mut self.state else { return Ok(()) };
+        let said = tokio::select! {
+            biased;
+            said = display.messages_rx.recv() => said,
+            event = other.link.frames_rx.recv() => {
+                self.take(event);
+                return Ok(());
             }
-            let said = tokio::select! {
-                biased;
-                said = display.messages_rx.recv() => said,
-                event = other.link.frames_rx.recv() => match event {
-                    Ok(event) => return Ok(Some(event)),
-                    Err(RecvError::Silent { .. }) => continue,
-                    Err(end) => {
-                        self.ended(&end);
-                        return Ok(None);
-                    }
-                },
-            };
-            match said {
-                Ok(said) => self.hear(said)?,
-                Err(RecvError::Silent { .. }) => {}
-                Err(end) => return Err(link("waiting for occluders")(end)),
-            }
+        };
+        match said {
+            Ok(said) => self.hear(said),
+            Err(RecvError::Silent { .. }) => Ok(()),
+            Err(end) => Err(link("waiting for occluders")(end)),
         }
     }
 
@@ -298,7 +308,7 @@ impl Pair {
         if let (true, State::Met { key, .. }) = (over, &self.state) {
             let key = *key;
             self.part();
-            self.unmet(key, causes(end));
+            self.unmet(key);
         } else {
             self.lose(&causes(end));
         }
@@ -308,12 +318,13 @@ impl Pair {
         if let State::Met { key, .. } = self.state {
             tracing::warn!(why, "goes on without the other culler");
             self.part();
-            self.unmet(key, why.to_owned());
+            self.unmet(key);
         }
     }
 
-    fn unmet(&mut self, key: SessionKey, why: String) {
+    /// The display hears that it is so, and not why: that may tell of a network where it has no business.
+    fn unmet(&mut self, key: SessionKey) {
         self.state = State::Single;
-        self.unsaid = Some(RoleMessage::Unmet { key, why });
+        self.unsaid = Some(RoleMessage::Unmet { key });
     }
 }

@@ -10,15 +10,17 @@ const KEPT: usize = 4;
 /// The last view states that a culler was told of, newest at the end.
 #[derive(Debug)]
 pub(super) struct Views {
+    /// How many objects the scene has: a set of them takes no more memory than that.
+    objects: u32,
     known: VecDeque<(ViewVersion, Arc<ViewState>)>,
     reader: ViewReader,
 }
 
 impl Views {
     /// Knows what the handshake says.
-    pub(super) fn new(settings: Settings) -> Self {
+    pub(super) fn new(settings: Settings, objects: u32) -> Self {
         let first = (ViewVersion(0), Arc::new(settings.into()));
-        Self { known: [first].into(), reader: ViewReader::default() }
+        Self { objects, known: [first].into(), reader: ViewReader::default() }
     }
 
     /// Takes a part of one.
@@ -29,6 +31,9 @@ impl Views {
         last: bool,
     ) -> Result<(), ViewStateError> {
         if let Some(state) = self.reader.take(version, part, last)? {
+            if let Some(object) = state.last_named().filter(|object| *object >= self.objects) {
+                return Err(ViewStateError::Unknown { object, objects: self.objects });
+            }
             self.known.retain(|(known, _)| *known != version);
             self.known.push_back((version, Arc::new(state)));
             if self.known.len() > KEPT {
@@ -53,7 +58,7 @@ mod tests {
     fn the_last_four_are_known_whichever_came_again() {
         let settings = Settings::new(Viewport::new(8, 8).unwrap(), LodRule::new(1.0).unwrap());
         let state = |side| ViewState { viewport: Viewport::new(side, side).unwrap(), ..settings.into() };
-        let mut views = Views::new(settings);
+        let mut views = Views::new(settings, 0);
         let mut tell = |version: u32| {
             for message in state(version + 8).to_messages(ViewVersion(version)).unwrap() {
                 let RoleMessage::View { version, part, last } = message else { panic!("{message:?}") };

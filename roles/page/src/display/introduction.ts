@@ -13,14 +13,15 @@ export class Introduction {
   readonly #onMet: () => number;
   readonly #onOver: (outcome: Outcome) => void;
   readonly #key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
-  #state: "meeting" | "switching" | "over" = "meeting";
+  readonly #endpoint: string;
+  #state: "asking" | "meeting" | "switching" | "over" = "asking";
   /** Who has said what is waited for. */
   readonly #heard = new Set<number>();
   readonly #timer: ReturnType<typeof setTimeout>;
 
   /**
-   * Asks the cullers 0 and 1 to meet at an endpoint. Once they have, `onMet` says from which frame on they
-   * take turns, and deals none until `onOver` tells what came of it.
+   * Asks the cullers 0 and 1 to meet at the endpoint of their service. Once they have, `onMet` says from
+   * which frame on they take turns, and deals none until `onOver` tells what came of it.
    */
   constructor(
     endpoint: string,
@@ -28,9 +29,8 @@ export class Introduction {
     onMet: () => number,
     onOver: (outcome: Outcome) => void,
   ) {
-    [this.#say, this.#onMet, this.#onOver] = [say, onMet, onOver];
+    [this.#endpoint, this.#say, this.#onMet, this.#onOver] = [endpoint, say, onMet, onOver];
     say(1, { what: "meet", key: this.#key, endpoint: undefined });
-    say(0, { what: "meet", key: this.#key, endpoint });
     this.#timer = setTimeout(() => this.#giveUp(), TIMEOUT);
   }
 
@@ -41,6 +41,12 @@ export class Introduction {
     }
     if (message.what === "unmet") {
       this.#giveUp();
+    } else if (this.#state === "asking") {
+      // A culler that nobody waits for is turned away.
+      if (message.what === "waits") {
+        this.#state = "meeting";
+        this.#say(0, { what: "meet", key: this.#key, endpoint: this.#endpoint });
+      }
     } else if (message.what === (this.#state === "meeting" ? "met" : "switched")) {
       this.#heard.add(culler);
       if (this.#heard.size === 2) {

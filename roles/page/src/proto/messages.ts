@@ -8,11 +8,12 @@ export type RoleMessage =
   | { readonly what: "stats"; readonly stats: Stats }
   | { readonly what: "meet"; readonly key: bigint; readonly endpoint: string | undefined }
   | { readonly what: "met"; readonly key: bigint }
-  | { readonly what: "unmet"; readonly key: bigint; readonly why: string }
+  | { readonly what: "unmet"; readonly key: bigint }
   | { readonly what: "switch"; readonly key: bigint; readonly firstFrame: number }
   | { readonly what: "switched"; readonly key: bigint }
   | { readonly what: "part" }
-  | ({ readonly what: "view" } & ViewPart);
+  | ({ readonly what: "view" } & ViewPart)
+  | { readonly what: "waits"; readonly key: bigint };
 
 export function encodeRoleMessage(message: RoleMessage): Uint8Array<ArrayBuffer> {
   const writer = new Writer().variant(WHAT, message.what);
@@ -24,11 +25,10 @@ export function encodeRoleMessage(message: RoleMessage): Uint8Array<ArrayBuffer>
       writer.varint(message.key).option(message.endpoint, (endpoint) => writer.text(endpoint));
       break;
     case "met":
-    case "switched":
-      writer.varint(message.key);
-      break;
     case "unmet":
-      writer.varint(message.key).text(message.why);
+    case "switched":
+    case "waits":
+      writer.varint(message.key);
       break;
     case "switch":
       writer.varint(message.key).varint(message.firstFrame);
@@ -62,10 +62,10 @@ function readMessage(reader: Reader): RoleMessage {
     case "meet":
       return { what, key: reader.varint64(), endpoint: reader.option(() => reader.text()) };
     case "met":
-    case "switched":
-      return { what, key: reader.varint64() };
     case "unmet":
-      return { what, key: reader.varint64(), why: reader.text() };
+    case "switched":
+    case "waits":
+      return { what, key: reader.varint64() };
     case "switch":
       return { what, key: reader.varint64(), firstFrame: reader.varint32() };
     case "part":
@@ -76,4 +76,4 @@ function readMessage(reader: Reader): RoleMessage {
 }
 
 /** What is said, in the order of the numbers. */
-const WHAT = ["stats", "meet", "met", "unmet", "switch", "switched", "part", "view"] as const;
+const WHAT = ["stats", "meet", "met", "unmet", "switch", "switched", "part", "view", "waits"] as const;
