@@ -44,7 +44,8 @@ fn the_scene_is_for_whoever_knows_the_token_and_comes_from_here() {
         assert!(service.ask(&format!("/link{query}"), UPGRADE).starts_with("HTTP/1.1 403"), "{query}");
         assert!(service.ask(&format!("/people{query}"), "").starts_with("HTTP/1.1 403"), "{query}");
     }
-    for asked in ["part?object=0", "children?from=0", "search?text=a", "tile?x=0&z=0"] {
+    let snap = "snap?drawable=0&eye=0,0,9&at=0,0,0&reach=1";
+    for asked in ["part?object=0", "children?from=0", "search?text=a", snap, "tile?x=0&z=0"] {
         let (path, query) = asked.split_once('?').unwrap();
         let told = service.ask(&format!("/{path}?token={TOKEN}&{query}"), "");
         assert!(told.starts_with("HTTP/1.1 200"), "{asked}: {told}");

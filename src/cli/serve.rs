@@ -1,12 +1,12 @@
 //! `trimaran serve`: a scene for whoever comes with a browser or a display.
 
-use std::{io::Write as _, net::SocketAddr, path::Path, sync::Arc};
+use std::{io::Write as _, net::SocketAddr, path::Path, slice, sync::Arc};
 
 use tokio::sync::{mpsc, oneshot};
 use trimaran::{
     config::options,
     culling::CullingMethod,
-    page::{Drive, DriveReport, Pages, SceneDescription, Token},
+    page::{Drive, DriveReport, Pages, SceneDescription, Token, model_name},
 };
 use trimaran_actors::{CullerService, ServiceEndpoints, max_frame};
 use trimaran_transport::{Endpoints, Net, Options, TokioNet};
@@ -26,6 +26,7 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
     let options = options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
     let service = Service {
         scene: &args.scene,
+        name: model_name(slice::from_ref(&args.scene)),
         listen: args.listen,
         token: args.token.clone().map_or(Secret::New, Secret::Given),
         metrics: args.metrics,
@@ -40,6 +41,8 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
 /// A culler and its page, for whoever comes.
 pub(super) struct Service<'s> {
     pub(super) scene: &'s Path,
+    /// What the model is called.
+    pub(super) name: String,
     pub(super) listen: SocketAddr,
     pub(super) token: Secret<'s>,
     pub(super) metrics: Option<SocketAddr>,
@@ -75,7 +78,7 @@ impl Service<'_> {
         let drawn = upload(&file, &gpu_options(device.as_deref(), *gpu_memory, *device_timeout))?;
         let GuestArgs { people, max_picture, depth_memory } = self.guests;
         let max_picture = largest(&drawn, max_picture);
-        let described = SceneDescription::new(self.scene, &file.scene).map_err(Failure::broken)?;
+        let described = SceneDescription::new(self.name, &file.scene).map_err(Failure::broken)?;
         let description = SceneDescription { max_picture, ..described };
         let token = match self.token {
             Secret::Given(token) => Ok(token),

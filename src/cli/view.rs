@@ -10,7 +10,7 @@ use std::{
 use bytesize::ByteSize;
 use trimaran::{
     config::options,
-    page::{DriveReport, WrongPixels},
+    page::{DriveReport, WrongPixels, model_name},
     scene_cache::CachedScene,
 };
 use trimaran_scene::path::PosePath;
@@ -50,6 +50,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
     let address = Address::of(&args.files);
     let service = Service {
         scene: &scene,
+        name: model_name(&args.files),
         listen: address.listen(),
         token: Secret::KeptFor(&address),
         metrics: None,

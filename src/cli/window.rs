@@ -4,7 +4,7 @@ use std::{io::Write as _, path::Path};
 
 use tokio::runtime::Handle;
 use trimaran::{
-    page::SceneDescription,
+    page::{SceneDescription, model_name},
     report::schema::Stat,
     walkthrough::SceneFile,
     window::{
@@ -29,7 +29,7 @@ const EPSILON: f64 = 2.0;
 /// With `drive` it walks along that path by itself, and says how that went.
 pub(super) fn run(args: &ViewArgs, scene: &Path, drive: Option<PosePath>) -> Result<(), Failure> {
     let file = walking::open(scene)?;
-    let about = about(scene, &file)?;
+    let about = about(model_name(&args.files), &file)?;
     show(args, drive, |options, runtime, stop| open(&file.scene, &about, options, runtime, stop))
 }
 
@@ -39,9 +39,9 @@ pub(super) fn run_service(args: &ViewArgs, url: &str) -> Result<(), Failure> {
     show(args, None, |options, runtime, stop| open_service(&service, options, runtime, stop))
 }
 
-fn about(scene: &Path, file: &SceneFile) -> Result<About, Failure> {
+fn about(name: String, file: &SceneFile) -> Result<About, Failure> {
     let SceneDescription { name, has_floors, eye_height, clearance, vfov_deg, start, max_picture, .. } =
-        SceneDescription::new(scene, &file.scene).map_err(Failure::broken)?;
+        SceneDescription::new(name, &file.scene).map_err(Failure::broken)?;
     let (eye, forward) = (start.eye.into(), start.forward.into());
     Ok(About {
         name,

@@ -1,6 +1,6 @@
 //! What the page is told of a scene before anything of it comes: where it lies, and where to begin.
 
-use std::{path::Path, sync::Arc};
+use std::{path::PathBuf, sync::Arc};
 
 use serde::{Serialize, Serializer};
 use trimaran_netsim::Profile;
@@ -18,7 +18,7 @@ use super::extents::{Bounds, core};
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct SceneDescription {
-    /// What the file is called, without its ending.
+    /// What the model is called: see [`model_name`].
     pub name: String,
     /// The scene's fingerprint, 32 hexadecimal digits.
     pub fingerprint: String,
@@ -73,12 +73,24 @@ pub struct Start {
     pub forward: [f64; 3],
 }
 
+/// What a model of these files is called: as the first of them, without its ending.
+#[must_use]
+pub fn model_name(files: &[PathBuf]) -> String {
+    let stem = files.first().and_then(|file| file.file_stem());
+    let name = stem.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    match files.len() {
+        0 | 1 => name,
+        count => format!("{name} and {} more", count - 1),
+    }
+}
+
 impl SceneDescription {
-    /// That of a scene in a file, for pictures of any size. Looks for a place to begin, which takes a moment in a large scene.
+    /// That of a scene of this name, for pictures of any size. Looks for a place to begin, which takes a moment
+    /// in a large scene.
     ///
     /// # Errors
     /// When there is no place, which a scene of any shape has.
-    pub fn new(path: &Path, scene: &Arc<Scene>) -> Result<Self, AutoPathError> {
+    pub fn new(name: String, scene: &Arc<Scene>) -> Result<Self, AutoPathError> {
         let options = AutoPathOptions { frames: 1, teleport: false, ..AutoPathOptions::default() };
         let found = auto(scene, &options)?;
         let (min, max) = scene.nodes().first().map(trimaran_scene::Node::world_box).unwrap_or_default();
@@ -88,7 +100,7 @@ impl SceneDescription {
             forward: pose.map_or([0.0, 0.0, -1.0], |pose| pose.forward().to_array()),
         };
         Ok(Self {
-            name: path.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default(),
+            name,
             fingerprint: format!("{:032x}", scene.outline().hash.0),
             objects: scene.outline().objects,
             min: min.to_array(),
@@ -107,5 +119,18 @@ impl SceneDescription {
                 .map(|Profile { name, about, .. }| Network { name, about })
                 .collect(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_is_called_as_its_files_are() {
+        let name = |files: &[&str]| model_name(&files.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(name(&["models/WD1-PSUP.rvm"]), "WD1-PSUP");
+        assert_eq!(name(&["deck.1.obj", "b.obj", "c.obj"]), "deck.1 and 2 more");
+        assert_eq!(name(&[]), "");
     }
 }

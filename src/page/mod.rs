@@ -11,11 +11,12 @@ mod parts;
 mod people;
 mod questions;
 mod server;
+mod snap;
 mod tiles;
 mod token;
 mod warnings;
 
-pub use description::SceneDescription;
+pub use description::{SceneDescription, model_name};
 pub use drive::{Drive, DriveReport, Moment, WrongPixels};
 pub use extents::Bounds;
 pub use server::{PageError, Pages};

@@ -141,15 +141,16 @@ impl Parts {
         Some(PartList { parts: that_fit(ids.take(CHILDREN).filter_map(|id| self.part(id))), total })
     }
 
-    /// The parts with `text` in their name or in an attribute, whatever its case: groups first, as many as
-    /// fit in an answer. Nothing has no text in it. `None` soon after `is_given_up` says that nobody waits.
-    pub(super) fn search(&self, text: &str, is_given_up: &dyn Fn() -> bool) -> Option<PartList> {
-        let text = text.trim().to_lowercase();
-        if text.is_empty() {
+    /// The parts with `text` in their name or in an attribute, whatever its case and what separates its words:
+    /// groups first, from the one of number `from` on, as many as fit in an answer. Nothing has no text in it.
+    /// `None` soon after `is_given_up` says that nobody waits.
+    pub(super) fn search(&self, text: &str, from: usize, is_given_up: &dyn Fn() -> bool) -> Option<PartList> {
+        let wanted = Wanted::of(text);
+        if wanted.is_empty() {
             return Some(PartList { parts: Vec::new(), total: 0 });
         }
         // Of a text as much as is shown.
-        let has = |word: &str| start(word, VALUE).to_lowercase().contains(&text);
+        let has = |word: &str| wanted.is_in(start(word, VALUE));
         let says = |of: &[Attribute]| of.iter().any(|attribute| has(&attribute.value));
         let is_found = |id: &PartId| match *id {
             PartId::Group(id) => {
@@ -168,10 +169,10 @@ impl Parts {
                 return None;
             }
             if is_found(&id) {
-                total += 1;
-                if found.len() < FOUND {
+                if total >= from && found.len() < FOUND {
                     found.push(id);
                 }
+                total += 1;
             }
         }
         Some(PartList { parts: that_fit(found.into_iter().filter_map(|id| self.part(id))), total })
@@ -254,6 +255,37 @@ fn that_fit<T: Serialize>(all: impl Iterator<Item = T>) -> Vec<T> {
     all.take_while(fits).collect()
 }
 
+/// A text that is looked for.
+#[derive(Debug)]
+struct Wanted {
+    /// Without case.
+    whole: String,
+    /// Without separators as well; empty where there is nothing else in it.
+    bare: String,
+}
+
+impl Wanted {
+    fn of(text: &str) -> Self {
+        let whole = text.trim().to_lowercase();
+        Self { bare: bare(&whole), whole }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.whole.is_empty()
+    }
+
+    /// Whether a name or a value has it in it: `20 ce50` is in `20-CE50/A`.
+    fn is_in(&self, word: &str) -> bool {
+        let word = word.to_lowercase();
+        word.contains(&self.whole) || (!self.bare.is_empty() && bare(&word).contains(&self.bare))
+    }
+}
+
+/// Without what separates words: names of parts are written with one separator here and another there.
+fn bare(text: &str) -> String {
+    text.chars().filter(|letter| letter.is_alphanumeric()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use trimaran_cook::{
@@ -328,11 +360,44 @@ mod tests {
     #[test]
     fn a_search_finds_names_and_attributes_whatever_their_case() {
         let parts = parts();
-        assert_eq!(ids(&parts.search(" zone ", &|| false).unwrap()), [("group", 1), ("group", 3)]);
-        assert_eq!(ids(&parts.search("p-101", &|| false).unwrap()), [("object", 3)]);
-        assert_eq!(parts.search("", &|| false).unwrap().total, 0);
-        let all = parts.search("a", &|| false).unwrap();
+        assert_eq!(ids(&parts.search(" zone ", 0, &|| false).unwrap()), [("group", 1), ("group", 3)]);
+        assert_eq!(ids(&parts.search("p-101", 0, &|| false).unwrap()), [("object", 3)]);
+        assert_eq!(parts.search("", 0, &|| false).unwrap().total, 0);
+        let all = parts.search("a", 0, &|| false).unwrap();
         assert!(all.parts.len() <= FOUND && all.total >= all.parts.len());
+    }
+
+    #[test]
+    fn a_search_forgives_separators() {
+        let parts = parts();
+        let found = |text| parts.search(text, 0, &|| false).unwrap();
+        for text in ["P 101A", "p101a", "P_101.A", "p/101-a", "101 a"] {
+            assert_eq!(ids(&found(text)), [("object", 3)], "{text}");
+        }
+        assert_eq!(ids(&found("pipe 7")), [("group", 2)]);
+        // A separator alone is looked for as it is.
+        assert_eq!(ids(&found("/")), [("group", 1), ("group", 2), ("group", 3)]);
+        assert_eq!(found("p 102").total, 0);
+    }
+
+    #[test]
+    fn all_that_a_search_finds_comes_answer_by_answer() {
+        let mut model: Model = plant(&PlantOptions::small(7));
+        let one = model.objects[0].clone();
+        model.hierarchy.groups.clear();
+        let named = |number| trimaran_cook::Object { name: format!("20-CE{number}"), ..one.clone() };
+        model.objects = (0..250).map(named).collect();
+        let scene = cook(&model, &CookOptions::default(), &()).unwrap();
+        let parts = Parts::new(Arc::new(scene)).unwrap();
+        let mut found = Vec::new();
+        while found.len() < 250 {
+            let answer = parts.search("20 ce", found.len(), &|| false).unwrap();
+            assert_eq!(answer.total, 250);
+            assert!(!answer.parts.is_empty() && answer.parts.len() <= FOUND);
+            found.extend(answer.parts.into_iter().map(|part| part.id));
+        }
+        assert!(found.iter().copied().eq(0..250), "each once, in order: {found:?}");
+        assert!(parts.search("20 ce", 250, &|| false).unwrap().parts.is_empty());
     }
 
     /// Pages of a list go through all of it, whatever is between the groups.
@@ -385,9 +450,9 @@ mod tests {
             );
             told += some.parts.len();
         }
-        let found = parts.search("\u{1}\u{1}", &|| false).unwrap();
+        let found = parts.search("\u{1}\u{1}", 0, &|| false).unwrap();
         assert!(found.total == count as usize + 1 && length(serde_json::to_vec(&found)) < 1 << 20);
-        assert_eq!(parts.search("a", &|| true), None);
+        assert_eq!(parts.search("a", 0, &|| true), None);
     }
 
     #[test]

@@ -13,6 +13,7 @@ use trimaran_scene::{ReadError, Scene, heightfield::Heightfield};
 use super::{
     parts::{PartId, Parts},
     server::{Body, file, plain},
+    snap::Pointing,
     tiles::Tiles,
 };
 
@@ -24,7 +25,8 @@ const LONGEST: usize = 1 << 20;
 pub(super) enum Question {
     Part(PartId),
     Children { group: Option<u32>, from: usize },
-    Search(String),
+    Search { text: String, from: usize },
+    Snap(Pointing),
     Tile { x: i32, z: i32 },
 }
 
@@ -47,16 +49,17 @@ impl Question {
     ) -> Option<Self> {
         let query: Vec<_> = query.into_iter().collect();
         let value = |name: &str| query.iter().find(|(known, _)| known == name).map(|(_, value)| &**value);
+        let from = || value("from").map(str::parse).transpose().ok().map(Option::unwrap_or_default);
         Some(match path {
             "/part" => Self::Part(match value("group") {
                 Some(group) => PartId::Group(group.parse().ok()?),
                 None => PartId::Object(value("object")?.parse().ok()?),
             }),
-            "/children" => Self::Children {
-                group: value("group").map(str::parse).transpose().ok()?,
-                from: value("from").map(str::parse).transpose().ok()?.unwrap_or(0),
-            },
-            "/search" => Self::Search(value("text")?.to_owned()),
+            "/children" => {
+                Self::Children { group: value("group").map(str::parse).transpose().ok()?, from: from()? }
+            }
+            "/search" => Self::Search { text: value("text")?.to_owned(), from: from()? },
+            "/snap" => Self::Snap(Pointing::parse(|name| value(name).map(Cow::Borrowed))?),
             "/tile" => Self::Tile { x: value("x")?.parse().ok()?, z: value("z")?.parse().ok()? },
             _ => return None,
         })
@@ -101,7 +104,12 @@ impl Answers {
         Some(match question {
             Question::Part(id) => json(self.parts.details(*id)),
             Question::Children { group, from } => json(self.parts.children(*group, *from)),
-            Question::Search(text) => json(Some(self.parts.search(text, is_given_up)?)),
+            Question::Search { text, from } => json(Some(self.parts.search(text, *from, is_given_up)?)),
+            Question::Snap(pointing) => match pointing.snap(&self.scene) {
+                // Nothing is an answer as well.
+                Ok(snapped) => json(Some(snapped)),
+                Err(fault) => self.unread(&fault),
+            },
             Question::Tile { x, z } => match self.heightfield.tile_unless(&self.scene, *x, *z, is_given_up) {
                 Ok(made) => {
                     let made = made?;
@@ -112,12 +120,14 @@ impl Answers {
                     }
                     tile(bytes)
                 }
-                Err(fault) => {
-                    self.is_told.call_once(|| tracing::warn!("{fault}"));
-                    plain(StatusCode::INTERNAL_SERVER_ERROR, "the scene's file cannot be read\n")
-                }
+                Err(fault) => self.unread(&fault),
             },
         })
+    }
+
+    fn unread(&self, fault: &ReadError) -> Response<Body> {
+        self.is_told.call_once(|| tracing::warn!("{fault}"));
+        plain(StatusCode::INTERNAL_SERVER_ERROR, "the scene's file cannot be read\n")
     }
 }
 
@@ -147,7 +157,9 @@ mod tests {
         let children = |group, from| Some(Question::Children { group, from });
         assert_eq!(ask("/children", "from=0"), children(None, 0));
         assert_eq!(ask("/children", "group=3&from=500"), children(Some(3), 500));
-        assert_eq!(ask("/search", "text=P-101%20A%26B"), Some(Question::Search("P-101 A&B".into())));
+        let search = |text: &str, from| Some(Question::Search { text: text.to_owned(), from });
+        assert_eq!(ask("/search", "text=P-101%20A%26B"), search("P-101 A&B", 0));
+        assert_eq!(ask("/search", "from=100&text=P"), search("P", 100));
         assert_eq!(ask("/tile", "x=-3&z=0"), Some(Question::Tile { x: -3, z: 0 }));
         for (path, query) in [
             ("/part", ""),

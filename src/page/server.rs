@@ -267,7 +267,9 @@ impl Pages {
         let question = Question::parse(path, query);
         match path {
             "/link" => self.link(request, net),
-            "/scene" | "/part" | "/children" | "/search" | "/tile" if !self.knows_token(request) => {
+            "/scene" | "/part" | "/children" | "/search" | "/snap" | "/tile"
+                if !self.knows_token(request) =>
+            {
                 wrong_token().into()
             }
             "/scene" => file("application/json", self.0.scene.clone()).into(),

@@ -4,8 +4,7 @@ import "./page.css";
 import { drive } from "./drive/drive.ts";
 import { showPanels } from "./panels/app.tsx";
 import { Service } from "./service/service.ts";
-import { decodeViewpoint } from "./tools/viewpoint.ts";
-import { goTo } from "./tools/viewsPanel.tsx";
+import { followLink } from "./tools/viewsPanel.tsx";
 import { OTHER_SCENE, Viewer } from "./viewer/viewer.ts";
 import { messageOf } from "./wire/errors.ts";
 
@@ -35,12 +34,9 @@ async function begin(): Promise<void> {
       sessionStorage.removeItem(OTHER_SCENE);
       viewer.said.value = `The service shows another model now: ${scene.name}.`;
     }
-    const viewpoint = location.hash.startsWith("#v=") && decodeViewpoint(location.hash.slice(3));
-    if (viewpoint) {
-      goTo(viewer, viewpoint);
-    } else if (location.hash.startsWith("#v=")) {
-      viewer.said.value = "The view in the address cannot be read.";
-    }
+    followLink(viewer, new URL(location.href));
+    // A link that is put into the address of this page does not load it again.
+    addEventListener("hashchange", ({ newURL }) => followLink(viewer, new URL(newURL)));
     if (isDriven) {
       await drive(viewer, service);
     }

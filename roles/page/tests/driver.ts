@@ -23,7 +23,20 @@ type Command =
   /** The eye goes there, and walks from there on. */
   | { readonly do: "stand"; readonly eye: Point; readonly forward: Point }
   | { readonly do: "type"; readonly text: string }
-  | { readonly do: "click"; readonly x: number; readonly y: number }
+  | { readonly do: "click"; readonly x: number; readonly y: number; readonly keys?: readonly string[] }
+  | { readonly do: "move"; readonly x: number; readonly y: number }
+  /** Where a point of the world shows, in CSS pixels. */
+  | { readonly do: "point"; readonly point: Point }
+  /** The button with this label. */
+  | { readonly do: "label"; readonly name: string }
+  /** The button of this name, which downloads: under which name. */
+  | { readonly do: "download"; readonly name: string }
+  | { readonly do: "file"; readonly selector: string; readonly name: string; readonly text: string }
+  /** What each of these elements says. */
+  | { readonly do: "text"; readonly selector: string }
+  /** Whether each of these elements can be seen: it lies within the element around it that scrolls. */
+  | { readonly do: "visible"; readonly selector: string; readonly within: string }
+  | { readonly do: "clipboard" }
   /** The first button whose text begins so. */
   | { readonly do: "button"; readonly name: string }
   | { readonly do: "choose"; readonly label: string; readonly value: string }
@@ -88,6 +101,7 @@ const browser = await chromium.launch({
   ],
 });
 const page = await browser.newPage({ viewport: { width, height }, hasTouch: isTouch, isMobile: isTouch });
+await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
 const faults: string[] = [];
 page.on("pageerror", (error) => faults.push(String(error.stack ?? error)));
 page.on("console", (message) => {
@@ -126,8 +140,52 @@ async function run(command: Command, page: Page): Promise<unknown> {
       await page.keyboard.type(command.text);
       return true;
     case "click":
+      for (const key of command.keys ?? []) {
+        await page.keyboard.down(key);
+      }
       await page.mouse.click(command.x, command.y);
+      for (const key of command.keys ?? []) {
+        await page.keyboard.up(key);
+      }
       return true;
+    case "move":
+      await page.mouse.move(command.x, command.y);
+      return true;
+    case "point":
+      return page.evaluate(({ point }) => {
+        const place = window.trimaran?.projection.place(point);
+        return place && [place.x, place.y];
+      }, command);
+    case "label":
+      await page.getByLabel(command.name, { exact: true }).first().click();
+      return true;
+    case "download": {
+      const button = page.getByRole("button", { name: command.name, exact: true });
+      const [download] = await Promise.all([page.waitForEvent("download"), button.click()]);
+      return download.suggestedFilename();
+    }
+    case "file": {
+      const { selector, name, text } = command;
+      const file = { name, mimeType: "application/json", buffer: Buffer.from(text) };
+      await page.locator(selector).setInputFiles(file);
+      return true;
+    }
+    case "text":
+      return page.evaluate(
+        ({ selector }) =>
+          [...document.querySelectorAll<HTMLElement>(selector)].map((one) => one.textContent ?? ""),
+        command,
+      );
+    case "visible":
+      return page.evaluate(({ selector, within }) => {
+        const around = document.querySelector(within)?.getBoundingClientRect();
+        const boxes = [...document.querySelectorAll(selector)].map((one) => one.getBoundingClientRect());
+        return boxes.map(({ top, bottom }) => {
+          return around !== undefined && top >= around.top - 1 && bottom <= around.bottom + 1;
+        });
+      }, command);
+    case "clipboard":
+      return page.evaluate(() => navigator.clipboard.readText());
     case "button":
       await page
         .locator("button", { hasText: new RegExp(`^${command.name}`) })

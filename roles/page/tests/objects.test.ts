@@ -1,7 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { hide, isolate, show, showAll, toggleSeeThrough, told, visibility } from "../src/objects/actions.ts";
-import { metres } from "../src/objects/detailsPanel.tsx";
+import { lengthText, measuredText } from "../src/objects/lengths.ts";
+import { around } from "../src/objects/selection.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
 import { ViewHistory, WHOLE } from "../src/viewer/viewHistory.ts";
 
@@ -24,6 +25,7 @@ test("sets are joined and taken from each other as lists of numbers are", () => 
         a.covers(b),
         right.every((object) => left.includes(object)),
       );
+      assert.equal(a.isApartFrom(b), !right.some((object) => left.includes(object)));
     }
     assert.equal(a.size, [...a].length);
   }
@@ -47,6 +49,9 @@ test("what is hidden, isolated and shown again is drawn or not", () => {
   assert.ok(view.seeThrough.has(3));
   view = { ...view, ...toggleSeeThrough(view, pipe) };
   assert.ok(view.seeThrough.isEmpty);
+  const plane = { kind: "plane", point: [0, 0, 0], direction: [0, 1, 0] } as const;
+  view = { ...view, sections: [plane] };
+  assert.equal(told(view), "cut by 1 section, only 9 shown, 2 hidden");
   view = { ...view, ...showAll() };
   assert.deepEqual([drawn(), told(view)], [["all", "all", "all"], ""]);
 });
@@ -80,12 +85,53 @@ test("changes are taken back one by one, and a drag is one", () => {
   assert.equal(steps, 100);
 });
 
-test("lengths have three digits, in metres or millimetres", () => {
-  assert.deepEqual([12.3456, 1, 0.0754, 8.77e-6, 0].map(metres), [
-    "12.3 m",
-    "1 m",
-    "75.4 mm",
-    "0.01 mm",
-    "0 mm",
-  ]);
+test("lengths are of whole millimetres, and small ones finer", () => {
+  const lengths = [12.345, 101.26, 12.3456, 1, 0.0754, 8.77e-6, 0, -1.25];
+  assert.deepEqual(
+    lengths.map((length) => lengthText(length, "m")),
+    ["12.345 m", "101.260 m", "12.346 m", "1.000 m", "0.075 m", "0.00001 m", "0.000 m", "-1.250 m"],
+  );
+  assert.deepEqual(
+    lengths.map((length) => lengthText(length, "mm")),
+    ["12345 mm", "101260 mm", "12346 mm", "1000 mm", "75 mm", "0.01 mm", "0 mm", "-1250 mm"],
+  );
+  assert.deepEqual(
+    [0.3048, 12.345, 0.0254, 0.30479999, 0, 0.00254].map((length) => lengthText(length, "ft-in")),
+    ["1' 0.00\"", "40' 6.02\"", '1.00"', "1' 0.00\"", '0.00"', '0.1000"'],
+  );
+});
+
+test("what a length may be off is said, where it is half a millimetre or more", () => {
+  assert.equal(measuredText(12.345, 0, "m"), "12.345 m");
+  assert.equal(measuredText(12.345, 0.000_49, "m"), "12.345 m");
+  assert.equal(measuredText(12.345, 0.0371, "m"), "12.345 m ± 0.038 m");
+  assert.equal(measuredText(12.345, 0.0371, "mm"), "12345 mm ± 38 mm");
+  assert.equal(measuredText(12.345, undefined, "m"), "about 12.345 m");
+});
+
+test("a change of what is measured is a step, and what is corrected of it is none", () => {
+  const history = new ViewHistory();
+  const end = (x: number, error: number) => ({ point: [x, 0, 0] as const, error });
+  const [coarse, fine] = [end(1, 0.5), end(2, 0)];
+  const seen = history.seen.value;
+  history.change({ distances: [{ from: coarse, to: end(3, 0) }] });
+  history.change({ distances: [] });
+  history.amend(({ distances }) => ({
+    distances: distances.map((one) => (one.from === coarse ? { ...one, from: fine } : one)),
+  }));
+  assert.equal(history.seen.value, seen, "a culler is not told");
+  history.undo();
+  assert.deepEqual(history.current.value.distances, [{ from: fine, to: end(3, 0) }]);
+  history.undo();
+  assert.deepEqual([history.current.value.distances, history.canUndo.value], [[], false]);
+  history.change({ hidden: ObjectSet.of([1]) });
+  assert.notEqual(history.seen.value, seen);
+});
+
+test("the box around parts is around each", () => {
+  assert.equal(around([]), undefined);
+  const one = { min: [0, 1, 2], max: [3, 4, 5] } as const;
+  const two = { min: [-1, 2, 2], max: [2, 9, 4] } as const;
+  assert.deepEqual(around([one]), one);
+  assert.deepEqual(around([one, two]), { min: [-1, 1, 2], max: [3, 9, 5] });
 });

@@ -20,7 +20,7 @@ async function asked(answers: readonly (readonly [status: number, after?: string
   const { port } = server.address() as AddressInfo;
   try {
     const service = new Service(`http://127.0.0.1:${port}/?token=0123456789abcdef`);
-    const total = await service.search("a").then(
+    const total = await service.search("a", 0).then(
       (parts) => parts.total,
       (error: unknown) => (error as Error).message,
     );

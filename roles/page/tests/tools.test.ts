@@ -7,8 +7,16 @@ import { ObjectSet } from "../src/proto/objectSet.ts";
 import type { Point, Section } from "../src/proto/viewState.ts";
 import { KeptViewpoints, ViewpointsError } from "../src/tools/kept.ts";
 import { pathJson } from "../src/tools/recording.ts";
-import { boxAround, flipped, moved, planeFacing, replaced, resized } from "../src/tools/sections.ts";
-import { decodeViewpoint, encodeViewpoint, type Viewpoint } from "../src/tools/viewpoint.ts";
+import {
+  boxAround,
+  flipped,
+  isCutAway,
+  moved,
+  planeFacing,
+  replaced,
+  resized,
+} from "../src/tools/sections.ts";
+import { decodeViewpoint, encodeViewpoint, foreign, type Viewpoint } from "../src/tools/viewpoint.ts";
 
 const BOX: Section = { kind: "box", lower: [-1, -2, -3], upper: [1, 2, 3] };
 
@@ -64,17 +72,23 @@ test("a box has room around what it is for, and is never turned inside out", () 
   assert.deepEqual(replaced([BOX, box], 1, BOX), [BOX, BOX]);
 });
 
+const SCENE = { name: "Huldra åäö", fingerprint: "00e13c54a9b87d610f2233445566778a" };
+
 const VIEWPOINT: Viewpoint = {
+  scene: SCENE,
   eye: [1e6 + 1 / 3, -2, 0.1],
   forward: [0, 0.6, -0.8],
   vfovDeg: 55.5,
+  mode: "orbit",
   view: {
     sections: [BOX, { kind: "plane", point: [0, 1, 0], direction: [0, 1, 0] }],
     hidden: ObjectSet.of([1, 2, 3, 700_000]),
     isolated: ObjectSet.run(5, 100_000),
     seeThrough: ObjectSet.EMPTY,
+    distances: [
+      { from: { point: [1e6, 0, 0.1], error: 0.02 }, to: { point: [1e6, 2, 0], error: undefined } },
+    ],
   },
-  distances: [{ from: [1e6, 0, 0.1], to: [1e6, 2, 0] }],
 };
 
 test("a viewpoint is the same behind its text, which needs no quoting in an address", () => {
@@ -84,14 +98,15 @@ test("a viewpoint is the same behind its text, which needs no quoting in an addr
   assert.deepEqual(decodeViewpoint(text), VIEWPOINT);
   const whole = { ...VIEWPOINT, view: { ...VIEWPOINT.view, isolated: undefined } };
   assert.deepEqual(decodeViewpoint(encodeViewpoint(whole)), whole);
-  for (const wrong of ["", "x", "äö", text.slice(0, -4), `${text}AAAA`, `C${text.slice(1)}`]) {
+  for (const wrong of ["", "x", "äö", text.slice(0, -4), `${text}AAAA`, `AQ${text.slice(2)}`]) {
     assert.equal(decodeViewpoint(wrong), undefined, wrong);
   }
   // A count of distances that no memory holds.
   const bytes = [
     ...Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0)),
   ];
-  bytes.splice(57, 1, 255, 255, 255, 255, 255, 255, 255, 15);
+  assert.equal(bytes[88], 1, "a count of one distance");
+  bytes.splice(88, 1, 255, 255, 255, 255, 255, 255, 255, 15);
   const many = btoa(String.fromCharCode(...bytes))
     .replaceAll("+", "-")
     .replaceAll("/", "_")
@@ -108,26 +123,41 @@ test("a viewpoint may hide any number of objects", () => {
   assert.deepEqual(decodeViewpoint(encodeViewpoint(large)), large);
 });
 
-test("viewpoints are read from a file that is right, and a wrong one changes nothing", () => {
-  const kept = new KeptViewpoints("0");
+test("a viewpoint of another scene says which", () => {
+  assert.equal(foreign(VIEWPOINT, SCENE), undefined);
+  const other = { name: "city", fingerprint: "99e13c54a9b87d610f2233445566778a" };
+  assert.match(foreign(VIEWPOINT, other) ?? "", /“Huldra åäö” .*00e13c54.* this is “city” .*99e13c54/);
+  assert.match(foreign(VIEWPOINT, { ...other, name: SCENE.name }) ?? "", /has changed since/);
+});
+
+test("viewpoints are read from a file that is right, and a wrong one changes nothing and says why", () => {
+  const kept = new KeptViewpoints(SCENE);
   kept.add({ name: "pump", thumbnail: "data:image/jpeg;base64,AA", viewpoint: VIEWPOINT });
   const json = kept.toJson();
-  const other = new KeptViewpoints("1");
+  const other = new KeptViewpoints(SCENE);
   other.addJson(json);
   other.addJson(json);
-  assert.deepEqual(other.list.value, [...kept.list.value, ...kept.list.value]);
+  const [pump] = kept.list.value;
+  assert.ok(pump);
+  assert.deepEqual(other.list.value, [pump, { ...pump, name: "pump (2)" }]);
   const view = encodeViewpoint(VIEWPOINT);
+  const foreignView = encodeViewpoint({ ...VIEWPOINT, scene: { name: "city", fingerprint: "9".repeat(32) } });
   for (const [wrong, why] of [
-    ["{", /no JSON/],
-    ["{}", /a list/],
-    ['[{"name":"a"}]', /viewpoint 0/],
-    [`[{"name":"a","view":"${view}"},{"name":7,"view":"${view}"}]`, /viewpoint 1/],
-    [`[${Array(201).fill("{}")}]`, /at most 200/],
-    ["[null]", /viewpoint 0/],
+    ["{", /not JSON/],
+    ["{}", /no list of views/],
+    ["7", /no list of views/],
+    ['[{"name":"a"}]', /view “a” needs a "name" and a "view"/],
+    [`[{"name":"a","view":"${view}"},{"name":7,"view":"${view}"}]`, /view number 2 needs/],
+    [`[{"name":"a","view":"${view.slice(4)}"}]`, /view “a” is damaged/],
+    [`[{"name":"a","view":"${view}"},{"name":"b","view":"${foreignView}"}]`, /“b”: .*“city”.*“Huldra/],
+    [`[${Array(201).fill("{}")}]`, /has 201 views: 200/],
+    [`[${Array(199).fill(`{"name":"a","view":"${view}"}`)}]`, /more than 200/],
+    ["[null]", /view number 1 needs/],
   ] as const) {
     assert.throws(
       () => other.addJson(wrong),
       (error) => error instanceof ViewpointsError && why.test(error.message),
+      wrong.slice(0, 100),
     );
     assert.equal(other.list.value.length, 2);
   }
@@ -137,6 +167,42 @@ test("viewpoints are read from a file that is right, and a wrong one changes not
   assert.ok(first);
   other.remove(first);
   assert.equal(other.list.value.length, 2);
+});
+
+test("no two viewpoints are called the same", () => {
+  const kept = new KeptViewpoints(SCENE);
+  const names = () => kept.list.value.map(({ name }) => name);
+  const add = (name?: string) => kept.add({ ...(name && { name }), thumbnail: "", viewpoint: VIEWPOINT });
+  add();
+  add();
+  add();
+  const [first, second, third] = kept.list.value;
+  assert.ok(first && second && third);
+  kept.remove(second);
+  add();
+  assert.deepEqual(names(), ["View 1", "View 3", "View 4"]);
+  kept.rename(first, "  pump ");
+  kept.rename(third, "pump");
+  assert.deepEqual(names(), ["pump", "pump (2)", "View 4"]);
+  const [pump] = kept.list.value;
+  assert.ok(pump);
+  kept.rename(pump, " ");
+  kept.rename(pump, "pump");
+  assert.deepEqual(names(), ["pump", "pump (2)", "View 4"]);
+});
+
+test("a point beyond a section is cut away, and one on it is not", () => {
+  const plane: Section = { kind: "plane", point: [0, 1, 0], direction: [0, 3, 0] };
+  for (const [point, isCut] of [
+    [[0, 1.01, 0], true],
+    [[0, 1 + 1e-9, 0], false],
+    [[0, 0.5, 0], false],
+    [[1.01, 0.5, 0], true],
+    [[1, 0.5, -3], false],
+  ] as const) {
+    assert.equal(isCutAway([BOX, plane], point), isCut, `${point}`);
+  }
+  assert.equal(isCutAway([], [9, 9, 9]), false);
 });
 
 test("a recorded walk is a camera path as the program reads it", () => {

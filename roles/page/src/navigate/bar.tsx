@@ -21,15 +21,15 @@ const HELP: readonly (readonly [string, string])[] = [
   ["PageUp, PageDown", "look up and down"],
   ["1, 2, 3", "walk, fly, orbit"],
   ["+, −", "field of view"],
-  ["click", "pick an object; with Ctrl one more"],
+  ["click", "pick an object; with Ctrl or Shift one more"],
   ["F, H, I, X", "go there, hide, isolate, see-through"],
-  ["Shift+H", "show all"],
+  ["Shift+H", "show all, and cut nothing"],
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
   ["/", "search"],
   ["T, B, M, V, P", "the model as a tree, sections, distances, views, status"],
   ["Home", "see the whole model"],
   ["no key", "edges of objects come once the picture rests"],
-  ["Escape", "back to the picture; pick nothing"],
+  ["Escape", "back to the picture; take back a point; pick nothing"],
   ["Tab; arrows and Space", "the next control; use it"],
 ];
 

@@ -14,7 +14,8 @@ import { isForControl } from "./typing.ts";
 import { Walk } from "./walk.ts";
 
 /** On the ground, freely through everything, or round what is pointed at. */
-export type Mode = "walk" | "fly" | "orbit";
+export const MODES = ["walk", "fly", "orbit"] as const;
+export type Mode = (typeof MODES)[number];
 
 /** How fast the eye turns with the keys, radians a second. */
 const TURN = 1.6;

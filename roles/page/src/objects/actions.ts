@@ -29,9 +29,9 @@ export function toggleSeeThrough(view: UserView, objects: ObjectSet): Change {
   return { seeThrough: seeThrough.covers(objects) ? seeThrough.minus(objects) : seeThrough.union(objects) };
 }
 
-/** All objects are drawn as they are. */
+/** All objects are drawn as they are, and nothing is cut away. */
 export function showAll(): Change {
-  return { hidden: Objects.EMPTY, isolated: undefined, seeThrough: Objects.EMPTY };
+  return { hidden: Objects.EMPTY, isolated: undefined, seeThrough: Objects.EMPTY, sections: [] };
 }
 
 /** How much of these is drawn. */
@@ -41,9 +41,10 @@ export function visibility(view: UserView, objects: ObjectSet): "all" | "some" |
   return drawn.isEmpty ? "none" : drawn.size === objects.size ? "all" : "some";
 }
 
-/** What is changed of objects, in a few words; empty where all are drawn as they are. */
-export function told({ hidden, isolated, seeThrough }: UserView): string {
+/** What of the model is not drawn as it is, in a few words; empty where all is. */
+export function told({ sections, hidden, isolated, seeThrough }: UserView): string {
   const parts = [
+    sections.length > 0 && `cut by ${sections.length} ${sections.length === 1 ? "section" : "sections"}`,
     isolated && `only ${isolated.size} shown`,
     !hidden.isEmpty && `${hidden.size} hidden`,
     !seeThrough.isEmpty && `${seeThrough.size} see-through`,

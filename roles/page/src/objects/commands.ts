@@ -2,10 +2,11 @@
 
 import type { ObjectSet } from "../proto/objectSet.ts";
 import type { PartDetails } from "../service/service.ts";
+import type { Measuring } from "../tools/measuring.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { type Change, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
 import { tellIfHidden } from "./reveal.ts";
-import type { Selection } from "./selection.ts";
+import { around, type Selection } from "./selection.ts";
 
 export interface Command {
   readonly label: string;
@@ -16,7 +17,7 @@ export interface Command {
 }
 
 /** What can be done to what is picked, and to the view. */
-export function commandsOf(viewer: Viewer, selection: Selection): readonly Command[] {
+export function commandsOf(viewer: Viewer, selection: Selection, measuring: Measuring): readonly Command[] {
   const { view, selected } = viewer;
   const hasSelection = () => !selected.value.isEmpty;
   const change = (make: (objects: ObjectSet) => Change) => () => view.change(make(selected.peek()));
@@ -24,7 +25,7 @@ export function commandsOf(viewer: Viewer, selection: Selection): readonly Comma
     {
       label: "Go there",
       key: "F",
-      run: () => goTo(viewer, selection.details.peek()),
+      run: () => goToAll(viewer, selection.parts.peek()),
       isPossible: hasSelection,
     },
     { label: "Whole model", key: "Home", run: () => seeAll(viewer), isPossible: () => true },
@@ -50,7 +51,16 @@ export function commandsOf(viewer: Viewer, selection: Selection): readonly Comma
       isPossible: hasSelection,
     },
     { label: "Show all", key: "Shift+H", run: () => view.change(showAll()), isPossible: () => true },
-    { label: "Undo", key: "Ctrl+Z", run: () => view.undo(), isPossible: () => view.canUndo.value },
+    {
+      label: "Undo",
+      key: "Ctrl+Z",
+      run: () => {
+        if (!measuring.takeBack()) {
+          view.undo();
+        }
+      },
+      isPossible: () => measuring.start.value !== undefined || view.canUndo.value,
+    },
     { label: "Redo", key: "Ctrl+Y", run: () => view.redo(), isPossible: () => view.canRedo.value },
   ];
 }
@@ -60,6 +70,16 @@ export function goTo(viewer: Viewer, part: PartDetails | undefined): void {
   if (part !== undefined) {
     viewer.navigator.frame(part.core, part.sides);
     void tellIfHidden(viewer, part);
+  }
+}
+
+/** Goes to where all of these are seen. */
+function goToAll(viewer: Viewer, parts: readonly PartDetails[]): void {
+  const box = around(parts.map(({ core }) => core));
+  if (box !== undefined && parts.length > 1) {
+    viewer.navigator.frame(box);
+  } else {
+    goTo(viewer, parts[0]);
   }
 }
 

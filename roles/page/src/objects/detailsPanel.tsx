@@ -1,6 +1,7 @@
 /** What is known of the part that is picked. */
 
 import type { Part, PartDetails } from "../service/service.ts";
+import { lengthText, unit } from "./lengths.ts";
 import type { Selection } from "./selection.ts";
 
 export function DetailsPanel({ selection }: { readonly selection: Selection }) {
@@ -16,6 +17,7 @@ export function DetailsPanel({ selection }: { readonly selection: Selection }) {
           ×
         </button>
       </header>
+      {selection.count.value > 1 && <p>The last of {selection.count.value} that are picked.</p>}
       <nav aria-label="Path">
         {details.path.map((part) => (
           <button type="button" class="link" key={part.id} onClick={() => void selection.pick(part)}>
@@ -47,17 +49,10 @@ function rows(details: PartDetails): readonly (readonly [string, string])[] {
   const objects = details.end - details.first;
   const left = details.attributeCount - details.attributes.length;
   return [
-    ["size", `${sides.map(metres).join(" × ")}`],
+    ["size", sides.map((side) => lengthText(side, unit.value)).join(" × ")],
     ["triangles", details.triangles.toLocaleString("en")],
     ...(details.kind === "group" ? [["objects", objects.toLocaleString("en")] as const] : []),
     ...details.attributes,
     ...(left > 0 ? [["and", `${left.toLocaleString("en")} more attributes`] as const] : []),
   ];
-}
-
-/** A length for a person: three digits, in metres or millimetres, and no more than hundredths of these. */
-export function metres(length: number): string {
-  const isSmall = Math.abs(length) < 1;
-  const digits = Number((isSmall ? 1000 * length : length).toPrecision(3));
-  return `${Math.round(100 * digits) / 100} ${isSmall ? "mm" : "m"}`;
 }

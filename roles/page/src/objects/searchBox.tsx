@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { isForControl } from "../navigate/typing.ts";
-import type { Part, Parts } from "../service/service.ts";
+import type { Parts } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { messageOf } from "../wire/errors.ts";
 import { goTo } from "./commands.ts";
@@ -13,15 +13,24 @@ import type { Selection } from "./selection.ts";
 /** Milliseconds without a key until it is asked. */
 const PAUSE = 150;
 
+/** What was found, so far as it is shown. */
+interface Found extends Parts {
+  readonly text: string;
+}
+
+const NONE: Parts = { parts: [], total: 0 };
+
 interface Properties {
   readonly viewer: Viewer;
   readonly selection: Selection;
 }
 
 export function SearchBox({ viewer, selection }: Properties) {
-  const found = useSignal<Parts | undefined>(undefined);
+  const found = useSignal<Found | undefined>(undefined);
+  const isOpen = useSignal(false);
   const at = useSignal(0);
   const field = useRef<HTMLInputElement>(null);
+  const list = useRef<HTMLDivElement>(null);
   const asked = useRef<AbortController | undefined>(undefined);
 
   useEffect(() => {
@@ -29,79 +38,143 @@ export function SearchBox({ viewer, selection }: Properties) {
       if (event.key === "/" && !isForControl(event)) {
         event.preventDefault();
         field.current?.focus();
+        field.current?.select();
       }
     };
     addEventListener("keydown", focus);
     return () => removeEventListener("keydown", focus);
   }, []);
+  useEffect(() => {
+    list.current?.querySelector("[aria-selected=true]")?.scrollIntoView({ block: "nearest" });
+  }, [at.value, isOpen.value]);
 
-  const ask = async (text: string) => {
+  /** Asks what has a text, from a row on; the answer to what was asked before is not waited for any more. */
+  const ask = async (text: string, from: number, pause: number) => {
     asked.current?.abort();
     const asking = new AbortController();
     asked.current = asking;
-    await new Promise((resolve) => setTimeout(resolve, PAUSE));
-    if (asking.signal.aborted) {
-      return;
-    }
+    await new Promise((resolve) => setTimeout(resolve, pause));
     try {
-      const answer = text.trim() === "" ? undefined : await viewer.service.search(text, asking.signal);
-      [found.value, at.value] = [answer, 0];
+      const isEmpty = text.trim() === "";
+      const answer =
+        isEmpty || asking.signal.aborted ? NONE : await viewer.service.search(text, from, asking.signal);
+      if (asking.signal.aborted) {
+        return;
+      }
+      const before = from === 0 ? [] : (found.peek()?.parts ?? []);
+      found.value = isEmpty ? undefined : { ...answer, text, parts: [...before, ...answer.parts] };
+      isOpen.value = !isEmpty;
+      if (from === 0) {
+        at.value = 0;
+      }
     } catch (error) {
       if (!asking.signal.aborted) {
         viewer.said.value = messageOf(error);
       }
     }
   };
-  const choose = async (part: Part | undefined) => {
+  const more = () => ask(found.peek()?.text ?? "", found.peek()?.parts.length ?? 0, 0);
+  const close = () => {
+    asked.current?.abort();
+    isOpen.value = false;
+  };
+  const choose = async (index: number) => {
+    const part = found.peek()?.parts[index];
     if (part !== undefined) {
-      found.value = undefined;
+      // It stays chosen: who comes back goes on from there.
+      at.value = index;
+      close();
       viewer.canvas.focus();
       goTo(viewer, await selection.pick(part));
     }
   };
-  const press = (event: KeyboardEvent) => {
-    const parts = found.value?.parts ?? [];
+  const step = async (by: number) => {
+    const { parts = [], total = 0 } = found.peek() ?? {};
+    const next = Math.max(0, at.peek() + by);
+    if (!isOpen.peek()) {
+      isOpen.value = found.peek() !== undefined;
+      return;
+    }
+    if (next >= parts.length && parts.length < total) {
+      await more();
+    }
+    at.value = Math.min(Math.max(0, (found.peek()?.parts.length ?? 0) - 1), next);
+  };
+  const press = async (event: KeyboardEvent & { readonly currentTarget: HTMLInputElement }) => {
+    const text = event.currentTarget.value;
     if (event.key === "ArrowDown" || event.key === "ArrowUp") {
       event.preventDefault();
-      const step = event.key === "ArrowDown" ? 1 : -1;
-      at.value = Math.max(0, Math.min(parts.length - 1, at.value + step));
+      await step(event.key === "ArrowDown" ? 1 : -1);
     } else if (event.key === "Enter") {
-      void choose(parts[at.value]);
+      if (found.peek()?.text !== text) {
+        await ask(text, 0, 0);
+      }
+      await choose(at.peek());
     } else if (event.key === "Escape") {
-      found.value = undefined;
+      close();
       viewer.canvas.focus();
     }
   };
 
+  const shown = isOpen.value ? found.value : undefined;
   return (
-    <search class="panel search">
+    <search
+      class="panel search"
+      onFocusOut={({ currentTarget, relatedTarget }) => {
+        if (!(relatedTarget instanceof Node && currentTarget.contains(relatedTarget))) {
+          close();
+        }
+      }}
+    >
       <input
         ref={field}
-        type="search"
+        type="text"
+        role="combobox"
         placeholder="Search (/)"
         aria-label="Search names and attributes"
         aria-controls="found"
-        onInput={(event) => void ask(event.currentTarget.value)}
-        onKeyDown={press}
+        aria-expanded={shown !== undefined}
+        aria-activedescendant={shown && `found-${at.value}`}
+        onInput={(event) => void ask(event.currentTarget.value, 0, PAUSE)}
+        onFocus={() => {
+          isOpen.value = found.peek() !== undefined;
+        }}
+        onKeyDown={(event) => void press(event)}
       />
-      {found.value && (
-        <div id="found" role="listbox" aria-label="Found">
-          {found.value.parts.map((part, index) => (
-            <button
-              type="button"
-              role="option"
-              aria-selected={index === at.value}
-              key={`${part.kind}${part.id}`}
-              onClick={() => void choose(part)}
-            >
-              {nameOf(part)}
-            </button>
-          ))}
-          <p>{summary(found.value)}</p>
+      {shown && (
+        <div id="found" ref={list}>
+          <div role="listbox" aria-label="Found" onMouseDown={keepFocus}>
+            {shown.parts.map((part, index) => (
+              <button
+                type="button"
+                role="option"
+                id={`found-${index}`}
+                tabIndex={-1}
+                aria-selected={index === at.value}
+                key={`${part.kind}${part.id}`}
+                onClick={() => void choose(index)}
+              >
+                {nameOf(part)}
+              </button>
+            ))}
+          </div>
+          <p>
+            {summary(shown)}{" "}
+            {shown.parts.length < shown.total && (
+              <button type="button" class="link" onMouseDown={keepFocus} onClick={() => void more()}>
+                Show more
+              </button>
+            )}
+          </p>
         </div>
       )}
     </search>
   );
+}
+
+/** The field keeps the focus, so that the list stays open until something is chosen. */
+function keepFocus(event: MouseEvent): void {
+  event.preventDefault();
 }
 
 function summary({ parts, total }: Parts): string {

@@ -1,6 +1,6 @@
 /** What a person has picked, and what the service says of it. */
 
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { Part, PartDetails } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
@@ -10,41 +10,71 @@ import { messageOf } from "../wire/errors.ts";
 const LONGEST = 400;
 const FARTHEST = 4;
 
+/** Which part is meant. */
+type PartKey = Pick<Part, "kind" | "id" | "first" | "end">;
+
+/** Where parts are. */
+export type Bounds = Pick<PartDetails, "min" | "max">;
+
+/** A part that was picked, and what is known of it once the service has answered. */
+interface Picked {
+  readonly part: PartKey;
+  readonly details: PartDetails | undefined;
+}
+
 export class Selection {
-  /** What is known of the part that was picked last. */
-  readonly details = signal<PartDetails | undefined>(undefined);
+  /** What was picked, in order. Of each some object is still selected. */
+  readonly #picked = signal<readonly Picked[]>([]);
+  /** How many parts are picked. */
+  readonly count = computed(() => this.#picked.value.length);
+  /** What is known of the part that was picked last, of those that still are. */
+  readonly details = computed(() => this.#picked.value.at(-1)?.details);
+  /** What is known of each. */
+  readonly parts = computed(() => this.#picked.value.flatMap(({ details }) => details ?? []));
+  /** The box around all that is picked. */
+  readonly bounds = computed(() => around(this.parts.value));
   readonly #viewer: Viewer;
   /** Takes clicks in place of the selection, and gives whether it does. */
   readonly #clicks: (x: number, y: number) => boolean;
-  /** Counts questions: an answer to an old one is not for the part that is picked now. */
-  #asked = 0;
 
   constructor(viewer: Viewer, clicks: (x: number, y: number) => boolean) {
     [this.#viewer, this.#clicks] = [viewer, clicks];
     this.#listen(viewer.canvas);
     effect(() => {
       if (viewer.selected.value.isEmpty) {
-        this.#asked += 1;
-        [this.details.value, viewer.picksMore.value] = [undefined, false];
+        [this.#picked.value, viewer.picksMore.value] = [[], false];
       }
     });
   }
 
-  /** Picks a part, and tells what it is. */
-  async pick(part: Pick<Part, "kind" | "id" | "first" | "end">): Promise<PartDetails | undefined> {
-    const { selected, service, said } = this.#viewer;
-    selected.value = ObjectSet.run(part.first, part.end);
-    this.#asked += 1;
-    const asked = this.#asked;
-    try {
-      const details = await service.details(part);
-      if (asked === this.#asked) {
-        this.details.value = details;
-      }
-      return details;
-    } catch (error) {
-      said.value = messageOf(error);
-      return undefined;
+  /** Picks a part alone, and tells what it is. */
+  pick(part: PartKey): Promise<PartDetails | undefined> {
+    this.#viewer.selected.value = objectsOf(part);
+    return this.#add([], part);
+  }
+
+  /** Picks one part more, or where it is picked, no longer. */
+  toggle(part: PartKey): void {
+    const { selected } = this.#viewer;
+    const objects = objectsOf(part);
+    if (!selected.peek().covers(objects)) {
+      selected.value = selected.peek().union(objects);
+      void this.#add(this.#picked.peek(), part);
+      return;
+    }
+    const left = selected.peek().minus(objects);
+    selected.value = left;
+    this.#picked.value = this.#picked.peek().filter(({ part }) => !left.isApartFrom(objectsOf(part)));
+  }
+
+  /** Picks as a click with these keys does: alone, or with Ctrl or Shift beside what is picked. */
+  click(part: PartKey, { ctrlKey, metaKey, shiftKey }: MouseEvent): void {
+    const { selected, picksMore } = this.#viewer;
+    const isPicked = selected.peek().covers(objectsOf(part));
+    if (ctrlKey || metaKey || picksMore.peek() || (shiftKey && !isPicked)) {
+      this.toggle(part);
+    } else if (!shiftKey) {
+      void this.pick(part);
     }
   }
 
@@ -77,7 +107,10 @@ export class Selection {
     const viewer = this.#viewer;
     const picked = viewer.pick(event.offsetX, event.offsetY);
     if (picked === undefined) {
-      this.clear();
+      // Who adds to what is picked, and misses, loses nothing.
+      if (!(event.ctrlKey || event.metaKey || event.shiftKey)) {
+        this.clear();
+      }
       return;
     }
     const { object } = picked;
@@ -85,12 +118,31 @@ export class Selection {
       viewer.said.value = "These are several objects: come nearer to pick one.";
       return;
     }
-    const one = ObjectSet.run(object, object + 1);
-    if (event.ctrlKey || event.metaKey || viewer.picksMore.peek()) {
-      const { selected } = viewer;
-      selected.value = selected.value.covers(one) ? selected.value.minus(one) : selected.value.union(one);
-    } else {
-      void this.pick({ kind: "object", id: object, first: object, end: object + 1 });
+    this.click({ kind: "object", id: object, first: object, end: object + 1 }, event);
+  }
+
+  /** Picks a part beside others, and asks what it is. */
+  async #add(others: readonly Picked[], part: PartKey): Promise<PartDetails | undefined> {
+    this.#picked.value = [...others, { part, details: undefined }];
+    const { service, said } = this.#viewer;
+    try {
+      const details = await service.details(part);
+      this.#picked.value = this.#picked.peek().map((one) => (one.part === part ? { part, details } : one));
+      return details;
+    } catch (error) {
+      said.value = messageOf(error);
+      return undefined;
     }
   }
+}
+
+function objectsOf({ first, end }: PartKey): ObjectSet {
+  return ObjectSet.run(first, end);
+}
+
+/** The box around parts; nothing where there is none. */
+export function around(parts: readonly Bounds[]): Bounds | undefined {
+  const side = (of: "min" | "max", axis: 0 | 1 | 2) => Math[of](...parts.map((part) => part[of][axis]));
+  const corner = (of: "min" | "max") => [side(of, 0), side(of, 1), side(of, 2)] as const;
+  return parts.length === 0 ? undefined : { min: corner("min"), max: corner("max") };
 }

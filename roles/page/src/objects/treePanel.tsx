@@ -171,7 +171,7 @@ function Row({
           aria-pressed={isPicked}
           onClick={(event) => {
             focusRow(event.currentTarget.closest(ROWS));
-            void selection.pick(part);
+            selection.click(part, event);
           }}
           onDblClick={async () => goTo(viewer, await selection.pick(part))}
         >

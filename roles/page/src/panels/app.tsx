@@ -52,7 +52,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       return measuring.isOn.peek();
     });
   }, [viewer, measuring]);
-  const commands = useMemo(() => commandsOf(viewer, selection), [viewer, selection]);
+  const commands = useMemo(() => commandsOf(viewer, selection, measuring), [viewer]);
   const open = useSignal<PanelName | undefined>(undefined);
   const toggle = (panel: PanelName) => {
     open.value = open.value === panel ? undefined : panel;
@@ -66,6 +66,20 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       document.getElementById(`open-${panel}`)?.focus();
     }
   };
+  /** Takes back the point that was measured last, or leaves a panel, or ends measuring, or picks nothing. */
+  const stepBack = () => {
+    const isInPanel = document.activeElement?.closest(".frame") != null;
+    viewer.canvas.focus({ preventScroll: true });
+    // Out of a panel first: what is picked there stays.
+    if (measuring.takeBack() || isInPanel) {
+      return;
+    }
+    if (measuring.isOn.peek()) {
+      toggle("Measure");
+    } else {
+      selection.clear();
+    }
+  };
   useEffect(() => {
     const press = (event: KeyboardEvent) => {
       if (isForControl(event)) {
@@ -74,11 +88,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       const key = keyOf(event);
       const command = commands.find((command) => command.key === key);
       if (key === "Escape") {
-        // Out of a panel first: what is picked there stays.
-        if (document.activeElement?.closest(".frame") == null) {
-          selection.clear();
-        }
-        viewer.canvas.focus({ preventScroll: true });
+        stepBack();
       } else if (isPanelKey(key)) {
         event.preventDefault();
         toggle(PANEL_KEYS[key]);

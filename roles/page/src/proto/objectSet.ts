@@ -85,6 +85,11 @@ export class ObjectSet {
     return this.#combine(other, (here, there) => here && !there);
   }
 
+  /** Whether no object is in both. */
+  isApartFrom(other: ObjectSet): boolean {
+    return this.#combine(other, (here, there) => here && there).isEmpty;
+  }
+
   /** Whether all objects of the other set are in this one. */
   covers(other: ObjectSet): boolean {
     return other.minus(this).isEmpty;

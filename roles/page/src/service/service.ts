@@ -3,6 +3,7 @@
 import type { Box } from "../navigate/framing.ts";
 import type { Side } from "../navigate/sides.ts";
 import type { Point } from "../proto/viewState.ts";
+import type { Aim, Snapped } from "../tools/snap.ts";
 
 /** What the service says of a scene. Lengths in metres. */
 export interface SceneDescription {
@@ -173,9 +174,18 @@ export class Service {
     return this.#json("children", group === undefined ? { from } : { group, from });
   }
 
-  /** Parts with `text` in their name or an attribute, whatever its case. */
-  search(text: string, signal?: AbortSignal): Promise<Parts> {
-    return this.#json("search", { text }, signal);
+  /**
+   * Parts with `text` in their name or an attribute, whatever its case and separators; from the one of number
+   * `from` on.
+   */
+  search(text: string, from: number, signal?: AbortSignal): Promise<Parts> {
+    return this.#json("search", { text, from }, signal);
+  }
+
+  /** What a person means there, on full detail; nothing where too much is there, or nothing any more. */
+  async snap({ drawable, eye, at, reach }: Aim): Promise<Snapped | undefined> {
+    const query = { drawable, eye: eye.join(), at: at.join(), reach };
+    return (await this.#json<Snapped | null>("snap", query)) ?? undefined;
   }
 
   /** What is solid in a square of the ground: see `navigate/tile.ts`. */

@@ -1,9 +1,10 @@
 /** Viewpoints that are kept in this browser, by the scene. */
 
 import { signal } from "@preact/signals";
-import { decodeViewpoint, encodeViewpoint, type Viewpoint } from "./viewpoint.ts";
+import { decodeViewpoint, encodeViewpoint, foreign, type SceneName, type Viewpoint } from "./viewpoint.ts";
 
 export interface KeptViewpoint {
+  /** No two are called the same. */
   readonly name: string;
   /** A small picture, as a `data:` address. */
   readonly thumbnail: string;
@@ -19,32 +20,48 @@ interface Stored {
 
 /** The most that are read. */
 const MOST = 200;
+/** The most letters of a name. */
+const LONGEST_NAME = 80;
 
 /** A file of viewpoints is not what it should be. */
 export class ViewpointsError extends Error {}
 
 export class KeptViewpoints {
   readonly list = signal<readonly KeptViewpoint[]>([]);
+  readonly #scene: SceneName;
   readonly #key: string;
 
-  /**
-   * Those of the scene with this fingerprint. What is stored and cannot be read is as if it were not there.
-   */
-  constructor(fingerprint: string) {
-    this.#key = `trimaran-viewpoints-${fingerprint}`;
+  /** Those of a scene. What is stored and cannot be read is as if it were not there. */
+  constructor(scene: SceneName) {
+    this.#scene = scene;
+    this.#key = `trimaran-viewpoints-${scene.fingerprint}`;
     try {
-      this.list.value = parse(localStorage.getItem(this.#key) ?? "[]");
+      this.list.value = this.#parse(localStorage.getItem(this.#key) ?? "[]");
     } catch {
       // Another version of the page may have stored it.
     }
   }
 
-  add(viewpoint: KeptViewpoint): void {
-    this.#set([...this.list.value, viewpoint]);
+  /** Keeps one more: "View 3" is the name of one that has none, or another number that is free. */
+  add({ name = "", thumbnail, viewpoint }: Omit<KeptViewpoint, "name"> & { readonly name?: string }): void {
+    const list = this.list.peek();
+    this.#set([
+      ...list,
+      { name: name.trim() === "" ? freeName(list) : free(name, list), thumbnail, viewpoint },
+    ]);
   }
 
   remove(viewpoint: KeptViewpoint): void {
     this.#set(this.list.value.filter((one) => one !== viewpoint));
+  }
+
+  /** Calls it otherwise; so that no two have a name, a number may be added. Without a name nothing changes. */
+  rename(viewpoint: KeptViewpoint, name: string): void {
+    const list = this.list.peek();
+    const others = list.filter((one) => one !== viewpoint);
+    if (name.trim() !== "") {
+      this.#set(list.map((one) => (one === viewpoint ? { ...one, name: free(name, others) } : one)));
+    }
   }
 
   /** All of them as a file. */
@@ -57,7 +74,46 @@ export class KeptViewpoints {
 
   /** Adds those of a file. Throws a `ViewpointsError` where it is none, and changes nothing then. */
   addJson(text: string): void {
-    this.#set([...this.list.value, ...parse(text)]);
+    const added = this.#parse(text);
+    if (this.list.peek().length + added.length > MOST) {
+      throw new ViewpointsError(`with its ${added.length} views there would be more than ${MOST}`);
+    }
+    const list = [...this.list.peek()];
+    for (const one of added) {
+      list.push({ ...one, name: free(one.name, list) });
+    }
+    this.#set(list);
+  }
+
+  #parse(text: string): readonly KeptViewpoint[] {
+    let stored: unknown;
+    try {
+      stored = JSON.parse(text);
+    } catch (error) {
+      throw new ViewpointsError(`it is not JSON: ${error instanceof Error ? error.message : error}`);
+    }
+    if (!Array.isArray(stored)) {
+      throw new ViewpointsError("it is JSON, but has no list of views. “Save as a file” writes such a list");
+    }
+    if (stored.length > MOST) {
+      throw new ViewpointsError(`it has ${stored.length} views: ${MOST} is the most`);
+    }
+    return stored.map((one: Partial<Stored> | null, index) => {
+      const which = typeof one?.name === "string" ? `its view “${one.name}”` : `its view number ${index + 1}`;
+      if (typeof one?.name !== "string" || typeof one.view !== "string") {
+        throw new ViewpointsError(`${which} needs a "name" and a "view", both texts`);
+      }
+      const viewpoint = decodeViewpoint(one.view);
+      if (viewpoint === undefined) {
+        throw new ViewpointsError(`the "view" of ${which} is damaged, or of another version of this page`);
+      }
+      const why = foreign(viewpoint, this.#scene);
+      if (why !== undefined) {
+        throw new ViewpointsError(`${which}: ${why}`);
+      }
+      const isPicture = typeof one.thumbnail === "string" && one.thumbnail.startsWith("data:image/");
+      return { name: one.name, thumbnail: isPicture ? (one.thumbnail ?? "") : "", viewpoint };
+    });
   }
 
   #set(list: readonly KeptViewpoint[]): void {
@@ -70,22 +126,19 @@ export class KeptViewpoints {
   }
 }
 
-function parse(text: string): readonly KeptViewpoint[] {
-  let stored: unknown;
-  try {
-    stored = JSON.parse(text);
-  } catch (error) {
-    throw new ViewpointsError(`this is no JSON: ${error instanceof Error ? error.message : error}`);
+/** The name, or with a number where one of the list has it. */
+function free(name: string, list: readonly KeptViewpoint[]): string {
+  const taken = new Set(list.map(({ name }) => name));
+  const wanted = name.trim().slice(0, LONGEST_NAME);
+  let called = wanted;
+  for (let number = 2; taken.has(called); number += 1) {
+    called = `${wanted} (${number})`;
   }
-  if (!Array.isArray(stored) || stored.length > MOST) {
-    throw new ViewpointsError(`viewpoints are a list of at most ${MOST}`);
-  }
-  return stored.map((one: Partial<Stored> | null, index) => {
-    const viewpoint = typeof one?.view === "string" ? decodeViewpoint(one.view) : undefined;
-    if (typeof one?.name !== "string" || viewpoint === undefined) {
-      throw new ViewpointsError(`viewpoint ${index} needs a name and a view`);
-    }
-    const isPicture = typeof one.thumbnail === "string" && one.thumbnail.startsWith("data:image/");
-    return { name: one.name, thumbnail: isPicture ? (one.thumbnail ?? "") : "", viewpoint };
-  });
+  return called;
+}
+
+/** "View 1", or the first of these behind the last that is taken. */
+function freeName(list: readonly KeptViewpoint[]): string {
+  const numbers = list.map(({ name }) => Number(/^View (\d{1,6})$/.exec(name)?.[1] ?? 0));
+  return `View ${Math.max(0, ...numbers) + 1}`;
 }

@@ -1,10 +1,10 @@
 /** Distances over the picture, and the marker of what is meant at the pointer. */
 
-import { metres } from "../objects/detailsPanel.tsx";
+import { measuredText, unit } from "../objects/lengths.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import type { Measuring } from "./measuring.ts";
 import type { Place } from "./projection.ts";
-import { distance, type Snapped } from "./snap.ts";
+import { measured, type Snapped } from "./snap.ts";
 import { useProjection } from "./useProjection.ts";
 
 interface Properties {
@@ -16,15 +16,17 @@ export function MeasureOverlay({ viewer, measuring }: Properties) {
   const projection = useProjection(viewer);
   const [start, hover] = [measuring.start.value, measuring.hover.value];
   const kept = viewer.distances.value;
-  const open = start && hover ? [{ from: start.point, to: hover.point }] : [];
+  const open = start && hover ? [{ from: start, to: hover }] : [];
   if (kept.length === 0 && !measuring.isOn.value) {
     return null;
   }
   return (
     <svg class="overlay" aria-hidden="true">
-      {[...kept, ...open].map(({ from, to }, index) => {
-        const line = projection.line(from, to);
-        return line && <Line key={index} from={line[0]} to={line[1]} label={metres(distance(from, to))} />;
+      {[...kept, ...open].map((one, index) => {
+        const line = projection.line(one.from.point, one.to.point);
+        const { metres, error } = measured(one);
+        const label = measuredText(metres, error, unit.value);
+        return line && <Line key={index} from={line[0]} to={line[1]} label={label} />;
       })}
       {[start, hover].map((snapped, index) => (
         <Marker key={index} snapped={snapped} place={snapped && projection.place(snapped.point)} />

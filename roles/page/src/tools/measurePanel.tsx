@@ -1,9 +1,11 @@
 /** A list of the distances. */
 
-import { metres } from "../objects/detailsPanel.tsx";
+import { chooseUnit, lengthText, measuredText, UNITS, unit } from "../objects/lengths.ts";
+import { Choice } from "../panels/choice.tsx";
+import { CopyButton } from "../panels/copyButton.tsx";
 import type { Viewer } from "../viewer/viewer.ts";
 import type { Measuring } from "./measuring.ts";
-import { distance } from "./snap.ts";
+import { measured } from "./snap.ts";
 
 interface Properties {
   readonly viewer: Viewer;
@@ -13,13 +15,25 @@ interface Properties {
 export function MeasurePanel({ viewer, measuring }: Properties) {
   return (
     <section class="panel sections" aria-label="Distances">
-      <p>Click two points. The marker shows what is met: a vertex, an edge or a face.</p>
+      <p>Click two points. The marker shows what is met: a vertex, an edge or a face. Escape takes back.</p>
+      <Choice
+        label="Unit"
+        options={UNITS.map((value) => ({ value, text: value }))}
+        value={unit.value}
+        onChoose={chooseUnit}
+      />
       <ol>
         {viewer.distances.value.map((one, index) => {
-          const along = ([0, 1, 2] as const).map((axis) => metres(Math.abs(one.to[axis] - one.from[axis])));
+          const { from, to } = one;
+          const { metres, error } = measured(one);
+          const text = measuredText(metres, error, unit.value);
+          const along = ([0, 1, 2] as const).map((axis) =>
+            lengthText(Math.abs(to.point[axis] - from.point[axis]), unit.value),
+          );
           return (
             <li key={index}>
-              {metres(distance(one.from, one.to))} (x {along[0]}, height {along[1]}, z {along[2]})
+              <strong>{text}</strong>
+              <CopyButton text={text} label={`Copy distance ${index + 1}`} />
               <button
                 type="button"
                 aria-label={`Remove distance ${index + 1}`}
@@ -27,6 +41,7 @@ export function MeasurePanel({ viewer, measuring }: Properties) {
               >
                 ×
               </button>
+              <br />x {along[0]}, height {along[1]}, z {along[2]}
             </li>
           );
         })}

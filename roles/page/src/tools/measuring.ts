@@ -2,7 +2,14 @@
 
 import { signal } from "@preact/signals";
 import type { Viewer } from "../viewer/viewer.ts";
-import { type Distance, type Snapped, snap } from "./snap.ts";
+import { isCutAway } from "./sections.ts";
+import { type Aim, type Distance, REACH, type Snapped, snap } from "./snap.ts";
+
+/** What is meant as the picture shows it, and what to ask for the same on full detail. */
+interface Meant {
+  readonly shown: Snapped;
+  readonly aim: Aim;
+}
 
 export class Measuring {
   /** Clicks pick points, and no objects. */
@@ -13,6 +20,9 @@ export class Measuring {
   readonly hover = signal<Snapped | undefined>(undefined);
   readonly #viewer: Viewer;
   #isDue = false;
+  /** What is meant at the pointer, and was not asked yet; the service is asked one thing at a time. */
+  #unasked: Meant | undefined;
+  #isAsking = false;
 
   constructor(viewer: Viewer) {
     this.#viewer = viewer;
@@ -22,7 +32,11 @@ export class Measuring {
         this.#isDue = true;
         requestAnimationFrame(() => {
           this.#isDue = false;
-          this.hover.value = this.at(event.offsetX, event.offsetY);
+          if (this.isOn.peek()) {
+            this.#unasked = this.#at(event.offsetX, event.offsetY);
+            this.hover.value = this.#unasked?.shown;
+            void this.#follow();
+          }
         });
       }
     });
@@ -33,31 +47,106 @@ export class Measuring {
     [this.start.value, this.hover.value] = [undefined, undefined];
   }
 
+  /** Picks a point: every second one ends a distance. Where nothing shows there is none. */
+  pick(x: number, y: number): void {
+    const meant = this.#at(x, y);
+    if (meant === undefined) {
+      return;
+    }
+    const start = this.start.peek();
+    if (start === undefined) {
+      this.start.value = meant.shown;
+    } else {
+      this.#set([...this.#viewer.distances.peek(), { from: start, to: meant.shown }]);
+      this.start.value = undefined;
+    }
+    void this.#settle(meant);
+  }
+
+  /** Takes back the first point of a distance. Gives whether there was one. */
+  takeBack(): boolean {
+    const hadOne = this.start.peek() !== undefined;
+    this.start.value = undefined;
+    return hadOne;
+  }
+
+  remove(distance: Distance): void {
+    this.#set(this.#viewer.distances.peek().filter((one) => one !== distance));
+  }
+
+  #set(distances: readonly Distance[]): void {
+    this.#viewer.view.change({ distances });
+  }
+
   /** What is meant at a place of the canvas, in CSS pixels. */
-  at(x: number, y: number): Snapped | undefined {
+  #at(x: number, y: number): Meant | undefined {
     const viewer = this.#viewer;
+    const { canvas, projection } = viewer;
     const picked = viewer.pick(x, y);
     const drawable = viewer.display?.shown?.drawables.find(({ id }) => id === picked?.drawable);
     const triangles = drawable && viewer.renderer.triangles(drawable.geometry);
     if (picked === undefined || drawable === undefined || triangles === undefined) {
       return undefined;
     }
-    return snap({ x, y, depth: picked.depth }, drawable, triangles, viewer.projection);
+    const place = { x, y, depth: picked.depth };
+    const metres = projection.metresEach(picked.depth);
+    // So far a level of an exact picture may be off. Of what stands in for it nothing is known.
+    const pixel = (metres * canvas.clientHeight) / canvas.height;
+    const error = viewer.isExact ? viewer.epsilon.peek() * pixel : undefined;
+    return {
+      shown: { ...snap(place, drawable, triangles, projection), error },
+      aim: {
+        drawable: drawable.id,
+        eye: viewer.camera.eye,
+        at: projection.point(place),
+        reach: REACH * metres,
+      },
+    };
   }
 
-  /** Picks a point: every second one ends a distance. */
-  pick(x: number, y: number): void {
-    const point = this.at(x, y);
-    const start = this.start.peek();
-    if (point === undefined || start === undefined) {
-      this.start.value = point;
+  /** Asks for the pointer's place, as long as it has moved on. */
+  async #follow(): Promise<void> {
+    if (this.#isAsking) {
       return;
     }
-    this.#viewer.distances.value = [...this.#viewer.distances.value, { from: start.point, to: point.point }];
-    this.start.value = undefined;
+    this.#isAsking = true;
+    for (let meant = this.#unasked; meant !== undefined; meant = this.#unasked) {
+      this.#unasked = undefined;
+      const exact = await this.#exact(meant.aim);
+      if (exact !== undefined && this.hover.peek() === meant.shown) {
+        this.hover.value = exact;
+      }
+    }
+    this.#isAsking = false;
   }
 
-  remove(distance: Distance): void {
-    this.#viewer.distances.value = this.#viewer.distances.value.filter((one) => one !== distance);
+  /** Puts the point of full detail in the place of one that was picked. */
+  async #settle({ shown, aim }: Meant): Promise<void> {
+    const exact = await this.#exact(aim);
+    if (exact === undefined) {
+      return;
+    }
+    if (this.start.peek() === shown) {
+      this.start.value = exact;
+    }
+    const settled = <End>(end: End) => (Object.is(end, shown) ? exact : end);
+    this.#viewer.view.amend(({ distances }) => ({
+      distances: distances.map((one) =>
+        one.from === shown || one.to === shown ? { from: settled(one.from), to: settled(one.to) } : one,
+      ),
+    }));
+  }
+
+  /** What is meant on full detail; nothing where the service cannot tell. */
+  async #exact(aim: Aim): Promise<Snapped | undefined> {
+    const { service, view } = this.#viewer;
+    const isHidden = ({ point }: Snapped) => isCutAway(view.current.peek().sections, point);
+    try {
+      const snapped = await service.snap(aim);
+      // Of what a section has cut away nothing attracts.
+      return snapped && isHidden(snapped) ? await service.snap({ ...aim, reach: aim.reach / 1000 }) : snapped;
+    } catch {
+      return undefined;
+    }
   }
 }

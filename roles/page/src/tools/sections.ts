@@ -4,6 +4,8 @@ import type { Point, Section } from "../proto/viewState.ts";
 
 /** The most sections that a view has. */
 export const MOST = 6;
+/** What is so near to a section is on it, metres. */
+const ROUNDING = 1e-6;
 
 /** A plane through a point that cuts away what is before it: along the main axis of the view. */
 export function planeFacing(point: Point, forward: Point): Section {
@@ -52,6 +54,23 @@ export function resized(section: Section, side: "lower" | "upper", axis: 0 | 1 |
   const corner: [number, number, number] = [...section[side]];
   corner[axis] = at;
   return isSound ? { ...section, [side]: corner } : section;
+}
+
+/** Whether sections cut a point away, by more than rounding. */
+export function isCutAway(sections: readonly Section[], point: Point): boolean {
+  return sections.some((section) => {
+    if (section.kind === "box") {
+      const { lower, upper } = section;
+      return point.some(
+        (at, axis) => at < (lower[axis] ?? at) - ROUNDING || at > (upper[axis] ?? at) + ROUNDING,
+      );
+    }
+    const length = Math.hypot(...section.direction);
+    const beyond = section.direction.map(
+      (along, axis) => along * ((point[axis] ?? 0) - (section.point[axis] ?? 0)),
+    );
+    return beyond.reduce((sum, part) => sum + part, 0) > ROUNDING * length;
+  });
 }
 
 /** The list with one section in the place of another; with nothing it is gone. */

@@ -14,7 +14,7 @@ interface Properties {
 export function SectionsPanel({ viewer, selection }: Properties) {
   const { view, navigator, scene } = viewer;
   const { sections } = view.current.value;
-  const details = selection.details.value;
+  const bounds = selection.bounds.value;
   const add = (section: Section) => view.change({ sections: [...sections, section] });
   const set = (index: number, section: Section | undefined) =>
     view.change({ sections: replaced(sections, index, section) });
@@ -34,9 +34,9 @@ export function SectionsPanel({ viewer, selection }: Properties) {
         </button>
         <button
           type="button"
-          disabled={sections.length >= MOST || details === undefined}
+          disabled={sections.length >= MOST || bounds === undefined}
           title="Around what is picked"
-          onClick={() => details && add(boxAround(details.min, details.max))}
+          onClick={() => bounds && add(boxAround(bounds.min, bounds.max))}
         >
           Box around
         </button>

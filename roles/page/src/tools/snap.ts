@@ -12,19 +12,36 @@ export interface Triangles {
   readonly indices: Uint32Array;
 }
 
-/** Between two points that a person has picked. */
-export interface Distance {
-  readonly from: Point;
-  readonly to: Point;
+/** A point of the model's surface. */
+export interface End {
+  readonly point: Point;
+  /** How far it may be from the model's surface, metres; nothing where that is unknown. */
+  readonly error: number | undefined;
 }
 
-export interface Snapped {
+/** Between two points that a person has picked. */
+export interface Distance {
+  readonly from: End;
+  readonly to: End;
+}
+
+export interface Snapped extends End {
   readonly to: "vertex" | "edge" | "face";
-  readonly point: Point;
+}
+
+/** Where a person points, as the service is asked for what is meant there on full detail. */
+export interface Aim {
+  /** The drawable that shows there. */
+  readonly drawable: number;
+  readonly eye: Point;
+  /** The point of it that shows there. */
+  readonly at: Point;
+  /** What looks nearer than this attracts the pointer: metres at that point. */
+  readonly reach: number;
 }
 
 /** What is nearer to the pointer draws it: CSS pixels. */
-const REACH = 10;
+export const REACH = 10;
 
 /**
  * What is meant at a place where a drawable shows. A vertex goes before an edge, and an edge before a face.
@@ -35,11 +52,11 @@ export function snap(
   drawable: Drawable,
   { positions, indices }: Triangles,
   projection: Projection,
-): Snapped {
+): Omit<Snapped, "error"> {
   const surface = projection.point(at);
   const nearby = 3 * REACH * projection.metresEach(at.depth);
   const vertex = (index: number) => placed(drawable, positions, index);
-  let [best, reach]: [Snapped, number] = [{ to: "face", point: surface }, REACH];
+  let [best, reach]: [Omit<Snapped, "error">, number] = [{ to: "face", point: surface }, REACH];
   const offer = (to: Snapped["to"], point: Point) => {
     const shown = projection.place(point);
     if (shown === undefined || distance(point, surface) > nearby) {
@@ -74,6 +91,18 @@ function nearestOnLine(from: Point, to: Point, point: Point): Point {
   const square = x * x + y * y + z * z;
   const along = (point[0] - from[0]) * x + (point[1] - from[1]) * y + (point[2] - from[2]) * z;
   return lerp(from, to, square > 0 ? Math.max(0, Math.min(1, along / square)) : 0);
+}
+
+/** The length of a distance, and how far that may be off. */
+export function measured({ from, to }: Distance): {
+  readonly metres: number;
+  readonly error: number | undefined;
+} {
+  const isKnown = from.error !== undefined && to.error !== undefined;
+  return {
+    metres: distance(from.point, to.point),
+    error: isKnown ? (from.error ?? 0) + (to.error ?? 0) : undefined,
+  };
 }
 
 export function distance(a: Point, b: Point): number {

@@ -1,49 +1,60 @@
 /** A view that is kept: where the eye is, and what is changed. As text it stands in a link's address. */
 
+import { MODES, type Mode } from "../navigate/navigator.ts";
 import { decodeViewState, encodeViewState, type Point, type ViewState } from "../proto/viewState.ts";
+import type { SceneDescription } from "../service/service.ts";
 import type { UserView } from "../viewer/viewHistory.ts";
-import { Reader, WireError, Writer } from "../wire/bytes.ts";
-import type { Distance } from "./snap.ts";
+import { cutText, Reader, shownText, WireError, Writer } from "../wire/bytes.ts";
+import type { End } from "./snap.ts";
+
+/** What a viewpoint knows of its scene. */
+export type SceneName = Pick<SceneDescription, "name" | "fingerprint">;
 
 export interface Viewpoint {
+  readonly scene: SceneName;
   readonly eye: Point;
   readonly forward: Point;
   /** Vertical field of view, degrees. */
   readonly vfovDeg: number;
+  readonly mode: Mode;
   readonly view: UserView;
-  readonly distances: readonly Distance[];
 }
 
-/** Of the forms of this text the first. */
-const VERSION = 1;
+/** Of the forms of this text the second: it knows its scene. */
+const VERSION = 2;
 
 /** The most distances that are read. */
 const MOST_DISTANCES = 1000;
+/** The most bytes of a scene's name. */
+const LONGEST_NAME = 100;
 
 /** A viewpoint as letters, digits, hyphens and underscores. */
-export function encodeViewpoint({ eye, forward, vfovDeg, view, distances }: Viewpoint): string {
+export function encodeViewpoint({ scene, eye, forward, vfovDeg, mode, view }: Viewpoint): string {
   const writer = new Writer();
-  writer.u8(VERSION);
+  const { distances, ...seen } = view;
+  writer.u8(VERSION).u64(BigInt(`0x${scene.fingerprint.slice(16)}`));
+  writer.u64(BigInt(`0x${scene.fingerprint.slice(0, 16)}`)).text(cutText(scene.name, LONGEST_NAME));
+  writer.variant(MODES, mode);
   for (const number of [...eye, ...forward, vfovDeg]) {
     writer.f64(number);
   }
   writer.varint(distances.length);
-  for (const number of distances.flatMap(({ from, to }) => [...from, ...to])) {
-    writer.f64(number);
+  for (const { point, error } of distances.flatMap(({ from, to }) => [from, to])) {
+    for (const number of point) {
+      writer.f64(number);
+    }
+    writer.option(error, (error) => writer.f64(error));
   }
   // The rest of a view state is each page's own.
   const state: ViewState = {
-    ...view,
+    ...seen,
     pictureSize: { width: 1, height: 1 },
     levelRule: { epsilon: 1, fewPixels: false },
     occlusionTest: "hzb",
   };
-  let letters = "";
-  // One by one: a call takes only so many arguments.
-  for (const byte of [...writer.take(), ...encodeViewState(state)]) {
-    letters += String.fromCharCode(byte);
-  }
-  return btoa(letters).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+  const bytes = writer.bytes(encodeViewState(state)).take();
+  const text = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
+  return text.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 }
 
 /** The reverse; nothing where the text is no viewpoint. */
@@ -53,24 +64,49 @@ export function decodeViewpoint(text: string): Viewpoint | undefined {
       letter.charCodeAt(0),
     );
     const reader = new Reader(bytes);
-    const version = reader.u8();
+    if (reader.u8() !== VERSION) {
+      return undefined;
+    }
+    const fingerprint = reader.u128().toString(16).padStart(32, "0");
+    const scene = { name: reader.text(LONGEST_NAME), fingerprint };
+    const mode = reader.variant(MODES);
     const point = (): Point => [reader.f64(), reader.f64(), reader.f64()];
     const [eye, forward, vfovDeg] = [point(), point(), reader.f64()];
     const count = reader.varintCount();
     if (count > MOST_DISTANCES) {
       return undefined;
     }
-    const distances = Array.from({ length: count }, () => ({ from: point(), to: point() }));
+    const end = (): End => ({ point: point(), error: reader.option(() => reader.f64()) });
+    const distances = Array.from({ length: count }, () => ({ from: end(), to: end() }));
     const { sections, hidden, isolated, seeThrough } = decodeViewState(reader.rest());
-    const numbers = [...eye, ...forward, vfovDeg, ...distances.flatMap(({ from, to }) => [...from, ...to])];
-    if (version !== VERSION || !numbers.every(Number.isFinite)) {
+    const ends = distances.flatMap(({ from, to }) => [from, to]);
+    const measured = ends.flatMap(({ point, error = 0 }) => [...point, error]);
+    if (![...eye, ...forward, vfovDeg, ...measured].every(Number.isFinite)) {
       return undefined;
     }
-    return { eye, forward, vfovDeg, view: { sections, hidden, isolated, seeThrough }, distances };
+    return {
+      scene,
+      eye,
+      forward,
+      vfovDeg,
+      mode,
+      view: { sections, hidden, isolated, seeThrough, distances },
+    };
   } catch (error) {
     if (error instanceof WireError || error instanceof DOMException) {
       return undefined;
     }
     throw error;
   }
+}
+
+/** Why a viewpoint cannot be shown in a scene, as the end of a sentence; nothing where it can. */
+export function foreign({ scene: own }: Viewpoint, scene: SceneName): string | undefined {
+  if (own.fingerprint === scene.fingerprint) {
+    return undefined;
+  }
+  const called = ({ name, fingerprint }: SceneName) =>
+    `“${shownText(name)}” (fingerprint ${fingerprint.slice(0, 8)}…)`;
+  const hint = own.name === scene.name ? ": the model has changed since" : "";
+  return `it is of the scene ${called(own)}, and this is ${called(scene)}${hint}`;
 }

@@ -1,33 +1,30 @@
 /** Viewpoints, links, pictures and recorded walks. */
 
+import { useSignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
+import { copyText } from "../panels/copyButton.tsx";
 import type { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { KeptViewpoints, ViewpointsError } from "./kept.ts";
+import { type KeptViewpoint, KeptViewpoints, ViewpointsError } from "./kept.ts";
 import { Recording } from "./recording.ts";
-import { encodeViewpoint, type Viewpoint } from "./viewpoint.ts";
+import { decodeViewpoint, encodeViewpoint, foreign, type Viewpoint } from "./viewpoint.ts";
 
 /** Sides of a thumbnail, pixels. */
 const THUMBNAIL = [160, 90] as const;
 
 export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readonly people: People }) {
-  const kept = useMemo(() => new KeptViewpoints(viewer.scene.fingerprint), [viewer]);
+  const kept = useMemo(() => new KeptViewpoints(viewer.scene), [viewer]);
   const recording = useMemo(() => new Recording(viewer), [viewer]);
   const { name } = viewer.scene;
 
-  const save = () => {
-    const number = kept.list.value.length + 1;
-    kept.add({ name: `View ${number}`, thumbnail: thumbnailOf(viewer), viewpoint: viewpointOf(viewer) });
-  };
+  const save = () => kept.add({ thumbnail: thumbnailOf(viewer), viewpoint: viewpointOf(viewer) });
   const copyLink = async () => {
     const link = new URL(location.href);
     link.hash = `v=${encodeViewpoint(viewpointOf(viewer))}`;
-    try {
-      await navigator.clipboard.writeText(link.href);
-      viewer.said.value = "The link is copied. Whoever has it can see the model.";
-    } catch {
-      viewer.said.value = link.href;
-    }
+    const isCopied = await copyText(link.href);
+    viewer.said.value = isCopied
+      ? "The link is copied. Whoever has it can see the model."
+      : "The browser does not let this page copy.";
   };
   const record = () => {
     if (recording.isOn.value) {
@@ -43,7 +40,7 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
       if (!(error instanceof ViewpointsError)) {
         throw error;
       }
-      viewer.said.value = `${file?.name}: ${error.message}`;
+      viewer.said.value = `${file?.name} cannot be opened as views: ${error.message}.`;
     }
   };
   return (
@@ -63,16 +60,8 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
         </button>
       </div>
       <ul>
-        {kept.list.value.map((one, index) => (
-          <li key={index}>
-            <button type="button" class="link" onClick={() => goTo(viewer, one.viewpoint)}>
-              {one.thumbnail && <img src={one.thumbnail} alt="" width={80} height={45} />}
-              {one.name}
-            </button>
-            <button type="button" aria-label={`Remove ${one.name}`} onClick={() => kept.remove(one)}>
-              ×
-            </button>
-          </li>
+        {kept.list.value.map((one) => (
+          <Row key={one.name} viewer={viewer} kept={kept} one={one} />
         ))}
       </ul>
       <div>
@@ -89,12 +78,74 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
             type="file"
             class="file-input"
             accept="application/json,.json"
-            onChange={(event) => void take(event.currentTarget.files?.[0])}
+            onChange={(event) => {
+              void take(event.currentTarget.files?.[0]);
+              // The same file can be chosen again.
+              event.currentTarget.value = "";
+            }}
           />
         </label>
       </div>
       <PeopleList people={people} />
     </section>
+  );
+}
+
+/** A view that is kept: to go to, to call otherwise, to remove. */
+function Row({
+  viewer,
+  kept,
+  one,
+}: {
+  readonly viewer: Viewer;
+  readonly kept: KeptViewpoints;
+  readonly one: KeptViewpoint;
+}) {
+  const isNaming = useSignal(false);
+  const end = (name: string | undefined) => {
+    // A field that goes away loses the focus, and so ends once more.
+    if (isNaming.peek()) {
+      isNaming.value = false;
+      if (name !== undefined) {
+        kept.rename(one, name);
+      }
+    }
+  };
+  return (
+    <li>
+      {isNaming.value ? (
+        <input
+          ref={(field) => field?.select()}
+          aria-label={`Name of ${one.name}`}
+          maxLength={80}
+          defaultValue={one.name}
+          onBlur={(event) => end(event.currentTarget.value)}
+          onKeyDown={({ key, currentTarget }) => {
+            if (key === "Enter" || key === "Escape") {
+              end(key === "Enter" ? currentTarget.value : undefined);
+            }
+          }}
+        />
+      ) : (
+        <button type="button" class="link" onClick={() => goTo(viewer, one.viewpoint)}>
+          {one.thumbnail && <img src={one.thumbnail} alt="" width={80} height={45} />}
+          {one.name}
+        </button>
+      )}
+      <button
+        type="button"
+        aria-label={`Rename ${one.name}`}
+        title="Rename"
+        onClick={() => {
+          isNaming.value = true;
+        }}
+      >
+        ✎
+      </button>
+      <button type="button" aria-label={`Remove ${one.name}`} onClick={() => kept.remove(one)}>
+        ×
+      </button>
+    </li>
   );
 }
 
@@ -122,20 +173,38 @@ function PeopleList({ people }: { readonly people: People }) {
 }
 
 /** Where a person is now, and what is changed. */
-export function viewpointOf({ navigator, view, distances }: Viewer): Viewpoint {
+export function viewpointOf({ scene, navigator, view }: Viewer): Viewpoint {
   const [x, y, z] = navigator.eye;
   const { forward, vfovDeg } = navigator;
-  return { eye: [x, y, z], forward, vfovDeg, view: view.current.peek(), distances: distances.peek() };
+  const { name, fingerprint } = scene;
+  const mode = navigator.mode.peek();
+  return { scene: { name, fingerprint }, eye: [x, y, z], forward, vfovDeg, mode, view: view.current.peek() };
 }
 
-/** Goes to a viewpoint. What it changes can be taken back in one step. */
-export function goTo({ navigator, view, distances }: Viewer, viewpoint: Viewpoint): void {
-  const { eye, forward, vfovDeg } = viewpoint;
-  navigator.setMode("fly");
+/** Goes to a viewpoint of this scene. What it changes can be taken back in one step. */
+export function goTo({ navigator, view }: Viewer, viewpoint: Viewpoint): void {
+  const { eye, forward, vfovDeg, mode } = viewpoint;
+  navigator.setMode(mode);
   navigator.setVfov(vfovDeg);
   navigator.goTo([...eye], [...forward]);
   view.change(viewpoint.view);
-  distances.value = viewpoint.distances;
+}
+
+/** Goes to the view of a link, if the address has one; says why where it cannot be shown. */
+export function followLink(viewer: Viewer, address: URL): void {
+  if (!address.hash.startsWith("#v=")) {
+    return;
+  }
+  const viewpoint = decodeViewpoint(address.hash.slice(3));
+  const why =
+    viewpoint === undefined
+      ? "it is cut short, or of another version of this page"
+      : foreign(viewpoint, viewer.scene);
+  if (viewpoint !== undefined && why === undefined) {
+    goTo(viewer, viewpoint);
+  } else {
+    viewer.said.value = `The view in the address cannot be shown: ${why}.`;
+  }
 }
 
 function thumbnailOf(viewer: Viewer): string {

@@ -3,15 +3,23 @@
 import { computed, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { ViewState } from "../proto/viewState.ts";
+import type { Distance } from "../tools/snap.ts";
 
 /** What of a view state a person changes by hand. */
-export type UserView = Pick<ViewState, "sections" | "hidden" | "isolated" | "seeThrough">;
+export type SeenView = Pick<ViewState, "sections" | "hidden" | "isolated" | "seeThrough">;
+
+/** What a person changes by hand. */
+export interface UserView extends SeenView {
+  /** What they have measured. */
+  readonly distances: readonly Distance[];
+}
 
 export const WHOLE: UserView = {
   sections: [],
   hidden: ObjectSet.EMPTY,
   isolated: undefined,
   seeThrough: ObjectSet.EMPTY,
+  distances: [],
 };
 
 /** Steps that can be taken back. */
@@ -26,6 +34,19 @@ export class ViewHistory {
   readonly current = computed<UserView>(() => this.#views.value.list[this.#views.value.at] ?? WHOLE);
   readonly canUndo = computed(() => this.#views.value.at > 0);
   readonly canRedo = computed(() => this.#views.value.at + 1 < this.#views.value.list.length);
+  /** What of it a culler is told: another one only where that is. */
+  readonly seen = computed<SeenView>(() => {
+    const { sections, hidden, isolated, seeThrough } = this.current.value;
+    const known = this.#seen;
+    const isSame =
+      known?.sections === sections &&
+      known.hidden === hidden &&
+      known.isolated === isolated &&
+      known.seeThrough === seeThrough;
+    this.#seen = isSame ? known : { sections, hidden, isolated, seeThrough };
+    return this.#seen;
+  });
+  #seen: SeenView | undefined;
   /** A change that is not a step yet: something is being dragged. */
   #isOpen = false;
 
@@ -39,6 +60,12 @@ export class ViewHistory {
   drag(change: Partial<UserView>): void {
     this.#set(change, this.#isOpen);
     this.#isOpen = true;
+  }
+
+  /** Corrects what is known of all views, which is no step. */
+  amend(correct: (view: UserView) => Partial<UserView>): void {
+    const { list, at } = this.#views.peek();
+    this.#views.value = { list: list.map((view) => ({ ...view, ...correct(view) })), at };
   }
 
   undo(): void {

@@ -1,6 +1,6 @@
 /** A canvas that shows the scene from where a person is. */
 
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import type { Display } from "../display/display.ts";
 import type { Drawable, Look } from "../draw/model.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
@@ -65,7 +65,7 @@ export class Viewer {
   /** Clicks pick one object more, or one less. */
   readonly picksMore = signal(false);
   /** What a person has measured. */
-  readonly distances = signal<readonly Distance[]>([]);
+  readonly distances = computed<readonly Distance[]>(() => this.view.current.value.distances);
   /** The most pixels by which a silhouette may be off, and how a culler finds out what is hidden. */
   readonly epsilon = signal(2);
   readonly occlusionTest = signal<OcclusionTest>("hzb");
@@ -118,7 +118,7 @@ export class Viewer {
     // At each change, and for each new link.
     effect(() => {
       const occlusionTest = this.occlusionTest.value;
-      this.display?.change({ ...this.view.current.value, ...this.#sampling(), occlusionTest });
+      this.display?.change({ ...this.view.seen.value, ...this.#sampling(), occlusionTest });
       this.#isMoved = true;
       this.redraw();
     });
@@ -144,9 +144,13 @@ export class Viewer {
 
   /** The picture is exact, and of where the eye is now. */
   get isSettled(): boolean {
+    return this.isExact && this.display?.isOver === false;
+  }
+
+  /** The same, also where the link is over since. */
+  get isExact(): boolean {
     const { display } = this;
-    const isHere = display?.isSettled === true && !display.isOver;
-    return !this.#isMoved && isHere && this.#drawn === display.shown;
+    return !this.#isMoved && display?.isSettled === true && this.#drawn === display.shown;
   }
 
   /** The camera of the picture. */

@@ -1,0 +1,66 @@
+/** Lengths as a person reads them. */
+
+import { signal } from "@preact/signals";
+
+export const UNITS = ["m", "mm", "ft-in"] as const;
+export type Unit = (typeof UNITS)[number];
+
+/** Below this a millimetre is coarse: there are two more digits. Metres. */
+const SMALL = 0.01;
+const INCH = 0.0254;
+const STORED = "trimaran-unit";
+
+/** The unit that this person reads. */
+export const unit = signal<Unit>(storedUnit());
+
+export function chooseUnit(chosen: Unit): void {
+  unit.value = chosen;
+  try {
+    localStorage.setItem(STORED, chosen);
+  } catch {
+    // A browser that stores nothing keeps it as long as the page is open.
+  }
+}
+
+/** A length of so many metres, in whole millimetres or as fine in feet and inches. */
+export function lengthText(metres: number, unit: Unit): string {
+  const sign = metres < 0 ? "-" : "";
+  const length = Math.abs(metres);
+  const digits = length > 0 && length < SMALL ? 2 : 0;
+  switch (unit) {
+    case "m":
+      return `${sign}${length.toFixed(3 + digits)} m`;
+    case "mm":
+      return `${sign}${(1000 * length).toFixed(digits)} mm`;
+    case "ft-in": {
+      // Rounded before it is divided: there are no 12 inches.
+      const parts = 100 * 10 ** digits;
+      const all = Math.round((parts * length) / INCH);
+      const feet = Math.floor(all / (12 * parts));
+      const inches = ((all - 12 * parts * feet) / parts).toFixed(2 + digits);
+      return `${sign}${feet === 0 ? "" : `${feet}' `}${inches}"`;
+    }
+  }
+}
+
+/**
+ * The same, of a length that may be off by `error` metres; by how much is unknown where that is nothing. Half
+ * a millimetre does not count.
+ */
+export function measuredText(metres: number, error: number | undefined, unit: Unit): string {
+  const text = lengthText(metres, unit);
+  if (error === undefined) {
+    return `about ${text}`;
+  }
+  // Up to whole millimetres: it is a bound.
+  return error < 0.0005 ? text : `${text} ± ${lengthText(Math.ceil(1000 * error) / 1000, unit)}`;
+}
+
+function storedUnit(): Unit {
+  try {
+    const stored = localStorage.getItem(STORED);
+    return UNITS.find((unit) => unit === stored) ?? "m";
+  } catch {
+    return "m";
+  }
+}

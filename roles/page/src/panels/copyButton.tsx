@@ -1,0 +1,38 @@
+/** A button that puts a text on the clipboard. */
+
+import { useSignal } from "@preact/signals";
+
+/** Milliseconds for which it says that it did. */
+const SHOWN = 1500;
+
+export function CopyButton({ text, label }: { readonly text: string; readonly label: string }) {
+  const isDone = useSignal(false);
+  const copy = async () => {
+    isDone.value = await copyText(text);
+    setTimeout(() => {
+      isDone.value = false;
+    }, SHOWN);
+  };
+  return (
+    <button type="button" aria-label={label} title={label} onClick={() => void copy()}>
+      {isDone.value ? "Copied" : "Copy"}
+    </button>
+  );
+}
+
+/** Puts a text on the clipboard. Gives whether the browser allowed it. */
+export async function copyText(text: string): Promise<boolean> {
+  try {
+    await navigator.clipboard.writeText(text);
+    return true;
+  } catch {
+    // Pages of other machines have no clipboard without TLS, but for what is selected.
+    const field = document.createElement("textarea");
+    field.value = text;
+    document.body.append(field);
+    field.select();
+    const isCopied = document.execCommand("copy");
+    field.remove();
+    return isCopied;
+  }
+}
