@@ -35,6 +35,11 @@ impl Data {
         self.folder.join("truth").join(name)
     }
 
+    /// A small model of a kind that other readers bear.
+    pub(crate) fn small(&self, name: &str) -> PathBuf {
+        self.folder.join("imports").join(name)
+    }
+
     /// The platform's eight review files.
     pub(crate) fn platform(&self) -> Vec<PathBuf> {
         let entries = fs::read_dir(self.folder.join("huldra")).unwrap();

@@ -106,3 +106,53 @@ fn every_part_has_the_attributes_of_its_own_path() {
     let site = hierarchy.groups.iter().find(|group| *group.name == *"/WD1-PSUP").unwrap();
     assert_eq!(value(&site.attributes, "Description").unwrap(), "PSUP - HC - WEATHER DECK");
 }
+
+/// Small files of kinds that other readers bear: what they say is in the folder's own README.
+#[test]
+fn small_gltf_files_that_other_readers_bear() {
+    let Some(data) = Data::find() else { return };
+    let read = |name: &str| import(&[data.small(name)], &ImportOptions::default(), &mut |_| {});
+    let good = |name: &str| read(name).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let boxes = [
+        "40-specgloss.gltf",
+        "41-version-2.1.gltf",
+        "42-integer-as-float.gltf",
+        "44-matrix-w.gltf",
+        "49-mesh-extras.gltf",
+        "50-morph-weights.gltf",
+        "51-palette-texture.gltf",
+        "53-glb-called-gltf.gltf",
+        "54-backslash-uri.gltf",
+        "56-null-children.gltf",
+    ];
+    for name in boxes {
+        let report = good(name).report;
+        assert_eq!((report.triangles, report.objects, report.warnings), (12, 1, vec![]), "{name}");
+    }
+    let colour = |name: &str, mesh: usize| good(name).model.meshes[mesh].colours[0].0;
+    assert_eq!(colour("40-specgloss.gltf", 0), [231, 63, 63, 255]);
+    assert_eq!(colour("47-blend.gltf", 0)[3], 64);
+    let [red, green, blue, _] = colour("51-palette-texture.gltf", 0);
+    assert!(green > 2 * red && green > 2 * blue, "{red} {green} {blue}");
+    let gradient = good("52-vertex-colour-gradient.gltf").model;
+    let colours: HashSet<[u8; 4]> = gradient.meshes[0].colours.iter().map(|colour| colour.0).collect();
+    assert!(colours.len() > 12, "{}", colours.len());
+    let attributes = good("49-mesh-extras.gltf").model.hierarchy.attributes_of(0).to_vec();
+    assert_eq!((&*attributes[0].name, &*attributes[0].value), ("IfcGUID", "2O2Fr$t4X7Zf8NOew3FL9r"));
+    let morphed = good("50-morph-weights.gltf").model;
+    assert!(morphed.meshes[0].positions.iter().all(|position| position.x >= 5.0));
+    for (name, kind) in [
+        ("46-nan-one-vertex.gltf", WarningKind::TriangleLeftOut),
+        ("48-hidden.gltf", WarningKind::HiddenNode),
+        ("57-structural-metadata.gltf", WarningKind::MetadataLeftOut),
+    ] {
+        assert_eq!(good(name).report.counts()[0].0, kind, "{name}");
+    }
+    for (name, parts) in [
+        ("43-gltf1.gltf", ["glTF 1.0", "convert"]),
+        ("45-draco-used-only.gltf", ["KHR_draco_mesh_compression", "gltf-transform"]),
+    ] {
+        let said = read(name).unwrap_err().to_string();
+        assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+    }
+}

@@ -71,6 +71,43 @@ fn document(nodes: &str, primitives: &str, vertices: usize) -> Vec<u8> {
     glb(&json, &bin)
 }
 
+/// A triangle, and a view of so many elements of 256 bytes, all of them zero and compressed.
+fn compressed(count: usize) -> Vec<u8> {
+    let packed = meshopt::encode_vertex_buffer(&vec![[0u32; 64]; count]).unwrap();
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "accessors":[{{"bufferView":2,"componentType":5126,"count":3,"type":"VEC3"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":1}},{{"buffer":0,"byteLength":1}},{{"buffer":0,"byteLength":{},
+        "extensions":{{"EXT_meshopt_compression":{{"buffer":0,"byteLength":{},"byteStride":256,"count":{count},
+        "mode":"ATTRIBUTES"}}}}}}],"buffers":[{{"byteLength":{}}}]}}"#,
+        256 * count,
+        packed.len(),
+        packed.len()
+    );
+    glb(&json, &packed)
+}
+
+/// A triangle with a white texture of `side` x `side` texels.
+fn textured(side: u32) -> Vec<u8> {
+    let mut image = std::io::Cursor::new(Vec::new());
+    image::GrayImage::new(side, side).write_to(&mut image, image::ImageFormat::Png).unwrap();
+    let image = image.into_inner();
+    let mut bin = floats(&[0.0; 9]);
+    bin.extend(&image);
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{{"mesh":0}}],"meshes":[{{"primitives":[{{"material":0,
+        "attributes":{{"POSITION":0,"TEXCOORD_0":1}}}}]}}],"materials":[{{"pbrMetallicRoughness":{{"baseColorTexture":
+        {{"index":0}}}}}}],"textures":[{{"source":0}}],"images":[{{"bufferView":1}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},
+        {{"bufferView":0,"componentType":5126,"count":3,"type":"VEC2"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":{}}}],
+        "buffers":[{{"byteLength":{}}}]}}"#,
+        image.len(),
+        bin.len()
+    );
+    glb(&json, &bin)
+}
+
 fn list(count: usize, item: &str) -> String {
     let mut text = [item, ","].concat().repeat(count);
     text.pop();
@@ -122,6 +159,7 @@ fn hostile() -> Vec<Hostile> {
     let copies = |count: usize| {
         rvm(|file| (0..count).fold(file, |file, _| file.open("/A", 1).cuboid([0.0; 3], [1.0; 3]).close()))
     };
+    let talkative = format!(r#"{shared}],"extras":{{"a":"{}"}},"more":["#, "n".repeat(100_000));
     let fan = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf{}\n", " 1 2 3".repeat(400_000 / 3));
     let triangles = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "f 1 2 3\n".repeat(400_000));
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -153,6 +191,10 @@ fn hostile() -> Vec<Hostile> {
         glb(document(&list(2_000, instances), shared, 20_000), Some(Resource::Objects), "node 1"),
         glb(document(&list(2_000, squashed), shared, 30_000), Some(Resource::Triangles), "flattens"),
         glb(document(&named, shared, 1_000), Some(Resource::Objects), "node 0"),
+        glb(document(&list(2_000, one_node), &talkative, 3), Some(Resource::AttributeBytes), "node 4"),
+        glb(compressed(200_000), Some(Resource::Vertices), "buffer view 2, decompressed,"),
+        glb(textured(4_096), None, ""),
+        glb(textured(1_000), None, ""),
         glb(document(&chain(5_000), shared, 3), Some(Resource::Depth), "node 100"),
         glb(document(&list(1_000_000, "{}"), shared, 3), None, ""),
         glb(document(&format!(r#"{{"children":[{}]}}"#, list(1_000_000, "0")), shared, 3), None, ""),

@@ -20,7 +20,8 @@ use thiserror::Error;
 pub struct ImportLimits {
     /// Triangles as stored: each mesh once. At most [`ImportLimits::MOST_TRIANGLES`] counts.
     pub triangles: u64,
-    /// Vertices as stored, before equal ones are joined. At most [`ImportLimits::MOST_RECORDS`] counts.
+    /// Vertices as stored, before equal ones are joined; four texels of a texture count as one, and so do 32
+    /// bytes that are decompressed. At most [`ImportLimits::MOST_RECORDS`] counts.
     pub vertices: u64,
     /// Objects; instances count each. One with a long name counts as several: one more for each
     /// [`NAME_UNIT`] bytes. At most [`ImportLimits::MOST_RECORDS`] counts.
@@ -34,6 +35,9 @@ pub struct ImportLimits {
 
 /// What memory an object may take for its name without counting as another one, bytes.
 pub const NAME_UNIT: u64 = 256;
+
+/// How many texels of a texture take the memory that is promised for a vertex.
+const TEXELS_A_VERTEX: u64 = 4;
 
 impl ImportLimits {
     /// More triangles than this cannot be numbered by their corners.
@@ -182,6 +186,11 @@ impl Budget {
     ) -> Result<(), OverBudget> {
         take(&self.triangles, triangles, Resource::Triangles, self.limits.triangles, &user)?;
         take(&self.vertices, vertices, Resource::Vertices, self.limits.vertices, &user)
+    }
+
+    /// Asks for a texture's texels, four of which count as a vertex. Whether there is room for them.
+    pub(super) fn texels(&self, texels: u64) -> bool {
+        self.mesh(0, texels.div_ceil(TEXELS_A_VERTEX), String::new).is_ok()
     }
 
     /// Asks for `count` objects, each with a name of `name_length` bytes.

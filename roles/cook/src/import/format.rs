@@ -35,9 +35,11 @@ impl Format {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
         let wrong = |expected, magic| Err(ImportError::WrongMagic { path: path.to_owned(), expected, magic });
         match ending.as_deref() {
-            Some("glb") if bytes.starts_with(b"glTF") => Ok(Self::Gltf),
+            // Either form under either name: the bytes say which.
+            Some("glb" | "gltf") if bytes.starts_with(b"glTF") || first_visible(bytes) == Some(b'{') => {
+                Ok(Self::Gltf)
+            }
             Some("glb") => wrong(".glb", "the letters glTF"),
-            Some("gltf") if first_visible(bytes) == Some(b'{') => Ok(Self::Gltf),
             Some("gltf") => wrong(".gltf", "a brace: it is JSON"),
             Some("rvm" | "rev") if is_review_file(bytes) => Ok(Self::Rvm),
             Some("rvm" | "rev") => wrong(
@@ -80,8 +82,14 @@ mod tests {
     }
 
     #[test]
+    fn either_form_of_gltf_may_have_either_name() {
+        assert_eq!(Format::of(Path::new("a.gltf"), b"glTF\x02").unwrap(), Format::Gltf);
+        assert_eq!(Format::of(Path::new("a.glb"), b" {}").unwrap(), Format::Gltf);
+    }
+
+    #[test]
     fn bytes_must_agree_with_the_name() {
-        let wrong = Format::of(Path::new("a.glb"), b"{}");
+        let wrong = Format::of(Path::new("a.glb"), b"v 0 0 0");
         assert!(matches!(wrong, Err(ImportError::WrongMagic { expected: ".glb", .. })));
         assert!(matches!(Format::of(Path::new("a.gltf"), b""), Err(ImportError::WrongMagic { .. })));
     }

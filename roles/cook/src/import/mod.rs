@@ -1,7 +1,7 @@
 //! From files to a [`Model`]: glTF 2.0, AVEVA review files (RVM) and Wavefront OBJ.
 //!
 //! [`import`] takes any number of files and makes one model of them. What a walk needs is kept (shape, place,
-//! base colour, name); textures, animation and materials beyond the base colour are not. The world of the
+//! base colour, name); animation and materials beyond the base colour are not. The world of the
 //! result is right-handed, y up, in metres, whatever the files' own frames are.
 //!
 //! Files come from strangers. No importer panics on bad bytes or allocates what a length field claims; each

@@ -66,8 +66,21 @@ pub enum WarningKind {
     FreeForm,
     /// OBJ statements that are unknown, or that would read another file or run a program: left out.
     UnknownStatement,
+    /// glTF textures that cannot be read: what they are on is drawn in its base colour.
+    TextureUnread,
+    /// glTF materials whose texture changes within a triangle: each triangle has the mean of the texture over
+    /// it.
+    TextureAveraged,
     /// glTF nodes with a skin: drawn as modelled, without it.
     SkinnedNode,
+    /// glTF nodes that are hidden in the file: left out with all below them.
+    HiddenNode,
+    /// glTF nodes and instances whose place cannot be told: left out with all below them.
+    NodeLeftOut,
+    /// glTF triangles with a corner that is not finite or does not exist: left out.
+    TriangleLeftOut,
+    /// glTF metadata that cannot be told of whole objects: left out.
+    MetadataLeftOut,
     /// RVM insulation and obstruction volumes: they are room kept free, not things, and would hide what is in
     /// them.
     VolumeLeftOut,
@@ -237,7 +250,17 @@ impl fmt::Display for WarningKind {
             Self::FaceLeftOut => "faces left out: a corner is at no vertex",
             Self::FreeForm => "free-form curves and surfaces left out",
             Self::UnknownStatement => "statements left out: unknown or not supported",
+            Self::TextureUnread => "textures that cannot be read: drawn in the base colour",
+            Self::TextureAveraged => {
+                "textured materials drawn in one colour a triangle, the texture's mean over it"
+            }
             Self::SkinnedNode => "skinned nodes drawn as modelled",
+            Self::HiddenNode => "hidden nodes left out with all below them",
+            Self::NodeLeftOut => "nodes or instances left out with all below them: they have no place",
+            Self::TriangleLeftOut => "triangles left out: a corner is not finite or does not exist",
+            Self::MetadataLeftOut => {
+                "metadata left out: attributes are kept where they are of a whole object"
+            }
             Self::VolumeLeftOut => "insulation and obstruction volumes left out",
             Self::FlattenedObject => "objects that their matrix flattens",
             Self::EmptyObject => "objects without a triangle left out",

@@ -8,6 +8,8 @@ pub(super) struct Accessors<'a> {
     accessors: &'a [Accessor],
     views: &'a [BufferView],
     buffers: &'a [Bytes<'a>],
+    /// The bytes of the views that were compressed.
+    decompressed: &'a [Option<Vec<u8>>],
     /// Bytes in all buffers: bounds what an accessor without bytes of its own may claim.
     total: u64,
 }
@@ -26,13 +28,33 @@ enum Component {
 type Result<T> = std::result::Result<T, &'static str>;
 
 impl<'a> Accessors<'a> {
-    pub(super) fn new(document: &'a Document, buffers: &'a [Bytes<'a>]) -> Self {
+    pub(super) fn new(
+        document: &'a Document,
+        buffers: &'a [Bytes<'a>],
+        decompressed: &'a [Option<Vec<u8>>],
+    ) -> Self {
         Self {
             accessors: &document.accessors,
             views: &document.buffer_views,
             buffers,
+            decompressed,
             total: buffers.iter().map(|buffer| buffer.as_slice().len() as u64).sum(),
         }
+    }
+
+    /// The bytes of a buffer view.
+    pub(super) fn view_bytes(&self, index: u32) -> Result<&'a [u8]> {
+        self.bytes(index).map(|(bytes, _)| bytes)
+    }
+
+    /// Whether an accessor has elements in a buffer.
+    pub(super) fn has_bytes(&self, index: u32) -> bool {
+        self.accessor(index).is_ok_and(|accessor| accessor.buffer_view.is_some())
+    }
+
+    /// Whether an accessor's whole numbers stand for 0..1 or -1..1.
+    pub(super) fn is_normalized(&self, index: u32) -> bool {
+        self.accessor(index).is_ok_and(|accessor| accessor.normalized)
     }
 
     /// Numbers a vector of this accessor: 1 to 4.
@@ -60,15 +82,16 @@ impl<'a> Accessors<'a> {
     /// Vectors of `N` floats; integers are converted, and scaled to 0..1 or -1..1 if the accessor is
     /// normalized.
     pub(super) fn vectors<const N: usize>(&self, index: u32) -> Result<Vec<[f32; N]>> {
-        self.vectors_at(index, None)
+        self.vectors_at(index, None, self.is_normalized(index))
     }
 
     /// As [`Accessors::vectors`]; with `picks` only those elements, of an accessor that [is
-    /// dense](Accessors::is_dense).
+    /// dense](Accessors::is_dense). Whether integers are scaled is for the caller to say.
     pub(super) fn vectors_at<const N: usize>(
         &self,
         index: u32,
         picks: Option<&[u32]>,
+        scaled: bool,
     ) -> Result<Vec<[f32; N]>> {
         let accessor = self.accessor(index)?;
         if self.lanes(index)? != N {
@@ -78,7 +101,7 @@ impl<'a> Accessors<'a> {
         let decode = |bytes: &[u8]| {
             let mut vector = [0.0; N];
             for (number, bytes) in vector.iter_mut().zip(bytes.chunks_exact(component.size())) {
-                *number = component.float(bytes, accessor.normalized);
+                *number = component.float(bytes, scaled);
             }
             vector
         };
@@ -153,15 +176,14 @@ impl<'a> Accessors<'a> {
 
     /// Where `count` elements of `size` bytes lie; all of them are there.
     fn strided(&self, view: u32, offset: u64, count: u64, size: usize) -> Result<Strided<'a>> {
-        let view = self.views.get(view as usize).ok_or("its buffer view does not exist")?;
-        let stride = match view.byte_stride {
+        let (bytes, stride) = self.bytes(view)?;
+        let stride = match stride {
             None => size,
             Some(stride) => usize::try_from(stride)
                 .ok()
                 .filter(|&stride| stride >= size)
                 .ok_or("its stride is less than an element")?,
         };
-        let bytes = self.view(view)?;
         let bytes = usize::try_from(offset).ok().and_then(|offset| bytes.get(offset..));
         let bytes = bytes.ok_or("its offset is past the end of its buffer view")?;
         // The last element needs its own bytes only, not a whole stride.
@@ -171,12 +193,17 @@ impl<'a> Accessors<'a> {
         Ok(Strided { bytes, stride, size, count })
     }
 
-    fn view(&self, view: &BufferView) -> Result<&'a [u8]> {
+    /// The bytes of a view, and the step from one element to the next if it prescribes one.
+    fn bytes(&self, index: u32) -> Result<(&'a [u8], Option<u64>)> {
+        let view = self.views.get(index as usize).ok_or("its buffer view does not exist")?;
+        if let Some(Some(bytes)) = self.decompressed.get(index as usize) {
+            let stride = view.packed().filter(|packed| packed.mode == "ATTRIBUTES");
+            return Ok((bytes, view.byte_stride.or(stride.map(|packed| packed.byte_stride))));
+        }
         let buffer = self.buffers.get(view.buffer as usize).ok_or("its buffer does not exist")?.as_slice();
         let range = usize::try_from(view.byte_offset).ok().zip(usize::try_from(view.byte_length).ok());
-        range
-            .and_then(|(start, length)| buffer.get(start..start.checked_add(length)?))
-            .ok_or("its buffer view reaches past the end of the buffer")
+        let bytes = range.and_then(|(start, length)| buffer.get(start..start.checked_add(length)?));
+        Ok((bytes.ok_or("its buffer view reaches past the end of the buffer")?, view.byte_stride))
     }
 }
 
@@ -255,7 +282,7 @@ mod tests {
     fn read<const N: usize>(accessor: &str, views: &str, bytes: &[u8]) -> Result<Vec<[f32; N]>> {
         let document = document(accessor, views);
         let buffers = [Bytes::Within(bytes)];
-        Accessors::new(&document, &buffers).vectors(0)
+        Accessors::new(&document, &buffers, &[]).vectors(0)
     }
 
     #[test]
@@ -310,10 +337,10 @@ mod tests {
         let dense = r#"{"bufferView":0,"componentType":5121,"count":2,"type":"VEC2"}"#;
         let document = document(dense, view);
         let buffers = [Bytes::Within(&bytes)];
-        let accessors = Accessors::new(&document, &buffers);
+        let accessors = Accessors::new(&document, &buffers, &[]);
         assert!(accessors.is_dense(0) && accessors.count(0) == Ok(2));
-        let picked = accessors.vectors_at(0, Some(&[1, 0, 1]));
+        let picked = accessors.vectors_at(0, Some(&[1, 0, 1]), false);
         assert_eq!(picked, Ok(vec![[3.0, 4.0], [1.0, 2.0], [3.0, 4.0]]));
-        assert_eq!(accessors.vectors_at::<2>(0, Some(&[2])), Err("an index points past its end"));
+        assert_eq!(accessors.vectors_at::<2>(0, Some(&[2]), false), Err("an index points past its end"));
     }
 }

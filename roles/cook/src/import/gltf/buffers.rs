@@ -1,16 +1,17 @@
 //! The bytes that a glTF document refers to: in the container, in data URIs, or in files beside it.
 
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use percent_encoding::percent_decode_str;
+use thiserror::Error;
 
 use super::GltfError;
 use super::json::Buffer;
-use crate::import::budget::Budget;
 use crate::import::neighbours::{Neighbours, NotThere};
 
 /// Exporters differ on padding.
@@ -37,21 +38,21 @@ impl Bytes<'_> {
     }
 }
 
-/// Loads all buffers of a document; each is exactly as long as the document says.
+/// Loads all buffers of a document; each is exactly as long as the document says. One that only stands for
+/// bytes that others have compressed may be empty.
 pub(super) fn load<'a>(
-    document: Option<&Path>,
+    resources: &mut Resources<'_, '_>,
     buffers: &[Buffer],
     bin: Option<&'a [u8]>,
-    budget: &Budget,
 ) -> Result<Vec<Bytes<'a>>, GltfError> {
-    let mut neighbours = Neighbours::of(document, budget);
     let load = |(index, buffer): (usize, &Buffer)| {
         let malformed = |what| GltfError::Buffer { buffer: index, what };
         let too_short = malformed("it has fewer bytes than the document says");
         let Ok(length) = usize::try_from(buffer.byte_length) else { return Err(too_short) };
         match (&buffer.uri, bin) {
+            _ if buffer.is_fallback() => Ok(Bytes::Within(&[])),
             (Some(uri), _) => {
-                let bytes = fetch(&mut neighbours, index, uri)?;
+                let bytes = resources.fetch(uri).map_err(|fault| fault.of_buffer(index))?;
                 if length <= bytes.len() { Ok(Bytes::Shared { bytes, length }) } else { Err(too_short) }
             }
             (None, Some(bin)) if index == 0 => bin.get(..length).map(Bytes::Within).ok_or(too_short),
@@ -61,23 +62,57 @@ pub(super) fn load<'a>(
     buffers.iter().enumerate().map(load).collect()
 }
 
-fn fetch(neighbours: &mut Neighbours<'_>, buffer: usize, uri: &str) -> Result<Arc<Vec<u8>>, GltfError> {
-    let malformed = |what| GltfError::Buffer { buffer, what };
-    if let Some(data) = uri.strip_prefix("data:") {
-        let (kind, data) = data.split_once(',').ok_or(malformed("its data URI has no comma"))?;
-        return Ok(Arc::new(if kind.ends_with(";base64") {
-            BASE64.decode(data).map_err(|_| malformed("its data URI is not base64"))?
-        } else {
-            percent_decode_str(data).collect()
-        }));
-    }
-    let name = percent_decode_str(uri).decode_utf8().map_err(|_| malformed("its address is not UTF-8"))?;
-    match neighbours.read(Path::new(name.as_ref())) {
-        Ok((bytes, _)) => Ok(bytes),
-        Err(NotThere::Elsewhere) => {
-            Err(malformed("its address leads out of the document's folder; put the buffer beside it"))
+/// What a document refers to by an address: data URIs, and files beside it.
+pub(super) struct Resources<'n, 'b>(pub &'n mut Neighbours<'b>);
+
+/// Why an address leads to nothing.
+#[derive(Debug, Error)]
+pub(super) enum ResourceFault {
+    #[error("{0}")]
+    Malformed(&'static str),
+    #[error("cannot read {path}: {source}", path = .0.display(), source = .1)]
+    Unread(PathBuf, io::Error),
+}
+
+impl ResourceFault {
+    fn of_buffer(self, buffer: usize) -> GltfError {
+        match self {
+            Self::Malformed(what) => GltfError::Buffer { buffer, what },
+            Self::Unread(path, source) => GltfError::BufferFile { buffer, path, source },
         }
-        Err(NotThere::Unread(path, source)) => Err(GltfError::BufferFile { buffer, path, source }),
+    }
+}
+
+impl Resources<'_, '_> {
+    /// The bytes at an address. Addresses are percent-encoded, but some exporters write names as they are, and
+    /// some write the backslashes of Windows.
+    pub(super) fn fetch(&mut self, uri: &str) -> Result<Arc<Vec<u8>>, ResourceFault> {
+        use ResourceFault::{Malformed, Unread};
+        if let Some(data) = uri.strip_prefix("data:") {
+            let (kind, data) = data.split_once(',').ok_or(Malformed("its data URI has no comma"))?;
+            return Ok(Arc::new(if kind.ends_with(";base64") {
+                BASE64.decode(data).map_err(|_| Malformed("its data URI is not base64"))?
+            } else {
+                percent_decode_str(data).collect()
+            }));
+        }
+        let decoded = percent_decode_str(uri).decode_utf8_lossy();
+        let names = [decoded.to_string(), decoded.replace('\\', "/"), uri.to_owned()];
+        let mut first = None;
+        for name in names {
+            match self.0.read(Path::new(&name)) {
+                Ok((bytes, _)) => return Ok(bytes),
+                Err(NotThere::Elsewhere) => {
+                    first.get_or_insert(Malformed(
+                        "its address leads out of the document's folder; put the file beside it",
+                    ));
+                }
+                Err(NotThere::Unread(path, source)) => {
+                    first.get_or_insert(Unread(path, source));
+                }
+            }
+        }
+        Err(first.unwrap_or(Malformed("it has no address")))
     }
 }
 
@@ -85,15 +120,56 @@ fn fetch(neighbours: &mut Neighbours<'_>, buffer: usize, uri: &str) -> Result<Ar
 mod tests {
     use super::*;
     use crate::import::ImportLimits;
+    use crate::import::budget::Budget;
 
-    fn budget() -> Budget {
-        Budget::new(ImportLimits::default())
+    fn load_at<'a>(
+        path: &Path,
+        buffers: &[Buffer],
+        bin: Option<&'a [u8]>,
+    ) -> Result<Vec<Bytes<'a>>, GltfError> {
+        let budget = Budget::new(ImportLimits::default());
+        let mut neighbours = Neighbours::of(Some(path), &budget);
+        load(&mut Resources(&mut neighbours), buffers, bin)
+    }
+
+    fn buffer(uri: Option<&str>, byte_length: u64) -> Buffer {
+        Buffer { uri: uri.map(str::to_owned), byte_length, extensions: None }
     }
 
     fn load_one(uri: Option<&str>, byte_length: u64) -> Result<Vec<u8>, GltfError> {
-        let buffer = Buffer { uri: uri.map(str::to_owned), byte_length };
-        let loaded = load(Some(Path::new("no-such-folder/a.gltf")), &[buffer], Some(b"abc"), &budget())?;
+        let loaded = load_at(Path::new("no-such-folder/a.gltf"), &[buffer(uri, byte_length)], Some(b"abc"))?;
         Ok(loaded[0].as_slice().to_vec())
+    }
+
+    #[test]
+    fn what_only_stands_for_compressed_bytes_needs_none() {
+        let json = r#"{"byteLength":99,"extensions":{"EXT_meshopt_compression":{"fallback":true}}}"#;
+        let fallback: Buffer = serde_json::from_str(json).unwrap();
+        let loaded = load_at(Path::new("a.gltf"), &[fallback], None).unwrap();
+        assert_eq!(loaded[0].as_slice(), b"");
+    }
+
+    #[test]
+    fn names_are_found_encoded_or_not_and_with_backslashes() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("buf dir")).unwrap();
+        std::fs::write(folder.path().join("buf dir/a.bin"), b"abcd").unwrap();
+        std::fs::write(folder.path().join("50%25.bin"), b"efgh").unwrap();
+        let path = folder.path().join("a.gltf");
+        for (uri, bytes) in [
+            ("buf dir/a.bin", b"abcd"),
+            ("buf%20dir/a.bin", b"abcd"),
+            (r"buf dir\a.bin", b"abcd"),
+            (r".\buf%20dir\a.bin", b"abcd"),
+            ("50%25.bin", b"efgh"),
+        ] {
+            let loaded = load_at(&path, &[buffer(Some(uri), 4)], None).unwrap();
+            assert_eq!(loaded[0].as_slice(), bytes, "{uri}");
+        }
+        for uri in [r"..\a.bin", r"buf dir\..\..\a.bin", r"C:\a.bin", "buf%20dir%2F..%2F..%2Fa"] {
+            let loaded = load_at(&path, &[buffer(Some(uri), 4)], None);
+            assert!(loaded.is_err(), "{uri}");
+        }
     }
 
     #[test]
@@ -133,9 +209,10 @@ mod tests {
     fn a_file_that_many_buffers_name_is_read_once() {
         let folder = tempfile::tempdir().unwrap();
         std::fs::write(folder.path().join("a.bin"), b"abcd").unwrap();
-        let buffer = |uri: &str, byte_length| Buffer { uri: Some(uri.to_owned()), byte_length };
-        let buffers = [buffer("a.bin", 4), buffer("./a.bin", 2), buffer("a.bin", 5)];
-        let load = |buffers| load(Some(&folder.path().join("a.gltf")), buffers, None, &budget());
+        let named = |uri: &str, byte_length| buffer(Some(uri), byte_length);
+        let buffers = [named("a.bin", 4), named("./a.bin", 2), named("a.bin", 5)];
+        let path = folder.path().join("a.gltf");
+        let load = |buffers| load_at(&path, buffers, None);
         let loaded = load(&buffers[..2]).unwrap();
         assert_eq!(loaded.iter().map(Bytes::as_slice).collect::<Vec<_>>(), [&b"abcd"[..], b"ab"]);
         assert!(matches!(loaded.as_slice(), [Bytes::Shared { bytes: a, .. }, Bytes::Shared { bytes: b, .. }]

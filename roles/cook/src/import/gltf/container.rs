@@ -22,7 +22,7 @@ impl<'a> Container<'a> {
         let malformed = |offset, what| GltfError::Container { offset, what };
         let version = u32_at(file, 4).ok_or(malformed(4, "it ends within the header"))?;
         if version != 2 {
-            return Err(GltfError::Version { version: version.to_string() });
+            return Err(GltfError::Version { version: format!("{version}.0") });
         }
         let length = u32_at(file, 8).ok_or(malformed(8, "it ends within the header"))?;
         let body = file.get(..length as usize).ok_or(malformed(8, "it is shorter than its header says"))?;
@@ -94,6 +94,6 @@ mod tests {
     fn another_version_is_named() {
         let mut file = glb(&[(b"JSON", b"{}")]);
         file[4] = 1;
-        assert!(matches!(Container::parse(&file), Err(GltfError::Version { version }) if version == "1"));
+        assert!(matches!(Container::parse(&file), Err(GltfError::Version { version }) if version == "1.0"));
     }
 }

@@ -23,15 +23,15 @@ pub enum GltfError {
     #[error("the JSON does not parse: {0}")]
     Json(#[from] serde_json::Error),
     /// The file is of another version of glTF.
-    #[error("it is glTF {version}; this reads 2.0: convert it")]
+    #[error(
+        "it is glTF {version}, and this reads 2.0: convert it (gltf-pipeline, for one, converts glTF 1.0 to 2.0)"
+    )]
     Version {
-        /// The version it claims.
+        /// The version that it claims, or needs at least.
         version: String,
     },
     /// The file cannot be read without an extension that is not supported.
-    #[error(
-        "it needs the extension {extension}, which is not supported: export it again without (for Draco or meshopt, without compression)"
-    )]
+    #[error("it needs the extension {extension}, which is not supported: export it again without it")]
     Extension {
         /// The extension.
         extension: String,
@@ -63,6 +63,28 @@ pub enum GltfError {
         user: String,
         /// What is wrong with it.
         what: &'static str,
+    },
+    /// The compressed bytes of a buffer view are malformed.
+    #[error(
+        "buffer view {view} cannot be decompressed (meshopt): {what}; decompress the file with \
+         `gltf-transform copy`, or export it again without compression"
+    )]
+    Packed {
+        /// Index of the buffer view.
+        view: u32,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// A primitive that Draco has compressed is malformed.
+    #[error(
+        "{mesh} cannot be decompressed (KHR_draco_mesh_compression): {what}; decompress the file with \
+         `gltf-transform copy`, or export it again without compression"
+    )]
+    Draco {
+        /// The mesh and primitive, with its name.
+        mesh: String,
+        /// What is wrong with it.
+        what: String,
     },
     /// A mesh is malformed.
     #[error("{mesh} is malformed: {what}")]

@@ -4,26 +4,63 @@
 //! used for this: it keeps matrices as f32, which at the coordinates of a plant (1e6 m) is 6 cm, and both its
 //! check of a document and its reader of containers can panic on hostile input.
 
+use std::collections::BTreeMap;
+
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use serde_json::Value;
 use trimaran_scene::Attribute;
+
+use super::GltfError;
+use super::lenient::{maybe_whole, or_default, text, whole, wholes, wholes_by_name};
+use super::material::{Image, Material, Sampler, Texture};
+use super::metadata::{FeatureIds, Features, Metadata};
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Document {
+    #[serde(deserialize_with = "or_default")]
     pub asset: Asset,
+    #[serde(deserialize_with = "or_default")]
     pub extensions_required: Vec<String>,
+    #[serde(deserialize_with = "maybe_whole")]
     pub scene: Option<u32>,
+    #[serde(deserialize_with = "or_default")]
     pub scenes: Vec<Scene>,
+    #[serde(deserialize_with = "or_default")]
     pub nodes: Vec<Node>,
+    #[serde(deserialize_with = "or_default")]
     pub meshes: Vec<Mesh>,
+    #[serde(deserialize_with = "or_default")]
     pub materials: Vec<Material>,
+    #[serde(deserialize_with = "or_default")]
+    pub textures: Vec<Texture>,
+    #[serde(deserialize_with = "or_default")]
+    pub samplers: Vec<Sampler>,
+    #[serde(deserialize_with = "or_default")]
+    pub images: Vec<Image>,
+    #[serde(deserialize_with = "or_default")]
     pub accessors: Vec<Accessor>,
+    #[serde(deserialize_with = "or_default")]
     pub buffer_views: Vec<BufferView>,
+    #[serde(deserialize_with = "or_default")]
     pub buffers: Vec<Buffer>,
+    pub extensions: Option<Box<DocumentExtensions>>,
 }
 
 impl Document {
+    /// Parses a document.
+    pub(super) fn parse(json: &[u8]) -> Result<Self, GltfError> {
+        serde_json::from_slice(json).map_err(|error| match serde_json::from_slice::<Head>(json) {
+            Ok(Head { meshes, nodes, accessors })
+                if [&meshes, &nodes, &accessors].into_iter().any(|all| !all.is_empty()) =>
+            {
+                GltfError::Version { version: "1.0".into() }
+            }
+            _ => error.into(),
+        })
+    }
+
     /// What an object is called that places `mesh` by `node`: as the node, or else as the mesh.
     pub(super) fn object_name(&self, node: u32, mesh: u32) -> &str {
         let node = self.nodes.get(node as usize).and_then(|node| node.name.as_deref());
@@ -31,23 +68,89 @@ impl Document {
         node.or_else(mesh).unwrap_or_default()
     }
 
-    /// What is said of the object that a node is. Of many instances it is said once, of their group.
+    /// What is said of the object that a node is: by the node, and by the mesh what the node does not say. Of
+    /// several it is said once, of their group.
     pub(super) fn attributes_of_one(&self, node: u32) -> Vec<Attribute> {
-        let one = self.nodes.get(node as usize).filter(|node| node.instancing().is_none());
-        one.map(Node::attributes).unwrap_or_default()
+        let one = self.nodes.get(node as usize).filter(|node| !self.is_several(node));
+        one.map(|node| self.attributes(node)).unwrap_or_default()
     }
+
+    /// Whether a node is several objects: instances, or features of a mesh.
+    pub(super) fn is_several(&self, node: &Node) -> bool {
+        let mesh = node.mesh.and_then(|mesh| self.meshes.get(mesh as usize));
+        let mut primitives = mesh.into_iter().flat_map(|mesh| &mesh.primitives);
+        node.instancing().is_some()
+            || Metadata::of(self).is_some() && primitives.any(|one| one.features().is_some())
+    }
+
+    /// Whether a node is a group: it has several objects, or nodes below it.
+    pub(super) fn is_group(&self, node: &Node) -> bool {
+        !node.children.is_empty() || self.is_several(node)
+    }
+
+    /// How many bytes what a mesh says of each of its objects takes.
+    pub(super) fn text_of_mesh(&self, mesh: u32) -> u64 {
+        let extras = self.meshes.get(mesh as usize).and_then(|mesh| mesh.extras.as_deref());
+        attributes(extras).iter().map(|one| (one.name.len() + one.value.len()) as u64).sum()
+    }
+
+    /// What is said by a node and its mesh.
+    pub(super) fn attributes(&self, node: &Node) -> Vec<Attribute> {
+        let mut all = attributes(node.extras.as_deref());
+        let mesh = node.mesh.and_then(|mesh| self.meshes.get(mesh as usize));
+        let more = mesh.map(|mesh| attributes(mesh.extras.as_deref())).unwrap_or_default();
+        let said = all.len();
+        for attribute in more {
+            if !all.iter().take(said).any(|known| known.name == attribute.name) {
+                all.push(attribute);
+            }
+        }
+        all
+    }
+}
+
+/// Extras as names and values. Values that are no text are written as JSON.
+fn attributes(extras: Option<&Value>) -> Vec<Attribute> {
+    let attribute = |name: &str, value: &Value| {
+        let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        Attribute { name: name.into(), value: value.into() }
+    };
+    match extras {
+        None | Some(Value::Null) => Vec::new(),
+        Some(Value::Object(pairs)) => pairs.iter().map(|(name, value)| attribute(name, value)).collect(),
+        Some(other) => vec![attribute("extras", other)],
+    }
+}
+
+/// What tells a document of glTF 1.0: objects by name where 2.0 has arrays.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Head {
+    meshes: BTreeMap<String, IgnoredAny>,
+    nodes: BTreeMap<String, IgnoredAny>,
+    accessors: BTreeMap<String, IgnoredAny>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Asset {
-    pub version: String,
+    #[serde(deserialize_with = "text")]
+    pub version: Option<String>,
+    #[serde(deserialize_with = "text")]
     pub min_version: Option<String>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
+pub(super) struct DocumentExtensions {
+    #[serde(rename = "EXT_structural_metadata")]
+    pub metadata: Option<Metadata>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Scene {
+    #[serde(deserialize_with = "wholes")]
     pub nodes: Vec<u32>,
 }
 
@@ -55,8 +158,11 @@ pub(super) struct Scene {
 #[serde(default)]
 pub(super) struct Node {
     pub name: Option<String>,
+    #[serde(deserialize_with = "wholes")]
     pub children: Vec<u32>,
+    #[serde(deserialize_with = "maybe_whole")]
     pub mesh: Option<u32>,
+    #[serde(deserialize_with = "maybe_whole")]
     pub skin: Option<u32>,
     /// Column-major, to the parent's frame. Boxed, as all that few nodes have: an empty node takes two bytes
     /// of a file.
@@ -65,32 +171,21 @@ pub(super) struct Node {
     /// A quaternion: x, y, z, w.
     pub rotation: Option<Box<[f64; 4]>>,
     pub scale: Option<Box<[f64; 3]>>,
+    /// Of the mesh's morph targets, in place of the mesh's own.
+    pub weights: Option<Box<[f32]>>,
     pub extensions: Option<Box<NodeExtensions>>,
     /// Whatever its maker says of it.
     pub extras: Option<Box<Value>>,
 }
 
 impl Node {
-    /// Whether it is one of several, or has some below it.
-    pub(super) fn is_group(&self) -> bool {
-        !self.children.is_empty() || self.instancing().is_some()
-    }
-
     pub(super) fn instancing(&self) -> Option<&Instancing> {
         self.extensions.as_ref()?.instancing.as_ref()
     }
 
-    /// The extras as names and values. Values that are no text are written as JSON.
-    pub(super) fn attributes(&self) -> Vec<Attribute> {
-        let attribute = |name: &str, value: &Value| {
-            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            Attribute { name: name.into(), value: value.into() }
-        };
-        match self.extras.as_deref() {
-            None | Some(Value::Null) => Vec::new(),
-            Some(Value::Object(pairs)) => pairs.iter().map(|(name, value)| attribute(name, value)).collect(),
-            Some(other) => vec![attribute("extras", other)],
-        }
+    pub(super) fn is_hidden(&self) -> bool {
+        let visibility = self.extensions.as_ref().and_then(|extensions| extensions.visibility.as_ref());
+        visibility.is_some_and(|visibility| visibility.visible == Some(false))
     }
 }
 
@@ -99,93 +194,104 @@ impl Node {
 pub(super) struct NodeExtensions {
     #[serde(rename = "EXT_mesh_gpu_instancing")]
     pub instancing: Option<Instancing>,
+    #[serde(rename = "KHR_node_visibility")]
+    pub visibility: Option<Visibility>,
+    #[serde(rename = "EXT_instance_features")]
+    pub features: Option<Features>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Visibility {
+    pub visible: Option<bool>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Instancing {
-    pub attributes: InstanceAttributes,
-}
-
-/// Accessors of one placement an instance.
-#[derive(Debug, Default, Clone, Copy, Deserialize)]
-#[serde(rename_all = "UPPERCASE", default)]
-pub(super) struct InstanceAttributes {
-    pub translation: Option<u32>,
-    pub rotation: Option<u32>,
-    pub scale: Option<u32>,
+    /// Accessors of one element an instance: TRANSLATION, ROTATION, SCALE and others.
+    #[serde(deserialize_with = "wholes_by_name")]
+    pub attributes: BTreeMap<String, u32>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Mesh {
     pub name: Option<String>,
+    #[serde(deserialize_with = "or_default")]
     pub primitives: Vec<Primitive>,
-}
-
-#[derive(Debug, Deserialize)]
-pub(super) struct Primitive {
-    pub attributes: Attributes,
-    pub indices: Option<u32>,
-    pub material: Option<u32>,
-    #[serde(default = "triangles")]
-    pub mode: u32,
-}
-
-/// The mode of a primitive that names none: 4, triangles.
-const fn triangles() -> u32 {
-    4
+    /// Of the primitives' morph targets.
+    #[serde(deserialize_with = "or_default")]
+    pub weights: Vec<f32>,
+    pub extras: Option<Box<Value>>,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Attributes {
-    #[serde(rename = "POSITION")]
-    pub position: Option<u32>,
-    #[serde(rename = "COLOR_0")]
-    pub colour: Option<u32>,
+pub(super) struct Primitive {
+    /// Accessors of one element a vertex: POSITION, COLOR_0, TEXCOORD_0 and others.
+    #[serde(deserialize_with = "wholes_by_name")]
+    pub attributes: BTreeMap<String, u32>,
+    #[serde(deserialize_with = "maybe_whole")]
+    pub indices: Option<u32>,
+    #[serde(deserialize_with = "maybe_whole")]
+    pub material: Option<u32>,
+    /// 4, triangles, if there is none.
+    #[serde(deserialize_with = "maybe_whole")]
+    pub mode: Option<u32>,
+    #[serde(deserialize_with = "or_default")]
+    pub targets: Vec<Target>,
+    pub extensions: Option<Box<PrimitiveExtensions>>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Material {
-    pub pbr_metallic_roughness: Metallic,
-    pub alpha_mode: AlphaMode,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Metallic {
-    /// Linear red, green, blue, alpha.
-    pub base_color_factor: [f32; 4],
-    pub base_color_texture: Option<serde::de::IgnoredAny>,
-}
-
-impl Default for Metallic {
-    fn default() -> Self {
-        Self { base_color_factor: [1.0; 4], base_color_texture: None }
+impl Primitive {
+    /// How the features of its triangles are numbered: the attribute's name and what the numbers mean.
+    pub(super) fn features(&self) -> Option<(String, &FeatureIds)> {
+        let ids = self.extensions.as_ref()?.features.as_ref()?.with_table()?;
+        Some((format!("_FEATURE_ID_{}", ids.attribute?), ids))
     }
 }
 
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
-pub(super) enum AlphaMode {
-    #[default]
-    Opaque,
-    /// `MASK`, `BLEND` and what extensions add.
-    #[serde(other)]
-    Other,
+/// A morph target: what is added to positions, times its weight.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Target {
+    #[serde(rename = "POSITION", deserialize_with = "maybe_whole")]
+    pub position: Option<u32>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct PrimitiveExtensions {
+    #[serde(rename = "KHR_draco_mesh_compression")]
+    pub draco: Option<Draco>,
+    #[serde(rename = "EXT_mesh_features")]
+    pub features: Option<Features>,
+}
+
+/// A primitive whose arrays Draco has compressed.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Draco {
+    #[serde(deserialize_with = "whole")]
+    pub buffer_view: u32,
+    /// Draco's numbers of the primitive's attributes.
+    #[serde(deserialize_with = "wholes_by_name")]
+    pub attributes: BTreeMap<String, u32>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Accessor {
+    #[serde(default, deserialize_with = "maybe_whole")]
     pub buffer_view: Option<u32>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "whole")]
     pub byte_offset: u64,
+    #[serde(deserialize_with = "whole")]
     pub component_type: u32,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "or_default")]
     pub normalized: bool,
+    #[serde(deserialize_with = "whole")]
     pub count: u64,
     #[serde(rename = "type")]
     pub kind: String,
@@ -194,6 +300,7 @@ pub(super) struct Accessor {
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Sparse {
+    #[serde(deserialize_with = "whole")]
     pub count: u64,
     pub indices: SparsePart,
     pub values: SparsePart,
@@ -203,25 +310,92 @@ pub(super) struct Sparse {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct SparsePart {
+    #[serde(deserialize_with = "whole")]
     pub buffer_view: u32,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "whole")]
     pub byte_offset: u64,
+    #[serde(default, deserialize_with = "maybe_whole")]
     pub component_type: Option<u32>,
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
 pub(super) struct BufferView {
+    #[serde(deserialize_with = "whole")]
     pub buffer: u32,
-    #[serde(default)]
+    #[serde(deserialize_with = "whole")]
     pub byte_offset: u64,
+    #[serde(deserialize_with = "whole")]
     pub byte_length: u64,
+    #[serde(deserialize_with = "maybe_whole")]
     pub byte_stride: Option<u64>,
+    pub extensions: Option<Box<ViewExtensions>>,
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
+impl BufferView {
+    /// How its bytes are compressed, if they are.
+    pub(super) fn packed(&self) -> Option<&Packed> {
+        let extensions = self.extensions.as_ref()?;
+        extensions.khr.as_ref().or(extensions.ext.as_ref())
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ViewExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    pub ext: Option<Packed>,
+    #[serde(rename = "KHR_meshopt_compression")]
+    pub khr: Option<Packed>,
+}
+
+/// Where the compressed bytes of a buffer view are, and what they turn into.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Packed {
+    #[serde(deserialize_with = "whole")]
+    pub buffer: u32,
+    #[serde(deserialize_with = "whole")]
+    pub byte_offset: u64,
+    #[serde(deserialize_with = "whole")]
+    pub byte_length: u64,
+    #[serde(deserialize_with = "whole")]
+    pub byte_stride: u64,
+    #[serde(deserialize_with = "whole")]
+    pub count: u64,
+    #[serde(deserialize_with = "or_default")]
+    pub mode: String,
+    pub filter: Option<String>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
 pub(super) struct Buffer {
     pub uri: Option<String>,
+    #[serde(deserialize_with = "whole")]
     pub byte_length: u64,
+    pub extensions: Option<Box<BufferExtensions>>,
+}
+
+impl Buffer {
+    /// Whether it only stands for bytes that others have compressed.
+    pub(super) fn is_fallback(&self) -> bool {
+        let all = self.extensions.as_ref().map(|of| [of.ext.as_ref(), of.khr.as_ref()]);
+        all.is_some_and(|all| all.into_iter().flatten().any(|fallback| fallback.fallback == Some(true)))
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct BufferExtensions {
+    #[serde(rename = "EXT_meshopt_compression")]
+    pub ext: Option<Fallback>,
+    #[serde(rename = "KHR_meshopt_compression")]
+    pub khr: Option<Fallback>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Fallback {
+    pub fallback: Option<bool>,
 }

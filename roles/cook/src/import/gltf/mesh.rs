@@ -1,19 +1,52 @@
-//! A glTF mesh, which may be several primitives, as one mesh with a colour a vertex.
+//! A glTF mesh, which may be several primitives, as one mesh with a colour a vertex, or as one a feature.
+
+use std::collections::BTreeMap;
 
 use glam::Vec3;
 
 use super::GltfError;
 use super::accessor::Accessors;
-use super::json::{AlphaMode, Document, Material, Primitive};
+use super::draco::Decoded;
+use super::gradient::Coloured;
+use super::json::{Document, Primitive};
+use super::material::{Alpha, Material, encoded};
+use super::metadata::{Feature, Metadata};
+use super::texture::{Placed, Textures};
 use crate::Mesh;
 use crate::import::assemble::weld;
 use crate::import::budget::Budget;
-use trimaran_scene::Rgba8;
 
-/// A mesh, and how many of its primitives were left out because they are points or lines.
+/// A mesh of the document, and how much its morph targets count.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Shape {
+    /// Index of the mesh.
+    pub mesh: u32,
+    /// Empty if nothing is morphed.
+    pub weights: Vec<f32>,
+}
+
+/// A mesh, and what was left out of it.
+#[derive(Default)]
 pub(super) struct Imported {
-    pub mesh: Mesh,
+    /// What belongs to each feature, and what to none.
+    pub pieces: BTreeMap<Option<Feature>, Mesh>,
+    /// Primitives that are points or lines.
     pub without_surface: u64,
+    /// Triangles with a corner that is not finite or not there.
+    pub left_out: u64,
+    /// Materials whose texture has several colours within a triangle.
+    pub averaged: Vec<u32>,
+    /// Materials whose texture has no place on the mesh.
+    pub unplaced: Vec<u32>,
+}
+
+/// What meshes are made from.
+#[derive(Clone, Copy)]
+pub(super) struct From<'a> {
+    pub document: &'a Document,
+    pub accessors: &'a Accessors<'a>,
+    pub textures: &'a Textures,
+    pub budget: &'a Budget,
 }
 
 /// How a primitive's corners make triangles: glTF's modes 4 to 6. Modes 0 to 3 are points and lines.
@@ -24,56 +57,63 @@ enum Mode {
     Fan,
 }
 
-/// Reads mesh `index` of the document.
-pub(super) fn import(
-    document: &Document,
-    accessors: &Accessors<'_>,
-    budget: &Budget,
-    index: usize,
-) -> Result<Imported, GltfError> {
-    let mut imported = Imported { mesh: Mesh::default(), without_surface: 0 };
-    let Some(source) = document.meshes.get(index) else { return Ok(imported) };
+/// Reads a mesh of the document.
+pub(super) fn import(from: From<'_>, shape: &Shape) -> Result<Imported, GltfError> {
+    let mut imported = Imported::default();
+    let Some(source) = from.document.meshes.get(shape.mesh as usize) else { return Ok(imported) };
     for (number, primitive) in source.primitives.iter().enumerate() {
         let place = || {
             let name = source.name.as_deref().map(|name| format!(" ({name:?})")).unwrap_or_default();
-            format!("primitive {number} of mesh {index}{name}")
+            format!("primitive {number} of mesh {}{name}", shape.mesh)
         };
         let mode = match primitive.mode {
-            4 => Mode::Triangles,
-            5 => Mode::Strip,
-            6 => Mode::Fan,
-            0..=3 => {
+            None | Some(4) => Mode::Triangles,
+            Some(5) => Mode::Strip,
+            Some(6) => Mode::Fan,
+            Some(0..=3) => {
                 imported.without_surface += 1;
                 continue;
             }
-            mode => {
+            Some(mode) => {
                 return Err(GltfError::Mesh { mesh: place(), what: format!("its mode {mode} is unknown") });
             }
         };
-        let reader = Reader { document, accessors, budget, primitive, place: &place };
-        reader.append(&mut imported.mesh, mode)?;
+        Reader { from, primitive, weights: &shape.weights, place: &place }.append(&mut imported, mode)?;
     }
-    imported.mesh = weld(&imported.mesh);
+    imported.pieces.values_mut().for_each(|mesh| *mesh = weld(mesh));
+    imported.pieces.retain(|_, mesh| mesh.triangle_count() > 0);
     Ok(imported)
 }
 
 /// Reads one primitive.
 struct Reader<'a> {
-    document: &'a Document,
-    accessors: &'a Accessors<'a>,
-    budget: &'a Budget,
+    from: From<'a>,
     primitive: &'a Primitive,
+    weights: &'a [f32],
     /// Says which primitive it is.
     place: &'a dyn Fn() -> String,
 }
 
-/// The corners of a primitive's triangles.
-struct Corners {
-    /// Each as the number of a vertex; `None` if they are the vertices in order.
-    numbers: Option<Vec<u32>>,
-    /// Which elements of the primitive's arrays are its vertices; `None` if all are.
-    picks: Option<Vec<u32>>,
+/// Where a primitive's arrays are, and how its triangles are made of them.
+struct Arrays<'a> {
+    source: Source<'a>,
+    mode: Mode,
+    /// The corners, each the number of a vertex; `None` if they are the vertices in order.
+    corners: Option<Vec<u32>>,
 }
+
+enum Source<'a> {
+    /// In accessors: of which these elements are the vertices, or all.
+    Plain {
+        picks: Option<Vec<u32>>,
+    },
+    Draco(Decoded<'a>),
+}
+
+const POSITION: &str = "POSITION";
+const COLOUR: &str = "COLOR_0";
+/// A corner that is not there.
+const NOWHERE: u32 = u32::MAX;
 
 impl Reader<'_> {
     fn malformed(&self, what: String) -> GltfError {
@@ -84,75 +124,314 @@ impl Reader<'_> {
         move |what| GltfError::Accessor { accessor, user: (self.place)(), what }
     }
 
-    fn append(&self, mesh: &mut Mesh, mode: Mode) -> Result<(), GltfError> {
-        let attributes = &self.primitive.attributes;
-        let position = attributes.position.ok_or_else(|| self.malformed("it has no positions".into()))?;
-        let Corners { numbers, picks } = self.corners(position, mode)?;
-        let positions =
-            self.accessors.vectors_at::<3>(position, picks.as_deref()).map_err(self.broken(position))?;
-        let corners = numbers.unwrap_or_else(|| (0..positions.len() as u32).collect());
-        let bad = positions.iter().enumerate().find(|(_, p)| !p.iter().all(|value| value.is_finite()));
-        if let Some((vertex, bad)) = bad {
-            let vertex =
-                picks.as_ref().and_then(|picks| picks.get(vertex)).map_or(vertex, |&pick| pick as usize);
-            return Err(
-                self.malformed(format!("vertex {vertex} is at {bad:?}; repair the model where it was made"))
-            );
-        }
+    fn append(&self, imported: &mut Imported, mode: Mode) -> Result<(), GltfError> {
+        let From { document, textures, .. } = self.from;
         let material = match self.primitive.material {
             None => &Material::default(),
-            Some(index) => self
-                .document
+            Some(index) => document
                 .materials
                 .get(index as usize)
                 .ok_or_else(|| self.malformed(format!("its material {index} does not exist")))?,
         };
-        match attributes.colour {
-            None => mesh.colours.extend(std::iter::repeat_n(colour(material, [1.0; 4]), positions.len())),
-            Some(index) => {
-                let count = self.accessors.count(index).map_err(self.broken(index))?;
-                if Ok(count) != self.accessors.count(position) {
-                    return Err(self.broken(index)("it has not one colour a vertex"));
-                }
-                let colours = vertex_colours(self.accessors, index, picks.as_deref());
-                let colours = colours.map_err(self.broken(index))?;
-                mesh.colours.extend(colours.into_iter().map(|vertex| colour(material, vertex)));
-            }
+        let texture = textures.of(document, material);
+        let coordinates = texture.as_ref().map(|texture| format!("TEXCOORD_{}", texture.coordinates()));
+        let features = self.primitive.features().filter(|_| Metadata::of(document).is_some());
+        let named = [coordinates.as_deref(), features.as_ref().map(|(name, _)| &**name)];
+        let arrays = self.arrays(mode, named)?;
+        let positions = self.positions(&arrays)?;
+        let colours = self.colours(&arrays, material, positions.len())?;
+        let triangles = self.triangles(&arrays, &positions, &mut imported.left_out);
+        let coordinates = coordinates.map(|name| self.vectors::<2>(&arrays, &name, None));
+        let coordinates = coordinates.and_then(Result::ok).flatten();
+        if texture.is_some() && coordinates.is_none() {
+            imported.unplaced.extend(self.primitive.material);
         }
-        // The budget allows no more vertices than can be numbered.
-        let first = mesh.positions.len() as u32;
-        mesh.positions.extend(positions.into_iter().map(Vec3::from_array));
-        mode.triangles(&corners, |triangle| mesh.indices.extend(triangle.map(|corner| corner + first)));
+        let numbers = match &features {
+            Some((name, ids)) => self.vectors::<1>(&arrays, name, None)?.map(|numbers| (numbers, *ids)),
+            None => None,
+        };
+        let whole = Surface { positions, colours, coordinates, triangles };
+        let Some((numbers, ids)) = numbers else {
+            return self.append_piece(imported, None, whole, texture.as_ref(), material);
+        };
+        let mut pieces: BTreeMap<_, Vec<[u32; 3]>> = BTreeMap::new();
+        for &triangle in &whole.triangles {
+            let number = numbers.get(triangle[0] as usize).map(|&[number]| number);
+            pieces.entry(number.and_then(|number| ids.feature(number))).or_default().push(triangle);
+        }
+        for (feature, triangles) in pieces {
+            self.append_piece(imported, feature, whole.part(&triangles), texture.as_ref(), material)?;
+        }
         Ok(())
     }
 
-    /// Reads the primitive's corners, and asks for what they come to before anything is read. A thousand
-    /// primitives may share one array of positions, so each takes those that it uses.
-    fn corners(&self, position: u32, mode: Mode) -> Result<Corners, GltfError> {
-        let vertices = self.accessors.count(position).map_err(self.broken(position))?;
-        let Some(index) = self.primitive.indices else {
-            self.budget.mesh(mode.most_triangles(vertices), vertices, self.place)?;
-            return Ok(Corners { numbers: None, picks: None });
-        };
-        let count = self.accessors.count(index).map_err(self.broken(index))?;
-        let mut arrays = std::iter::once(position).chain(self.primitive.attributes.colour);
-        let picked = count < vertices && arrays.all(|array| self.accessors.is_dense(array));
-        self.budget.mesh(mode.most_triangles(count), if picked { count } else { vertices }, self.place)?;
-        let mut corners = self.accessors.indices(index).map_err(self.broken(index))?;
-        if let Some(bad) = corners.iter().find(|&&corner| u64::from(corner) >= vertices) {
-            return Err(self.malformed(format!("an index is {bad}, but it has {vertices} vertices")));
+    /// Colours a surface and adds it to what a feature has.
+    fn append_piece(
+        &self,
+        imported: &mut Imported,
+        feature: Option<Feature>,
+        mut surface: Surface,
+        texture: Option<&Placed<'_>>,
+        material: &Material,
+    ) -> Result<(), GltfError> {
+        let budget = self.from.budget;
+        match (texture, surface.coordinates.take()) {
+            (Some(texture), Some(coordinates)) => {
+                // Each triangle gets corners of its own.
+                budget.mesh(0, 3 * surface.triangles.len() as u64, self.place)?;
+                if surface.paint(texture, &coordinates, material) {
+                    imported.averaged.extend(self.primitive.material);
+                }
+            }
+            _ => {
+                let before = (surface.triangles.len(), surface.positions.len());
+                surface.shade(material);
+                let more = |now: usize, before: usize| now.saturating_sub(before) as u64;
+                let triangles = more(surface.triangles.len(), before.0);
+                budget.mesh(triangles, more(surface.positions.len(), before.1), self.place)?;
+            }
         }
-        if !picked {
-            return Ok(Corners { numbers: Some(corners), picks: None });
+        // The budget allows no more vertices than can be numbered.
+        let mesh = imported.pieces.entry(feature).or_default();
+        let first = mesh.positions.len() as u32;
+        match surface.colours {
+            Some(colours) => mesh.colours.extend(colours.into_iter().map(encoded)),
+            None => {
+                let [r, g, b, a] = material.factor();
+                let a = if material.alpha() == Alpha::Blend { a } else { 1.0 };
+                let all = std::iter::repeat_n(encoded([r, g, b, a]), surface.positions.len());
+                mesh.colours.extend(all);
+            }
         }
-        let mut picks = corners.clone();
-        picks.sort_unstable();
-        picks.dedup();
-        for corner in &mut corners {
-            *corner = picks.partition_point(|pick| pick < corner) as u32;
-        }
-        Ok(Corners { numbers: Some(corners), picks: Some(picks) })
+        mesh.positions.extend(surface.positions);
+        mesh.indices.extend(surface.triangles.iter().flatten().map(|corner| corner + first));
+        Ok(())
     }
+
+    /// Finds the primitive's arrays and reads its corners. What they come to is asked for before anything is
+    /// read. A thousand primitives may share one array of positions, so each takes those that it uses.
+    fn arrays(&self, mode: Mode, named: [Option<&str>; 2]) -> Result<Arrays<'_>, GltfError> {
+        let From { accessors, budget, .. } = self.from;
+        if let Some(decoded) = Decoded::of(self.primitive, accessors, budget, self.place) {
+            let decoded = decoded?;
+            let corners = Some(decoded.corners());
+            return Ok(Arrays { source: Source::Draco(decoded), mode: Mode::Triangles, corners });
+        }
+        let attributes = &self.primitive.attributes;
+        let position =
+            *attributes.get(POSITION).ok_or_else(|| self.malformed("it has no positions".into()))?;
+        let vertices = accessors.count(position).map_err(self.broken(position))?;
+        let Some(index) = self.primitive.indices else {
+            budget.mesh(mode.most_triangles(vertices), vertices, self.place)?;
+            return Ok(Arrays { source: Source::Plain { picks: None }, mode, corners: None });
+        };
+        let count = accessors.count(index).map_err(self.broken(index))?;
+        let names = [Some(POSITION), Some(COLOUR)].into_iter().chain(named).flatten();
+        let used = names.filter_map(|name| attributes.get(name).copied());
+        let mut used = used.chain(self.targets().map(|target| target.0));
+        let picked = count < vertices && used.all(|array| accessors.is_dense(array));
+        budget.mesh(mode.most_triangles(count), if picked { count } else { vertices }, self.place)?;
+        let mut corners = accessors.indices(index).map_err(self.broken(index))?;
+        for corner in &mut corners {
+            if u64::from(*corner) >= vertices {
+                *corner = NOWHERE;
+            }
+        }
+        let mut picks = None;
+        if picked {
+            let mut used = corners.clone();
+            used.sort_unstable();
+            used.dedup();
+            while used.last() == Some(&NOWHERE) {
+                used.pop();
+            }
+            for corner in corners.iter_mut().filter(|corner| **corner != NOWHERE) {
+                *corner = used.partition_point(|pick| pick < corner) as u32;
+            }
+            picks = Some(used);
+        }
+        Ok(Arrays { source: Source::Plain { picks }, mode, corners: Some(corners) })
+    }
+
+    /// An attribute's vectors, if it has them. Whether whole numbers stand for 0..1 the accessor says, if the
+    /// format does not.
+    fn vectors<const N: usize>(
+        &self,
+        arrays: &Arrays<'_>,
+        name: &str,
+        scaled: Option<bool>,
+    ) -> Result<Option<Vec<[f32; N]>>, GltfError> {
+        let accessors = self.from.accessors;
+        let Some(&index) = self.primitive.attributes.get(name) else { return Ok(None) };
+        let scaled = scaled.unwrap_or_else(|| accessors.is_normalized(index));
+        let picks = match &arrays.source {
+            Source::Draco(decoded) => match decoded.vectors(name, scaled) {
+                Some(vectors) => return Ok(Some(vectors)),
+                None => None,
+            },
+            Source::Plain { picks } => picks.as_deref(),
+        };
+        Ok(Some(accessors.vectors_at(index, picks, scaled).map_err(self.broken(index))?))
+    }
+
+    fn positions(&self, arrays: &Arrays<'_>) -> Result<Vec<Vec3>, GltfError> {
+        let From { accessors, budget, .. } = self.from;
+        let positions = self.vectors::<3>(arrays, POSITION, None)?.unwrap_or_default();
+        let mut positions: Vec<Vec3> = positions.into_iter().map(Vec3::from_array).collect();
+        for (index, weight) in self.targets() {
+            budget.mesh(0, positions.len() as u64, self.place)?;
+            let picks = match &arrays.source {
+                Source::Plain { picks } => picks.as_deref(),
+                Source::Draco(_) => None,
+            };
+            let scaled = accessors.is_normalized(index);
+            let moves = accessors.vectors_at::<3>(index, picks, scaled).map_err(self.broken(index))?;
+            if moves.len() != positions.len() {
+                return Err(self.broken(index)("it has not one element a vertex"));
+            }
+            for (position, by) in positions.iter_mut().zip(moves) {
+                *position += weight * Vec3::from_array(by);
+            }
+        }
+        Ok(positions)
+    }
+
+    /// The morph targets that count: their accessors and weights.
+    fn targets(&self) -> impl Iterator<Item = (u32, f32)> {
+        let weighted = self.primitive.targets.iter().zip(self.weights);
+        weighted
+            .filter(|(_, weight)| **weight != 0.0)
+            .filter_map(|(of, &weight)| Some((of.position?, weight)))
+    }
+
+    /// A linear colour a vertex, if they have colours of their own: times the material's.
+    fn colours(
+        &self,
+        arrays: &Arrays<'_>,
+        material: &Material,
+        vertices: usize,
+    ) -> Result<Option<Vec<[f32; 4]>>, GltfError> {
+        let Some(&index) = self.primitive.attributes.get(COLOUR) else { return Ok(None) };
+        let lanes = match &arrays.source {
+            Source::Draco(decoded) => decoded.lanes(COLOUR),
+            Source::Plain { .. } => None,
+        };
+        let lanes = lanes.map_or_else(|| self.from.accessors.lanes(index), Ok).map_err(self.broken(index))?;
+        // Whole numbers stand for 0..1 by the specification, even where an exporter forgot to say so.
+        let colours = if lanes == 3 {
+            let colours = self.vectors::<3>(arrays, COLOUR, Some(true))?.unwrap_or_default();
+            colours.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
+        } else {
+            self.vectors::<4>(arrays, COLOUR, Some(true))?.unwrap_or_default()
+        };
+        if colours.len() != vertices {
+            return Err(self.broken(index)("it has not one colour a vertex"));
+        }
+        let factor = material.factor();
+        // Also makes 0 of what is no number.
+        let within = |value: f32| if value > 0.0 { value.min(1.0) } else { 0.0 };
+        let times =
+            |colour: [f32; 4]| [0, 1, 2, 3].map(|channel: usize| within(colour[channel] * factor[channel]));
+        Ok(Some(colours.into_iter().map(times).collect()))
+    }
+
+    /// The triangles all of whose corners are there and finite; `left_out` counts the others.
+    fn triangles(&self, arrays: &Arrays<'_>, positions: &[Vec3], left_out: &mut u64) -> Vec<[u32; 3]> {
+        let in_order: Vec<u32>;
+        let corners = match &arrays.corners {
+            Some(corners) => corners,
+            None => {
+                in_order = (0..positions.len() as u32).collect();
+                &in_order
+            }
+        };
+        let is_there = |&corner: &u32| positions.get(corner as usize).is_some_and(|at| at.is_finite());
+        let mut triangles = Vec::with_capacity(corners.len() / 3);
+        arrays.mode.triangles(corners, |triangle| match triangle.iter().all(is_there) {
+            true => triangles.push(triangle),
+            false => *left_out += 1,
+        });
+        triangles
+    }
+}
+
+/// A primitive's vertices and triangles. Colours are linear; without any, all vertices have the material's.
+struct Surface {
+    positions: Vec<Vec3>,
+    colours: Option<Vec<[f32; 4]>>,
+    coordinates: Option<Vec<[f32; 2]>>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Surface {
+    /// Some of its triangles, with the vertices that they use.
+    fn part(&self, triangles: &[[u32; 3]]) -> Self {
+        let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
+        used.sort_unstable();
+        used.dedup();
+        let number = |corner: u32| used.partition_point(|&pick| pick < corner) as u32;
+        Self {
+            positions: pick(&self.positions, &used),
+            colours: self.colours.as_ref().map(|colours| pick(colours, &used)),
+            coordinates: self.coordinates.as_ref().map(|coordinates| pick(coordinates, &used)),
+            triangles: triangles.iter().map(|triangle| triangle.map(number)).collect(),
+        }
+    }
+
+    /// Colours each triangle by a texture, and leaves out those that are all hole. Whether the texture has
+    /// several colours within one.
+    fn paint(&mut self, texture: &Placed<'_>, coordinates: &[[f32; 2]], material: &Material) -> bool {
+        let alpha = material.alpha();
+        let (mut positions, mut colours, mut varies) = (Vec::new(), Vec::new(), false);
+        for &triangle in &self.triangles {
+            let at = triangle.map(|corner| coordinates.get(corner as usize).copied().unwrap_or_default());
+            let mean = texture.mean(at);
+            let own = self.mean_colour(triangle, material);
+            let mut colour = [0, 1, 2, 3].map(|channel: usize| mean.colour[channel] * own[channel]);
+            match alpha {
+                Alpha::Opaque => colour[3] = 1.0,
+                Alpha::Mask(_) if mean.colour[3] == 0.0 => continue,
+                // How much of it is no hole.
+                Alpha::Mask(_) => colour[3] = mean.colour[3],
+                Alpha::Blend => {}
+            }
+            varies |= mean.varies;
+            let corners =
+                triangle.map(|corner| self.positions.get(corner as usize).copied().unwrap_or_default());
+            positions.extend(corners);
+            colours.extend([colour; 3]);
+        }
+        self.triangles = (0..positions.len() as u32 / 3).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
+        self.positions = positions;
+        self.colours = Some(colours);
+        varies
+    }
+
+    /// Settles what alpha means, leaves out triangles that are a hole, and cuts those whose colour changes.
+    fn shade(&mut self, material: &Material) {
+        if let Alpha::Mask(cutoff) = material.alpha() {
+            let cutoff = f32::from(cutoff) / 255.0;
+            let mut triangles = std::mem::take(&mut self.triangles);
+            triangles.retain(|&triangle| self.mean_colour(triangle, material)[3] >= cutoff);
+            self.triangles = triangles;
+        }
+        let Self { positions, colours: Some(colours), triangles, .. } = self else { return };
+        if material.alpha() != Alpha::Blend {
+            colours.iter_mut().for_each(|[.., alpha]| *alpha = 1.0);
+        }
+        Coloured { positions, colours, triangles }.cut();
+    }
+
+    /// The mean of a triangle's corners.
+    fn mean_colour(&self, triangle: [u32; 3], material: &Material) -> [f32; 4] {
+        let Some(colours) = &self.colours else { return material.factor() };
+        let corners = triangle.map(|corner| colours.get(corner as usize).copied().unwrap_or_default());
+        [0, 1, 2, 3].map(|channel: usize| corners.iter().map(|corner| corner[channel]).sum::<f32>() / 3.0)
+    }
+}
+
+fn pick<T: Copy>(all: &[T], picks: &[u32]) -> Vec<T> {
+    picks.iter().filter_map(|&pick| all.get(pick as usize).copied()).collect()
 }
 
 impl Mode {
@@ -194,38 +473,6 @@ impl Mode {
     }
 }
 
-fn vertex_colours(
-    accessors: &Accessors<'_>,
-    index: u32,
-    picks: Option<&[u32]>,
-) -> Result<Vec<[f32; 4]>, &'static str> {
-    if accessors.lanes(index)? == 3 {
-        let opaque = |[r, g, b]: [f32; 3]| [r, g, b, 1.0];
-        Ok(accessors.vectors_at::<3>(index, picks)?.into_iter().map(opaque).collect())
-    } else {
-        accessors.vectors_at::<4>(index, picks)
-    }
-}
-
-/// The material's base colour times the vertex's, from linear to sRGB. An opaque material's alpha means
-/// nothing.
-fn colour(material: &Material, vertex: [f32; 4]) -> Rgba8 {
-    let [r, g, b, a] = material.pbr_metallic_roughness.base_color_factor;
-    let [vr, vg, vb, va] = vertex;
-    let alpha = if material.alpha_mode == AlphaMode::Opaque { 255 } else { byte(a * va) };
-    Rgba8([byte(srgb(r * vr)), byte(srgb(g * vg)), byte(srgb(b * vb)), alpha])
-}
-
-/// Linear light to sRGB (IEC 61966-2-1).
-fn srgb(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// 0..1 to 0..255; the cast clamps, and makes NaN 0.
-fn byte(value: f32) -> u8 {
-    (value * 255.0).round() as u8
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -245,15 +492,5 @@ mod tests {
         for mode in [Mode::Triangles, Mode::Strip, Mode::Fan] {
             assert!(triangles(mode, &[]).is_empty() && triangles(mode, &[1, 2]).is_empty());
         }
-    }
-
-    #[test]
-    fn colours_go_from_linear_to_srgb() {
-        let mut material = Material::default();
-        material.pbr_metallic_roughness.base_color_factor = [0.5, 0.0, 1.0, 0.5];
-        assert_eq!(colour(&material, [1.0; 4]), Rgba8([188, 0, 255, 255]));
-        material.alpha_mode = AlphaMode::Other;
-        assert_eq!(colour(&material, [1.0, 1.0, 0.0, 1.0]), Rgba8([188, 0, 0, 128]));
-        assert_eq!(colour(&material, [f32::NAN, -1.0, 9.0, f32::INFINITY]), Rgba8([0, 0, 255, 255]));
     }
 }

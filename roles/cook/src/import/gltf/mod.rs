@@ -5,12 +5,21 @@
 
 mod accessor;
 mod buffers;
+mod column;
 mod container;
+mod draco;
 mod error;
+mod gradient;
 mod json;
+mod lenient;
+mod material;
 mod mesh;
+mod metadata;
 mod nodes;
+mod packed;
+mod texture;
 
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -18,20 +27,47 @@ use rayon::prelude::*;
 pub use error::GltfError;
 
 use self::accessor::Accessors;
+use self::buffers::Resources;
 use self::container::Container;
 use self::json::Document;
+use self::mesh::{Imported, Shape};
+use self::metadata::Lookup;
+use self::nodes::Placement;
+use self::texture::Textures;
 use super::assemble::place;
 use super::budget::Budget;
 use super::hierarchy::groups;
+use super::neighbours::Neighbours;
 use super::report::{ImportReport, WarningKind};
 use super::{ImportOptions, Part, UpAxis};
 use crate::Model;
 use trimaran_scene::ObjectAttributes;
 
-/// Extensions that may be required: the first is implemented; quantized numbers are ordinary accessors here;
-/// the others change materials, textures and lights only, which a model does not keep.
-const SUPPORTED: [&str; 3] = ["EXT_mesh_gpu_instancing", "KHR_mesh_quantization", "KHR_lights_punctual"];
-const IGNORED_PREFIXES: [&str; 4] = ["KHR_materials_", "EXT_texture_", "KHR_texture_", "MSFT_texture_"];
+/// Extensions that may be required: those that are read, and those that change nothing that a model keeps.
+const SUPPORTED: [&str; 20] = [
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_structural_metadata",
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
+    "CESIUM_primitive_outline",
+    "EXT_instance_features",
+    "EXT_lights_ies",
+    "EXT_lights_image_based",
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "KHR_animation_pointer",
+    "KHR_audio_emitter",
+    "KHR_lights_punctual",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_xmp_json_ld",
+    "MSFT_lod",
+];
+/// Likewise, by how their names begin: of materials, base colours are kept.
+const SUPPORTED_PREFIXES: [&str; 4] = ["KHR_materials_", "EXT_texture_", "KHR_texture_", "MSFT_texture_"];
 
 /// Reads a .glb or .gltf file; with no path, from memory alone. `source_index` of its objects is the node's
 /// index in the document.
@@ -42,69 +78,139 @@ pub(super) fn import(
     budget: &Budget,
 ) -> Result<Part, GltfError> {
     let container = Container::parse(file)?;
-    let document: Document = serde_json::from_slice(container.json)?;
+    let document = Document::parse(container.json)?;
     check(&document)?;
-    let buffers = buffers::load(path, &document.buffers, container.bin, budget)?;
-    let accessors = Accessors::new(&document, &buffers);
-    let (placements, branches) =
-        nodes::place(&document, &accessors, budget, options.file_to_world(UpAxis::Y))?;
+    let mut neighbours = Neighbours::of(path, budget);
+    let mut resources = Resources(&mut neighbours);
+    let buffers = buffers::load(&mut resources, &document.buffers, container.bin)?;
+    let decompressed = packed::decompress(&document.buffer_views, &buffers, budget)?;
+    let accessors = Accessors::new(&document, &buffers, &decompressed);
 
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
-    let mut used = vec![false; document.meshes.len()];
-    for placement in &placements {
-        if let Some(used) = used.get_mut(placement.mesh as usize) {
-            *used = true;
-        }
-    }
-    let meshes: Vec<_> = used
-        .par_iter()
-        .enumerate()
-        .map(|(index, used)| used.then(|| mesh::import(&document, &accessors, budget, index)).transpose())
-        .collect::<Result<_, _>>()?;
+    let report = &mut part.report;
+    let (placements, branches) =
+        nodes::place(&document, &accessors, budget, report, options.file_to_world(UpAxis::Y))?;
+    let (shapes, numbers) = shapes(&document, &placements);
+    let materials = materials(&document, &shapes);
+    let materials = materials.iter().filter_map(|&index| document.materials.get(index as usize));
+    let textures = Textures::load(&document, &accessors, &mut resources, materials, budget, report);
+    let from = mesh::From { document: &document, accessors: &accessors, textures: &textures, budget };
+    let imported: Vec<_> =
+        shapes.par_iter().map(|shape| mesh::import(from, shape)).collect::<Result<_, _>>()?;
+    warn(&mut part.report, &document, &imported, &placements, &numbers);
 
-    // Index of each document's mesh among the model's; none for those without a triangle.
-    let mut model_index = vec![None; meshes.len()];
-    for (slot, imported) in model_index.iter_mut().zip(meshes) {
-        let Some(imported) = imported else { continue };
-        part.report.warn(WarningKind::PointsOrLines, imported.without_surface);
-        if imported.mesh.triangle_count() > 0 {
-            *slot = Some(part.model.meshes.len() as u32);
-            part.model.meshes.push(imported.mesh);
-        }
+    // What each shape is among the model's meshes.
+    let mut meshes = Vec::new();
+    for Imported { pieces, .. } in imported {
+        let first = part.model.meshes.len() as u32;
+        meshes.push((first..).zip(pieces.keys().copied()).collect::<Vec<_>>());
+        part.model.meshes.extend(pieces.into_values());
     }
     // Numbers of the placements that are objects.
     let mut leaves = Vec::new();
-    for (number, placement) in (0..).zip(placements) {
-        let name = document.object_name(placement.node, placement.mesh).to_owned();
-        match model_index.get(placement.mesh as usize).copied().flatten() {
-            Some(mesh) => {
-                let object = part.model.objects.len() as u32;
-                place(&mut part, budget, mesh, placement.to_world, name, placement.node)?;
-                leaves.push(number);
-                let attributes = document.attributes_of_one(placement.node);
-                if !attributes.is_empty() {
-                    part.model.hierarchy.attributes.push(ObjectAttributes { object, attributes });
-                }
+    let mut lookup = Lookup::new(&document, &accessors);
+    for ((number, placement), shape) in (0..).zip(placements).zip(numbers) {
+        let name = document.object_name(placement.node, placement.mesh);
+        let pieces = meshes.get(shape).map(Vec::as_slice).unwrap_or_default();
+        if pieces.is_empty() {
+            part.report.warn_of(WarningKind::EmptyObject, "", name);
+        }
+        for &(mesh, feature) in pieces {
+            let mut name = name.to_owned();
+            let mut attributes = document.attributes_of_one(placement.node);
+            if let Some(row) = lookup.row(&placement, feature) {
+                budget.attributes(row.text(), || format!("a feature of object {name:?}"))?;
+                budget.objects(1, 0, || format!("a feature of object {name:?}"))?;
+                name = row.name.unwrap_or(name);
+                attributes.extend(row.attributes);
             }
-            None => part.report.warn_of(WarningKind::EmptyObject, "", &name),
+            let object = part.model.objects.len() as u32;
+            place(&mut part, budget, mesh, placement.to_world, name, placement.node)?;
+            leaves.push(number);
+            if !attributes.is_empty() {
+                part.model.hierarchy.attributes.push(ObjectAttributes { object, attributes });
+            }
         }
     }
+    lookup.warn(&mut part.report);
     part.model.hierarchy.groups = groups(branches, &leaves);
-    let textured = |material: &&json::Material| material.pbr_metallic_roughness.base_color_texture.is_some();
-    part.report
-        .warn(WarningKind::TexturedMaterial, document.materials.iter().filter(textured).count() as u64);
-    let skinned = document.nodes.iter().filter(|node| node.skin.is_some()).count();
-    part.report.warn(WarningKind::SkinnedNode, skinned as u64);
     Ok(part)
 }
 
+/// The different shapes that placements have, and the number of each placement's.
+fn shapes(document: &Document, placements: &[Placement]) -> (Vec<Shape>, Vec<usize>) {
+    let mut shapes: Vec<Shape> = Vec::new();
+    let mut known = HashMap::new();
+    let number = |placement: &Placement| {
+        let mesh = document.meshes.get(placement.mesh as usize);
+        let node = document.nodes.get(placement.node as usize);
+        let is_morphed = mesh.is_some_and(|mesh| mesh.primitives.iter().any(|one| !one.targets.is_empty()));
+        let own = node.and_then(|node| node.weights.as_deref());
+        let weights = own.or(mesh.map(|mesh| &*mesh.weights)).unwrap_or_default();
+        let weights: &[f32] = if is_morphed { weights } else { &[] };
+        let key = (placement.mesh, weights.iter().map(|weight| weight.to_bits()).collect::<Vec<_>>());
+        *known.entry(key).or_insert_with(|| {
+            shapes.push(Shape { mesh: placement.mesh, weights: weights.to_vec() });
+            shapes.len() - 1
+        })
+    };
+    let numbers = placements.iter().map(number).collect();
+    (shapes, numbers)
+}
+
+/// The materials of shapes.
+fn materials(document: &Document, shapes: &[Shape]) -> BTreeSet<u32> {
+    let meshes = shapes.iter().filter_map(|shape| document.meshes.get(shape.mesh as usize));
+    meshes.flat_map(|mesh| &mesh.primitives).filter_map(|primitive| primitive.material).collect()
+}
+
+/// Says what the meshes and the model lack.
+fn warn(
+    report: &mut ImportReport,
+    document: &Document,
+    imported: &[Imported],
+    placements: &[Placement],
+    shapes: &[usize],
+) {
+    let mut named = vec![""; imported.len()];
+    for (placement, &shape) in placements.iter().zip(shapes).rev() {
+        if let Some(name) = named.get_mut(shape) {
+            *name = document.object_name(placement.node, placement.mesh);
+        }
+    }
+    for (name, mesh) in named.into_iter().zip(imported) {
+        report.warn(WarningKind::PointsOrLines, mesh.without_surface);
+        report.warn_many(WarningKind::TriangleLeftOut, "", name, mesh.left_out);
+    }
+    let mut materials = |kind, of: fn(&Imported) -> &[u32]| {
+        for index in imported.iter().flat_map(of).collect::<BTreeSet<_>>() {
+            let name = document.materials.get(*index as usize).and_then(|material| material.name.as_deref());
+            report.warn_about(kind, &name.map_or_else(|| format!("material {index}"), str::to_owned), 1);
+        }
+    };
+    materials(WarningKind::TextureAveraged, |mesh| &mesh.averaged);
+    materials(WarningKind::TexturedMaterial, |mesh| &mesh.unplaced);
+    let skinned = document.nodes.iter().filter(|node| node.skin.is_some()).count();
+    report.warn(WarningKind::SkinnedNode, skinned as u64);
+}
+
 fn check(document: &Document) -> Result<(), GltfError> {
-    let version = document.asset.min_version.as_ref().unwrap_or(&document.asset.version);
-    if version != "2.0" {
-        return Err(GltfError::Version { version: version.clone() });
+    let asset = &document.asset;
+    let numbers = |version: &str| -> Option<(u32, u32)> {
+        let (major, minor) = version.split_once('.').unwrap_or((version, "0"));
+        Some((major.parse().ok()?, minor.parse().ok()?))
+    };
+    let (needed, is_read) = match (&asset.min_version, &asset.version) {
+        (Some(least), _) => (least.clone(), numbers(least) == Some((2, 0))),
+        (None, Some(version)) => (version.clone(), numbers(version).is_some_and(|(major, _)| major == 2)),
+        (None, None) => ("of no version that it names".to_owned(), false),
+    };
+    if !is_read {
+        return Err(GltfError::Version { version: needed });
     }
     let unknown = |name: &&String| {
-        !SUPPORTED.contains(&name.as_str()) && !IGNORED_PREFIXES.iter().any(|prefix| name.starts_with(prefix))
+        !SUPPORTED.contains(&name.as_str())
+            && !SUPPORTED_PREFIXES.iter().any(|prefix| name.starts_with(prefix))
     };
     match document.extensions_required.iter().find(unknown) {
         Some(extension) => Err(GltfError::Extension { extension: extension.clone() }),

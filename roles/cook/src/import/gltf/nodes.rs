@@ -1,13 +1,16 @@
 //! Walks the node tree of a document and places every mesh it meets.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
-use glam::{DAffine3, DMat4, DQuat, DVec3};
+use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4};
 
 use super::GltfError;
 use super::accessor::Accessors;
-use super::json::{Document, InstanceAttributes, Instancing, Node};
-use crate::import::{budget::Budget, hierarchy::Branch};
+use super::json::{Document, Instancing, Node};
+use crate::import::budget::Budget;
+use crate::import::hierarchy::Branch;
+use crate::import::report::{ImportReport, WarningKind};
 
 /// A mesh placed by a node.
 pub(super) struct Placement {
@@ -15,6 +18,8 @@ pub(super) struct Placement {
     pub node: u32,
     /// Index of the mesh in the document; it exists.
     pub mesh: u32,
+    /// Which of the node's instances it is.
+    pub instance: u32,
     /// The mesh's frame to the world's.
     pub to_world: DAffine3,
 }
@@ -22,16 +27,18 @@ pub(super) struct Placement {
 const NONE: u32 = u32::MAX;
 
 /// All placements of the scene that the document shows, in the order of a walk from parents to children, and
-/// the branches of that walk. Leaves of a branch are numbers of placements.
+/// the branches of that walk. Leaves of a branch are numbers of placements. Nodes that are hidden, or whose
+/// place cannot be told, are left out with all below them.
 pub(super) fn place(
     document: &Document,
     accessors: &Accessors<'_>,
     budget: &Budget,
+    report: &mut ImportReport,
     file_to_world: DAffine3,
 ) -> Result<(Vec<Placement>, Vec<Branch>), GltfError> {
     let parents = vec![NONE; document.nodes.len()];
-    let mut walk =
-        Walk { document, accessors, budget, parents, placements: Vec::new(), branches: Vec::new() };
+    let (placements, branches) = (Vec::new(), Vec::new());
+    let mut walk = Walk { document, accessors, budget, report, parents, placements, branches };
     for &root in walk.roots()?.iter() {
         walk.place_tree(root, file_to_world)?;
     }
@@ -42,6 +49,7 @@ struct Walk<'a> {
     document: &'a Document,
     accessors: &'a Accessors<'a>,
     budget: &'a Budget,
+    report: &'a mut ImportReport,
     /// A node's parent once it was met; a root's is itself. Nodes have one parent at most, so a second visit
     /// is an error, which also ends cycles.
     parents: Vec<u32>,
@@ -61,7 +69,7 @@ struct Open<'a> {
 impl<'a> Walk<'a> {
     /// Places a root and all below it.
     fn place_tree(&mut self, root: u32, file_to_world: DAffine3) -> Result<(), GltfError> {
-        let mut open = vec![self.visit(root, root, file_to_world, None)?];
+        let mut open = Vec::from_iter(self.visit(root, root, file_to_world, None)?);
         while let Some(last) = open.last_mut() {
             let (parent, to_world, branch) = (last.node, last.to_world, last.branch);
             let Some(&child) = last.children.next() else {
@@ -73,61 +81,91 @@ impl<'a> Walk<'a> {
                 continue;
             };
             self.budget.depth(open.len() + 1, || path(self.document, &self.parents, child, parent))?;
-            open.push(self.visit(child, parent, to_world, branch)?);
+            open.extend(self.visit(child, parent, to_world, branch)?);
         }
         Ok(())
     }
 
-    /// Places the mesh of a node, if it has one.
+    /// Places the mesh of a node, if it has one. Nothing if the node is left out.
     fn visit(
         &mut self,
         index: u32,
         parent: u32,
         parent_to_world: DAffine3,
         within: Option<u32>,
-    ) -> Result<Open<'a>, GltfError> {
-        let (document, accessors, budget) = (self.document, self.accessors, self.budget);
-        let place = || path(document, &self.parents, index, parent);
-        let malformed = |what| GltfError::Node { node: place(), what };
+    ) -> Result<Option<Open<'a>>, GltfError> {
+        let document = self.document;
+        let malformed = |walk: &Self, what| GltfError::Node { node: walk.path(index, parent), what };
         let (Some(node), Some(&met)) = (document.nodes.get(index as usize), self.parents.get(index as usize))
         else {
-            return Err(malformed("it does not exist"));
+            return Err(malformed(self, "it does not exist"));
         };
         if met != NONE {
-            return Err(malformed("it has two parents, or is its own ancestor"));
-        }
-        let to_world = parent_to_world * local(node).map_err(malformed)?;
-        if !to_world.is_finite() || !to_world.matrix3.determinant().is_finite() {
-            return Err(malformed("its matrix overflows; repair the model where it was made"));
-        }
-        let branch = node.is_group().then_some(self.branches.len() as u32);
-        if branch.is_some() {
-            let first = self.placements.len() as u32;
-            let (name, attributes) = (node.name.clone().unwrap_or_default(), node.attributes());
-            self.branches.push(Branch { name, parent: within, leaves: first..first, attributes });
-        }
-        if let Some(mesh) = node.mesh {
-            if mesh as usize >= document.meshes.len() {
-                return Err(malformed("its mesh does not exist"));
-            }
-            let name_length = document.object_name(index, mesh).len();
-            match node.instancing() {
-                None => {
-                    budget.objects(1, name_length, place)?;
-                    self.placements.push(Placement { node: index, mesh, to_world });
-                }
-                Some(instancing) => {
-                    budget.objects(instance_count(accessors, index, instancing)?, name_length, place)?;
-                    let instances = instances(accessors, index, instancing)?.into_iter();
-                    let placed = instances.map(|instance| to_world * instance);
-                    self.placements.extend(placed.map(|to_world| Placement { node: index, mesh, to_world }));
-                }
-            }
+            return Err(malformed(self, "it has two parents, or is its own ancestor"));
         }
         if let Some(slot) = self.parents.get_mut(index as usize) {
             *slot = parent;
         }
-        Ok(Open { node: index, to_world, children: node.children.iter(), branch })
+        let name = || label(document, index);
+        if node.is_hidden() {
+            self.report.warn_of(WarningKind::HiddenNode, "", &name());
+            return Ok(None);
+        }
+        let to_world = match local(node).and_then(|local| usable(parent_to_world * local)) {
+            Ok(to_world) => to_world,
+            Err(why) => {
+                self.report.warn_of(WarningKind::NodeLeftOut, why, &name());
+                return Ok(None);
+            }
+        };
+        let branch = document.is_group(node).then_some(self.branches.len() as u32);
+        if branch.is_some() {
+            let first = self.placements.len() as u32;
+            let (name, attributes) = (node.name.clone().unwrap_or_default(), document.attributes(node));
+            self.branches.push(Branch { name, parent: within, leaves: first..first, attributes });
+        }
+        if let Some(mesh) = node.mesh {
+            if mesh as usize >= document.meshes.len() {
+                return Err(malformed(self, "its mesh does not exist"));
+            }
+            self.place_mesh(index, parent, node, mesh, to_world)?;
+        }
+        Ok(Some(Open { node: index, to_world, children: node.children.iter(), branch }))
+    }
+
+    /// Places the mesh of a node: once, or once an instance.
+    fn place_mesh(
+        &mut self,
+        index: u32,
+        parent: u32,
+        node: &Node,
+        mesh: u32,
+        to_world: DAffine3,
+    ) -> Result<(), GltfError> {
+        let place = || self.path(index, parent);
+        let name_length = self.document.object_name(index, mesh).len();
+        self.budget.attributes(self.document.text_of_mesh(mesh), place)?;
+        let Some(instancing) = node.instancing() else {
+            self.budget.objects(1, name_length, place)?;
+            self.placements.push(Placement { node: index, mesh, instance: 0, to_world });
+            return Ok(());
+        };
+        self.budget.objects(instance_count(self.accessors, index, instancing)?, name_length, place)?;
+        for (instance, local) in (0..).zip(instances(self.accessors, index, instancing)?) {
+            match local.map(|local| to_world * local).filter(|to_world| usable(*to_world).is_ok()) {
+                Some(to_world) => self.placements.push(Placement { node: index, mesh, instance, to_world }),
+                None => {
+                    let name = self.document.object_name(index, mesh);
+                    self.report.warn_of(WarningKind::NodeLeftOut, "an instance's matrix is not finite", name);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A node as a reader of the file finds it: "node 7 (pump/shaft)".
+    fn path(&self, index: u32, parent: u32) -> String {
+        path(self.document, &self.parents, index, parent)
     }
 
     /// The roots of the scene to show: the default one, else the first, else every node that is nobody's
@@ -156,9 +194,8 @@ impl<'a> Walk<'a> {
 /// How many instances a node has: as many as each of its instance attributes has elements. Nothing is read
 /// yet.
 fn instance_count(accessors: &Accessors<'_>, node: u32, instancing: &Instancing) -> Result<u64, GltfError> {
-    let InstanceAttributes { translation, rotation, scale } = instancing.attributes;
     let mut first = None;
-    for accessor in [translation, rotation, scale].into_iter().flatten() {
+    for &accessor in PLACING.iter().filter_map(|name| instancing.attributes.get(*name)) {
         let count = accessors.count(accessor).map_err(broken(node, accessor))?;
         if *first.get_or_insert(count) != count {
             return Err(broken(node, accessor)("its count is not that of the other instance attributes"));
@@ -167,34 +204,31 @@ fn instance_count(accessors: &Accessors<'_>, node: u32, instancing: &Instancing)
     Ok(first.unwrap_or(0))
 }
 
+/// The instance attributes that say where an instance is.
+const PLACING: [&str; 3] = ["TRANSLATION", "ROTATION", "SCALE"];
+
 /// The placements of EXT_mesh_gpu_instancing, relative to the node: translation, rotation and scale an
-/// instance. All attributes have equal counts.
+/// instance; none of an instance where they make no map. All attributes have equal counts.
 fn instances(
     accessors: &Accessors<'_>,
     node: u32,
     instancing: &Instancing,
-) -> Result<Vec<DAffine3>, GltfError> {
-    let attributes = &instancing.attributes;
+) -> Result<Vec<Option<DAffine3>>, GltfError> {
+    let attributes: &BTreeMap<String, u32> = &instancing.attributes;
     let mut all = Vec::new();
-    if let Some(index) = attributes.translation {
+    if let Some(&index) = attributes.get("TRANSLATION") {
         let values = accessors.vectors::<3>(index).map_err(broken(node, index))?;
         spread(&mut all, values, |trs, v| trs.translation = DVec3::from_array(v.map(f64::from)));
     }
-    if let Some(index) = attributes.rotation {
+    if let Some(&index) = attributes.get("ROTATION") {
         let values = accessors.vectors::<4>(index).map_err(broken(node, index))?;
         spread(&mut all, values, |trs, v| trs.rotation = DQuat::from_array(v.map(f64::from)));
     }
-    if let Some(index) = attributes.scale {
+    if let Some(&index) = attributes.get("SCALE") {
         let values = accessors.vectors::<3>(index).map_err(broken(node, index))?;
         spread(&mut all, values, |trs, v| trs.scale = DVec3::from_array(v.map(f64::from)));
     }
-    let finite = |trs: &Trs| {
-        trs.matrix().filter(DAffine3::is_finite).ok_or_else(|| GltfError::Node {
-            node: user(node),
-            what: "an instance's rotation or place is not finite",
-        })
-    };
-    all.iter().map(finite).collect()
+    Ok(all.iter().map(Trs::matrix).collect())
 }
 
 fn user(node: u32) -> String {
@@ -235,11 +269,23 @@ impl Trs {
     }
 }
 
+/// How far the last row of a matrix may be from 0 0 0 1: exporters multiply matrices in single precision.
+const ROUNDING: f64 = 1e-5;
+
+/// A map to the world, if it is one that shapes and their volumes can be followed by.
+fn usable(to_world: DAffine3) -> Result<DAffine3, &'static str> {
+    if to_world.is_finite() && to_world.matrix3.determinant().is_finite() {
+        Ok(to_world)
+    } else {
+        Err("its matrix overflows")
+    }
+}
+
 /// A node's own matrix, exactly as it stands: it may shear and mirror, so it is never taken apart.
 fn local(node: &Node) -> Result<DAffine3, &'static str> {
     if let Some(columns) = &node.matrix {
         let matrix = DMat4::from_cols_array(columns);
-        return if matrix.row(3).to_array() == [0.0, 0.0, 0.0, 1.0] {
+        return if matrix.row(3).abs_diff_eq(DVec4::W, ROUNDING) {
             Ok(DAffine3::from_mat4(matrix))
         } else {
             Err("the last row of its matrix is not 0 0 0 1")

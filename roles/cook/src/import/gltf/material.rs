@@ -1,0 +1,265 @@
+//! What a material says of colour: its base colour, the texture over it, and what its alpha means.
+
+use serde::Deserialize;
+use trimaran_scene::Rgba8;
+
+use super::lenient::{maybe_whole, or_default, whole};
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Material {
+    pub name: Option<String>,
+    #[serde(deserialize_with = "or_default")]
+    pbr_metallic_roughness: Metallic,
+    #[serde(deserialize_with = "or_default")]
+    alpha_mode: AlphaMode,
+    alpha_cutoff: Option<f32>,
+    extensions: Option<Box<MaterialExtensions>>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+struct Metallic {
+    /// Linear red, green, blue, alpha.
+    base_color_factor: Option<[f32; 4]>,
+    base_color_texture: Option<TextureInfo>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct MaterialExtensions {
+    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
+    specular_glossiness: Option<SpecularGlossiness>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+struct SpecularGlossiness {
+    diffuse_factor: Option<[f32; 4]>,
+    diffuse_texture: Option<TextureInfo>,
+}
+
+/// Which texture, and where on it.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct TextureInfo {
+    #[serde(deserialize_with = "whole")]
+    pub index: u32,
+    #[serde(deserialize_with = "whole")]
+    tex_coord: u32,
+    extensions: Option<Box<TextureInfoExtensions>>,
+}
+
+impl TextureInfo {
+    /// Which of the primitive's texture coordinates it takes.
+    pub(super) fn coordinates(&self) -> u32 {
+        self.transform().and_then(|transform| transform.tex_coord).unwrap_or(self.tex_coord)
+    }
+
+    pub(super) fn transform(&self) -> Option<&TextureTransform> {
+        self.extensions.as_ref()?.transform.as_ref()
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct TextureInfoExtensions {
+    #[serde(rename = "KHR_texture_transform")]
+    transform: Option<TextureTransform>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct TextureTransform {
+    pub offset: Option<[f32; 2]>,
+    /// Radians, counter-clockwise about the upper left corner.
+    pub rotation: Option<f32>,
+    pub scale: Option<[f32; 2]>,
+    #[serde(deserialize_with = "maybe_whole")]
+    pub tex_coord: Option<u32>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Texture {
+    #[serde(deserialize_with = "maybe_whole")]
+    pub sampler: Option<u32>,
+    #[serde(deserialize_with = "maybe_whole")]
+    source: Option<u32>,
+    extensions: Option<Box<TextureExtensions>>,
+}
+
+impl Texture {
+    /// Its image: the first of those that can be read.
+    pub(super) fn image(&self) -> Option<u32> {
+        let extensions = self.extensions.as_ref();
+        let webp = extensions.and_then(|of| of.webp.as_ref()?.source);
+        let other = || extensions.and_then(|of| of.basisu.as_ref().or(of.dds.as_ref())?.source);
+        webp.or(self.source).or_else(other)
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct TextureExtensions {
+    #[serde(rename = "EXT_texture_webp")]
+    webp: Option<TextureSource>,
+    #[serde(rename = "KHR_texture_basisu")]
+    basisu: Option<TextureSource>,
+    #[serde(rename = "MSFT_texture_dds")]
+    dds: Option<TextureSource>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct TextureSource {
+    #[serde(deserialize_with = "maybe_whole")]
+    source: Option<u32>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Sampler {
+    #[serde(deserialize_with = "maybe_whole")]
+    pub wrap_s: Option<u32>,
+    #[serde(deserialize_with = "maybe_whole")]
+    pub wrap_t: Option<u32>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Image {
+    pub name: Option<String>,
+    pub uri: Option<String>,
+    #[serde(deserialize_with = "maybe_whole")]
+    pub buffer_view: Option<u32>,
+}
+
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+enum AlphaMode {
+    #[default]
+    Opaque,
+    Mask,
+    /// `BLEND` and what extensions add.
+    #[serde(other)]
+    Blend,
+}
+
+/// What alpha means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Alpha {
+    /// Nothing.
+    Opaque,
+    /// Less than this, of 255, is a hole; the rest is solid.
+    Mask(u8),
+    /// How much is seen of what it is on.
+    Blend,
+}
+
+impl Material {
+    /// Linear red, green, blue, alpha.
+    pub(super) fn factor(&self) -> [f32; 4] {
+        let factor = match self.specular_glossiness() {
+            Some(colours) => colours.diffuse_factor,
+            None => self.pbr_metallic_roughness.base_color_factor,
+        };
+        factor.unwrap_or([1.0; 4])
+    }
+
+    /// The texture that its base colour is multiplied by.
+    pub(super) fn texture(&self) -> Option<&TextureInfo> {
+        match self.specular_glossiness() {
+            Some(colours) => colours.diffuse_texture.as_ref(),
+            None => self.pbr_metallic_roughness.base_color_texture.as_ref(),
+        }
+    }
+
+    /// What the alpha of its colours means.
+    pub(super) fn alpha(&self) -> Alpha {
+        match self.alpha_mode {
+            AlphaMode::Opaque => Alpha::Opaque,
+            AlphaMode::Mask => Alpha::Mask(byte(self.cutoff())),
+            AlphaMode::Blend => Alpha::Blend,
+        }
+    }
+
+    /// What the alpha of its texture means, before it is multiplied by the base colour's.
+    pub(super) fn texture_alpha(&self) -> Alpha {
+        match self.alpha_mode {
+            // 0 by 0 is no hole: nothing is below 0.
+            AlphaMode::Mask => Alpha::Mask(byte(self.cutoff() / self.factor()[3])),
+            _ => self.alpha(),
+        }
+    }
+
+    fn cutoff(&self) -> f32 {
+        self.alpha_cutoff.unwrap_or(0.5)
+    }
+
+    fn specular_glossiness(&self) -> Option<&SpecularGlossiness> {
+        self.extensions.as_ref()?.specular_glossiness.as_ref()
+    }
+}
+
+/// A linear colour with straight alpha as it is kept.
+pub(super) fn encoded([r, g, b, a]: [f32; 4]) -> Rgba8 {
+    Rgba8([byte(srgb(r)), byte(srgb(g)), byte(srgb(b)), byte(a)])
+}
+
+/// Linear light to sRGB (IEC 61966-2-1).
+pub(super) fn srgb(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// sRGB to linear light.
+pub(super) fn linear(srgb: f32) -> f32 {
+    if srgb <= 0.040_45 { srgb / 12.92 } else { ((srgb + 0.055) / 1.055).powf(2.4) }
+}
+
+/// 0..1 to 0..255; the cast clamps, and makes NaN 0.
+pub(super) fn byte(value: f32) -> u8 {
+    (value * 255.0).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn material(json: &str) -> Material {
+        serde_json::from_str(json).unwrap()
+    }
+
+    #[test]
+    fn colours_go_from_linear_to_srgb_and_back() {
+        assert_eq!(encoded([0.5, 0.0, 1.0, 0.5]), Rgba8([188, 0, 255, 128]));
+        assert_eq!(encoded([f32::NAN, -1.0, 9.0, f32::INFINITY]), Rgba8([0, 0, 255, 255]));
+        for value in 0..=255u8 {
+            assert_eq!(byte(srgb(linear(f32::from(value) / 255.0))), value);
+        }
+    }
+
+    #[test]
+    fn specular_glossiness_outranks_metallic_roughness() {
+        let both = material(
+            r#"{"pbrMetallicRoughness":{"baseColorFactor":[0,1,0,1]},"extensions":{"KHR_materials_pbrSpecularGlossiness":
+            {"diffuseFactor":[1,0,0,0.5],"diffuseTexture":{"index":3,"texCoord":1}}}}"#,
+        );
+        assert_eq!(both.factor(), [1.0, 0.0, 0.0, 0.5]);
+        assert_eq!(both.texture().map(|info| (info.index, info.coordinates())), Some((3, 1)));
+        let plain = material(r#"{"pbrMetallicRoughness":{"baseColorFactor":[0,1,0,1]},"extensions":{}}"#);
+        assert_eq!(plain.factor(), [0.0, 1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn what_is_null_or_left_out_has_the_format_s_default() {
+        let nulls =
+            r#"{"pbrMetallicRoughness":{"baseColorFactor":null},"alphaMode":null,"alphaCutoff":null}"#;
+        for json in ["{}", nulls] {
+            let material = material(json);
+            assert_eq!((material.factor(), material.alpha()), ([1.0; 4], Alpha::Opaque));
+        }
+        assert_eq!(material(r#"{"alphaMode":"MASK"}"#).alpha(), Alpha::Mask(128));
+        assert_eq!(material(r#"{"alphaMode":"SOMETHING"}"#).alpha(), Alpha::Blend);
+    }
+}

@@ -1,0 +1,283 @@
+//! Tables of properties (EXT_structural_metadata), a row of which is said of a feature: of some triangles of
+//! a mesh (EXT_mesh_features), or of an instance (EXT_instance_features).
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde_json::Value;
+use trimaran_scene::Attribute;
+
+use super::accessor::Accessors;
+use super::column::Column;
+use super::json::{Document, Node};
+use super::lenient::{maybe_whole, or_default, whole};
+use super::nodes::Placement;
+use crate::import::report::{ImportReport, WarningKind};
+
+/// What a feature is: a row of a property table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Feature {
+    pub table: u32,
+    pub row: u32,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Metadata {
+    #[serde(deserialize_with = "or_default")]
+    schema: Schema,
+    #[serde(deserialize_with = "or_default")]
+    property_tables: Vec<Table>,
+    #[serde(deserialize_with = "or_default")]
+    property_textures: Vec<IgnoredAny>,
+    #[serde(deserialize_with = "or_default")]
+    property_attributes: Vec<IgnoredAny>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Schema {
+    #[serde(deserialize_with = "or_default")]
+    classes: BTreeMap<String, Class>,
+    #[serde(deserialize_with = "or_default")]
+    enums: BTreeMap<String, Enumeration>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Class {
+    #[serde(deserialize_with = "or_default")]
+    properties: BTreeMap<String, Property>,
+}
+
+/// What the values of a property are.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Property {
+    name: Option<String>,
+    semantic: Option<String>,
+    #[serde(rename = "type", deserialize_with = "or_default")]
+    pub kind: String,
+    pub component_type: Option<String>,
+    pub enum_type: Option<String>,
+    #[serde(deserialize_with = "or_default")]
+    pub array: bool,
+    /// Of an array, unless each has its own.
+    #[serde(deserialize_with = "maybe_whole")]
+    pub count: Option<u64>,
+    #[serde(deserialize_with = "or_default")]
+    pub normalized: bool,
+    pub offset: Option<Value>,
+    pub scale: Option<Value>,
+    /// The value that stands for none.
+    no_data: Option<Value>,
+    default: Option<Value>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Enumeration {
+    pub value_type: Option<String>,
+    #[serde(deserialize_with = "or_default")]
+    pub values: Vec<EnumerationValue>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct EnumerationValue {
+    #[serde(deserialize_with = "or_default")]
+    pub name: String,
+    #[serde(deserialize_with = "or_default")]
+    pub value: i64,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Table {
+    #[serde(deserialize_with = "or_default")]
+    class: String,
+    #[serde(deserialize_with = "whole")]
+    count: u64,
+    #[serde(deserialize_with = "or_default")]
+    properties: BTreeMap<String, Column>,
+}
+
+/// The features of a primitive or of a node's instances, in several ways.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Features {
+    #[serde(deserialize_with = "or_default")]
+    feature_ids: Vec<FeatureIds>,
+}
+
+/// How features are numbered: by an attribute, or as vertices and instances are. Those of textures are not
+/// read.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct FeatureIds {
+    #[serde(deserialize_with = "maybe_whole")]
+    pub attribute: Option<u32>,
+    texture: Option<IgnoredAny>,
+    #[serde(deserialize_with = "maybe_whole")]
+    property_table: Option<u32>,
+    #[serde(deserialize_with = "maybe_whole")]
+    null_feature_id: Option<u32>,
+}
+
+impl Features {
+    /// The first numbering that has a table.
+    pub(super) fn with_table(&self) -> Option<&FeatureIds> {
+        self.feature_ids.iter().find(|ids| ids.property_table.is_some() && ids.texture.is_none())
+    }
+}
+
+impl FeatureIds {
+    /// The feature with a number.
+    pub(super) fn feature(&self, number: f32) -> Option<Feature> {
+        self.row(number.round() as u32)
+    }
+
+    fn row(&self, row: u32) -> Option<Feature> {
+        let table = self.property_table.filter(|_| Some(row) != self.null_feature_id)?;
+        Some(Feature { table, row })
+    }
+}
+
+/// What is said of a feature.
+#[derive(Debug, Default)]
+pub(super) struct Row {
+    pub name: Option<String>,
+    pub attributes: Vec<Attribute>,
+    /// Properties that cannot be read.
+    pub unread: Vec<String>,
+}
+
+impl Row {
+    /// Bytes of all texts.
+    pub(super) fn text(&self) -> u64 {
+        let attributes = self.attributes.iter().map(|one| one.name.len() + one.value.len());
+        (attributes.sum::<usize>() + self.name.as_ref().map_or(0, String::len)) as u64
+    }
+}
+
+impl Metadata {
+    pub(super) fn of(document: &Document) -> Option<&Self> {
+        document.extensions.as_ref()?.metadata.as_ref()
+    }
+
+    /// The row of a feature.
+    pub(super) fn row(&self, accessors: &Accessors<'_>, feature: Feature) -> Row {
+        let mut row = Row::default();
+        let Some(table) = self.property_tables.get(feature.table as usize) else {
+            row.unread.push(format!("property table {}: it does not exist", feature.table));
+            return row;
+        };
+        let class = self.schema.classes.get(&table.class);
+        if class.is_none() {
+            row.unread.push(format!("class {}: it is not in the schema", table.class));
+        }
+        for (id, property) in class.into_iter().flat_map(|class| &class.properties) {
+            let column = table.properties.get(id).filter(|_| u64::from(feature.row) < table.count);
+            let value = match column.map(|column| {
+                let names = property.enum_type.as_ref().and_then(|name| self.schema.enums.get(name));
+                column.value(accessors, property, names, feature.row.into())
+            }) {
+                None => property.default.clone(),
+                Some(Ok(value)) if Some(&value) == property.no_data.as_ref() => property.default.clone(),
+                Some(Ok(value)) => Some(value),
+                Some(Err(why)) => {
+                    row.unread.push(format!("property {id}: {why}"));
+                    None
+                }
+            };
+            let Some(value) = value else { continue };
+            let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            if property.semantic.as_deref() == Some("NAME") || id.eq_ignore_ascii_case("name") {
+                row.name = Some(value.clone());
+            }
+            let name = property.name.as_ref().unwrap_or(id).clone();
+            row.attributes.push(Attribute { name: name.into(), value: value.into() });
+        }
+        row
+    }
+}
+
+/// Looks features up, and keeps what could not be told.
+pub(super) struct Lookup<'a> {
+    document: &'a Document,
+    accessors: &'a Accessors<'a>,
+    metadata: Option<&'a Metadata>,
+    told: BTreeSet<u32>,
+    unread: BTreeSet<String>,
+    /// The node whose instances were looked up last, and their features.
+    instances: Option<(u32, Vec<Option<Feature>>)>,
+}
+
+impl<'a> Lookup<'a> {
+    pub(super) fn new(document: &'a Document, accessors: &'a Accessors<'a>) -> Self {
+        let metadata = Metadata::of(document);
+        Self {
+            document,
+            accessors,
+            metadata,
+            told: BTreeSet::new(),
+            unread: BTreeSet::new(),
+            instances: None,
+        }
+    }
+
+    /// What is said of a placement's piece that is a feature, or of an instance that is one.
+    pub(super) fn row(&mut self, placement: &Placement, piece: Option<Feature>) -> Option<Row> {
+        let metadata = self.metadata?;
+        let feature = piece.or_else(|| self.of_instance(placement))?;
+        let row = metadata.row(self.accessors, feature);
+        self.told.insert(feature.table);
+        // As many as a report may list.
+        if self.unread.len() < ImportReport::MOST_WARNINGS {
+            self.unread.extend(row.unread.iter().cloned());
+        }
+        Some(row)
+    }
+
+    fn of_instance(&mut self, placement: &Placement) -> Option<Feature> {
+        let node = self.document.nodes.get(placement.node as usize)?;
+        if self.instances.as_ref().is_none_or(|(known, _)| *known != placement.node) {
+            self.instances = Some((placement.node, self.of_instances(node).unwrap_or_default()));
+        }
+        let (_, features) = self.instances.as_ref()?;
+        match features.get(placement.instance as usize) {
+            Some(feature) => *feature,
+            None => {
+                let ids = node.extensions.as_ref()?.features.as_ref()?.with_table()?;
+                ids.attribute.is_none().then(|| ids.row(placement.instance)).flatten()
+            }
+        }
+    }
+
+    /// The features of a node's instances, if an attribute numbers them.
+    fn of_instances(&self, node: &Node) -> Option<Vec<Option<Feature>>> {
+        let ids = node.extensions.as_ref()?.features.as_ref()?.with_table()?;
+        let name = format!("_FEATURE_ID_{}", ids.attribute?);
+        let numbers = self.accessors.vectors::<1>(*node.instancing()?.attributes.get(&name)?).ok()?;
+        Some(numbers.into_iter().map(|[number]| ids.feature(number)).collect())
+    }
+
+    /// Says what is not told of any object.
+    pub(super) fn warn(self, report: &mut ImportReport) {
+        let Some(metadata) = self.metadata else { return };
+        for why in self.unread {
+            report.warn_about(WarningKind::MetadataLeftOut, &why, 1);
+        }
+        for (number, table) in (0..).zip(&metadata.property_tables) {
+            if !self.told.contains(&number) {
+                let detail = format!("property table {number} of {:?}: no object refers to it", table.class);
+                report.warn_about(WarningKind::MetadataLeftOut, &detail, 1);
+            }
+        }
+        let textures = metadata.property_textures.len() as u64;
+        report.warn_about(WarningKind::MetadataLeftOut, "property textures", textures);
+        let of_vertices = metadata.property_attributes.len() as u64;
+        report.warn_about(WarningKind::MetadataLeftOut, "property attributes", of_vertices);
+    }
+}
