@@ -17,7 +17,7 @@ use proptest::sample::Index;
 use trimaran_cook::import::WarningKind;
 
 const TARGETS: [replay::Target; 6] = [
-    ("gltf", 13, models::gltf),
+    ("gltf", 34, models::gltf),
     ("rvm", 34, models::rvm),
     ("rvm_text", 15, models::rvm_text),
     ("attributes", 12, models::attributes),

@@ -31,18 +31,14 @@ fn morph_targets_count_as_the_mesh_or_the_node_says() {
         r#"[{"mesh":0},{"mesh":0,"weights":[0,0.5,1]},{"mesh":0,"weights":[1]},{"mesh":0,"weights":[0,0]}]"#,
         r#","weights":[1,0]"#,
     );
-    let model = model(&file);
-    let place = |object: usize| model.meshes[model.objects[object].mesh as usize].positions[2];
+    let morphed = model(&file);
+    let place = |object: usize| morphed.meshes[morphed.objects[object].mesh as usize].positions[2];
     assert_eq!(place(0), Vec3::new(5.0, 1.0, 0.0));
     assert_eq!(place(1), Vec3::new(1.0, 2.0, 1.0));
     assert_eq!(place(2), Vec3::new(5.0, 1.0, 0.0));
     assert_eq!(place(3), Vec3::new(0.0, 1.0, 0.0));
     let plain = morphing(r#"[{"mesh":0},{"mesh":0}]"#, "");
-    assert_eq!(
-        crate::model(&plain).meshes.len(),
-        1,
-        "without weights nothing is morphed, and shapes are shared"
-    );
+    assert_eq!(model(&plain).meshes.len(), 1, "without weights nothing is morphed, and shapes are shared");
 }
 
 /// What is said of an object.

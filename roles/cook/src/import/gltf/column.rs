@@ -80,7 +80,7 @@ impl Column {
             }
             "BOOLEAN" => {
                 let byte = bytes.get((at / 8) as usize).ok_or("it has too few values")?;
-                return Ok(Value::Bool(byte >> (at % 8) & 1 == 1));
+                return Ok(Value::Bool((byte >> (at % 8)) & 1 == 1));
             }
             "ENUM" => {
                 let names = names.ok_or("its names are not in the schema")?;

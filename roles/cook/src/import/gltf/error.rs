@@ -24,7 +24,8 @@ pub enum GltfError {
     Json(#[from] serde_json::Error),
     /// The file is of another version of glTF.
     #[error(
-        "it is glTF {version}, and this reads 2.0: convert it (gltf-pipeline, for one, converts glTF 1.0 to 2.0)"
+        "it is glTF {version}, and this reads 2.0: convert it \
+         (gltf-pipeline, for one, converts glTF 1.0 to 2.0)"
     )]
     Version {
         /// The version that it claims, or needs at least.

@@ -7,10 +7,10 @@ use glam::Vec3;
 use super::GltfError;
 use super::accessor::Accessors;
 use super::draco::Decoded;
-use super::gradient::Coloured;
 use super::json::{Document, Primitive};
 use super::material::{Alpha, Material, encoded};
 use super::metadata::{Feature, Metadata};
+use super::surface::Surface;
 use super::texture::{Placed, Textures};
 use crate::Mesh;
 use crate::import::assemble::weld;
@@ -42,7 +42,7 @@ pub(super) struct Imported {
 
 /// What meshes are made from.
 #[derive(Clone, Copy)]
-pub(super) struct From<'a> {
+pub(super) struct Input<'a> {
     pub document: &'a Document,
     pub accessors: &'a Accessors<'a>,
     pub textures: &'a Textures,
@@ -58,7 +58,7 @@ enum Mode {
 }
 
 /// Reads a mesh of the document.
-pub(super) fn import(from: From<'_>, shape: &Shape) -> Result<Imported, GltfError> {
+pub(super) fn import(from: Input<'_>, shape: &Shape) -> Result<Imported, GltfError> {
     let mut imported = Imported::default();
     let Some(source) = from.document.meshes.get(shape.mesh as usize) else { return Ok(imported) };
     for (number, primitive) in source.primitives.iter().enumerate() {
@@ -87,7 +87,7 @@ pub(super) fn import(from: From<'_>, shape: &Shape) -> Result<Imported, GltfErro
 
 /// Reads one primitive.
 struct Reader<'a> {
-    from: From<'a>,
+    from: Input<'a>,
     primitive: &'a Primitive,
     weights: &'a [f32],
     /// Says which primitive it is.
@@ -107,7 +107,7 @@ enum Source<'a> {
     Plain {
         picks: Option<Vec<u32>>,
     },
-    Draco(Decoded<'a>),
+    Draco(Box<Decoded<'a>>),
 }
 
 const POSITION: &str = "POSITION";
@@ -125,7 +125,7 @@ impl Reader<'_> {
     }
 
     fn append(&self, imported: &mut Imported, mode: Mode) -> Result<(), GltfError> {
-        let From { document, textures, .. } = self.from;
+        let Input { document, textures, .. } = self.from;
         let material = match self.primitive.material {
             None => &Material::default(),
             Some(index) => document
@@ -211,11 +211,11 @@ impl Reader<'_> {
     /// Finds the primitive's arrays and reads its corners. What they come to is asked for before anything is
     /// read. A thousand primitives may share one array of positions, so each takes those that it uses.
     fn arrays(&self, mode: Mode, named: [Option<&str>; 2]) -> Result<Arrays<'_>, GltfError> {
-        let From { accessors, budget, .. } = self.from;
+        let Input { accessors, budget, .. } = self.from;
         if let Some(decoded) = Decoded::of(self.primitive, accessors, budget, self.place) {
             let decoded = decoded?;
             let corners = Some(decoded.corners());
-            return Ok(Arrays { source: Source::Draco(decoded), mode: Mode::Triangles, corners });
+            return Ok(Arrays { source: Source::Draco(Box::new(decoded)), mode: Mode::Triangles, corners });
         }
         let attributes = &self.primitive.attributes;
         let position =
@@ -275,7 +275,7 @@ impl Reader<'_> {
     }
 
     fn positions(&self, arrays: &Arrays<'_>) -> Result<Vec<Vec3>, GltfError> {
-        let From { accessors, budget, .. } = self.from;
+        let Input { accessors, budget, .. } = self.from;
         let positions = self.vectors::<3>(arrays, POSITION, None)?.unwrap_or_default();
         let mut positions: Vec<Vec3> = positions.into_iter().map(Vec3::from_array).collect();
         for (index, weight) in self.targets() {
@@ -353,85 +353,6 @@ impl Reader<'_> {
         });
         triangles
     }
-}
-
-/// A primitive's vertices and triangles. Colours are linear; without any, all vertices have the material's.
-struct Surface {
-    positions: Vec<Vec3>,
-    colours: Option<Vec<[f32; 4]>>,
-    coordinates: Option<Vec<[f32; 2]>>,
-    triangles: Vec<[u32; 3]>,
-}
-
-impl Surface {
-    /// Some of its triangles, with the vertices that they use.
-    fn part(&self, triangles: &[[u32; 3]]) -> Self {
-        let mut used: Vec<u32> = triangles.iter().flatten().copied().collect();
-        used.sort_unstable();
-        used.dedup();
-        let number = |corner: u32| used.partition_point(|&pick| pick < corner) as u32;
-        Self {
-            positions: pick(&self.positions, &used),
-            colours: self.colours.as_ref().map(|colours| pick(colours, &used)),
-            coordinates: self.coordinates.as_ref().map(|coordinates| pick(coordinates, &used)),
-            triangles: triangles.iter().map(|triangle| triangle.map(number)).collect(),
-        }
-    }
-
-    /// Colours each triangle by a texture, and leaves out those that are all hole. Whether the texture has
-    /// several colours within one.
-    fn paint(&mut self, texture: &Placed<'_>, coordinates: &[[f32; 2]], material: &Material) -> bool {
-        let alpha = material.alpha();
-        let (mut positions, mut colours, mut varies) = (Vec::new(), Vec::new(), false);
-        for &triangle in &self.triangles {
-            let at = triangle.map(|corner| coordinates.get(corner as usize).copied().unwrap_or_default());
-            let mean = texture.mean(at);
-            let own = self.mean_colour(triangle, material);
-            let mut colour = [0, 1, 2, 3].map(|channel: usize| mean.colour[channel] * own[channel]);
-            match alpha {
-                Alpha::Opaque => colour[3] = 1.0,
-                Alpha::Mask(_) if mean.colour[3] == 0.0 => continue,
-                // How much of it is no hole.
-                Alpha::Mask(_) => colour[3] = mean.colour[3],
-                Alpha::Blend => {}
-            }
-            varies |= mean.varies;
-            let corners =
-                triangle.map(|corner| self.positions.get(corner as usize).copied().unwrap_or_default());
-            positions.extend(corners);
-            colours.extend([colour; 3]);
-        }
-        self.triangles = (0..positions.len() as u32 / 3).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
-        self.positions = positions;
-        self.colours = Some(colours);
-        varies
-    }
-
-    /// Settles what alpha means, leaves out triangles that are a hole, and cuts those whose colour changes.
-    fn shade(&mut self, material: &Material) {
-        if let Alpha::Mask(cutoff) = material.alpha() {
-            let cutoff = f32::from(cutoff) / 255.0;
-            let mut triangles = std::mem::take(&mut self.triangles);
-            triangles.retain(|&triangle| self.mean_colour(triangle, material)[3] >= cutoff);
-            self.triangles = triangles;
-        }
-        let Self { positions, colours: Some(colours), triangles, .. } = self else { return };
-        if material.alpha() != Alpha::Blend {
-            colours.iter_mut().for_each(|[.., alpha]| *alpha = 1.0);
-        }
-        Coloured { positions, colours, triangles }.cut();
-    }
-
-    /// The mean of a triangle's corners.
-    fn mean_colour(&self, triangle: [u32; 3], material: &Material) -> [f32; 4] {
-        let Some(colours) = &self.colours else { return material.factor() };
-        let corners = triangle.map(|corner| colours.get(corner as usize).copied().unwrap_or_default());
-        [0, 1, 2, 3].map(|channel: usize| corners.iter().map(|corner| corner[channel]).sum::<f32>() / 3.0)
-    }
-}
-
-fn pick<T: Copy>(all: &[T], picks: &[u32]) -> Vec<T> {
-    picks.iter().filter_map(|&pick| all.get(pick as usize).copied()).collect()
 }
 
 impl Mode {

@@ -17,6 +17,7 @@ mod mesh;
 mod metadata;
 mod nodes;
 mod packed;
+mod surface;
 mod texture;
 
 use std::collections::{BTreeSet, HashMap};
@@ -94,7 +95,7 @@ pub(super) fn import(
     let materials = materials(&document, &shapes);
     let materials = materials.iter().filter_map(|&index| document.materials.get(index as usize));
     let textures = Textures::load(&document, &accessors, &mut resources, materials, budget, report);
-    let from = mesh::From { document: &document, accessors: &accessors, textures: &textures, budget };
+    let from = mesh::Input { document: &document, accessors: &accessors, textures: &textures, budget };
     let imported: Vec<_> =
         shapes.par_iter().map(|shape| mesh::import(from, shape)).collect::<Result<_, _>>()?;
     warn(&mut part.report, &document, &imported, &placements, &numbers);
