@@ -715,3 +715,41 @@ fn walks_again(bench: &Bench) -> bool {
     let picture = |dir: &Path| fs::read(dir.join("frames/00005.png")).unwrap();
     picture(&bench.path("again")) == picture(&bench.path("inproc"))
 }
+
+#[test]
+fn a_model_is_never_written_over() {
+    let bench = Bench::empty();
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no plate\nf 1 2 3 4\n";
+    for name in ["a.obj", "b.obj"] {
+        bench.write(name, square);
+    }
+    fs::hard_link(bench.path("b.obj"), bench.path("link.scene")).unwrap();
+    // `-o *.obj`: the shell puts the first model behind the flag.
+    bench.refuses(&["import", "-o", "a.obj", "b.obj"], &["a.obj", "no cooked scene", "another file"]);
+    bench.refuses(&["import", "a.obj", "b.obj", "-o", "./b.obj"], &["./b.obj", "to be read"]);
+    bench.refuses(&["import", "b.obj", "-o", "link.scene"], &["link.scene", "to be read"]);
+    bench.refuses(&["generate", "plant", "--objects", "9", "-o", "a.obj"], &["a.obj", "no cooked scene"]);
+    bench.refuses(&["import", "a.obj", "-o", "."], &["no cooked scene"]);
+    for name in ["a.obj", "b.obj", "link.scene"] {
+        assert_eq!(fs::read_to_string(bench.path(name)).unwrap(), square, "{name}");
+    }
+    // A scene may be made anew, and an empty file is a name that was made for it.
+    bench.write("c.scene", "");
+    for _ in 0..2 {
+        bench.done(&["import", "a.obj", "b.obj", "-o", "c.scene"]);
+    }
+    bench.refuses(&["run", "c.scene", "--record", "a.obj", "--out", "walk"], &["a.obj", "no trace"]);
+    assert_eq!(fs::read_to_string(bench.path("a.obj")).unwrap(), square);
+}
+
+#[test]
+fn strict_makes_warnings_errors_and_writes_nothing() {
+    let bench = Bench::empty();
+    bench.write("a.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\no plate\nf 1 2 3\nl 1 2\n");
+    bench.refuses(
+        &["import", "a.obj", "-o", "a.scene", "--strict"],
+        &["a.obj: 1 primitives of points or lines", "nothing was written"],
+    );
+    assert_eq!(bench.files(), ["a.obj"], "something was left behind");
+    bench.done(&["import", "a.obj", "-o", "a.scene"]);
+}

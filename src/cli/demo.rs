@@ -7,7 +7,7 @@ use trimaran_gpu::GpuOptions;
 use super::{
     Failure,
     args::{Coding, DemoArgs, OcclusionTestArg, RunArgs, Size, WalkArgs},
-    cooking, run,
+    cooking, output, run,
 };
 
 pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
@@ -18,6 +18,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
                 Failure::bad_input(format!("cannot create the folder {}: {cause}", args.out.display()))
             })?;
             let output = args.out.join("plant.scene");
+            output::check(&output, &output::SCENE, &[]).map_err(Failure::bad_input)?;
             println!("generating a plant of 4 thousand objects and cooking it into {}", output.display());
             cooking::cook_and_save(&plant(&PlantOptions::small(1)), &CookOptions::default(), &output)?;
             output

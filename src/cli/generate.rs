@@ -11,10 +11,11 @@ use super::{
     args::{GenerateArgs, Kind},
     cooking,
     info::SceneSummary,
-    print_json,
+    output, print_json,
 };
 
 pub(super) fn run(args: &GenerateArgs) -> Result<(), Failure> {
+    output::check(&args.output, &output::SCENE, &[]).map_err(Failure::bad_input)?;
     let model = generate(args);
     // As large as was asked for.
     let options = CookOptions { max_nodes: usize::MAX, ..CookOptions::default() };

@@ -13,11 +13,12 @@ use super::{
     args::{ImportArgs, ReadingArgs, Up},
     cooking,
     info::SceneSummary,
-    number, print_json, progress,
+    number, output, print_json, progress,
     terminal::word,
 };
 
 pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
+    output::check(&args.output, &output::SCENE, &args.files).map_err(Failure::bad_input)?;
     let imported = read(&args.files, &args.reading)?;
     if !args.json {
         print_report(&imported.report);
@@ -31,12 +32,18 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Reads the files of a model, and shows how far it is.
+/// Reads the files of a model, and shows how far it is. With `--strict` a warning is an error.
 pub(super) fn read(files: &[PathBuf], reading: &ReadingArgs) -> Result<Imported, Failure> {
     let bar = progress::bar("reading", files.len() as u64);
     let read = &mut |progress: Progress<'_>| bar.set_position(progress.files_done as u64);
     let imported = import(files, &reading.import_options(), read).map_err(Failure::bad_input)?;
     bar.finish_and_clear();
+    if reading.strict && !imported.report.warnings.is_empty() {
+        let warnings: Vec<String> = imported.report.warnings.iter().map(|one| format!("\n  {one}")).collect();
+        let why =
+            format!("--strict makes these warnings errors, and nothing was written:{}", warnings.concat());
+        return Err(Failure::bad_input(why));
+    }
     Ok(imported)
 }
 

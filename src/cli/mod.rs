@@ -20,6 +20,7 @@ mod info;
 mod keys;
 #[cfg(target_os = "linux")]
 mod netem;
+mod output;
 mod ping;
 mod processes;
 mod progress;

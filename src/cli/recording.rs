@@ -19,7 +19,7 @@ use trimaran::{
 use trimaran_actors::{Stop, Stopwatch};
 use trimaran_transport::causes;
 
-use super::{Failure, print_json, progress};
+use super::{Failure, output, print_json, progress};
 
 /// Why a walk ended before its end.
 #[derive(Debug)]
@@ -56,6 +56,7 @@ pub(super) fn open_folder(
 /// Whether a trace can be written to this path.
 pub(super) fn check_trace(path: Option<&Path>) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
+    output::check(path, &output::TRACE, &[]).map_err(Failure::bad_input)?;
     Trace::check_path(path).map_err(Failure::bad_input)
 }
 

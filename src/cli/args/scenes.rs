@@ -40,6 +40,9 @@ pub(crate) struct ReadingArgs {
     /// Metres a unit of the files' coordinates [default: 1 for glTF and OBJ, 0.001 for RVM].
     #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) unit: Option<f64>,
+    /// Take nothing that would have to be left out or repaired: each warning is an error.
+    #[arg(long)]
+    pub(crate) strict: bool,
     #[command(flatten)]
     pub(crate) limits: LimitArgs,
 }

@@ -45,6 +45,12 @@ use table::Pages;
 pub use table::Records;
 pub use validate::SceneError;
 
+/// Whether a file that begins with `head` is a cooked scene, of any version and in any state.
+#[must_use]
+pub fn looks_like_a_scene(head: &[u8]) -> bool {
+    head.starts_with(&layout::MAGIC)
+}
+
 /// A cooked scene, of which what was asked for is in memory.
 ///
 /// Records are read from its file, a page at a time, when they are first asked for, and stay. Geometry is

@@ -1,0 +1,69 @@
+//! Files that a command writes under a name of the user's: nothing of another kind is written over.
+
+use std::{
+    fs::{self, File},
+    io::{self, Read},
+    os::unix::fs::MetadataExt,
+    path::{Path, PathBuf},
+};
+
+use thiserror::Error;
+
+/// Why a command does not write where it was told to.
+#[derive(Debug, Error)]
+pub(super) enum OutputError {
+    /// It is one of the files that are to be read.
+    #[error(
+        "{path} is one of the files to be read, and would be lost: name another file to write to; after -o the \
+         shell's first match is taken for it"
+    )]
+    Input { path: String },
+    /// Something else stands there.
+    #[error("{path} is there already and is no {kind}: name another file to write to, or move it away")]
+    Foreign { path: String, kind: &'static str },
+    /// It cannot be looked at.
+    #[error("cannot look at {path}, which is to be written")]
+    Unread { path: String, source: io::Error },
+}
+
+/// A kind of file that a command may write over.
+pub(super) struct Kind {
+    /// For a person.
+    pub(super) name: &'static str,
+    /// Whether a file that begins so is one.
+    pub(super) begins: fn(&[u8]) -> bool,
+}
+
+/// Cooked scenes.
+pub(super) const SCENE: Kind = Kind { name: "cooked scene", begins: trimaran_scene::looks_like_a_scene };
+/// Traces of walks.
+pub(super) const TRACE: Kind = Kind { name: "trace", begins: trimaran::trace::looks_like_a_trace };
+
+/// Bytes that tell a file's kind.
+const HEAD: u64 = 16;
+
+/// Refuses to write to `path` where something stands that is no `kind`, or one of `inputs`. An empty file may
+/// be written over: it is what a program leaves that makes names for others.
+pub(super) fn check(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<(), OutputError> {
+    let shown = || path.display().to_string();
+    let unread = |source| OutputError::Unread { path: shown(), source };
+    let there = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        there => there.map_err(unread)?,
+    };
+    // Hard links and links by name are the same file.
+    let is_it = |input: &PathBuf| {
+        fs::metadata(input).is_ok_and(|input| (input.dev(), input.ino()) == (there.dev(), there.ino()))
+    };
+    if inputs.iter().any(is_it) {
+        return Err(OutputError::Input { path: shown() });
+    }
+    let mut head = Vec::new();
+    if there.is_file() {
+        File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head)).map_err(unread)?;
+    }
+    if there.is_file() && (head.is_empty() || (kind.begins)(&head)) {
+        return Ok(());
+    }
+    Err(OutputError::Foreign { path: shown(), kind: kind.name })
+}
