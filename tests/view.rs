@@ -99,6 +99,8 @@ fn a_model_is_cooked_when_it_has_changed_and_else_is_there_at_once() {
     assert!(first.url.0.starts_with("127.0.0.1:"), "others do not reach it: {:?}", first.url);
     let before = cached(&bench);
     assert_eq!(before.len(), 1);
+    let scene = || fs::read(bench.path("cache/trimaran").join(&before[0])).unwrap();
+    let first_scene = scene();
 
     let again = View::start(view(&bench, &["tank.obj", "--no-browser"])).unwrap();
     assert_eq!((again.said.len(), cached(&bench)), (0, before.clone()));
@@ -106,8 +108,55 @@ fn a_model_is_cooked_when_it_has_changed_and_else_is_there_at_once() {
     bench.write("tank.obj", model(50));
     let changed = View::start(view(&bench, &["tank.obj", "--no-browser"])).unwrap();
     assert!(!changed.said.is_empty());
-    let after = cached(&bench);
-    assert!(after.len() == 1 && after != before, "{after:?}");
+    assert_eq!(cached(&bench), before, "it takes the place of the one before");
+    assert!(scene() != first_scene);
+}
+
+/// Each file that the import has read, or has looked for.
+#[test]
+fn a_model_is_cooked_again_when_a_file_beside_it_changes_or_comes() {
+    let bench = Bench::empty();
+    bench.write("tank.obj", format!("mtllib colours.of.mine\nusemtl red\n{}", model(5)));
+    let starts = || View::start(view(&bench, &["tank.obj", "--no-browser"]));
+    let Some(first) = starts() else { return };
+    assert!(first.said.iter().any(|line| line.contains("colours.of.mine")), "{:?}", first.said);
+    assert_eq!(starts().unwrap().said.len(), 0, "nothing has changed");
+    bench.write("colours.of.mine", "newmtl red\nKd 1 0 0\n");
+    let coloured = starts().unwrap();
+    assert!(!coloured.said.is_empty() && !coloured.said.iter().any(|line| line.contains("colours.of.mine")));
+    bench.write("colours.of.mine", "newmtl red\nKd 1 0.5 0\n");
+    assert!(!starts().unwrap().said.is_empty(), "another colour");
+}
+
+#[test]
+fn a_damaged_scene_of_the_cache_is_cooked_again() {
+    let bench = Bench::empty();
+    bench.write("tank.obj", model(5));
+    let starts = || View::start(view(&bench, &["tank.obj", "--no-browser"]));
+    if starts().is_none() {
+        return;
+    }
+    let scene = bench.path("cache/trimaran").join(&cached(&bench)[0]);
+    let whole = fs::read(&scene).unwrap();
+    for damaged in [&whole[..whole.len() / 2], &b""[..], b"not a scene at all"] {
+        fs::write(&scene, damaged).unwrap();
+        let again = starts().unwrap();
+        assert!(again.ask("scene").contains(r#""objects":1"#));
+        assert_eq!(fs::read(&scene).unwrap(), whole);
+    }
+    assert_eq!((mode(&bench.path("cache/trimaran")), mode(&scene)), (0o700, 0o600));
+}
+
+#[test]
+fn a_model_is_shown_though_nothing_can_be_kept_of_it() {
+    let bench = Bench::empty();
+    bench.write("tank.obj", model(5));
+    bench.write("file", "");
+    let mut command = view(&bench, &["tank.obj", "--no-browser"]);
+    command.env("XDG_CACHE_HOME", bench.path("file/cache")).env("TMPDIR", bench.path(""));
+    let Some(shown) = View::start(command) else { return };
+    assert!(shown.ask("scene").contains(r#""objects":1"#));
+    drop(shown);
 }
 
 /// Links and what a browser keeps are good the next time as well, and for this model alone.

@@ -8,8 +8,7 @@ use std::{
 };
 
 use blake3::Hasher;
-use etcetera::{BaseStrategy, choose_base_strategy};
-use trimaran::page::Token;
+use trimaran::{page::Token, scene_cache::private_folder};
 use trimaran_transport::Net;
 
 /// Ports of models: below those that systems give to connections.
@@ -51,7 +50,7 @@ impl Address {
 
     /// Its token, which is kept in the user's cache; a new one each time where that cannot be.
     pub(super) fn token(&self, net: &dyn Net) -> io::Result<Token> {
-        let kept = private_cache().and_then(|folder| Token::kept(&self.token_in(&folder), net));
+        let kept = private_folder().and_then(|folder| Token::kept(&self.token_in(&folder), net));
         kept.or_else(|error| {
             tracing::warn!("the page's address cannot be kept, and is a new one: {error}");
             Token::random(net)
@@ -62,21 +61,6 @@ impl Address {
         let digits: String = self.key.iter().skip(2).take(8).map(|byte| format!("{byte:02x}")).collect();
         folder.join(format!("view-{digits}.token"))
     }
-}
-
-/// The user's cache of this program, which nobody else reads.
-pub(super) fn private_cache() -> io::Result<PathBuf> {
-    let base = choose_base_strategy().map_err(io::Error::other)?;
-    let folder = base.cache_dir().join("trimaran");
-    let mut builder = fs::DirBuilder::new();
-    builder.recursive(true);
-    #[cfg(unix)]
-    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
-    builder.create(&folder)?;
-    // It may have been made by an earlier version.
-    #[cfg(unix)]
-    fs::set_permissions(&folder, std::os::unix::fs::PermissionsExt::from_mode(0o700))?;
-    Ok(folder)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use std::{
 use etcetera::home_dir;
 use tempfile::{Builder, NamedTempFile, TempDir};
 
-use super::address::private_cache;
+use trimaran::scene_cache::private_folder;
 
 /// The file that was opened; dropped, it is removed with its folder.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ pub(super) fn open(url: &str) -> io::Result<Redirect> {
 fn folder() -> io::Result<PathBuf> {
     match home_dir() {
         Ok(home) if Path::new("/snap/bin").exists() => Ok(home),
-        _ => private_cache(),
+        _ => private_folder(),
     }
 }
 

@@ -8,12 +8,13 @@ use std::{
 };
 
 use bytesize::ByteSize;
+use tempfile::TempDir;
 use trimaran::{
     config::options,
     page::{DriveReport, WrongPixels, model_name},
-    scene_cache::CachedScene,
+    scene_cache::{CacheError, CachedScene},
 };
-use trimaran_scene::path::PosePath;
+use trimaran_scene::{Scene, path::PosePath};
 
 use super::{
     Failure,
@@ -35,7 +36,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
                 "--drive holds pictures against the whole scene: give its file in the service's place",
             )),
             Some(url) => super::window::run_service(args, url),
-            None => super::window::run(args, &scene(args)?, drive),
+            None => super::window::run(args, &scene(args)?.path(), drive),
         };
     }
     #[cfg(not(feature = "window"))]
@@ -46,7 +47,8 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         return Err(Failure::bad_input(format!("open {url} in a browser, or add --window")));
     }
     let drive = drive.map(|path| path.to_json().into_bytes());
-    let scene = scene(args)?;
+    let shown = scene(args)?;
+    let scene = shown.path();
     let address = Address::of(&args.files);
     let service = Service {
         scene: &scene,
@@ -164,25 +166,76 @@ pub(super) fn lasting(wrong: &WrongPixels) -> String {
 }
 
 /// The scene that is to be shown: the one given, or that of the files, cooked if it is not yet.
-fn scene(args: &ViewArgs) -> Result<PathBuf, Failure> {
+fn scene(args: &ViewArgs) -> Result<Shown, Failure> {
     if let [scene] = &args.files[..]
         && is_cooked(scene)
     {
-        return Ok(scene.clone());
+        return Ok(Shown::Given(scene.clone()));
     }
     if let Some(scene) = args.files.iter().find(|file| is_cooked(file)) {
         let why = format!("{} is a cooked scene: it is viewed alone, without other files", scene.display());
         return Err(Failure::bad_input(why));
     }
-    let cached = CachedScene::of(&args.files, &format!("{:?}", args.reading)).map_err(Failure::bad_input)?;
-    if !cached.is_there() {
-        let imported = read(&args.files, &args.reading)?;
-        print_report(&imported.report);
-        cached.make_room().map_err(Failure::broken)?;
-        cooking::cook_and_save(&imported.model, &args.reading.cook_options(), cached.path())?;
-    }
-    Ok(cached.path().to_owned())
+    Shown::cooked(args)
 }
+
+/// The scene that is shown.
+pub(super) enum Shown {
+    /// One that was given.
+    Given(PathBuf),
+    /// One in the cache.
+    Cached(CachedScene),
+    /// One that is gone afterwards, since the cache cannot be used.
+    Once(TempDir),
+}
+
+impl Shown {
+    fn cooked(args: &ViewArgs) -> Result<Self, Failure> {
+        let cook = |path: &Path| {
+            let imported = read(&args.files, &args.reading)?;
+            print_report(&imported.report);
+            cooking::cook_and_save(&imported.model, &args.reading.cook_options(), path)?;
+            Ok::<_, Failure>(imported.report.looked_for)
+        };
+        let once = |why: &dyn Display| {
+            eprintln!("trimaran: the cooked scene is not kept for another time: {why}");
+            let folder = tempfile::tempdir().map_err(Failure::broken)?;
+            cook(&folder.path().join(ONCE))?;
+            Ok(Self::Once(folder))
+        };
+        let cached = match CachedScene::of(&args.files, &format!("{:?}", args.reading)) {
+            Ok(cached) => cached,
+            Err(CacheError::Folder(why)) => return once(&why),
+            Err(error) => return Err(Failure::bad_input(error)),
+        };
+        if cached.is_current() && Scene::open(cached.path()).is_ok() {
+            return Ok(Self::Cached(cached));
+        }
+        match cook(cached.path()) {
+            Ok(looked_for) => {
+                if let Err(why) = cached.keep(&looked_for) {
+                    eprintln!("trimaran: the cooked scene may be cooked again another time: {why}");
+                }
+                Ok(Self::Cached(cached))
+            }
+            // The disk, and not the model.
+            Err(failure) if failure.may_pass() => once(&failure),
+            Err(failure) => Err(failure),
+        }
+    }
+
+    /// Where it is.
+    pub(super) fn path(&self) -> PathBuf {
+        match self {
+            Self::Given(path) => path.clone(),
+            Self::Cached(cached) => cached.path().to_owned(),
+            Self::Once(folder) => folder.path().join(ONCE),
+        }
+    }
+}
+
+/// The name of a scene that is not kept.
+const ONCE: &str = "model.scene";
 
 fn is_cooked(file: &Path) -> bool {
     file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("scene"))
