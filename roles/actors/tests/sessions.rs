@@ -4,7 +4,10 @@
 
 mod common;
 
-use std::{sync::Arc, thread};
+use std::{
+    sync::{Arc, OnceLock},
+    thread,
+};
 
 use common::{Broken, Device, Fault, Task};
 use tokio::runtime::{Builder, Runtime};
@@ -23,6 +26,9 @@ use trimaran_transport::{Net, Options, RecvError, TokioNet};
 const SIDE: u32 = 64;
 /// Bytes of depth that a session of such a picture takes.
 const DEPTH: u64 = 14 * (SIDE * SIDE) as u64;
+
+/// Where displays look from, along -z.
+static EYE: OnceLock<[f64; 3]> = OnceLock::new();
 
 /// A service whose sessions a test plays, and the displays at their other ends.
 struct Service {
@@ -48,6 +54,10 @@ impl Service {
         let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let scene = Arc::new(cook(&plant(&PlantOptions::small(3)), &CookOptions::default(), &()).unwrap());
+        // In front of it, so that there are boxes to test.
+        let (min, max) = scene.nodes().first().unwrap().world_box();
+        let middle = (min + max) / 2.0;
+        EYE.get_or_init(|| [middle.x, middle.y, max.z + (max - min).max_element() / 4.0]);
         let most = Viewport::new(SIDE, SIDE).unwrap();
         let limits = SessionLimits::new(most, sessions * DEPTH);
         Self { runtime, net, scene, turns: Turns::fair(), limits }
@@ -61,6 +71,7 @@ impl Service {
             scene: self.scene.outline(),
             settings,
             options: Options::default(),
+            cullers: Arc::default(),
             expected: Expected::default(),
         };
         (NewSession { key: SessionKey(1), settings, display, meeting, seat: Seat::once() }, far)
@@ -105,7 +116,8 @@ impl Service {
 }
 
 fn camera(frame: u32, version: u32) -> Camera {
-    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
+    let camera =
+        Camera::new(*EYE.get().unwrap(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
     camera.in_view(ViewVersion(version))
 }
 
