@@ -33,6 +33,55 @@ use trimaran_scene::{
 
 const FRAMES: u32 = 16;
 
+/// A square of a model: its material, half its side, and where it is along z.
+fn square(number: u32, material: &str, half: f64, z: f64) -> String {
+    let first = 4 * number + 1;
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let corners = corners.map(|[x, y]| format!("v {} {} {z}\n", x * half, y * half)).concat();
+    format!(
+        "o square{number}\nusemtl {material}\n{corners}f {first} {} {} {}\n",
+        first + 1,
+        first + 2,
+        first + 3
+    )
+}
+
+#[test]
+fn glass_of_a_file_starts_see_through_and_hides_nothing() {
+    let bench = Bench::empty();
+    bench.write("glass.mtl", "newmtl red\nKd 1 0 0\nnewmtl glass\nKd 0 0 1\nd 0.2\n");
+    let model = [square(0, "red", 1.0, 0.0), square(1, "glass", 3.0, 2.0)].concat();
+    bench.write("glass.obj", format!("mtllib glass.mtl\n{model}"));
+    bench.done(&["import", "glass.obj", "-o", "glass.scene"]);
+    let frames = [r#"{"eye":[0,0,8],"forward":[0,0,-1],"up":[0,1,0]}"#; 3].join(",");
+    bench.write("path.json", format!(r#"{{"vfov_deg":50,"near":0.1,"frames":[{frames}]}}"#));
+    let walk = ["run", "glass.scene", "--path", "path.json", "--size", "64x64", "--audit-every", "1"];
+    let output = bench.trimaran(&[&walk[..], &["--out", "walk"]].concat());
+    let ran = output.status.success().then_some(()).ok_or_else(|| said(&output));
+    let Some(()) = common::unless_required(ran) else { return };
+    let report = bench.report("walk");
+    assert_eq!(report["run"]["view_states"][0]["see_through"], 1, "{}", report["run"]["view_states"]);
+    assert_eq!(report["summary"]["cut_mismatch_pixels_total"], 0);
+    let [red, _, blue] = middle(&bench.path("walk/frames/00002.png"));
+    assert!(red > 80 && blue > 20, "red shines through the blue: {red}, {blue}");
+    // A user's states go before the model's.
+    bench.write("solid.toml", "[[change]]\nframe = 0\nsee_through = []\n");
+    bench.done(&[&walk[..], &["--out", "solid", "--state", "solid.toml"]].concat());
+    let [red, _, blue] = middle(&bench.path("solid/frames/00002.png"));
+    assert!(red < 30 && blue > 80, "the glass is solid: {red}, {blue}");
+}
+
+/// The colour in the middle of a picture.
+fn middle(picture: &std::path::Path) -> [u8; 3] {
+    let file = std::io::BufReader::new(std::fs::File::open(picture).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    let at =
+        (info.height as usize / 2) * info.line_size + (info.width as usize / 2) * info.color_type.samples();
+    [bytes[at], bytes[at + 1], bytes[at + 2]]
+}
+
 fn devices(scene: &Arc<Scene>, cullers: usize) -> Option<SceneOnDevices> {
     common::unless_required(SceneOnDevices::open(scene, cullers, &common::options()))
 }

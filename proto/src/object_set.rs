@@ -44,6 +44,12 @@ impl ObjectSet {
         self.runs.iter().map(ExactSizeIterator::len).sum()
     }
 
+    /// The runs of numbers, ascending; none is empty, and none touches the next.
+    #[must_use]
+    pub fn runs(&self) -> &[Range<u32>] {
+        &self.runs
+    }
+
     /// The objects, ascending.
     pub fn iter(&self) -> impl Iterator<Item = u32> + '_ {
         self.runs.iter().cloned().flatten()

@@ -4,7 +4,7 @@ use std::{path::PathBuf, sync::Arc};
 
 use serde::{Serialize, Serializer};
 use trimaran_netsim::Profile;
-use trimaran_proto::Viewport;
+use trimaran_proto::{ObjectSet, Viewport};
 use trimaran_scene::{
     Scene,
     heightfield::Heightfield,
@@ -30,6 +30,8 @@ pub struct SceneDescription {
     pub max: [f64; 3],
     /// The box around it without the few objects that lie far from all others.
     pub core: Bounds,
+    /// What the model has see-through: the page begins with it so. Runs, as [`ObjectSet`] codes them.
+    pub see_through: ObjectSet,
     /// Whether there are floors to walk on.
     pub has_floors: bool,
     /// Height of the eye above floors.
@@ -106,6 +108,7 @@ impl SceneDescription {
             min: min.to_array(),
             max: max.to_array(),
             core: core(scene, 0..scene.outline().objects),
+            see_through: scene.see_through().clone(),
             has_floors: found.kind == PathKind::Floors,
             eye_height: found.eye_height,
             tile_side: Heightfield::new(scene, found.eye_height).tile_side(),

@@ -13,7 +13,7 @@ use trimaran_proto::{
 };
 use trimaran_scene::Scene;
 
-use super::view_states::{ViewChange, ViewStates};
+use super::view_states::{ViewChange, ViewStates, at_first};
 
 /// The file as it is written. What a change does not name stays as it was.
 #[derive(Debug, Deserialize)]
@@ -144,11 +144,19 @@ impl ViewStates {
         let text = std::fs::read_to_string(path).map_err(read)?;
         let syntax = |cause| ViewFileError::Syntax { path: path.to_owned(), cause };
         let file: ViewFile = toml::from_str(&text).map_err(syntax)?;
-        let (mut state, mut later) = (first.clone(), Vec::<ViewChange>::new());
+        let mut later = Vec::<ViewChange>::new();
+        // What the model has see-through, unless the file says otherwise at once.
+        let begins = at_first(scene, &first);
+        let mut state =
+            begins.as_ref().map_or_else(|| first.clone(), |change| ViewState::clone(&change.state));
+        if file.change.first().is_none_or(|change| change.frame > 0) {
+            later.extend(begins);
+        }
+        let mut before = None;
         for (number, change) in (1..).zip(&file.change) {
             let frame = change.frame;
             let failed = |cause| ViewFileError::Change { path: path.to_owned(), number, frame, cause };
-            if later.last().is_some_and(|before| before.pose >= frame) {
+            if before.replace(frame).is_some_and(|before| before >= frame) {
                 return Err(failed(ViewChangeError::Order));
             }
             state = change.made_to(state, scene).map_err(failed)?;

@@ -92,7 +92,7 @@ fn fs_depth_cut(@builtin(position) at: vec4<f32>) {
 
 struct PictureVertex {
     @invariant @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat) colour: vec3<f32>,
+    @location(0) @interpolate(flat) colour: vec4<f32>,
     // What the light at the eye gives is linear in the pixel: weights of x, y and 1.
     @location(1) @interpolate(flat) eye_light: vec3<f32>,
     @location(2) @interpolate(flat) other_light: f32,
@@ -103,6 +103,9 @@ const AMBIENT = 0.10;
 const SKY = 0.22;
 const EYE = 0.26;
 const KEY = 0.42;
+
+// The largest share of a see-through surface in what shows at a pixel: `SEE_THROUGH_ALPHA` in pipeline.rs.
+const SEE_THROUGH_ALPHA = 0.3;
 
 @vertex
 fn vs_picture(
@@ -116,7 +119,7 @@ fn vs_picture(
     let other_light = AMBIENT + SKY * sky + KEY * max(dot(normal, camera.key.xyz), 0.0);
     // The normal by the ray from the pixel to the eye, (-x, -y, 1).
     let eye_light = vec3<f32>(-normal.xy * camera.ray_scale, normal.z - dot(normal.xy, camera.ray_offset));
-    return PictureVertex(clip_position(local, draw), colour.rgb, EYE * eye_light, other_light);
+    return PictureVertex(clip_position(local, draw), colour, EYE * eye_light, other_light);
 }
 
 // The unit normal in view space from one in the local frame, folded as the scene's `Normal` says. It is
@@ -142,7 +145,7 @@ fn shade(in: PictureVertex) -> vec4<f32> {
     // The colours are sRGB-encoded and light multiplies what they encode. sRGB is near a power law, under
     // which encoding the product is the product of the encoded: so encode the light (a square root) and leave
     // the colours as they are.
-    return vec4<f32>(in.colour * sqrt(light), 1.0);
+    return vec4<f32>(in.colour.rgb * sqrt(light), 1.0);
 }
 
 @fragment
@@ -156,6 +159,20 @@ fn fs_picture_cut(in: PictureVertex) -> @location(0) vec4<f32> {
         discard;
     }
     return shade(in);
+}
+
+// What is see-through: its alpha is its share in what shows, and is not written.
+@fragment
+fn fs_see_through(in: PictureVertex) -> @location(0) vec4<f32> {
+    return vec4<f32>(shade(in).rgb, min(in.colour.a, SEE_THROUGH_ALPHA));
+}
+
+@fragment
+fn fs_see_through_cut(in: PictureVertex) -> @location(0) vec4<f32> {
+    if is_cut_away(in.position, 0.0) {
+        discard;
+    }
+    return vec4<f32>(shade(in).rgb, min(in.colour.a, SEE_THROUGH_ALPHA));
 }
 
 // The same for people, as the page draws it: the light comes over the shoulder of who looks, and colours are

@@ -22,6 +22,7 @@ static NUMBERED: PassKind = PassKind {
     vertex: shader!("vs_item"),
     fragment: Some(shader!("fs_item")),
     cut: shader!("fs_item_cut"),
+    see_through: None,
     input: VertexInput::Id,
     colour: Some(TARGET),
     fetch: Fetch::Fixed,
@@ -34,6 +35,7 @@ static PULLED: PassKind = PassKind {
     vertex: shader!("vs_item_pulled"),
     fragment: Some(shader!("fs_item_pulled")),
     cut: shader!("fs_item_pulled_cut"),
+    see_through: None,
     input: VertexInput::PulledId,
     fetch: Fetch::Pulled,
     ..NUMBERED

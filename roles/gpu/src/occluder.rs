@@ -21,6 +21,7 @@ static KIND: PassKind = PassKind {
     vertex: shader!("vs_depth"),
     fragment: None,
     cut: shader!("fs_depth_cut"),
+    see_through: None,
     input: VertexInput::Position,
     colour: None,
     fetch: Fetch::Fixed,

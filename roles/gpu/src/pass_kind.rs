@@ -21,6 +21,8 @@ pub(crate) struct PassKind {
     pub(crate) fragment: Option<Shader>,
     /// The fragment shader where sections cut something away.
     pub(crate) cut: Shader,
+    /// Those of what is see-through, without and with sections, if the pass draws such.
+    pub(crate) see_through: Option<[Shader; 2]>,
     pub(crate) input: VertexInput,
     pub(crate) colour: Option<ColourTarget>,
     pub(crate) fetch: Fetch,
@@ -109,7 +111,13 @@ impl PassKind {
         };
         PipelineDesc {
             vertex: self.vertex,
-            fragment: if style.cut { Some(self.cut) } else { self.fragment },
+            fragment: match (style, self.see_through) {
+                (Style { see_through: true, cut }, Some([whole, in_part])) => {
+                    Some(if cut { in_part } else { whole })
+                }
+                (Style { cut: true, .. }, _) => Some(self.cut),
+                _ => self.fragment,
+            },
             input: self.input,
             colour: self.colour.map(|target| target.format),
             depth,

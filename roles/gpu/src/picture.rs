@@ -24,6 +24,7 @@ const KIND: PassKind = PassKind {
     vertex: shader!("vs_picture"),
     fragment: Some(shader!("fs_picture")),
     cut: shader!("fs_picture_cut"),
+    see_through: Some([shader!("fs_see_through"), shader!("fs_see_through_cut")]),
     input: VertexInput::Facet,
     colour: Some(ColourTarget {
         // Not an SRGB format: the shader's output is encoded already.
@@ -40,6 +41,7 @@ static WINDOW: PassKind = PassKind {
     vertex: shader!("vs_window"),
     fragment: Some(shader!("fs_window")),
     cut: shader!("fs_window_cut"),
+    see_through: None,
     ..KIND
 };
 

@@ -80,7 +80,8 @@ pub(crate) enum DepthUse {
     SeeThrough,
 }
 
-/// The share of a see-through surface in what shows at a pixel; the rest is what is behind it.
+/// The largest share of a see-through surface in what shows at a pixel; the rest is what is behind it. One
+/// whose colour has a smaller alpha has that share. The shaders have it too.
 pub const SEE_THROUGH_ALPHA: f32 = 0.3;
 
 /// What sets the pipelines apart; all else they share: triangles, reversed-z depth test.
@@ -139,19 +140,15 @@ impl Pipeline {
             .map(|_| {
                 vk::PipelineColorBlendAttachmentState::default()
                     .blend_enable(desc.depth == DepthUse::SeeThrough)
-                    .src_color_blend_factor(vk::BlendFactor::CONSTANT_ALPHA)
-                    .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_CONSTANT_ALPHA)
-                    // The shader's own, 1: the picture stays opaque.
-                    .src_alpha_blend_factor(vk::BlendFactor::ONE)
+                    .src_color_blend_factor(vk::BlendFactor::SRC_ALPHA)
+                    .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+                    // The picture stays opaque.
+                    .src_alpha_blend_factor(vk::BlendFactor::ZERO)
+                    .dst_alpha_blend_factor(vk::BlendFactor::ONE)
                     .color_write_mask(vk::ColorComponentFlags::RGBA)
             })
             .collect();
-        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&writes).blend_constants([
-            0.0,
-            0.0,
-            0.0,
-            SEE_THROUGH_ALPHA,
-        ]);
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&writes);
         let mut dynamic_states = vec![vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
         if desc.input.is_of_a_scene() {
             dynamic_states.push(vk::DynamicState::CULL_MODE);

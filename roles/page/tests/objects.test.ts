@@ -128,6 +128,28 @@ test("a change of what is measured is a step, and what is corrected of it is non
   assert.notEqual(history.seen.value, seen);
 });
 
+test("a view begins with what the model has see-through, and all is shown as the model has it", () => {
+  const glass = ObjectSet.coded([
+    [2, 1],
+    [0, 0],
+    [4, 0],
+  ]);
+  assert.deepEqual(
+    [...glass.runs],
+    [
+      { first: 2, end: 4 },
+      { first: 5, end: 6 },
+      { first: 11, end: 12 },
+    ],
+  );
+  assert.deepEqual(ObjectSet.coded([]), ObjectSet.EMPTY);
+  const history = new ViewHistory(glass);
+  assert.equal(history.seen.value.seeThrough, glass);
+  history.change({ seeThrough: ObjectSet.EMPTY, hidden: ObjectSet.of([1]) });
+  history.change(showAll(history.modelSeeThrough));
+  assert.deepEqual(history.current.value, { ...WHOLE, seeThrough: glass });
+});
+
 test("the box around parts is around each", () => {
   assert.equal(around([]), undefined);
   const one = { min: [0, 1, 2], max: [3, 4, 5] } as const;

@@ -17,6 +17,7 @@ pub fn with_records(scene: &Scene, nodes: Vec<Node>, drawables: Vec<Drawable>) -
         objects: scene.objects().iter().map(unnamed).collect(),
         names: String::new(),
         sources: scene.sources().to_vec(),
+        see_through: scene.see_through().clone(),
         hierarchy: Hierarchy::default(),
     })
 }

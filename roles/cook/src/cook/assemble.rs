@@ -5,7 +5,6 @@ use std::collections::HashMap;
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::CookError;
 use super::clusters::ClusterNode;
 use super::gather::Merged;
 use super::levels::LeveledMesh;
@@ -13,6 +12,7 @@ use super::linear::WorldBox;
 use super::placed::Leaf;
 use super::solid::{Solid, Solids};
 use super::tree::TreeNode;
+use super::{CookError, see_through};
 use crate::Model;
 use trimaran_scene::{
     Drawable, Geometry, Node, ObjectRecord, SceneArrays, SceneError, Shading, Sides, Vertex,
@@ -211,6 +211,7 @@ fn add_drawable(node: u32, error: f32, geometry: u32, sides: Sides, arrays: &mut
 
 fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookError> {
     arrays.sources = model.sources.iter().map(|source| source.name.clone()).collect();
+    arrays.see_through = see_through::objects(model);
     arrays.hierarchy = model.hierarchy.clone();
     for object in &model.objects {
         arrays.objects.push(ObjectRecord {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::chain::{Aim, FEW, Triangles, halve};
 use super::clusters::{self, ClusterNode};
 use super::large_mesh::{self, LargeMesh};
-use super::{CookOptions, Phase, Progress};
+use super::{CookOptions, Phase, Progress, see_through};
 use crate::{Mesh, Model};
 use trimaran_scene::Vertex;
 
@@ -125,12 +125,14 @@ fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
     let max = used().fold(Vec3::NEG_INFINITY, Vec3::max);
     let middle = min.midpoint(max);
     let centre = if middle.length() > FAR * 0.5 * min.distance(max) { middle } else { Vec3::ZERO };
+    let through = see_through::is_see_through(mesh);
+    let coloured = |colour| if through { colour } else { see_through::solid(colour) };
     let corners: Vec<Vertex> = mesh
         .positions
         .iter()
         .zip(&mesh.colours)
         // Adding zero turns -0 into 0, so that equal positions have equal bits.
-        .map(|(&p, &colour)| Vertex::new((p - centre + Vec3::ZERO).to_array(), colour))
+        .map(|(&p, &colour)| Vertex::new((p - centre + Vec3::ZERO).to_array(), coloured(colour)))
         .collect();
     let (count, remap) = meshopt::generate_vertex_remap(&corners, Some(&mesh.indices));
     let at = |i: u32| corners.get(i as usize).map(|v| v.position);

@@ -27,6 +27,7 @@ mod linear;
 mod opening;
 mod placed;
 mod polygon;
+mod see_through;
 mod solid;
 mod submesh;
 mod thin;

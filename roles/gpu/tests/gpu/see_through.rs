@@ -184,3 +184,21 @@ fn a_picture_is_the_same_to_the_bit_without_the_panes_that_are_hidden() {
     }
     assert!(hidden > 50 && seen > 50, "{hidden} hidden, {seen} seen: the test tests little");
 }
+
+/// Glass of a model that lets more through than what a user makes see-through.
+#[test]
+fn a_smaller_alpha_of_the_colour_is_the_share() {
+    let clear = 51;
+    let mut panes = panes();
+    panes[1].colour.0[3] = clear;
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let scene = upload(&gpu, &panes);
+    let view = view(12, 8, DVec3::ZERO);
+    let mut pass = PicturePass::new(&scene, view.viewport()).unwrap();
+    let share = f32::from(clear) / 255.0;
+    let solid = picture(&mut pass, &view, &[BEFORE], &[]).pixels[0];
+    let under = picture(&mut pass, &view, &[WALL], &[]).pixels[0];
+    let seen = picture(&mut pass, &view, &[WALL], &[BEFORE]).pixels[0];
+    let mix = |i: usize| share * f32::from(solid[i]) + (1.0 - share) * f32::from(under[i]);
+    assert_near(seen, [mix(0), mix(1), mix(2)], 1.5, "a clear pane");
+}

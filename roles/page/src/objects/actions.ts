@@ -29,9 +29,9 @@ export function toggleSeeThrough(view: UserView, objects: ObjectSet): Change {
   return { seeThrough: seeThrough.covers(objects) ? seeThrough.minus(objects) : seeThrough.union(objects) };
 }
 
-/** All objects are drawn as they are, and nothing is cut away. */
-export function showAll(): Change {
-  return { hidden: Objects.EMPTY, isolated: undefined, seeThrough: Objects.EMPTY, sections: [] };
+/** All objects are drawn as the model has them, and nothing is cut away. */
+export function showAll(modelSeeThrough = Objects.EMPTY): Change {
+  return { hidden: Objects.EMPTY, isolated: undefined, seeThrough: modelSeeThrough, sections: [] };
 }
 
 /** How much of these is drawn. */

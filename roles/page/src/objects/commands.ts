@@ -50,7 +50,12 @@ export function commandsOf(viewer: Viewer, selection: Selection, measuring: Meas
       run: change((objects) => toggleSeeThrough(view.current.peek(), objects)),
       isPossible: hasSelection,
     },
-    { label: "Show all", key: "Shift+H", run: () => view.change(showAll()), isPossible: () => true },
+    {
+      label: "Show all",
+      key: "Shift+H",
+      run: () => view.change(showAll(view.modelSeeThrough)),
+      isPossible: () => true,
+    },
     {
       label: "Undo",
       key: "Ctrl+Z",

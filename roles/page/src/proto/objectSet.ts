@@ -38,6 +38,18 @@ export class ObjectSet {
     return new ObjectSet(runs);
   }
 
+  /** That of runs, each the gap before it and how many more than one it has, as the service codes them. */
+  static coded(runs: readonly (readonly [gap: number, more: number])[]): ObjectSet {
+    let least = 0;
+    return new ObjectSet(
+      runs.map(([gap, more]) => {
+        const first = least + gap;
+        least = first + more + 2;
+        return { first, end: least - 1 };
+      }),
+    );
+  }
+
   /** The objects from `first` to before `end`. */
   static run(first: number, end: number): ObjectSet {
     return first < end ? new ObjectSet([{ first, end }]) : ObjectSet.EMPTY;

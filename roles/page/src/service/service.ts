@@ -16,6 +16,8 @@ export interface SceneDescription {
   readonly max: Point;
   /** The box around it without the few objects that lie far from all others. */
   readonly core: Box;
+  /** What the model has see-through, as `ObjectSet.coded` reads it. */
+  readonly seeThrough: readonly (readonly [gap: number, more: number])[];
   /** Whether there are floors to walk on. */
   readonly hasFloors: boolean;
   readonly eyeHeight: number;

@@ -27,28 +27,41 @@ const MOST = 100;
 
 /** A view, and those before it. */
 export class ViewHistory {
-  readonly #views = signal<{ readonly list: readonly UserView[]; readonly at: number }>({
-    list: [WHOLE],
-    at: 0,
-  });
-  readonly current = computed<UserView>(() => this.#views.value.list[this.#views.value.at] ?? WHOLE);
-  readonly canUndo = computed(() => this.#views.value.at > 0);
-  readonly canRedo = computed(() => this.#views.value.at + 1 < this.#views.value.list.length);
+  readonly #views;
+  /** What the model has see-through. */
+  readonly modelSeeThrough: ObjectSet;
+  readonly current;
+  readonly canUndo;
+  readonly canRedo;
   /** What of it a culler is told: another one only where that is. */
-  readonly seen = computed<SeenView>(() => {
-    const { sections, hidden, isolated, seeThrough } = this.current.value;
-    const known = this.#seen;
-    const isSame =
-      known?.sections === sections &&
-      known.hidden === hidden &&
-      known.isolated === isolated &&
-      known.seeThrough === seeThrough;
-    this.#seen = isSame ? known : { sections, hidden, isolated, seeThrough };
-    return this.#seen;
-  });
+  readonly seen;
   #seen: SeenView | undefined;
   /** A change that is not a step yet: something is being dragged. */
   #isOpen = false;
+
+  /** Of a model in which these objects are see-through. */
+  constructor(modelSeeThrough = ObjectSet.EMPTY) {
+    this.modelSeeThrough = modelSeeThrough;
+    const whole: UserView = { ...WHOLE, seeThrough: modelSeeThrough };
+    this.#views = signal<{ readonly list: readonly UserView[]; readonly at: number }>({
+      list: [whole],
+      at: 0,
+    });
+    this.current = computed<UserView>(() => this.#views.value.list[this.#views.value.at] ?? whole);
+    this.canUndo = computed(() => this.#views.value.at > 0);
+    this.canRedo = computed(() => this.#views.value.at + 1 < this.#views.value.list.length);
+    this.seen = computed<SeenView>(() => {
+      const { sections, hidden, isolated, seeThrough } = this.current.value;
+      const known = this.#seen;
+      const isSame =
+        known?.sections === sections &&
+        known.hidden === hidden &&
+        known.isolated === isolated &&
+        known.seeThrough === seeThrough;
+      this.#seen = isSame ? known : { sections, hidden, isolated, seeThrough };
+      return this.#seen;
+    });
+  }
 
   /** Makes a step. What was taken back before it is gone. */
   change(change: Partial<UserView>): void {

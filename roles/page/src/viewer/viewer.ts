@@ -59,7 +59,7 @@ export class Viewer {
   readonly renderer: Renderer;
   readonly navigator: Navigator;
   readonly session: Session;
-  readonly view = new ViewHistory();
+  readonly view: ViewHistory;
   /** The objects that a person has picked. */
   readonly selected = signal(ObjectSet.EMPTY);
   /** Clicks pick one object more, or one less. */
@@ -97,6 +97,7 @@ export class Viewer {
   /** `network` is the simulated one between the page and its culler; none where it is empty. */
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Service, network: string) {
     [this.canvas, this.scene, this.service] = [canvas, scene, service];
+    this.view = new ViewHistory(ObjectSet.coded(scene.seeThrough));
     this.renderer = new Renderer(canvas, {
       onRestored: () => {
         this.display?.loseGeometry();

@@ -2,9 +2,10 @@
 
 use bytemuck::{NoUninit, Zeroable};
 use rayon::prelude::*;
+use trimaran_proto::ObjectSet;
 
 use super::geometry::GeometryPlace;
-use super::layout::{Entry, Firsts, Header, MAGIC, Section, Totals, VERSION};
+use super::layout::{Entry, Firsts, Header, MAGIC, OLDEST, Section, Totals, VERSION};
 use super::{Drawable, Extent, Geometry, Node, SceneArrays, SceneError, hierarchy_bytes};
 
 /// Pieces of geometry fill a page until it has so many bytes: reading one of them reads and checks them all.
@@ -29,7 +30,8 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     set_nodes(&mut arrays);
     let packed = pack(&arrays.geometries)?;
     let (places, geometry) = place(&arrays.geometries, &packed)?;
-    let sources = encode_sources(&arrays.sources);
+    let version = if arrays.see_through.is_empty() { OLDEST } else { VERSION };
+    let sources = encode_sources(&arrays.sources, &arrays.see_through);
     set_extents(&mut arrays)?;
     let hierarchy = hierarchy_bytes::encode(&arrays)?;
     let mut pages = records(&arrays.nodes, Section::Nodes);
@@ -43,7 +45,7 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     pages.extend(geometry);
     let mut header = Header {
         magic: MAGIC,
-        version: VERSION,
+        version,
         pages: count("pages", pages.len())?,
         file_length: 0,
         directory: 0,
@@ -243,9 +245,15 @@ impl Page {
     }
 }
 
-/// The sources' names as bytes: each a length (u32, little-endian) and that many bytes of UTF-8.
-fn encode_sources(sources: &[String]) -> Vec<u8> {
+/// The see-through objects, if there are any: how many runs of numbers, and each as `ObjectSet` codes it.
+/// Then the sources' names: each a length and that many bytes of UTF-8. All numbers are u32, little-endian.
+fn encode_sources(sources: &[String], see_through: &ObjectSet) -> Vec<u8> {
     let mut bytes = Vec::new();
+    if !see_through.is_empty() {
+        let runs: Vec<(u32, u32)> = see_through.clone().into();
+        let numbers = runs.iter().flat_map(|&(gap, more)| [gap, more]);
+        bytes.extend(std::iter::once(runs.len() as u32).chain(numbers).flat_map(u32::to_le_bytes));
+    }
     for source in sources {
         bytes.extend_from_slice(&(source.len() as u32).to_le_bytes());
         bytes.extend_from_slice(source.as_bytes());
@@ -253,8 +261,25 @@ fn encode_sources(sources: &[String]) -> Vec<u8> {
     bytes
 }
 
-/// The reverse of [`encode_sources`]; `None` if the bytes are not such a list.
-pub(super) fn decode_sources(mut bytes: &[u8]) -> Option<Vec<String>> {
+/// The reverse of [`encode_sources`] in a file of this version and so many objects; `None` if the bytes are
+/// not such a list.
+pub(super) fn decode_sources(
+    mut bytes: &[u8],
+    version: u32,
+    objects: u32,
+) -> Option<(Vec<String>, ObjectSet)> {
+    let mut see_through = ObjectSet::default();
+    if version > OLDEST {
+        let (count, rest) = bytes.split_first_chunk::<4>()?;
+        let (runs, rest) = rest.split_at_checked((u32::from_le_bytes(*count) as usize).checked_mul(8)?)?;
+        let number = |bytes: &[u8; 4]| u32::from_le_bytes(*bytes);
+        let runs = runs.as_chunks::<4>().0.as_chunks::<2>().0.iter().map(|[a, b]| (number(a), number(b)));
+        see_through = ObjectSet::try_from(runs.collect::<Vec<_>>()).ok()?;
+        if see_through.runs().last().is_some_and(|run| run.end > objects) {
+            return None;
+        }
+        bytes = rest;
+    }
     let mut sources = Vec::new();
     while !bytes.is_empty() {
         let (length, rest) = bytes.split_first_chunk::<4>()?;
@@ -262,7 +287,7 @@ pub(super) fn decode_sources(mut bytes: &[u8]) -> Option<Vec<String>> {
         sources.push(std::str::from_utf8(name).ok()?.to_owned());
         bytes = rest;
     }
-    Some(sources)
+    Some((sources, see_through))
 }
 
 #[cfg(test)]
@@ -272,10 +297,21 @@ mod tests {
     #[test]
     fn sources_round_trip_and_cut_lists_are_refused() {
         let sources = vec!["a.RVM".to_owned(), String::new(), "für.glb".to_owned()];
-        let bytes = encode_sources(&sources);
-        assert_eq!(decode_sources(&bytes), Some(sources));
+        let bytes = encode_sources(&sources, &ObjectSet::default());
+        let decoded = decode_sources(&bytes, OLDEST, 9);
+        assert_eq!(decoded, Some((sources.clone(), ObjectSet::default())));
         for end in [1, 5, bytes.len() - 1] {
-            assert_eq!(decode_sources(&bytes[..end]), None, "cut at {end}");
+            assert_eq!(decode_sources(&bytes[..end], OLDEST, 9), None, "cut at {end}");
         }
+        let glass: ObjectSet = [1, 2, 7].into_iter().collect();
+        let bytes = encode_sources(&sources, &glass);
+        assert_eq!(decode_sources(&bytes, VERSION, 8), Some((sources, glass)));
+        assert_eq!(decode_sources(&bytes, VERSION, 7), None, "there is no object 7");
+        for end in [3, 12, 19, bytes.len() - 1] {
+            assert_eq!(decode_sources(&bytes[..end], VERSION, 8), None, "cut at {end}");
+        }
+        let mut endless = bytes;
+        endless[..4].fill(0xff);
+        assert_eq!(decode_sources(&endless, VERSION, 8), None);
     }
 }

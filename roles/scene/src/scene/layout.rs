@@ -10,7 +10,7 @@
 //! | 3 | places of geometry | zstd |
 //! | 4 | objects | zstd |
 //! | 5 | all objects' names, one page | zstd |
-//! | 6 | the sources' names, one page | zstd |
+//! | 6 | the sources' names, one page; from version 7 on behind the see-through objects | zstd |
 //! | 7 | the hierarchy of objects and their attributes, one page | postcard, then zstd |
 //! | 8 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece |
 //!
@@ -27,8 +27,10 @@ use super::{Drawable, Node, ObjectRecord};
 
 /// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
 pub(super) const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
-/// The format this build reads and writes.
-pub const VERSION: u32 = 6;
+/// The newest format that this build reads and writes.
+pub const VERSION: u32 = 7;
+/// The oldest one, which is written where nothing is see-through: builds before can read that as well.
+pub(super) const OLDEST: u32 = 6;
 /// A page unpacks to at most so many times its bytes. It is so few that a small file cannot ask for much
 /// memory.
 pub(super) const LARGEST_RATIO: usize = 4096;

@@ -23,7 +23,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use rayon::prelude::*;
-use trimaran_proto::SceneHash;
+use trimaran_proto::{ObjectSet, SceneHash};
 
 pub use entries::{EntriesError, MOST_ENTRIES, pack_entries, unpack_entries};
 use faults::Faults;
@@ -69,6 +69,7 @@ pub struct Scene {
     objects: Pages<ObjectRecord>,
     names: OnceLock<String>,
     sources: Vec<String>,
+    see_through: ObjectSet,
     faults: Faults,
     /// Where there is no file: what others gave.
     given: Option<Box<Given>>,
@@ -155,8 +156,9 @@ impl Scene {
         let header = file.header();
         let of_all = 0..header.objects as usize;
         let damaged = || file.error(Section::Sources, 0, &of_all, ReadCause::Damaged);
-        let sources =
-            encode::decode_sources(&file.unpack(Section::Sources, 0, &of_all)?).ok_or_else(damaged)?;
+        let bytes = file.unpack(Section::Sources, 0, &of_all)?;
+        let (sources, see_through) =
+            encode::decode_sources(&bytes, header.version, header.objects).ok_or_else(damaged)?;
         Ok(Self {
             nodes: validate::node_pages(header.nodes as usize),
             drawables: validate::drawable_pages(header.drawables as usize),
@@ -164,6 +166,7 @@ impl Scene {
             objects: validate::object_pages(header.objects as usize),
             names: OnceLock::new(),
             sources,
+            see_through,
             faults: Faults::none(),
             file,
             given: None,
@@ -180,6 +183,7 @@ impl Scene {
             objects: validate::object_pages(header.objects as usize).without_pages(),
             names: OnceLock::new(),
             sources: Vec::new(),
+            see_through: ObjectSet::default(),
             faults: Faults::none(),
             file,
             given: Some(Box::new(given)),
@@ -277,6 +281,13 @@ impl Scene {
     #[must_use]
     pub fn sources(&self) -> &[String] {
         &self.sources
+    }
+
+    /// The objects that the model has see-through: a view begins with them so. Empty where the scene comes
+    /// over a link.
+    #[must_use]
+    pub const fn see_through(&self) -> &ObjectSet {
+        &self.see_through
     }
 
     /// How the objects are grouped in their files, and what is said of them. It is read anew each time.

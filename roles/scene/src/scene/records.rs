@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_proto::DrawableId;
+use trimaran_proto::{DrawableId, ObjectSet};
 
 use super::{Geometry, Hierarchy, Normal};
 
@@ -275,6 +275,8 @@ pub struct SceneArrays {
     pub names: String,
     /// The source files' names.
     pub sources: Vec<String>,
+    /// The objects that the model has see-through: a view begins with them so.
+    pub see_through: ObjectSet,
     /// How the objects are grouped, and what is said of them.
     pub hierarchy: Hierarchy,
 }

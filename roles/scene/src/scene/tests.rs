@@ -7,6 +7,7 @@ use glam::Mat3;
 use super::layout::{Entry, Header};
 use super::*;
 use crate::Rgba8;
+use trimaran_proto::ObjectSet;
 
 /// A triangle.
 fn triangle() -> Geometry {
@@ -52,6 +53,7 @@ fn two_leaves() -> SceneArrays {
         objects: vec![object(4, 0, 5), object(9, 5, 1)],
         names: "Röhrz".to_owned(),
         sources: vec!["a.RVM".to_owned()],
+        see_through: ObjectSet::default(),
         hierarchy: Hierarchy {
             groups: vec![group("a.RVM", None, 0..2), group("/ZONE", Some(0), 1..2)],
             attributes: vec![ObjectAttributes { object: 1, attributes: vec![tag()] }],
