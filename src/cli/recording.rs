@@ -115,7 +115,7 @@ impl Recording<'_> {
             eprintln!("trimaran: the walk {said}; reporting it");
         }
         let bar = progress::bar("reporting", records.len() as u64);
-        let is_given_up = Grace::of(&stop).is_over();
+        let is_given_up = Grace::of(&stop).into_gives_up();
         let mut advance = |_| bar.inc(1);
         let written = write_report(writer, full, walk, run, &records, ended, &mut advance, &is_given_up);
         bar.finish_and_clear();
@@ -151,7 +151,7 @@ impl Grace {
     }
 
     /// Says whether what is left is to be left out.
-    pub(super) fn is_over(self) -> GivesUp {
+    pub(super) fn into_gives_up(self) -> GivesUp {
         Arc::new(move || {
             let has_passed = || self.asked.get_or_init(Stopwatch::start).elapsed() > GRACE;
             self.stop.requested() && (self.stop.insisted() || has_passed())

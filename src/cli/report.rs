@@ -32,7 +32,8 @@ pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let bar = progress::bar("reporting", records.len() as u64);
     let Unchecked { run, ended, .. } = unchecked;
     let mut advance = |_| bar.inc(1);
-    let written = write_report(folder, None, walk, run, &records, ended, &mut advance, &grace.is_over());
+    let written =
+        write_report(folder, None, walk, run, &records, ended, &mut advance, &grace.into_gives_up());
     bar.finish_and_clear();
     let Written { report, incomplete, .. } = written.map_err(Failure::broken)?;
     if args.json {

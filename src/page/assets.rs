@@ -77,7 +77,7 @@ mod tests {
     fn asked(headers: &[(header::HeaderName, &'static str)]) -> (u16, Option<String>, u64) {
         let mut map = HeaderMap::new();
         for (name, value) in headers {
-            map.append(name, HeaderValue::from_static(*value));
+            map.append(name, HeaderValue::from_static(value));
         }
         let response = SCRIPT.answer(&map);
         let header = |name| response.headers().get(name).map(|value| value.to_str().unwrap().to_owned());

@@ -120,7 +120,7 @@ pub fn write_report(
         None => {
             let mut count = |frame| {
                 checked += 1;
-                progress(frame)
+                progress(frame);
             };
             let drawn = draw(&mut writer, walk, records, &mut frames, &mut count, is_given_up);
             let missing = drawn.err().map(|e| if is_given_up() { ReportingError::Interrupted } else { e });

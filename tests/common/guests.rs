@@ -135,15 +135,15 @@ impl Guests {
     }
 
     /// A link to the service, of whatever introduces itself so.
-    pub(crate) fn link(&self, identity: Identity) -> Result<Link, ConnectError> {
+    pub(crate) fn link(&self, identity: Identity) -> Result<Link, Box<ConnectError>> {
         let at = format!("ws://{}/link?token={TOKEN}", self.at).parse().unwrap();
         let deadline = self.net.now().after(Duration::from_secs(10));
         let options = Options::default();
-        self.block_on(connect::<Walkthrough>(&self.net, &at, identity, &options, deadline))
+        self.block_on(connect::<Walkthrough>(&self.net, &at, identity, &options, deadline)).map_err(Box::new)
     }
 
     /// A display of a new session that holds no scene, with a picture of this size.
-    pub(crate) fn display(&self, width: u32, height: u32) -> Result<Display, ConnectError> {
+    pub(crate) fn display(&self, width: u32, height: u32) -> Result<Display, Box<ConnectError>> {
         let key = SessionKey(self.net.random().unwrap());
         let viewport = Viewport::new(width, height).unwrap();
         let settings = Settings::new(viewport, LodRule::new(2.0).unwrap());

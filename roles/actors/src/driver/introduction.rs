@@ -32,7 +32,7 @@ enum State {
         key: SessionKey,
         two: [CullerId; 2],
         /// What is said as soon as one of them waits: it takes nobody before.
-        then: Option<Word>,
+        then: Option<Box<Word>>,
         met: Vec<CullerId>,
     },
     /// They are to draw what the other one finds, and know from which frame on; these do.
@@ -80,7 +80,7 @@ impl Introduction {
             self.next = self.next.wrapping_add(1);
             let key = SessionKey(self.next);
             words.push((whom, RoleMessage::Meet { key, at: None }));
-            let then = Some((who, RoleMessage::Meet { key, at: Some(at) }));
+            let then = Some(Box::new((who, RoleMessage::Meet { key, at: Some(at) })));
             dealer.hold(!begun);
             self.deadline = Some(now.after(MEETING));
             self.state = State::Meeting { key, two: [one, other], then, met: Vec::new() };
@@ -98,7 +98,7 @@ impl Introduction {
     ) -> Vec<Word> {
         match (said, &mut self.state) {
             (RoleMessage::Waits { key }, State::Meeting { key: due, then, .. }) if key == due => {
-                then.take().into_iter().collect()
+                then.take().map(|word| *word).into_iter().collect()
             }
             (RoleMessage::Met { key }, State::Meeting { key: due, two, met, .. }) if key == due => {
                 met.push(from);
