@@ -7,6 +7,7 @@ mod program;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
+use std::thread;
 use std::time::Duration;
 
 use program::Bench;
@@ -17,6 +18,9 @@ use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash,
 use trimaran_transport::{
     Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until, ws::WsOptions,
 };
+
+/// Between two looks: the server turns away a crowd from one address.
+const PAUSE: Duration = Duration::from_millis(20);
 
 fn get(address: &str, path: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
@@ -56,9 +60,14 @@ fn a_running_session_shows_what_its_links_carry() {
         |text: &str| value(text, "trimaran_link_frames_total{peer=\"culler 1\",direction=\"received\"}");
     // The page is there before the links are, and either culler may come first.
     for peer in ["culler 1", "culler 2"] {
-        while !get(&address, "/metrics").contains(&format!("trimaran_link_frames_total{{peer=\"{peer}\"")) {}
+        let series = format!("trimaran_link_frames_total{{peer=\"{peer}\"");
+        while !get(&address, "/metrics").contains(&series) {
+            thread::sleep(PAUSE);
+        }
     }
-    while received(&get(&address, "/metrics")) == 0 {}
+    while received(&get(&address, "/metrics")) == 0 {
+        thread::sleep(PAUSE);
+    }
     let table = bench.done(&["stat", &address, "--interval", "0.3", "--count", "2"]);
     let lines = bench.done(&["stat", &address, "--json", "--count", "1"]);
     let metrics = get(&address, "/metrics");

@@ -91,6 +91,12 @@ impl Service {
 
 impl Drop for Service {
     fn drop(&mut self) {
+        if let Ok(Some(ended)) = self.child.try_wait() {
+            // A page that finds no service says less.
+            let mut said = String::new();
+            let _bytes = self.child.stderr.take().map(|mut from| from.read_to_string(&mut said));
+            println!("the service at {} ended by itself, {ended}: {said}", self.at);
+        }
         let _ended = self.child.kill();
         let _code = self.child.wait();
     }

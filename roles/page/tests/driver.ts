@@ -266,11 +266,13 @@ async function run(command: Command, page: Page): Promise<unknown> {
     case "touch":
       return touch(page, command.x, command.y, command.milliseconds);
     case "tap": {
-      const [place] = (await page.evaluate(targets, command.name)) as { x: number; y: number }[];
-      if (place === undefined) {
-        throw new Error(`nothing is called ${command.name}`);
-      }
-      return touch(page, place.x, place.y, command.milliseconds);
+      // Rows of a list come from the service.
+      let place: { x: number; y: number } | undefined;
+      await until(async () => {
+        [place] = (await page.evaluate(targets, command.name)) as { x: number; y: number }[];
+        return place !== undefined;
+      }, `that something is called ${command.name}`);
+      return place && touch(page, place.x, place.y, command.milliseconds);
     }
     case "state":
       return page.evaluate(state);
@@ -302,6 +304,23 @@ async function run(command: Command, page: Page): Promise<unknown> {
   }
 }
 
+/** Commands that change nothing: where the page loads itself again meanwhile, they are done again. */
+const READING: ReadonlySet<Command["do"]> = new Set(["settle", "status", "state", "title"]);
+const IS_LOADED_AGAIN = /context was destroyed|because of a navigation/;
+
+async function answerTo(command: Command): Promise<unknown> {
+  for (const begun = performance.now(); ; ) {
+    try {
+      return await run(command, page);
+    } catch (error) {
+      const isAgain = READING.has(command.do) && IS_LOADED_AGAIN.test(String(error));
+      if (!isAgain || performance.now() - begun > PATIENCE) {
+        throw error;
+      }
+    }
+  }
+}
+
 /** Bytes of scripts and of geometry, and elements of the document. */
 function memory(): Record<string, number> {
   const { usedJSHeapSize } = (performance as unknown as { memory: { usedJSHeapSize: number } }).memory;
@@ -324,13 +343,13 @@ function state(): unknown {
   };
 }
 
-/** A finger comes down and goes up. */
+/** A finger comes down and goes up. However busy the page is, it is down for about so long. */
 async function touch(page: Page, x: number, y: number, milliseconds: number): Promise<true> {
   const devtools = await page.context().newCDPSession(page);
   const touchPoints = [{ x, y }];
-  await devtools.send("Input.dispatchTouchEvent", { type: "touchStart", touchPoints });
+  const down = devtools.send("Input.dispatchTouchEvent", { type: "touchStart", touchPoints });
   await page.waitForTimeout(milliseconds);
-  await devtools.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] });
+  await Promise.all([down, devtools.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] })]);
   await devtools.detach();
   return true;
 }
@@ -429,14 +448,14 @@ function figures(): Record<string, string> {
 }
 
 /** Waits until `holds`. The page's policy forbids what playwright waits by. */
-async function until(holds: () => Promise<boolean>): Promise<true> {
+async function until(holds: () => Promise<boolean>, what = "it"): Promise<true> {
   for (const began = performance.now(); performance.now() - began < PATIENCE; ) {
     if (await holds()) {
       return true;
     }
     await new Promise((resolve) => setTimeout(resolve, 20));
   }
-  throw new Error(`it does not come about within ${PATIENCE} ms`);
+  throw new Error(`${what} does not come about within ${PATIENCE} ms`);
 }
 
 /** Runs in the page. */
@@ -487,7 +506,7 @@ function look(): unknown {
 for await (const line of createInterface({ input: process.stdin })) {
   let answer: unknown;
   try {
-    answer = { answer: await run(JSON.parse(line) as Command, page), faults };
+    answer = { answer: await answerTo(JSON.parse(line) as Command), faults };
   } catch (error) {
     answer = { error: String(error), faults };
   }

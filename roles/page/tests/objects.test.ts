@@ -101,12 +101,20 @@ test("lengths are of whole millimetres, and small ones finer", () => {
   );
 });
 
-test("what a length may be off is said, where it is half a millimetre or more", () => {
+test("what a length may be off is said, where it is half of the last digit or more", () => {
   assert.equal(measuredText(12.345, 0, "m"), "12.345 m");
   assert.equal(measuredText(12.345, 0.000_49, "m"), "12.345 m");
   assert.equal(measuredText(12.345, 0.0371, "m"), "12.345 m ± 0.038 m");
   assert.equal(measuredText(12.345, 0.0371, "mm"), "12345 mm ± 38 mm");
   assert.equal(measuredText(12.345, undefined, "m"), "about 12.345 m");
+  // In the digits of the length, and never less than it may be.
+  assert.equal(measuredText(9.157, 0.0052, "m"), "9.157 m ± 0.006 m");
+  assert.equal(measuredText(9.157, 0.006, "m"), "9.157 m ± 0.006 m");
+  assert.equal(measuredText(9.157, 0.0005, "mm"), "9157 mm ± 1 mm");
+  assert.equal(measuredText(0.3048, 0.008_97, "ft-in"), '1\' 0.00" ± 0.36"');
+  assert.equal(measuredText(0.005, 0.0371, "m"), "0.00500 m ± 0.03710 m");
+  assert.equal(measuredText(0.005, 0.000_121, "mm"), "5.00 mm ± 0.13 mm");
+  assert.equal(measuredText(0.005, 0.000_004, "mm"), "5.00 mm");
 });
 
 test("a change of what is measured is a step, and what is corrected of it is none", () => {

@@ -115,6 +115,11 @@ export class Navigator {
     return this.vfov.peek();
   }
 
+  /** Something has moved the eye since the last step. */
+  get isMoved(): boolean {
+    return this.#hasMoved;
+  }
+
   /** Moves for so many seconds. Gives whether the eye has moved since the last step. */
   step(seconds: number): boolean {
     const isMoved = !this.isHeld && this.#move(Math.min(seconds, LONGEST));

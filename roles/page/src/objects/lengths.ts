@@ -24,9 +24,16 @@ export function chooseUnit(chosen: Unit): void {
 
 /** A length of so many metres, in whole millimetres or as fine in feet and inches. */
 export function lengthText(metres: number, unit: Unit): string {
+  return written(metres, unit, moreDigits(metres));
+}
+
+function moreDigits(metres: number): number {
+  return metres !== 0 && Math.abs(metres) < SMALL ? 2 : 0;
+}
+
+function written(metres: number, unit: Unit, digits: number): string {
   const sign = metres < 0 ? "-" : "";
   const length = Math.abs(metres);
-  const digits = length > 0 && length < SMALL ? 2 : 0;
   switch (unit) {
     case "m":
       return `${sign}${length.toFixed(3 + digits)} m`;
@@ -44,16 +51,19 @@ export function lengthText(metres: number, unit: Unit): string {
 }
 
 /**
- * The same, of a length that may be off by `error` metres; by how much is unknown where that is nothing. Half
- * a millimetre does not count.
+ * The same, of a length that may be off by `error` metres; by how much is unknown where that is nothing. Less
+ * than half of the last digit does not count.
  */
 export function measuredText(metres: number, error: number | undefined, unit: Unit): string {
   const text = lengthText(metres, unit);
   if (error === undefined) {
     return `about ${text}`;
   }
-  // Up to whole millimetres: it is a bound.
-  return error < 0.0005 ? text : `${text} ± ${lengthText(Math.ceil(1000 * error) / 1000, unit)}`;
+  const digits = moreDigits(metres);
+  const last = (unit === "ft-in" ? INCH / 100 : 0.001) / 10 ** digits;
+  // Up to the last digit of the length: it is a bound. What is but a rounding above a digit is that digit.
+  const bound = last * Math.ceil(error / last - 1e-6);
+  return error < last / 2 ? text : `${text} ± ${written(bound, unit, digits)}`;
 }
 
 function storedUnit(): Unit {

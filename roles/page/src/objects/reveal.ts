@@ -41,7 +41,12 @@ async function seeThroughTo(viewer: Viewer, part: Part): Promise<void> {
     }
     seeThrough = next;
     view.drag({ seeThrough });
-    if (!(await becomesExact(viewer))) {
+    const isExact = await becomesExact(viewer);
+    if (view.current.peek().seeThrough !== seeThrough) {
+      // It has been taken back meanwhile, or changed by hand.
+      return;
+    }
+    if (!isExact) {
       break;
     }
   }

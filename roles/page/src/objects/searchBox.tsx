@@ -1,7 +1,7 @@
 /** A field that finds parts by their names and attributes. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { isForControl } from "../navigate/typing.ts";
 import type { Parts } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
@@ -44,7 +44,8 @@ export function SearchBox({ viewer, selection }: Properties) {
     addEventListener("keydown", focus);
     return () => removeEventListener("keydown", focus);
   }, []);
-  useEffect(() => {
+  // Before the browser paints: no picture shows the list without what is chosen.
+  useLayoutEffect(() => {
     list.current?.querySelector("[aria-selected=true]")?.scrollIntoView({ block: "nearest" });
   }, [at.value, isOpen.value]);
 

@@ -81,7 +81,7 @@ export class Measuring {
   /** What is meant at a place of the canvas, in CSS pixels. */
   #at(x: number, y: number): Meant | undefined {
     const viewer = this.#viewer;
-    const { canvas, projection } = viewer;
+    const { canvas, pictured } = viewer;
     const picked = viewer.pick(x, y);
     const drawable = viewer.display?.shown?.drawables.find(({ id }) => id === picked?.drawable);
     const triangles = drawable && viewer.renderer.triangles(drawable.geometry);
@@ -89,16 +89,16 @@ export class Measuring {
       return undefined;
     }
     const place = { x, y, depth: picked.depth };
-    const metres = projection.metresEach(picked.depth);
+    const metres = pictured.metresEach(picked.depth);
     // So far a level of an exact picture may be off. Of what stands in for it nothing is known.
     const pixel = (metres * canvas.clientHeight) / canvas.height;
     const error = viewer.isExact ? viewer.epsilon.peek() * pixel : undefined;
     return {
-      shown: { ...snap(place, drawable, triangles, projection), error },
+      shown: { ...snap(place, drawable, triangles, pictured), error },
       aim: {
         drawable: drawable.id,
-        eye: viewer.camera.eye,
-        at: projection.point(place),
+        eye: pictured.eye,
+        at: pictured.point(place),
         reach: REACH * metres,
       },
     };

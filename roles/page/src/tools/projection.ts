@@ -30,6 +30,10 @@ export class Projection {
     this.#view.set(camera, width, height);
   }
 
+  get eye(): Point {
+    return this.#camera.eye;
+  }
+
   /** Where a point shows; nothing where it is before the near plane. */
   place(point: Point): Place | undefined {
     const inCamera = this.#inCamera(point);

@@ -93,6 +93,8 @@ export class Viewer {
   #isCoarse = false;
   /** The set that the canvas shows; nothing where it is to be drawn again. */
   #drawn: unknown;
+  /** The camera of what the canvas shows: the eye may have been put elsewhere since. */
+  #pictured: Camera | undefined;
 
   /** `network` is the simulated one between the page and its culler; none where it is empty. */
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Service, network: string) {
@@ -151,10 +153,11 @@ export class Viewer {
   /** The same, also where the link is over since. */
   get isExact(): boolean {
     const { display } = this;
-    return !this.#isMoved && display?.isSettled === true && this.#drawn === display.shown;
+    const isMoved = this.#isMoved || this.navigator.isMoved;
+    return !isMoved && display?.isSettled === true && this.#drawn === display.shown;
   }
 
-  /** The camera of the picture. */
+  /** The camera of where the eye is now. */
   get camera(): Camera {
     return this.#camera(1);
   }
@@ -185,15 +188,19 @@ export class Viewer {
     const scale = this.canvas.width / Math.max(1, this.canvas.clientWidth);
     const near = around > 0 && this.renderer.nearest(x * scale, y * scale, Math.round(around * scale));
     if (near && (picked === undefined || picked.depth > GAP * near.depth)) {
-      return this.projection.point({ x: near.x / scale, y: near.y / scale, depth: near.depth });
+      return this.pictured.point({ x: near.x / scale, y: near.y / scale, depth: near.depth });
     }
-    return picked && this.projection.point({ x, y, depth: picked.depth });
+    return picked && this.pictured.point({ x, y, depth: picked.depth });
   }
 
-  /** From places in the world to places on the canvas, and back. */
+  /** From places in the world to places on the canvas, and back, with the eye where it is now. */
   get projection(): Projection {
-    const { clientWidth, clientHeight } = this.canvas;
-    return new Projection(this.camera, clientWidth, clientHeight);
+    return this.#through(this.camera);
+  }
+
+  /** The same with the eye where it was for the last picture. What `pick` gives is of that picture. */
+  get pictured(): Projection {
+    return this.#through(this.#pictured ?? this.camera);
   }
 
   /** Goes on with other cullers. */
@@ -226,7 +233,8 @@ export class Viewer {
 
   /** Draws at once, and finely. Until this task ends the canvas can be read. */
   drawNow(): void {
-    this.renderer.draw(this.camera, this.shown(), this.look());
+    this.#pictured = this.camera;
+    this.renderer.draw(this.#pictured, this.shown(), this.look());
     while (this.renderer.refine()) {}
   }
 
@@ -278,6 +286,11 @@ export class Viewer {
     return sampling(this.canvas, this.epsilon.value, this.#isCoarse, this.#most);
   }
 
+  #through(camera: Camera): Projection {
+    const { clientWidth, clientHeight } = this.canvas;
+    return new Projection(camera, clientWidth, clientHeight);
+  }
+
   #camera(wider: number): Camera {
     const { eye, orientation, vfovDeg } = this.navigator;
     const tanHalfFov = Math.tan((vfovDeg * Math.PI) / 360) * wider;
@@ -316,6 +329,7 @@ export class Viewer {
     if (hasMoved || display.shown !== this.#drawn) {
       const [camera, drawables] = [this.#camera(1), this.shown()];
       this.renderer.draw(camera, drawables, this.look());
+      this.#pictured = camera;
       this.#drawn = display.shown;
       this.pictures += 1;
       this.#rested = now;
