@@ -13,19 +13,31 @@ mod ports;
 mod program;
 
 use std::{
+    collections::BTreeSet,
     fs::OpenOptions,
+    io::{Read, Write},
+    net::TcpStream,
     os::unix::fs::FileExt,
     sync::atomic::{AtomicBool, Ordering},
     thread,
     time::{Duration, Instant},
 };
 
-use guests::Guests;
+use guests::{Guests, TOKEN};
 use page::Browser;
 use ports::unused_port;
 use program::Bench;
 use serde_json::json;
-use trimaran_proto::Viewport;
+use trimaran_proto::{SessionKey, Viewport};
+
+/// The whole answer of a server.
+fn ask(at: &str, target: &str) -> String {
+    let mut stream = TcpStream::connect(at).unwrap();
+    write!(stream, "GET {target} HTTP/1.1\r\nHost: {at}\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer
+}
 
 #[test]
 fn displays_that_come_walk_and_go_disturb_nobody() {
@@ -101,6 +113,67 @@ fn memory_for_depth_is_bounded_over_all_and_free_once_a_display_leaves() {
             guests.block_on(third.sees_or_ends())
         });
         assert!(came, "what the first had is not free: {}", guests.log());
+    });
+    guests.stops();
+}
+
+/// Whoever knows a session's key can take its display's place. Metrics are shown without a token.
+#[test]
+fn what_metrics_show_puts_no_display_out() {
+    let metrics = format!("127.0.0.1:{}", unused_port());
+    let Some(mut guests) = Guests::start(&["--metrics", &metrics]) else { return };
+    guests.beside(|guests| {
+        let mut display = guests.display(64, 64).unwrap();
+        display.look(1);
+        guests.block_on(display.sees(1));
+        let shown = ["/metrics", "/links"].map(|target| ask(&metrics, target)).concat();
+        assert!(shown.matches("HTTP/1.1 200").count() == 2 && shown.contains("display"), "{shown}");
+        // Each number in it is tried as a key.
+        let of_hex = shown.split(|letter: char| !letter.is_ascii_hexdigit());
+        let numbers = of_hex.filter_map(|word| u64::from_str_radix(word, 16).ok());
+        let decimals = shown.split(|letter: char| !letter.is_ascii_digit());
+        let keys: BTreeSet<u64> = numbers.chain(decimals.filter_map(|word| word.parse().ok())).collect();
+        assert!(!keys.contains(&display.key.0), "{shown}");
+        for key in keys.into_iter().rev().take(20) {
+            drop(guests.display_of(SessionKey(key), 64, 64));
+        }
+        display.look(2);
+        guests.block_on(display.sees(1));
+    });
+    guests.stops();
+}
+
+/// A key that is known takes one display's place, and its alone.
+#[test]
+fn a_display_that_comes_again_takes_its_own_place() {
+    let Some(mut guests) = Guests::start(&[]) else { return };
+    guests.beside(|guests| {
+        let mut first = guests.display(64, 64).unwrap();
+        first.look(1);
+        guests.block_on(first.sees(1));
+        let mut again = guests.display_of(first.key, 64, 64).unwrap();
+        guests.block_on(first.hears_the_end());
+        again.look(1);
+        guests.block_on(again.sees(1));
+    });
+    guests.stops();
+}
+
+#[test]
+fn askers_that_go_before_they_are_answered_keep_no_picture_from_anybody() {
+    let bench = Bench::empty();
+    bench.done(&["generate", "plant", "--objects", "2000", "--triangles", "2000000", "-o", "plant.scene"]);
+    let Some(mut guests) = Guests::of(bench, &[]) else { return };
+    let mut place = 0;
+    guests.beside(|guests| {
+        for _ in 0..200 {
+            // Another tile each time: none of them was made before.
+            place += 1;
+            let target = format!("/tile?token={TOKEN}&x={}&z={}", place % 15 - 7, place / 15 % 15 - 7);
+            let mut stream = TcpStream::connect(&guests.at).unwrap();
+            write!(stream, "GET {target} HTTP/1.1\r\nHost: {}\r\n\r\n", guests.at).unwrap();
+            thread::sleep(Duration::from_millis(3));
+        }
     });
     guests.stops();
 }

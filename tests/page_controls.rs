@@ -400,6 +400,19 @@ fn what_hides_a_part_can_be_seen_through() {
     browser.done(json!({ "do": "wait", "milliseconds": 1000 }));
     press(&mut browser, "Control+z");
     becomes(&mut browser, "undoing", |now| now["seeThrough"] == json!([]));
+    // One that somebody has hidden is said to be that.
+    press(&mut browser, "/");
+    browser.done(json!({ "do": "type", "text": "box0" }));
+    browser.done(json!({ "do": "button", "name": "box0$" }));
+    becomes(&mut browser, "a pick", |now| now["selected"] == json!([0]));
+    press(&mut browser, "h");
+    becomes(&mut browser, "hiding", |now| now["hidden"] == json!([0]));
+    press(&mut browser, "/");
+    browser.done(json!({ "do": "type", "text": "box0" }));
+    browser.done(json!({ "do": "button", "name": "box0$" }));
+    said(&mut browser, |text| text.contains("It is hidden."));
+    browser.done(json!({ "do": "button", "name": "Show it" }));
+    becomes(&mut browser, "showing it", |now| now["hidden"] == json!([]));
 }
 
 /// On a phone: all that can be used is large enough and under nothing else, and there is a way to do with a

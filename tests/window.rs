@@ -24,9 +24,9 @@ use trimaran::{
     page::SceneDescription,
     window::navigate::{Drag, Ground, Motion, Navigator, Pose, Solid, Start},
 };
-use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut};
+use trimaran_cull::{CutRule, LodRule, View, Viewport, draw_order, lod_cut};
 use trimaran_gpu::{BACKGROUND, Gpu, GpuOptions, GpuScene, PicturePass};
-use trimaran_proto::{Camera, FrameNumber};
+use trimaran_proto::{Camera, FrameNumber, ObjectSet, Settings, ViewState};
 use trimaran_scene::Scene;
 
 /// A scene, and a person in it who moves as the window lets them.
@@ -75,9 +75,17 @@ impl Person {
     /// What a window of this size is to show: the mean of four pixels each, and nothing where an edge goes
     /// between sky and things.
     fn picture(&self, gpu: &Arc<Gpu>, size: [u32; 2]) -> Vec<Option<Vec3>> {
+        self.picture_with(gpu, size, self.scene.see_through())
+    }
+
+    /// The same, where these objects are see-through.
+    fn picture_with(&self, gpu: &Arc<Gpu>, size: [u32; 2], glass: &ObjectSet) -> Vec<Option<Vec3>> {
         // What is culled for is wider by half, with pixels of the same size.
         let asked = self.view(size.map(|side| (3 * side).div_ceil(2)), size);
-        let mut cut = lod_cut(&self.scene, &asked, LodRule::new(2.0).unwrap());
+        let settings = Settings::new(asked.viewport(), LodRule::new(2.0).unwrap());
+        let state = ViewState { see_through: glass.clone(), ..settings.into() };
+        let rule = CutRule::new(&self.scene, &state);
+        let mut cut = lod_cut(&self.scene, &asked, &rule);
         let view = self.view(size, size);
         draw_order(&self.scene, &view, &mut cut);
         let [width, height] = size.map(|side| 2 * side);
@@ -85,7 +93,11 @@ impl Person {
         let drawn = GpuScene::new(gpu, &self.scene).unwrap();
         let mut pass = PicturePass::for_window(&drawn, fine.viewport()).unwrap();
         pass.begin(&fine).unwrap();
-        pass.draw(&cut).unwrap();
+        let mut through = vec![];
+        pass.draw(&rule.divide(&self.scene, &cut, &mut through)).unwrap();
+        if !through.is_empty() {
+            pass.draw_see_through(&through).unwrap();
+        }
         pass.finish().unwrap();
         let pixels = pass.pixels().unwrap();
         let mean = |x: u32, y: u32| {
@@ -226,6 +238,62 @@ fn a_window_on_a_service_elsewhere_is_sent_what_it_shows_and_outlives_it() {
     let _again = Service::start(&bench, &at).unwrap();
     turn(&window, &mut person, -100, 0);
     exact(&person);
+    quit(window);
+}
+
+/// Red walls around a house of glass, on a floor.
+fn glasshouse() -> String {
+    let mut text = "mtllib plant.mtl\n".to_owned();
+    let mut squares = 0;
+    let mut square = |name: &str, material: &str, corners: [[i32; 3]; 4]| {
+        text += &format!("o {name}\nusemtl {material}\n");
+        for [x, y, z] in corners {
+            text += &format!("v {x} {y} {z}\n");
+        }
+        let [a, b, c, d] = [1, 2, 3, 4].map(|corner| 4 * squares + corner);
+        text += &format!("f {a} {b} {c} {d}\n");
+        squares += 1;
+    };
+    square("floor", "grey", [[-12, 0, -12], [-12, 0, 12], [12, 0, 12], [12, 0, -12]]);
+    for (material, at) in [("red", 9), ("glass", 4)] {
+        for (side, [[x, z], [u, w]]) in
+            [[[-at, -at], [at, -at]], [[at, -at], [at, at]], [[at, at], [-at, at]], [[-at, at], [-at, -at]]]
+                .into_iter()
+                .enumerate()
+        {
+            square(&format!("{material}{side}"), material, [[x, 0, z], [u, 0, w], [u, 3, w], [x, 3, z]]);
+        }
+    }
+    text
+}
+
+#[test]
+fn what_the_model_has_see_through_is_so_in_the_window_of_a_file_and_of_a_service() {
+    let Some(screen) = Screen::start() else { return };
+    let bench = Bench::empty();
+    bench.write(
+        "plant.mtl",
+        "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl red\nKd 1 0 0\nnewmtl glass\nKd 0 0 1\nd 0.2\n",
+    );
+    bench.write("plant.obj", glasshouse());
+    bench.done(&["import", "plant.obj", "-o", "plant.scene"]);
+    let gpu = Gpu::open(&GpuOptions::default()).unwrap();
+    let size = [800, 600];
+    let mut person = Person::new(&bench, "plant.scene");
+    person.rests();
+    let expected = person.picture(&gpu, size);
+    let solid = person.picture_with(&gpu, size, &ObjectSet::default());
+    let through = expected.iter().zip(&solid).filter(|(a, b)| a.is_some() && b.is_some() && a != b).count();
+    assert!(through * 10 > expected.len(), "glass is in the picture: {through} pixels");
+    let exact = || {
+        wait_for("the exact picture", || (wrong(&screen, size, &expected) < 1e-3).then_some(()));
+    };
+    let window = screen.open(&bench, "plant.scene", &["--size", "800x600"]);
+    exact();
+    quit(window);
+    let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
+    let window = screen.open_named(&bench, "plant", &service.url(), &["--size", "800x600"], 1.0);
+    exact();
     quit(window);
 }
 

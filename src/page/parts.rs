@@ -3,7 +3,7 @@
 use std::{collections::HashMap, ops::Range, sync::Arc};
 
 use serde::Serialize;
-use trimaran_scene::{Attribute, Extent, Hierarchy, Node, ReadError, Scene};
+use trimaran_scene::{Attribute, Extent, Group, Hierarchy, Node, ReadError, Scene};
 
 use super::extents::{Bounds, Side, core, sides};
 
@@ -66,7 +66,8 @@ pub(super) struct Details {
     path: Vec<Part>,
     #[serde(flatten)]
     extent: Extent,
-    /// The box around it without the few objects that lie far from all others.
+    /// The box around it without the few objects that lie far from all others. Where nothing of it can be
+    /// drawn, that of the innermost group around it of which something can be.
     core: Bounds,
     /// How much of that is hidden from which sides.
     sides: Vec<Side>,
@@ -104,7 +105,11 @@ impl Parts {
         let pair = |Attribute { name, value }: &Attribute| (cut(name, NAME), cut(value, VALUE));
         let attribute_count = attributes.len();
         let attributes = that_fit(attributes.iter().map(pair));
-        let objects = part.first..part.end;
+        // A part of which nothing can be drawn is where the innermost group is of which something can be.
+        let drawn = |group: &&Group| group.extent.triangles > 0;
+        let around = || self.around(id).filter_map(|id| self.hierarchy.groups.get(id as usize)).find(drawn);
+        let nearest = if extent.triangles == 0 { around() } else { None };
+        let objects = nearest.map_or(part.first..part.end, |group| group.objects.clone());
         let core = core(&self.scene, objects.clone());
         let sides = sides(&self.scene, &core, &objects);
         Some(Details { part, path: self.path(id), extent, core, sides, attributes, attribute_count })
@@ -192,17 +197,22 @@ impl Parts {
         })
     }
 
-    fn path(&self, id: PartId) -> Vec<Part> {
+    /// The groups that a part is in, the innermost first.
+    fn around(&self, id: PartId) -> impl Iterator<Item = u32> + Clone + '_ {
         let parent = |id: u32| self.hierarchy.groups.get(id as usize).and_then(|group| group.parent);
         let innermost = match id {
             PartId::Group(id) => parent(id),
             // Groups stand behind those that they are in: the last one that has it is the innermost.
             PartId::Object(id) => {
-                let has = |group: &trimaran_scene::Group| group.objects.contains(&id);
+                let has = |group: &Group| group.objects.contains(&id);
                 self.hierarchy.groups.iter().rposition(has).map(|group| group as u32)
             }
         };
-        let above = std::iter::successors(innermost, |id| parent(*id));
+        std::iter::successors(innermost, move |id| parent(*id))
+    }
+
+    fn path(&self, id: PartId) -> Vec<Part> {
+        let above = self.around(id);
         let mut path = that_fit(above.clone().filter_map(|id| self.part(PartId::Group(id))));
         // The outermost is the file, and always told.
         let file = above.last().and_then(|id| self.part(PartId::Group(id)));
@@ -289,10 +299,10 @@ fn bare(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use trimaran_cook::{
-        CookOptions, Model, cook,
+        CookOptions, Mesh, Model, cook,
         generate::{PlantOptions, plant},
     };
-    use trimaran_scene::{Group, ObjectAttributes};
+    use trimaran_scene::ObjectAttributes;
 
     use super::*;
 
@@ -355,6 +365,36 @@ mod tests {
         let json = serde_json::to_value(&pipe).unwrap();
         assert_eq!((&json["kind"], &json["first"], &json["end"]), (&"group".into(), &2.into(), &4.into()));
         assert!(parts.details(PartId::Object(1 << 20)).is_none());
+    }
+
+    /// An eye goes there, and the part itself has no size.
+    #[test]
+    fn a_part_of_which_nothing_can_be_drawn_is_where_its_group_is() {
+        let mut model: Model = plant(&PlantOptions::small(7));
+        model.meshes.push(Mesh::default());
+        let (nothing, count) = (model.meshes.len() as u32 - 1, model.objects.len() as u32);
+        model.objects[2].mesh = nothing;
+        model.objects[5].mesh = nothing;
+        let group = |name: &str, parent, objects: Range<u32>| Group {
+            name: name.into(),
+            parent,
+            objects,
+            attributes: Vec::new(),
+            extent: Extent::default(),
+        };
+        model.hierarchy.groups = vec![
+            group("plant.RVM", None, 0..count),
+            group("/PIPE-7", Some(0), 1..4),
+            group("/NOTHING", Some(0), 5..6),
+        ];
+        let scene = cook(&model, &CookOptions::default(), &()).unwrap();
+        let parts = Parts::new(Arc::new(scene)).unwrap();
+        let details = |id| parts.details(id).unwrap();
+        let [object, pipe] = [details(PartId::Object(2)), details(PartId::Group(1))];
+        assert_eq!((object.core, object.extent.triangles), (pipe.core, 0));
+        assert!(object.core.min != object.core.max && object.extent.min[0] > object.extent.max[0]);
+        let file = details(PartId::Group(0)).core;
+        assert_eq!([PartId::Group(2), PartId::Object(5)].map(|id| details(id).core), [file; 2]);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use glam::{DVec2, DVec3};
 use trimaran_actors::Stopwatch;
-use trimaran_cull::{View, Viewport};
+use trimaran_cull::{CutRule, View, Viewport};
 use trimaran_gpu::{GpuScene, PicturePass, PresentMode, Presenter};
 use trimaran_scene::Scene;
 use winit::{
@@ -42,6 +42,8 @@ pub(super) struct App {
     pub(super) name: String,
     pub(super) scene: Arc<Scene>,
     pub(super) drawn: Arc<GpuScene>,
+    /// Which objects are see-through, and when a level of detail is good enough.
+    pub(super) rule: CutRule,
     /// The window's inside at first, in pixels of a screen that is not scaled.
     pub(super) size: [u32; 2],
     pub(super) mode: PresentMode,
@@ -94,7 +96,7 @@ impl App {
         let size = window.inner_size();
         let first = Viewport::new(size.width.max(1), size.height.max(1)).map_err(WindowError::Size)?;
         let pass = PicturePass::for_window(&self.drawn, first)?;
-        let pictures = Pictures::new(&self.scene, pass);
+        let pictures = Pictures::new(&self.scene, pass, self.rule.clone());
         Ok(Shown { window, size, presenter, pictures, is_hidden: false })
     }
 
@@ -134,7 +136,7 @@ impl App {
     /// Looks back on a walk that is over. Gives what is to be told of it.
     fn look_back(&self) -> Result<Option<WindowReport>, WindowError> {
         let Some(drive) = self.drive.as_ref().filter(|drive| drive.is_done()) else { return Ok(None) };
-        let exact = Exact { scene: &self.scene, drawn: &self.drawn, lod: self.sight.lod(), wider };
+        let exact = Exact { scene: &self.scene, drawn: &self.drawn, rule: &self.rule, wider };
         Ok(drive.report(&exact, self.mode)?)
     }
 

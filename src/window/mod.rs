@@ -23,9 +23,9 @@ use std::{
 
 use tokio::runtime::Handle;
 use trimaran_actors::{SessionError, Stop, Stopper, Turns};
-use trimaran_cull::Viewport;
+use trimaran_cull::{CutRule, Viewport};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, PresentMode};
-use trimaran_proto::{Camera, FrameNumber, LodRule, Settings};
+use trimaran_proto::{Camera, FrameNumber, LodRule, ObjectSet, Settings, ViewState};
 use trimaran_scene::{Scene, path::PosePath};
 use winit::{
     event_loop::{EventLoop, EventLoopProxy},
@@ -39,6 +39,7 @@ use drive::Drive;
 pub use drive::WindowReport;
 pub use error::WindowError;
 use navigate::{Ground, Navigator, Start};
+use service::Described;
 pub use service::{AskError, NoService, ServiceAt};
 use sight::Sight;
 
@@ -53,6 +54,8 @@ pub struct About {
     pub clearance: f64,
     /// The largest picture that its cullers take.
     pub max_picture: Viewport,
+    /// What the model has see-through.
+    pub see_through: ObjectSet,
 }
 
 /// A window that is to be opened.
@@ -108,7 +111,8 @@ pub fn open_service(
 ) -> Result<Option<WindowReport>, WindowError> {
     let described = service.describe(runtime).map_err(WindowError::Service)?;
     let (start, clearance) = (described.start(), described.clearance);
-    let about = About { name: described.name, start, clearance, max_picture: described.max_picture };
+    let Described { name, max_picture, see_through, .. } = described;
+    let about = About { name, start, clearance, max_picture, see_through };
     let screen = Screen::open(options)?;
     let beside = Beside::new(options, runtime)?;
     let at = service.endpoint().map_err(WindowError::Service)?;
@@ -175,15 +179,18 @@ impl Screen {
         if let Some(drive) = &drive {
             navigator.set_vfov(drive.vfov_deg());
         }
+        let see_through = about.see_through.clone();
+        let state = ViewState { see_through, ..beside.settings.into() };
         let mut app = App {
             name: about.name.clone(),
             scene: Arc::clone(scene),
             drawn: GpuScene::new(&gpu, scene)?,
+            rule: CutRule::new(scene, &state),
             size: options.size,
             mode: options.present_mode,
             navigator,
             ground,
-            sight: Sight::new(wish.clone(), sets, options.lod, near, about.max_picture),
+            sight: Sight::new(wish.clone(), sets, state, near, about.max_picture),
             clock: beside.turns.clock(),
             drive,
             state: State::default(),

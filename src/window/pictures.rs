@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec2;
-use trimaran_cull::{DrawOrder, View, retain_in_sight};
+use trimaran_cull::{CutRule, DrawOrder, View, retain_in_sight};
 use trimaran_gpu::{GpuError, PicturePass, Presenter};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
@@ -14,13 +14,19 @@ use super::recent_sets::RecentSets;
 pub(super) struct Pictures {
     scene: Arc<Scene>,
     pass: PicturePass,
+    /// Which objects are see-through.
+    rule: CutRule,
     order: DrawOrder,
     ids: Vec<DrawableId>,
+    /// Of these: what is seen through, farthest first.
+    see_through: Vec<DrawableId>,
 }
 
 impl Pictures {
-    pub(super) fn new(scene: &Arc<Scene>, pass: PicturePass) -> Self {
-        Self { scene: Arc::clone(scene), pass, order: DrawOrder::default(), ids: Vec::new() }
+    /// Draws with `pass`, and as `rule` says of objects that are see-through.
+    pub(super) fn new(scene: &Arc<Scene>, pass: PicturePass, rule: CutRule) -> Self {
+        let (order, ids, see_through) = (DrawOrder::default(), Vec::new(), Vec::new());
+        Self { scene: Arc::clone(scene), pass, rule, order, ids, see_through }
     }
 
     /// Draws the newest set, or of all that came lately what may show as well, and shows the picture in the
@@ -32,7 +38,7 @@ impl Pictures {
         newest_alone: bool,
         presenter: &mut Presenter,
     ) -> Result<(), GpuError> {
-        let Self { scene, pass, order, ids } = self;
+        let Self { scene, pass, rule, order, ids, see_through } = self;
         ids.clear();
         match recent.newest() {
             Some(newest) if newest_alone => ids.extend_from_slice(&newest.ids),
@@ -45,8 +51,13 @@ impl Pictures {
         // What was culled for is wider than what is shown.
         retain_in_sight(scene, view, ids);
         order.sort(scene, view, ids);
+        let solid = rule.divide(scene, ids, see_through);
         pass.begin(view)?;
-        match pass.draw(ids) {
+        let drawn = pass.draw(&solid).and_then(|()| match see_through.is_empty() {
+            true => Ok(()),
+            false => pass.draw_see_through(see_through),
+        });
+        match drawn {
             // It has gone in this moment. The next picture is drawn without it.
             Err(GpuError::Scene(_)) if !scene.is_whole() => Ok(()),
             drawn => drawn.and_then(|()| pass.present(presenter)),

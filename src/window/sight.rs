@@ -3,7 +3,7 @@
 use std::{sync::mpsc, time::Duration};
 
 use trimaran_cull::{View, Viewport};
-use trimaran_proto::{Camera, CameraError, FrameNumber, LodRule, Settings, SettingsError, ViewState};
+use trimaran_proto::{Camera, CameraError, FrameNumber, LodRule, SettingsError, ViewState};
 
 use super::{
     display_role::{FoundSet, Wish},
@@ -36,7 +36,8 @@ pub(super) struct Sight {
     wish: Wish,
     sets: mpsc::Receiver<FoundSet>,
     recent: RecentSets,
-    lod: LodRule,
+    /// What of the scene is seen, and how finely at rest.
+    state: ViewState,
     near: f32,
     /// The largest picture that the cullers take.
     most: Viewport,
@@ -52,12 +53,12 @@ pub(super) struct Sight {
 }
 
 impl Sight {
-    /// Asks by `wish`, and hears of `sets`. The near plane is so many metres away, and no picture larger than
-    /// `most` is asked for.
+    /// Asks by `wish` for what is seen in `state`, in a picture of any size, and hears of `sets`. The near
+    /// plane is so many metres away, and no picture larger than `most` is asked for.
     pub(super) fn new(
         wish: Wish,
         sets: mpsc::Receiver<FoundSet>,
-        lod: LodRule,
+        state: ViewState,
         near: f32,
         most: Viewport,
     ) -> Self {
@@ -65,7 +66,7 @@ impl Sight {
             wish,
             sets,
             recent: RecentSets::default(),
-            lod,
+            state,
             near,
             most,
             prediction: Prediction::default(),
@@ -84,11 +85,6 @@ impl Sight {
     /// The near distance, metres.
     pub(super) const fn near(&self) -> f32 {
         self.near
-    }
-
-    /// When a level of detail is good enough.
-    pub(super) const fn lod(&self) -> LodRule {
-        self.lod
     }
 
     /// A camera of the pose with this vertical field of view, degrees.
@@ -125,13 +121,14 @@ impl Sight {
         let foreseen = if moved == Moved::Not { None } else { self.prediction.after(ahead) };
         let view = View::new(self.camera(foreseen.unwrap_or(pose), vfov_deg)?, picture);
         let wide = wider(&view);
-        let fine = Sampling { size: wide.viewport(), lod: self.lod };
+        let fine = Sampling { size: wide.viewport(), lod: self.state.lod };
         let sampling = fine.coarser(if foreseen.is_some() { COARSER } else { 1.0 }, self.most);
         let asked = if self.sampling.replace(sampling) == Some(sampling) {
             self.wish.look(*wide.camera())
         } else {
             let Sampling { size, lod } = sampling;
-            self.wish.change(ViewState::from(Settings::new(size, lod)), *wide.camera())
+            let state = ViewState { viewport: size, lod, ..self.state.clone() };
+            self.wish.change(state, *wide.camera())
         };
         self.asked = foreseen.is_none().then_some(asked);
         Ok(())
@@ -185,6 +182,7 @@ pub(super) fn wider(view: &View) -> View {
 mod tests {
     use glam::DVec3;
     use trimaran_actors::Cameras;
+    use trimaran_proto::Settings;
 
     use super::super::navigate::Gaze;
     use super::*;
@@ -201,11 +199,15 @@ mod tests {
     fn a_moving_eye_is_asked_for_ahead_and_a_resting_one_where_it_is() {
         let (found, sets) = mpsc::channel();
         let mut wish = Wish::new(Camera::at_origin(FrameNumber(0)));
-        let mut sight = Sight::new(wish.clone(), sets, LodRule::new(2.0).unwrap(), 0.1, Viewport::LARGEST);
         let size = Viewport::new(100, 50).unwrap();
+        let glass: trimaran_proto::ObjectSet = [3, 4].into_iter().collect();
+        let settings = Settings::new(size, LodRule::new(2.0).unwrap());
+        let state = ViewState { see_through: glass.clone(), ..settings.into() };
+        let mut sight = Sight::new(wish.clone(), sets, state, 0.1, Viewport::LARGEST);
         let states = wish.clone();
         let culled_for = |camera: Camera| {
             let state = states.clone().view_state(camera.view()).unwrap();
+            assert_eq!(state.see_through, glass);
             ([state.viewport.width(), state.viewport.height()], state.lod.epsilon_px())
         };
         let mut ask = |sight: &mut Sight, x: f64, at: u64, moved: Moved| {

@@ -144,12 +144,22 @@ impl Guests {
 
     /// A display of a new session that holds no scene, with a picture of this size.
     pub(crate) fn display(&self, width: u32, height: u32) -> Result<Display, Box<ConnectError>> {
-        let key = SessionKey(self.net.random().unwrap());
+        self.display_of(SessionKey(self.net.random().unwrap()), width, height)
+    }
+
+    /// The same of the session of this key.
+    pub(crate) fn display_of(
+        &self,
+        key: SessionKey,
+        width: u32,
+        height: u32,
+    ) -> Result<Display, Box<ConnectError>> {
         let viewport = Viewport::new(width, height).unwrap();
         let settings = Settings::new(viewport, LodRule::new(2.0).unwrap());
         let identity = Identity { role: Role::Display, scene: None, session: Some((key, settings)) };
         Ok(Display {
             link: self.link(identity)?,
+            key,
             settings,
             net: Arc::clone(&self.net),
             version: 0,
@@ -230,6 +240,7 @@ impl Drop for Guests {
 /// A display that a test plays.
 pub(crate) struct Display {
     pub(crate) link: Link,
+    pub(crate) key: SessionKey,
     pub(crate) settings: Settings,
     /// Where it looks from.
     pub(crate) eye: [f64; 3],

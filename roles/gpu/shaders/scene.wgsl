@@ -179,7 +179,8 @@ fn fs_see_through_cut(in: PictureVertex) -> @location(0) vec4<f32> {
 // calm. Nothing is measured by these pictures.
 struct WindowVertex {
     @invariant @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat) tone: vec3<f32>,
+    // Its alpha is the share of what is see-through.
+    @location(0) @interpolate(flat) tone: vec4<f32>,
 }
 
 // Towards the light, in view space.
@@ -198,12 +199,12 @@ fn vs_window(
     // Plants come in pure red and green: they shout less with a little grey in them.
     let grey = dot(colour.rgb, vec3<f32>(0.299, 0.587, 0.114));
     let calm = mix(vec3<f32>(grey), colour.rgb, 0.82) * 0.93 + 0.03;
-    return WindowVertex(clip_position(local, draw), calm * sqrt(light));
+    return WindowVertex(clip_position(local, draw), vec4<f32>(calm * sqrt(light), colour.a));
 }
 
 @fragment
 fn fs_window(in: WindowVertex) -> @location(0) vec4<f32> {
-    return vec4<f32>(in.tone, 1.0);
+    return vec4<f32>(in.tone.rgb, 1.0);
 }
 
 @fragment
@@ -211,7 +212,20 @@ fn fs_window_cut(in: WindowVertex) -> @location(0) vec4<f32> {
     if is_cut_away(in.position, 0.0) {
         discard;
     }
-    return vec4<f32>(in.tone, 1.0);
+    return vec4<f32>(in.tone.rgb, 1.0);
+}
+
+@fragment
+fn fs_window_see_through(in: WindowVertex) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.tone.rgb, min(in.tone.a, SEE_THROUGH_ALPHA));
+}
+
+@fragment
+fn fs_window_see_through_cut(in: WindowVertex) -> @location(0) vec4<f32> {
+    if is_cut_away(in.position, 0.0) {
+        discard;
+    }
+    return vec4<f32>(in.tone.rgb, min(in.tone.a, SEE_THROUGH_ALPHA));
 }
 
 // A triangle over the whole picture, infinitely far away.

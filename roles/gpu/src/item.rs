@@ -23,6 +23,7 @@ static NUMBERED: PassKind = PassKind {
     fragment: Some(shader!("fs_item")),
     cut: shader!("fs_item_cut"),
     see_through: None,
+    sky: None,
     input: VertexInput::Id,
     colour: Some(TARGET),
     fetch: Fetch::Fixed,

@@ -22,6 +22,7 @@ static KIND: PassKind = PassKind {
     fragment: None,
     cut: shader!("fs_depth_cut"),
     see_through: None,
+    sky: None,
     input: VertexInput::Position,
     colour: None,
     fetch: Fetch::Fixed,

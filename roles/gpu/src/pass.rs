@@ -49,6 +49,8 @@ pub(crate) struct ScenePass {
     view: Option<View>,
     /// Nothing was drawn since `begin`, so the first piece clears.
     fresh: bool,
+    /// The sky was drawn in this frame.
+    has_sky: bool,
     recording: Stopwatch,
 }
 
@@ -109,6 +111,7 @@ impl ScenePass {
             attachments: Attachments::new(gpu, kind, size)?,
             view: None,
             fresh: true,
+            has_sky: false,
             recording: Stopwatch::default(),
         })
     }
@@ -144,6 +147,7 @@ impl ScenePass {
         }
         self.view = Some(*view);
         self.fresh = true;
+        self.has_sky = false;
         Ok(())
     }
 
@@ -158,10 +162,27 @@ impl ScenePass {
     /// Adds draws that are blended over what was added before, to the end of the frame.
     pub(crate) fn draw_see_through(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         if !self.style.see_through {
-            self.flush()?;
+            self.fill_sky()?;
             self.style.see_through = true;
         }
         self.add(ids)
+    }
+
+    /// Draws what was added, and the sky where it left nothing, once a frame.
+    fn fill_sky(&mut self) -> Result<(), GpuError> {
+        self.flush()?;
+        let view = self.view.ok_or(GpuError::NotBegun(self.kind.name))?;
+        let Self { stream, kind, pipelines, attachments, has_sky, .. } = self;
+        let Some(sky) = pipelines.sky()?.filter(|_| !*has_sky) else { return Ok(()) };
+        let constants = CameraConstants::new(&view);
+        stream.submit(kind.name, |commands| {
+            commands.render(attachments.targets(kind, false), || {
+                commands.bind(sky, &constants);
+                commands.draw(3, 0..1);
+            });
+        })?;
+        *has_sky = true;
+        Ok(())
     }
 
     /// Adds the draws in order. Where their geometry does not fit the working set at once, what was added so
@@ -279,17 +300,10 @@ impl ScenePass {
     /// drawn there is sky and ground.
     #[cfg(feature = "window")]
     pub(crate) fn fill_window(&mut self, acquired: &Acquired) -> Result<(), GpuError> {
-        self.flush()?;
-        let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
-        let constants = CameraConstants::new(view);
-        let sky = self.pipelines.sky()?;
-        let (attachments, kind) = (&mut self.attachments, self.kind);
+        self.fill_sky()?;
+        let attachments = &mut self.attachments;
         let Acquired { image, extent, available, filled, .. } = *acquired;
         self.stream.submit_between("showing a picture", Some((available, filled)), |commands| {
-            commands.render(attachments.targets(kind, false), || {
-                commands.bind(sky, &constants);
-                commands.draw(3, 0..1);
-            });
             if let Some(colour) = &mut attachments.colour {
                 commands.fill_window(colour, attachments.size, image, extent);
             }

@@ -9,8 +9,6 @@ use ash::vk;
 use crate::GpuError;
 use crate::draw_record::Fetch;
 use crate::layout::Layout;
-#[cfg(feature = "window")]
-use crate::pipeline::shader;
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, Shader, VertexInput};
 
 /// What sets one scene pass apart from another.
@@ -23,6 +21,8 @@ pub(crate) struct PassKind {
     pub(crate) cut: Shader,
     /// Those of what is see-through, without and with sections, if the pass draws such.
     pub(crate) see_through: Option<[Shader; 2]>,
+    /// What fills the picture where nothing solid is, if not one colour alone: a vertex and a fragment shader.
+    pub(crate) sky: Option<[Shader; 2]>,
     pub(crate) input: VertexInput,
     pub(crate) colour: Option<ColourTarget>,
     pub(crate) fetch: Fetch,
@@ -43,7 +43,6 @@ pub(crate) struct Pipelines {
     layout: Arc<Layout>,
     kind: &'static PassKind,
     made: HashMap<Style, Pipeline>,
-    #[cfg(feature = "window")]
     sky: Option<Pipeline>,
 }
 
@@ -58,13 +57,7 @@ pub(crate) struct Style {
 
 impl Pipelines {
     pub(crate) fn new(layout: Arc<Layout>, kind: &'static PassKind) -> Self {
-        Self {
-            layout,
-            kind,
-            made: HashMap::new(),
-            #[cfg(feature = "window")]
-            sky: None,
-        }
+        Self { layout, kind, made: HashMap::new(), sky: None }
     }
 
     pub(crate) const fn layout(&self) -> &Arc<Layout> {
@@ -78,26 +71,25 @@ impl Pipelines {
             Entry::Vacant(room) => room.insert(Pipeline::new(layout, &kind.desc(style))?),
         })
     }
-}
 
-#[cfg(feature = "window")]
-impl Pipelines {
-    /// What fills the picture where nothing was drawn.
-    pub(crate) fn sky(&mut self) -> Result<&Pipeline, GpuError> {
-        let made = match self.sky.take() {
+    /// What fills the picture where nothing solid was drawn, if this pass has such.
+    pub(crate) fn sky(&mut self) -> Result<Option<&Pipeline>, GpuError> {
+        let Self { layout, kind, sky, .. } = self;
+        let Some([vertex, fragment]) = kind.sky else { return Ok(None) };
+        let made = match sky.take() {
             Some(made) => made,
             None => Pipeline::new(
-                &self.layout,
+                layout,
                 &PipelineDesc {
-                    vertex: shader!("vs_sky"),
-                    fragment: Some(shader!("fs_sky")),
+                    vertex,
+                    fragment: Some(fragment),
                     input: VertexInput::Nothing,
-                    colour: self.kind.colour.map(|target| target.format),
+                    colour: kind.colour.map(|target| target.format),
                     depth: DepthUse::Test,
                 },
             )?,
         };
-        Ok(self.sky.insert(made))
+        Ok(Some(sky.insert(made)))
     }
 }
 

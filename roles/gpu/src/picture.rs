@@ -25,6 +25,7 @@ const KIND: PassKind = PassKind {
     fragment: Some(shader!("fs_picture")),
     cut: shader!("fs_picture_cut"),
     see_through: Some([shader!("fs_see_through"), shader!("fs_see_through_cut")]),
+    sky: None,
     input: VertexInput::Facet,
     colour: Some(ColourTarget {
         // Not an SRGB format: the shader's output is encoded already.
@@ -41,7 +42,8 @@ static WINDOW: PassKind = PassKind {
     vertex: shader!("vs_window"),
     fragment: Some(shader!("fs_window")),
     cut: shader!("fs_window_cut"),
-    see_through: None,
+    see_through: Some([shader!("fs_window_see_through"), shader!("fs_window_see_through_cut")]),
+    sky: Some([shader!("vs_sky"), shader!("fs_sky")]),
     ..KIND
 };
 
@@ -133,7 +135,8 @@ impl PicturePass {
     /// Adds draws through which the rest shines, in the order in which they are blended: back to front. All
     /// that is solid in this frame was added before. Both faces of each triangle before the solid picture
     /// are blended over it, with a share of [`SEE_THROUGH_ALPHA`](crate::SEE_THROUGH_ALPHA) in the encoded
-    /// colours. Depth and alpha stay as the solid picture left them.
+    /// colours, or less where a colour's own alpha is less. Depth and alpha stay as the solid picture left
+    /// them.
     ///
     /// # Errors
     /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), if

@@ -2,7 +2,7 @@
 
 use std::{collections::HashMap, sync::Arc, time::Duration};
 
-use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut, retain_in_sight};
+use trimaran_cull::{CutRule, View, Viewport, draw_order, lod_cut, retain_in_sight};
 use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
@@ -17,7 +17,7 @@ const FEW: f64 = 0.1;
 pub(in crate::window) struct Exact<'e, W> {
     pub(in crate::window) scene: &'e Arc<Scene>,
     pub(in crate::window) drawn: &'e Arc<GpuScene>,
-    pub(in crate::window) lod: LodRule,
+    pub(in crate::window) rule: &'e CutRule,
     /// The view that is culled for where a picture is seen from this one.
     pub(in crate::window) wider: W,
 }
@@ -25,7 +25,7 @@ pub(in crate::window) struct Exact<'e, W> {
 impl<W: Fn(&View) -> View> Exact<'_, W> {
     /// Counts the pixels that show another object than those of the whole cut.
     pub(super) fn audit(&self, pictures: &[Taken], size: Viewport) -> Result<WrongPixels, GpuError> {
-        let Self { scene, drawn, lod, wider } = self;
+        let Self { scene, drawn, rule, wider } = self;
         let mut pass = ItemPass::new(drawn, size)?;
         let mut percent = Vec::new();
         let (mut wrong, mut jumping) = (Spans::default(), Spans::default());
@@ -33,10 +33,14 @@ impl<W: Fn(&View) -> View> Exact<'_, W> {
             jumping.add(*at, *has_jumped);
             let Some(ids) = ids else { continue };
             let view = View::new(*camera, size);
-            let mut exact = lod_cut(scene, &wider(&view), *lod);
+            let mut exact = lod_cut(scene, &wider(&view), *rule);
             retain_in_sight(scene, &view, &mut exact);
             draw_order(scene, &view, &mut exact);
-            let shown = items(&mut pass, &view, ids)?;
+            // What is see-through covers nothing.
+            let mut ids = ids.clone();
+            rule.retain_solid(scene, &mut ids);
+            rule.retain_solid(scene, &mut exact);
+            let shown = items(&mut pass, &view, &ids)?;
             let due = items(&mut pass, &view, &exact)?;
             let share = 100.0 * wrong_share(scene, &shown, &due);
             percent.push(share);

@@ -93,6 +93,21 @@ fn panes_are_blended_over_what_is_behind_them_and_change_no_depth() {
     assert_ne!(both.pixels, turned.pixels);
 }
 
+#[cfg(feature = "window")]
+#[test]
+fn in_a_window_the_sky_shines_through_a_pane() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let scene = upload(&gpu, &panes());
+    let view = view(12, 8, DVec3::ZERO);
+    let mut pass = PicturePass::for_window(&scene, view.viewport()).unwrap();
+    let mut draw = |solid: &[_], panes: &[_]| picture(&mut pass, &view, solid, panes).pixels;
+    let [sky, pane, through] = [draw(&[], &[]), draw(&[BEFORE], &[]), draw(&[], &[BEFORE])];
+    assert_ne!(sky.first(), sky.last(), "there is sky above and ground below");
+    for ((sky, pane), through) in sky.iter().zip(&pane).zip(&through) {
+        assert_near(*through, blend(*pane, *sky), 1.0, "a pane before the sky");
+    }
+}
+
 #[test]
 fn panes_level_with_a_wall_or_behind_it_change_no_pixel() {
     let Some(gpu) = CheckedGpu::open() else { return };

@@ -1,4 +1,4 @@
-/** Says where other parts hide what was gone to, and lets it shine through them. */
+/** Says why what was gone to does not show, and helps. */
 
 import type { Drawable } from "../draw/model.ts";
 import { type Box, centreOf } from "../navigate/framing.ts";
@@ -7,6 +7,7 @@ import { ObjectSet } from "../proto/objectSet.ts";
 import type { Point } from "../proto/viewState.ts";
 import type { PartDetails } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { show, visibility } from "./actions.ts";
 
 type Part = Pick<PartDetails, "first" | "end" | "core">;
 
@@ -17,15 +18,28 @@ const LAYERS = 8;
 /** Milliseconds that a picture may take to be exact. */
 const LONGEST = 10_000;
 
-/** Offers to see through what hides a part, once the picture is exact, unless the eye goes on before. */
+/** Says why a part does not show, once the picture is exact, and offers what helps, unless the eye goes on before. */
 export async function tellIfHidden(viewer: Viewer, part: Part): Promise<void> {
+  const { view } = viewer;
   viewer.offer.value = undefined;
-  if ((await becomesExact(viewer)) && isHidden(viewer, part)) {
+  const objects = ObjectSet.run(part.first, part.end);
+  if (visibility(view.current.peek(), objects) === "none") {
+    const run = () => view.change(show(view.current.peek(), objects));
+    viewer.offer.value = { text: "It is hidden.", label: "Show it", run };
+    return;
+  }
+  if (!(await becomesExact(viewer)) || !isHidden(viewer, part)) {
+    return;
+  }
+  if (!coverOf(viewer, part).isEmpty) {
     viewer.offer.value = {
       text: "Other parts are in front of it.",
       label: "See through them",
       run: () => void seeThroughTo(viewer, part),
     };
+  } else if (view.current.peek().sections.length > 0) {
+    const run = () => view.change({ sections: [] });
+    viewer.offer.value = { text: "A section cuts it away.", label: "Remove sections", run };
   }
 }
 
