@@ -28,7 +28,7 @@ use page::Browser;
 use ports::unused_port;
 use program::Bench;
 use serde_json::json;
-use trimaran_proto::{SessionKey, Viewport};
+use trimaran_proto::{LodRule, OcclusionTestKind, SessionKey, ViewState, Viewport};
 
 /// The whole answer of a server.
 fn ask(at: &str, target: &str) -> String {
@@ -113,6 +113,53 @@ fn memory_for_depth_is_bounded_over_all_and_free_once_a_display_leaves() {
             guests.block_on(third.sees_or_ends())
         });
         assert!(came, "what the first had is not free: {}", guests.log());
+    });
+    guests.stops();
+}
+
+/// A frame that takes the device for long is done in pieces, and others have it in between.
+#[test]
+fn a_frame_that_takes_long_keeps_no_picture_from_anybody() {
+    let Some(mut guests) = Guests::start(&[]) else { return };
+    guests.beside(|guests| {
+        let mut display = guests.display(4096, 4096).unwrap();
+        guests.block_on(async {
+            let all = |state: &mut ViewState| {
+                // Each box is drawn over all its pixels, and all of the scene is asked for.
+                state.occlusion_test = OcclusionTestKind::Query;
+                state.lod = LodRule::new(1e-300).unwrap();
+            };
+            display.change(all).await;
+            for frame in 1..3 {
+                display.look(frame);
+                display.sees(1).await;
+            }
+        });
+    });
+    guests.stops();
+}
+
+/// Displays that connect, ask for a frame and are gone.
+#[test]
+fn displays_that_always_come_anew_keep_no_picture_from_anybody() {
+    let Some(mut guests) = Guests::start(&[]) else { return };
+    guests.beside(|guests| {
+        let over = AtomicBool::new(false);
+        thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    while !over.load(Ordering::Relaxed) {
+                        if let Ok(mut display) = guests.display(64, 64) {
+                            display.look(1);
+                            // It goes before the frame is there.
+                            thread::sleep(Duration::from_millis(10));
+                        }
+                    }
+                });
+            }
+            thread::sleep(Duration::from_secs(2));
+            over.store(true, Ordering::Relaxed);
+        });
     });
     guests.stops();
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use trimaran_cook::import::{ImportError, ImportLimits, ImportOptions, Imported, import_bytes};
 use trimaran_cook::{CookOptions, cook};
-use trimaran_scene::{OpenError, Scene};
+use trimaran_scene::{FORMAT_VERSION, OLDEST_FORMAT_VERSION, OpenError, Scene};
 
 /// Small, so that a run is fast.
 const LIMITS: ImportLimits =
@@ -206,7 +206,10 @@ pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     };
     let length = file.len() as u64;
     file[..8].copy_from_slice(b"TRIMRN\r\n");
-    file[8..12].copy_from_slice(&trimaran_scene::FORMAT_VERSION.to_le_bytes());
+    // A version that is read stays: both are to be tried.
+    if !(OLDEST_FORMAT_VERSION..=FORMAT_VERSION).contains(&(number(&file[8..12]) as u32)) {
+        file[8..12].copy_from_slice(&OLDEST_FORMAT_VERSION.to_le_bytes());
+    }
     file[16..24].copy_from_slice(&length.to_le_bytes());
     file[24..32].copy_from_slice(&(directory as u64).to_le_bytes());
     let (pages, entries) = file.split_at_mut(directory);

@@ -115,6 +115,8 @@ fn log_to_stderr(verbose: u8, usual: &str) {
     };
     let filter = EnvFilter::try_from_env("TRIMARAN_LOG").unwrap_or_else(|_| EnvFilter::new(level));
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_target(false);
+    // Where standard error cannot be written, a word about that would be a panic of the task that logs.
+    let log = log.log_internal_errors(false);
     // Colours are control characters, which only the terminal's own place may send.
     log.with_ansi(false).with_writer(terminal::stderr).init();
 }

@@ -13,6 +13,8 @@ use crate::http::Asker;
 pub(super) const LONGEST_MEETING: usize = 4 << 10;
 /// The most people at a time.
 const MOST: usize = 64;
+/// The farthest that an eye may be from the origin, metres.
+const FARTHEST: f64 = 1e15;
 /// The longest name of a page.
 const LONGEST_NAME: usize = 32;
 /// Who has told nothing for so long has left.
@@ -72,10 +74,25 @@ struct Person {
     pose: Pose,
 }
 
-/// The page's name for itself is too long.
-#[derive(Debug, Error)]
-#[error("a page calls itself by at most {LONGEST_NAME} bytes")]
-pub(super) struct NameTooLong;
+/// What a page tells cannot be. It says why.
+#[derive(Debug, PartialEq, Eq, Error)]
+pub(super) enum NoPlace {
+    #[error("a page calls itself by at most {LONGEST_NAME} bytes")]
+    Name,
+    #[error("nobody can be there and look so")]
+    Pose,
+}
+
+impl Pose {
+    /// Other pages go there when they follow. A camera of theirs must come of it.
+    fn is_possible(&self) -> bool {
+        let Self { eye, forward, vfov_deg } = self;
+        let length = forward.iter().map(|x| x * x).sum::<f64>().sqrt();
+        eye.iter().all(|x| x.abs() <= FARTHEST)
+            && (0.5..=2.0).contains(&length)
+            && (1.0..180.0).contains(vfov_deg)
+    }
+}
 
 impl People {
     /// Somebody is here, and meets the others. Of too many, one of those leaves whose address has most: the
@@ -85,9 +102,12 @@ impl People {
         asker: Asker,
         Here { page, pose }: Here,
         now: Instant,
-    ) -> Result<Company, NameTooLong> {
+    ) -> Result<Company, NoPlace> {
         if page.len() > LONGEST_NAME {
-            return Err(NameTooLong);
+            return Err(NoPlace::Name);
+        }
+        if !pose.is_possible() {
+            return Err(NoPlace::Pose);
         }
         let Inner { people, last } = &mut *self.0.lock();
         people.retain(|_, known| now.since(known.at) < LEAVES);
@@ -179,8 +199,29 @@ mod tests {
     }
 
     #[test]
+    fn a_pose_that_no_camera_can_have_is_refused() {
+        let people = People::default();
+        let meet = |eye, forward, vfov_deg| {
+            let pose = Pose { eye, forward, vfov_deg };
+            people.meet(asker(1), Here { page: "a".to_owned(), pose }, at(0)).map(|company| company.you)
+        };
+        let ahead = [0.0, 0.0, -1.0];
+        assert_eq!(meet([1e9, -1e9, 0.0], ahead, 60.0), Ok(1));
+        for (eye, forward, vfov_deg) in [
+            ([1e308, -1e308, 1e308], ahead, 60.0),
+            ([0.0; 3], [0.0; 3], 60.0),
+            ([0.0; 3], [1e200, 0.0, 0.0], 60.0),
+            ([0.0; 3], ahead, -1e308),
+            ([0.0; 3], ahead, 180.0),
+            ([f64::NAN, 0.0, 0.0], ahead, 60.0),
+        ] {
+            assert_eq!(meet(eye, forward, vfov_deg), Err(NoPlace::Pose), "{eye:?} {forward:?} {vfov_deg}");
+        }
+    }
+
+    #[test]
     fn names_are_short() {
         let long = People::default().meet(asker(1), here(&"x".repeat(LONGEST_NAME + 1), 0.0), at(20));
-        assert!(matches!(long, Err(NameTooLong)));
+        assert!(matches!(long, Err(NoPlace::Name)));
     }
 }

@@ -28,7 +28,7 @@ use super::{
     assets::ASSETS,
     drive::{Drive, LONGEST_REPORT},
     network::{Network, NetworkError, Networks, Wanted},
-    people::{LONGEST_MEETING, NameTooLong, People},
+    people::{LONGEST_MEETING, People},
     questions::{Answers, Question},
     warnings::Warnings,
 };
@@ -298,7 +298,7 @@ impl Pages {
         };
         match self.0.people.meet(asker, here, now).map(|company| serde_json::to_vec(&company)) {
             Ok(Ok(company)) => file("application/json", company.into()),
-            Ok(Err(_)) | Err(NameTooLong) => plain(StatusCode::BAD_REQUEST, "that is no place of a person\n"),
+            _ => plain(StatusCode::BAD_REQUEST, "that is no place of a person\n"),
         }
     }
 

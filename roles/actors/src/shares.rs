@@ -1,9 +1,11 @@
 //! Whose turn is next of roles that share a device: each gets the same time, whatever its frames cost.
 //!
-//! Fair queueing by virtual time (Goyal, Vin and Cheng, 1996). A piece of work starts at the start of what runs
-//! when it is asked for, or where the role's work before it ends, whichever is later. The one that is likely to
-//! end first is next, if it takes as long as the last of its role. So a role that uses less than its share waits for one
-//! piece of another, and of two that always ask neither gets ahead by more than a piece of each.
+//! Fair queueing by virtual time (Goyal, Vin and Cheng, 1996). A piece of work starts at the start of what
+//! runs when it is asked for, or where the role's work before it ends, whichever is later. The one that is
+//! likely to end first is next, if it takes as long as the last of its role. So a role that uses less than
+//! its share waits for one piece of another, and of two that always ask neither gets ahead by more than a
+//! piece of each. A role that comes anew begins behind all that are there: otherwise displays that come and
+//! go would always be first.
 
 use std::{collections::BTreeMap, time::Duration};
 
@@ -42,10 +44,11 @@ impl Shares {
 
     /// One more role.
     pub(crate) fn join(&mut self) -> Number {
-        // Nobody gains by coming anew: its first piece may be as long as any.
+        // Nobody gains by coming anew: its first piece may be as long as any, and others have had theirs.
         let took = self.accounts.values().map(|account| account.took).max().unwrap_or_default();
+        let end = self.accounts.values().map(|account| account.end).max().unwrap_or_default().max(self.now);
         self.joined += 1;
-        self.accounts.insert(self.joined, Account { took, ..Account::default() });
+        self.accounts.insert(self.joined, Account { took, end, ..Account::default() });
         self.joined
     }
 
@@ -62,6 +65,16 @@ impl Shares {
             self.waiting.retain(|waiting| *waiting != role);
             self.waiting.push(role);
         }
+    }
+
+    /// Whether roles share by time.
+    pub(crate) const fn is_by_time(&self) -> bool {
+        self.by_time
+    }
+
+    /// Whether they do, and one waits.
+    pub(crate) fn is_awaited(&self) -> bool {
+        self.by_time && !self.waiting.is_empty()
     }
 
     /// Gives the turn to whose it is next, if nobody has it.
@@ -161,6 +174,36 @@ mod tests {
         let frames = |by_time| share(by_time, &all, minute)[0].0;
         assert!(frames(false) * 20 < share(true, &[honest], minute)[0].0);
         assert!(frames(true) > 10 * frames(false), "{} and {}", frames(true), frames(false));
+    }
+
+    /// As displays do that connect, ask for a frame and are gone.
+    #[test]
+    fn roles_that_always_come_anew_have_no_more_than_those_that_stay() {
+        for (rivals, piece) in [(1, 1), (1, 30), (8, 3), (8, 30)] {
+            let mut shares = Shares::new(true);
+            let honest = shares.join();
+            let mut had = Duration::ZERO;
+            let mut total = Duration::ZERO;
+            let mut others: Vec<_> = (0..rivals).map(|_| shares.join()).collect();
+            others.iter().for_each(|role| shares.ask(*role));
+            shares.ask(honest);
+            while total < Duration::from_secs(60) {
+                let role = shares.next().unwrap();
+                let took = if role == honest { 20 } else { piece } * MS;
+                total += took;
+                shares.give_back(role, took);
+                if role == honest {
+                    had += took;
+                    shares.ask(honest);
+                } else {
+                    shares.leave(role);
+                    let place = others.iter().position(|other| *other == role).unwrap();
+                    others[place] = shares.join();
+                    shares.ask(others[place]);
+                }
+            }
+            assert!(had * (rivals + 1) * 2 >= total, "{rivals} of {piece} ms leave {had:?} of {total:?}");
+        }
     }
 
     #[test]

@@ -3,10 +3,12 @@
 use std::{
     cell::Cell,
     collections::HashMap,
+    fmt,
     future::{Future, pending, poll_fn},
     pin::{Pin, pin},
     sync::Arc,
-    task::ready,
+    task::{Context, Poll, Wake, Waker, ready},
+    thread::{self, Thread},
     time::Duration,
 };
 
@@ -77,6 +79,9 @@ impl Turns {
     }
 }
 
+/// A role that shares a device by time rests after so long, if another one waits.
+const SLICE: Duration = Duration::from_millis(20);
+
 /// What one role has at a time.
 #[derive(Debug)]
 struct Lock {
@@ -146,6 +151,12 @@ pub(crate) struct Turn {
     away: Cell<Duration>,
 }
 
+impl fmt::Debug for Turn {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Turn").field("role", &self.role).finish_non_exhaustive()
+    }
+}
+
 impl Drop for Turn {
     fn drop(&mut self) {
         self.give_back();
@@ -175,6 +186,25 @@ impl Turn {
     /// Lets another role compute.
     pub(crate) fn give_back(&self) {
         self.held.take();
+    }
+
+    /// Whether others have the device in the midst of what this role does with it.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.turns.lock.as_ref().is_some_and(|lock| lock.waiting.lock().shares.is_by_time())
+    }
+
+    /// Lets others have a device that is shared by time, where this role has had it for long, and waits until
+    /// it has it again. It blocks its thread: it may be called in the midst of a frame.
+    pub(crate) fn rest(&self) {
+        let (Some(lock), Some(held)) = (&self.turns.lock, self.held.take()) else { return };
+        let since = self.turns.clock.elapsed();
+        if since.saturating_sub(held.since) < SLICE || !lock.waiting.lock().shares.is_awaited() {
+            self.held.set(Some(held));
+            return;
+        }
+        drop(held);
+        self.held.set(Some(block_on(Arc::clone(lock).take(self.role))));
+        self.away.set(self.away.get() + self.turns.clock.elapsed().saturating_sub(since));
     }
 
     /// What `work` gives. While `work` waits for something, the turn is another role's.
@@ -209,18 +239,31 @@ impl Turn {
     }
 }
 
+/// Waits on this thread, whatever runs on it: a runtime's own way of waiting may not be used within it.
+fn block_on<T>(future: impl Future<Output = T>) -> T {
+    struct Unpark(Thread);
+    impl Wake for Unpark {
+        fn wake(self: Arc<Self>) {
+            self.0.unpark();
+        }
+    }
+    let mut future = pin!(future);
+    let waker = Waker::from(Arc::new(Unpark(thread::current())));
+    loop {
+        if let Poll::Ready(done) = future.as_mut().poll(&mut Context::from_waker(&waker)) {
+            return done;
+        }
+        thread::park();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::{AtomicU32, Ordering};
-    use std::thread;
 
     use tokio::sync::oneshot;
 
     use super::*;
-
-    fn block_on<T>(future: impl Future<Output = T>) -> T {
-        tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(future)
-    }
 
     #[test]
     fn at_most_one_role_has_the_turn() {
@@ -241,6 +284,38 @@ mod tests {
             for _ in 0..3 {
                 scope.spawn(|| block_on(role()));
             }
+        });
+    }
+
+    /// Within a runtime, as a session's thread is.
+    #[test]
+    fn a_role_that_has_had_the_device_for_long_rests_while_another_one_waits() {
+        let turns = Turns::fair();
+        let turn = turns.of_a_role();
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        runtime.block_on(async {
+            turn.take().await;
+            thread::sleep(SLICE);
+            turn.rest();
+            assert_eq!(turn.away(), Duration::ZERO, "nobody waits");
+            let (asks, has_asked) = oneshot::channel();
+            let turns = turns.clone();
+            let other = thread::spawn(move || {
+                let turn = turns.of_a_role();
+                let taking = Arc::clone(turn.turns.lock.as_ref().unwrap()).take(turn.role);
+                let mut taking = pin!(taking);
+                let first =
+                    block_on(poll_fn(|context| Poll::Ready(taking.as_mut().poll(context).is_ready())));
+                asks.send(first).unwrap();
+                let held = block_on(taking);
+                thread::sleep(Duration::from_millis(1));
+                drop(held);
+            });
+            assert!(!has_asked.await.unwrap(), "the turn is the other one's");
+            turn.rest();
+            assert!(turn.held.take().is_some(), "it has the turn again");
+            assert!(turn.away() >= Duration::from_millis(1));
+            other.join().unwrap();
         });
     }
 

@@ -50,7 +50,7 @@ fn outcome(file: &[u8]) -> &'static str {
 type Make = fn() -> Vec<u8>;
 
 /// Each file, and what becomes of it as it is and with its checksums put right. Broken is all but sound.
-const FILES: [(&str, [&str; 2], Make); 28] = [
+const FILES: [(&str, [&str; 2], Make); 29] = [
     ("empty", ["cut", "cut"], Vec::new),
     ("only-the-header", ["cut", "cut"], || one_triangle()[..HEADER].to_vec()),
     ("cut-within-the-header", ["cut", "cut"], || one_triangle()[..100].to_vec()),
@@ -66,6 +66,7 @@ const FILES: [(&str, [&str; 2], Make); 28] = [
     }),
     ("one-triangle", ["sound"; 2], one_triangle),
     ("two-objects", ["sound"; 2], two_objects),
+    ("see-through", ["sound"; 2], see_through),
     ("levels", ["sound"; 2], levels),
     ("clusters", ["sound"; 2], || cooked(vec![bumps(12)], &[DAffine3::IDENTITY])),
     ("instances-below-groups", ["sound"; 2], || cooked(vec![bumps(2), bumps(3)], &in_a_grid(20))),
@@ -160,6 +161,7 @@ fn the_sound_scenes_of_the_corpus_have_what_their_names_say() {
     let one = scene("one-triangle");
     assert_eq!((one.nodes().len(), one.totals().stored_triangles), (1, 1));
     assert_eq!(scene("two-objects").objects().len(), 2);
+    assert_eq!(scene("see-through").see_through().iter().collect::<Vec<_>>(), [1]);
     let levels = scene("levels");
     assert!(levels.nodes().iter().any(|node| node.is_leaf() && node.drawable_count > 1));
     let clusters = scene("clusters");
@@ -239,6 +241,13 @@ fn levels() -> Vec<u8> {
 
 fn two_objects() -> Vec<u8> {
     cooked(vec![bumps(1), bumps(2)], &in_a_grid(2))
+}
+
+/// The second of two objects is. It is of the newest format.
+fn see_through() -> Vec<u8> {
+    let mut glass = bumps(2);
+    glass.colours.fill(Rgba8([20, 30, 200, 60]));
+    cooked(vec![bumps(1), glass], &in_a_grid(2))
 }
 
 /// A number of so many bytes, little-endian.

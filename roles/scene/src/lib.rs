@@ -33,7 +33,7 @@ mod scene;
 pub use scene::{
     Attribute, Drawable, DrawableEntry, EntriesError, Extent, FORMAT_VERSION, FlatObject, Geometry,
     GeometryError, GeometryPlace, GeometryReader, GiveError, Group, Hierarchy, MOST_ENTRIES, Node, NodeId,
-    Normal, ObjectAttributes, ObjectRecord, OpenError, ReadCause, ReadError, Records, Rgba8, SaveError,
-    Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex, looks_like_a_scene, pack_entries,
-    unpack_entries,
+    Normal, OLDEST_FORMAT_VERSION, ObjectAttributes, ObjectRecord, OpenError, ReadCause, ReadError, Records,
+    Rgba8, SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex, looks_like_a_scene,
+    pack_entries, unpack_entries,
 };

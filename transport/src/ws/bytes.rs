@@ -18,6 +18,8 @@ use trimaran_net::{Stream, StreamPeer};
 
 /// The most bytes of one message, either way.
 const MESSAGE: usize = 64 * 1024;
+/// The most pings and pongs in a row. A browser sends none by itself.
+const CONTROLS: u32 = 100;
 /// What is read at once.
 const READ: usize = 16 * 1024;
 
@@ -43,12 +45,21 @@ where
             message => Some(message.map_err(io_error)),
         })
     });
-    // Pings and pongs are tungstenite's business.
-    let bytes = messages.try_filter_map(|message| {
+    // Pings and pongs are tungstenite's business. What brings nothing costs as much as what does.
+    let mut controls = 0;
+    let bytes = messages.try_filter_map(move |message| {
         future::ready(match message {
-            Message::Binary(bytes) => Ok(Some(bytes)),
-            Message::Text(_) => Err(io::Error::new(io::ErrorKind::InvalidData, "a message of text came")),
-            _ => Ok(None),
+            Message::Binary(bytes) if bytes.is_empty() => Err(invalid("a message without bytes came")),
+            Message::Binary(bytes) => {
+                controls = 0;
+                Ok(Some(bytes))
+            }
+            Message::Text(_) => Err(invalid("a message of text came")),
+            _ if controls == CONTROLS => Err(invalid("pings come and nothing else")),
+            _ => {
+                controls += 1;
+                Ok(None)
+            }
         })
     });
     let sink = IoSink(sink).with_flat_map(|mut bytes: Bytes| {
@@ -63,6 +74,10 @@ where
         writer: Box::new(SinkWriter::new(CopyToBytes::new(sink))),
         peer,
     }
+}
+
+fn invalid(why: &'static str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, why)
 }
 
 /// A WebSocket's way out, with errors of streams. Unlike `sink_map_err` it may be asked again after one.

@@ -89,13 +89,19 @@ pub struct VisibleIds<'l> {
     other: Option<&'l mut Pair>,
     /// For a display that holds no scene.
     supply: Option<(&'l CullerEnd, View)>,
+    turn: Option<&'l Turn>,
 }
 
-impl VisibleIds<'_> {
+impl<'l> VisibleIds<'l> {
     /// Keeps what is found, and sends it to nobody.
     #[must_use]
     pub const fn kept() -> Self {
-        Self { found: Vec::new(), display: None, other: None, supply: None }
+        Self { found: Vec::new(), display: None, other: None, supply: None, turn: None }
+    }
+
+    /// The role's turn, where others may have the device in the midst of the frame.
+    pub(crate) fn shared_turn(&self) -> Option<&'l Turn> {
+        self.turn.filter(|turn| turn.is_shared())
     }
 
     /// Sends what was found visible. It waits where a receiver has no room.
@@ -272,7 +278,8 @@ impl<W: CullerWork> Session<'_, W> {
         });
         let view = self.state.as_ref().map(|state| View::of(camera, state));
         let supply = self.supply.as_ref().zip(view);
-        let mut visible = VisibleIds { found, display: Some(&mut self.display.frames_tx), other, supply };
+        let (display, turn) = (Some(&mut self.display.frames_tx), Some(self.turn));
+        let mut visible = VisibleIds { found, display, other, supply, turn };
         self.work.cull(camera, &mut visible).await?;
         self.last = Some((camera.frame(), mem::take(&mut visible.found)));
         let to_other = self.pair.finish().await;

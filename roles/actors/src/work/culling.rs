@@ -9,7 +9,10 @@ use trimaran_cull::{
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings, ViewState};
 use trimaran_scene::Scene;
 
-use super::occluders::OccluderPolicy;
+use super::{
+    occluders::OccluderPolicy,
+    pieces::{InPieces, Pieces},
+};
 use crate::{
     clock::Stopwatch,
     device::CullerDevice,
@@ -30,6 +33,7 @@ pub struct SceneCulling<D> {
     view: View,
     clock: Stopwatch,
     policy: OccluderPolicy,
+    pieces: Pieces,
     /// Whether the device is to be idle while further ids are waited for.
     takes_turns: bool,
     /// Whether the occluders of this frame are chosen and drawn as they come.
@@ -60,6 +64,7 @@ impl<D: CullerDevice> SceneCulling<D> {
             view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport),
             clock: turns.clock(),
             policy: OccluderPolicy::default(),
+            pieces: Pieces::default(),
             takes_turns: turns.idle_devices(),
             as_they_come: false,
             left: 0,
@@ -168,15 +173,17 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         // The paper's schedule has one round, as the paper has.
         let rule = if self.as_they_come { RoundRule::ONE } else { self.policy.rule() };
         let mut rounds = Rounds::new(traversal, last, &self.due, rule);
-        let (clock, mut drawing) = (&self.clock, Duration::ZERO);
-        let mut add_occluders = |device: &mut D, ids: &[DrawableId]| {
+        let (clock, mut drawing) = (self.clock, Duration::ZERO);
+        let mut add_occluders = |test: &mut InPieces<'_, D>, ids: &[DrawableId]| {
             let start = clock.elapsed();
-            device.add_occluders(ids)?;
+            test.device.add_occluders(ids)?;
             drawing += clock.elapsed().saturating_sub(start);
             Ok(())
         };
+        let Self { device, pieces, .. } = self;
+        let mut test = InPieces { device, pieces, clock, turn: visible.shared_turn() };
         while let Some(ids) =
-            rounds.next(&mut self.device, &mut add_occluders).map_err(RoleError::of_culling::<D>)?
+            rounds.next(&mut test, &mut add_occluders).map_err(RoleError::of_culling::<D>)?
         {
             visible.push(ids).await?;
         }

@@ -4,6 +4,7 @@ mod culling;
 mod gaps;
 mod occluders;
 mod pictures;
+mod pieces;
 
 pub use culling::SceneCulling;
 pub use gaps::Gaps;

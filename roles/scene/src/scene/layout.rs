@@ -30,7 +30,7 @@ pub(super) const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
 /// The newest format that this build reads and writes.
 pub const VERSION: u32 = 7;
 /// The oldest one, which is written where nothing is see-through: builds before can read that as well.
-pub(super) const OLDEST: u32 = 6;
+pub const OLDEST: u32 = 6;
 /// A page unpacks to at most so many times its bytes. It is so few that a small file cannot ask for much
 /// memory.
 pub(super) const LARGEST_RATIO: usize = 4096;

@@ -35,7 +35,7 @@ use given::Given;
 pub use given::{DrawableEntry, GiveError};
 pub use hierarchy::{Attribute, Extent, Group, Hierarchy, ObjectAttributes};
 use layout::{Firsts, Section};
-pub use layout::{Totals, VERSION as FORMAT_VERSION};
+pub use layout::{OLDEST as OLDEST_FORMAT_VERSION, Totals, VERSION as FORMAT_VERSION};
 pub use open_error::OpenError;
 pub use read_error::{ReadCause, ReadError};
 pub use records::{Drawable, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Sides, Vertex};

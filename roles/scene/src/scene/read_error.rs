@@ -12,8 +12,8 @@ use super::{GeometryError, SceneError};
 /// Why part of an open scene cannot be read: which, where in the file, and what is wrong.
 #[derive(Debug, Clone, Error)]
 #[error(
-    "the scene {path:?} cannot be read at bytes {} to {} ({what}){}",
-    bytes.start, bytes.end, self.advice()
+    "the scene {} cannot be read at bytes {} to {} ({what}){}",
+    self.name(), bytes.start, bytes.end, self.advice()
 )]
 pub struct ReadError {
     /// The file.
@@ -49,6 +49,12 @@ pub enum ReadCause {
 }
 
 impl ReadError {
+    /// The file's name alone: guests of a service are told of it, and not in which folder it is.
+    fn name(&self) -> String {
+        let name = self.path.file_name().unwrap_or(self.path.as_os_str());
+        format!("{name:?}")
+    }
+
     fn advice(&self) -> &'static str {
         match self.cause {
             ReadCause::Io(_) => "",
