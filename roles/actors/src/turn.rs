@@ -13,7 +13,7 @@ use std::{
 };
 
 use parking_lot::Mutex;
-use tokio::sync::oneshot;
+use tokio::{sync::oneshot, task::unconstrained};
 
 use crate::{
     clock::Stopwatch,
@@ -203,7 +203,8 @@ impl Turn {
             return;
         }
         drop(held);
-        self.held.set(Some(block_on(Arc::clone(lock).take(self.role))));
+        // The task that this blocks may have used up what tokio lets it do at a time, and it cannot yield.
+        self.held.set(Some(block_on(unconstrained(Arc::clone(lock).take(self.role)))));
         self.away.set(self.away.get() + self.turns.clock.elapsed().saturating_sub(since));
     }
 
@@ -311,7 +312,17 @@ mod tests {
                 thread::sleep(Duration::from_millis(1));
                 drop(held);
             });
-            assert!(!has_asked.await.unwrap(), "the turn is the other one's");
+            assert!(!has_asked.await.unwrap(), "it must wait");
+            // What tokio lets a task do at a time is used up.
+            poll_fn(|context| {
+                for _ in 0..1000 {
+                    let (send, mut sent) = oneshot::channel();
+                    let _ = send.send(());
+                    let _ = Pin::new(&mut sent).poll(context);
+                }
+                Poll::Ready(())
+            })
+            .await;
             turn.rest();
             assert!(turn.held.take().is_some(), "it has the turn again");
             assert!(turn.away() >= Duration::from_millis(1));
