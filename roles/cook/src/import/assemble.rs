@@ -53,6 +53,24 @@ pub(super) fn centred(positions: &[DVec3], colours: Vec<Rgba8>, indices: Vec<u32
     (weld(&Mesh { positions, colours, indices }), origin)
 }
 
+/// Whether each triangle has two corners in one place: nothing of it would be in the scene.
+pub(super) fn draws_nothing(mesh: &Mesh) -> bool {
+    let at = |corner: u32| mesh.positions.get(corner as usize);
+    let is_flat = |&[a, b, c]: &[u32; 3]| at(a) == at(b) || at(b) == at(c) || at(c) == at(a);
+    mesh.indices.as_chunks::<3>().0.iter().all(is_flat)
+}
+
+/// The farthest that anything may lie from the origin along an axis, metres: what single precision holds of it
+/// is 100 km coarse there, and squares and volumes still are numbers.
+pub(super) const FARTHEST: f64 = 1e15;
+
+/// Whether a box of these lower and upper corners is no farther than [`FARTHEST`], as it is and once placed.
+pub(super) fn is_near((low, high): (DVec3, DVec3), to_world: &DAffine3) -> bool {
+    let corners = [low, high].map(|a| [low, high].map(|b| [low, high].map(|c| DVec3::new(a.x, b.y, c.z))));
+    let is_near = |place: DVec3| place.abs().max_element() <= FARTHEST && !place.is_nan();
+    corners.as_flattened().as_flattened().iter().all(|&p| is_near(p) && is_near(to_world.transform_point3(p)))
+}
+
 /// The lower and the upper corner of the box around all positions; infinite and inverted if there are none.
 pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);

@@ -8,7 +8,7 @@ use super::faults::Faults;
 use super::materials::Material;
 use super::parse::{Face, Heading, Parsed, Run};
 use super::tints::Scale;
-use crate::import::assemble::centred;
+use crate::import::assemble::{centred, draws_nothing};
 use crate::import::budget::Budget;
 use crate::import::hierarchy::{Branch, groups};
 use crate::import::polygon::Triangulator;
@@ -205,13 +205,6 @@ impl Shape<'_> {
         }
         (positions, indices)
     }
-}
-
-/// Whether each triangle has two corners in one place: nothing of it would be in the scene.
-fn draws_nothing(mesh: &Mesh) -> bool {
-    let at = |corner: u32| mesh.positions.get(corner as usize);
-    let is_flat = |&[a, b, c]: &[u32; 3]| at(a) == at(b) || at(b) == at(c) || at(c) == at(a);
-    mesh.indices.as_chunks::<3>().0.iter().all(is_flat)
 }
 
 /// A vertex's own colour times its material's, as glTF has it. Material libraries keep colours as they are to
