@@ -124,8 +124,10 @@ fn utf16_is_read_with_and_without_its_mark() {
         let text = format!("mtllib a.mtl\nusemtl m\n{TRIANGLE}");
         assert_eq!(colours(&import_beside("a.obj", text.as_bytes(), &[("a.mtl", &library)]).unwrap()), [RED]);
     }
-    let error = import_bytes("a.obj", b"L\x01\0\0\x02\0").unwrap_err().to_string();
-    assert!(error.contains("binary"), "{error}");
+    for binary in [&b"L\x01\0\0\x02\0"[..], b"glTF\0\0\0\n{\"asset\": {}}\n"] {
+        let error = import_bytes("a.obj", binary).unwrap_err().to_string();
+        assert!(error.contains("binary"), "{error}");
+    }
 }
 
 /// Folders of Windows, and letters of Shift-JIS and GBK, whose second byte may be a backslash.

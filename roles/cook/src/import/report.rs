@@ -86,7 +86,7 @@ pub enum WarningKind {
     VolumeLeftOut,
     /// Objects whose matrix flattens them: their mesh was flattened instead.
     FlattenedObject,
-    /// Objects without a single triangle: left out.
+    /// Objects without a single triangle that is more than a line or a point: left out.
     EmptyObject,
     /// Files of which no object is left, where others have objects.
     FileWithoutObject,

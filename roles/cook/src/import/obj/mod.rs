@@ -63,6 +63,8 @@ pub(super) fn import(
         options.file_to_world(UpAxis::Y) * DAffine3::from_scale(DVec3::splat(options.unit.unwrap_or(1.0)));
     assemble::assemble(parsed, &file_to_world, budget, &mut faults, &mut part)?;
     match faults.first().filter(|_| part.model.objects.is_empty()) {
+        // Zeros may stand in a text; a file of which nothing else can be used is none.
+        Some(_) if text.contains('\0') => Err(NotText::Binary.into()),
         Some(first) => Err(ObjError::Nothing { first }),
         None => {
             faults.report(&mut part.report);
