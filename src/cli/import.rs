@@ -36,7 +36,8 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
 pub(super) fn read(files: &[PathBuf], reading: &ReadingArgs) -> Result<Imported, Failure> {
     let bar = progress::bar("reading", files.len() as u64);
     let read = &mut |progress: Progress<'_>| bar.set_position(progress.files_done as u64);
-    let imported = import(files, &reading.import_options(), read).map_err(Failure::bad_input)?;
+    let imported = import(files, &reading.import_options(), read).and_then(Imported::with_objects);
+    let imported = imported.map_err(Failure::bad_input)?;
     bar.finish_and_clear();
     if reading.strict && !imported.report.warnings.is_empty() {
         let warnings: Vec<String> = imported.report.warnings.iter().map(|one| format!("\n  {one}")).collect();

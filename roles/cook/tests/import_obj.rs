@@ -114,19 +114,96 @@ fn ends_of_lines_of_any_system_or_none() {
 }
 
 #[test]
-fn utf16_is_decoded_by_its_mark_and_named_without() {
+fn utf16_is_read_with_and_without_its_mark() {
     let text = format!("\u{feff}o Beh\u{e4}lter\n{TRIANGLE}");
     for to_bytes in [u16::to_le_bytes, u16::to_be_bytes] {
         let bytes: Vec<u8> = text.encode_utf16().flat_map(to_bytes).collect();
         assert_eq!(names(&clean(&bytes).model), ["Beh\u{e4}lter"]);
-        let error = import_bytes("a.obj", &bytes[2..]).unwrap_err().to_string();
-        assert!(error.contains("a.obj") && error.contains("UTF-16"), "{error}");
+        assert_eq!(names(&clean(&bytes[2..]).model), ["Beh\u{e4}lter"]);
         let library: Vec<u8> = "\u{feff}newmtl m\nKd 1 0 0".encode_utf16().flat_map(to_bytes).collect();
         let text = format!("mtllib a.mtl\nusemtl m\n{TRIANGLE}");
         assert_eq!(colours(&import_beside("a.obj", text.as_bytes(), &[("a.mtl", &library)]).unwrap()), [RED]);
     }
-    let error = import_bytes("a.obj", b"L\x01\0\0\x02\0").unwrap_err().to_string();
-    assert!(error.contains("binary"), "{error}");
+    for binary in [&b"L\x01\0\0\x02\0"[..], b"glTF\0\0\0\n{\"asset\": {}}\n"] {
+        let error = import_bytes("a.obj", binary).unwrap_err().to_string();
+        assert!(error.contains("binary"), "{error}");
+    }
+}
+
+/// Folders of Windows, and letters of Shift-JIS and GBK, whose second byte may be a backslash.
+#[test]
+fn a_backslash_at_the_end_of_a_name_joins_no_lines() {
+    let named = |word: &str, name: &[u8]| {
+        let head = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{word} ");
+        let imported = read([head.as_bytes(), name, b"\nf 1 2 3\n"].concat());
+        (triangles(&imported), names(&imported.model)[0].to_owned(), said(&imported).len())
+    };
+    assert_eq!(named("o", b"C:\\models\\"), (1, "C:\\models\\".into(), 0));
+    assert_eq!(named("g", b"\x95\x5c"), (1, "\u{2022}\\".into(), 0));
+    assert_eq!(named("usemtl", b"\x95\x5c"), (1, "unnamed_object".into(), 1));
+    assert_eq!(named("mtllib", b"mats\\"), (1, "unnamed_object".into(), 1));
+    let library = "newmtl x\\\nKd 0 1 0\nnewmtl a\nKd 1 0 0\n";
+    let imported =
+        read_beside(&format!("mtllib b.mtl \\\n a.mtl\nusemtl a\n{TRIANGLE}"), &[("a.mtl", library)]);
+    assert_eq!(colours(&imported), [RED]);
+    assert!(warning(&imported).contains("(b.mtl)"), "{:?}", said(&imported));
+}
+
+/// What programs of Windows write for what is no number has a `#` in it.
+#[test]
+fn numbers_that_are_none_cost_their_line() {
+    let imported = read(format!("{TRIANGLE}v 0 0 -1.#IND\nv 0 1.#QNAN 0\nf 1 2 4\nf 1 2 5\nf 1 2 3 # 1.\n"));
+    assert_eq!(triangles(&imported), 2);
+    assert_eq!(imported.report.counts(), [(WarningKind::MalformedLine, 2), (WarningKind::FaceLeftOut, 2)]);
+    let said = said(&imported).join("\n");
+    assert!(said.contains("first at line 5: \"-1.#IND\" is no number"), "{said}");
+    assert!(
+        said.contains("first at line 7: vertex 4") && said.contains("first in \"unnamed_object\""),
+        "{said}"
+    );
+    let text = format!("mtllib a.mtl\nusemtl m\n{TRIANGLE}");
+    let imported = read_beside(&text, &[("a.mtl", "newmtl m\nKd 1.#QNAN 0 0\n")]);
+    assert_eq!(
+        (colours(&imported), imported.report.counts()),
+        (vec![GREY], vec![(WarningKind::MalformedLine, 1)])
+    );
+}
+
+#[test]
+fn words_in_any_case_and_marks_within_are_no_other_words() {
+    let text =
+        "\u{feff}\u{feff}V 0 0 0\nv 1 0 0\n \u{feff}v 0 1 0\nVN 0 0 1\nO Tank\nUseMtl m\nF 1 2 3\nL 1 2\n";
+    let imported = read(text);
+    assert_eq!((triangles(&imported), names(&imported.model)), (1, vec!["Tank"]));
+    assert_eq!(
+        imported.report.counts(),
+        [(WarningKind::PointsOrLines, 1), (WarningKind::MaterialUndefined, 1)]
+    );
+}
+
+/// Fields of fixed width, and stretches that a disk lost.
+#[test]
+fn bytes_of_zero_are_white_space_and_counted() {
+    let zeros = "\0".repeat(5000);
+    for text in [
+        format!("o Pump\0\0\n{TRIANGLE}"),
+        format!("o Pump\n{TRIANGLE}{zeros}\n"),
+        format!("{zeros}\no Pump\n{TRIANGLE}"),
+        "o Pump\nv 0 0 0\0\nv 1 0 0\nv 0 1 0\nf\01 2 3\n".to_owned(),
+    ] {
+        let imported = read(&text);
+        assert_eq!((triangles(&imported), names(&imported.model)), (1, vec!["Pump"]));
+        let counts = imported.report.counts();
+        assert!(matches!(*counts, [(WarningKind::MalformedLine, 1 | 2)]), "{counts:?}");
+    }
+    let text = format!("mtllib a.mtl\nusemtl m\n{TRIANGLE}");
+    let imported = read_beside(&text, &[("a.mtl", "newmtl m\0\0\nKd 1 0 0\n")]);
+    assert_eq!(colours(&imported), [RED]);
+    assert!(
+        warning(&imported).contains("(a.mtl, first at line 1: it has bytes of zero"),
+        "{:?}",
+        said(&imported)
+    );
 }
 
 #[test]
@@ -250,6 +327,7 @@ fn colours_of_one_to_three_values() {
     assert_eq!(in_material("Kd 0.2\nKa 1\nKs 1\nKe 1"), [[51, 51, 51, 255]]);
     assert_eq!(in_material("Kd 0.2 1"), [[51, 255, 51, 255]]);
     assert_eq!(in_material("Kd 1 0 0"), [RED]);
+    assert_eq!(in_material("Kd 204 51 51"), [[204, 51, 51, 255]]);
     assert_eq!(in_material("Kd spectral a.rfl\nKa xyz 1 1 1"), [GREY]);
 }
 
@@ -276,8 +354,12 @@ fn a_line_of_a_library_that_is_wrong_costs_that_line() {
 fn textured_materials_are_counted() {
     let library = "newmtl m\nKd 1 0 0\nmap_Kd -s 2 2 2 my picture.png\nnewmtl b\nmap_Kd b.png\n";
     let imported = read_beside(&format!("mtllib a.mtl\nusemtl m\n{TRIANGLE}"), &[("a.mtl", library)]);
-    assert_eq!(imported.report.counts(), [(WarningKind::TexturedMaterial, 2)]);
     assert_eq!(colours(&imported), [RED]);
+    let said = warning(&imported);
+    assert!(
+        said.contains("2 textured") && said.contains("(a.mtl, first at line 3: material \"m\")"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -378,7 +460,7 @@ fn numbers_of_any_length() {
     let imported =
         clean(format!("v 0 0 0\nv {long} 0 0\nv 0 +.5 0\nv 0 5. -0\nv 0 1e0 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n"));
     assert_eq!(triangles(&imported), 3);
-    for far in ["nan", "-inf", "1e39", "1e400"] {
+    for far in ["nan", "-inf", "1e16", "1e400"] {
         let imported = read(format!("{TRIANGLE}v {far} 0 0\no b\nf 1 2 4\nf 1 2 3\n"));
         assert_eq!(
             (triangles(&imported), imported.report.counts()),
@@ -422,6 +504,12 @@ fn objects_that_draw_nothing_are_left_out() {
 }
 
 #[test]
+fn a_face_that_crosses_itself_evenly_is_covered() {
+    let imported = clean("o bow\nv 0 0 0\nv 0.1 0.1 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3 4\n");
+    assert_eq!((names(&imported.model), triangles(&imported)), (vec!["bow"], 2));
+}
+
+#[test]
 fn every_object_that_is_left_has_a_place_in_the_scene() {
     // Of no area either, but with a box.
     let imported = clean("o line\nv 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\no good\nv 0 1 0\nf 1 2 4\n");
@@ -441,6 +529,13 @@ fn packed_files_are_read() {
     }
     let error = import_bytes("a.rvm.gz", &packed).unwrap_err().to_string();
     assert!(error.contains("gunzip"), "{error}");
+    let imported = import_bytes("a.obj.gz", &[&*packed, b"<!-- -->"].concat()).unwrap();
+    assert!(
+        said(&imported)
+            .contains(&"a.obj.gz: 1 stretches of bytes behind what gzip packed ignored (8 bytes)".into())
+    );
+    // Unpacked by what fetched it.
+    assert_eq!(triangles(&import_bytes("a.obj.gz", TRIANGLE.as_bytes()).unwrap()), 1);
 }
 
 /// Cutting it well would take time by the square of its corners.
@@ -468,6 +563,34 @@ fn nothing_but_faults_is_an_error() {
         }
         other => panic!("{:?}", other.map(|imported| imported.report)),
     }
+}
+
+#[test]
+fn the_first_line_that_is_wrong_is_told() {
+    let error =
+        import_bytes("a.obj", b"hello world\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\nv 1 x 0\n").unwrap_err();
+    assert!(error.to_string().contains("line 1: \"hello world\""), "{error}");
+}
+
+#[test]
+fn a_file_without_an_object_is_told_beside_others_and_refused_alone() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let file = |name: &str, text: &str| {
+        std::fs::write(folder.path().join(name), text).unwrap();
+        folder.path().join(name)
+    };
+    let files = [file("a.obj", TRIANGLE), file("b.obj", "v 0 0 0\np 1\n"), file("c.obj", "")];
+    let read =
+        |files: &[_]| import(files, &ImportOptions::default(), &mut |_| {}).and_then(Imported::with_objects);
+    let imported = read(&files).unwrap();
+    let found: Vec<_> = imported.report.warnings.iter().map(|of| (&*of.file, of.kind)).collect();
+    let without = WarningKind::FileWithoutObject;
+    assert_eq!(found, [("b.obj", WarningKind::PointsOrLines), ("b.obj", without), ("c.obj", without)]);
+    let error = read(&files[1..]).unwrap_err().to_string();
+    for part in ["b.obj and 1 other files have nothing to draw", "(b.obj: 1 primitives of points", "export"] {
+        assert!(error.contains(part), "{error}");
+    }
+    assert!(read(&files[2..]).unwrap_err().to_string().starts_with("c.obj has nothing to draw"));
 }
 
 /// How a file may be written without meaning anything else.

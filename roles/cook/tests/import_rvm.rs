@@ -90,6 +90,23 @@ fn what_has_no_surface_is_left_out_and_counted() {
 }
 
 #[test]
+fn an_object_all_of_whose_triangles_are_lines_or_points_is_left_out_and_counted() {
+    let empty = |file: RvmWriter, name: &str, kind, shape: &[f32]| {
+        file.open(name, 2).primitive(kind, [0.0; 3], [0.0; 3], [0.0; 3], &reals(shape)).close()
+    };
+    let file = empty(RvmWriter::new().open("/ZONE", 1), "/TUBE", 8, &[0.0, 50.0]);
+    let file = empty(empty(file, "/BALL", 9, &[0.0]), "/SNOUT", 7, &[0.0; 9]);
+    let file = empty(box_in(file, "/A"), "/DECK", 2, &[0.0; 3]).close();
+    let imported = import_bytes("a.rvm", &file.finish()).unwrap();
+    assert_eq!(names(&imported), ["/A"]);
+    let (kind, _, _, count) = met(&imported).remove(0);
+    assert_eq!((kind, count, met(&imported).len()), (WarningKind::EmptyObject, 4, 1));
+    // A plane has a surface.
+    let flat = empty(RvmWriter::new(), "/PLATE", 2, &[10.0, 10.0, 0.0]).finish();
+    assert_eq!(names(&import_bytes("a.rvm", &flat).unwrap()), ["/PLATE"]);
+}
+
+#[test]
 fn a_primitive_that_does_not_fill_its_box_is_counted() {
     let size = reals(&[10.0, 10.0, 10.0]);
     let file = RvmWriter::new()
@@ -137,8 +154,6 @@ fn faults_are_told_with_their_place() {
     assert_eq!(cut(&open_group[..open_group.len() - 4]), length - 4);
     assert_eq!(cut(&open_group[..begun as usize + 10]), begun + 10);
     assert_eq!(cut(&RvmWriter::new().unfinished()), RvmWriter::new().unfinished().len() as u64);
-    let group = RvmWriter::new().chunk("CNTB", &word(2)).finish();
-    assert!(matches!(error(&group), RvmError::Truncated { what: "a group", .. }));
     let mut letters = open().unfinished();
     letters.extend([1; 24]);
     assert!(matches!(error(&letters), RvmError::Malformed { at: RvmPlace::Byte(at), .. } if at == begun));
@@ -182,9 +197,23 @@ fn an_unknown_chunk_is_skipped_by_its_length_and_named() {
     let group = group.chunk("ATTR", &[7; 40]).chunk("ATTR", &[]).cuboid([0.0; 3], [1.0; 3]).close();
     let imported = import_bytes("a.rvm", &group.chunk("COLR", &word(1)).finish()).unwrap();
     assert_eq!(imported.report.triangles, 24);
-    let expected = [("NEWS", 1), ("ATTR", 2), ("COLR, too short", 1)];
-    let expected = expected.map(|(id, count)| (WarningKind::UnknownChunk, id.to_owned(), vec![], count));
+    let (unknown, broken) = (WarningKind::UnknownChunk, WarningKind::BrokenChunk);
+    let expected = [(unknown, "NEWS", 1), (unknown, "ATTR", 2), (broken, "COLR: too short", 1)];
+    let expected = expected.map(|(kind, detail, count)| (kind, detail.to_owned(), vec![], count));
     assert_eq!(met(&imported), expected);
+}
+
+#[test]
+fn a_group_that_is_cut_short_opens_with_what_can_be_read() {
+    let long_name = [word(2), word(5000), b"/LONG\0\0\0".to_vec(), reals(&[0.0; 3]), word(2)].concat();
+    let short = [word(2), word(2), b"/SHORT\0\0".to_vec(), reals(&[0.0; 2])].concat();
+    for (body, name) in [(long_name, "/LONG"), (short, "/SHORT"), (word(2), ""), (vec![], "")] {
+        let file = box_in(RvmWriter::new().chunk("CNTB", &body).cuboid([0.0; 3], [1.0; 3]).close(), "/B");
+        let imported = import_bytes("a.rvm", &file.finish()).unwrap();
+        assert_eq!(names(&imported), [name, "/B"]);
+        assert_eq!(met(&imported), [of(WarningKind::BrokenGroup, "its colour cannot be read", &[name])]);
+        assert_eq!(imported.model.meshes[0].colours[0], Rgba8([0x78, 0x78, 0x78, 255]));
+    }
 }
 
 #[test]
@@ -313,6 +342,7 @@ fn broken_primitives_are_left_out_and_counted_and_the_others_stay() {
     let matrix = "its matrix has a value that is not finite";
     let measure = "one of its measures is not finite";
     let short = "its chunk is too short for it";
+    let far = "it is too large or too far away: beyond 1e15 m";
     let greedy = [word(1), word(u32::MAX)].concat();
     let broken = |file: RvmWriter, number: usize| match number {
         0 => cuboid(file, [f32::NAN, 0.0, 0.0]),
@@ -324,22 +354,13 @@ fn broken_primitives_are_left_out_and_counted_and_the_others_stay() {
         6 => no_box(file, 11, &greedy),
         7 => file.chunk("PRIM", &[]),
         8 => no_box(file, 12, &size),
-        _ => cuboid(file, [3e38; 3]),
+        9 => cuboid(file, [1e15; 3]),
+        _ => no_box(file, 9, &reals(&[1e24])),
     };
-    for (number, why) in [
-        matrix,
-        matrix,
-        measure,
-        measure,
-        short,
-        short,
-        short,
-        short,
-        "it is of an unknown kind",
-        "it is too large or too far away for its place to be a number",
-    ]
-    .into_iter()
-    .enumerate()
+    for (number, why) in
+        [matrix, matrix, measure, measure, short, short, short, short, "it is of an unknown kind", far, far]
+            .into_iter()
+            .enumerate()
     {
         let file =
             cuboid(broken(cuboid(RvmWriter::new().open("/PUMP", 2), [0.0; 3]), number), [1.0; 3]).close();

@@ -70,6 +70,11 @@ fn attributes_are_found_beside_the_file_and_in_a_folder_of_its_name() {
         let imported = import_beside("a.rvm", &one(), &others).unwrap();
         assert_eq!(of(&imported, 0), [("TYPE", "near")], "{name}");
     }
+    // In the case of letters of another system; of the folder as well.
+    for name in ["A.Att", "a.Txt", "A/B.att"] {
+        let imported = import_beside("a.rvm", &one(), &[(name, near.as_bytes())]).unwrap();
+        assert_eq!((of(&imported, 0), warnings(&imported)), (vec![("TYPE", "near")], vec![]), "{name}");
+    }
     // A text that says something else.
     let others = [("a.txt", &b"read me"[..]), ("a/b.Att", far.as_bytes()), ("a/c.log", near.as_bytes())];
     let imported = import_beside("a.rvm", &one(), &others).unwrap();
@@ -120,6 +125,29 @@ fn names_and_values_may_be_in_any_encoding() {
             "{label} {expected}"
         );
     }
+}
+
+/// Wherever the letters stand: only the first bytes of a file are looked at to know it.
+#[test]
+fn a_marked_file_is_known_whatever_the_model_is_in() {
+    let model = RvmWriter::in_encoding("GBK").open("/A", 2).cuboid([0.0; 3], [1.0; 3]).close().finish();
+    for more in 0..3 {
+        let value = "x".repeat(more) + &"管".repeat(99);
+        let text = format!("\u{feff}{FIRST}NEW /A\n DESC := {value}\nEND\n");
+        let imported = import_beside("a.rvm", &model, &[("a.att", text.as_bytes())]).unwrap();
+        assert_eq!((of(&imported, 0), warnings(&imported)), (vec![("DESC", &*value)], vec![]), "{more}");
+    }
+}
+
+#[test]
+fn lines_that_are_no_attribute_are_counted() {
+    let text = said("NEW /A\n TYPE = PIPE\n L := line 1\nline 2 &end&\n\nEND\n");
+    let imported = import_beside("a.rvm", &one(), &[("a.att", text.as_bytes())]).unwrap();
+    assert_eq!(of(&imported, 0), [("L", "line 1")]);
+    let said: Vec<_> = imported.report.warnings.iter().map(ToString::to_string).collect();
+    let odd = "a.rvm: 2 lines of attribute files left out: they say no attribute \
+               (a.att, first at line 6: \"TYPE = PIPE\")";
+    assert_eq!(said, [odd]);
 }
 
 #[test]

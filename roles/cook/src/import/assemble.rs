@@ -53,6 +53,29 @@ pub(super) fn centred(positions: &[DVec3], colours: Vec<Rgba8>, indices: Vec<u32
     (weld(&Mesh { positions, colours, indices }), origin)
 }
 
+/// Whether each triangle has two corners in one place: nothing of it would be in the scene.
+pub(super) fn draws_nothing(mesh: &Mesh) -> bool {
+    let at = |corner: u32| mesh.positions.get(corner as usize);
+    let is_flat = |&[a, b, c]: &[u32; 3]| at(a) == at(b) || at(b) == at(c) || at(c) == at(a);
+    mesh.indices.as_chunks::<3>().0.iter().all(is_flat)
+}
+
+/// The farthest that anything may lie from the origin along an axis, metres: what single precision holds of it
+/// is 100 km coarse there, and squares and volumes still are numbers.
+pub(super) const FARTHEST: f64 = 1e15;
+
+/// Whether a place is no farther than [`FARTHEST`].
+pub(super) fn is_in_reach(place: DVec3) -> bool {
+    place.abs().max_element() <= FARTHEST && !place.is_nan()
+}
+
+/// Whether a box of these lower and upper corners is no farther than [`FARTHEST`], as it is and once placed.
+pub(super) fn is_near((low, high): (DVec3, DVec3), to_world: &DAffine3) -> bool {
+    let corners = [low, high].map(|a| [low, high].map(|b| [low, high].map(|c| DVec3::new(a.x, b.y, c.z))));
+    let is_near = |&place: &DVec3| is_in_reach(place) && is_in_reach(to_world.transform_point3(place));
+    corners.as_flattened().as_flattened().iter().all(is_near)
+}
+
 /// The lower and the upper corner of the box around all positions; infinite and inverted if there are none.
 pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -93,6 +116,7 @@ pub(super) fn merge<'a>(
 ) -> Result<Imported, ImportError> {
     let mut model = Model::default();
     let mut report = ImportReport::default();
+    let mut without = Vec::new();
     for (path, part) in parts {
         let Part { model: mut part, report: met } = part?;
         let file = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
@@ -100,7 +124,18 @@ pub(super) fn merge<'a>(
         within_file(&mut part, file.clone());
         part.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
         report.absorb(met, &file);
+        if part.objects.is_empty() {
+            without.push(file);
+        }
         append(&mut model, part)?;
+    }
+    // Of a model without any object all files are without one.
+    if !model.objects.is_empty() {
+        for file in without {
+            let mut of_file = ImportReport::default();
+            of_file.warn(WarningKind::FileWithoutObject, 1);
+            report.absorb(of_file, &file);
+        }
     }
     report.looked_for = budget.looked_for();
     report.files = model.sources.len() as u64;

@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use super::gltf::GltfError;
 use super::obj::ObjError;
+use super::report::Warning;
 use super::rvm::RvmError;
 use crate::ModelError;
 
@@ -98,6 +99,19 @@ pub enum ImportError {
         /// What is wrong with it.
         source: ObjError,
     },
+    /// No object is left of any file.
+    #[error(
+        "{} nothing to draw: no object with a surface is left{}; \
+         export the model as faces (OBJ, glTF) or with its primitives (RVM)",
+        subject(files),
+        listed(warnings)
+    )]
+    NothingToDraw {
+        /// The files' names.
+        files: Vec<String>,
+        /// What was left out of them, the first ones.
+        warnings: Vec<Warning>,
+    },
     /// The files are fine one by one, but what they make cannot be used.
     #[error("{path}: {source}", path = path.display())]
     Model {
@@ -112,4 +126,17 @@ pub enum ImportError {
         /// What there is too much of.
         what: &'static str,
     },
+}
+
+/// Names of files as the start of a sentence.
+fn subject(files: &[String]) -> String {
+    match files {
+        [] => "the model has".to_owned(),
+        [only] => format!("{only} has"),
+        [first, rest @ ..] => format!("{first} and {} other files have", rest.len()),
+    }
+}
+
+fn listed(warnings: &[Warning]) -> String {
+    warnings.iter().map(|warning| format!(" ({warning})")).collect()
 }

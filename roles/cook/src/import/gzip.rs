@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use flate2::read::MultiGzDecoder;
+use flate2::bufread::GzDecoder;
 
 use super::ImportError;
 
@@ -17,23 +17,35 @@ const fn most(packed: usize) -> u64 {
     (64 << 20) + 64 * packed as u64
 }
 
-/// A file's name without `.gz` and its bytes as they were before gzip; or both as they are. Of packed files
-/// only Wavefront OBJ is read.
-pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<(PathBuf, Cow<'b, [u8]>), ImportError> {
+/// A file as it was before gzip.
+pub(super) struct Unpacked<'b> {
+    /// Its name without `.gz`.
+    pub name: PathBuf,
+    pub bytes: Cow<'b, [u8]>,
+    /// Bytes behind what gzip packed, if they say anything.
+    pub behind: usize,
+}
+
+/// A file as it was before gzip, if it is packed. Of packed files only Wavefront OBJ is read.
+pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>, ImportError> {
     let owned = || path.to_owned();
     let named = ending(path).as_deref() == Some("gz");
-    if !bytes.starts_with(MAGIC) {
-        let magic = "the bytes 1F 8B";
-        let wrong = ImportError::WrongMagic { path: owned(), expected: ".gz", magic };
-        return if named { Err(wrong) } else { Ok((owned(), Cow::Borrowed(bytes))) };
-    }
     let mut inner = if named { path.with_extension("") } else { owned() };
+    if !bytes.starts_with(MAGIC) {
+        // Browsers unpack what they fetch, and keep its name.
+        if named && ending(&inner).as_deref() != Some("obj") {
+            let magic = "the bytes 1F 8B";
+            return Err(ImportError::WrongMagic { path: owned(), expected: ".gz", magic });
+        }
+        return Ok(Unpacked { name: inner, bytes: Cow::Borrowed(bytes), behind: 0 });
+    }
+    let of = |name, (text, behind)| Unpacked { name, bytes: Cow::Owned(text), behind };
     match ending(&inner).as_deref() {
-        Some("obj") => Ok((inner, Cow::Owned(unpack(path, bytes)?))),
+        Some("obj") => Ok(of(inner, unpack(path, bytes)?)),
         Some("glb" | "gltf" | "rvm" | "rev") => Err(ImportError::Packed { path: owned() }),
         // `plant.gz` may be anything.
         _ if named => {
-            let text = unpack(path, bytes)?;
+            let (text, behind) = unpack(path, bytes)?;
             let other: [&[u8]; 3] = [b"glTF", b"{", b"\0\0\0H"];
             if other.iter().any(|magic| text.starts_with(magic)) {
                 return Err(ImportError::Packed { path: owned() });
@@ -42,7 +54,7 @@ pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<(PathBuf, Cow
                 return Err(ImportError::UnknownFormat { path: owned() });
             }
             inner.as_mut_os_string().push(".obj");
-            Ok((inner, Cow::Owned(text)))
+            Ok(of(inner, (text, behind)))
         }
         _ => Err(ImportError::UnknownFormat { path: owned() }),
     }
@@ -52,15 +64,26 @@ fn ending(path: &Path) -> Option<String> {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase())
 }
 
-fn unpack(path: &Path, bytes: &[u8]) -> Result<Vec<u8>, ImportError> {
+/// What gzip packed, and how many bytes that say anything are behind it. Several streams one behind the other
+/// are one file; what is no further stream is padding, or was added by whatever carried the file.
+fn unpack(path: &Path, bytes: &[u8]) -> Result<(Vec<u8>, usize), ImportError> {
     let limit = most(bytes.len());
     let mut text = Vec::new();
-    let read = MultiGzDecoder::new(bytes).take(limit + 1).read_to_end(&mut text);
-    read.map_err(|source| ImportError::Unpack { path: path.to_owned(), source })?;
-    if text.len() as u64 > limit {
-        return Err(ImportError::UnpacksToMore { path: path.to_owned(), limit });
+    let mut rest = bytes;
+    loop {
+        let mut stream = GzDecoder::new(rest);
+        if rest.len() < bytes.len() && stream.header().is_none() {
+            let is_padding = rest.iter().all(|&byte| byte == 0);
+            return Ok((text, if is_padding { 0 } else { rest.len() }));
+        }
+        let room = (limit + 1).saturating_sub(text.len() as u64);
+        let read = stream.by_ref().take(room).read_to_end(&mut text);
+        read.map_err(|source| ImportError::Unpack { path: path.to_owned(), source })?;
+        if text.len() as u64 > limit {
+            return Err(ImportError::UnpacksToMore { path: path.to_owned(), limit });
+        }
+        rest = stream.into_inner();
     }
-    Ok(text)
 }
 
 #[cfg(test)]
@@ -78,7 +101,7 @@ mod tests {
     }
 
     fn said(name: &str, bytes: &[u8]) -> String {
-        unpacked(Path::new(name), bytes).unwrap_err().to_string()
+        unpacked(Path::new(name), bytes).map(|_| ()).unwrap_err().to_string()
     }
 
     #[test]
@@ -89,11 +112,31 @@ mod tests {
         for (name, inner) in
             [("a.obj.gz", "a.obj"), ("b/A.OBJ.GZ", "b/A.OBJ"), ("a.gz", "a.obj"), ("a.obj", "a.obj")]
         {
-            let (name, bytes) = unpacked(Path::new(name), &twice).unwrap();
-            assert_eq!((name.as_path(), &*bytes), (Path::new(inner), &*text.repeat(2)));
+            let Unpacked { name, bytes, behind } = unpacked(Path::new(name), &twice).unwrap();
+            assert_eq!((name.as_path(), &*bytes, behind), (Path::new(inner), &*text.repeat(2), 0));
         }
-        let (name, bytes) = unpacked(Path::new("a.rvm"), b"HEAD").unwrap();
+        let Unpacked { name, bytes, .. } = unpacked(Path::new("a.rvm"), b"HEAD").unwrap();
         assert_eq!((name.as_path(), &*bytes), (Path::new("a.rvm"), &b"HEAD"[..]));
+        // A browser unpacked it.
+        let Unpacked { name, bytes, .. } = unpacked(Path::new("a.obj.gz"), text).unwrap();
+        assert_eq!((name.as_path(), &*bytes), (Path::new("a.obj"), &text[..]));
+    }
+
+    #[test]
+    fn what_stands_behind_a_packed_file_is_counted_unless_it_is_zeros() {
+        let text = b"v 0 0 0\n";
+        for (more, counted) in [
+            (&b"\0\0\0"[..], 0),
+            (b"\n", 1),
+            (b"more text", 9),
+            (b"\x1f", 1),
+            (b"\x1f\x8b", 2),
+            (b"\x1f\x8bxyz", 5),
+        ] {
+            let file = [&*packed(text), more].concat();
+            let Unpacked { bytes, behind, .. } = unpacked(Path::new("a.obj.gz"), &file).unwrap();
+            assert_eq!((&*bytes, behind), (&text[..], counted), "{more:?}");
+        }
     }
 
     #[test]
@@ -106,7 +149,7 @@ mod tests {
         let text = packed(b"a letter\n");
         assert!(said("a.gz", &text).contains("no known format"));
         assert!(said("a.step", &text).contains("no known format"));
-        assert!(said("a.obj.gz", b"v 0 0 0\n").contains("1F 8B"));
+        assert!(said("a.gz", b"v 0 0 0\n").contains("1F 8B"));
     }
 
     #[test]

@@ -79,6 +79,24 @@ pub struct Imported {
     pub report: ImportReport,
 }
 
+impl Imported {
+    /// How many warnings say why a model has nothing to draw.
+    const REASONS: usize = 5;
+
+    /// The model, if it has any object.
+    ///
+    /// # Errors
+    /// If it has none: it names the files, and what was left out of them.
+    pub fn with_objects(self) -> Result<Self, ImportError> {
+        if !self.model.objects.is_empty() {
+            return Ok(self);
+        }
+        let files = self.model.sources.into_iter().map(|source| source.name).collect();
+        let warnings = self.report.warnings.into_iter().take(Self::REASONS).collect();
+        Err(ImportError::NothingToDraw { files, warnings })
+    }
+}
+
 /// How far an import has come: told after each file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress<'a> {
@@ -149,8 +167,8 @@ fn import_file(path: &Path, options: &ImportOptions, budget: &Budget) -> Result<
         let file = budget.open(path).map_err(unread)?;
         let mut start = Vec::new();
         (&file).take(Format::START).read_to_end(&mut start).map_err(unread)?;
-        let (named, start) = gzip::unpacked(path, &start)?;
-        Format::of(&named, &start)?;
+        let unpacked = gzip::unpacked(path, &start)?;
+        Format::of(&unpacked.name, &unpacked.bytes)?;
         return rvm::import(Some(path), file, options, budget)
             .map_err(|source| ImportError::Rvm { path: path.to_owned(), source });
     }
@@ -166,16 +184,21 @@ fn read(
     options: &ImportOptions,
     budget: &Budget,
 ) -> Result<Part, ImportError> {
-    let (inner, bytes) = gzip::unpacked(name, bytes)?;
-    let bytes = &*bytes;
-    match Format::of(&inner, bytes)? {
+    let unpacked = gzip::unpacked(name, bytes)?;
+    let bytes = &*unpacked.bytes;
+    let mut part = match Format::of(&unpacked.name, bytes)? {
         Format::Gltf => gltf::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Gltf { path: name.to_owned(), source: Box::new(source) }),
         Format::Obj => obj::import(path, bytes, options, budget)
             .map_err(|source| ImportError::Obj { path: name.to_owned(), source }),
         Format::Rvm => rvm::import(path, Cursor::new(bytes), options, budget)
             .map_err(|source| ImportError::Rvm { path: name.to_owned(), source }),
+    }?;
+    if unpacked.behind > 0 {
+        let detail = format!("{} bytes", unpacked.behind);
+        part.report.warn_about(WarningKind::BehindPacked, &detail, 1);
     }
+    Ok(part)
 }
 
 impl ImportOptions {

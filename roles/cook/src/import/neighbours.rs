@@ -82,7 +82,7 @@ impl<'b> Neighbours<'b> {
     }
 
     /// The path of the file whose name differs from `name` only in the case of letters.
-    fn in_any_case(&mut self, name: &Path) -> Option<PathBuf> {
+    pub(super) fn in_any_case(&mut self, name: &Path) -> Option<PathBuf> {
         self.path(name)?;
         let mut found = self.folder.clone()?;
         for part in name.components().filter(|part| *part != Component::CurDir) {

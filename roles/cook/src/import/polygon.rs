@@ -3,6 +3,8 @@
 //! A polygon's contours come in any order and direction. Which are holes follows from what lies in what: a
 //! contour within an odd number of others is a hole, so an island in a hole is drawn.
 
+use std::collections::HashSet;
+
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
@@ -48,7 +50,7 @@ impl Triangulator {
         {
             return vec![[0, 1, 2]];
         }
-        let Some((origin, normal)) = plane(polygon) else { return Vec::new() };
+        let Some((origin, normal)) = plane(polygon) else { return crossed(polygon) };
         let (x, y) = normal.any_orthonormal_pair();
         let mut first = 0;
         let mut contours = Vec::new();
@@ -132,16 +134,47 @@ fn cover(corners: u32) -> Vec<u32> {
     triangles
 }
 
-/// A point and the normal of the contour with the largest area (Newell's sum); none if all are flat.
+/// Triangles of a polygon whose contours have no area by their sums. A bow tie surrounds as much one way as
+/// the other: better too much than a hole where a wall should be. A contour that goes back where it came from
+/// has no surface.
+fn crossed(polygon: &[Vec<DVec3>]) -> Vec<[u32; 3]> {
+    let mut triangles = Vec::new();
+    let mut first = 0;
+    for corners in polygon {
+        let places: HashSet<[u64; 3]> = corners.iter().map(|p| p.to_array().map(f64::to_bits)).collect();
+        if places.len() == corners.len() && spread(corners) > 0.0 {
+            let covered = cover(corners.len() as u32);
+            triangles.extend(
+                covered.as_chunks::<3>().0.iter().map(|corners| corners.map(|corner| first + corner)),
+            );
+        }
+        first += corners.len() as u32;
+    }
+    triangles
+}
+
+/// Twice the area of the largest triangle at the first corner and the one farthest from it.
+fn spread(corners: &[DVec3]) -> f64 {
+    let Some(&origin) = corners.first() else { return 0.0 };
+    let from_first = || corners.iter().map(|corner| corner - origin);
+    let far = from_first().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    from_first().map(|corner| corner.cross(far.unwrap_or_default()).length()).fold(0.0, f64::max)
+}
+
+/// A point and the normal of the contour with the largest area (Newell's sum); none if all are flat, or
+/// surround as much one way as the other.
 fn plane(polygon: &[Vec<DVec3>]) -> Option<(DVec3, DVec3)> {
     let normals = polygon.iter().filter_map(|contour| {
         let origin = *contour.first()?;
         let ends = contour.iter().zip(contour.iter().skip(1));
         let sum: DVec3 = ends.map(|(&a, &b)| (a - origin).cross(b - origin)).sum();
-        Some((origin, sum))
+        Some((contour, origin, sum))
     });
-    let (origin, sum) = normals.max_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()))?;
-    Some((origin, sum.try_normalize()?))
+    let (contour, origin, sum) =
+        normals.max_by(|(.., a), (.., b)| a.length_squared().total_cmp(&b.length_squared()))?;
+    // What rounding leaves of a sum of nothing has no direction.
+    let has_area = sum.length() > 1e-9 * spread(contour);
+    Some((origin, sum.try_normalize().filter(|_| has_area)?))
 }
 
 /// Twice the signed area.
@@ -247,6 +280,16 @@ mod tests {
         let bow =
             vec![square(1.0)[0], square(1.0)[2], square(1.0)[1], square(1.0)[3], DVec3::new(7.0, -3.0, 0.0)];
         assert!(areas(vec![bow]).1 > 1.0);
+    }
+
+    /// As much one way as the other, exactly or but for rounding.
+    #[test]
+    fn a_bow_tie_is_covered_and_a_way_there_and_back_is_not() {
+        for scale in [1.0, 0.1, 1e-5] {
+            let [a, b, c, d]: [DVec3; 4] = square(scale).try_into().unwrap();
+            assert!(areas(vec![vec![a, c, b, d]]).1 > 3.0 * scale * scale, "{scale}");
+            assert_eq!(areas(vec![vec![a, b, c, b]]).1, 0.0);
+        }
     }
 
     /// Squares within squares, a hundred thousand of them: by the square of their number this would take

@@ -86,8 +86,10 @@ pub enum WarningKind {
     VolumeLeftOut,
     /// Objects whose matrix flattens them: their mesh was flattened instead.
     FlattenedObject,
-    /// Objects without a single triangle: left out.
+    /// Objects without a single triangle that is more than a line or a point: left out.
     EmptyObject,
+    /// Files of which no object is left, where others have objects.
+    FileWithoutObject,
     /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a
     /// contour that is as large by itself is drawn without its notches.
     LargePolygon,
@@ -97,6 +99,10 @@ pub enum WarningKind {
     BrokenPolygon,
     /// RVM chunks of an unknown kind: skipped.
     UnknownChunk,
+    /// RVM chunks of a known kind that cannot be read: left out.
+    BrokenChunk,
+    /// RVM groups that say only a part of what a group says: kept with that.
+    BrokenGroup,
     /// Ends of RVM groups that never began: ignored.
     ExtraGroupEnd,
     /// RVM groups that never end: ended where their model ends.
@@ -105,6 +111,8 @@ pub enum WarningKind {
     EndMissing,
     /// Bytes behind the last chunk of an RVM model that are no model: ignored.
     BehindEnd,
+    /// Bytes behind what gzip packed that gzip did not pack: ignored.
+    BehindPacked,
     /// RVM groups whose number stands for no known colour: drawn grey.
     UnknownColour,
     /// RVM groups that are more than 100 % transparent: drawn opaque.
@@ -115,6 +123,8 @@ pub enum WarningKind {
     WrongEncoding,
     /// Attribute files beside an RVM file that cannot be read: left out.
     AttributesUnread,
+    /// Lines of attribute files that are no attribute of a group: left out.
+    AttributeLineLeftOut,
     /// Attribute files that name no part of their RVM file: left out.
     AttributesUnmatched,
     /// Warnings beyond [`ImportReport::MOST_WARNINGS`] of a file: counted, not listed.
@@ -264,14 +274,18 @@ impl fmt::Display for WarningKind {
             Self::VolumeLeftOut => "insulation and obstruction volumes left out",
             Self::FlattenedObject => "objects that their matrix flattens",
             Self::EmptyObject => "objects without a triangle left out",
+            Self::FileWithoutObject => "files without an object: nothing of them is in the scene",
             Self::LargePolygon => "polygons of more than 8,192 corners drawn without their holes",
             Self::BrokenPrimitive => "broken primitives left out",
             Self::BrokenPolygon => "broken polygons left out",
             Self::UnknownChunk => "chunks of an unknown kind skipped",
+            Self::BrokenChunk => "broken chunks left out",
+            Self::BrokenGroup => "broken groups kept with what can be read of them",
             Self::ExtraGroupEnd => "ends of groups that never began ignored",
             Self::GroupLeftOpen => "groups that never end, ended with their model",
             Self::EndMissing => "models without their last chunk, END:, read to where they stop",
             Self::BehindEnd => "stretches of bytes behind END: that are no model ignored",
+            Self::BehindPacked => "stretches of bytes behind what gzip packed ignored",
             Self::UnknownColour => "groups without a known colour drawn grey",
             Self::SenselessTransparency => "groups more than 100 % transparent drawn opaque",
             Self::UnknownEncoding => "unknown encodings of names, read as UTF-8 or Latin-1",
@@ -279,6 +293,7 @@ impl fmt::Display for WarningKind {
                 "names that are not in the encoding of their file, read as UTF-8 or Latin-1"
             }
             Self::AttributesUnread => "attribute files that cannot be read left out",
+            Self::AttributeLineLeftOut => "lines of attribute files left out: they say no attribute",
             Self::AttributesUnmatched => "attribute files that name no part of the model left out",
             Self::Further => "further warnings, not listed",
         })

@@ -13,7 +13,7 @@ use super::metadata::{Feature, Metadata};
 use super::surface::Surface;
 use super::texture::{Placed, Textures};
 use crate::Mesh;
-use crate::import::assemble::weld;
+use crate::import::assemble::{draws_nothing, weld};
 use crate::import::budget::Budget;
 
 /// A mesh of the document, and how much its morph targets count.
@@ -81,7 +81,7 @@ pub(super) fn import(from: Input<'_>, shape: &Shape) -> Result<Imported, GltfErr
         Reader { from, primitive, weights: &shape.weights, place: &place }.append(&mut imported, mode)?;
     }
     imported.pieces.values_mut().for_each(|mesh| *mesh = weld(mesh));
-    imported.pieces.retain(|_, mesh| mesh.triangle_count() > 0);
+    imported.pieces.retain(|_, mesh| !draws_nothing(mesh));
     Ok(imported)
 }
 

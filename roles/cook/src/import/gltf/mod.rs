@@ -35,13 +35,13 @@ use self::mesh::{Imported, Shape};
 use self::metadata::Lookup;
 use self::nodes::Placement;
 use self::texture::Textures;
-use super::assemble::place;
+use super::assemble::{bounds, is_near, place};
 use super::budget::Budget;
 use super::hierarchy::groups;
 use super::neighbours::Neighbours;
 use super::report::{ImportReport, WarningKind};
 use super::{ImportOptions, Part, UpAxis};
-use crate::Model;
+use crate::{Mesh, Model};
 use trimaran_scene::ObjectAttributes;
 
 /// Extensions that may be required: those that are read, and those that change nothing that a model keeps.
@@ -107,6 +107,8 @@ pub(super) fn import(
         meshes.push((first..).zip(pieces.keys().copied()).collect::<Vec<_>>());
         part.model.meshes.extend(pieces.into_values());
     }
+    let placed = |mesh: &Mesh| bounds(&mesh.positions.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>());
+    let boxes: Vec<_> = part.model.meshes.iter().map(placed).collect();
     // Numbers of the placements that are objects.
     let mut leaves = Vec::new();
     let mut lookup = Lookup::new(&document, &accessors);
@@ -117,6 +119,11 @@ pub(super) fn import(
             part.report.warn_of(WarningKind::EmptyObject, "", name);
         }
         for &(mesh, feature) in pieces {
+            let bounds = boxes.get(mesh as usize).copied().unwrap_or_default();
+            if !is_near(bounds, &placement.to_world) {
+                part.report.warn_of(WarningKind::NodeLeftOut, "it reaches farther than 1e15 m", name);
+                continue;
+            }
             let mut name = name.to_owned();
             let mut attributes = document.attributes_of_one(placement.node);
             if let Some(row) = lookup.row(&placement, feature) {

@@ -6,21 +6,19 @@ use glam::{DAffine3, DVec3};
 
 use super::faults::Faults;
 use super::materials::Material;
-use super::parse::{Face, Heading, Parsed, Run};
+use super::parse::{Face, Heading, Parsed, Run, UNNAMED};
 use super::tints::Scale;
-use crate::import::assemble::centred;
+use crate::Object;
+use crate::import::assemble::{centred, draws_nothing, is_in_reach};
 use crate::import::budget::Budget;
 use crate::import::hierarchy::{Branch, groups};
 use crate::import::polygon::Triangulator;
 use crate::import::report::{ImportReport, Warning, WarningKind};
 use crate::import::{OverBudget, Part};
-use crate::{Mesh, Object};
 use trimaran_scene::Rgba8;
 
 /// What a face without a material is drawn in.
 const GREY: [f64; 3] = [0.6; 3];
-/// The name of an object that has none.
-const UNNAMED: &str = "unnamed_object";
 /// How many undefined materials are named.
 const MOST_NAMED: usize = 100;
 
@@ -152,7 +150,7 @@ impl Shape<'_> {
         for face in faces {
             let of_face = corners.split_off(..face.corners as usize).unwrap_or_default();
             let place = |vertex: &u32| self.places.get(*vertex as usize);
-            let is_sound = |place: Option<&DVec3>| place.is_some_and(|place| place.as_vec3().is_finite());
+            let is_sound = |place: Option<&DVec3>| place.is_some_and(|&place| is_in_reach(place));
             match of_face.iter().find(|vertex| !is_sound(place(vertex))) {
                 Some(&vertex) => {
                     let number = u64::from(vertex) + 1;
@@ -205,13 +203,6 @@ impl Shape<'_> {
         }
         (positions, indices)
     }
-}
-
-/// Whether each triangle has two corners in one place: nothing of it would be in the scene.
-fn draws_nothing(mesh: &Mesh) -> bool {
-    let at = |corner: u32| mesh.positions.get(corner as usize);
-    let is_flat = |&[a, b, c]: &[u32; 3]| at(a) == at(b) || at(b) == at(c) || at(c) == at(a);
-    mesh.indices.as_chunks::<3>().0.iter().all(is_flat)
 }
 
 /// A vertex's own colour times its material's, as glTF has it. Material libraries keep colours as they are to

@@ -40,11 +40,15 @@ impl Faults {
         }
     }
 
-    /// A fault of the file itself, for which something was left out: the first of its kind.
-    pub(super) fn worst(&self) -> Option<String> {
-        let of_file =
-            self.0.iter().find(|((kind, of), _)| *kind != WarningKind::MalformedLine || of.is_empty());
-        let ((kind, _), Fault { line, what, .. }) = of_file?;
+    /// The first fault of the file itself, for which something was left out.
+    pub(super) fn first(&self) -> Option<String> {
+        let is_of_file = |kind: WarningKind, of: &str| match kind {
+            // What these are of is a library.
+            WarningKind::MalformedLine | WarningKind::TexturedMaterial => of.is_empty(),
+            _ => true,
+        };
+        let of_file = self.0.iter().filter(|((kind, of), _)| is_of_file(*kind, of));
+        let ((kind, _), Fault { line, what, .. }) = of_file.min_by_key(|(_, fault)| fault.line)?;
         let what = if what.is_empty() { kind.to_string() } else { what.clone() };
         Some(format!("line {line}: {what}"))
     }

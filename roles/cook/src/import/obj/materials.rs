@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::faults::Faults;
 use super::parse::excerpt;
-use super::text::{Lines, name, numbers};
+use super::text::{Lines, name, numbers, statement};
 use crate::import::report::WarningKind;
 
 /// The number of no material at all.
@@ -35,7 +35,6 @@ pub(super) struct Materials {
     defined: HashMap<String, u32>,
     /// Those used before anything defined them.
     wanted: HashMap<String, u32>,
-    textured: u64,
 }
 
 impl Materials {
@@ -63,11 +62,6 @@ impl Materials {
         self.list.get(number as usize)
     }
 
-    /// How many have their colour from a picture.
-    pub(super) const fn textured(&self) -> u64 {
-        self.textured
-    }
-
     /// Gives those that were used before they were defined what was defined since. Returns the others: number
     /// and name.
     pub(super) fn settle(&mut self) -> HashMap<u32, String> {
@@ -90,13 +84,18 @@ impl Materials {
     /// Reads a library's text. A line that is wrong costs what it says, and is noted.
     pub(super) fn read(&mut self, text: &str, library: &str, faults: &mut Faults) {
         let mut current = None;
-        for (number, line) in Lines::of(text) {
-            let line = line.trim_ascii_start();
-            let end = line.bytes().position(|byte| byte.is_ascii_whitespace()).unwrap_or(line.len());
-            let (word, rest) = line.split_at_checked(end).unwrap_or((line, ""));
+        let mut current_name = String::new();
+        for (number, mut line) in Lines::of(text) {
+            if line.contains('\0') {
+                let said = || "it has bytes of zero, read as white space".to_owned();
+                faults.note(WarningKind::MalformedLine, library, number, "", said);
+                line = line.replace('\0', " ").into();
+            }
+            let (word, rest) = statement(&line);
             if word.eq_ignore_ascii_case("newmtl") {
                 current = Some(self.add());
-                self.defined.insert(name(rest).to_owned(), current.unwrap_or(NO_MATERIAL));
+                name(rest).clone_into(&mut current_name);
+                self.defined.insert(current_name.clone(), current.unwrap_or(NO_MATERIAL));
                 continue;
             }
             let material = current.and_then(|number| self.list.get_mut(number as usize));
@@ -106,34 +105,42 @@ impl Materials {
                 "tr" => part(numbers(rest)).map(|part| material.map(|of| of.transparency = Some(part))),
                 "map_kd" if name(rest).is_empty() => None,
                 "map_kd" => {
-                    self.textured += u64::from(current.is_some());
+                    if current.is_some() {
+                        let said = || format!("material {}", excerpt(&current_name));
+                        faults.note(WarningKind::TexturedMaterial, library, number, "", said);
+                    }
                     Some(current.map(|_| ()))
                 }
                 _ => continue,
             };
             if done.flatten().is_none() {
-                faults.note(WarningKind::MalformedLine, library, number, "", || excerpt(line));
+                faults.note(WarningKind::MalformedLine, library, number, "", || {
+                    excerpt(line.trim_ascii_start())
+                });
             }
         }
     }
 }
 
-/// A colour of one to three values: those that are not there are as the first one.
+/// A colour of one to three values: those that are not there are as the first one. Full is 1, or 255 where
+/// one is above 2: some programs write a little more than 1.
 fn colour(rest: &str) -> Option<[f64; 3]> {
     let mut words = rest.split_ascii_whitespace();
     let first = value(words.next()?)?;
     let mut next = || words.next().map_or(Some(first), value);
-    Some([first, next()?, next()?])
+    let colour = [first, next()?, next()?];
+    let full = if colour.iter().any(|&value| value > 2.0) { 255.0 } else { 1.0 };
+    Some(colour.map(|value| (value / full).clamp(0.0, 1.0)))
 }
 
 /// A number from 0 to 1. `d -halo 0.3` is seen through at its edges only by programs that trace rays.
 fn part(rest: &str) -> Option<f64> {
     let mut words = rest.split_ascii_whitespace().skip_while(|word| word.eq_ignore_ascii_case("-halo"));
-    value(words.next()?)
+    value(words.next()?).map(|value| value.clamp(0.0, 1.0))
 }
 
 fn value(word: &str) -> Option<f64> {
-    word.parse().ok().filter(|value: &f64| value.is_finite()).map(|value| value.clamp(0.0, 1.0))
+    word.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
 #[cfg(test)]
@@ -162,6 +169,7 @@ mod tests {
         assert_eq!(of("Kd 0.7 # grey\nKa x\n"), (Some([0.7; 3]), 1.0));
         assert_eq!(of("  Kd\t0.7 0.2"), (Some([0.7, 0.2, 0.7]), 1.0));
         assert_eq!(of("KD 1 0 2\nKs\nmap_Bump\n"), (Some([1.0, 0.0, 1.0]), 1.0));
+        assert_eq!(of("Kd 255 51 0"), (Some([1.0, 0.2, 0.0]), 1.0));
         assert_eq!(of(""), (None, 1.0));
     }
 
@@ -181,12 +189,14 @@ mod tests {
         let (mut materials, warnings) = read(text);
         let number = materials.wanted("a");
         assert_eq!(materials.get(number).unwrap().diffuse, Some([1.0, 0.0, 0.0]));
-        assert_eq!(materials.textured(), 1);
-        assert_eq!(warnings.len(), 1);
-        assert!(
-            warnings[0].contains("8 malformed") && warnings[0].contains("a.mtl, first at line 1"),
-            "{warnings:?}"
-        );
+        let said = warnings.join("\n");
+        let parts = [
+            "1 textured",
+            "a.mtl, first at line 12: material \"b\"",
+            "8 malformed",
+            "a.mtl, first at line 1:",
+        ];
+        assert!(parts.iter().all(|part| said.contains(part)) && warnings.len() == 2, "{said}");
     }
 
     #[test]

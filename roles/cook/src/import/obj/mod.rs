@@ -1,8 +1,9 @@
 //! Wavefront OBJ, with the base colours of its material libraries.
 //!
-//! Each run of faces under one `o` or `g` name becomes an object; `g` names under an `o` name are in a group
-//! of its name. Exporters write what no specification has, and other readers bear it: what is wrong costs the
-//! line or the face that it is in, and is counted.
+//! Each run of faces under one `o` or `g` name becomes an object, also where the name comes again: exporters
+//! give many parts one name. `g` names under an `o` name are in a group of its name. Exporters write what no
+//! specification has, and other readers bear it: what is wrong costs the line or the face that it is in, and
+//! is counted.
 
 mod assemble;
 mod faults;
@@ -57,12 +58,13 @@ pub(super) fn import(
     let (parsed, libraries) = parse::parse(&text, Neighbours::of(path, budget), budget, &mut faults)?;
     part.report.warn(WarningKind::PointsOrLines, parsed.points_or_lines);
     libraries.report(&mut part.report);
-    part.report.warn(WarningKind::TexturedMaterial, parsed.materials.textured());
 
     let file_to_world =
         options.file_to_world(UpAxis::Y) * DAffine3::from_scale(DVec3::splat(options.unit.unwrap_or(1.0)));
     assemble::assemble(parsed, &file_to_world, budget, &mut faults, &mut part)?;
-    match faults.worst().filter(|_| part.model.objects.is_empty()) {
+    match faults.first().filter(|_| part.model.objects.is_empty()) {
+        // Zeros may stand in a text; a file of which nothing else can be used is none.
+        Some(_) if text.contains('\0') => Err(NotText::Binary.into()),
         Some(first) => Err(ObjError::Nothing { first }),
         None => {
             faults.report(&mut part.report);

@@ -1,16 +1,21 @@
 //! The statements of an OBJ file.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use super::faults::Faults;
 use super::library::Libraries;
 use super::materials::{Materials, NO_MATERIAL};
-use super::text::{Lines, name, numbers};
+use super::text::{Lines, name, numbers, statement};
 use super::tints::Tints;
 use crate::import::OverBudget;
 use crate::import::budget::Budget;
 use crate::import::neighbours::Neighbours;
 use crate::import::report::WarningKind;
+
+/// The name of an object that has none.
+pub(super) const UNNAMED: &str = "unnamed_object";
 
 /// Statements that say nothing of what is kept: normals, places in textures, smoothing, and the parts of
 /// free-form curves and surfaces, which are counted where they are drawn.
@@ -129,10 +134,14 @@ pub(super) fn parse<'a>(
 
 impl Parser<'_, '_> {
     fn statement(&mut self, number: u32, line: &str) -> Result<(), OverBudget> {
-        let line = line.trim_ascii_start();
-        let end = line.bytes().position(|byte| byte.is_ascii_whitespace()).unwrap_or(line.len());
-        let (word, rest) = line.split_at_checked(end).unwrap_or((line, ""));
-        match word {
+        if line.contains('\0') {
+            self.malformed(number, || "it has bytes of zero, read as white space".to_owned());
+            return self.statement(number, &line.replace('\0', " "));
+        }
+        let (word, rest) = statement(line);
+        let is_upper = word.bytes().any(|byte| byte.is_ascii_uppercase());
+        let word = if is_upper { Cow::Owned(word.to_ascii_lowercase()) } else { Cow::Borrowed(word) };
+        match &*word {
             "v" => self.vertex(number, numbers(rest)),
             "f" | "fo" => return self.face(number, numbers(rest)),
             "usemtl" => self.use_material(name(rest)),
@@ -156,7 +165,8 @@ impl Parser<'_, '_> {
             }
             word => {
                 let of = if NEVER_DONE.contains(&word) { word } else { "" };
-                self.faults.note(WarningKind::UnknownStatement, of, number, "", || excerpt(line));
+                self.faults
+                    .note(WarningKind::UnknownStatement, of, number, "", || excerpt(line.trim_ascii_start()));
             }
         }
         Ok(())
@@ -168,7 +178,8 @@ impl Parser<'_, '_> {
 
     /// The name of the object that the next face will be in.
     fn parsed_name(&self) -> String {
-        if self.group.is_empty() { self.outer.clone() } else { self.group.clone() }
+        let names = [&*self.group, &*self.outer, UNNAMED];
+        names.into_iter().find(|name| !name.is_empty()).unwrap_or_default().to_owned()
     }
 
     /// Adds a vertex, whatever the line says: faces count them.

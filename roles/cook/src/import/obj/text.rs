@@ -9,36 +9,31 @@ use thiserror::Error;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum NotText {
-    /// UTF-16 that does not say so.
-    #[error("it looks like UTF-16 without a byte order mark: save it as UTF-8")]
-    Utf16,
     /// UTF-32, which no program writes by default.
     #[error("it is in UTF-32: save it as UTF-8")]
     Utf32,
-    /// Zeros that are no letters' halves.
+    /// Zeros that are no letters' halves, among other bytes that no text has.
     #[error("it is binary, not text; it may be damaged, or have the wrong ending")]
     Binary,
 }
 
-/// The text of bytes in UTF-8, or in UTF-16 with a byte order mark. A line that is not UTF-8 is read as
-/// Windows-1252, of which Latin-1 is a part.
+/// The text of bytes in UTF-8 or UTF-16. A line that is not UTF-8 is read as Windows-1252, of which Latin-1
+/// is a part. Zeros within it stay.
 pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, NotText> {
     if bytes.starts_with(b"\xFF\xFE\0\0") || bytes.starts_with(b"\0\0\xFE\xFF") {
         return Err(NotText::Utf32);
     }
-    match Encoding::for_bom(bytes) {
-        Some((encoding, mark)) if encoding == UTF_16LE || encoding == UTF_16BE => {
-            let (text, _) = encoding.decode_without_bom_handling(bytes.get(mark..).unwrap_or_default());
-            return Ok(text);
-        }
-        _ => {}
+    let marked = Encoding::for_bom(bytes).filter(|(encoding, _)| [UTF_16LE, UTF_16BE].contains(encoding));
+    if let Some((encoding, mark)) = marked.or_else(|| Some((unmarked_utf16(bytes)?, 0))) {
+        let (text, _) = encoding.decode_without_bom_handling(bytes.get(mark..).unwrap_or_default());
+        return Ok(text);
     }
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     // Old programs pad files with zeros, or end them with control-Z.
     let end = bytes.iter().rposition(|&byte| byte != 0 && byte != 0x1A).map_or(0, |last| last + 1);
     let text = bytes.get(..end).unwrap_or(bytes);
-    if text.contains(&0) {
-        return Err(if looks_like_utf16(bytes) { NotText::Utf16 } else { NotText::Binary });
+    if text.contains(&0) && is_binary(text) {
+        return Err(NotText::Binary);
     }
     if let Ok(text) = std::str::from_utf8(text) {
         return Ok(Cow::Borrowed(text));
@@ -53,16 +48,33 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, NotText> {
     Ok(Cow::Owned(decoded))
 }
 
-/// Whether one half of most letters is zero, always the same half.
-fn looks_like_utf16(bytes: &[u8]) -> bool {
+/// UTF-16 without a byte order mark: one half of most letters is zero, always the same half.
+fn unmarked_utf16(bytes: &[u8]) -> Option<&'static Encoding> {
     let pairs = bytes.get(..bytes.len().min(1 << 10)).unwrap_or_default().as_chunks::<2>().0;
     let zeros = |half: usize| pairs.iter().filter(|pair| pair.get(half) == Some(&0)).count();
     let mostly = |half: usize| 2 * zeros(half) > pairs.len() && zeros(1 - half) == 0;
-    mostly(0) || mostly(1)
+    let big = || mostly(0).then_some(UTF_16BE);
+    mostly(1).then_some(UTF_16LE).or_else(big)
+}
+
+/// Whether a file with zeros is no text. Programs write texts out of padded fields, and a disk that failed
+/// leaves stretches of zeros; but no text has more than a few of the other control characters.
+fn is_binary(bytes: &[u8]) -> bool {
+    let start = bytes.get(..1 << 16).unwrap_or(bytes);
+    let others = start.iter().filter(|&&byte| byte != 0).count();
+    let is_control = |byte: &&u8| matches!(byte, 1..=8 | 14..=25 | 27..=31);
+    50 * start.iter().filter(is_control).count() > others
+}
+
+/// A line's word and what follows it. Files that were joined have byte order marks at the start of lines.
+pub(super) fn statement(line: &str) -> (&str, &str) {
+    let line = line.trim_start_matches(|letter: char| letter.is_ascii_whitespace() || letter == '\u{feff}');
+    let end = line.bytes().position(|byte| byte.is_ascii_whitespace()).unwrap_or(line.len());
+    line.split_at_checked(end).unwrap_or((line, ""))
 }
 
 /// The lines of a text, each with its number from 1 on. They end with LF, CRLF or CR. A line that ends with a
-/// backslash goes on in the next one, unless it is a comment.
+/// backslash goes on in the next one, unless it is a comment or a name.
 pub(super) struct Lines<'t> {
     rest: &'t str,
     number: u32,
@@ -95,7 +107,8 @@ impl<'t> Iterator for Lines<'t> {
     fn next(&mut self) -> Option<Self::Item> {
         let line = self.line()?;
         let first = self.number;
-        let Some(head) = continued(line) else { return Some((first, Cow::Borrowed(line))) };
+        let goes_on = continued(line).filter(|head| may_go_on(head));
+        let Some(head) = goes_on else { return Some((first, Cow::Borrowed(line))) };
         let mut joined = head.to_owned();
         while let Some(line) = self.line() {
             joined.push(' ');
@@ -118,9 +131,21 @@ fn continued(line: &str) -> Option<&str> {
     (without_comment(head).len() == head.len()).then_some(head)
 }
 
-/// The numbers of a line: what stands before a `#`.
+/// Whether a statement may go on behind a backslash. Names may end in one: folders of Windows, and letters in
+/// Shift-JIS or GBK, whose second byte it may be.
+fn may_go_on(head: &str) -> bool {
+    let (word, rest) = statement(head);
+    let is = |known: &str| word.eq_ignore_ascii_case(known);
+    let is_name = ["o", "g", "usemtl", "newmtl"].into_iter().any(is);
+    !is_name && (!is("mtllib") || rest.ends_with(|letter: char| letter.is_ascii_whitespace()))
+}
+
+/// The numbers of a line: what stands before a `#`, but for that of `1.#IND` and its like, which programs of
+/// Windows write for what is no number.
 pub(super) fn numbers(rest: &str) -> &str {
-    rest.split_once('#').map_or(rest, |(numbers, _)| numbers)
+    let begins = |&(at, _): &(usize, &str)| !rest.get(..at).is_some_and(|before| before.ends_with('.'));
+    let comment = rest.match_indices('#').find(begins);
+    comment.and_then(|(at, _)| rest.get(..at)).unwrap_or(rest)
 }
 
 /// A name: all of a line but for white space around it, and but for a comment. `Tank #5` is a name, and in
@@ -168,6 +193,22 @@ mod tests {
     }
 
     #[test]
+    fn a_backslash_at_the_end_of_a_name_is_a_part_of_it() {
+        let found = lines("o C:\\\nG a \\\nmtllib a\\\nMTLLIB a.mtl \\\n b.mtl\nf 1 \\\n2\\\n3");
+        let numbers: Vec<u32> = found.iter().map(|&(number, _)| number).collect();
+        assert_eq!(numbers, [1, 2, 3, 4, 6]);
+        assert_eq!((&*found[0].1, &*found[2].1), ("o C:\\", "mtllib a\\"));
+    }
+
+    #[test]
+    fn what_is_no_number_is_no_comment() {
+        assert_eq!(
+            ["1 2#3", "1.#IND 2 # x", "-1.#QNAN", "#"].map(numbers),
+            ["1 2", "1.#IND 2 ", "-1.#QNAN", ""]
+        );
+    }
+
+    #[test]
     fn names_keep_a_number_sign_and_lose_a_comment() {
         let names =
             [" Tank #5 ", "Tank # old", "# all", "a#b", "Beh\u{e4}lter 5\u{a0}", "a\t#\tb", ""].map(name);
@@ -187,11 +228,12 @@ mod tests {
         for bytes in marked {
             assert_eq!(decode(&bytes).unwrap(), text);
         }
-        assert_eq!((decode(&little), decode(&big)), (Err(NotText::Utf16), Err(NotText::Utf16)));
+        assert_eq!((decode(&little).unwrap(), decode(&big).unwrap()), (text.into(), text.into()));
         let utf32: Vec<u8> = "\u{feff}v".chars().flat_map(|c| u32::from(c).to_le_bytes()).collect();
         assert_eq!(decode(&utf32), Err(NotText::Utf32));
         assert_eq!(decode(b"v 0\0\x01\x02 0 1 0\n"), Err(NotText::Binary));
         assert_eq!(decode(b"v 0 0 0\n\x1A\0\0").unwrap(), "v 0 0 0\n");
+        assert_eq!(decode(b"o a\0\0\nv 0 0 0").unwrap(), "o a\0\0\nv 0 0 0");
     }
 
     /// Files are put together from others.

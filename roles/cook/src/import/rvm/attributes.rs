@@ -37,6 +37,16 @@ struct Node {
     attributes: Vec<Attribute>,
 }
 
+/// Lines of an attribute file that say nothing that is kept.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct OddLines {
+    pub count: u64,
+    /// Number of the first one, from 1 on.
+    pub first: usize,
+    /// How that one begins.
+    pub text: String,
+}
+
 /// The words that divide a file.
 struct Words<'t> {
     start: &'t str,
@@ -51,24 +61,45 @@ pub(super) fn is_attributes(text: &str) -> bool {
 }
 
 impl Attributes {
-    /// Adds what an attribute file says.
-    pub(super) fn add(&mut self, text: &str) {
-        let mut lines = lines(text.trim_start_matches(is_blank)).map(str::trim);
+    /// Adds what an attribute file says. Returns the lines that say no attribute, if there are any.
+    pub(super) fn add(&mut self, text: &str) -> Option<OddLines> {
+        let start = text.trim_start_matches(is_blank);
+        let before = text.len() - start.len();
+        let first = text.get(..before).map_or(1, |blank| 1 + lines(blank).skip(1).count());
+        let lines = (first..).zip(lines(start).map(str::trim));
+        let mut lines = lines.filter(|(_, line)| !line.is_empty());
         let words =
-            Words::parse(lines.next().and_then(|first| first.strip_prefix(MAGIC)).unwrap_or_default());
+            Words::parse(lines.next().and_then(|(_, first)| first.strip_prefix(MAGIC)).unwrap_or_default());
         let mut open: Vec<u32> = Vec::new();
-        for line in lines {
+        let mut odd: Option<OddLines> = None;
+        for (number, line) in lines {
             if let Some(name) = words.opens(line) {
                 open.push(self.open(name, open.last().copied()));
-            } else if line == words.end {
-                if let Some(node) = open.pop() {
-                    self.close(node);
+                continue;
+            }
+            let mut is_odd = false;
+            if line == words.end {
+                match open.pop() {
+                    Some(node) => self.close(node),
+                    None => is_odd = true,
                 }
             } else if let Some(node) = open.last().and_then(|&node| self.nodes.get_mut(node as usize)) {
-                node.attributes.extend(line.split(words.separator).filter_map(|part| words.attribute(part)));
+                for part in line.split(words.separator).filter(|part| !part.trim().is_empty()) {
+                    match words.attribute(part) {
+                        Some(attribute) => node.attributes.push(attribute),
+                        None => is_odd = true,
+                    }
+                }
+            } else {
+                is_odd = true;
+            }
+            if is_odd {
+                let first = || OddLines { count: 0, first: number, text: line.chars().take(60).collect() };
+                odd.get_or_insert_with(first).count += 1;
             }
         }
         open.into_iter().for_each(|node| self.close(node));
+        odd
     }
 
     fn open(&mut self, name: &str, parent: Option<u32>) -> u32 {
@@ -189,7 +220,7 @@ mod tests {
     fn read(text: &str) -> Attributes {
         let mut all = Attributes::default();
         assert!(is_attributes(text), "{text:?}");
-        all.add(text);
+        let _odd = all.add(text);
         all
     }
 
@@ -221,6 +252,15 @@ mod tests {
         assert_eq!(all.only(Some(zone), "/PIPE-7"), Some(zone + 1));
         assert_eq!(all.parent(zone + 1), Some(zone));
         assert_eq!(all.only(Some(zone + 1), "/PIPE-7"), None);
+    }
+
+    #[test]
+    fn lines_that_are_no_attribute_are_counted() {
+        let odd = |text: &str| Attributes::default().add(text).map(|odd| (odd.count, odd.first, odd.text));
+        assert_eq!(odd(FILE), None);
+        let text = "\n\nCADC_Attributes_File\nNEW A\nx := 1 &end& &end&\n\ny = 2\nz := 3 &end& more\nEND\n\
+                    END\nw := 4\n";
+        assert_eq!(odd(text), Some((4, 7, "y = 2".into())));
     }
 
     #[test]

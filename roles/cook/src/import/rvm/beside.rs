@@ -1,15 +1,17 @@
-//! The attribute files of an RVM file: beside it under its name, or else in a folder of its name.
+//! The attribute files of an RVM file: beside it under its name, or else in a folder of its name. The case of
+//! letters does not matter: models come from Windows.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use super::attributes::{Attributes, is_attributes};
+use super::attributes::{Attributes, OddLines, is_attributes};
 use super::encoding::Encoding;
 use crate::import::budget::{Budget, OverBudget};
+use crate::import::neighbours::Neighbours;
 use crate::import::report::{ImportReport, WarningKind};
 
-/// What endings attribute files have.
+/// What endings attribute files have. Those whose case is as here come first.
 const ENDINGS: [&str; 4] = ["att", "ATT", "txt", "TXT"];
 
 /// Bytes at the start of a file that tell whether it is an attribute file.
@@ -24,26 +26,33 @@ pub(super) fn attributes_of(
     report: &mut ImportReport,
 ) -> Result<Option<Attributes>, OverBudget> {
     let mut all = Attributes::default();
-    for ending in ENDINGS {
-        if add(&mut all, &path.with_extension(ending), encoding, budget, report)? {
+    let mut neighbours = Neighbours::of(Some(path), budget);
+    let mut in_any_case = |path: &Path| neighbours.in_any_case(Path::new(path.file_name()?));
+    let named = ENDINGS.map(|ending| path.with_extension(ending));
+    let mut files = named.to_vec();
+    files.extend(named.iter().filter_map(|path| in_any_case(path)).filter(|path| !named.contains(path)));
+    files.dedup();
+    for file in files {
+        if add(&mut all, &file, encoding, budget, report)? {
             return Ok(Some(all));
         }
     }
+    let folder = path.with_extension("");
+    // That of a file without an ending would be the file.
+    if folder == path {
+        return Ok(None);
+    }
+    let folder = if folder.is_dir() { folder } else { in_any_case(&folder).unwrap_or(folder) };
     let mut any = false;
-    for file in folder_of(path, budget) {
+    for file in files_of(&folder, budget) {
         any |= add(&mut all, &file, encoding, budget, report)?;
     }
     Ok(any.then_some(all))
 }
 
-/// The files with such an ending in the folder that has the model's name, in order.
-fn folder_of(path: &Path, budget: &Budget) -> Vec<PathBuf> {
-    let folder = path.with_extension("");
-    // That of a file without an ending would be the file.
-    if folder == path {
-        return Vec::new();
-    }
-    budget.look_for(&folder);
+/// The files with such an ending in a folder, in order.
+fn files_of(folder: &Path, budget: &Budget) -> Vec<PathBuf> {
+    budget.look_for(folder);
     let files = fs::read_dir(folder).into_iter().flatten().filter_map(|file| Some(file.ok()?.path()));
     let is_named_so = |file: &PathBuf| {
         let of_file = file.extension().unwrap_or_default();
@@ -87,7 +96,10 @@ fn add(
         unread(&error.to_string());
         return Ok(false);
     }
-    all.add(&encoding.decode_file(&bytes));
+    if let Some(OddLines { count, first, text }) = all.add(&encoding.decode_file(&bytes)) {
+        let detail = format!("{name}, first at line {first}: {text:?}");
+        report.warn_about(WarningKind::AttributeLineLeftOut, &detail, count);
+    }
     Ok(true)
 }
 

@@ -105,7 +105,7 @@ impl<S: Read + Seek> Chunks<S> {
         self.go_to(chunk.at + HEADER)?;
         self.body.clear();
         self.position += self.source.by_ref().take(chunk.body).read_to_end(&mut self.body)? as u64;
-        Ok(Reader::new(&self.body, chunk.at + HEADER))
+        Ok(Reader::new(&self.body))
     }
 
     /// Goes on at the next model behind the last chunk of one. Returns whether anything but zeros was passed.

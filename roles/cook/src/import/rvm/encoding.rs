@@ -85,8 +85,9 @@ impl Encoding {
         });
         if let Some((table, mark)) = unicode {
             let text = bytes.get(mark..).unwrap_or_default();
-            // Marked as UTF-8, but by a program that then writes something else.
-            if table != UTF_8 || str::from_utf8(text).is_ok() {
+            // Marked as UTF-8, but by a program that then writes something else. The end may cut a character.
+            let is_utf8 = || str::from_utf8(text).map_or_else(|error| error.error_len().is_none(), |_| true);
+            if table != UTF_8 || is_utf8() {
                 return table.decode_without_bom_handling(text).0.into_owned();
             }
         }
@@ -199,6 +200,7 @@ mod tests {
         assert_eq!(read("", b"\xfe\xff\0A\0\xf6"), "Aö");
         assert_eq!(read("GBK", "\u{feff}管".as_bytes()), "管");
         assert_eq!(read("GBK", "管".as_bytes()), "管");
+        assert_eq!(read("GBK", b"\xef\xbb\xbf\xe7\xae\xa1\xe7\xae"), "管\u{fffd}");
         assert_eq!(read("GBK", b"\xb9\xdc\n\xff\n"), "管\nÿ\n");
         assert_eq!(read("UTF-8", b"R\xf6hr\nR\xc3\xb6hr"), "Röhr\nRöhr");
         assert_eq!(read("", b"\xef\xbb\xbfR\xf6hr"), "ï»¿Röhr");

@@ -48,8 +48,8 @@ pub(super) struct Group {
 pub(super) struct Solids {
     /// Number of the group.
     pub group: u32,
-    /// Index into the colour table.
-    pub material: u32,
+    /// Index into the colour table, if the group has one.
+    pub material: Option<u32>,
     /// Whether the table has that colour.
     pub colour_known: bool,
     pub colour: Rgba8,
@@ -131,17 +131,21 @@ impl<'b> File<'b> {
         name
     }
 
-    /// A group opens. Transparency is in percent; a group that says none has that of the one around it.
+    /// A group opens. One whose colour cannot be read opens as well: there is more in it. Transparency is in
+    /// percent; a group that says none has that of the one around it.
     pub(super) fn open(
         &mut self,
         name: &str,
-        material: u32,
+        material: Option<u32>,
         transparency: Option<u32>,
         at: RvmPlace,
     ) -> Result<(), RvmError> {
         self.ended = false;
         let name = name.trim();
         self.budget.depth(self.open.len() + 1, || format!("group {name:?} at {at}"))?;
+        if material.is_none() {
+            self.report.warn_of(WarningKind::BrokenGroup, "its colour cannot be read", name);
+        }
         let group = self.groups.len() as u32;
         let alpha = match transparency {
             Some(percent @ 0..=100) => ((255 * (100 - percent) + 50) / 100) as u8,
@@ -203,6 +207,16 @@ impl<'b> File<'b> {
         self.colours.insert(number, colour);
     }
 
+    /// A chunk that cannot be read.
+    pub(super) fn leave_out(&mut self, id: &str, why: &str) {
+        let group = self.open.last().and_then(|solids| self.groups.get(solids.group as usize));
+        let detail = format!("{id}: {why}");
+        match group {
+            Some(group) => self.report.warn_of(WarningKind::BrokenChunk, &detail, &group.name),
+            None => self.report.warn_about(WarningKind::BrokenChunk, &detail, 1),
+        }
+    }
+
     /// A chunk that is not read.
     pub(super) fn skip(&mut self, id: &str) {
         match id {
@@ -221,7 +235,7 @@ impl<'b> File<'b> {
         }
         for solids in self.solids.iter_mut().skip(self.coloured) {
             let alpha = solids.alpha();
-            let known = colour::of(solids.material, &self.colours);
+            let known = solids.material.and_then(|number| colour::of(number, &self.colours));
             let [r, g, b] = known.unwrap_or(colour::GREY);
             (solids.colour_known, solids.colour) = (known.is_some(), Rgba8([r, g, b, alpha]));
         }

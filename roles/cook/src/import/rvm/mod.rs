@@ -36,7 +36,7 @@ use self::said::Said;
 use self::shape::{Broken, Shape};
 use self::solid::{Chord, Solid};
 use self::tessellate::tessellate;
-use super::assemble::{bounds, centred};
+use super::assemble::{bounds, centred, draws_nothing, is_in_reach};
 use super::budget::{Budget, OverBudget};
 use super::hierarchy::{self, Branch};
 use super::report::WarningKind;
@@ -84,12 +84,13 @@ pub(super) fn import(
         report.box_mismatches += placed.box_mismatches;
         report.warn(WarningKind::LargePolygon, placed.large_polygons);
         report.warn_many(WarningKind::BrokenPrimitive, &Broken::Place.to_string(), name, placed.left_out);
-        let Some((mesh, origin)) = placed.mesh else {
+        let drawn = placed.mesh.filter(|(mesh, _)| !draws_nothing(mesh));
+        let Some((mesh, origin)) = drawn else {
             report.warn_of(WarningKind::EmptyObject, "", name);
             continue;
         };
-        if !solids.colour_known {
-            report.warn_of(WarningKind::UnknownColour, &format!("material {}", solids.material), name);
+        if let Some(material) = solids.material.filter(|_| !solids.colour_known) {
+            report.warn_of(WarningKind::UnknownColour, &format!("material {material}"), name);
         }
         model.objects.push(Object {
             mesh: model.meshes.len() as u32,
@@ -149,11 +150,11 @@ struct Frame<'a> {
 /// The primitives of a group in the world.
 #[derive(Default)]
 struct Placed {
-    /// A mesh about a place; none if they have no surface.
+    /// A mesh about a place; none if they have no triangle.
     mesh: Option<(Mesh, DVec3)>,
     box_mismatches: u64,
     large_polygons: u64,
-    /// Primitives whose place cannot be had.
+    /// Primitives that are beyond all reach.
     left_out: u64,
 }
 
@@ -176,7 +177,7 @@ impl Frame<'_> {
             let in_world = solid.positions.iter().map(|&p| to_world.transform_point3(p));
             let first = positions.len();
             positions.extend(in_world);
-            if positions.iter().skip(first).any(|p| !p.as_vec3().is_finite()) {
+            if !positions.iter().skip(first).all(|&place| is_in_reach(place)) {
                 positions.truncate(first);
                 placed.left_out += 1;
                 continue;
@@ -229,7 +230,7 @@ mod tests {
         let shape = Shape::Cylinder { radius, height: 100.0 };
         let stored_box = [DVec3::new(-radius, -radius, -50.0), DVec3::new(radius, radius, 50.0)];
         let primitives = vec![Primitive { at: RvmPlace::Byte(77), matrix, stored_box, shape }];
-        Solids { group: 0, material: 1, colour_known: true, colour: Rgba8([0; 4]), primitives }
+        Solids { group: 0, material: Some(1), colour_known: true, colour: Rgba8([0; 4]), primitives }
     }
 
     fn place(group: &Solids) -> Placed {
@@ -288,10 +289,10 @@ mod tests {
     }
 
     #[test]
-    fn a_place_beyond_single_precision_is_left_out() {
+    fn what_is_beyond_all_reach_is_left_out() {
         let mut group = tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3)));
         let (alone, origin) = place(&group).mesh.unwrap();
-        group.primitives.extend(tube(50.0, DAffine3::from_translation(DVec3::X * 1e39)).primitives);
+        group.primitives.extend(tube(50.0, DAffine3::from_translation(DVec3::X * 1e16)).primitives);
         let placed = place(&group);
         assert_eq!((placed.left_out, placed.box_mismatches), (1, 0));
         let (mesh, place) = placed.mesh.unwrap();

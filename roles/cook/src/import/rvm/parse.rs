@@ -28,7 +28,7 @@ pub(super) fn parse(source: impl Read + Seek, file: &mut File<'_>) -> Result<Rvm
             b"PRIM" => primitive(&mut chunks.body(&chunk)?, file, at),
             b"COLR" => match colour(&mut chunks.body(&chunk)?) {
                 Some((number, colour)) => file.colour(number, colour),
-                None => file.skip("COLR, too short"),
+                None => file.leave_out("COLR", "too short"),
             },
             b"END:" => {
                 file.end()?;
@@ -44,36 +44,36 @@ pub(super) fn parse(source: impl Read + Seek, file: &mut File<'_>) -> Result<Rvm
 
 /// The last of a head's strings, if its version has it.
 fn encoding<'a>(body: &mut Reader<'a>) -> Option<&'a [u8]> {
-    let what = "a head";
-    let version = body.u32(what).ok()?;
+    let version = body.u32()?;
     // Program, note, date, user.
     for _ in 0..4 {
-        body.string(what).ok()?;
+        body.string()?;
     }
-    if version < 2 { None } else { body.string(what).ok() }
+    if version < 2 { None } else { body.string() }
 }
 
 fn group(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) -> Result<(), RvmError> {
-    let what = "a group";
-    let version = body.u32(what)?;
-    let name = file.name(body.string(what)?);
-    // A reference point that no primitive depends on.
-    body.take(12, what)?;
-    let material = body.u32(what)?;
-    let transparency = if version < 3 { None } else { body.take(1, what).ok() };
+    let version = body.u32().unwrap_or_default();
+    let (name, material) = match body.string() {
+        // Behind it is a reference point that no primitive depends on.
+        Some(name) => (name, body.take(12).and_then(|_| body.u32())),
+        // Its length is wrong; its letters may be right.
+        None => (body.rest(), None),
+    };
+    let name = file.name(name);
+    let transparency = if version < 3 || material.is_none() { None } else { body.take(1) };
     let transparency = transparency.and_then(|bytes| bytes.first().copied());
     file.open(&name, material, transparency.map(u32::from), at)
 }
 
 fn primitive(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) {
     // A version that is not there leaves nothing for the rest either.
-    let _version = body.u32("a primitive");
+    let _version = body.u32();
     file.primitive(body, Order::Columns, at);
 }
 
 fn colour(body: &mut Reader<'_>) -> Option<(u32, [u8; 3])> {
-    let what = "a colour";
-    body.u32(what).ok()?;
-    let number = body.u32(what).ok()?;
-    Some((number, *body.take(3, what).ok()?.first_chunk()?))
+    body.u32()?;
+    let number = body.u32()?;
+    Some((number, *body.take(3)?.first_chunk()?))
 }

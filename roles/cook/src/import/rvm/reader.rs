@@ -1,50 +1,43 @@
-//! Big-endian numbers and strings out of a chunk's bytes, with the place of whatever is missing.
+//! Big-endian numbers and strings out of a chunk's bytes.
 
 use super::shape::{Broken, Numbers};
-use super::{RvmError, RvmPlace};
 
-/// Reads forward through bytes of a file.
+/// Reads forward through bytes. What is not there takes none.
 #[derive(Debug)]
-pub(super) struct Reader<'a> {
-    rest: &'a [u8],
-    /// Where the first of `rest` stands in the file.
-    offset: u64,
-}
+pub(super) struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
-    /// Reads `bytes`, which stand at `offset` in the file.
-    pub(super) const fn new(bytes: &'a [u8], offset: u64) -> Self {
-        Self { rest: bytes, offset }
+    pub(super) const fn new(bytes: &'a [u8]) -> Self {
+        Self(bytes)
     }
 
-    pub(super) fn take(&mut self, length: usize, what: &'static str) -> Result<&'a [u8], RvmError> {
-        let (taken, rest) = self.rest.split_at_checked(length).ok_or_else(|| self.cut(what))?;
-        self.rest = rest;
-        self.offset += length as u64;
-        Ok(taken)
+    pub(super) fn take(&mut self, length: usize) -> Option<&'a [u8]> {
+        self.0.split_off(..length)
     }
 
-    pub(super) fn u32(&mut self, what: &'static str) -> Result<u32, RvmError> {
-        let four = self.rest.first_chunk().copied().ok_or_else(|| self.cut(what))?;
-        self.take(4, what)?;
-        Ok(u32::from_be_bytes(four))
+    pub(super) fn u32(&mut self) -> Option<u32> {
+        self.take(4)?.first_chunk().copied().map(u32::from_be_bytes)
     }
 
     /// A string: its length in words of four bytes, then the bytes, padded with zeros.
-    pub(super) fn string(&mut self, what: &'static str) -> Result<&'a [u8], RvmError> {
-        let words = self.u32(what)? as usize;
-        let bytes = self.take(words.saturating_mul(4), what)?;
-        Ok(bytes.split(|&byte| byte == 0).next().unwrap_or_default())
+    pub(super) fn string(&mut self) -> Option<&'a [u8]> {
+        let words = self.u32()? as usize;
+        Some(until_zero(self.take(words.saturating_mul(4))?))
     }
 
-    const fn cut(&self, what: &'static str) -> RvmError {
-        RvmError::Truncated { at: RvmPlace::Byte(self.offset + self.rest.len() as u64), what }
+    /// What is left, up to a zero.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        until_zero(self.0)
     }
+}
+
+fn until_zero(bytes: &[u8]) -> &[u8] {
+    bytes.split(|&byte| byte == 0).next().unwrap_or_default()
 }
 
 impl Numbers for Reader<'_> {
     fn count(&mut self) -> Result<u32, Broken> {
-        self.u32("a primitive").map_err(|_| Broken::Short)
+        self.u32().ok_or(Broken::Short)
     }
 
     /// A 32-bit float as f64.
@@ -60,22 +53,18 @@ mod tests {
     #[test]
     fn numbers_and_strings() {
         let bytes = b"\0\0\x01\x02\x3f\x80\0\0\0\0\0\x02caf\xe9\0\0\0\0rest";
-        let mut reader = Reader::new(bytes, 0);
-        assert_eq!(reader.u32("a").unwrap(), 0x102);
+        let mut reader = Reader::new(bytes);
+        assert_eq!(reader.u32(), Some(0x102));
         assert_eq!(reader.real(), Ok(1.0));
-        assert_eq!(reader.string("c").unwrap(), b"caf\xe9");
-        assert_eq!(reader.take(9, "d").unwrap_err().to_string(), told(24, "d"));
+        assert_eq!(reader.string(), Some(&b"caf\xe9"[..]));
+        assert_eq!((reader.take(9), reader.take(4)), (None, Some(&b"rest"[..])));
     }
 
     #[test]
-    fn the_end_is_told_with_its_place() {
-        assert_eq!(Reader::new(&[0, 0, 0], 100).u32("x").unwrap_err().to_string(), told(103, "x"));
-        let mut reader = Reader::new(&[0xff; 8], 0);
-        assert_eq!(reader.string("name").unwrap_err().to_string(), told(8, "name"));
-        assert_eq!(Reader::new(&[0; 3], 0).real(), Err(Broken::Short));
-    }
-
-    fn told(byte: u64, what: &'static str) -> String {
-        RvmError::Truncated { at: RvmPlace::Byte(byte), what }.to_string()
+    fn what_is_not_there_is_told() {
+        assert_eq!(Reader::new(&[0, 0, 0]).u32(), None);
+        assert_eq!(Reader::new(&[0; 3]).real(), Err(Broken::Short));
+        let mut reader = Reader::new(b"\0\0\x01\0/A\0\0");
+        assert_eq!((reader.string(), reader.rest()), (None, &b"/A"[..]));
     }
 }

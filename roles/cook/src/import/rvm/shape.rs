@@ -59,7 +59,7 @@ pub(super) enum Broken {
     Measure,
     #[error("a polygon has a corner that is not finite")]
     Corner,
-    #[error("it is too large or too far away for its place to be a number")]
+    #[error("it is too large or too far away: beyond 1e15 m")]
     Place,
     #[error("it stands in no group")]
     NoGroup,

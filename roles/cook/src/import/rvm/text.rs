@@ -23,13 +23,13 @@ pub(in crate::import) fn is_text(start: &[u8]) -> bool {
 pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<RvmPlace, RvmError> {
     // The head is in plain letters, whatever the names are in.
     let head = Encoding::default().decode_file(bytes.get(..HEAD).unwrap_or(bytes));
-    let head: Vec<&str> = lines(&head).collect();
+    let (head, _) = single_spaced(lines(&head).collect());
     let label = chunks(&head).next().map(|chunk| chunk.encoding());
     let text = label.and_then(Encoding::named).unwrap_or_default().decode_file(bytes);
 
-    let lines: Vec<&str> = lines(&text).collect();
+    let (lines, step) = single_spaced(lines(&text).collect());
     for chunk in chunks(&lines) {
-        let at = RvmPlace::Line(chunk.line);
+        let at = RvmPlace::Line((chunk.line - 1) * step + 1);
         match chunk.id {
             "HEAD" => file.begin(chunk.encoding())?,
             "MODL" => {}
@@ -38,7 +38,7 @@ pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<RvmPlace, RvmEr
             "PRIM" => file.primitive(&mut chunk.numbers(0), Order::Rows, at),
             "COLR" => match colour(&mut chunk.numbers(0)) {
                 Ok((number, colour)) => file.colour(number, colour),
-                Err(_) => file.skip("COLR, too short"),
+                Err(_) => file.leave_out("COLR", "too short"),
             },
             "END:" | "END" => {
                 file.end()?;
@@ -48,19 +48,39 @@ pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<RvmPlace, RvmEr
             }
             id => file.skip(id),
         }
+        for id in chunk.lost() {
+            file.leave_out(id, "without its two numbers");
+        }
     }
-    Ok(RvmPlace::Line(lines.len() as u64))
+    Ok(RvmPlace::Line(lines.len() as u64 * step))
+}
+
+/// Lines without the blank one behind each, if there is one behind each: programs that copy a text may double
+/// its ends of lines. Also how many lines of the file each stands for.
+fn single_spaced(lines: Vec<&str>) -> (Vec<&str>, u64) {
+    let is_blank = |line: &&str| line.trim_matches(is_padding).is_empty();
+    if lines.len() > 2 && lines.iter().skip(1).step_by(2).all(is_blank) {
+        return (lines.into_iter().step_by(2).collect(), 2);
+    }
+    (lines, 1)
 }
 
 fn group(chunk: &Chunk<'_, '_>, file: &mut File<'_>, at: RvmPlace) -> Result<(), RvmError> {
+    // A reference point that no primitive depends on, the colour's number, the transparency.
+    let behind = |first: usize| {
+        let mut numbers = chunk.numbers(first);
+        let place = numbers.reals::<3>().ok()?;
+        let material = numbers.count().ok()?;
+        Some((place, material, numbers.count().ok().filter(|_| chunk.version >= 3)))
+    };
     let name = chunk.lines.first().copied().unwrap_or_default();
-    let mut numbers = chunk.numbers(1);
-    // A reference point that no primitive depends on.
-    let material = numbers.reals::<3>().and_then(|_| numbers.count());
-    let material =
-        material.map_err(|_| RvmError::Malformed { at, what: "a group has no place and colour" })?;
-    let transparency = if chunk.version < 3 { None } else { numbers.count().ok() };
-    file.open(name, material, transparency, at)
+    if let Some((_, material, transparency)) = behind(1) {
+        return file.open(name, Some(material), transparency, at);
+    }
+    let nameless = behind(0).filter(|(place, ..)| place.iter().all(|number| number.is_finite()));
+    let Some((_, material, transparency)) = nameless else { return file.open(name, None, None, at) };
+    file.report.warn_of(WarningKind::BrokenGroup, "its name is missing", "");
+    file.open("", Some(material), transparency, at)
 }
 
 fn colour(numbers: &mut Tokens<'_, '_>) -> Result<(u32, [u8; 3]), Broken> {
@@ -83,28 +103,37 @@ fn chunks<'l, 't>(lines: &'l [&'t str]) -> impl Iterator<Item = Chunk<'l, 't>> {
     let header = |at: usize| Some((at, header(lines.get(at..)?)?));
     let mut next = (0..lines.len()).find_map(header);
     std::iter::from_fn(move || {
-        let (at, (id, version)) = next.take()?;
+        let (at, (id, version, length)) = next.take()?;
         next = (at + 1..lines.len()).find_map(header);
         let end = next.map_or(lines.len(), |(end, _)| end);
-        let lines = lines.get(at + 2..end).unwrap_or_default();
+        let lines = lines.get(at + length..end).unwrap_or_default();
         Some(Chunk { id, line: at as u64 + 1, version, lines })
     })
 }
 
-/// The letters and the version of the chunk that begins with these lines, if one does.
-fn header<'t>(lines: &[&'t str]) -> Option<(&'t str, u32)> {
+/// The letters, the version and the lines of the header that begins with these lines, if one does. Blank
+/// lines may stand within it.
+fn header<'t>(lines: &[&'t str]) -> Option<(&'t str, u32, usize)> {
     let id = lines.first()?.trim_matches(is_padding);
-    let mut numbers = lines.get(1).copied().unwrap_or_default().split_whitespace().map(str::parse);
-    let version = match (numbers.next(), numbers.next(), numbers.next()) {
-        (Some(Ok::<u32, _>(_)), Some(Ok(version)), None) => Some(version),
-        _ => None,
-    };
     let may_be_in_id = |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit() || byte == b':';
     let is_id = id.len() == 4 && id.starts_with(char::is_alphabetic) && id.bytes().all(may_be_in_id);
-    match version {
-        Some(version) if is_id || id == "END" => Some((id, version)),
-        None if id == "END:" => Some((id, 0)),
+    if !is_id && id != "END" {
+        return None;
+    }
+    let mut behind = (2..).zip(lines.iter().copied().skip(1));
+    let (length, numbers) =
+        behind.find(|(_, line)| !line.trim_matches(is_padding).is_empty()).unwrap_or_default();
+    let mut words = numbers.split_whitespace();
+    let words = [words.next(), words.next(), words.next()];
+    let version = match words {
+        [Some(first), Some(version), None] if first.parse::<u32>().is_ok() => version.parse().ok(),
         _ => None,
+    };
+    // A group may have the name END: a place is behind it then.
+    let is_place = || words.iter().flatten().filter(|word| word.parse::<f64>().is_ok()).count() == 3;
+    match version {
+        Some(version) => Some((id, version, length)),
+        None => (id == "END:" && !is_place()).then_some((id, 0, 1)),
     }
 }
 
@@ -117,6 +146,18 @@ impl<'t> Chunk<'_, 't> {
     /// That which a head names, behind program, note, date and user; empty if it names none.
     fn encoding(&self) -> &'t str {
         self.lines.get(4).copied().unwrap_or_default().trim()
+    }
+
+    /// Lines in it that should begin chunks of their own and do not.
+    fn lost(&self) -> impl Iterator<Item = &'t str> {
+        let names = match self.id {
+            "HEAD" => 5,
+            "MODL" => 2,
+            "CNTB" => 1,
+            _ => 0,
+        };
+        let lines = self.lines.iter().skip(names).map(|line| line.trim_matches(is_padding));
+        lines.filter(|line| ["PRIM", "CNTB", "CNTE"].contains(line))
     }
 
     /// The numbers from one of its lines on.
@@ -157,7 +198,10 @@ impl<'t> Tokens<'_, 't> {
 
 impl Numbers for Tokens<'_, '_> {
     fn count(&mut self) -> Result<u32, Broken> {
-        self.word().ok_or(Broken::Short)?.parse().map_err(|_| Broken::Measure)
+        let word = self.word().ok_or(Broken::Short)?;
+        // Some programs write all numbers in one way, `4.0`.
+        let real = || word.parse().ok().filter(|real: &f64| real.fract() == 0.0 && *real >= 0.0);
+        word.parse().ok().or_else(|| real().map(|real| real as u32)).ok_or(Broken::Measure)
     }
 
     /// What is no number is not finite either.
@@ -187,12 +231,17 @@ mod tests {
         let lines: Vec<&str> = lines(text).collect();
         let found: Vec<_> =
             chunks(&lines).map(|chunk| (chunk.id, chunk.line, chunk.version, chunk.lines.len())).collect();
-        assert_eq!(found, [("HEAD", 1, 2, 3), ("PRIM", 6, 1, 1), ("XYZ1", 9, 3, 0), ("END:", 11, 0, 0)]);
+        assert_eq!(found, [("HEAD", 1, 2, 3), ("PRIM", 6, 1, 1), ("XYZ1", 9, 3, 0), ("END:", 11, 0, 1)]);
+        for end in ["END:\n\n\n 1 1\n", "END:", "END:\nby me"] {
+            let lines: Vec<&str> = super::lines(end).collect();
+            assert_eq!(header(&lines).map(|(id, ..)| id), Some("END:"), "{end:?}");
+        }
+        assert_eq!(header(&["END:", "0.00 0.00 1.0"]), None);
     }
 
     #[test]
     fn numbers_go_on_from_line_to_line_and_may_touch() {
-        let lines = [" 7", "", "-1234567.25-7654321.50  1e-3", " 1.#QNAN nan"];
+        let lines = [" 7.0", "", "-1234567.25-7654321.50  1e-3", " 1.#QNAN nan"];
         let mut tokens = Tokens { lines: &lines, rest: "" };
         assert_eq!(tokens.count(), Ok(7));
         assert_eq!(tokens.reals(), Ok([-1_234_567.25, -7_654_321.5, 1e-3]));
