@@ -83,12 +83,14 @@ impl Imported {
     /// How many warnings say why a model has nothing to draw.
     const REASONS: usize = 5;
 
-    /// The model, if it has any object.
+    /// The model, if anything of it can be drawn.
     ///
     /// # Errors
-    /// If it has none: it names the files, and what was left out of them.
+    /// If nothing can: it names the files, and what was left out of them.
     pub fn with_objects(self) -> Result<Self, ImportError> {
-        if !self.model.objects.is_empty() {
+        let meshes = &self.model.meshes;
+        let mut drawn = self.model.objects.iter().filter_map(|object| meshes.get(object.mesh as usize));
+        if drawn.any(|mesh| !assemble::draws_nothing(mesh)) {
             return Ok(self);
         }
         let files = self.model.sources.into_iter().map(|source| source.name).collect();

@@ -86,8 +86,11 @@ pub enum WarningKind {
     VolumeLeftOut,
     /// Objects whose matrix flattens them: their mesh was flattened instead.
     FlattenedObject,
-    /// Objects without a single triangle that is more than a line or a point: left out.
+    /// Objects without a single triangle: left out. In OBJ one that is a line or a point is none.
     EmptyObject,
+    /// RVM and glTF objects whose triangles are all lines or points, a cylinder of diameter 0 say: kept by
+    /// their names, and not drawn.
+    NoArea,
     /// Files of which no object is left, where others have objects.
     FileWithoutObject,
     /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a
@@ -274,6 +277,7 @@ impl fmt::Display for WarningKind {
             Self::VolumeLeftOut => "insulation and obstruction volumes left out",
             Self::FlattenedObject => "objects that their matrix flattens",
             Self::EmptyObject => "objects without a triangle left out",
+            Self::NoArea => "objects without an area kept by name: nothing of them can be drawn",
             Self::FileWithoutObject => "files without an object: nothing of them is in the scene",
             Self::LargePolygon => "polygons of more than 8,192 corners drawn without their holes",
             Self::BrokenPrimitive => "broken primitives left out",

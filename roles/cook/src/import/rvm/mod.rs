@@ -84,11 +84,13 @@ pub(super) fn import(
         report.box_mismatches += placed.box_mismatches;
         report.warn(WarningKind::LargePolygon, placed.large_polygons);
         report.warn_many(WarningKind::BrokenPrimitive, &Broken::Place.to_string(), name, placed.left_out);
-        let drawn = placed.mesh.filter(|(mesh, _)| !draws_nothing(mesh));
-        let Some((mesh, origin)) = drawn else {
+        let Some((mesh, origin)) = placed.mesh else {
             report.warn_of(WarningKind::EmptyObject, "", name);
             continue;
         };
+        if draws_nothing(&mesh) {
+            report.warn_of(WarningKind::NoArea, "", name);
+        }
         if let Some(material) = solids.material.filter(|_| !solids.colour_known) {
             report.warn_of(WarningKind::UnknownColour, &format!("material {material}"), name);
         }
