@@ -8,13 +8,13 @@ use super::faults::Faults;
 use super::materials::Material;
 use super::parse::{Face, Heading, Parsed, Run};
 use super::tints::Scale;
+use crate::Object;
 use crate::import::assemble::{centred, draws_nothing};
 use crate::import::budget::Budget;
 use crate::import::hierarchy::{Branch, groups};
 use crate::import::polygon::Triangulator;
 use crate::import::report::{ImportReport, Warning, WarningKind};
 use crate::import::{OverBudget, Part};
-use crate::{Mesh, Object};
 use trimaran_scene::Rgba8;
 
 /// What a face without a material is drawn in.
