@@ -41,8 +41,8 @@ impl Bytes<'_> {
 }
 
 /// Loads all buffers of a document. One that is not there has no bytes, and one that is shorter than the
-/// document says has those that it has: whoever needs more says so. One that only stands for bytes that others
-/// have compressed may be empty.
+/// document says has those that it has: what needs more is left out where it is read. One that only stands
+/// for bytes that others have compressed may be empty.
 pub(super) fn load<'a>(
     resources: &mut Resources<'_, '_>,
     buffers: &[Buffer],

@@ -65,7 +65,8 @@ pub enum GltfError {
     },
     /// An accessor that geometry is read from is malformed.
     #[error(
-        "accessor {accessor}, needed by {user}, is malformed: {what}; export it again, or correct the file there"
+        "accessor {accessor}, needed by {user}, is malformed: {what}; export it again, or correct the file \
+         there"
     )]
     Accessor {
         /// Index of the accessor.
@@ -131,7 +132,9 @@ impl GltfError {
     pub(super) fn what(&self) -> String {
         match self {
             Self::Accessor { accessor, what, .. } => format!("accessor {accessor}: {what}"),
-            Self::Draco { what, .. } => format!("Draco: {what}"),
+            Self::Draco { what, .. } => {
+                format!("KHR_draco_mesh_compression: {what}; `gltf-transform copy` decompresses the file")
+            }
             Self::Mesh { what, .. } => what.clone(),
             other => other.to_string(),
         }

@@ -1,8 +1,9 @@
 //! The parts of a glTF document that a model needs, as they stand in the JSON.
 //!
-//! Nothing here is checked beyond its type, and that as leniently as its meaning allows: an index is checked where it is followed. The `gltf` crate is not
-//! used for this: it keeps matrices as f32, which at the coordinates of a plant (1e6 m) is 6 cm, and both its
-//! check of a document and its reader of containers can panic on hostile input.
+//! Nothing here is checked beyond its type, and that as leniently as its meaning allows: an index is checked
+//! where it is followed. The `gltf` crate is not used for this: it keeps matrices as f32, which at the
+//! coordinates of a plant (1e6 m) is 6 cm, and both its check of a document and its reader of containers can
+//! panic on hostile input.
 
 use std::collections::BTreeMap;
 

@@ -1,5 +1,5 @@
-//! JSON that a strict reader refuses for a trifle, made into JSON: what programs write that put texts together
-//! themselves, or that write what their own reader takes.
+//! JSON that a strict reader refuses for a trifle, made into JSON: what programs write that put texts
+//! together themselves, or that write what their own reader takes.
 
 use std::borrow::Cow;
 use std::fmt::Write;

@@ -262,9 +262,9 @@ impl<'a> Walk<'a> {
         let Document { scene, scenes, .. } = self.document;
         let named = scene.and_then(|index| scenes.get(index as usize));
         if let (Some(index), None) = (*scene, named) {
-            let what = "it does not exist";
-            self.faults.note(WarningKind::ReferenceLeftOut, what, &format!("scene {index}"));
-            self.faults.cause(|| GltfError::Scene { scene: index, what });
+            let told = "it does not exist: the first one is read instead, or without any all nodes";
+            self.faults.note(WarningKind::ReferenceLeftOut, told, &format!("scene {index}"));
+            self.faults.cause(|| GltfError::Scene { scene: index, what: "it does not exist" });
         }
         named.or(scenes.first())
     }

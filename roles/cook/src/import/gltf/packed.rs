@@ -18,8 +18,8 @@ type Result<T> = std::result::Result<T, &'static str>;
 /// What a compressed view counts as a vertex, bytes.
 const BYTES_A_VERTEX: u64 = 32;
 
-/// The decompressed bytes of each compressed view. One that cannot be decompressed has those that stand in its
-/// place, if there are any.
+/// The decompressed bytes of each compressed view. One that cannot be decompressed has those that stand in
+/// its place, if there are any.
 pub(super) fn decompress(
     views: &[BufferView],
     buffers: &[Bytes<'_>],
