@@ -145,14 +145,12 @@ fn small_gltf_files_that_other_readers_bear() {
         ("46-nan-one-vertex.gltf", WarningKind::TriangleLeftOut),
         ("48-hidden.gltf", WarningKind::HiddenNode),
         ("57-structural-metadata.gltf", WarningKind::MetadataLeftOut),
+        ("45-draco-used-only.gltf", WarningKind::PrimitiveLeftOut),
     ] {
         assert_eq!(good(name).report.counts()[0].0, kind, "{name}");
     }
-    for (name, parts) in [
-        ("43-gltf1.gltf", ["glTF 1.0", "convert"]),
-        ("45-draco-used-only.gltf", ["KHR_draco_mesh_compression", "gltf-transform"]),
-    ] {
-        let said = read(name).unwrap_err().to_string();
-        assert!(parts.iter().all(|part| said.contains(part)), "{said}");
-    }
+    let said = read("43-gltf1.gltf").unwrap_err().to_string();
+    assert!(said.contains("glTF 1.0") && said.contains("convert"), "{said}");
+    let said = good("45-draco-used-only.gltf").report.warnings[0].to_string();
+    assert!(said.contains("KHR_draco_mesh_compression") && said.contains("gltf-transform"), "{said}");
 }

@@ -81,6 +81,20 @@ pub enum WarningKind {
     TriangleLeftOut,
     /// glTF metadata that cannot be told of whole objects: left out.
     MetadataLeftOut,
+    /// What is not JSON in a glTF document and can be read in one way only: read so.
+    JsonMended,
+    /// Values of a glTF document that are not what the format has there: left out.
+    FieldLeftOut,
+    /// glTF buffers, and compressed views of them, that cannot be read: what needs them is left out.
+    BytesLeftOut,
+    /// glTF primitives that are broken: left out.
+    PrimitiveLeftOut,
+    /// glTF references to what is not there, or to what has its place already: left out.
+    ReferenceLeftOut,
+    /// glTF nodes with a mesh that the scene that is read does not have: left out.
+    OutsideScene,
+    /// Extensions that a glTF file requires and that change no shape: left out.
+    ExtensionLeftOut,
     /// RVM insulation and obstruction volumes: they are room kept free, not things, and would hide what is in
     /// them.
     VolumeLeftOut,
@@ -274,6 +288,13 @@ impl fmt::Display for WarningKind {
             Self::MetadataLeftOut => {
                 "metadata left out: attributes are kept where they are of a whole object"
             }
+            Self::JsonMended => "places where the document is not JSON mended",
+            Self::FieldLeftOut => "values that are not what the format demands left out",
+            Self::BytesLeftOut => "buffers that cannot be read left out",
+            Self::PrimitiveLeftOut => "broken primitives of meshes left out",
+            Self::ReferenceLeftOut => "references that lead nowhere, or to a node with a place, left out",
+            Self::OutsideScene => "nodes with a mesh left out: they are not in the scene that is read",
+            Self::ExtensionLeftOut => "required extensions left out: they change no shape",
             Self::VolumeLeftOut => "insulation and obstruction volumes left out",
             Self::FlattenedObject => "objects that their matrix flattens",
             Self::EmptyObject => "objects without a triangle left out",

@@ -87,9 +87,10 @@ fn a_texture_is_its_mean_over_the_triangle_in_linear_light_and_that_is_said() {
 #[test]
 fn each_triangle_has_the_mean_of_its_own_part() {
     let mut document = Document::default();
-    document.positions(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
-    let uv = document.coordinates(&[[0.1, 0.1], [0.2, 0.1], [0.9, 0.9], [0.8, 0.9]]);
-    let corners = document.indices(&[0, 1, 0, 2, 3, 2]);
+    let (low, high) = ([0.0, 0.0, 0.0], [1.0, 1.0, 0.0]);
+    document.positions(&[low, [1.0, 0.0, 0.0], [0.5; 3], high, [0.0, 1.0, 0.0], [0.5; 3]]);
+    let uv = document.coordinates(&[[0.1, 0.1], [0.2, 0.1], [0.1, 0.1], [0.9, 0.9], [0.8, 0.9], [0.9, 0.9]]);
+    let corners = document.indices(&[0, 1, 2, 3, 4, 5]);
     let view = document.view(&png(2, 1, &[RED, GREEN]), "");
     let file = document.glb(&format!(
         r#"{NODE},"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":{uv}}},"indices":{corners},

@@ -140,7 +140,7 @@ fn nodes_without_a_place_are_left_out_with_all_below_them_and_counted() {
     for (node, why) in [
         (r#""matrix":[1,0,0,1, 0,1,0,0, 0,0,1,0, 0,0,0,1]"#, "the last row of its matrix is not 0 0 0 1"),
         (r#""rotation":[0,0,0,0]"#, "its rotation is not a quaternion"),
-        (r#""scale":[1e300,1e300,1]"#, "its matrix overflows"),
+        (r#""scale":[1e300,1e300,1]"#, "its matrix is not finite"),
     ] {
         let nodes = format!(
             r#"[{{"mesh":0,"name":"good"}},{{"name":"bad","mesh":0,"children":[2],{node}}},{{"mesh":0}}]"#

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests: a failure is a test's failure")]
 #![allow(dead_code, reason = "each test file uses its part of the helpers")]
 
+mod broken;
 mod colours;
 mod compressed;
 mod document;

@@ -70,7 +70,10 @@ fn quantized_positions_of_every_type_are_read() {
     ] {
         let mut document = Document::default();
         let stride = bytes.len();
-        let view = document.view(&bytes.repeat(3), &format!(r#","byteStride":{stride}"#));
+        let mut along_y = vec![0; stride];
+        along_y[stride / 4] = 1;
+        let all = [bytes, vec![0; stride], along_y].concat();
+        let view = document.view(&all, &format!(r#","byteStride":{stride}"#));
         document.raw_accessor(&format!(
             r#"{{"bufferView":{view},"componentType":{component},"normalized":{normalized},"count":3,"type":"VEC3"}}"#
         ));

@@ -25,6 +25,9 @@ enum Component {
     F32,
 }
 
+/// What is wrong with an accessor whose bytes are nowhere.
+const NO_VIEW: &str = "its buffer view does not exist";
+
 type Result<T> = std::result::Result<T, &'static str>;
 
 impl<'a> Accessors<'a> {
@@ -107,7 +110,7 @@ impl<'a> Accessors<'a> {
         };
         let size = component.size() * N;
         let Some(picks) = picks else { return self.elements(accessor, size, [0.0; N], decode) };
-        let view = accessor.buffer_view.ok_or("its buffer view does not exist")?;
+        let view = accessor.buffer_view.ok_or(NO_VIEW)?;
         let elements = self.strided(view, accessor.byte_offset, accessor.count, size)?;
         let pick =
             |&pick: &u32| elements.get(pick as usize).map(decode).ok_or("an index points past its end");
@@ -142,18 +145,22 @@ impl<'a> Accessors<'a> {
             None if accessor.count <= self.total => vec![zero; accessor.count as usize],
             None => return Err("it claims more elements than the file has bytes"),
         };
-        if let Some(sparse) = &accessor.sparse {
+        if let Some(sparse) = accessor.sparse.as_ref().filter(|sparse| sparse.count > 0) {
             let part = &sparse.indices;
             let index = Component::new(part.component_type.ok_or("its sparse indices have no type")?)?;
             if !index.is_unsigned() {
                 return Err("its sparse indices are not unsigned");
             }
-            let places =
-                self.dense(part.buffer_view, part.byte_offset, sparse.count, index.size(), |bytes| {
-                    index.unsigned(bytes)
-                })?;
+            let places = self.dense(
+                part.buffer_view.ok_or(NO_VIEW)?,
+                part.byte_offset,
+                sparse.count,
+                index.size(),
+                |bytes| index.unsigned(bytes),
+            )?;
             let part = &sparse.values;
-            let values = self.dense(part.buffer_view, part.byte_offset, sparse.count, size, &decode)?;
+            let values =
+                self.dense(part.buffer_view.ok_or(NO_VIEW)?, part.byte_offset, sparse.count, size, &decode)?;
             for (place, value) in places.into_iter().zip(values) {
                 *elements.get_mut(place as usize).ok_or("a sparse index points past its end")? = value;
             }
@@ -178,7 +185,8 @@ impl<'a> Accessors<'a> {
     fn strided(&self, view: u32, offset: u64, count: u64, size: usize) -> Result<Strided<'a>> {
         let (bytes, stride) = self.bytes(view)?;
         let stride = match stride {
-            None => size,
+            // Exporters write 0 for "one behind the other".
+            None | Some(0) => size,
             Some(stride) => usize::try_from(stride)
                 .ok()
                 .filter(|&stride| stride >= size)
@@ -195,14 +203,16 @@ impl<'a> Accessors<'a> {
 
     /// The bytes of a view, and the step from one element to the next if it prescribes one.
     fn bytes(&self, index: u32) -> Result<(&'a [u8], Option<u64>)> {
-        let view = self.views.get(index as usize).ok_or("its buffer view does not exist")?;
+        let view = self.views.get(index as usize).ok_or(NO_VIEW)?;
         if let Some(Some(bytes)) = self.decompressed.get(index as usize) {
             let stride = view.packed().filter(|packed| packed.mode == "ATTRIBUTES");
             return Ok((bytes, view.byte_stride.or(stride.map(|packed| packed.byte_stride))));
         }
         let buffer = self.buffers.get(view.buffer as usize).ok_or("its buffer does not exist")?.as_slice();
         let range = usize::try_from(view.byte_offset).ok().zip(usize::try_from(view.byte_length).ok());
-        let bytes = range.and_then(|(start, length)| buffer.get(start..start.checked_add(length)?));
+        // Of a view that reaches past the end there is what the buffer has: an accessor may need no more.
+        let bytes =
+            range.and_then(|(start, length)| buffer.get(start..start.checked_add(length)?.min(buffer.len())));
         Ok((bytes.ok_or("its buffer view reaches past the end of the buffer")?, view.byte_stride))
     }
 }
@@ -326,8 +336,10 @@ mod tests {
         let huge = r#"{"buffer":0,"byteOffset":18446744073709551615,"byteLength":18446744073709551615}"#;
         let accessor = r#"{"bufferView":0,"componentType":5126,"count":1,"type":"VEC3"}"#;
         assert!(read::<3>(accessor, huge, &[0; 8]).is_err());
-        let still = r#"{"buffer":0,"byteLength":8,"byteStride":0}"#;
+        let still = r#"{"buffer":0,"byteLength":8,"byteStride":2}"#;
         assert_eq!(read::<3>(accessor, still, &[0; 8]), Err("its stride is less than an element"));
+        let tight = r#"{"buffer":0,"byteLength":12,"byteStride":0}"#;
+        assert_eq!(read::<3>(accessor, tight, &[0; 12]), Ok(vec![[0.0; 3]]));
     }
 
     #[test]

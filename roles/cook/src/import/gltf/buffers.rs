@@ -11,8 +11,10 @@ use percent_encoding::percent_decode_str;
 use thiserror::Error;
 
 use super::GltfError;
+use super::faults::Faults;
 use super::json::Buffer;
 use crate::import::neighbours::{Neighbours, NotThere};
+use crate::import::report::WarningKind;
 
 /// Exporters differ on padding.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -38,28 +40,42 @@ impl Bytes<'_> {
     }
 }
 
-/// Loads all buffers of a document; each is exactly as long as the document says. One that only stands for
-/// bytes that others have compressed may be empty.
+/// Loads all buffers of a document. One that is not there has no bytes, and one that is shorter than the
+/// document says has those that it has: what needs more is left out where it is read. One that only stands
+/// for bytes that others have compressed may be empty.
 pub(super) fn load<'a>(
     resources: &mut Resources<'_, '_>,
     buffers: &[Buffer],
     bin: Option<&'a [u8]>,
-) -> Result<Vec<Bytes<'a>>, GltfError> {
-    let load = |(index, buffer): (usize, &Buffer)| {
-        let malformed = |what| GltfError::Buffer { buffer: index, what };
-        let too_short = malformed("it has fewer bytes than the document says");
-        let Ok(length) = usize::try_from(buffer.byte_length) else { return Err(too_short) };
-        match (&buffer.uri, bin) {
-            _ if buffer.is_fallback() => Ok(Bytes::Within(&[])),
-            (Some(uri), _) => {
-                let bytes = resources.fetch(uri).map_err(|fault| fault.of_buffer(index))?;
-                if length <= bytes.len() { Ok(Bytes::Shared { bytes, length }) } else { Err(too_short) }
+    faults: &mut Faults,
+) -> Vec<Bytes<'a>> {
+    let mut load = |(index, buffer): (usize, &Buffer)| {
+        let length = usize::try_from(buffer.byte_length).unwrap_or(usize::MAX);
+        let bytes = match (&buffer.uri, bin) {
+            _ if buffer.is_fallback() => return Bytes::Within(&[]),
+            (Some(uri), _) => match resources.fetch(uri) {
+                Ok(bytes) => Bytes::Shared { length: length.min(bytes.len()), bytes },
+                Err(fault) => {
+                    faults.note(WarningKind::BytesLeftOut, &fault.to_string(), &format!("buffer {index}"));
+                    faults.cause(|| fault.of_buffer(index));
+                    return Bytes::Within(&[]);
+                }
+            },
+            (None, Some(bin)) if index == 0 => Bytes::Within(bin.get(..length).unwrap_or(bin)),
+            (None, _) => {
+                let what = "it has no address, and the file no bytes for it";
+                faults.note(WarningKind::BytesLeftOut, what, &format!("buffer {index}"));
+                faults.cause(|| GltfError::Buffer { buffer: index, what });
+                return Bytes::Within(&[]);
             }
-            (None, Some(bin)) if index == 0 => bin.get(..length).map(Bytes::Within).ok_or(too_short),
-            (None, _) => Err(malformed("it has no address, and the file no bytes for it")),
+        };
+        if bytes.as_slice().len() < length {
+            let what = "it has fewer bytes than the document says";
+            faults.cause(|| GltfError::Buffer { buffer: index, what });
         }
+        bytes
     };
-    buffers.iter().enumerate().map(load).collect()
+    buffers.iter().enumerate().map(&mut load).collect()
 }
 
 /// What a document refers to by an address: data URIs, and files beside it.
@@ -84,22 +100,25 @@ impl ResourceFault {
 }
 
 impl Resources<'_, '_> {
-    /// The bytes at an address. Addresses are percent-encoded, but some exporters write names as they are, and
-    /// some write the backslashes of Windows.
+    /// The bytes at an address. Addresses are percent-encoded, but some exporters write names as they are,
+    /// some write the backslashes of Windows, and some whole paths of the machine that they ran on: then the
+    /// file of that name beside the document is meant.
     pub(super) fn fetch(&mut self, uri: &str) -> Result<Arc<Vec<u8>>, ResourceFault> {
         use ResourceFault::{Malformed, Unread};
-        if let Some(data) = uri.strip_prefix("data:") {
-            let (kind, data) = data.split_once(',').ok_or(Malformed("its data URI has no comma"))?;
-            return Ok(Arc::new(if kind.ends_with(";base64") {
-                BASE64.decode(data).map_err(|_| Malformed("its data URI is not base64"))?
-            } else {
-                percent_decode_str(data).collect()
-            }));
+        let uri = uri.trim();
+        if is_data(uri) {
+            let (kind, data) = uri.split_once(',').ok_or(Malformed("its data URI has no comma"))?;
+            let data: Vec<u8> = percent_decode_str(data).collect();
+            let is_base64 = kind.to_ascii_lowercase().trim_end().ends_with(";base64");
+            return Ok(Arc::new(if is_base64 { from_base64(data)? } else { data }));
         }
-        let decoded = percent_decode_str(uri).decode_utf8_lossy();
-        let names = [decoded.to_string(), decoded.replace('\\', "/"), uri.to_owned()];
+        let plain = uri.split(['?', '#']).next().unwrap_or(uri);
+        let [decoded, plain] =
+            [uri, plain].map(|uri| percent_decode_str(uri).decode_utf8_lossy().replace('\\', "/"));
+        let last = plain.rsplit('/').next().unwrap_or_default().to_owned();
+        let exact = percent_decode_str(uri).decode_utf8_lossy().into_owned();
         let mut first = None;
-        for name in names {
+        for name in [exact, without_detours(&decoded), uri.to_owned(), without_detours(&plain), last] {
             match self.0.read(Path::new(&name)) {
                 Ok((bytes, _)) => return Ok(bytes),
                 Err(NotThere::Elsewhere) => {
@@ -116,6 +135,40 @@ impl Resources<'_, '_> {
     }
 }
 
+/// Whether an address is the bytes themselves.
+pub(super) fn is_data(uri: &str) -> bool {
+    uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
+}
+
+/// Bytes of base64 of either alphabet, in lines or not, padded or not.
+fn from_base64(mut data: Vec<u8>) -> Result<Vec<u8>, ResourceFault> {
+    data.retain(|byte| !byte.is_ascii_whitespace());
+    for byte in &mut data {
+        *byte = match *byte {
+            b'-' => b'+',
+            b'_' => b'/',
+            other => other,
+        };
+    }
+    let end = data.iter().rposition(|byte| *byte != b'=').map_or(0, |last| last + 1);
+    data.truncate(end);
+    BASE64.decode(data).map_err(|_| ResourceFault::Malformed("its data URI is not base64"))
+}
+
+/// A name without the folders that it leaves again: `a/../b` is `b`.
+fn without_detours(name: &str) -> String {
+    let mut parts: Vec<&str> = Vec::new();
+    for part in name.split('/') {
+        match (part, parts.last()) {
+            ("..", Some(last)) if !matches!(*last, ".." | "." | "") => {
+                parts.pop();
+            }
+            _ => parts.push(part),
+        }
+    }
+    parts.join("/")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -129,7 +182,9 @@ mod tests {
     ) -> Result<Vec<Bytes<'a>>, GltfError> {
         let budget = Budget::new(ImportLimits::default());
         let mut neighbours = Neighbours::of(Some(path), &budget);
-        load(&mut Resources(&mut neighbours), buffers, bin)
+        let mut faults = Faults::default();
+        let loaded = load(&mut Resources(&mut neighbours), buffers, bin, &mut faults);
+        faults.first().map_or(Ok(loaded), Err)
     }
 
     fn buffer(uri: Option<&str>, byte_length: u64) -> Buffer {
@@ -155,6 +210,7 @@ mod tests {
         std::fs::create_dir(folder.path().join("buf dir")).unwrap();
         std::fs::write(folder.path().join("buf dir/a.bin"), b"abcd").unwrap();
         std::fs::write(folder.path().join("50%25.bin"), b"efgh").unwrap();
+        std::fs::write(folder.path().join("top.bin"), b"ijkl").unwrap();
         let path = folder.path().join("a.gltf");
         for (uri, bytes) in [
             ("buf dir/a.bin", b"abcd"),
@@ -162,6 +218,11 @@ mod tests {
             (r"buf dir\a.bin", b"abcd"),
             (r".\buf%20dir\a.bin", b"abcd"),
             ("50%25.bin", b"efgh"),
+            ("top.bin?version=1", b"ijkl"),
+            ("buf dir/../buf dir/a.bin", b"abcd"),
+            (r"C:\Users\me\top.bin", b"ijkl"),
+            ("file:///home/me/top.bin", b"ijkl"),
+            ("/home/me/top.bin", b"ijkl"),
         ] {
             let loaded = load_at(&path, &[buffer(Some(uri), 4)], None).unwrap();
             assert_eq!(loaded[0].as_slice(), bytes, "{uri}");
@@ -180,9 +241,13 @@ mod tests {
 
     #[test]
     fn data_uris_are_decoded_padded_or_not() {
-        for uri in
-            ["data:;base64,AQIDBA==", "data:application/octet-stream;base64,AQIDBA", "data:,%01%02%03%04"]
-        {
+        for uri in [
+            "data:;base64,AQIDBA==",
+            "data:application/octet-stream;base64,AQIDBA",
+            "data:,%01%02%03%04",
+            "DATA:x/y;charset=utf-8;BASE64, AQ\nID\tBA%3D%3D",
+            "data:;base64,AQIDBA=====",
+        ] {
             assert_eq!(load_one(Some(uri), 4).unwrap(), [1, 2, 3, 4], "{uri}");
         }
         for uri in ["data:;base64", "data:;base64,****"] {

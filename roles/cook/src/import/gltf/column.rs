@@ -4,7 +4,7 @@ use serde::Deserialize;
 use serde_json::{Number, Value};
 
 use super::accessor::Accessors;
-use super::lenient::{maybe_whole, whole};
+use super::lenient::{maybe_whole, text, whole};
 use super::metadata::{Enumeration, Property};
 
 type Result<T> = std::result::Result<T, &'static str>;
@@ -19,7 +19,9 @@ pub(super) struct Column {
     array_offsets: Option<u32>,
     #[serde(deserialize_with = "maybe_whole")]
     string_offsets: Option<u32>,
+    #[serde(deserialize_with = "text")]
     array_offset_type: Option<String>,
+    #[serde(deserialize_with = "text")]
     string_offset_type: Option<String>,
     /// In place of the property's.
     offset: Option<Value>,
@@ -86,7 +88,8 @@ impl Column {
                 let names = names.ok_or("its names are not in the schema")?;
                 let kind = Kind::new(names.value_type.as_deref().unwrap_or("UINT16"))?;
                 let number = kind.read(bytes, at)?;
-                let known = names.values.iter().find(|known| number.as_i64() == Some(known.value));
+                let known =
+                    names.values.iter().find(|known| known.value.is_some() && number.as_i64() == known.value);
                 return Ok(known.map_or(Value::Number(number), |known| Value::String(known.name.clone())));
             }
             "SCALAR" => 1,

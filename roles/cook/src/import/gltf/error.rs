@@ -19,9 +19,17 @@ pub enum GltfError {
         /// What is wrong there.
         what: &'static str,
     },
-    /// The JSON does not parse, or a field has the wrong type.
-    #[error("the JSON does not parse: {0}")]
+    /// The JSON does not parse.
+    #[error("the JSON does not parse: {0}; the file may be cut off or changed by hand: export it again")]
     Json(#[from] serde_json::Error),
+    /// A value in the JSON is not what the format has there.
+    #[error("{part} is malformed: {what}; export it again, or correct the file there")]
+    Field {
+        /// What it is in: a node, a mesh, an accessor.
+        part: String,
+        /// The value, and what is wrong with it.
+        what: String,
+    },
     /// The file is of another version of glTF.
     #[error(
         "it is glTF {version}, and this reads 2.0: convert it \
@@ -48,7 +56,7 @@ pub enum GltfError {
         source: io::Error,
     },
     /// A buffer's address or content is malformed.
-    #[error("buffer {buffer} is malformed: {what}")]
+    #[error("buffer {buffer} is malformed: {what}; export it again, or correct the file there")]
     Buffer {
         /// Index of the buffer.
         buffer: usize,
@@ -56,7 +64,10 @@ pub enum GltfError {
         what: &'static str,
     },
     /// An accessor that geometry is read from is malformed.
-    #[error("accessor {accessor}, needed by {user}, is malformed: {what}")]
+    #[error(
+        "accessor {accessor}, needed by {user}, is malformed: {what}; export it again, or correct the file \
+         there"
+    )]
     Accessor {
         /// Index of the accessor.
         accessor: u32,
@@ -88,7 +99,7 @@ pub enum GltfError {
         what: String,
     },
     /// A mesh is malformed.
-    #[error("{mesh} is malformed: {what}")]
+    #[error("{mesh} is malformed: {what}; export it again, or correct the file there")]
     Mesh {
         /// The mesh and primitive, with its name.
         mesh: String,
@@ -96,7 +107,7 @@ pub enum GltfError {
         what: String,
     },
     /// A node is malformed.
-    #[error("{node} is malformed: {what}")]
+    #[error("{node} is malformed: {what}; export it again, or correct the file there")]
     Node {
         /// The path to the node from its root.
         node: String,
@@ -107,11 +118,25 @@ pub enum GltfError {
     #[error(transparent)]
     Budget(#[from] OverBudget),
     /// The scene to show is not there, or names a node that is not.
-    #[error("scene {scene} is malformed: {what}")]
+    #[error("scene {scene} is malformed: {what}; export it again, or correct the file there")]
     Scene {
         /// Index of the scene.
         scene: u32,
         /// What is wrong with it.
         what: &'static str,
     },
+}
+
+impl GltfError {
+    /// What is wrong, without where that is.
+    pub(super) fn what(&self) -> String {
+        match self {
+            Self::Accessor { accessor, what, .. } => format!("accessor {accessor}: {what}"),
+            Self::Draco { what, .. } => {
+                format!("KHR_draco_mesh_compression: {what}; `gltf-transform copy` decompresses the file")
+            }
+            Self::Mesh { what, .. } => what.clone(),
+            other => other.to_string(),
+        }
+    }
 }

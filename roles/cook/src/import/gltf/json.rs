@@ -1,8 +1,9 @@
 //! The parts of a glTF document that a model needs, as they stand in the JSON.
 //!
-//! Nothing here is checked beyond its type: an index is checked where it is followed. The `gltf` crate is not
-//! used for this: it keeps matrices as f32, which at the coordinates of a plant (1e6 m) is 6 cm, and both its
-//! check of a document and its reader of containers can panic on hostile input.
+//! Nothing here is checked beyond its type, and that as leniently as its meaning allows: an index is checked
+//! where it is followed. The `gltf` crate is not used for this: it keeps matrices as f32, which at the
+//! coordinates of a plant (1e6 m) is 6 cm, and both its check of a document and its reader of containers can
+//! panic on hostile input.
 
 use std::collections::BTreeMap;
 
@@ -12,9 +13,15 @@ use serde_json::Value;
 use trimaran_scene::Attribute;
 
 use super::GltfError;
-use super::lenient::{maybe_whole, or_default, text, whole, wholes, wholes_by_name};
+use super::faults::Faults;
+use super::lenient::{
+    flag, maybe_flag, maybe_whole, or_default, reals, text, vector, whole, wholes, wholes_by_name,
+};
 use super::material::{Image, Material, Sampler, Texture};
+use super::mend::{Mended, mend};
 use super::metadata::{FeatureIds, Features, Metadata};
+use super::tolerant;
+use crate::import::report::WarningKind;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
@@ -49,16 +56,46 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Parses a document.
-    pub(super) fn parse(json: &[u8]) -> Result<Self, GltfError> {
-        serde_json::from_slice(json).map_err(|error| match serde_json::from_slice::<Head>(json) {
-            Ok(Head { meshes, nodes, accessors })
-                if [&meshes, &nodes, &accessors].into_iter().any(|all| !all.is_empty()) =>
-            {
-                GltfError::Version { version: "1.0".into() }
+    /// Parses a document. One that is not quite the format is read as far as it goes.
+    pub(super) fn parse(json: &[u8], faults: &mut Faults) -> Result<Self, GltfError> {
+        let mut document = match serde_json::from_slice(json) {
+            Ok(document) => document,
+            Err(_) => Self::parse_mended(json, faults)?,
+        };
+        document.settle(faults);
+        Ok(document)
+    }
+
+    fn parse_mended(json: &[u8], faults: &mut Faults) -> Result<Self, GltfError> {
+        let Mended { json, faults: mended } = mend(json);
+        if let Ok(Head { meshes, nodes, accessors }) = serde_json::from_slice::<Head>(&json)
+            && [&meshes, &nodes, &accessors].into_iter().any(|all| !all.is_empty())
+        {
+            return Err(GltfError::Version { version: "1.0".into() });
+        }
+        for (what, count) in mended {
+            faults.report.warn_about(WarningKind::JsonMended, what, count);
+        }
+        Ok(tolerant::read(&json, faults)?)
+    }
+
+    /// Makes what is no number into what stands for nothing. Places stay: without one, a node is left out.
+    fn settle(&mut self, faults: &mut Faults) {
+        let mut weights = 0;
+        let of_meshes = self.meshes.iter_mut().filter_map(|mesh| mesh.weights.as_mut());
+        let of_nodes = self.nodes.iter_mut().filter_map(|node| node.weights.as_mut());
+        for weight in of_meshes.chain(of_nodes).flatten().filter(|weight| !weight.is_finite()) {
+            *weight = 0.0;
+            weights += 1;
+        }
+        let detail = "weights of morph targets that are no numbers: taken as 0";
+        faults.report.warn_about(WarningKind::FieldLeftOut, detail, weights);
+        for (number, material) in self.materials.iter_mut().enumerate() {
+            let name = material.name.clone().unwrap_or_else(|| format!("material {number}"));
+            for what in material.settle() {
+                faults.report.warn_of(WarningKind::FieldLeftOut, what, &name);
             }
-            _ => error.into(),
-        })
+        }
     }
 
     /// What an object is called that places `mesh` by `node`: as the node, or else as the mesh.
@@ -157,6 +194,7 @@ pub(super) struct Scene {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Node {
+    #[serde(deserialize_with = "text")]
     pub name: Option<String>,
     #[serde(deserialize_with = "wholes")]
     pub children: Vec<u32>,
@@ -166,12 +204,17 @@ pub(super) struct Node {
     pub skin: Option<u32>,
     /// Column-major, to the parent's frame. Boxed, as all that few nodes have: an empty node takes two bytes
     /// of a file.
+    #[serde(deserialize_with = "vector")]
     pub matrix: Option<Box<[f64; 16]>>,
+    #[serde(deserialize_with = "vector")]
     pub translation: Option<Box<[f64; 3]>>,
     /// A quaternion: x, y, z, w.
+    #[serde(deserialize_with = "vector")]
     pub rotation: Option<Box<[f64; 4]>>,
+    #[serde(deserialize_with = "vector")]
     pub scale: Option<Box<[f64; 3]>>,
     /// Of the mesh's morph targets, in place of the mesh's own.
+    #[serde(deserialize_with = "reals")]
     pub weights: Option<Box<[f32]>>,
     pub extensions: Option<Box<NodeExtensions>>,
     /// Whatever its maker says of it.
@@ -203,6 +246,7 @@ pub(super) struct NodeExtensions {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Visibility {
+    #[serde(deserialize_with = "maybe_flag")]
     pub visible: Option<bool>,
 }
 
@@ -217,12 +261,13 @@ pub(super) struct Instancing {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Mesh {
+    #[serde(deserialize_with = "text")]
     pub name: Option<String>,
     #[serde(deserialize_with = "or_default")]
     pub primitives: Vec<Primitive>,
     /// Of the primitives' morph targets.
-    #[serde(deserialize_with = "or_default")]
-    pub weights: Vec<f32>,
+    #[serde(deserialize_with = "reals")]
+    pub weights: Option<Box<[f32]>>,
     pub extras: Option<Box<Value>>,
 }
 
@@ -280,41 +325,44 @@ pub(super) struct Draco {
     pub attributes: BTreeMap<String, u32>,
 }
 
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
 pub(super) struct Accessor {
-    #[serde(default, deserialize_with = "maybe_whole")]
+    #[serde(deserialize_with = "maybe_whole")]
     pub buffer_view: Option<u32>,
-    #[serde(default, deserialize_with = "whole")]
+    #[serde(deserialize_with = "whole")]
     pub byte_offset: u64,
     #[serde(deserialize_with = "whole")]
     pub component_type: u32,
-    #[serde(default, deserialize_with = "or_default")]
+    #[serde(deserialize_with = "flag")]
     pub normalized: bool,
     #[serde(deserialize_with = "whole")]
     pub count: u64,
-    #[serde(rename = "type")]
+    #[serde(rename = "type", deserialize_with = "or_default")]
     pub kind: String,
     pub sparse: Option<Box<Sparse>>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Sparse {
     #[serde(deserialize_with = "whole")]
     pub count: u64,
+    #[serde(deserialize_with = "or_default")]
     pub indices: SparsePart,
+    #[serde(deserialize_with = "or_default")]
     pub values: SparsePart,
 }
 
 /// The indices or the values of a sparse accessor; only the indices have a component type of their own.
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
 pub(super) struct SparsePart {
+    #[serde(deserialize_with = "maybe_whole")]
+    pub buffer_view: Option<u32>,
     #[serde(deserialize_with = "whole")]
-    pub buffer_view: u32,
-    #[serde(default, deserialize_with = "whole")]
     pub byte_offset: u64,
-    #[serde(default, deserialize_with = "maybe_whole")]
+    #[serde(deserialize_with = "maybe_whole")]
     pub component_type: Option<u32>,
 }
 
@@ -371,6 +419,7 @@ pub(super) struct Packed {
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Buffer {
+    #[serde(deserialize_with = "text")]
     pub uri: Option<String>,
     #[serde(deserialize_with = "whole")]
     pub byte_length: u64,
@@ -397,5 +446,6 @@ pub(super) struct BufferExtensions {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Fallback {
+    #[serde(deserialize_with = "maybe_flag")]
     pub fallback: Option<bool>,
 }

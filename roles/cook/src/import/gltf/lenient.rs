@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use serde::de::{Error, Unexpected, Visitor};
+use serde::de::{Error, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
 
@@ -22,28 +22,42 @@ where
     D: Deserializer<'de>,
     T: TryFrom<u64> + Default,
 {
-    Ok(maybe_whole(json)?.unwrap_or_default())
+    match Whole::deserialize(json)? {
+        Whole::Negative => Err(Error::custom("a negative number, expected a whole one")),
+        number => Ok(number.narrow()?.unwrap_or_default()),
+    }
 }
 
-/// A whole number, or none.
+/// A whole number, or none: null, or what is negative, which stands for none in many a program.
 pub(super) fn maybe_whole<'de, D, T>(json: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,
     T: TryFrom<u64>,
 {
-    Option::<Whole>::deserialize(json)?.map(Whole::narrow).transpose()
+    Whole::deserialize(json)?.narrow()
 }
 
-/// Whole numbers; null is none.
+/// Whole numbers, without those that stand for none.
 pub(super) fn wholes<'de, D: Deserializer<'de>>(json: D) -> Result<Vec<u32>, D::Error> {
     let all = Option::<Vec<Narrow>>::deserialize(json)?.unwrap_or_default();
-    Ok(all.into_iter().map(|Narrow(number)| number).collect())
+    Ok(all.into_iter().filter_map(|Narrow(number)| number).collect())
 }
 
-/// Whole numbers with names; those that are null are left out.
+/// Whole numbers with names, without those that stand for none.
 pub(super) fn wholes_by_name<'de, D: Deserializer<'de>>(json: D) -> Result<BTreeMap<String, u32>, D::Error> {
-    let all = Option::<BTreeMap<String, Option<Narrow>>>::deserialize(json)?.unwrap_or_default();
-    Ok(all.into_iter().filter_map(|(name, number)| Some((name, number?.0))).collect())
+    let all = Option::<BTreeMap<String, Narrow>>::deserialize(json)?.unwrap_or_default();
+    Ok(all.into_iter().filter_map(|(name, Narrow(number))| Some((name, number?))).collect())
+}
+
+/// A whole number that may be negative, or none.
+pub(super) fn maybe_signed<'de, D: Deserializer<'de>>(json: D) -> Result<Option<i64>, D::Error> {
+    const MOST: f64 = Digits::MOST as f64;
+    let value = Value::deserialize(json)?;
+    let float = value.as_f64().filter(|float| float.fract() == 0.0 && (-MOST..=MOST).contains(float));
+    match value.as_i64().or(float.map(|float| float as i64)) {
+        None if !value.is_null() => Err(Error::custom(format!("{value}, expected a whole number"))),
+        number => Ok(number),
+    }
 }
 
 /// A text; a number is taken as it stands.
@@ -55,15 +69,72 @@ pub(super) fn text<'de, D: Deserializer<'de>>(json: D) -> Result<Option<String>,
     })
 }
 
-/// A number without a fraction, however it is written.
-struct Whole(u64);
+/// A truth; languages without any have 0 and 1.
+pub(super) fn maybe_flag<'de, D: Deserializer<'de>>(json: D) -> Result<Option<bool>, D::Error> {
+    match Value::deserialize(json)? {
+        Value::Null => Ok(None),
+        Value::Bool(flag) => Ok(Some(flag)),
+        value if value == "true" || value.as_f64() == Some(1.0) => Ok(Some(true)),
+        value if value == "false" || value.as_f64() == Some(0.0) => Ok(Some(false)),
+        value => Err(Error::custom(format!("{value}, expected true or false"))),
+    }
+}
 
-/// One that fits an index.
-struct Narrow(u32);
+/// A truth that is false if there is none.
+pub(super) fn flag<'de, D: Deserializer<'de>>(json: D) -> Result<bool, D::Error> {
+    Ok(maybe_flag(json)?.unwrap_or_default())
+}
+
+/// A number that may be none. What is no number is NaN: so JavaScript writes NaN as null.
+pub(super) fn real<'de, D: Deserializer<'de>>(json: D) -> Result<Option<f32>, D::Error> {
+    Ok(Option::<Real>::deserialize(json)?.map(|Real(number)| number as f32))
+}
+
+/// Numbers; what is no number is NaN.
+pub(super) fn reals<'de, D: Deserializer<'de>>(json: D) -> Result<Option<Box<[f32]>>, D::Error> {
+    let all = Option::<Vec<Real>>::deserialize(json)?;
+    Ok(all.map(|all| all.into_iter().map(|Real(number)| number as f32).collect()))
+}
+
+/// `N` numbers, or none. What is no number is NaN, and so are all where there are more or fewer.
+pub(super) fn vector<'de, D, const N: usize>(json: D) -> Result<Option<Box<[f64; N]>>, D::Error>
+where
+    D: Deserializer<'de>,
+{
+    let read = json.deserialize_any(Numbers::<N>)?;
+    Ok(read.map(|(all, count)| Box::new(if count == N { all } else { [f64::NAN; N] })))
+}
+
+/// A pair of numbers, as [`vector`].
+pub(super) fn pair<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 2]>, D::Error> {
+    Ok(vector::<D, 2>(json)?.map(|pair| pair.map(|number| number as f32)))
+}
+
+/// A colour with alpha, which may lack the alpha; otherwise as [`vector`].
+pub(super) fn colour<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 4]>, D::Error> {
+    let read = json.deserialize_any(Numbers::<4>)?;
+    Ok(read.map(|(all, count)| match (all.map(|number| number as f32), count) {
+        ([r, g, b, _], 3) => [r, g, b, 1.0],
+        (all, 4) => all,
+        _ => [f32::NAN; 4],
+    }))
+}
+
+/// A number without a fraction, however it is written.
+enum Whole {
+    Number(u64),
+    Negative,
+    Null,
+}
+
+/// One that fits an index, or none.
+struct Narrow(Option<u32>);
 
 impl Whole {
-    fn narrow<T: TryFrom<u64>, E: Error>(self) -> Result<T, E> {
-        T::try_from(self.0).map_err(|_| E::invalid_value(Unexpected::Unsigned(self.0), &"a smaller number"))
+    fn narrow<T: TryFrom<u64>, E: Error>(self) -> Result<Option<T>, E> {
+        let Self::Number(number) = self else { return Ok(None) };
+        let narrow = T::try_from(number).map(Some);
+        narrow.map_err(|_| E::invalid_value(Unexpected::Unsigned(number), &"a smaller number"))
     }
 }
 
@@ -81,6 +152,11 @@ impl<'de> Deserialize<'de> for Whole {
 
 struct Digits;
 
+impl Digits {
+    /// Up to here every whole number has a double of its own.
+    const MOST: u64 = 1 << 53;
+}
+
 impl Visitor<'_> for Digits {
     type Value = Whole;
 
@@ -88,18 +164,144 @@ impl Visitor<'_> for Digits {
         f.write_str("a whole number")
     }
 
+    fn visit_unit<E>(self) -> Result<Whole, E> {
+        Ok(Whole::Null)
+    }
+
     fn visit_u64<E: Error>(self, number: u64) -> Result<Whole, E> {
-        Ok(Whole(number))
+        Ok(Whole::Number(number))
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<Whole, E> {
+        Ok(u64::try_from(number).map_or(Whole::Negative, Whole::Number))
     }
 
     fn visit_f64<E: Error>(self, number: f64) -> Result<Whole, E> {
-        // Up to here every whole number has a double of its own.
-        const MOST: f64 = 9_007_199_254_740_992.0;
-        if number.fract() == 0.0 && (0.0..=MOST).contains(&number) {
-            Ok(Whole(number as u64))
-        } else {
-            Err(E::invalid_value(Unexpected::Float(number), &self))
+        match number {
+            _ if number.fract() != 0.0 || number > Self::MOST as f64 => {
+                Err(E::invalid_value(Unexpected::Float(number), &self))
+            }
+            _ if number < 0.0 => Ok(Whole::Negative),
+            _ => Ok(Whole::Number(number as u64)),
         }
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Whole, E> {
+        match text.trim().parse() {
+            Ok(number) => self.visit_f64(number),
+            Err(_) => Err(E::invalid_value(Unexpected::Str(text), &self)),
+        }
+    }
+}
+
+/// A number; NaN if it is none.
+struct Real(f64);
+
+impl<'de> Deserialize<'de> for Real {
+    fn deserialize<D: Deserializer<'de>>(json: D) -> Result<Self, D::Error> {
+        json.deserialize_any(Decimal).map(Real)
+    }
+}
+
+struct Decimal;
+
+impl<'de> Visitor<'de> for Decimal {
+    type Value = f64;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number")
+    }
+
+    fn visit_f64<E>(self, number: f64) -> Result<f64, E> {
+        Ok(number)
+    }
+
+    fn visit_u64<E>(self, number: u64) -> Result<f64, E> {
+        Ok(number as f64)
+    }
+
+    fn visit_i64<E>(self, number: i64) -> Result<f64, E> {
+        Ok(number as f64)
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<f64, E> {
+        Ok(text.trim().parse().unwrap_or(f64::NAN))
+    }
+
+    fn visit_unit<E>(self) -> Result<f64, E> {
+        Ok(f64::NAN)
+    }
+
+    fn visit_bool<E>(self, _: bool) -> Result<f64, E> {
+        Ok(f64::NAN)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<f64, A::Error> {
+        while list.next_element::<IgnoredAny>()?.is_some() {}
+        Ok(f64::NAN)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<f64, A::Error> {
+        while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
+        Ok(f64::NAN)
+    }
+}
+
+/// The first `N` numbers of a list, and how many it has.
+struct Numbers<const N: usize>;
+
+impl<'de, const N: usize> Visitor<'de> for Numbers<N> {
+    type Value = Option<([f64; N], usize)>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{N} numbers")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+        let (mut all, mut count) = ([f64::NAN; N], 0);
+        while let Some(Real(number)) = list.next_element()? {
+            if let Some(place) = all.get_mut(count) {
+                *place = number;
+            }
+            count += 1;
+        }
+        Ok((count > 0).then_some((all, count)))
+    }
+
+    /// As JavaScript writes its typed arrays: `{"0":1,"1":2}`. One without members is an empty list.
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+        let (mut all, mut count) = ([f64::NAN; N], 0);
+        while let Some((key, Real(number))) = map.next_entry::<String, _>()? {
+            if let Some(place) = key.parse::<usize>().ok().and_then(|index| all.get_mut(index)) {
+                *place = number;
+            }
+            count += 1;
+        }
+        Ok((count > 0).then_some((all, count)))
+    }
+
+    fn visit_unit<E>(self) -> Result<Self::Value, E> {
+        Ok(None)
+    }
+
+    fn visit_bool<E: Error>(self, _: bool) -> Result<Self::Value, E> {
+        Ok(Some(([f64::NAN; N], N)))
+    }
+
+    fn visit_f64<E: Error>(self, _: f64) -> Result<Self::Value, E> {
+        self.visit_bool(false)
+    }
+
+    fn visit_u64<E: Error>(self, _: u64) -> Result<Self::Value, E> {
+        self.visit_bool(false)
+    }
+
+    fn visit_i64<E: Error>(self, _: i64) -> Result<Self::Value, E> {
+        self.visit_bool(false)
+    }
+
+    fn visit_str<E: Error>(self, _: &str) -> Result<Self::Value, E> {
+        self.visit_bool(false)
     }
 }
 
@@ -110,7 +312,7 @@ mod tests {
     #[derive(Debug, Default, PartialEq, Deserialize)]
     #[serde(default)]
     struct All {
-        #[serde(deserialize_with = "or_default")]
+        #[serde(deserialize_with = "super::flag")]
         flag: bool,
         #[serde(deserialize_with = "whole")]
         count: u64,
@@ -122,6 +324,8 @@ mod tests {
         attributes: BTreeMap<String, u32>,
         #[serde(deserialize_with = "text")]
         version: Option<String>,
+        #[serde(deserialize_with = "vector")]
+        place: Option<Box<[f64; 3]>>,
     }
 
     fn read(json: &str) -> serde_json::Result<All> {
@@ -145,10 +349,25 @@ mod tests {
     }
 
     #[test]
+    fn numbers_and_truths_may_be_texts_and_what_is_no_number_is_nan() {
+        let all = read(r#"{"flag":1,"count":"3","place":{"0":1,"1":"2.5","2":3}}"#).unwrap();
+        assert_eq!((all.flag, all.count, all.place.as_deref()), (true, 3, Some(&[1.0, 2.5, 3.0])));
+        for place in ["[1,null,3]", "[1,2]", "[1,2,3,4]", r#""1 2 3""#, "[1,[2],3]", "7"] {
+            let all = read(&format!(r#"{{"place":{place}}}"#)).unwrap();
+            assert!(all.place.unwrap().iter().any(|number| number.is_nan()), "{place}");
+        }
+        for place in ["null", "[]", "{}"] {
+            assert_eq!(read(&format!(r#"{{"place":{place}}}"#)).unwrap(), All::default());
+        }
+        assert!(read(r#"{"flag":"perhaps"}"#).is_err());
+    }
+
+    #[test]
     fn what_is_no_whole_number_is_refused() {
+        assert_eq!(read(r#"{"index":-1,"children":[-1,2,null]}"#).unwrap().children, [2]);
         for json in [r#"{"count":-1}"#, r#"{"count":1.5}"#, r#"{"count":1e300}"#, r#"{"index":4294967296}"#] {
             assert!(read(json).is_err(), "{json}");
         }
-        assert!(read(r#"{"count":"1"}"#).unwrap_err().to_string().contains("a whole number"));
+        assert!(read(r#"{"count":"one"}"#).unwrap_err().to_string().contains("a whole number"));
     }
 }

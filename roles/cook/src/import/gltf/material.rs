@@ -1,18 +1,20 @@
 //! What a material says of colour: its base colour, the texture over it, and what its alpha means.
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use trimaran_scene::Rgba8;
 
-use super::lenient::{maybe_whole, or_default, whole};
+use super::lenient::{colour, maybe_whole, or_default, pair, real, text, whole};
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Material {
+    #[serde(deserialize_with = "text")]
     pub name: Option<String>,
     #[serde(deserialize_with = "or_default")]
     pbr_metallic_roughness: Metallic,
-    #[serde(deserialize_with = "or_default")]
+    #[serde(deserialize_with = "alpha_mode")]
     alpha_mode: AlphaMode,
+    #[serde(deserialize_with = "real")]
     alpha_cutoff: Option<f32>,
     extensions: Option<Box<MaterialExtensions>>,
 }
@@ -21,6 +23,7 @@ pub(super) struct Material {
 #[serde(rename_all = "camelCase", default)]
 struct Metallic {
     /// Linear red, green, blue, alpha.
+    #[serde(deserialize_with = "colour")]
     base_color_factor: Option<[f32; 4]>,
     base_color_texture: Option<TextureInfo>,
 }
@@ -35,6 +38,7 @@ struct MaterialExtensions {
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 struct SpecularGlossiness {
+    #[serde(deserialize_with = "colour")]
     diffuse_factor: Option<[f32; 4]>,
     diffuse_texture: Option<TextureInfo>,
 }
@@ -71,9 +75,12 @@ struct TextureInfoExtensions {
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct TextureTransform {
+    #[serde(deserialize_with = "pair")]
     pub offset: Option<[f32; 2]>,
     /// Radians, counter-clockwise about the upper left corner.
+    #[serde(deserialize_with = "real")]
     pub rotation: Option<f32>,
+    #[serde(deserialize_with = "pair")]
     pub scale: Option<[f32; 2]>,
     #[serde(deserialize_with = "maybe_whole")]
     pub tex_coord: Option<u32>,
@@ -129,21 +136,31 @@ pub(super) struct Sampler {
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Image {
+    #[serde(deserialize_with = "text")]
     pub name: Option<String>,
+    #[serde(deserialize_with = "text")]
     pub uri: Option<String>,
     #[serde(deserialize_with = "maybe_whole")]
     pub buffer_view: Option<u32>,
 }
 
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "UPPERCASE")]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 enum AlphaMode {
     #[default]
     Opaque,
     Mask,
     /// `BLEND` and what extensions add.
-    #[serde(other)]
     Blend,
+}
+
+/// Some programs write it in small letters.
+fn alpha_mode<'de, D: Deserializer<'de>>(json: D) -> Result<AlphaMode, D::Error> {
+    let name = Option::<String>::deserialize(json)?.map(|name| name.to_ascii_uppercase());
+    Ok(match name.as_deref() {
+        None | Some("OPAQUE") => AlphaMode::Opaque,
+        Some("MASK") => AlphaMode::Mask,
+        Some(_) => AlphaMode::Blend,
+    })
 }
 
 /// What alpha means.
@@ -158,6 +175,36 @@ pub(super) enum Alpha {
 }
 
 impl Material {
+    /// Makes what is no number into what stands for nothing, and says what it was.
+    pub(super) fn settle(&mut self) -> Vec<&'static str> {
+        let mut found = Vec::new();
+        let glossy = self.extensions.as_mut().and_then(|all| all.specular_glossiness.as_mut());
+        let (factor, texture) = match glossy {
+            Some(glossy) => (&mut glossy.diffuse_factor, &mut glossy.diffuse_texture),
+            None => {
+                let metallic = &mut self.pbr_metallic_roughness;
+                (&mut metallic.base_color_factor, &mut metallic.base_color_texture)
+            }
+        };
+        for channel in factor.as_mut().into_iter().flatten().filter(|channel| channel.is_nan()) {
+            *channel = 1.0;
+            found.push("values of the base colour that are no numbers: taken as 1");
+        }
+        if self.alpha_cutoff.take_if(|cutoff| cutoff.is_nan()).is_some() {
+            found.push("an alpha cutoff that is no number: taken as 0.5");
+        }
+        let extensions = texture.as_mut().and_then(|info| info.extensions.as_mut());
+        if let Some(transform) = extensions.and_then(|all| all.transform.as_mut()) {
+            let is_none = |pair: &mut [f32; 2]| pair.iter().any(|number| !number.is_finite());
+            let offset = transform.offset.take_if(is_none).is_some();
+            let scale = transform.scale.take_if(is_none).is_some();
+            if transform.rotation.take_if(|angle| !angle.is_finite()).is_some() || offset || scale {
+                found.push("texture transforms that are no numbers: left out");
+            }
+        }
+        found
+    }
+
     /// Linear red, green, blue, alpha.
     pub(super) fn factor(&self) -> [f32; 4] {
         let factor = match self.specular_glossiness() {

@@ -13,8 +13,9 @@ use super::metadata::{Feature, Metadata};
 use super::surface::Surface;
 use super::texture::{Placed, Textures};
 use crate::Mesh;
-use crate::import::assemble::{draws_nothing, weld};
+use crate::import::assemble::weld;
 use crate::import::budget::Budget;
+use crate::import::report::WarningKind;
 
 /// A mesh of the document, and how much its morph targets count.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,7 +39,28 @@ pub(super) struct Imported {
     pub averaged: Vec<u32>,
     /// Materials whose texture has no place on the mesh.
     pub unplaced: Vec<u32>,
+    /// What is broken and was left out, and how often.
+    pub broken: BTreeMap<(WarningKind, String), u64>,
+    /// The first cause of it.
+    pub cause: Option<GltfError>,
 }
+
+impl Imported {
+    /// Leaves out a part that cannot be read. Only a limit ends an import.
+    fn leave_out(&mut self, kind: WarningKind, what: &str, why: GltfError) -> Result<(), GltfError> {
+        if matches!(why, GltfError::Budget(_)) {
+            return Err(why);
+        }
+        let detail =
+            if self.broken.len() < MOST_TOLD { what.to_owned() + &why.what() } else { String::new() };
+        *self.broken.entry((kind, detail)).or_default() += 1;
+        self.cause.get_or_insert(why);
+        Ok(())
+    }
+}
+
+/// How many different causes in a mesh are told apart.
+const MOST_TOLD: usize = 100;
 
 /// What meshes are made from.
 #[derive(Clone, Copy)]
@@ -63,7 +85,8 @@ pub(super) fn import(from: Input<'_>, shape: &Shape) -> Result<Imported, GltfErr
     let Some(source) = from.document.meshes.get(shape.mesh as usize) else { return Ok(imported) };
     for (number, primitive) in source.primitives.iter().enumerate() {
         let place = || {
-            let name = source.name.as_deref().map(|name| format!(" ({name:?})")).unwrap_or_default();
+            let cut = |name: &str| name.chars().take(LONGEST_NAME).collect::<String>();
+            let name = source.name.as_deref().map(|name| format!(" ({:?})", cut(name))).unwrap_or_default();
             format!("primitive {number} of mesh {}{name}", shape.mesh)
         };
         let mode = match primitive.mode {
@@ -75,15 +98,23 @@ pub(super) fn import(from: Input<'_>, shape: &Shape) -> Result<Imported, GltfErr
                 continue;
             }
             Some(mode) => {
-                return Err(GltfError::Mesh { mesh: place(), what: format!("its mode {mode} is unknown") });
+                let why = GltfError::Mesh { mesh: place(), what: format!("its mode {mode} is unknown") };
+                imported.leave_out(WarningKind::PrimitiveLeftOut, "", why)?;
+                continue;
             }
         };
-        Reader { from, primitive, weights: &shape.weights, place: &place }.append(&mut imported, mode)?;
+        let reader = Reader { from, primitive, weights: &shape.weights, place: &place };
+        if let Err(why) = reader.append(&mut imported, mode) {
+            imported.leave_out(WarningKind::PrimitiveLeftOut, "", why)?;
+        }
     }
     imported.pieces.values_mut().for_each(|mesh| *mesh = weld(mesh));
-    imported.pieces.retain(|_, mesh| !draws_nothing(mesh));
+    imported.pieces.retain(|_, mesh| !mesh.indices.is_empty());
     Ok(imported)
 }
+
+/// How much of a mesh's name is told.
+const LONGEST_NAME: usize = 100;
 
 /// Reads one primitive.
 struct Reader<'a> {
@@ -126,29 +157,43 @@ impl Reader<'_> {
 
     fn append(&self, imported: &mut Imported, mode: Mode) -> Result<(), GltfError> {
         let Input { document, textures, .. } = self.from;
-        let material = match self.primitive.material {
-            None => &Material::default(),
-            Some(index) => document
-                .materials
-                .get(index as usize)
-                .ok_or_else(|| self.malformed(format!("its material {index} does not exist")))?,
-        };
+        let plain = Material::default();
+        let number = self.primitive.material;
+        let known = number.and_then(|number| document.materials.get(number as usize));
+        if let Some(number) = number.filter(|_| known.is_none()) {
+            let why = self.malformed(format!("its material {number} does not exist"));
+            imported.leave_out(WarningKind::ReferenceLeftOut, "", why)?;
+        }
+        let material = known.unwrap_or(&plain);
         let texture = textures.of(document, material);
         let coordinates = texture.as_ref().map(|texture| format!("TEXCOORD_{}", texture.coordinates()));
         let features = self.primitive.features().filter(|_| Metadata::of(document).is_some());
         let named = [coordinates.as_deref(), features.as_ref().map(|(name, _)| &**name)];
         let arrays = self.arrays(mode, named)?;
-        let positions = self.positions(&arrays)?;
-        let colours = self.colours(&arrays, material, positions.len())?;
+        let positions = self.positions(&arrays, imported)?;
+        let colours = match self.colours(&arrays, material, positions.len()) {
+            Ok(colours) => colours,
+            Err(why) => {
+                imported.leave_out(WarningKind::FieldLeftOut, "colours of vertices: ", why)?;
+                None
+            }
+        };
         let triangles = self.triangles(&arrays, &positions, &mut imported.left_out);
         let coordinates = coordinates.map(|name| self.vectors::<2>(&arrays, &name, None));
         let coordinates = coordinates.and_then(Result::ok).flatten();
         if texture.is_some() && coordinates.is_none() {
             imported.unplaced.extend(self.primitive.material);
         }
-        let numbers = match &features {
-            Some((name, ids)) => self.vectors::<1>(&arrays, name, None)?.map(|numbers| (numbers, *ids)),
-            None => None,
+        let numbers = features.and_then(|(name, ids)| match self.vectors::<1>(&arrays, &name, None) {
+            Ok(numbers) => numbers.map(|numbers| Ok((numbers, ids))),
+            Err(why) => Some(Err(why)),
+        });
+        let numbers = match numbers.transpose() {
+            Ok(numbers) => numbers,
+            Err(why) => {
+                imported.leave_out(WarningKind::MetadataLeftOut, "numbers of features: ", why)?;
+                None
+            }
         };
         let whole = Surface { positions, colours, coordinates, triangles };
         let Some((numbers, ids)) = numbers else {
@@ -274,26 +319,37 @@ impl Reader<'_> {
         Ok(Some(accessors.vectors_at(index, picks, scaled).map_err(self.broken(index))?))
     }
 
-    fn positions(&self, arrays: &Arrays<'_>) -> Result<Vec<Vec3>, GltfError> {
-        let Input { accessors, budget, .. } = self.from;
+    fn positions(&self, arrays: &Arrays<'_>, imported: &mut Imported) -> Result<Vec<Vec3>, GltfError> {
         let positions = self.vectors::<3>(arrays, POSITION, None)?.unwrap_or_default();
         let mut positions: Vec<Vec3> = positions.into_iter().map(Vec3::from_array).collect();
         for (index, weight) in self.targets() {
-            budget.mesh(0, positions.len() as u64, self.place)?;
-            let picks = match &arrays.source {
-                Source::Plain { picks } => picks.as_deref(),
-                Source::Draco(_) => None,
-            };
-            let scaled = accessors.is_normalized(index);
-            let moves = accessors.vectors_at::<3>(index, picks, scaled).map_err(self.broken(index))?;
-            if moves.len() != positions.len() {
-                return Err(self.broken(index)("it has not one element a vertex"));
-            }
-            for (position, by) in positions.iter_mut().zip(moves) {
-                *position += weight * Vec3::from_array(by);
+            self.from.budget.mesh(0, positions.len() as u64, self.place)?;
+            match self.moves(arrays, index, positions.len()) {
+                Ok(moves) => {
+                    for (position, by) in positions.iter_mut().zip(moves) {
+                        *position += weight * Vec3::from_array(by);
+                    }
+                }
+                Err(why) => imported.leave_out(WarningKind::FieldLeftOut, "morph targets: ", why)?,
             }
         }
         Ok(positions)
+    }
+
+    /// What a morph target adds to each vertex.
+    fn moves(&self, arrays: &Arrays<'_>, index: u32, vertices: usize) -> Result<Vec<[f32; 3]>, GltfError> {
+        let accessors = self.from.accessors;
+        let picks = match &arrays.source {
+            Source::Plain { picks } => picks.as_deref(),
+            Source::Draco(_) => None,
+        };
+        let scaled = accessors.is_normalized(index);
+        let moves = accessors.vectors_at::<3>(index, picks, scaled).map_err(self.broken(index))?;
+        if moves.len() == vertices {
+            Ok(moves)
+        } else {
+            Err(self.broken(index)("it has not one element a vertex"))
+        }
     }
 
     /// The morph targets that count: their accessors and weights.

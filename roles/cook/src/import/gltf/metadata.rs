@@ -11,7 +11,7 @@ use trimaran_scene::Attribute;
 use super::accessor::Accessors;
 use super::column::Column;
 use super::json::{Document, Node};
-use super::lenient::{maybe_whole, or_default, whole};
+use super::lenient::{flag, maybe_signed, maybe_whole, or_default, text, whole};
 use super::nodes::Placement;
 use crate::import::report::{ImportReport, WarningKind};
 
@@ -55,18 +55,22 @@ struct Class {
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Property {
+    #[serde(deserialize_with = "text")]
     name: Option<String>,
+    #[serde(deserialize_with = "text")]
     semantic: Option<String>,
     #[serde(rename = "type", deserialize_with = "or_default")]
     pub kind: String,
+    #[serde(deserialize_with = "text")]
     pub component_type: Option<String>,
+    #[serde(deserialize_with = "text")]
     pub enum_type: Option<String>,
-    #[serde(deserialize_with = "or_default")]
+    #[serde(deserialize_with = "flag")]
     pub array: bool,
     /// Of an array, unless each has its own.
     #[serde(deserialize_with = "maybe_whole")]
     pub count: Option<u64>,
-    #[serde(deserialize_with = "or_default")]
+    #[serde(deserialize_with = "flag")]
     pub normalized: bool,
     pub offset: Option<Value>,
     pub scale: Option<Value>,
@@ -78,6 +82,7 @@ pub(super) struct Property {
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Enumeration {
+    #[serde(deserialize_with = "text")]
     pub value_type: Option<String>,
     #[serde(deserialize_with = "or_default")]
     pub values: Vec<EnumerationValue>,
@@ -88,8 +93,8 @@ pub(super) struct Enumeration {
 pub(super) struct EnumerationValue {
     #[serde(deserialize_with = "or_default")]
     pub name: String,
-    #[serde(deserialize_with = "or_default")]
-    pub value: i64,
+    #[serde(deserialize_with = "maybe_signed")]
+    pub value: Option<i64>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -9,16 +9,19 @@ mod column;
 mod container;
 mod draco;
 mod error;
+mod faults;
 mod gradient;
 mod json;
 mod lenient;
 mod material;
+mod mend;
 mod mesh;
 mod metadata;
 mod nodes;
 mod packed;
 mod surface;
 mod texture;
+mod tolerant;
 
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
@@ -30,12 +33,13 @@ pub use error::GltfError;
 use self::accessor::Accessors;
 use self::buffers::Resources;
 use self::container::Container;
+use self::faults::Faults;
 use self::json::Document;
 use self::mesh::{Imported, Shape};
 use self::metadata::Lookup;
 use self::nodes::Placement;
 use self::texture::Textures;
-use super::assemble::{bounds, is_near, place};
+use super::assemble::{bounds, draws_nothing, is_near, place};
 use super::budget::Budget;
 use super::hierarchy::groups;
 use super::neighbours::Neighbours;
@@ -70,6 +74,27 @@ const SUPPORTED: [&str; 20] = [
 /// Likewise, by how their names begin: of materials, base colours are kept.
 const SUPPORTED_PREFIXES: [&str; 4] = ["KHR_materials_", "EXT_texture_", "KHR_texture_", "MSFT_texture_"];
 
+/// Parts of the names of other extensions that change no shape: of materials, lights, motion, what belongs
+/// together, and what is said of it.
+const SHAPELESS: [&str; 16] = [
+    "_materials_",
+    "_material_",
+    "_techniques_webgl",
+    "_technique_webgl",
+    "_lights_",
+    "_audio",
+    "_physics_",
+    "_animation",
+    "_articulations",
+    "_metadata",
+    "_edge_visibility",
+    "_tile_edges",
+    "VRM",
+    "GODOT_single_root",
+    "MSFT_packing_",
+    "OMI_",
+];
+
 /// Reads a .glb or .gltf file; with no path, from memory alone. `source_index` of its objects is the node's
 /// index in the document.
 pub(super) fn import(
@@ -79,26 +104,28 @@ pub(super) fn import(
     budget: &Budget,
 ) -> Result<Part, GltfError> {
     let container = Container::parse(file)?;
-    let document = Document::parse(container.json)?;
-    check(&document)?;
+    let mut faults = Faults::default();
+    let document = Document::parse(container.json, &mut faults)?;
+    check(&document, &mut faults.report)?;
     let mut neighbours = Neighbours::of(path, budget);
     let mut resources = Resources(&mut neighbours);
-    let buffers = buffers::load(&mut resources, &document.buffers, container.bin)?;
-    let decompressed = packed::decompress(&document.buffer_views, &buffers, budget)?;
+    let buffers = buffers::load(&mut resources, &document.buffers, container.bin, &mut faults);
+    let decompressed = packed::decompress(&document.buffer_views, &buffers, budget, &mut faults)?;
     let accessors = Accessors::new(&document, &buffers, &decompressed);
 
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
-    let report = &mut part.report;
     let (placements, branches) =
-        nodes::place(&document, &accessors, budget, report, options.file_to_world(UpAxis::Y))?;
+        nodes::place(&document, &accessors, budget, &mut faults, options.file_to_world(UpAxis::Y))?;
     let (shapes, numbers) = shapes(&document, &placements);
     let materials = materials(&document, &shapes);
     let materials = materials.iter().filter_map(|&index| document.materials.get(index as usize));
-    let textures = Textures::load(&document, &accessors, &mut resources, materials, budget, report);
+    let textures =
+        Textures::load(&document, &accessors, &mut resources, materials, budget, &mut faults.report);
     let from = mesh::Input { document: &document, accessors: &accessors, textures: &textures, budget };
-    let imported: Vec<_> =
+    let mut imported: Vec<_> =
         shapes.par_iter().map(|shape| mesh::import(from, shape)).collect::<Result<_, _>>()?;
-    warn(&mut part.report, &document, &imported, &placements, &numbers);
+    warn(&mut faults, &document, &mut imported, &placements, &numbers);
+    part.report = std::mem::take(&mut faults.report);
 
     // What each shape is among the model's meshes.
     let mut meshes = Vec::new();
@@ -109,6 +136,7 @@ pub(super) fn import(
     }
     let placed = |mesh: &Mesh| bounds(&mesh.positions.iter().map(|p| p.as_dvec3()).collect::<Vec<_>>());
     let boxes: Vec<_> = part.model.meshes.iter().map(placed).collect();
+    let without_area: Vec<_> = part.model.meshes.iter().map(draws_nothing).collect();
     // Numbers of the placements that are objects.
     let mut leaves = Vec::new();
     let mut lookup = Lookup::new(&document, &accessors);
@@ -123,6 +151,9 @@ pub(super) fn import(
             if !is_near(bounds, &placement.to_world) {
                 part.report.warn_of(WarningKind::NodeLeftOut, "it reaches farther than 1e15 m", name);
                 continue;
+            }
+            if without_area.get(mesh as usize) == Some(&true) {
+                part.report.warn_of(WarningKind::NoArea, "", name);
             }
             let mut name = name.to_owned();
             let mut attributes = document.attributes_of_one(placement.node);
@@ -142,7 +173,10 @@ pub(super) fn import(
     }
     lookup.warn(&mut part.report);
     part.model.hierarchy.groups = groups(branches, &leaves);
-    Ok(part)
+    match faults.first().filter(|_| part.model.objects.is_empty()) {
+        Some(why) => Err(why),
+        None => Ok(part),
+    }
 }
 
 /// The different shapes that placements have, and the number of each placement's.
@@ -154,7 +188,7 @@ fn shapes(document: &Document, placements: &[Placement]) -> (Vec<Shape>, Vec<usi
         let node = document.nodes.get(placement.node as usize);
         let is_morphed = mesh.is_some_and(|mesh| mesh.primitives.iter().any(|one| !one.targets.is_empty()));
         let own = node.and_then(|node| node.weights.as_deref());
-        let weights = own.or(mesh.map(|mesh| &*mesh.weights)).unwrap_or_default();
+        let weights = own.or(mesh.and_then(|mesh| mesh.weights.as_deref())).unwrap_or_default();
         let weights: &[f32] = if is_morphed { weights } else { &[] };
         let key = (placement.mesh, weights.iter().map(|weight| weight.to_bits()).collect::<Vec<_>>());
         *known.entry(key).or_insert_with(|| {
@@ -174,9 +208,9 @@ fn materials(document: &Document, shapes: &[Shape]) -> BTreeSet<u32> {
 
 /// Says what the meshes and the model lack.
 fn warn(
-    report: &mut ImportReport,
+    faults: &mut Faults,
     document: &Document,
-    imported: &[Imported],
+    imported: &mut [Imported],
     placements: &[Placement],
     shapes: &[usize],
 ) {
@@ -186,10 +220,18 @@ fn warn(
             *name = document.object_name(placement.node, placement.mesh);
         }
     }
-    for (name, mesh) in named.into_iter().zip(imported) {
+    for (name, mesh) in named.into_iter().zip(&mut *imported) {
+        for ((kind, detail), count) in &mesh.broken {
+            faults.note_many(*kind, detail, name, *count);
+        }
+        if let Some(why) = mesh.cause.take() {
+            faults.cause(|| why);
+        }
+        let report = &mut faults.report;
         report.warn(WarningKind::PointsOrLines, mesh.without_surface);
         report.warn_many(WarningKind::TriangleLeftOut, "", name, mesh.left_out);
     }
+    let report = &mut faults.report;
     let mut materials = |kind, of: fn(&Imported) -> &[u32]| {
         for index in imported.iter().flat_map(of).collect::<BTreeSet<_>>() {
             let name = document.materials.get(*index as usize).and_then(|material| material.name.as_deref());
@@ -202,11 +244,11 @@ fn warn(
     report.warn(WarningKind::SkinnedNode, skinned as u64);
 }
 
-fn check(document: &Document) -> Result<(), GltfError> {
+fn check(document: &Document, report: &mut ImportReport) -> Result<(), GltfError> {
     let asset = &document.asset;
     let numbers = |version: &str| -> Option<(u32, u32)> {
-        let (major, minor) = version.split_once('.').unwrap_or((version, "0"));
-        Some((major.parse().ok()?, minor.parse().ok()?))
+        let mut numbers = version.trim().trim_start_matches(['v', 'V']).split('.');
+        Some((numbers.next()?.parse().ok()?, numbers.next().unwrap_or("0").parse().ok()?))
     };
     let (needed, is_read) = match (&asset.min_version, &asset.version) {
         (Some(least), _) => (least.clone(), numbers(least) == Some((2, 0))),
@@ -216,12 +258,15 @@ fn check(document: &Document) -> Result<(), GltfError> {
     if !is_read {
         return Err(GltfError::Version { version: needed });
     }
-    let unknown = |name: &&String| {
-        !SUPPORTED.contains(&name.as_str())
-            && !SUPPORTED_PREFIXES.iter().any(|prefix| name.starts_with(prefix))
-    };
-    match document.extensions_required.iter().find(unknown) {
-        Some(extension) => Err(GltfError::Extension { extension: extension.clone() }),
-        None => Ok(()),
+    for extension in &document.extensions_required {
+        let name = extension.as_str();
+        if SUPPORTED.contains(&name) || SUPPORTED_PREFIXES.iter().any(|start| name.starts_with(start)) {
+            continue;
+        }
+        if !SHAPELESS.iter().any(|part| name.contains(part)) {
+            return Err(GltfError::Extension { extension: extension.clone() });
+        }
+        report.warn_about(WarningKind::ExtensionLeftOut, name, 1);
     }
+    Ok(())
 }

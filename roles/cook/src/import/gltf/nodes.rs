@@ -7,10 +7,11 @@ use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4};
 
 use super::GltfError;
 use super::accessor::Accessors;
-use super::json::{Document, Instancing, Node};
+use super::faults::Faults;
+use super::json::{Document, Instancing, Node, Scene};
 use crate::import::budget::Budget;
 use crate::import::hierarchy::Branch;
-use crate::import::report::{ImportReport, WarningKind};
+use crate::import::report::WarningKind;
 
 /// A mesh placed by a node.
 pub(super) struct Placement {
@@ -33,14 +34,48 @@ pub(super) fn place(
     document: &Document,
     accessors: &Accessors<'_>,
     budget: &Budget,
-    report: &mut ImportReport,
+    faults: &mut Faults,
     file_to_world: DAffine3,
 ) -> Result<(Vec<Placement>, Vec<Branch>), GltfError> {
     let parents = vec![NONE; document.nodes.len()];
-    let (placements, branches) = (Vec::new(), Vec::new());
-    let mut walk = Walk { document, accessors, budget, report, parents, placements, branches };
-    for &root in walk.roots()?.iter() {
+    let (placements, branches, left_out) = (Vec::new(), Vec::new(), Vec::new());
+    let mut walk = Walk { document, accessors, budget, faults, parents, placements, branches, left_out };
+    let mut is_child = vec![false; document.nodes.len()];
+    for &child in document.nodes.iter().flat_map(|node| &node.children) {
+        if let Some(flag) = is_child.get_mut(child as usize) {
+            *flag = true;
+        }
+    }
+    let is_child = |root: &u32| is_child.get(*root as usize).is_some_and(|flag| *flag);
+    let all = 0..document.nodes.len() as u32;
+    let roots = match walk.scene() {
+        Some(scene) => Cow::Borrowed(&*scene.nodes),
+        None => all.clone().filter(|root| !is_child(root)).collect(),
+    };
+    // A root that is somebody's child has its place there, if that one is met.
+    let (below, top): (Vec<u32>, Vec<u32>) = roots.iter().partition(|root| is_child(root));
+    for root in top.into_iter().chain(below) {
         walk.place_tree(root, file_to_world)?;
+    }
+    if walk.placements.is_empty() {
+        walk.close_left_out();
+        let unmet: Vec<u32> = all.clone().filter(|node| walk.is_unmet(*node)).collect();
+        let (below, top): (Vec<u32>, Vec<u32>) = unmet.into_iter().partition(|root| is_child(root));
+        for root in top.into_iter().chain(below) {
+            if walk.is_unmet(root) {
+                walk.place_tree(root, file_to_world)?;
+            }
+        }
+        if !walk.placements.is_empty() {
+            let what = "the scene has no mesh: all nodes are read instead";
+            walk.faults.note(WarningKind::ReferenceLeftOut, what, "the scene");
+        }
+    }
+    walk.close_left_out();
+    for (node, of) in all.zip(&document.nodes) {
+        if of.mesh.is_some() && walk.is_unmet(node) {
+            walk.faults.note(WarningKind::OutsideScene, "", &label(document, node));
+        }
     }
     Ok((walk.placements, walk.branches))
 }
@@ -49,12 +84,14 @@ struct Walk<'a> {
     document: &'a Document,
     accessors: &'a Accessors<'a>,
     budget: &'a Budget,
-    report: &'a mut ImportReport,
-    /// A node's parent once it was met; a root's is itself. Nodes have one parent at most, so a second visit
-    /// is an error, which also ends cycles.
+    faults: &'a mut Faults,
+    /// A node's parent once it was met; a root's is itself. Nodes have one parent at most, so there is no
+    /// second visit, which also ends cycles.
     parents: Vec<u32>,
     placements: Vec<Placement>,
     branches: Vec<Branch>,
+    /// Nodes that are left out with all below them.
+    left_out: Vec<u32>,
 }
 
 /// A node whose children are being walked.
@@ -95,26 +132,31 @@ impl<'a> Walk<'a> {
         within: Option<u32>,
     ) -> Result<Option<Open<'a>>, GltfError> {
         let document = self.document;
-        let malformed = |walk: &Self, what| GltfError::Node { node: walk.path(index, parent), what };
         let (Some(node), Some(&met)) = (document.nodes.get(index as usize), self.parents.get(index as usize))
         else {
-            return Err(malformed(self, "it does not exist"));
+            self.no_reference(index, parent, "it does not exist");
+            return Ok(None);
         };
         if met != NONE {
-            return Err(malformed(self, "it has two parents, or is its own ancestor"));
+            self.no_reference(index, parent, "it has two parents, or is its own ancestor");
+            return Ok(None);
         }
         if let Some(slot) = self.parents.get_mut(index as usize) {
             *slot = parent;
         }
         let name = || label(document, index);
         if node.is_hidden() {
-            self.report.warn_of(WarningKind::HiddenNode, "", &name());
+            self.faults.note(WarningKind::HiddenNode, "", &name());
+            self.left_out.push(index);
             return Ok(None);
         }
         let to_world = match local(node).and_then(|local| usable(parent_to_world * local)) {
             Ok(to_world) => to_world,
             Err(why) => {
-                self.report.warn_of(WarningKind::NodeLeftOut, why, &name());
+                self.faults.note(WarningKind::NodeLeftOut, why, &name());
+                let path = || path(document, &self.parents, index, parent);
+                self.faults.cause(|| GltfError::Node { node: path(), what: why });
+                self.left_out.push(index);
                 return Ok(None);
             }
         };
@@ -125,10 +167,11 @@ impl<'a> Walk<'a> {
             self.branches.push(Branch { name, parent: within, leaves: first..first, attributes });
         }
         if let Some(mesh) = node.mesh {
-            if mesh as usize >= document.meshes.len() {
-                return Err(malformed(self, "its mesh does not exist"));
+            if (mesh as usize) < document.meshes.len() {
+                self.place_mesh(index, parent, node, mesh, to_world)?;
+            } else {
+                self.no_reference(index, parent, "its mesh does not exist");
             }
-            self.place_mesh(index, parent, node, mesh, to_world)?;
         }
         Ok(Some(Open { node: index, to_world, children: node.children.iter(), branch }))
     }
@@ -142,58 +185,98 @@ impl<'a> Walk<'a> {
         mesh: u32,
         to_world: DAffine3,
     ) -> Result<(), GltfError> {
-        let place = || self.path(index, parent);
-        let name_length = self.document.object_name(index, mesh).len();
+        let name = self.document.object_name(index, mesh);
+        let allow = |walk: &Self, count| {
+            walk.budget.objects(count, name.len(), || path(walk.document, &walk.parents, index, parent))
+        };
+        let place = || path(self.document, &self.parents, index, parent);
         self.budget.attributes(self.document.text_of_mesh(mesh), place)?;
+        let once = Placement { node: index, mesh, instance: 0, to_world };
         let Some(instancing) = node.instancing() else {
-            self.budget.objects(1, name_length, place)?;
-            self.placements.push(Placement { node: index, mesh, instance: 0, to_world });
+            allow(self, 1)?;
+            self.placements.push(once);
             return Ok(());
         };
-        self.budget.objects(instance_count(self.accessors, index, instancing)?, name_length, place)?;
-        for (instance, local) in (0..).zip(instances(self.accessors, index, instancing)?) {
+        let count = match instance_count(self.accessors, index, instancing) {
+            Ok(Some(count)) => count,
+            Ok(None) => {
+                let what = "instances without attributes: placed once";
+                self.faults.note(WarningKind::FieldLeftOut, what, name);
+                allow(self, 1)?;
+                self.placements.push(once);
+                return Ok(());
+            }
+            Err(why) => return Ok(self.lose_instances(name, why)),
+        };
+        allow(self, count)?;
+        let locals = match instances(self.accessors, index, instancing, count) {
+            Ok(locals) => locals,
+            Err(why) => return Ok(self.lose_instances(name, why)),
+        };
+        for (instance, local) in (0..).zip(locals) {
             match local.map(|local| to_world * local).filter(|to_world| usable(*to_world).is_ok()) {
                 Some(to_world) => self.placements.push(Placement { node: index, mesh, instance, to_world }),
                 None => {
-                    let name = self.document.object_name(index, mesh);
-                    self.report.warn_of(WarningKind::NodeLeftOut, "an instance's matrix is not finite", name);
+                    self.faults.note(WarningKind::NodeLeftOut, "an instance's matrix is not finite", name);
                 }
             }
         }
         Ok(())
     }
 
-    /// A node as a reader of the file finds it: "node 7 (pump/shaft)".
-    fn path(&self, index: u32, parent: u32) -> String {
-        path(self.document, &self.parents, index, parent)
+    /// Leaves out instances whose places cannot be told.
+    fn lose_instances(&mut self, name: &str, why: GltfError) {
+        self.faults.note(WarningKind::NodeLeftOut, &format!("instances: {}", why.what()), name);
+        self.faults.cause(|| why);
     }
 
-    /// The roots of the scene to show: the default one, else the first, else every node that is nobody's
-    /// child.
-    fn roots(&self) -> Result<Cow<'a, [u32]>, GltfError> {
-        let Document { scene, scenes, nodes, .. } = self.document;
-        match (scene, scenes.first()) {
-            (Some(index), _) => scenes
-                .get(*index as usize)
-                .map(|scene| Cow::Borrowed(scene.nodes.as_slice()))
-                .ok_or(GltfError::Scene { scene: *index, what: "it does not exist" }),
-            (None, Some(first)) => Ok(Cow::Borrowed(&first.nodes)),
-            (None, None) => {
-                let mut is_child = vec![false; nodes.len()];
-                for &child in nodes.iter().flat_map(|node| &node.children) {
-                    if let Some(flag) = is_child.get_mut(child as usize) {
-                        *flag = true;
+    /// Leaves out a reference to a node, or of one.
+    fn no_reference(&mut self, index: u32, parent: u32, what: &'static str) {
+        self.faults.note(WarningKind::ReferenceLeftOut, what, &label(self.document, index));
+        let path = || path(self.document, &self.parents, index, parent);
+        self.faults.cause(|| GltfError::Node { node: path(), what });
+    }
+
+    fn is_unmet(&self, node: u32) -> bool {
+        self.parents.get(node as usize) == Some(&NONE)
+    }
+
+    /// Counts what is below the nodes that were left out as met.
+    fn close_left_out(&mut self) {
+        while let Some(node) = self.left_out.pop() {
+            let children = self.document.nodes.get(node as usize).map(|node| &*node.children);
+            for &child in children.unwrap_or_default() {
+                if self.is_unmet(child) {
+                    self.left_out.push(child);
+                    if let Some(parent) = self.parents.get_mut(child as usize) {
+                        *parent = node;
                     }
                 }
-                Ok((0..).zip(is_child).filter(|(_, is_child)| !is_child).map(|(root, _)| root).collect())
             }
         }
     }
+
+    /// The scene to show: the default one, else the first. Without any, every node that is nobody's child is
+    /// shown.
+    fn scene(&mut self) -> Option<&'a Scene> {
+        let Document { scene, scenes, .. } = self.document;
+        let named = scene.and_then(|index| scenes.get(index as usize));
+        if let (Some(index), None) = (*scene, named) {
+            let told = "it does not exist: the first one is read instead, or without any all nodes";
+            self.faults.note(WarningKind::ReferenceLeftOut, told, &format!("scene {index}"));
+            self.faults.cause(|| GltfError::Scene { scene: index, what: "it does not exist" });
+        }
+        named.or(scenes.first())
+    }
 }
 
-/// How many instances a node has: as many as each of its instance attributes has elements. Nothing is read
-/// yet.
-fn instance_count(accessors: &Accessors<'_>, node: u32, instancing: &Instancing) -> Result<u64, GltfError> {
+/// How many instances a node has: as many as each of the attributes that place them has elements, or else as
+/// any other has. Nothing is read yet.
+fn instance_count(
+    accessors: &Accessors<'_>,
+    node: u32,
+    instancing: &Instancing,
+) -> Result<Option<u64>, GltfError> {
     let mut first = None;
     for &accessor in PLACING.iter().filter_map(|name| instancing.attributes.get(*name)) {
         let count = accessors.count(accessor).map_err(broken(node, accessor))?;
@@ -201,7 +284,11 @@ fn instance_count(accessors: &Accessors<'_>, node: u32, instancing: &Instancing)
             return Err(broken(node, accessor)("its count is not that of the other instance attributes"));
         }
     }
-    Ok(first.unwrap_or(0))
+    let other = instancing.attributes.values().next().filter(|_| first.is_none());
+    match other {
+        Some(&other) => accessors.count(other).map(Some).map_err(broken(node, other)),
+        None => Ok(first),
+    }
 }
 
 /// The instance attributes that say where an instance is.
@@ -213,9 +300,12 @@ fn instances(
     accessors: &Accessors<'_>,
     node: u32,
     instancing: &Instancing,
+    count: u64,
 ) -> Result<Vec<Option<DAffine3>>, GltfError> {
     let attributes: &BTreeMap<String, u32> = &instancing.attributes;
-    let mut all = Vec::new();
+    // The budget has room for so many.
+    let is_placed = PLACING.iter().any(|name| attributes.contains_key(*name));
+    let mut all = vec![Trs::default(); if is_placed { 0 } else { count as usize }];
     if let Some(&index) = attributes.get("TRANSLATION") {
         let values = accessors.vectors::<3>(index).map_err(broken(node, index))?;
         spread(&mut all, values, |trs, v| trs.translation = DVec3::from_array(v.map(f64::from)));
@@ -277,7 +367,7 @@ fn usable(to_world: DAffine3) -> Result<DAffine3, &'static str> {
     if to_world.is_finite() && to_world.matrix3.determinant().is_finite() {
         Ok(to_world)
     } else {
-        Err("its matrix overflows")
+        Err("its matrix is not finite")
     }
 }
 
@@ -285,7 +375,9 @@ fn usable(to_world: DAffine3) -> Result<DAffine3, &'static str> {
 fn local(node: &Node) -> Result<DAffine3, &'static str> {
     if let Some(columns) = &node.matrix {
         let matrix = DMat4::from_cols_array(columns);
-        return if matrix.row(3).abs_diff_eq(DVec4::W, ROUNDING) {
+        return if matrix.is_nan() {
+            Err("its matrix is not 16 numbers")
+        } else if matrix.row(3).abs_diff_eq(DVec4::W, ROUNDING) {
             Ok(DAffine3::from_mat4(matrix))
         } else {
             Err("the last row of its matrix is not 0 0 0 1")

@@ -8,19 +8,23 @@ use rayon::prelude::*;
 
 use super::GltfError;
 use super::buffers::Bytes;
+use super::faults::Faults;
 use super::json::{BufferView, Packed};
 use crate::import::budget::Budget;
+use crate::import::report::WarningKind;
 
 type Result<T> = std::result::Result<T, &'static str>;
 
 /// What a compressed view counts as a vertex, bytes.
 const BYTES_A_VERTEX: u64 = 32;
 
-/// The decompressed bytes of each compressed view.
+/// The decompressed bytes of each compressed view. One that cannot be decompressed has those that stand in
+/// its place, if there are any.
 pub(super) fn decompress(
     views: &[BufferView],
     buffers: &[Bytes<'_>],
     budget: &Budget,
+    faults: &mut Faults,
 ) -> std::result::Result<Vec<Option<Vec<u8>>>, GltfError> {
     if views.iter().all(|view| view.packed().is_none()) {
         return Ok(Vec::new());
@@ -38,7 +42,16 @@ pub(super) fn decompress(
         }
         Ok(Some(unpacked))
     };
-    views.par_iter().enumerate().map(one).collect()
+    let mut all: Vec<std::result::Result<_, GltfError>> = views.par_iter().enumerate().map(one).collect();
+    for (index, view) in all.iter_mut().enumerate() {
+        if let Err(GltfError::Packed { what, .. }) = view {
+            faults.note(WarningKind::BytesLeftOut, what, &format!("buffer view {index}"));
+            if let Err(why) = std::mem::replace(view, Ok(None)) {
+                faults.cause(|| why);
+            }
+        }
+    }
+    all.into_iter().collect()
 }
 
 fn compressed<'a>(packed: &Packed, buffers: &'a [Bytes<'_>]) -> Result<&'a [u8]> {

@@ -9,7 +9,7 @@ use image::{ImageReader, Limits, RgbaImage};
 use rayon::prelude::*;
 
 use super::accessor::Accessors;
-use super::buffers::Resources;
+use super::buffers::{Resources, is_data};
 use super::json::Document;
 use super::material::{Alpha, Material, TextureInfo, TextureTransform, encoded, linear};
 use crate::import::budget::Budget;
@@ -81,7 +81,7 @@ impl Textures {
 /// What an image is called in a warning.
 fn image_name(document: &Document, index: u32) -> String {
     let image = document.images.get(index as usize);
-    let file = |uri: &&str| !uri.starts_with("data:");
+    let file = |uri: &&str| !is_data(uri);
     let name = image.and_then(|image| image.name.as_deref().or(image.uri.as_deref().filter(file)));
     name.map_or_else(|| format!("image {index}"), str::to_owned)
 }
