@@ -137,6 +137,36 @@ async fn text_and_long_messages_end_a_connection() {
     }
 }
 
+/// What costs work and brings nothing ends the connection long before a handshake may be late.
+#[tokio::test]
+async fn what_brings_nothing_ends_a_connection() {
+    use futures_util::{SinkExt, StreamExt};
+    use tokio_tungstenite::tungstenite::{Bytes, Message};
+    let (_listener, at) = listen(&Options::default()).await;
+    let ends = async |message: Message, times: usize| {
+        let stream = TcpStream::connect(host(&at)).await.unwrap();
+        let (socket, _) = tokio_tungstenite::client_async(at.to_string(), stream).await.unwrap();
+        let (mut sink, mut stream) = socket.split();
+        let net = net();
+        let sends = async {
+            for _ in 0..times {
+                if sink.send(message.clone()).await.is_err() {
+                    break;
+                }
+            }
+            std::future::pending::<()>().await;
+        };
+        tokio::select! {
+            () = async { while let Some(Ok(_)) = stream.next().await {} } => true,
+            () = sends => false,
+            () = sleep_until(&*net, net.now().after(Duration::from_secs(2))) => false,
+        }
+    };
+    assert!(ends(Message::Binary(Bytes::new()), 1).await);
+    assert!(ends(Message::Ping(Bytes::new()), 200).await);
+    assert!(!ends(Message::Ping(Bytes::new()), 50).await, "some pings are taken");
+}
+
 /// Connections that are reset within anything are errors, as often as what is left of the link is asked.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_reset_at_any_moment_is_a_loss() {

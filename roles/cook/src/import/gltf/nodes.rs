@@ -206,12 +206,18 @@ impl<'a> Walk<'a> {
                 self.placements.push(once);
                 return Ok(());
             }
-            Err(why) => return Ok(self.lose_instances(name, why)),
+            Err(why) => {
+                self.lose_instances(name, why);
+                return Ok(());
+            }
         };
         allow(self, count)?;
         let locals = match instances(self.accessors, index, instancing, count) {
             Ok(locals) => locals,
-            Err(why) => return Ok(self.lose_instances(name, why)),
+            Err(why) => {
+                self.lose_instances(name, why);
+                return Ok(());
+            }
         };
         for (instance, local) in (0..).zip(locals) {
             match local.map(|local| to_world * local).filter(|to_world| usable(*to_world).is_ok()) {

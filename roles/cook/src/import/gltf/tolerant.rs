@@ -57,7 +57,7 @@ impl<'de> Visitor<'de> for Members<'_> {
                 "images" => all.images = map.next_value_seed(Items::piecewise("image", faults))?,
                 "accessors" => all.accessors = map.next_value_seed(Items::whole("accessor", faults))?,
                 "bufferViews" => {
-                    all.buffer_views = map.next_value_seed(Items::whole("buffer view", faults))?
+                    all.buffer_views = map.next_value_seed(Items::whole("buffer view", faults))?;
                 }
                 "buffers" => all.buffers = map.next_value_seed(Items::whole("buffer", faults))?,
                 "asset" | "scene" | "extensions" | "extensionsRequired" => {
