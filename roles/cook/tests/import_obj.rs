@@ -189,7 +189,7 @@ fn bytes_of_zero_are_white_space_and_counted() {
         format!("o Pump\0\0\n{TRIANGLE}"),
         format!("o Pump\n{TRIANGLE}{zeros}\n"),
         format!("{zeros}\no Pump\n{TRIANGLE}"),
-        "o Pump\nv 0 0 0\0\nv 1 0 0\nv 0 1 0\nf\01 2 3\n".to_owned(),
+        "o Pump\nv 0 0 0\0\nv 1 0 0\nv 0 1 0\nf\x001 2 3\n".to_owned(),
     ] {
         let imported = read(&text);
         assert_eq!((triangles(&imported), names(&imported.model)), (1, vec!["Pump"]));
