@@ -42,7 +42,6 @@ pub(crate) use shader;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum VertexInput {
     /// Nothing: the shader makes a triangle.
-    #[cfg(feature = "window")]
     Nothing,
     /// No vertices, which the shader makes, but a box an instance.
     Box,
@@ -59,11 +58,7 @@ pub(crate) enum VertexInput {
 impl VertexInput {
     /// Whether it is of draws of a scene.
     fn is_of_a_scene(self) -> bool {
-        #[cfg(feature = "window")]
-        if self == Self::Nothing {
-            return false;
-        }
-        self != Self::Box
+        !matches!(self, Self::Nothing | Self::Box)
     }
 }
 
@@ -231,7 +226,6 @@ type Attributes = Vec<vk::VertexInputAttributeDescription>;
 
 fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
     match input {
-        #[cfg(feature = "window")]
         VertexInput::Nothing => return (vec![], vec![]),
         VertexInput::Box => return (vec![instances::<BoxRecord>()], box_attributes()),
         _ => {}
@@ -255,9 +249,7 @@ fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
     }
     attributes.push(position);
     match input {
-        #[cfg(feature = "window")]
-        VertexInput::Nothing => {}
-        VertexInput::Box | VertexInput::Position | VertexInput::PulledId => {}
+        VertexInput::Nothing | VertexInput::Box | VertexInput::Position | VertexInput::PulledId => {}
         VertexInput::Facet => {
             attributes.push(attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour)));
             attributes.push(attribute(6, VERTICES, vk::Format::R16G16_SNORM, offset_of!(Vertex, normal)));

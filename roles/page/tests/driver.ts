@@ -503,13 +503,20 @@ function look(): unknown {
   };
 }
 
-for await (const line of createInterface({ input: process.stdin })) {
-  let answer: unknown;
-  try {
-    answer = { answer: await answerTo(JSON.parse(line) as Command), faults };
-  } catch (error) {
-    answer = { error: String(error), faults };
+/** A page that loads itself anew, as for another scene, may do so while it is asked. */
+async function answered(command: Command): Promise<unknown> {
+  for (;;) {
+    try {
+      return { answer: await answerTo(command), faults };
+    } catch (error) {
+      if (!/context was destroyed|a different document/.test(String(error))) {
+        return { error: String(error), faults };
+      }
+    }
   }
-  process.stdout.write(`${JSON.stringify(answer)}\n`);
+}
+
+for await (const line of createInterface({ input: process.stdin })) {
+  process.stdout.write(`${JSON.stringify(await answered(JSON.parse(line) as Command))}\n`);
 }
 await browser.close();
