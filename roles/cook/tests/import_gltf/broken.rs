@@ -135,6 +135,8 @@ fn a_value_that_is_not_what_it_should_be_costs_itself() {
             "placed once",
         ),
         (r#""scenes":["#, r#""scenes":[],"scenes":["#, 2, &[], ""),
+        // What is empty takes nothing from what else is there.
+        (r#""scenes":["#, r#""extensionsRequired":[],"scenes":[],"scenes":["#, 2, &[], ""),
     ]);
     let morphed = rewritten(
         r#""name":"m","primitives":[{"#,

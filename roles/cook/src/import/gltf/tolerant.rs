@@ -25,6 +25,7 @@ pub(super) fn read(json: &[u8], faults: &mut Faults) -> serde_json::Result<Docum
 const MOST_MENDED: usize = 64;
 /// How many values an item that is mended may have: mending takes it several times.
 const MOST_VALUES: usize = 100_000;
+
 /// Notes that what is at `path` within an item is not what it should be.
 fn note(faults: &mut Faults, item: &str, path: &str, why: &str) {
     let detail = if path == "." { why.to_owned() } else { format!("{path}: {why}") };
@@ -61,13 +62,13 @@ impl<'de> Visitor<'de> for Members<'_> {
                 }
                 "buffers" => all.buffers = map.next_value_seed(Items::whole("buffer", faults))?,
                 "asset" | "scene" | "extensions" | "extensionsRequired" => {
-                    let member = Value::Object(Map::from_iter([(key, map.next_value()?)]));
+                    let member = Value::Object(Map::from_iter([(key.clone(), map.next_value()?)]));
                     let one: Document = mended(member, "the document", true, faults);
-                    match one {
-                        Document { scene: Some(scene), .. } => all.scene = Some(scene),
-                        Document { extensions: Some(extensions), .. } => all.extensions = Some(extensions),
-                        one if one.extensions_required.is_empty() => all.asset = one.asset,
-                        one => all.extensions_required = one.extensions_required,
+                    match &*key {
+                        "asset" => all.asset = one.asset,
+                        "scene" => all.scene = one.scene,
+                        "extensions" => all.extensions = one.extensions,
+                        _ => all.extensions_required = one.extensions_required,
                     }
                 }
                 _ => {
