@@ -21,7 +21,7 @@ pub(crate) struct PassKind {
     pub(crate) cut: Shader,
     /// Those of what is see-through, without and with sections, if the pass draws such.
     pub(crate) see_through: Option<[Shader; 2]>,
-    /// The shaders, vertex and fragment, that fill the picture where nothing solid is, if it is not one colour.
+    /// The shaders, vertex and fragment, that fill the picture where nothing solid is; none for one colour.
     pub(crate) sky: Option<[Shader; 2]>,
     pub(crate) input: VertexInput,
     pub(crate) colour: Option<ColourTarget>,

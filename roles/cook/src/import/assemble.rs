@@ -60,7 +60,7 @@ pub(super) fn draws_nothing(mesh: &Mesh) -> bool {
     mesh.indices.as_chunks::<3>().0.iter().all(is_flat)
 }
 
-/// The farthest that anything may lie from the origin along an axis, metres: what single precision holds of it
+/// The farthest that anything may lie from the origin along an axis, metres: what single precision has of it
 /// is 100 km coarse there, and squares and volumes still are numbers.
 pub(super) const FARTHEST: f64 = 1e15;
 

@@ -18,7 +18,7 @@ const LAYERS = 8;
 /** Milliseconds that a picture may take to be exact. */
 const LONGEST = 10_000;
 
-/** Says why a part does not show, once the picture is exact, and offers help. It gives up if the eye goes on. */
+/** Says why a part does not show, once the picture is exact, and offers help; not if the eye goes on. */
 export async function tellIfHidden(viewer: Viewer, part: Part): Promise<void> {
   const { view } = viewer;
   viewer.offer.value = undefined;
