@@ -239,7 +239,7 @@ async function run(command: Command, page: Page): Promise<unknown> {
     case "look":
       return page.evaluate(look);
     case "status":
-      return (await page.$("#status"))?.textContent() ?? "";
+      return page.evaluate(() => document.querySelector("#status")?.textContent ?? "");
     case "figures":
       return page.evaluate(figures);
     case "focused":
@@ -301,23 +301,6 @@ async function run(command: Command, page: Page): Promise<unknown> {
     case "screenshot":
       await page.screenshot({ path: command.file });
       return true;
-  }
-}
-
-/** Commands that change nothing: where the page loads itself again meanwhile, they are done again. */
-const READING: ReadonlySet<Command["do"]> = new Set(["settle", "status", "state", "title"]);
-const IS_LOADED_AGAIN = /context was destroyed|because of a navigation/;
-
-async function answerTo(command: Command): Promise<unknown> {
-  for (const begun = performance.now(); ; ) {
-    try {
-      return await run(command, page);
-    } catch (error) {
-      const isAgain = READING.has(command.do) && IS_LOADED_AGAIN.test(String(error));
-      if (!isAgain || performance.now() - begun > PATIENCE) {
-        throw error;
-      }
-    }
   }
 }
 
@@ -503,13 +486,16 @@ function look(): unknown {
   };
 }
 
-/** A page that loads itself anew, as for another scene, may do so while it is asked. */
+/** What Chromium says where the document that was asked is no more. */
+const IS_GONE = /context was destroyed|Cannot find context|a different document|because of a navigation/;
+
+/** A page that loads itself anew, as for another scene, may do so while it is asked: then it is asked again. */
 async function answered(command: Command): Promise<unknown> {
-  for (;;) {
+  for (const begun = performance.now(); ; ) {
     try {
-      return { answer: await answerTo(command), faults };
+      return { answer: await run(command, page), faults };
     } catch (error) {
-      if (!/context was destroyed|a different document/.test(String(error))) {
+      if (!IS_GONE.test(String(error)) || performance.now() - begun > PATIENCE) {
         return { error: String(error), faults };
       }
     }
