@@ -1,11 +1,10 @@
 //! A display and two cullers, each a process with a configuration of its own.
-#![allow(dead_code, reason = "each test file uses its part of this")]
 
 use std::{fs, path::PathBuf, thread, time::Duration};
 
 use serde_json::Value;
 
-use crate::program::{Bench, Process};
+use super::program::{Bench, Process};
 
 /// The cullers.
 pub(crate) const CULLERS: [&str; 2] = ["culler-1", "culler-2"];

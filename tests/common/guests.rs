@@ -4,9 +4,6 @@
 //! runs an attack, and asserts that the honest one lost nothing by it. An attack is any function: it has the
 //! service's address ([`Guests::at`]), links of its own ([`Guests::display`], [`Guests::link`]), and sockets
 //! of the standard library. It may be run up to three times.
-#![allow(dead_code, reason = "each test file uses its part of this")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
-#![allow(clippy::disallowed_methods, reason = "a service keeps the system's time")]
 
 use std::{
     fs::{self, File},
@@ -29,7 +26,7 @@ use trimaran_proto::{
 };
 use trimaran_transport::{ConnectError, Net, Options, RecvError, TokioNet, connect};
 
-use crate::program::{Bench, signal};
+use super::program::{Bench, signal};
 
 pub(crate) const TOKEN: &str = "0123456789abcdefXYZ";
 

@@ -1,5 +1,4 @@
 //! A house to walk in, as the text of an OBJ file.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use std::fmt::Write as _;
 

@@ -1,9 +1,17 @@
-//! What the tests of whole walkthroughs share: real data, a device, sessions, and a way to say that a test
-//! was skipped.
-#![allow(dead_code, reason = "each test file uses its part of this")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+//! What tests share: the program and its peers as processes, a browser, a screen, real data, a device, and a
+//! way to say that a test was skipped.
+#![allow(dead_code, reason = "each executable uses its part of this")]
 
 pub(crate) mod data;
+pub(crate) mod deployment;
+pub(crate) mod guests;
+pub(crate) mod house;
+pub(crate) mod page;
+#[path = "../../transport/tests/common/ports.rs"]
+pub(crate) mod ports;
+pub(crate) mod program;
+#[cfg(target_os = "linux")]
+pub(crate) mod screen;
 pub(crate) mod session;
 
 use std::{env, fmt::Display, sync::Arc};

@@ -1,6 +1,4 @@
 //! A service of a page, and a real browser that shows it.
-#![allow(dead_code, reason = "each test file uses its part of this")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 use std::collections::BTreeMap;
 use std::env;
@@ -15,7 +13,7 @@ use trimaran_cull::{View, draw_order, lod_cut};
 use trimaran_proto::{Camera, FrameNumber, LodRule, Viewport};
 use trimaran_scene::Scene;
 
-use crate::program::Bench;
+use super::program::Bench;
 
 pub(crate) const TOKEN: &str = "0123456789abcdefXYZ";
 

@@ -1,6 +1,4 @@
 //! The program in a folder of its own, and processes of it of which a test reads what they say.
-#![allow(dead_code, reason = "each test file uses its part of this")]
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{
     fs,

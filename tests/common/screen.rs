@@ -1,5 +1,4 @@
 //! A screen that nobody sees, and windows of the program on it.
-#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 use std::{
     env, fs,
@@ -11,7 +10,7 @@ use std::{
 
 use tempfile::TempDir;
 
-use crate::program::Bench;
+use super::program::Bench;
 
 /// Its sides in pixels.
 pub(crate) const SCREEN: [usize; 2] = [1400, 1000];

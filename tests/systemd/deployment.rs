@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::machine::Machine;
-use crate::program::Bench;
+use crate::common::program::Bench;
 
 /// The services, and where each shows what its links carry.
 pub(crate) const DISPLAY: (&str, u16) = ("trimaran-display", 9464);

@@ -7,10 +7,10 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 #![allow(clippy::disallowed_methods, reason = "services keep the system's time")]
 
+#[path = "../common/mod.rs"]
+mod common;
 mod deployment;
 mod machine;
-#[path = "../common/program.rs"]
-mod program;
 
 use std::fs;
 

@@ -4,14 +4,12 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;
-#[path = "common/meeting.rs"]
-mod meeting;
 
 use std::alloc::System;
 use std::time::Duration;
 
 use common::{Link, connect, net, soon};
-use meeting::Meeting;
+use common::meeting::Meeting;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};

@@ -1,6 +1,12 @@
 //! What the transport tests share: peers, and how they meet.
-#![allow(dead_code, unused_imports, reason = "each test program uses a part")]
+#![allow(dead_code, unused_imports, unused_macros, reason = "each test program uses a part")]
 
+#[cfg(feature = "quic")]
+pub(crate) mod forged;
+#[cfg(feature = "keys")]
+#[macro_use]
+pub(crate) mod meeting;
+pub(crate) mod page;
 pub(crate) mod ports;
 pub(crate) mod router;
 #[cfg(feature = "udp")]

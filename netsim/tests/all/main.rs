@@ -1,0 +1,13 @@
+//! Networks in virtual time, held against arithmetic and against kernels.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "../virtual_time/mod.rs"]
+mod virtual_time;
+
+mod corpus;
+mod floods;
+mod packets;
+mod quic;
+mod tcp;
+mod time;
+mod udp;

@@ -1,0 +1,275 @@
+//! What Wireshark's command line reads out of the examples of WIRE.md and out of each refusal, with the
+//! dissector beside this crate. Sessions are read in the tests of the program.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use bytes::{Bytes, BytesMut};
+use trimaran_proto::FrameNumber;
+use trimaran_wire::{
+    CloseReason, Explanation, FrameEnd, FrameMessage, Lane, Message, ProtocolName, Refusal, Rejection,
+    SessionId, WireVersion,
+};
+
+fn examples() -> BTreeMap<&'static str, Vec<u8>> {
+    examples::examples_of(include_str!("../WIRE.md"))
+}
+
+fn encoded(message: Message) -> Vec<u8> {
+    let mut out = BytesMut::new();
+    message.encode(&mut out);
+    out.to_vec()
+}
+
+/// A capture of a TCP connection over IPv4, without checksums: each packet with the end that it is from.
+fn capture(packets: &[(usize, Vec<u8>)]) -> Vec<u8> {
+    // The head of a file of IPv4 packets (link type 228), with times in microseconds.
+    let mut file = [0xa1b2_c3d4_u32, 4 << 16 | 2, 0, 0, 65_535, 228].map(u32::to_le_bytes).concat();
+    let mut sent = [1_u32; 2];
+    for (index, (from, payload)) in packets.iter().enumerate() {
+        let ports = if *from == 0 { [40_000_u16, 7400] } else { [7400, 40_000] };
+        let size = 40 + payload.len() as u32;
+        file.extend([index as u32, 0, size, size].map(u32::to_le_bytes).concat());
+        file.extend(
+            [0x4500, size as u16, 0, 0, 0x4006, 0, 0x7f00, 1, 0x7f00, 1].map(u16::to_be_bytes).concat(),
+        );
+        file.extend(ports.map(u16::to_be_bytes).concat());
+        file.extend([sent[*from], sent[1 - from]].map(u32::to_be_bytes).concat());
+        // Twenty bytes of header, push and acknowledge, the largest window.
+        file.extend([0x5018_u16, 65_535, 0, 0].map(u16::to_be_bytes).concat());
+        file.extend(payload);
+        sent[*from] += payload.len() as u32;
+    }
+    file
+}
+
+/// What tshark shows of each packet: these fields, separated by `|`. `None`, which skips the test, where
+/// tshark is missing and `TRIMARAN_REQUIRE_TSHARK` is not set.
+fn read(packets: &[(usize, Vec<u8>)], fields: &[&str]) -> Option<Vec<String>> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("examples.pcap");
+    std::fs::write(&file, capture(packets)).unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("wireshark/trimaran.lua");
+    let mut tshark = Command::new("tshark");
+    tshark.arg("-r").arg(file).arg("-X").arg(format!("lua_script:{}", script.display()));
+    tshark.args(["-T", "fields", "-E", "separator=|", "-E", "aggregator=;", "-e", "trimaran.malformed"]);
+    tshark.args(fields.iter().flat_map(|field| ["-e", field]));
+    let output = match tshark.stderr(Stdio::piped()).output() {
+        Ok(output) => output,
+        Err(error) if std::env::var_os("TRIMARAN_REQUIRE_TSHARK").is_none() => {
+            println!("skipped: no tshark ({error}); ./x setup installs it");
+            return None;
+        }
+        Err(error) => panic!("no tshark: {error}"),
+    };
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !said.contains("Lua"), "{said}");
+    let shown = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(shown.lines().count(), packets.len(), "{shown}");
+    let sound = |line: &str| match line.strip_prefix('|') {
+        Some(fields) => fields.to_owned(),
+        None => panic!("malformed: {line}"),
+    };
+    Some(shown.lines().map(sound).collect())
+}
+
+#[test]
+fn the_examples_are_read_field_by_field() {
+    let examples = examples();
+    for (name, fields, expected) in [
+        (
+            "hello",
+            &[
+                "trimaran.protocol",
+                "trimaran.session",
+                "trimaran.lane",
+                "trimaran.role",
+                "trimaran.settings.batch",
+            ][..],
+            "trimaran/1|0x0000000000000005|0|1|256",
+        ),
+        (
+            "hello",
+            &["trimaran.scene", "trimaran.session_key"],
+            "00000000000000000000000000001234|0x0000000000005eed",
+        ),
+        ("accept", &["trimaran.role", "trimaran.settings.width"], "0|"),
+        (
+            "accept",
+            &[
+                "trimaran.scene.nodes",
+                "trimaran.scene.drawables",
+                "trimaran.scene.geometries",
+                "trimaran.scene.objects",
+            ],
+            "400|600|250|100",
+        ),
+        (
+            "hello-without-a-scene",
+            &["trimaran.lane", "trimaran.scene", "trimaran.session_key", "trimaran.settings.batch"],
+            "3||0x0000000000005eed|256",
+        ),
+        (
+            "refuse",
+            &["trimaran.version", "trimaran.reason", "trimaran.rejection", "trimaran.text"],
+            "3|2|3|the listener is a culler as well: connect displays with cullers",
+        ),
+        ("close", &["trimaran.close", "trimaran.text"], "2|it failed: no GPU"),
+        (
+            "camera",
+            &["trimaran.camera.eye", "trimaran.camera.near", "trimaran.camera.frame"],
+            "1;2;-3|0.25|7",
+        ),
+        ("begin", &["trimaran.begin", "trimaran.camera.view"], "9|3"),
+        ("ids", &["trimaran.ids", "trimaran.id"], "2|1;258"),
+        ("stats", &["trimaran.message", "trimaran.stats", "trimaran.stats.occluders_of"], "0|9|7"),
+        (
+            "meet",
+            &["trimaran.message", "trimaran.meeting", "trimaran.meet.at"],
+            "1|0x0000000000005eed|tcp://two:7400",
+        ),
+        ("switch", &["trimaran.message", "trimaran.switch.first"], "4|8"),
+        ("view", &["trimaran.message", "trimaran.view", "trimaran.view.last"], "7|3|1"),
+        ("coded-ids", &["trimaran.coded.back", "trimaran.coded.kept"], "2|10;9;27"),
+    ] {
+        let Some(shown) = read(&[(0, examples[name].clone())], fields) else { return };
+        assert_eq!(shown, [expected], "{name}");
+    }
+}
+
+/// What a block holds depends on who sends it, which the hellos have said.
+#[test]
+fn blocks_are_read_item_by_item() {
+    let examples = examples();
+    let say = |name: &str| examples[name].clone();
+    let entries = encoded(Message::Block(Bytes::from_static(&[0, 3, 2, 0, 0xaa])));
+    let packets = [
+        (0, say("hello-without-a-scene")),
+        (1, say("accept")),
+        (0, say("holds-and-begin")),
+        (0, say("lacks")),
+        (0, say("taken-and-shown")),
+        (1, say("geometry-part")),
+        (1, entries.clone()),
+        (1, say("stand-in")),
+        (1, say("ahead")),
+    ];
+    let fields = [
+        "trimaran.demand",
+        "trimaran.demand.coarser_first",
+        "trimaran.demand.ahead",
+        "trimaran.demand.frame",
+        "trimaran.demand.taken",
+        "trimaran.demand.drawable",
+        "trimaran.demand.geometry",
+    ];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[2..5], ["2;0|1|8388608|||4;5;134|7", "3|||9|300|2;258|", "5;6|||9|17000||"]);
+    let fields = [
+        "trimaran.supply",
+        "trimaran.supply.geometry",
+        "trimaran.supply.length",
+        "trimaran.supply.offset",
+        "trimaran.supply.part",
+        "trimaran.supply.records",
+        "trimaran.supply.entries",
+    ];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[4..7], ["||||||", "1|8|300|296|deadbeef||", "0|||||2|aa"]);
+    let fields =
+        ["trimaran.supply", "trimaran.supply.stand_in", "trimaran.supply.drawable", "trimaran.supply.ahead"];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[6..], ["0|||", "2|300|2;258|", "3|||8;9"]);
+    let Some(shown) = read(&packets, &["_ws.col.Info"]) else { return };
+    assert!(shown[0].contains("hello from display without a scene, bulk"), "{shown:?}");
+    for (packet, said) in [
+        (2, "begin with coarser drawables first and 8388608 bytes ahead"),
+        (3, "block of 8 bytes: frame 9 lacks 2 drawables"),
+        (7, "block of 7 bytes: drawable 300 stands in for 2 drawables"),
+        (8, "block of 4 bytes: 2 pieces ahead"),
+    ] {
+        assert!(shown[packet].contains(said), "{shown:?}");
+    }
+
+    // From a capture without hellos only the bytes are known.
+    let Some(shown) = read(&[(0, entries)], &["trimaran.supply", "trimaran.block"]) else { return };
+    assert_eq!(shown, ["|00030200aa"]);
+}
+
+#[test]
+fn changes_are_decoded_against_the_frame_before() {
+    let examples = examples();
+    let mut begin = examples["begin"].clone();
+    begin[4] = 7;
+    let batch: Bytes = (100..150_u32).flat_map(u32::to_le_bytes).collect();
+    let end = FrameEnd { frame: FrameNumber(7), items: 50, hash: 0 };
+    let first = [
+        begin,
+        encoded(Message::Frame(FrameMessage::Batch(batch))),
+        encoded(Message::Frame(FrameMessage::End(end))),
+    ];
+    let second = [examples["begin"].clone(), examples["coded-ids"].clone()];
+    let packets = [(0, first.concat()), (0, second.concat())];
+    let Some(shown) = read(&packets, &["trimaran.end", "trimaran.id"]) else { return };
+    let list = |ids: Vec<u32>| ids.iter().map(u32::to_string).collect::<Vec<_>>().join(";");
+    let now = (100..110).chain(111..120).chain(123..150).chain([200, 1000]).collect();
+    assert_eq!(shown, [format!("7|{}", list((100..150).collect())), format!("|{}", list(now))]);
+}
+
+#[test]
+fn each_refusal_is_read_with_its_values() {
+    let version = WireVersion::CURRENT;
+    let (session, lane) = (SessionId(5), Lane::Frames);
+    let text = Explanation::new;
+    let refusals = [
+        (Refusal::Version { listener: version, connector: version }, "0||||"),
+        (
+            Refusal::Protocol {
+                listener: ProtocolName::new("trimaran/1"),
+                connector: ProtocolName::new("robot/1"),
+            },
+            "1|trimaran/1;robot/1|||",
+        ),
+        (Refusal::Rejected(Rejection::new(1, "other scene")), "2||other scene||"),
+        (Refusal::Session { session, lane }, "3|||0x0000000000000005|1"),
+        (Refusal::Unpaired { session }, "4|||0x0000000000000005|"),
+        (Refusal::Busy, "5||||"),
+        (Refusal::Key { claimed: text("culler"), known: text("display") }, "6||culler;display||"),
+    ];
+    let packets = refusals.iter().map(|(refusal, _)| (1, encoded(Message::Refuse(refusal.clone()))));
+    let fields =
+        ["trimaran.reason", "trimaran.protocol", "trimaran.text", "trimaran.session", "trimaran.lane"];
+    let Some(shown) = read(&packets.collect::<Vec<_>>(), &fields) else { return };
+    assert_eq!(shown, refusals.map(|(_, expected)| expected));
+
+    let close = |code| (0, encoded(Message::Close(CloseReason::new(code, ""))));
+    let fields = ["trimaran.close", "trimaran.text", "_ws.col.Info"];
+    let Some(shown) = read(&[close(CloseReason::REFUSED)], &fields) else { return };
+    assert_eq!(shown, ["65535||Trimaran: close: the listener is not taken"]);
+}
+
+/// Its values have other sizes: they are shown as bytes, and nothing is made of them.
+#[test]
+fn of_another_application_only_kinds_are_read() {
+    let robot = examples::examples_of(include_str!("../../transport/wire/WIRE.md"));
+    let say = |name: &str| robot[name].clone();
+    let packets = [
+        (0, say("hello")),
+        (1, say("accept")),
+        (0, say("latest-value")),
+        (0, [say("begin"), say("batch"), say("end"), say("message"), say("block")].concat()),
+        (0, say("close")),
+    ];
+    let fields =
+        ["trimaran.kind", "trimaran.protocol", "trimaran.camera.eye", "trimaran.id", "trimaran.application"];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[0], "0x01|robot/1|||0361726d");
+    assert_eq!(shown[1], "0x02||||036d6170");
+    assert_eq!(shown[2], "0x10||||0000803f00000040000040c0");
+    assert_eq!(
+        shown[3],
+        "0x20;0x21;0x22;0x30;0x40||||09000000e803000000000000;0100000002010000;09000000020000000df1431b580e4f7a;0104646f636b;6d61702074696c65"
+    );
+    assert!(shown[4].starts_with("0x04||||03"), "{}", shown[4]);
+}

@@ -1,0 +1,11 @@
+//! The messages of roles: codecs, the published examples, the dissector.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "../../../transport/wire/tests/all/examples/mod.rs"]
+mod examples;
+
+mod codec;
+mod dissector;
+mod supply;
+mod walkthrough;
+mod wire;

@@ -1,0 +1,15 @@
+//! Roles that meet, walk and part, over links in this process.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod dealer;
+mod faults;
+mod meetings;
+mod rest;
+mod sessions;
+mod supply;
+mod switch;
+mod turns;
+mod view_states;

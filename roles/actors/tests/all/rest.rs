@@ -1,0 +1,57 @@
+//! A live display whose eye rests.
+
+use std::sync::Arc;
+
+use crate::common::{Device, Frames};
+use tokio::runtime::Builder;
+use trimaran_actors::{Cameras, LocalSession, Pace, Stop};
+use trimaran_cook::{
+    CookOptions, cook,
+    generate::{PlantOptions, plant},
+};
+use trimaran_proto::{Camera, FrameNumber};
+use trimaran_scene::Scene;
+
+/// How often each pose is asked for. The display asks every few milliseconds.
+const ASKED: u32 = 200;
+
+/// An eye that rests at one place after the other.
+struct Resting {
+    middle: [f64; 3],
+    asked: u32,
+    places: u32,
+}
+
+impl Cameras for Resting {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        let place = f64::from(self.asked / ASKED);
+        self.asked += 1;
+        let half = 0.1 * place;
+        Camera::new(self.middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
+    }
+
+    fn is_over(&self) -> bool {
+        self.asked > ASKED * self.places
+    }
+}
+
+#[test]
+fn what_is_seen_from_where_an_eye_rests_is_found_out_once() {
+    let scene: Arc<Scene> =
+        Arc::new(cook(&plant(&PlantOptions::small(3)), &CookOptions::default(), &()).unwrap());
+    let (min, max) = scene.nodes().first().unwrap().world_box();
+    let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    for cullers in [0, 1, 3] {
+        let (_stopper, stop) = Stop::new();
+        let mut cameras = Resting { middle: (0.5 * (min + max)).to_array(), asked: 0, places: 5 };
+        let mut frames = Frames::default();
+        let session = LocalSession {
+            pace: Pace::Live,
+            cullers,
+            ..LocalSession::new(&scene, common::settings(32, 2.0), 1)
+        };
+        let device = |_| Ok(Device::default());
+        session.run(device, Device::default(), &mut cameras, &mut frames, runtime.handle(), &stop).unwrap();
+        assert_eq!(frames.0.len(), 5, "{cullers} cullers: {:?}", frames.0);
+    }
+}

@@ -1,0 +1,328 @@
+//! The paper's SWITCH, step by step: two cullers, each of which draws what the other one finds, as it comes
+//! (paper, section 3.2, algorithms 4.1 to 4.3).
+
+use std::{
+    collections::BTreeMap,
+    convert::Infallible,
+    sync::{Arc, Condvar, Mutex},
+    time::Duration,
+};
+
+use trimaran_actors::{
+    BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, LocalSession, Observer, Pace, PictureDevice,
+    Schedule, ShownFrame, Stop,
+};
+use trimaran_cook::{
+    CookOptions, cook,
+    generate::{PlantOptions, plant},
+};
+use trimaran_cull::{
+    DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport, occluders,
+};
+use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, Settings};
+use trimaran_scene::Scene;
+
+const FRAMES: u32 = 10;
+const SIDE: u32 = 64;
+const EPSILON_PX: f64 = 0.5;
+/// At which level of the tree HC waits for OR: some are visible above it in every frame, and most frames have
+/// some below.
+const MIDST: u32 = 5;
+
+/// What the two cullers' devices do, in the order in which they do it.
+#[derive(Default)]
+struct Log {
+    steps: Mutex<Vec<Step>>,
+    more: Condvar,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Step {
+    /// OR clears the depth and sets the camera of this frame.
+    Clear(CullerId, u32),
+    /// OR draws some of its occluders.
+    Draw(CullerId, u32, Vec<DrawableId>),
+    /// Its depth is complete: HC begins.
+    Complete(CullerId, u32),
+    /// HC has tested a level of the tree.
+    Test(CullerId, u32),
+}
+
+impl Log {
+    fn note(&self, step: Step) {
+        self.steps.lock().unwrap().push(step);
+        self.more.notify_all();
+    }
+
+    /// Waits for a step. Who never sees it fails.
+    fn wait_for(&self, what: impl Fn(&Step) -> bool) {
+        let steps = self.steps.lock().unwrap();
+        let missing = |steps: &mut Vec<Step>| !steps.iter().any(&what);
+        let (_steps, out) = self.more.wait_timeout_while(steps, Duration::from_secs(60), missing).unwrap();
+        assert!(!out.timed_out(), "the cullers do not work at once");
+    }
+}
+
+struct Logged {
+    log: Arc<Log>,
+    /// None is the display's own, which has nothing to do here.
+    culler: Option<CullerId>,
+    frame: u32,
+    tests: u32,
+}
+
+impl Logged {
+    fn note(&self, step: impl FnOnce(CullerId, u32) -> Step) {
+        self.log.note(step(self.culler.unwrap(), self.frame));
+    }
+}
+
+impl OcclusionTest for Logged {
+    type Error = Infallible;
+
+    /// Nothing is hidden. HC of a frame waits in its midst until OR of the next one draws what HC has found
+    /// by then: it would wait for ever if OR began when HC is complete.
+    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
+        self.tests += 1;
+        let next = self.frame + 1;
+        if self.tests == MIDST && next < FRAMES {
+            let drawn =
+                |step: &Step| matches!(step, Step::Draw(_, frame, ids) if *frame == next && !ids.is_empty());
+            self.log.wait_for(drawn);
+        }
+        self.note(Step::Test);
+        NoOccluders.test(view, boxes, visible)
+    }
+}
+
+impl CullerDevice for Logged {
+    fn begin_occluders(&mut self, view: &View) -> Result<(), Infallible> {
+        (self.frame, self.tests) = (view.camera().frame().0, 0);
+        self.note(Step::Clear);
+        Ok(())
+    }
+
+    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Infallible> {
+        self.note(|culler, frame| Step::Draw(culler, frame, ids.to_vec()));
+        Ok(())
+    }
+
+    fn finish_occluders(&mut self) -> Result<Duration, Infallible> {
+        self.note(Step::Complete);
+        Ok(Duration::ZERO)
+    }
+
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, Infallible> {
+        panic!("the depth never travels")
+    }
+}
+
+struct Canvas;
+
+impl PictureDevice for Canvas {
+    type Error = Infallible;
+
+    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Infallible> {
+        Ok(())
+    }
+
+    fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+/// What RVG showed: from which camera, culled by whom.
+#[derive(Default)]
+struct Shown {
+    frames: Vec<(Camera, Option<CullerId>, Vec<DrawableId>)>,
+    stats: BTreeMap<u32, FrameStats>,
+}
+
+impl Observer for Shown {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.frames.push((frame.camera, frame.culler, frame.ids.to_vec()));
+        Ok(())
+    }
+
+    fn culled(&mut self, stats: &FrameStats) {
+        self.stats.insert(stats.frame.0, *stats);
+    }
+}
+
+fn scene() -> Arc<Scene> {
+    let model = plant(&PlantOptions { seed: 3, objects: 1_500, triangles: 90_000 });
+    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
+}
+
+fn walk(scene: &Arc<Scene>) -> (Vec<Step>, Shown) {
+    let (min, max) = scene.nodes().first().unwrap().world_box();
+    let middle = (0.5 * (min + max)).to_array();
+    let mut turning = |frame: FrameNumber| {
+        let half = 0.05 * f64::from(frame.0);
+        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
+    };
+    let settings = Settings { batch: BatchSize::new(16).unwrap(), ..common::settings(SIDE, EPSILON_PX) };
+    let (log, mut shown) = (Arc::new(Log::default()), Shown::default());
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let (_stopper, stop) = Stop::new();
+    let device = |culler| Ok(Logged { log: Arc::clone(&log), culler, frame: 0, tests: 0 });
+    LocalSession { schedule: Schedule::Switch, ..LocalSession::new(scene, settings, FRAMES) }
+        .run(device, Canvas, &mut turning, &mut shown, runtime.handle(), &stop)
+        .unwrap();
+    let steps = log.steps.lock().unwrap().clone();
+    (steps, shown)
+}
+
+#[test]
+fn the_schedule_is_that_of_the_paper() {
+    let scene = scene();
+    let (steps, shown) = walk(&scene);
+    let [one, other] = CullerId::first(2).collect::<Vec<_>>()[..] else { panic!("two cullers") };
+    let mut overlapped = 0;
+    let place = |step: &Step| steps.iter().position(|other| other == step).unwrap();
+    for frame in 0..FRAMES {
+        // The roles switch with every frame: who draws its occluders culls it (section 3.2).
+        let culler = if frame % 2 == 0 { one } else { other };
+        let of_frame = |step: &&Step| {
+            matches!(step, Step::Clear(_, of) | Step::Draw(_, of, _) | Step::Complete(_, of) | Step::Test(_, of)
+                if *of == frame)
+        };
+        let all: Vec<_> = steps.iter().filter(of_frame).collect();
+        let by = |step: &&&Step| {
+            matches!(step, Step::Clear(by, _) | Step::Draw(by, ..) | Step::Complete(by, _) | Step::Test(by, _)
+                if *by == culler)
+        };
+        assert_eq!(all.iter().filter(by).count(), all.len(), "frame {frame} is one culler's");
+
+        // Algorithm 4.2, OR: clear the depth, set the camera, draw what comes until the end of the frame.
+        assert_eq!(all[0], &Step::Clear(culler, frame));
+        let complete = all.iter().position(|step| matches!(step, Step::Complete(..))).unwrap();
+        let drawing = &all[1..complete];
+        assert!(drawing.iter().all(|step| matches!(step, Step::Draw(..))), "{drawing:?}");
+        // Algorithm 4.1, HC: the tree is tested level by level against that depth, which stays where it is.
+        let culling = &all[complete + 1..];
+        assert!(
+            culling.len() > 3 && culling.iter().all(|step| matches!(step, Step::Test(..))),
+            "{culling:?}"
+        );
+
+        // Algorithm 4.3, RVG: what HC found is shown from the camera of the frame.
+        let (camera, by, ids) = &shown.frames[frame as usize];
+        assert_eq!((camera.frame().0, *by), (frame, Some(culler)));
+        assert_eq!(u32::try_from(ids.len()).unwrap(), shown.stats[&frame].culling.emitted);
+
+        let Some(before) = frame.checked_sub(1) else { continue };
+        // The occluders are what HC of the frame before found, at the levels of this frame's camera.
+        assert_eq!(shown.stats[&frame].occluders_of, Some(FrameNumber(before)));
+        let view = View::new(*camera, Viewport::new(SIDE, SIDE).unwrap());
+        let found = &shown.frames[before as usize].2;
+        let due = occluders(&scene, &view, LodRule::new(EPSILON_PX).unwrap(), found).unwrap();
+        let drawn = drawing.iter().flat_map(|step| match step {
+            Step::Draw(_, _, ids) => ids.as_slice(),
+            _ => &[],
+        });
+        let drawn: Vec<_> = drawn.collect();
+        assert!(!drawn.is_empty() && drawn.iter().all(|id| due.contains(id)));
+        // They come in several batches, and OR of this frame is at work while HC of the one before is.
+        let levels = steps.iter().filter(|step| matches!(step, Step::Test(_, of) if *of == before)).count();
+        if levels < MIDST as usize {
+            continue;
+        }
+        overlapped += 1;
+        assert!(drawing.len() > 2, "{drawing:?}");
+        let first_drawn =
+            place(drawing.iter().find(|s| matches!(s, Step::Draw(_, _, ids) if !ids.is_empty())).unwrap());
+        let last_test =
+            steps.iter().rposition(|step| matches!(step, Step::Test(_, of) if *of == before)).unwrap();
+        assert!(first_drawn < last_test, "OR of frame {frame} began when HC of frame {before} was complete");
+        // HC of this frame begins when that of the one before is complete.
+        assert!(place(&Step::Complete(culler, frame)) > last_test);
+    }
+    assert!(overlapped > FRAMES / 2, "only {overlapped} frames are deep enough");
+    // Ids go to OR and to RVG: as many bytes to the other culler as to the display (section 3.3).
+    let sent = |frame: u32| shown.stats[&frame].to_other;
+    assert!((0..FRAMES - 1).all(|frame| sent(frame).messages > 0), "nothing was sent to the other culler");
+}
+
+#[test]
+fn where_cullers_are_independent_nothing_travels_between_them() {
+    let scene = scene();
+    let settings = common::settings(SIDE, EPSILON_PX);
+    let (min, max) = scene.nodes().first().unwrap().world_box();
+    let middle = (0.5 * (min + max)).to_array();
+    let mut still = |frame| Camera::new(middle, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, frame).unwrap();
+    let mut shown = Shown::default();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let (_stopper, stop) = Stop::new();
+    let device = |_| Ok(common::Device::default());
+    LocalSession { cullers: 3, ..LocalSession::new(&scene, settings, FRAMES) }
+        .run(device, Canvas, &mut still, &mut shown, runtime.handle(), &stop)
+        .unwrap();
+    for (frame, stats) in &shown.stats {
+        assert_eq!(stats.to_other.messages, 0);
+        let own = frame.checked_sub(3).map(FrameNumber);
+        assert_eq!(stats.occluders_of, own, "frame {frame} draws what its culler found three frames before");
+    }
+    assert_eq!(shown.stats.len(), FRAMES as usize);
+}
+
+/// A camera that never stands still, until so many frames were asked for.
+struct Restless {
+    asked: u32,
+    middle: [f64; 3],
+}
+
+impl Cameras for Restless {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        self.asked += 1;
+        let half = 1e-4 * f64::from(self.asked);
+        Camera::new(self.middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
+    }
+
+    fn is_over(&self) -> bool {
+        self.asked > 3_000
+    }
+}
+
+/// Who was lost, and how many frames were shown.
+#[derive(Default)]
+struct Losses {
+    lost: Vec<String>,
+    frames: usize,
+}
+
+impl Observer for Losses {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.frames += 1;
+        Ok(())
+    }
+
+    fn culler(&mut self, event: CullerEvent<'_>) {
+        if let CullerEvent::Left(id, why) = event {
+            self.lost.push(format!("{id}: {why}"));
+        }
+    }
+}
+
+/// Live, a frame that waits for its culler gets newer and newer poses. One that comes when the culler has
+/// begun the frame is too late: it must not be culled as a frame of its own.
+#[test]
+fn a_pose_that_comes_when_its_frame_has_begun_is_no_other_frame() {
+    let scene = scene();
+    let (min, max) = scene.nodes().first().unwrap().world_box();
+    let mut cameras = Restless { asked: 0, middle: (0.5 * (min + max)).to_array() };
+    let mut losses = Losses::default();
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let (_stopper, stop) = Stop::new();
+    let device = |_| Ok(common::Device::default());
+    let settings = common::settings(SIDE, EPSILON_PX);
+    LocalSession {
+        schedule: Schedule::Switch,
+        pace: Pace::Live,
+        ..LocalSession::new(&scene, settings, FRAMES)
+    }
+    .run(device, Canvas, &mut cameras, &mut losses, runtime.handle(), &stop)
+    .unwrap();
+    assert_eq!(losses.lost, [""; 0], "in {} frames", losses.frames);
+    assert!(losses.frames > 20, "{} frames", losses.frames);
+}

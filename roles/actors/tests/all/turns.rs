@@ -1,0 +1,208 @@
+//! Roles of one process that compute one after another: what each says it took holds no other role's work.
+
+use std::{
+    convert::Infallible,
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
+    time::Duration,
+};
+
+use trimaran_actors::{
+    BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stop, Stopwatch, Turns,
+};
+use trimaran_cook::{
+    CookOptions, cook,
+    generate::{PlantOptions, plant},
+};
+use trimaran_cull::{DepthImage, Image, NoOccluders, OcclusionTest, TestBox, View, Viewport};
+use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, Settings};
+use trimaran_scene::Scene;
+
+const FRAMES: u32 = 30;
+const SIZE: u32 = 8;
+/// What each call of a device takes.
+const WORK: Duration = Duration::from_micros(200);
+
+/// A device that is busy for a while each time it is called, and notes how many devices are busy at once.
+struct Busy {
+    devices: Arc<Count>,
+    depth: Vec<f32>,
+}
+
+#[derive(Default)]
+struct Count {
+    now: AtomicU32,
+    most: AtomicU32,
+}
+
+impl Busy {
+    fn new(devices: &Arc<Count>) -> Self {
+        Self { devices: Arc::clone(devices), depth: vec![0.0; (SIZE * SIZE) as usize] }
+    }
+
+    fn work(&self) {
+        let now = 1 + self.devices.now.fetch_add(1, Ordering::SeqCst);
+        self.devices.most.fetch_max(now, Ordering::SeqCst);
+        let clock = Stopwatch::start();
+        while clock.elapsed() < WORK {
+            std::thread::yield_now();
+        }
+        self.devices.now.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+impl OcclusionTest for Busy {
+    type Error = Infallible;
+
+    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
+        self.work();
+        NoOccluders.test(view, boxes, visible)
+    }
+}
+
+impl CullerDevice for Busy {
+    fn begin_occluders(&mut self, _: &View) -> Result<(), Infallible> {
+        self.work();
+        Ok(())
+    }
+
+    fn draw_occluders(&mut self, _: &[DrawableId]) -> Result<(), Infallible> {
+        self.work();
+        Ok(())
+    }
+
+    /// Its device drew for no time; the rest is what else completes a depth, such as reading it back.
+    fn finish_occluders(&mut self) -> Result<Duration, Infallible> {
+        self.work();
+        Ok(Duration::ZERO)
+    }
+
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, Infallible> {
+        Ok(DepthImage::new(Viewport::new(SIZE, SIZE).unwrap(), &self.depth).unwrap())
+    }
+}
+
+impl PictureDevice for Busy {
+    type Error = Infallible;
+
+    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Infallible> {
+        self.work();
+        Ok(())
+    }
+
+    fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {
+        Ok(())
+    }
+}
+
+/// What a session did: begin and end of each role's work on each frame, on the session's one clock, and the
+/// ids shown.
+#[derive(Default)]
+struct Record {
+    occluders: Vec<[u64; 2]>,
+    culling: Vec<[u64; 2]>,
+    drawing: Vec<[u64; 2]>,
+    ids: Vec<Vec<u32>>,
+}
+
+impl Observer for Record {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.drawing.push([frame.drawing, frame.shown].map(|at| at.as_nanos() as u64));
+        self.ids.push(frame.ids.iter().map(|id| id.0).collect());
+        Ok(())
+    }
+
+    fn culled(&mut self, stats: &FrameStats) {
+        self.occluders.push([stats.or_end_ns - stats.or_busy_ns, stats.or_end_ns]);
+        self.culling.push([stats.hc_start_ns, stats.hc_end_ns]);
+    }
+}
+
+impl Record {
+    /// All the work, by when it began.
+    fn work(&self) -> Vec<[u64; 2]> {
+        let mut all = [&self.occluders[..], &self.culling, &self.drawing].concat();
+        all.sort_unstable();
+        all
+    }
+}
+
+fn scene() -> Arc<Scene> {
+    let model = plant(&PlantOptions { seed: 3, objects: 1_500, triangles: 90_000 });
+    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
+}
+
+/// A whole session, and the most devices that were busy at once.
+fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
+    let batch = BatchSize::new(batch).unwrap();
+    let settings = Settings { batch, ..common::settings(SIZE, 0.01) };
+    let (min, max) = scene.nodes().first().unwrap().world_box();
+    let middle = (0.5 * (min + max)).to_array();
+    let mut turning = |frame: FrameNumber| {
+        let half = 0.05 * f64::from(frame.0);
+        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 2.0, 0.1, frame).unwrap()
+    };
+    let devices = Arc::new(Count::default());
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let (_stopper, stop) = Stop::new();
+    let mut record = Record::default();
+    LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings, FRAMES) }
+        .run(
+            |_| Ok(Busy::new(&devices)),
+            Busy::new(&devices),
+            &mut turning,
+            &mut record,
+            runtime.handle(),
+            &stop,
+        )
+        .unwrap();
+    (record, devices.most.load(Ordering::SeqCst))
+}
+
+#[test]
+fn no_two_busy_times_of_roles_that_take_turns_overlap() {
+    let (record, most) = session(&scene(), 1024, &Turns::alone());
+    assert_eq!(most, 1, "a device was busy while another one was");
+    let work = record.work();
+    assert_eq!(work.len(), 3 * FRAMES as usize);
+    for pair in work.windows(2) {
+        assert!(pair[0][1] <= pair[1][0], "{:?} overlaps {:?}", pair[0], pair[1]);
+    }
+}
+
+#[test]
+fn a_busy_time_holds_all_that_a_role_does_for_a_frame() {
+    let (record, _) = session(&scene(), 1024, &Turns::alone());
+    // Clearing, drawing and completing; a test at least; a picture.
+    for (work, calls) in [(&record.occluders, 3), (&record.culling, 1), (&record.drawing, 1)] {
+        for [start, end] in work {
+            assert!(u128::from(end - start) >= calls * WORK.as_nanos(), "{} ns", end - start);
+        }
+    }
+}
+
+#[test]
+fn a_session_shows_the_same_whether_its_roles_take_turns_or_not() {
+    let scene = scene();
+    let (at_once, _) = session(&scene, 1024, &Turns::at_once());
+    let (alone, _) = session(&scene, 1024, &Turns::alone());
+    assert_eq!(alone.ids, at_once.ids);
+}
+
+/// An id a message: far more of them than a link within a process holds, so that who culls waits for who
+/// takes them.
+#[test]
+fn who_has_the_turn_lets_others_go_on_where_it_has_to_wait_for_them() {
+    let scene = scene();
+    let (record, most) = session(&scene, 1, &Turns::alone());
+    assert_eq!(most, 1);
+    let ids = record.ids.iter().map(Vec::len);
+    assert!(ids.clone().min().unwrap() > 512, "{:?}", ids.collect::<Vec<_>>());
+    // What others did meanwhile is in no time of this role: all together took no longer than the session.
+    let work = record.work();
+    let busy: u64 = work.iter().map(|[start, end]| end - start).sum();
+    let whole = work.iter().map(|[_, end]| end).max().unwrap() - work[0][0];
+    assert!(busy <= whole, "{busy} ns of work in {whole} ns");
+}

@@ -1,0 +1,9 @@
+//! What guests can do to each other and to a service.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+#![allow(clippy::disallowed_methods, reason = "what is tested keeps the system's time")]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod displays;
+mod links;

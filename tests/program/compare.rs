@@ -1,0 +1,116 @@
+//! `trimaran compare`: every system on one generated plant, and what it refuses.
+
+use std::fs;
+
+use crate::common::program::{Bench, said};
+use serde_json::Value;
+
+const FRAMES: &str = "12";
+
+fn figures<'v>(table: &'v Value, system: &str) -> &'v Value {
+    let systems = table["systems"].as_array().unwrap();
+    systems.iter().find(|figures| figures["system"] == system).unwrap_or_else(|| panic!("no {system}"))
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// All systems walk the same frames. Their pictures are the same; what they draw and who draws it differs as
+/// it must.
+#[test]
+fn every_system_shows_the_same_pictures() {
+    let bench = Bench::with_plant(1_500);
+    let walk = ["--frames", FRAMES, "--size", "200x160", "--audit-every", "3", "--rounds", "2"];
+    let more = ["--epsilon", "2", "--curve", "2,8", "--live", "60", "--link", "unix", "--out", "c", "--json"];
+    let args = [&["compare", "plant.scene"][..], &walk, &more].concat();
+    let output = bench.trimaran(&args);
+    assert!(output.status.success(), "{}", said(&output));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let written: Value = serde_json::from_slice(&fs::read(bench.path("c/compare.json")).unwrap()).unwrap();
+    assert_eq!(found, written);
+
+    let table = &found["tables"][0];
+    let systems = table["systems"].as_array().unwrap();
+    assert_eq!(systems.len(), 10);
+    for figures in systems {
+        let (name, drawn) = (&figures["system"], &figures["drawn"]);
+        assert_eq!(drawn["audited_frames"], 3, "{name}: the first frame is left out");
+        if name != "rays" {
+            assert_eq!((&drawn["wrong_pixels"], &drawn["lost_nodes"]), (&0.into(), &0.into()), "{name}");
+        }
+        for rounds in [&figures["alone"]["model_fps"], &figures["measured"]["fps"]] {
+            let rounds: Vec<f64> = rounds.as_array().unwrap().iter().map(number).collect();
+            assert!(rounds.len() == 2 && rounds.iter().all(|fps| *fps > 0.0), "{name}: {rounds:?}");
+        }
+        assert_eq!(figures["frames"].as_array().unwrap().len(), 12, "{name}");
+    }
+    let over = |system: &str, what: &str| number(&figures(table, system)["drawn"][what]);
+    assert_eq!(over("exact", "objects_over_exact"), 1.0);
+    let objects = |system| over(system, "objects_over_exact");
+    let triangles = |system| over(system, "triangles_over_exact");
+    assert!(objects("independent-1") <= objects("gigawalk"), "ours draws no more");
+    assert!(triangles("exact") <= triangles("switch") && triangles("switch") < triangles("frustum"));
+    assert!(triangles("gigawalk") < triangles("frustum"), "GigaWalk culls something");
+    assert_eq!(
+        over("gigawalk", "nodes"),
+        over("distributed-gigawalk", "nodes"),
+        "only what joins them differs"
+    );
+    let processes = |system| &figures(table, system)["measured"]["processes"];
+    assert_eq!([processes("gigawalk"), processes("distributed-gigawalk"), processes("switch")], [1, 2, 3]);
+    let occlusion = &figures(table, "frustum")["alone"];
+    assert!(number(&occlusion["or_ms"]) < 0.1, "nothing draws occluders: {occlusion}");
+
+    let curve = found["curve"].as_array().unwrap();
+    assert_eq!(curve.len(), 2 * systems.len());
+    let of = |epsilon: f64| -> Vec<&Value> {
+        curve.iter().filter(|point| point["epsilon_px"] == epsilon && point["system"] != "rays").collect()
+    };
+    for epsilon in [2.0, 8.0] {
+        let first = of(epsilon)[0];
+        let same = |point: &&Value| {
+            (&point["flip_mean"], &point["silhouette_max_px"])
+                == (&first["flip_mean"], &first["silhouette_max_px"])
+        };
+        assert!(of(epsilon).iter().all(same), "pictures of one error bound are the same");
+        assert!(number(&first["silhouette_max_px"]) <= epsilon + 0.1);
+    }
+    assert!(number(&of(8.0)[0]["flip_mean"]) > number(&of(2.0)[0]["flip_mean"]));
+    assert_eq!(found["coherence"].as_array().unwrap().len(), 4 * systems.len());
+    for point in found["coherence"].as_array().unwrap().iter().filter(|point| point["system"] == "exact") {
+        assert_eq!(point["nodes_over_exact"], 1.0, "{point}");
+    }
+    let lag = found["lag"].as_array().unwrap();
+    assert_eq!(lag.len(), systems.len());
+    assert!(lag.iter().all(|point| number(&point["lag_ms"]) > 0.0));
+
+    let page = fs::read_to_string(bench.path("c/compare.html")).unwrap();
+    let tables = fs::read_to_string(bench.path("c/tables.md")).unwrap();
+    for figures in systems {
+        let name = figures["system"].as_str().unwrap();
+        assert!(page.contains(name) && tables.contains(name), "{name}");
+    }
+    let figure = fs::read_to_string(bench.path("c/figures/path-triangles-2.svg")).unwrap();
+    assert!(figure.starts_with("<svg xmlns") && figure.contains("exactly visible"));
+}
+
+#[test]
+fn what_makes_no_comparison_is_refused() {
+    let bench = Bench::with_plant(300);
+    let refused = |more: &[&str], words: &[&str]| {
+        let output = bench.trimaran(&[&["compare", "plant.scene", "--out", "c"], more].concat());
+        assert_eq!(output.status.code(), Some(2), "{more:?}: {}", said(&output));
+        for word in words {
+            assert!(said(&output).contains(word), "{more:?}: {}", said(&output));
+        }
+    };
+    refused(&["--alone"], &["--alone"]);
+    refused(&["--few-pixels", "--occlusion-test", "query"], &["--few-pixels"]);
+    refused(&["--link", "inproc"], &["--link", "tcp"]);
+    refused(&["--systems", "gigawalks"], &["gigawalks", "distributed-gigawalk"]);
+    refused(&["--epsilon", "0"], &["--epsilon"]);
+    refused(&["--rounds", "0"], &["--rounds"]);
+    refused(&["--path", "missing.json"], &["missing.json"]);
+    assert!(!bench.path("c/compare.json").exists() && !bench.path("c/compare.html").exists());
+}

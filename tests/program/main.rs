@@ -1,0 +1,32 @@
+//! The program as its users meet it: processes, files, exit codes.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+#![allow(clippy::disallowed_methods, reason = "what is tested keeps the system's time")]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod cli;
+#[cfg(target_os = "linux")]
+mod clock;
+mod compare;
+mod configs;
+mod corpus;
+mod empty_display;
+mod empty_display_real;
+mod keys;
+#[cfg(target_os = "linux")]
+mod limited_memory;
+mod metrics;
+#[cfg(target_os = "linux")]
+mod partition;
+mod ping;
+mod rejoin;
+#[cfg(target_os = "linux")]
+mod requests;
+mod resume;
+mod second_driver;
+mod security_page;
+mod services;
+mod simulate_cli;
+mod view;
+mod waiting;

@@ -1,0 +1,84 @@
+//! `trimaran ping`, both ends of it as processes.
+
+use std::process::Output;
+
+use crate::common::program::{Bench, Process, printed};
+
+/// The answering end; it ends with the test.
+struct Answering<'b> {
+    bench: &'b Bench,
+    endpoint: String,
+    _process: Process,
+}
+
+impl<'b> Answering<'b> {
+    fn start(bench: &'b Bench, endpoint: &str, more: &[&str]) -> Self {
+        let mut process = bench.start(&[&["ping", "--answer", endpoint], more].concat());
+        let line = process.says("answers pings on");
+        let endpoint = line.trim().rsplit(' ').next().unwrap().to_owned();
+        Self { bench, endpoint, _process: process }
+    }
+
+    fn ping(&self, more: &[&str]) -> Output {
+        self.bench.trimaran(&[&["ping", &self.endpoint, "--interval", "0"], more].concat())
+    }
+}
+
+fn said(output: &Output) -> String {
+    [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text)).concat()
+}
+
+#[test]
+fn cameras_and_frames_go_there_and_back_over_every_transport() {
+    let bench = Bench::empty();
+    for name in ["here", "there"] {
+        bench.done(&["keys", "new", name]);
+    }
+    let keys = |own: &'static str, peer: &'static str| ["--keys", own, "--peer", peer];
+    for (endpoint, secured) in [
+        ("tcp://127.0.0.1:0", false),
+        (&format!("unix:{}", bench.path("ping.sock").display()), false),
+        ("quic://127.0.0.1:0", true),
+    ] {
+        let (mut here, mut there) = (Vec::new(), Vec::new());
+        if secured {
+            here.extend(keys("here.key", "there.pub"));
+            there.extend(keys("there.key", "here.pub"));
+        }
+        let answering = Answering::start(&bench, endpoint, &there);
+        for (ids, bytes) in [("0", 2 * 72..2 * 72 + 20), ("3000", 2 * 3000..2 * 12_200)] {
+            let output = answering.ping(&[&["--ids", ids, "--count", "4", "--json"], &here[..]].concat());
+            let summary: serde_json::Value = serde_json::from_str(&printed(&output)).unwrap();
+            assert_eq!((&summary["sent"], &summary["answered"]), (&4.into(), &4.into()), "{summary}");
+            assert_eq!(summary["loss_percent"], 0.0);
+            let us = |key: &str| summary[key].as_f64().unwrap();
+            assert!(
+                0.0 < us("min_us") && us("min_us") <= us("p50_us") && us("p50_us") <= us("max_us"),
+                "{summary}"
+            );
+            assert!(bytes.contains(&(us("bytes") as i32)), "{endpoint}: {summary}");
+        }
+    }
+}
+
+#[test]
+fn a_person_reads_a_histogram() {
+    let bench = Bench::empty();
+    let answering = Answering::start(&bench, "tcp://127.0.0.1:0", &[]);
+    let text = said(&answering.ping(&["--count", "7"]));
+    assert!(text.contains("linked in") && text.contains("7 sent, 7 answered, 0 lost (0.0 %)"), "{text}");
+    assert!(text.contains("####") && text.contains("jitter"), "{text}");
+}
+
+#[test]
+fn nobody_there_is_said_in_the_timeouts_time() {
+    let bench = Bench::empty();
+    let nobody = format!("unix:{}", bench.path("nobody.sock").display());
+    let output = bench.trimaran(&["ping", &nobody, "--timeout", "0.2"]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let expected = format!("no link to {nobody} within");
+    assert!(said(&output).contains(&expected), "{}", said(&output));
+    let bare = bench.trimaran(&["ping", "quic://127.0.0.1:1"]);
+    assert_eq!(bare.status.code(), Some(2));
+    assert!(said(&bare).contains("trimaran keys new"), "{}", said(&bare));
+}

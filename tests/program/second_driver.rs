@@ -1,0 +1,176 @@
+//! The program on two Vulkan drivers: the machine's best one, and SwiftShader, a rasterizer by other people
+//! with a coarser sub-pixel grid and fewer features. Culling is exact on each, and both draw the same
+//! pictures as far as Vulkan says what a picture is.
+//!
+//! SwiftShader is found by the path of its ICD file in `TRIMARAN_SWIFTSHADER`, or where Debian's
+//! `chromium-common` has it. Without it the test says "skipped", unless `TRIMARAN_REQUIRE_SWIFTSHADER=1`.
+
+use std::{
+    env,
+    fs::File,
+    io::BufReader,
+    path::{Path, PathBuf},
+};
+
+use crate::common::program::{Bench, printed};
+use serde_json::Value;
+
+const INSTALLED: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
+const FRAMES: usize = 8;
+
+fn swiftshader() -> Option<PathBuf> {
+    let named = env::var_os("TRIMARAN_SWIFTSHADER").map(PathBuf::from);
+    let found = named.or_else(|| Some(PathBuf::from(INSTALLED)).filter(|path| path.exists()));
+    if found.is_none() {
+        let required = env::var("TRIMARAN_REQUIRE_SWIFTSHADER").is_ok_and(|value| value == "1");
+        assert!(!required, "TRIMARAN_SWIFTSHADER is not set, and {INSTALLED} is not there");
+        println!("skipped: no SwiftShader");
+    }
+    found
+}
+
+/// A folder with a scene, and the program in it.
+struct Walks(Bench);
+
+impl Walks {
+    fn new() -> Self {
+        Self(Bench::with_plant(300))
+    }
+
+    /// What the program prints on the machine's driver or on that of an ICD file.
+    fn run(&self, driver: Option<&Path>, args: &[&str]) -> String {
+        let mut command = self.0.command(args);
+        if let Some(driver) = driver {
+            command.env("VK_DRIVER_FILES", driver);
+        }
+        printed(&command.output().unwrap())
+    }
+
+    /// Walks with every frame checked, and gives the report.
+    fn walk(&self, driver: Option<&Path>, occlusion_test: &str, out: &str) -> Value {
+        let frames = FRAMES.to_string();
+        let args = ["run", "plant.scene", "--size", "320x240", "--audit-every", "1", "--frames", &frames];
+        self.run(driver, &[&args[..], &["--occlusion-test", occlusion_test, "--out", out]].concat());
+        self.0.report(out)
+    }
+
+    fn picture(&self, out: &str, frame: usize, kind: &str) -> Picture {
+        Picture::read(&self.0.path(&format!("{out}/frames/{frame:05}{kind}.png")))
+    }
+}
+
+/// A picture of three bytes a pixel.
+#[derive(Debug)]
+struct Picture {
+    width: usize,
+    pixels: Vec<[u8; 3]>,
+}
+
+impl Picture {
+    fn read(path: &Path) -> Self {
+        let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut bytes).unwrap();
+        assert_eq!((info.color_type, info.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
+        Self { width: info.width as usize, pixels: bytes.as_chunks().0.to_vec() }
+    }
+
+    /// How many pixels `other` has that this picture does not account for.
+    ///
+    /// The rule of Vulkan's conformance tests for rasterizers that may differ
+    /// (`intThresholdPositionDeviationCompare` of dEQP): a pixel is accounted for if one within a pixel of
+    /// its place has its colour. So edges may lie where either sub-pixel grid puts them.
+    fn unaccounted(&self, other: &Self) -> usize {
+        assert_eq!((self.width, self.pixels.len()), (other.width, other.pixels.len()));
+        let (width, height) = (self.width, self.pixels.len() / self.width);
+        let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        let same = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= COLOUR);
+        let accounted = |&at: &usize| {
+            let (x, y) = (at % width, at / width);
+            near(y, height)
+                .any(|y| near(x, width).any(|x| same(self.pixels[y * width + x], other.pixels[at])))
+        };
+        self.pixels.len() - (0..other.pixels.len()).filter(accounted).count()
+    }
+
+    fn colours(&self) -> usize {
+        let mut colours = self.pixels.clone();
+        colours.sort();
+        colours.dedup();
+        colours.len()
+    }
+}
+
+/// How far a colour may be off, of 255: either driver rounds it once, after arithmetic of its own.
+const COLOUR: u8 = 2;
+
+/// One in so many pixels may be unaccounted for: of parts thinner than a pixel one driver's samples may hit
+/// what the other's miss.
+const PIXELS: usize = 500;
+
+#[test]
+fn both_drivers_cull_exactly_and_draw_the_same_pictures_with_every_occlusion_test() {
+    let Some(swiftshader) = swiftshader() else { return };
+    let walks = Walks::new();
+    for occlusion_test in ["query", "raster", "hzb"] {
+        let outs = [(None, "best"), (Some(swiftshader.as_path()), "second")];
+        let [(best_shows, best), (second_shows, second)] = outs.map(|(driver, name)| {
+            let out = format!("{occlusion_test}-{name}");
+            let report = walks.walk(driver, occlusion_test, &out);
+            let device = report["run"]["roles"][0]["device"].as_str().unwrap();
+            assert_eq!(device.contains("SwiftShader"), driver.is_some(), "{device}");
+            let frames = report["frames"].as_array().unwrap();
+            assert_eq!(frames.len(), FRAMES);
+            for frame in frames {
+                for exact in ["false_culled_pixels", "false_culled_nodes", "cut_mismatch_pixels"] {
+                    assert_eq!(frame[exact], 0, "{out}: {exact} of frame {}", frame["frame"]);
+                }
+            }
+            let shown = frames.iter().map(|frame| frame["triangles_exact_full"].as_u64().unwrap());
+            (shown.sum::<u64>(), out)
+        });
+        // Each tells triangles apart in its own way.
+        let apart = best_shows.abs_diff(second_shows);
+        assert!(
+            best_shows > 1000 && apart * 50 < best_shows,
+            "{best_shows} and {second_shows} triangles show"
+        );
+        for frame in 0..FRAMES {
+            for kind in ["", ".full"] {
+                let [a, b] = [&best, &second].map(|out| walks.picture(out, frame, kind));
+                assert!(a.colours() > 20, "frame {frame} shows something");
+                let off = [a.unaccounted(&b), b.unaccounted(&a)];
+                println!("{occlusion_test} {frame}{kind}: {off:?} of {}", a.pixels.len());
+                assert!(
+                    off.iter().all(|off| off * PIXELS <= a.pixels.len()),
+                    "{occlusion_test}, frame {frame}{kind}: {off:?} pixels differ beyond edges"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_the_second_driver_lacks_is_said_by_doctor() {
+    let Some(swiftshader) = swiftshader() else { return };
+    let walks = Walks::new();
+    let said = walks.run(Some(&swiftshader), &["doctor"]);
+    assert!(said.contains("SwiftShader") && said.contains("lacks geometryShader: audits fetch"), "{said}");
+    let json: Value = serde_json::from_str(&walks.run(Some(&swiftshader), &["doctor", "--json"])).unwrap();
+    assert_eq!(json["works"], true);
+    let lacks = json["findings"][0]["lacks"][0].as_str().unwrap();
+    assert!(lacks.starts_with("geometryShader: "), "{lacks}");
+}
+
+#[test]
+fn a_shifted_edge_is_accounted_for_and_a_missing_wall_is_not() {
+    let picture = |colour: fn(usize, usize) -> u8| Picture {
+        width: 16,
+        pixels: (0..256).map(|at| [colour(at % 16, at / 16); 3]).collect(),
+    };
+    let wall = picture(|x, _| if x < 8 { 200 } else { 50 });
+    assert_eq!(wall.unaccounted(&picture(|x, _| if x < 9 { 201 } else { 48 })), 0);
+    assert_eq!(wall.unaccounted(&picture(|x, _| if x < 8 { 203 } else { 50 })), 128);
+    assert_eq!(wall.unaccounted(&picture(|x, y| if x < 8 && y < 15 { 200 } else { 50 })), 7);
+    assert_eq!(wall.unaccounted(&picture(|_, _| 200)), 16 * 7);
+}

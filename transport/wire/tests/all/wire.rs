@@ -1,0 +1,215 @@
+//! The worked examples of WIRE.md are what this crate writes and reads.
+
+use std::collections::BTreeMap;
+
+use bytes::{Bytes, BytesMut};
+use crate::robot::{Command, NotFinite, Pose, Robot, Time};
+use trimaran_wire::{
+    Accept, BatchSize, CloseReason, Decoder, Explanation, Fixed, Format, FrameEnd, FrameMessage, FrameNumber,
+    FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK, MAX_FIXED, MAX_HELLO, MAX_MESSAGE,
+    Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
+};
+
+const WIRE: &str = include_str!("../WIRE.md");
+
+fn examples() -> BTreeMap<&'static str, Vec<u8>> {
+    examples::examples_of(WIRE)
+}
+
+fn hello(name: &str) -> Bytes {
+    postcard::to_stdvec(name).unwrap().into()
+}
+
+/// The messages that the examples spell out.
+fn messages() -> Vec<(&'static str, Message)> {
+    let pose = to_bytes(&Pose { x: 1.0, y: 2.0, heading: -3.0 });
+    let items = [1u32, 258].map(u32::to_le_bytes).concat();
+    let frame = FrameNumber(9);
+    let hash = xxhash_rust::xxh3::xxh3_64(&items);
+    let introduced = Hello {
+        protocol: ProtocolName::new(Robot::NAME),
+        session: SessionId(5),
+        lane: Lane::Latest,
+        application: hello("arm"),
+    };
+    let frames = [
+        ("begin", FrameMessage::Begin { frame, header: to_bytes(&Time(1000)) }),
+        ("batch", FrameMessage::Batch(items.into())),
+        ("end", FrameMessage::End(FrameEnd { frame, items: 2, hash })),
+        (
+            "coded-batch",
+            FrameMessage::Coded([&100u32.to_le_bytes()[..], &50u16.to_le_bytes()].concat().into()),
+        ),
+    ];
+    let mut messages = vec![
+        ("hello", Message::Hello(introduced)),
+        ("accept", Message::Accept(Accept { application: hello("map") })),
+        ("refuse", Message::Refuse(Refusal::Rejected(Rejection::new(1, "full")))),
+        ("close", Message::Close(CloseReason::new(3, "no power"))),
+        ("keep-alive", Message::KeepAlive),
+        ("latest-value", Message::Latest(pose.clone())),
+        ("numbered-value", Message::Numbered(Numbered { number: Serial(5), value: pose })),
+    ];
+    messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
+    let command = postcard::to_stdvec(&Command::GoTo("dock".to_owned())).unwrap();
+    messages.push(("message", Message::Message(command.into())));
+    messages.push(("block", Message::Block(Bytes::from_static(b"map tile"))));
+    messages
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x} ")).collect()
+}
+
+#[test]
+fn every_kind_of_message_has_an_example() {
+    let kinds: Vec<Kind> = messages().iter().map(|(_, message)| message.kind()).collect();
+    assert_eq!(kinds, Kind::ALL);
+    let written = examples();
+    for (name, message) in messages() {
+        let mut out = BytesMut::new();
+        message.encode(&mut out);
+        assert_eq!(hex(&out), hex(written.get(name).map_or(&[], Vec::as_slice)), "the example {name}");
+    }
+    assert_eq!(written.len(), messages().len() + 2, "and the empty frame, and another version's hello");
+}
+
+#[test]
+fn every_example_reads_back() {
+    let written = examples();
+    for (name, message) in messages() {
+        let mut decoder = Decoder::new(Format::of::<Robot>());
+        decoder.push(&written[name]);
+        assert_eq!(decoder.next_message(), Ok(Some(message)), "the example {name}");
+        assert_eq!(decoder.pending(), 0);
+    }
+}
+
+#[test]
+fn the_empty_frame_is_begin_and_end() {
+    let mut writer = FrameWriter::<u32>::new(BatchSize::default());
+    let mut out = BytesMut::new();
+    writer.begin(FrameNumber(9)).unwrap();
+    writer.push(&[], |_| panic!("no batch")).unwrap();
+    writer.finish(|message| Message::Frame(message).encode(&mut out)).unwrap();
+    assert_eq!(hex(&out), hex(&examples()["empty-end"]));
+}
+
+#[test]
+fn another_versions_hello_says_which() {
+    let mut decoder = Decoder::new(Format::of::<Robot>());
+    decoder.push(&examples()["hello-4"]);
+    let error = decoder.next_message().unwrap_err().to_string();
+    assert!(error.contains("the peer speaks version 4 of the protocol, this one version 3"), "{error}");
+}
+
+/// What a length of the page comes to: a sum of numbers, each of which may be followed by a letter to be
+/// multiplied with.
+fn length(written: &str, format: &Format) -> usize {
+    let factor = |word: &str| match word {
+        "L" => format.latest,
+        "H" => format.header,
+        "I" => format.item,
+        number => number.parse().unwrap(),
+    };
+    written.split(" + ").map(|term| term.split(' ').map(factor).product::<usize>()).sum()
+}
+
+#[test]
+fn the_table_of_codes_and_lengths_is_the_crates() {
+    for kind in Kind::ALL {
+        let row = format!("| `{:#04x}` | {kind} | ", kind.code());
+        let (_, rest) = WIRE.split_once(&row).unwrap_or_else(|| panic!("no row {row:?}"));
+        let (lengths, _) = rest.split_once(" |").unwrap();
+        let (least, most) = lengths.split_once(" to ").unwrap_or((lengths, lengths));
+        for format in
+            [Format::of::<Robot>(), Format { latest: 72, header: 0, item: 256, count_coded: |_| None }]
+        {
+            assert_eq!(length(least, &format)..=length(most, &format), kind.lengths(&format), "{kind}");
+        }
+    }
+    assert!(WIRE.contains(&format!("{HEADER_BYTES}-byte header")));
+}
+
+#[test]
+fn the_limits_are_the_crates() {
+    let format = Format::of::<Robot>();
+    let page = WIRE.split_whitespace().collect::<Vec<_>>().join(" ");
+    for said in [
+        format!("L is {}", format.latest),
+        format!("H is {}", format.header),
+        format!("I is {}", <u32 as Item>::SIZE),
+        format!("| {MAX_FIXED} |"),
+        format!("at most {} bytes, the application's hello {MAX_HELLO}", ProtocolName::MAX_BYTES),
+        format!(
+            "a message {MAX_MESSAGE}, a block {MAX_BLOCK}, each text for people {} bytes",
+            Explanation::MAX_BYTES
+        ),
+        format!("refuses a peer {}.", Rejection::new(0, &"x".repeat(1000)).why.as_str().len()),
+        format!("1 to {} items of I bytes", BatchSize::MAX.items()),
+        format!("close with code {}", CloseReason::REFUSED),
+        format!("# The wire of links, version {} ", WireVersion::CURRENT),
+    ] {
+        assert!(page.contains(&said), "the page does not say {said:?}");
+    }
+}
+
+#[test]
+fn the_reasons_have_the_numbers_of_the_page() {
+    let (_, table) = WIRE.split_once("| number | reason | values |\n|---|---|---|\n").unwrap();
+    let rows: Vec<&str> = table.lines().take_while(|line| line.starts_with('|')).collect();
+    let version = WireVersion::CURRENT;
+    let (session, lane) = (SessionId(5), Lane::Frames);
+    let (name, text) = (ProtocolName::new("robot/1"), Explanation::new("arm"));
+    let refusals = [
+        ("versions differ", Refusal::Version { listener: version, connector: version }),
+        ("the applications differ", Refusal::Protocol { listener: name.clone(), connector: name }),
+        ("the application of the listener", Refusal::Rejected(Rejection::new(1, "full"))),
+        ("the lane came twice", Refusal::Session { session, lane }),
+        ("another lane", Refusal::Unpaired { session }),
+        ("too many peers or handshakes", Refusal::Busy),
+        ("the key of who connects", Refusal::Key { claimed: text.clone(), known: text }),
+    ];
+    assert_eq!(rows.len(), refusals.len());
+    for (number, (row, (reason, refusal))) in rows.iter().zip(refusals).enumerate() {
+        let mut out = BytesMut::new();
+        Message::Refuse(refusal).encode(&mut out);
+        assert_eq!(usize::from(out[HEADER_BYTES + 2]), number, "{reason}");
+        assert!(row.starts_with(&format!("| {number} | {reason}")), "{row}");
+    }
+}
+
+#[test]
+fn a_fixed_value_reads_back_or_says_why_not() {
+    let pose = Pose { x: 1.0, y: -2.0, heading: 0.5 };
+    let bytes = to_bytes(&pose);
+    assert_eq!(bytes.len(), Pose::SIZE);
+    assert_eq!(Pose::read(&bytes), Ok(pose));
+    let lost = to_bytes(&Pose { x: f32::NAN, y: 0.0, heading: 0.0 });
+    assert_eq!(Pose::read(&lost), Err(NotFinite));
+    assert_eq!(Time::read(&to_bytes(&Time(1 << 40))), Ok(Time(1 << 40)));
+    assert_eq!((to_bytes(&()).len(), <()>::read(&[])), (0, Ok(())));
+}
+
+/// As large as values may be: they are on the heap then, and no different.
+#[test]
+fn a_value_may_have_a_kilobyte() {
+    #[derive(Debug, PartialEq)]
+    struct Large([u8; MAX_FIXED]);
+
+    impl Fixed for Large {
+        const SIZE: usize = MAX_FIXED;
+        type Error = NotFinite;
+
+        fn write(&self, out: &mut [u8]) {
+            out.copy_from_slice(&self.0);
+        }
+
+        fn read(bytes: &[u8]) -> Result<Self, NotFinite> {
+            bytes.first_chunk().copied().map(Self).ok_or(NotFinite)
+        }
+    }
+
+    let large = Large(std::array::from_fn(|at| at as u8));
+    assert_eq!(Large::read(&to_bytes(&large)), Ok(large));
+}
