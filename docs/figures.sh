@@ -26,7 +26,21 @@ if [ -z "${TRIMARAN:-}" ]; then
 fi
 out=$(mktemp -d)
 trap 'rm -r "$out"' EXIT
-. docs/place.sh
+# place FILE: its marks get what was taken; a mark of what was not keeps what it has.
+place() {
+    awk -v out="$out" '
+        /^<!-- figures: / {
+            print
+            name = out "/" $3 ".block"
+            taken = (getline line < name) > 0
+            if (taken) { do print line; while ((getline line < name) > 0); close(name) }
+            next
+        }
+        /^<!-- end of figures -->/ { taken = 0 }
+        !taken
+    ' "$1" > "$out/page"
+    cat "$out/page" > "$1"
+}
 
 # begin BLOCK: what follows is for the marks of that name.
 begin() {
