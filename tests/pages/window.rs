@@ -3,11 +3,11 @@
 
 use std::{process::ExitStatus, sync::Arc, thread, time::Duration};
 
-use glam::{DVec3, Vec3};
 use crate::common::house::{RISE, STEPS, house};
 use crate::common::page::Service;
 use crate::common::program::{Bench, said, signal};
 use crate::common::screen::{Compositor, SCREEN, Screen, Window, wait_for};
+use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use trimaran::{
     page::SceneDescription,

@@ -3,7 +3,7 @@
 
 use std::{thread, time::Duration};
 
-use crate::common::deployment::{Deployment, culled_by, notes};
+use crate::common::deployment::{Deployment, ENDLESS, culled_by, notes};
 use crate::common::ports::unused_port;
 use crate::common::program::Process;
 
@@ -167,7 +167,7 @@ fn cullers_stay_when_a_display_is_interrupted_and_end_when_they_are_stopped() {
         deployment.shows(5);
         let (report, said) = deployment.interrupted(display);
         assert!(said.contains("it was asked to stop"), "{transport}: {said}");
-        assert!(report["frames"].as_array().unwrap().len() < deployment::ENDLESS);
+        assert!(report["frames"].as_array().unwrap().len() < ENDLESS);
         for culler in &mut cullers {
             culler.says("it was interrupted");
         }

@@ -24,7 +24,8 @@ fn tests_of(page: &str) -> Vec<(usize, &str)> {
     let cells = page.lines().enumerate().filter_map(|(at, line)| {
         let cell = line.strip_suffix('|').and_then(|row| row.rsplit('|').next()).map(str::trim);
         is_of_tests = cell.is_some_and(|cell| is_of_tests || cell == "test");
-        cell.filter(|cell| is_of_tests && *cell != "test" && !cell.starts_with('-')).map(|cell| (at + 1, cell))
+        cell.filter(|cell| is_of_tests && *cell != "test" && !cell.starts_with('-'))
+            .map(|cell| (at + 1, cell))
     });
     cells.collect()
 }

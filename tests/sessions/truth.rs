@@ -155,7 +155,7 @@ fn found(scene: &Scene, image: &ItemImage, twins: &Twins) -> Pixels {
 /// Compares every view of a model with the truth, and prints a table.
 fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
-    let Some(gpu) = common::device() else { return Ok(()) };
+    let Some(gpu) = crate::common::device() else { return Ok(()) };
     let truth: Truth = serde_json::from_str(&fs::read_to_string(data.truth(&format!("{name}.views.json")))?)?;
     let model = imported(&[data.unpacked(&format!("{name}.glb"))]);
     let twins = Twins::of(&model);

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
+use crate::common::program::{Bench, said};
 use crate::common::{
     data::small_plant,
     session::{self, assert_no_validation_messages, culler, walk_in_process},
 };
 use glam::{DVec3, Vec3};
-use crate::common::program::{Bench, said};
 use trimaran::{
     report::Frame,
     walkthrough::{
@@ -53,7 +53,7 @@ fn glass_of_a_file_starts_see_through_and_hides_nothing() {
     let walk = ["run", "glass.scene", "--path", "path.json", "--size", "64x64", "--audit-every", "1"];
     let output = bench.trimaran(&[&walk[..], &["--out", "walk"]].concat());
     let ran = output.status.success().then_some(()).ok_or_else(|| said(&output));
-    let Some(()) = common::unless_required(ran) else { return };
+    let Some(()) = crate::common::unless_required(ran) else { return };
     let report = bench.report("walk");
     assert_eq!(report["run"]["view_states"][0]["see_through"], 1, "{}", report["run"]["view_states"]);
     assert_eq!(report["summary"]["cut_mismatch_pixels_total"], 0);
@@ -78,7 +78,7 @@ fn middle(picture: &std::path::Path) -> [u8; 3] {
 }
 
 fn devices(scene: &Arc<Scene>, cullers: usize) -> Option<SceneOnDevices> {
-    common::unless_required(SceneOnDevices::open(scene, cullers, &common::options()))
+    crate::common::unless_required(SceneOnDevices::open(scene, cullers, &crate::common::options()))
 }
 
 fn some_objects(random: &mut Random, scene: &Scene, share: f64) -> ObjectSet {

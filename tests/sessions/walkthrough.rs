@@ -144,7 +144,8 @@ fn a_walk_has_the_same_ids_with_the_depth_pyramid_on_the_host_and_on_the_device(
 /// Culling changes no pixel, whoever does it and by whatever occluders.
 #[test]
 fn pictures_are_the_same_for_every_number_of_cullers_schedule_and_test() {
-    let Some(all) = common::unless_required(SceneOnDevices::open(&small_plant(), 3, &common::options()))
+    let Some(all) =
+        crate::common::unless_required(SceneOnDevices::open(&small_plant(), 3, &crate::common::options()))
     else {
         return;
     };

@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::machine::Machine;
 use crate::common::program::Bench;
+use crate::machine::Machine;
 
 /// The services, and where each shows what its links carry.
 pub(crate) const DISPLAY: (&str, u16) = ("trimaran-display", 9464);

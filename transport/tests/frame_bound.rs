@@ -8,8 +8,8 @@ mod common;
 use std::alloc::System;
 use std::time::Duration;
 
-use common::{Link, connect, net, soon};
 use common::meeting::Meeting;
+use common::{Link, connect, net, soon};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use tokio::sync::Mutex;
 use trimaran_transport::conformance::{PANEL, greeting, receive, start};

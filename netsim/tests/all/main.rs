@@ -1,6 +1,7 @@
 //! Networks in virtual time, held against arithmetic and against kernels.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+#[macro_use]
 #[path = "../virtual_time/mod.rs"]
 mod virtual_time;
 

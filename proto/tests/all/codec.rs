@@ -1,9 +1,5 @@
 //! Cameras and ids as bytes: whatever is written is read; whatever is read does no harm.
 
-#[allow(unreachable_pub, dead_code, reason = "the fuzz targets share the file, and see all of it as public")]
-#[path = "../../../fuzz/src/checks.rs"]
-mod checks;
-
 #[allow(unreachable_pub, reason = "the fuzz targets share the file, and see it as public")]
 #[path = "../../../fuzz/src/walkthrough.rs"]
 mod walkthrough;

@@ -13,7 +13,7 @@ use trimaran_wire::{
 };
 
 fn examples() -> BTreeMap<&'static str, Vec<u8>> {
-    examples::examples_of(include_str!("../WIRE.md"))
+    crate::examples::examples_of(include_str!("../../WIRE.md"))
 }
 
 fn encoded(message: Message) -> Vec<u8> {
@@ -252,7 +252,7 @@ fn each_refusal_is_read_with_its_values() {
 /// Its values have other sizes: they are shown as bytes, and nothing is made of them.
 #[test]
 fn of_another_application_only_kinds_are_read() {
-    let robot = examples::examples_of(include_str!("../../transport/wire/WIRE.md"));
+    let robot = crate::examples::examples_of(include_str!("../../../transport/wire/WIRE.md"));
     let say = |name: &str| robot[name].clone();
     let packets = [
         (0, say("hello")),

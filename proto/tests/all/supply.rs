@@ -277,7 +277,7 @@ fn the_inputs_of_the_corpus_are_written() {
 
 #[test]
 fn a_record_has_its_numbers_where_the_page_says() {
-    let wire = include_str!("../WIRE.md");
+    let wire = include_str!("../../WIRE.md");
     let row = |line: &'static str| {
         let cells: Vec<&str> = line.split('|').skip(1).map(str::trim).collect();
         (cells[0].parse().unwrap(), cells[1].parse().unwrap(), cells[2])

@@ -14,10 +14,10 @@ use trimaran_wire::{
     Protocol, ProtocolName, Refusal, SessionId, to_bytes,
 };
 
-const WIRE: &str = include_str!("../WIRE.md");
+const WIRE: &str = include_str!("../../WIRE.md");
 
 fn examples() -> BTreeMap<&'static str, Vec<u8>> {
-    examples::examples_of(WIRE)
+    crate::examples::examples_of(WIRE)
 }
 
 fn camera() -> Camera {

@@ -1,8 +1,8 @@
 //! What becomes of a link where the application's own part does not fit.
 
-use bytes::{Bytes, BytesMut};
-use crate::common::{Link, Listener, connect, format, last_failure, net, obstacle_of, soon};
 use crate::common::meeting::Meeting;
+use crate::common::{Link, Listener, connect, format, last_failure, net, obstacle_of, soon};
+use bytes::{Bytes, BytesMut};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use trimaran_transport::conformance::{ARM, PANEL, Pose, Robot, greeting, pose, start};

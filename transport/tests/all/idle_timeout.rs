@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::common::{Link, connect, net, soon};
 use crate::common::meeting::Meeting;
+use crate::common::{Link, connect, net, soon};
 use tokio::runtime::{Builder, Runtime};
 use trimaran_transport::conformance::{PANEL, greeting, points, pose, receive, send_frame, start};
 use trimaran_transport::{Endpoint, LinkConfig, Loss, Net, Options, RecvError, SendError, TokioNet};

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use bytes::BytesMut;
-use crate::common::{Listener, connect, introduce, last_failure, net, soon};
 use crate::common::page::Page;
+use crate::common::{Listener, connect, introduce, last_failure, net, soon};
+use bytes::BytesMut;
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};

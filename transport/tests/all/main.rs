@@ -33,7 +33,7 @@ mod tasks;
 mod tcp;
 #[cfg(feature = "tcp")]
 mod tcp_faults;
-#[cfg(all(feature = "tcp", feature = "udp"))]
+#[cfg(feature = "udp")]
 mod udp;
 #[cfg(all(target_os = "linux", feature = "udp"))]
 mod udp_addresses;

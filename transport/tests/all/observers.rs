@@ -4,10 +4,10 @@
 use std::cell::Cell;
 use std::time::Duration;
 
-use crate::common::router::Router;
-use crate::common::{Link, Listener, connect, last_failure, net, soon};
 use crate::common::forged::{Forgery, Initial};
 use crate::common::meeting::Meeting;
+use crate::common::router::Router;
+use crate::common::{Link, Listener, connect, last_failure, net, soon};
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{Endpoint, HandshakeError, LinkConfig, Options, Refusal};

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::common::{connect, last_failure, net, other_map, refusal, soon};
 use crate::common::meeting::Meeting;
+use crate::common::{connect, last_failure, net, other_map, refusal, soon};
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};
 use trimaran_transport::conformance::{Greeting, MAP, PANEL, greeting, pose};

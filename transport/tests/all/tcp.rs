@@ -46,7 +46,7 @@ async fn listener(net: &Arc<dyn Net>, identity: Greeting, options: &Options) -> 
 async fn refusal(listening: Greeting, connecting: Greeting) -> (Refusal, Refusal) {
     let (net, options) = (net(), Options::default());
     let (mut listener, address) = listener(&net, listening.clone(), &options).await;
-    let refusal = common::refusal(&net, &address, connecting, &options).await;
+    let refusal = crate::common::refusal(&net, &address, connecting, &options).await;
     match last_failure(&mut listener).await {
         HandshakeError::Refused(known) => (refusal, known),
         other => panic!("{other:?}"),
@@ -133,4 +133,10 @@ async fn a_port_in_use_says_so() {
     let error = Listener::bind(&net, &address, greeting(ARM), &options).await.unwrap_err();
     assert!(matches!(error, ListenError::InUse { .. }) && error.may_pass(), "{error:?}");
     assert!(error.to_string().contains(&address.to_string()), "{error}");
+}
+
+#[tokio::test]
+async fn what_the_kernel_does_with_packets_is_not_told() {
+    let (here, _there) = joined("tcp://127.0.0.1:0", &Options::default()).await;
+    assert_eq!(here.stats.read().path, None);
 }

@@ -3,9 +3,9 @@
 
 use std::time::Duration;
 
-use bytes::{BufMut, BytesMut};
 use crate::common::udp::{a_panel_gets_in, address, listener, shared, with};
 use crate::common::{Link, Listener, connect, format, introduce, last_failure, net, soon};
+use bytes::{BufMut, BytesMut};
 use tokio::net::UdpSocket;
 use trimaran_transport::conformance::{PANEL, greeting, pose};
 use trimaran_transport::udp::Trust;

@@ -193,7 +193,7 @@ async fn another_users_process_gets_no_link_from_either_side_unless_its_user_is_
     // Whoever connects sees another user's listener, which may give way to another.
     let (_folder, endpoint) = socket();
     let mut listener = bind(&endpoint, &options).await.unwrap();
-    let cause = common::obstacle(&elsewhere, &endpoint, greeting(PANEL), &options).await;
+    let cause = crate::common::obstacle(&elsewhere, &endpoint, greeting(PANEL), &options).await;
     assert_eq!(foreigner(&cause), Some(stranger), "{cause:?}");
 
     let unix = UnixOptions { allow_uids: vec![stranger.theirs], ..UnixOptions::default() };

@@ -1,7 +1,7 @@
 //! The worked examples of WIRE.md are what this crate writes and reads.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
-#[path = "../../wire/tests/examples/mod.rs"]
+#[path = "../../wire/tests/all/examples/mod.rs"]
 mod page;
 
 use std::collections::BTreeMap;

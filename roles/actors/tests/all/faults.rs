@@ -95,11 +95,11 @@ impl Setting {
         cullers: &[Culler],
         alone: Device,
     ) -> (Result<(), RoleError>, Seen, Vec<Option<CloseReason>>) {
-        let (settings, turns) = (common::settings(SIDE, EPSILON_PX), Turns::at_once());
+        let (settings, turns) = (crate::common::settings(SIDE, EPSILON_PX), Turns::at_once());
         let mut peers = Peers::none();
         let mut far = Vec::new();
         for (place, culler) in cullers.iter().enumerate() {
-            let (link, other) = common::link(&self.net, &self.scene, Role::Display, Role::Culler);
+            let (link, other) = crate::common::link(&self.net, &self.scene, Role::Display, Role::Culler);
             peers.put_back(Arrival { place, link, at: None, seat: Seat::once() });
             far.push((culler, other));
         }

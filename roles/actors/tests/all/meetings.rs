@@ -32,7 +32,7 @@ struct Guest<'g> {
 
 impl Guest<'_> {
     fn settings() -> Settings {
-        common::settings(64, 1.0)
+        crate::common::settings(64, 1.0)
     }
 
     async fn joins(&self, role: Role, key: u64) -> Link {

@@ -48,7 +48,7 @@ fn what_is_seen_from_where_an_eye_rests_is_found_out_once() {
         let session = LocalSession {
             pace: Pace::Live,
             cullers,
-            ..LocalSession::new(&scene, common::settings(32, 2.0), 1)
+            ..LocalSession::new(&scene, crate::common::settings(32, 2.0), 1)
         };
         let device = |_| Ok(Device::default());
         session.run(device, Device::default(), &mut cameras, &mut frames, runtime.handle(), &stop).unwrap();

@@ -61,8 +61,8 @@ impl Service {
     }
 
     fn session(&self, side: u32) -> (NewSession, Link) {
-        let settings = common::settings(side, 2.0);
-        let (display, far) = common::link(&self.net, &self.scene, Role::Culler, Role::Display);
+        let settings = crate::common::settings(side, 2.0);
+        let (display, far) = crate::common::link(&self.net, &self.scene, Role::Culler, Role::Display);
         let meeting = Meeting {
             net: Arc::clone(&self.net),
             scene: self.scene.outline(),

@@ -12,8 +12,8 @@ use std::{
     time::Duration,
 };
 
-use bytes::Bytes;
 use crate::common::Broken;
+use bytes::Bytes;
 use glam::DVec3;
 use parking_lot::Mutex;
 use tokio::runtime::{Builder, Runtime};
@@ -46,7 +46,7 @@ static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
 });
 
 fn settings() -> Settings {
-    common::settings(SIDE, EPSILON_PX)
+    crate::common::settings(SIDE, EPSILON_PX)
 }
 
 fn runtime() -> Runtime {
@@ -520,7 +520,7 @@ fn try_play(
     for (place, culler) in cullers.iter().enumerate() {
         let (link, other) = match culler {
             Far::Foreign => foreign_link(&net),
-            _ => common::link(&net, &PLANT, Role::Display, Role::Culler),
+            _ => crate::common::link(&net, &PLANT, Role::Display, Role::Culler),
         };
         peers.put_back(Arrival { place, link, at: None, seat: Seat::once() });
         far.push((culler, other));

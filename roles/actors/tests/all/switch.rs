@@ -161,7 +161,8 @@ fn walk(scene: &Arc<Scene>) -> (Vec<Step>, Shown) {
         let half = 0.05 * f64::from(frame.0);
         Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
     };
-    let settings = Settings { batch: BatchSize::new(16).unwrap(), ..common::settings(SIDE, EPSILON_PX) };
+    let settings =
+        Settings { batch: BatchSize::new(16).unwrap(), ..crate::common::settings(SIDE, EPSILON_PX) };
     let (log, mut shown) = (Arc::new(Log::default()), Shown::default());
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
@@ -247,7 +248,7 @@ fn the_schedule_is_that_of_the_paper() {
 #[test]
 fn where_cullers_are_independent_nothing_travels_between_them() {
     let scene = scene();
-    let settings = common::settings(SIDE, EPSILON_PX);
+    let settings = crate::common::settings(SIDE, EPSILON_PX);
     let (min, max) = scene.nodes().first().unwrap().world_box();
     let middle = (0.5 * (min + max)).to_array();
     let mut still = |frame| Camera::new(middle, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, frame).unwrap();
@@ -315,7 +316,7 @@ fn a_pose_that_comes_when_its_frame_has_begun_is_no_other_frame() {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
     let device = |_| Ok(common::Device::default());
-    let settings = common::settings(SIDE, EPSILON_PX);
+    let settings = crate::common::settings(SIDE, EPSILON_PX);
     LocalSession {
         schedule: Schedule::Switch,
         pace: Pace::Live,

@@ -137,7 +137,7 @@ fn scene() -> Arc<Scene> {
 /// A whole session, and the most devices that were busy at once.
 fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let batch = BatchSize::new(batch).unwrap();
-    let settings = Settings { batch, ..common::settings(SIZE, 0.01) };
+    let settings = Settings { batch, ..crate::common::settings(SIZE, 0.01) };
     let (min, max) = scene.nodes().first().unwrap().world_box();
     let middle = (0.5 * (min + max)).to_array();
     let mut turning = |frame: FrameNumber| {

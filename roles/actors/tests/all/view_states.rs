@@ -60,7 +60,7 @@ impl Changing {
             })
         };
         let mut states: BTreeMap<_, _> = (1..FRAMES).map(|v| (ViewVersion(v), state(v))).collect();
-        states.insert(ViewVersion(0), Arc::new(common::settings(32, 2.0).into()));
+        states.insert(ViewVersion(0), Arc::new(crate::common::settings(32, 2.0).into()));
         Self { middle: (0.5 * (min + max)).to_array(), states }
     }
 
@@ -167,8 +167,11 @@ fn walk(
     let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
     let log = Arc::new(Mutex::new(Log::default()));
-    let session =
-        LocalSession { cullers, schedule, ..LocalSession::new(scene, common::settings(32, 2.0), FRAMES) };
+    let session = LocalSession {
+        cullers,
+        schedule,
+        ..LocalSession::new(scene, crate::common::settings(32, 2.0), FRAMES)
+    };
     let device = |_| Ok(Noting::new(&log));
     let walked = session.run(device, Noting::new(&log), cameras, &mut Unnoted, runtime.handle(), &stop);
     let log = std::mem::take(&mut *log.lock());

@@ -2,8 +2,8 @@
 
 use std::io::Write;
 
-use flate2::{Compression, write::GzEncoder};
 use crate::import_files::{import_beside, import_bytes};
+use flate2::{Compression, write::GzEncoder};
 use proptest::prelude::*;
 use trimaran_cook::import::{ImportError, ImportOptions, Imported, ObjError, WarningKind, import};
 use trimaran_cook::{CookOptions, Model, cook};

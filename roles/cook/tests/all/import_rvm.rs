@@ -1,7 +1,7 @@
 //! RVM files written by hand: groups, colours, units, and how each fault is told.
 
-use glam::{DVec3, Vec3};
 use crate::import_files::{RvmWriter, import_beside, import_bytes, reals, word};
+use glam::{DVec3, Vec3};
 use trimaran_cook::import::{
     ImportError, ImportOptions, Imported, RvmError, RvmPlace, UpAxis, WarningKind, import,
 };

@@ -1,7 +1,7 @@
 //! The text form of RVM files: what holds for the binary form holds for it.
 
-use glam::{DVec3, Vec3};
 use crate::import_files::{RvmWriter, import_beside, import_bytes, reals};
+use glam::{DVec3, Vec3};
 use trimaran_cook::import::{ImportError, Imported, RvmError, RvmPlace, WarningKind};
 use trimaran_scene::Rgba8;
 

@@ -5,8 +5,8 @@
 use std::fs;
 use std::path::Path;
 
-use glam::{DAffine3, DMat3, DVec3, Vec3};
 use crate::models::sealed;
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use trimaran_cook::{CookOptions, Mesh, Model, Object, Source, cook};
 use trimaran_scene::{OpenError, ReadCause, Rgba8, Scene};
 

@@ -3,8 +3,8 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use crate::common::{Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, soon};
 use super::{SESSION, bytes, hello, listener};
+use crate::common::{Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, soon};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use trimaran_transport::conformance::{ARM, GRIPPER, MAP, PANEL, greeting};

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::common::{Link, connect, hello_bytes, net, soon};
 use super::{bytes, hello, listener};
+use crate::common::{Link, connect, hello_bytes, net, soon};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use trimaran_transport::conformance::{ARM, PANEL, Robot, finished, greeting, points, pose, receive, start};

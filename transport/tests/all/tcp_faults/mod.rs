@@ -7,8 +7,8 @@ mod link;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use bytes::BytesMut;
 use crate::common::{Listener, introduce};
+use bytes::BytesMut;
 use trimaran_transport::conformance::{ARM, PANEL, greeting};
 use trimaran_transport::{Endpoint, Lane, Net, Options, SessionId};
 use trimaran_wire::Message;

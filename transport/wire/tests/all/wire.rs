@@ -2,18 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use bytes::{Bytes, BytesMut};
 use crate::robot::{Command, NotFinite, Pose, Robot, Time};
+use bytes::{Bytes, BytesMut};
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, Fixed, Format, FrameEnd, FrameMessage, FrameNumber,
     FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK, MAX_FIXED, MAX_HELLO, MAX_MESSAGE,
     Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
 };
 
-const WIRE: &str = include_str!("../WIRE.md");
+const WIRE: &str = include_str!("../../WIRE.md");
 
 fn examples() -> BTreeMap<&'static str, Vec<u8>> {
-    examples::examples_of(WIRE)
+    crate::examples::examples_of(WIRE)
 }
 
 fn hello(name: &str) -> Bytes {

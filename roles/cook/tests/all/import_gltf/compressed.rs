@@ -12,8 +12,8 @@ use trimaran_cook::import::{GltfError, ImportError, ImportLimits, ImportOptions,
 use trimaran_scene::Rgba8;
 
 use super::document::Document;
-use crate::import_files::floats;
 use super::{error, model};
+use crate::import_files::floats;
 
 /// A sheet of `side` x `side` squares, one unit each, in the plane z = 0.
 fn sheet(side: usize) -> (Vec<[f32; 3]>, Vec<u32>) {

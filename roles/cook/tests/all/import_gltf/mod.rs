@@ -7,8 +7,8 @@ mod document;
 mod lenient;
 mod shapes;
 
-use glam::{DMat3, DVec3};
 use crate::import_files::{floats, glb, import_beside, import_bytes};
+use glam::{DMat3, DVec3};
 use trimaran_cook::Model;
 use trimaran_cook::import::{GltfError, ImportError, WarningKind};
 use trimaran_scene::{Attribute, Rgba8};

@@ -6,8 +6,8 @@ use trimaran_cook::import::WarningKind;
 use trimaran_scene::Attribute;
 
 use super::document::Document;
-use crate::import_files::{floats, import_bytes};
 use super::model;
+use crate::import_files::{floats, import_bytes};
 
 /// One triangle with two morph targets: by 5 along x, by 2 along y. The second is sparse: its last vertex.
 fn morphing(nodes: &str, mesh: &str) -> Vec<u8> {
