@@ -190,9 +190,6 @@ fi
 latency='network=network link=link p50_ms=p50 p95_ms=p95 p99_ms=p99 p999_ms=p99.9 frames_per_second=frames/s late%=late incomplete=gaps bytes=bytes_a_frame'
 parts='link=link batch=b bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp ip_headers=IP link_layer=link_layer packets=packets'
 
-begin wired
-sim --network fast-ethernet,gigabit,10g --link tcp,quic,udp --frames 2000
-table $latency
 begin lossy
 sim --network wifi,wan-20ms,wan-80ms,lte --link tcp,quic,udp,udp-deadline --frames 2000 --seed 1,2,3,4,5
 table $latency
@@ -217,9 +214,6 @@ table $parts acknowledgements=acks
 begin repeated
 sim --network wifi --link tcp,quic,udp --udp-repair 15,0 --frames 1000 --nodes 4000 --batch 1000 --seed 1,2,3
 table link=link bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp ip_headers=IP link_layer=link_layer packets=packets repetitions=repeated
-begin once
-sim --network gigabit --link tcp,quic,udp --frames 3000 --nodes 4000 --batch 1000
-table link=link handshake=handshake,_once keepalive=keepalive,_a_frame
 
 if [ -n "$scene" ]; then
     trace=$out/city.trace
