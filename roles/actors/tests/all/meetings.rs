@@ -64,8 +64,9 @@ fn with_a_culler(guests: impl AsyncFnOnce(Guest<'_>)) {
     let turns = Turns::at_once();
     let culler = LocalCullers::new(&PLANT, 1, &turns);
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-    let work =
-        |_, settings: &Settings| Ok(SceneCulling::new(&PLANT, common::Device::default(), settings, &turns));
+    let work = |_, settings: &Settings| {
+        Ok(SceneCulling::new(&PLANT, crate::common::Device::default(), settings, &turns))
+    };
     let guest = Guest { net, culler: &culler };
     let visit = || {
         runtime.block_on(guests(guest));

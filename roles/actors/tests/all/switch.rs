@@ -255,7 +255,7 @@ fn where_cullers_are_independent_nothing_travels_between_them() {
     let mut shown = Shown::default();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
-    let device = |_| Ok(common::Device::default());
+    let device = |_| Ok(crate::common::Device::default());
     LocalSession { cullers: 3, ..LocalSession::new(&scene, settings, FRAMES) }
         .run(device, Canvas, &mut still, &mut shown, runtime.handle(), &stop)
         .unwrap();
@@ -315,7 +315,7 @@ fn a_pose_that_comes_when_its_frame_has_begun_is_no_other_frame() {
     let mut losses = Losses::default();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
-    let device = |_| Ok(common::Device::default());
+    let device = |_| Ok(crate::common::Device::default());
     let settings = crate::common::settings(SIDE, EPSILON_PX);
     LocalSession {
         schedule: Schedule::Switch,

@@ -6,28 +6,28 @@ use proptest::prelude::*;
 use proptest::sample::Index;
 use trimaran_cook::import::WarningKind;
 
-const TARGETS: [replay::Target; 6] = [
-    ("gltf", 34, models::gltf),
-    ("rvm", 34, models::rvm),
-    ("rvm_text", 15, models::rvm_text),
-    ("attributes", 12, models::attributes),
-    ("obj", 27, models::obj),
-    ("scene", 28, models::scene),
+const TARGETS: [crate::replay::Target; 6] = [
+    ("gltf", 34, crate::models::gltf),
+    ("rvm", 34, crate::models::rvm),
+    ("rvm_text", 15, crate::models::rvm_text),
+    ("attributes", 12, crate::models::attributes),
+    ("obj", 27, crate::models::obj),
+    ("scene", 28, crate::models::scene),
 ];
 
 /// An input of the corpus.
 fn input(target: &str, name: &str) -> Vec<u8> {
-    replay::corpus(target).into_iter().find(|(known, _)| known == name).unwrap().1
+    crate::replay::corpus(target).into_iter().find(|(known, _)| known == name).unwrap().1
 }
 
 #[test]
 fn the_fuzz_corpus_does_no_harm() {
-    replay::replay(&TARGETS);
+    crate::replay::replay(&TARGETS);
 }
 
 #[test]
 fn broken_inputs_of_the_corpus_do_no_harm() {
-    replay::replay_broken(&TARGETS, 400, 1);
+    crate::replay::replay_broken(&TARGETS, 400, 1);
 }
 
 #[test]
@@ -63,7 +63,7 @@ proptest! {
         for (place, digit) in changes {
             file[*place.get(&digits)] = b'0' + digit;
         }
-        models::gltf(&file);
+        crate::models::gltf(&file);
     }
 
     #[test]
@@ -72,7 +72,7 @@ proptest! {
             "(v|f|o|g|l|usemtl|mtllib|x)( -?[0-9]{1,3}(/-?[0-9]{1,20})?){0,5}", 0..20,
         ),
     ) {
-        models::obj(lines.join("\n").as_bytes());
+        crate::models::obj(lines.join("\n").as_bytes());
     }
 }
 

@@ -129,7 +129,7 @@ const FILES: [(&str, [&str; 2], Make); 29] = [
 
 #[test]
 fn the_scenes_of_the_corpus_are_what_their_names_say() {
-    let corpus = replay::corpus("scene");
+    let corpus = crate::replay::corpus("scene");
     let names: Vec<&str> = corpus.iter().map(|(name, _)| name.as_str()).collect();
     let mut expected = FILES.map(|(name, ..)| name);
     expected.sort_unstable();
@@ -144,7 +144,7 @@ fn the_scenes_of_the_corpus_are_what_their_names_say() {
 
 #[test]
 fn the_sound_scenes_of_the_corpus_have_what_their_names_say() {
-    let corpus = replay::corpus("scene");
+    let corpus = crate::replay::corpus("scene");
     let scene = |name: &str| {
         let file = &corpus.iter().find(|(known, _)| known == name).unwrap().1;
         Scene::open_bytes(Path::new(name), file).unwrap()
