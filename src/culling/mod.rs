@@ -14,13 +14,13 @@ use std::sync::Arc;
 use trimaran_actors::{RoleError, SceneCulling, Turns};
 use trimaran_gpu::{GpuError, GpuScene};
 use trimaran_proto::Settings;
+use trimaran_rays::Rays;
 use trimaran_scene::Scene;
 
 use exact::Exact;
 use frustum::Frustum;
 use gigawalk::GigaWalk;
 pub use method::{CullingMethod, UnknownMethod};
-use rays::Rays;
 pub use work::Culling;
 use work::{FrameCuller, WholeFrames};
 

@@ -7,7 +7,7 @@ use super::packet::Packet;
 
 /// The rays of a view. They come from the eye; their directions are in the world, of such a length that
 /// distances along them are depths in metres.
-pub(super) struct PixelRays {
+pub(crate) struct PixelRays {
     middle: DVec2,
     focal: DVec2,
     to_world: DMat3,
@@ -20,7 +20,7 @@ pub(super) struct PixelRays {
 const FARTHEST: f64 = 1e30;
 
 impl PixelRays {
-    pub(super) fn new(view: &View) -> Self {
+    pub(crate) fn new(view: &View) -> Self {
         let size = DVec2::new(f64::from(view.viewport().width()), f64::from(view.viewport().height()));
         Self {
             middle: size * 0.5,
@@ -32,7 +32,7 @@ impl PixelRays {
     }
 
     /// The rays of four pixels: this one, and those to the right, below and both. And where each ray ends.
-    pub(super) fn packet(&self, column: usize, row: usize) -> (Packet, Vec4) {
+    pub(crate) fn packet(&self, column: usize, row: usize) -> (Packet, Vec4) {
         let directions = [(0.5, 0.5), (1.5, 0.5), (0.5, 1.5), (1.5, 1.5)].map(|centre| {
             let centre = DVec2::from(centre) + DVec2::new(column as f64, row as f64);
             ((centre - self.middle) / self.focal).extend(-1.0)

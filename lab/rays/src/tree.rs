@@ -14,7 +14,7 @@ use super::packet::Packet;
 
 /// A tree of boxes. Siblings stand side by side; the root is the first.
 #[derive(Default)]
-pub(super) struct Tree {
+pub(crate) struct Tree {
     nodes: Box<[Bvh2Node]>,
 }
 
@@ -28,7 +28,7 @@ const WIDER: (f32, f32) = (1e-3, 1e-6);
 impl Tree {
     /// A tree over things that have boxes, with at most `most` of them in a leaf. What it calls the first,
     /// second and so on of them is in the order that it gives.
-    pub(super) fn over<T: Boundable>(things: &[T], most: u32) -> (Self, Vec<u32>) {
+    pub(crate) fn over<T: Boundable>(things: &[T], most: u32) -> (Self, Vec<u32>) {
         let count = u32::try_from(things.len()).unwrap_or(u32::MAX);
         let BvhBuildParams { ploc_search_distance, sort_precision, search_depth_threshold, .. } = BUILDING;
         let boxes: Vec<Aabb> =
@@ -49,7 +49,7 @@ impl Tree {
     /// Calls `leaf` with what is in the leaves that a ray of `packet` enters by `end`, nearer ones first as
     /// far as boxes tell. `leaf` may bring `end` nearer. `stack` is memory to work with.
     #[inline]
-    pub(super) fn visit(
+    pub(crate) fn visit(
         &self,
         packet: &Packet,
         end: &mut Vec4,

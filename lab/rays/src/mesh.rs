@@ -13,7 +13,7 @@ use trimaran_scene::{Drawable, Node, Scene};
 use super::{packet::Packet, tree::Tree};
 
 /// Triangles in a frame of their own.
-pub(super) struct Mesh {
+pub(crate) struct Mesh {
     tree: Tree,
     /// In the tree's order.
     triangles: Box<[RtTriangle]>,
@@ -21,7 +21,7 @@ pub(super) struct Mesh {
 
 /// What makes a mesh: drawables that are alike in this share one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) struct Shape {
+pub(crate) struct Shape {
     geometry: u32,
     /// The bits of the node's matrix, if the mesh is turned by it.
     turned: Option<[u32; 9]>,
@@ -29,7 +29,7 @@ pub(super) struct Shape {
 
 /// All meshes that came into sight so far.
 #[derive(Default)]
-pub(super) struct Meshes {
+pub(crate) struct Meshes {
     made: HashMap<Shape, Option<Arc<Mesh>>>,
 }
 
@@ -37,7 +37,7 @@ pub(super) struct Meshes {
 const LEAF: u32 = 8;
 
 /// The largest coordinate, metres: products of three are still finite.
-pub(super) const LARGEST: f32 = 1e12;
+pub(crate) const LARGEST: f32 = 1e12;
 
 /// The most that a matrix may stretch one direction over another one for rays to be taken into its node's
 /// frame, and the most that it may magnify or reduce them: beyond, too little of f32 is left. In Frobenius
@@ -47,7 +47,7 @@ const MOST_SCALE: f64 = 1e4;
 
 impl Shape {
     /// The shape of a drawable, and what takes directions in the world to its mesh's frame.
-    pub(super) fn of(drawable: &Drawable, node: &Node) -> (Self, DMat3) {
+    pub(crate) fn of(drawable: &Drawable, node: &Node) -> (Self, DMat3) {
         let shape = |turned| Self { geometry: drawable.geometry, turned };
         let to_world = node.linear().as_dmat3();
         let to_node = to_world.inverse();
@@ -66,7 +66,7 @@ fn norm(matrix: &DMat3) -> f64 {
 
 impl Meshes {
     /// Makes what is not made yet of the shapes of these drawables.
-    pub(super) fn make(&mut self, scene: &Scene, wanted: impl Iterator<Item = (Shape, Drawable)>) {
+    pub(crate) fn make(&mut self, scene: &Scene, wanted: impl Iterator<Item = (Shape, Drawable)>) {
         let mut missing = Vec::new();
         for (shape, drawable) in wanted {
             if let Entry::Vacant(vacant) = self.made.entry(shape) {
@@ -81,7 +81,7 @@ impl Meshes {
     }
 
     /// The mesh of this shape; `None` if it is not made, or cannot be.
-    pub(super) fn get(&self, shape: Shape) -> Option<&Arc<Mesh>> {
+    pub(crate) fn get(&self, shape: Shape) -> Option<&Arc<Mesh>> {
         self.made.get(&shape)?.as_ref()
     }
 }
@@ -112,7 +112,7 @@ impl Mesh {
     /// How far it is to the first triangle along each ray; infinite for those that meet none by `end`, or
     /// none from its front where only `front`s show.
     #[inline]
-    pub(super) fn first(&self, packet: &Packet, end: Vec4, front: bool, stack: &mut Vec<u32>) -> Vec4 {
+    pub(crate) fn first(&self, packet: &Packet, end: Vec4, front: bool, stack: &mut Vec<u32>) -> Vec4 {
         let mut end = end;
         let mut first = Vec4::INFINITY;
         self.tree.visit(packet, &mut end, stack, |leaf, end| {

@@ -18,7 +18,7 @@ use super::{
 
 /// The solid drawables of a frame, ready for rays from its eye.
 #[derive(Default)]
-pub(super) struct Placed {
+pub(crate) struct Placed {
     tree: Tree,
     /// In the tree's order.
     instances: Vec<Instance>,
@@ -59,7 +59,7 @@ const TILE: usize = 8;
 
 impl Placed {
     /// `ids` of `scene` as seen from `view`. Makes the `meshes` that are missing.
-    pub(super) fn new(scene: &Scene, view: &View, ids: &[DrawableId], meshes: &mut Meshes) -> Self {
+    pub(crate) fn new(scene: &Scene, view: &View, ids: &[DrawableId], meshes: &mut Meshes) -> Self {
         let find = |id: &DrawableId| {
             let drawable = scene.drawables().get(id.index())?;
             let node = scene.nodes().get(drawable.node as usize)?;
@@ -93,13 +93,13 @@ impl Placed {
     }
 
     /// The indices of what rays cannot decide on. It counts as shown.
-    pub(super) fn undecided(&self) -> &[u32] {
+    pub(crate) fn undecided(&self) -> &[u32] {
         &self.undecided
     }
 
     /// Calls `hit` with each pixel of `view`, counted row by row from the top left, and the index of what
     /// shows there: of each, where surfaces lie in the same place.
-    pub(super) fn cast(&self, view: &View, hit: impl Fn(usize, u32) + Sync) {
+    pub(crate) fn cast(&self, view: &View, hit: impl Fn(usize, u32) + Sync) {
         let rays = PixelRays::new(view);
         let (width, height) = (view.viewport().width() as usize, view.viewport().height() as usize);
         let across = width.div_ceil(TILE);

@@ -9,7 +9,7 @@ use trimaran_audit::{
     cases::{Mesh, Object, build, hard_cases, looking, plant, plant_views, with_records},
     rasterize,
 };
-use trimaran_cull::{CutRule, LodRule, View, Viewport};
+use trimaran_cull::{LodRule, Viewport};
 use trimaran_proto::{ObjectSet, Section, SectionPlane, Sections, Settings, ViewState};
 use trimaran_scene::{Drawable, Sides};
 
@@ -26,9 +26,8 @@ struct Found {
 
 fn cast(rays: &mut Rays, view: &View, rule: impl Into<CutRule>) -> Found {
     let (rule, mut found) = (rule.into(), Vec::new());
-    let seen = Seen { view, rule: &rule };
-    let solid = rays.draw_occluders(seen, &[]).unwrap().to_vec();
-    let counts = rays.cull(seen, &mut found).unwrap();
+    let solid = rays.place(view, &rule).to_vec();
+    let counts = rays.cast(view, &mut found);
     let pixels = view.viewport().width() as usize * view.viewport().height() as usize;
     let items = Mutex::new(vec![BTreeSet::new(); pixels]);
     rays.placed.cast(view, |pixel, index| {

@@ -21,18 +21,16 @@ use std::sync::{
     atomic::{AtomicBool, Ordering},
 };
 
-use trimaran_actors::RoleError;
-use trimaran_cull::lod_cut;
+use trimaran_cull::{CutRule, View, lod_cut};
 use trimaran_proto::{CullCounts, DrawableId};
 use trimaran_scene::Scene;
 
-use super::work::{FrameCuller, Seen};
 use mesh::Meshes;
 use placed::Placed;
 
 /// Casts a ray through the centre of each pixel, and takes what is hit first. What is seen through is taken
-/// as a whole.
-pub(super) struct Rays {
+/// as a whole. It keeps the meshes that it has made trees of.
+pub struct Rays {
     scene: Arc<Scene>,
     meshes: Meshes,
     placed: Placed,
@@ -41,7 +39,9 @@ pub(super) struct Rays {
 }
 
 impl Rays {
-    pub(super) fn new(scene: &Arc<Scene>) -> Self {
+    /// For frames of this scene.
+    #[must_use]
+    pub fn new(scene: &Arc<Scene>) -> Self {
         Self {
             scene: Arc::clone(scene),
             meshes: Meshes::default(),
@@ -50,17 +50,17 @@ impl Rays {
             see_through: Vec::new(),
         }
     }
-}
 
-impl FrameCuller for Rays {
-    fn draw_occluders(&mut self, seen: Seen<'_>, _: &[DrawableId]) -> Result<&[DrawableId], RoleError> {
-        let cut = lod_cut(&self.scene, seen.view, seen.rule);
-        self.solid = seen.rule.divide(&self.scene, &cut, &mut self.see_through).into_owned();
-        self.placed = Placed::new(&self.scene, seen.view, &self.solid, &mut self.meshes);
-        Ok(&self.solid)
+    /// Puts the LOD cut of a frame under a tree. Returns what of it hides other things.
+    pub fn place(&mut self, view: &View, rule: &CutRule) -> &[DrawableId] {
+        let cut = lod_cut(&self.scene, view, rule);
+        self.solid = rule.divide(&self.scene, &cut, &mut self.see_through).into_owned();
+        self.placed = Placed::new(&self.scene, view, &self.solid, &mut self.meshes);
+        &self.solid
     }
 
-    fn cull(&mut self, seen: Seen<'_>, found: &mut Vec<DrawableId>) -> Result<CullCounts, RoleError> {
+    /// Adds to `found` what rays of this view hit, of what was [placed](Self::place) for it.
+    pub fn cast(&self, view: &View, found: &mut Vec<DrawableId>) -> CullCounts {
         let shows: Vec<AtomicBool> = self.solid.iter().map(|_| AtomicBool::new(false)).collect();
         let show = |index: u32| {
             // Writing what is there already would take the memory from the other threads.
@@ -70,7 +70,7 @@ impl FrameCuller for Rays {
                 shows.store(true, Ordering::Relaxed);
             }
         };
-        self.placed.cast(seen.view, |_, index| show(index));
+        self.placed.cast(view, |_, index| show(index));
         self.placed.undecided().iter().copied().for_each(show);
         let shown = self.solid.iter().zip(shows).filter(|(_, shows)| shows.load(Ordering::Relaxed));
         found.extend(shown.map(|(id, _)| *id));
@@ -78,12 +78,12 @@ impl FrameCuller for Rays {
         let hidden = self.solid.len().saturating_sub(found.len());
         let not_finite = self.placed.undecided().len();
         found.extend_from_slice(&self.see_through);
-        Ok(CullCounts {
+        CullCounts {
             tested: count(self.solid.len() - not_finite),
             hidden: count(hidden),
             not_finite: count(not_finite),
             emitted: count(found.len()),
             ..CullCounts::default()
-        })
+        }
     }
 }

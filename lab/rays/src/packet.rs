@@ -13,7 +13,7 @@ struct Vectors {
 
 /// Four rays from one point. Distances are counted in lengths of their directions.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Packet {
+pub(crate) struct Packet {
     origin: Vec3A,
     directions: Vectors,
     /// One over each component of the directions.
@@ -30,7 +30,7 @@ const EDGE: f32 = 1e-6;
 const STEEPEST: f32 = 1e30;
 
 impl Packet {
-    pub(super) fn new(origin: Vec3A, directions: [Vec3A; 4], begin: Vec4) -> Self {
+    pub(crate) fn new(origin: Vec3A, directions: [Vec3A; 4], begin: Vec4) -> Self {
         let [a, b, c, d] = directions;
         let directions = Vectors {
             x: Vec4::new(a.x, b.x, c.x, d.x),
@@ -50,7 +50,7 @@ impl Packet {
     /// The same rays in another frame, to which `turn` takes directions, and where they begin at `origin`.
     /// Distances along them stay what they are.
     #[inline]
-    pub(super) fn seen_from(&self, origin: Vec3A, turn: &Mat3A) -> Self {
+    pub(crate) fn seen_from(&self, origin: Vec3A, turn: &Mat3A) -> Self {
         let Vectors { x, y, z } = self.directions;
         let row = |a: f32, b: f32, c: f32| x * a + y * b + z * c;
         let Mat3A { x_axis: i, y_axis: j, z_axis: k } = *turn;
@@ -60,7 +60,7 @@ impl Packet {
 
     /// How far it is to a box for the ray that enters it first; infinite if none does by `end`.
     #[inline]
-    pub(super) fn enters(&self, bounds: &Aabb, end: Vec4) -> f32 {
+    pub(crate) fn enters(&self, bounds: &Aabb, end: Vec4) -> f32 {
         let (low, high) = (bounds.min - self.origin, bounds.max - self.origin);
         let Vectors { x, y, z } = self.reciprocals;
         let (x, y, z) = ((x * low.x, x * high.x), (y * low.y, y * high.y), (z * low.z, z * high.z));
@@ -72,7 +72,7 @@ impl Packet {
     /// How far it is to a triangle along each ray; infinite for those that do not meet it by `end`, or from
     /// behind where only its `front` shows. After Möller and Trumbore (1997).
     #[inline]
-    pub(super) fn meets(&self, triangle: &RtTriangle, front: bool, end: Vec4) -> Vec4 {
+    pub(crate) fn meets(&self, triangle: &RtTriangle, front: bool, end: Vec4) -> Vec4 {
         // The crate's edges are v0 - v1 and v2 - v0, so that its normal points to the back.
         let RtTriangle { v0, e1, e2, ng } = *triangle;
         let to_corner = v0 - self.origin;
