@@ -1,4 +1,4 @@
-//! The tests that docs/security.md names exist.
+//! What holds of the sources as a whole: tests that a page names exist, and each test file is compiled.
 
 use std::{
     fs,
@@ -18,6 +18,12 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
+fn all_sources() -> Vec<PathBuf> {
+    let mut all = Vec::new();
+    sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut all);
+    all
+}
+
 /// The last column of the tables in which it is headed "test", with line numbers.
 fn tests_of(page: &str) -> Vec<(usize, &str)> {
     let mut is_of_tests = false;
@@ -33,8 +39,7 @@ fn tests_of(page: &str) -> Vec<(usize, &str)> {
 #[test]
 fn every_line_of_the_page_on_security_names_a_test_that_exists() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut all = Vec::new();
-    sources(root, &mut all);
+    let all = all_sources();
     let page = fs::read_to_string(root.join("docs/security.md")).unwrap();
     let lines = tests_of(&page);
     assert!(lines.len() > 50, "only {} lines name a test", lines.len());
@@ -53,4 +58,21 @@ fn every_line_of_the_page_on_security_names_a_test_that_exists() {
         }
         assert!(names > 0, "docs/security.md:{line}: no test is named in \"{cell}\"");
     }
+}
+
+#[test]
+fn every_file_of_tests_is_named_in_the_main_file_beside_it() {
+    let all = all_sources();
+    let mut count = 0;
+    for path in all.iter().filter(|path| path.extension().is_some_and(|kind| kind == "rs")) {
+        let main = path.with_file_name("main.rs");
+        let is_of_tests = path.ancestors().nth(2).is_some_and(|folder| folder.ends_with("tests"));
+        if is_of_tests && *path != main && main.exists() {
+            let name = path.file_stem().unwrap().to_str().unwrap();
+            let main = fs::read_to_string(main).unwrap();
+            assert!(main.contains(&format!("mod {name};")), "{} is not compiled", path.display());
+            count += 1;
+        }
+    }
+    assert!(count > 80, "only {count} files of tests were found");
 }
