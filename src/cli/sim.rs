@@ -8,10 +8,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use rayon::prelude::*;
-use trimaran::report::simulation;
 use trimaran::simulate::{
-    Geometry, Knobs, Load, Outcome, Painter, Scenario, SimulateError, Times, Transport, Workload, pooled,
-    simulate_watched,
+    Geometry, Knobs, Load, Outcome, Painter, Scenario, SimulateError, Times, Transport, Workload, frames_csv,
+    page, pooled, runs_csv, simulate_watched, tables,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_netsim::Profile;
@@ -58,15 +57,15 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
         let command: Vec<String> = std::env::args().collect();
         let json = serde_json::to_string_pretty(&runs).map_err(Failure::broken)?;
         write("sim.json", &json)
-            .and_then(|()| write("runs.csv", &simulation::runs_csv(&pooled)))
-            .and_then(|()| write("frames.csv", &simulation::frames_csv(&runs)))
-            .and_then(|()| write("sim.html", &simulation::page(&pooled, &command)))
+            .and_then(|()| write("runs.csv", &runs_csv(&pooled)))
+            .and_then(|()| write("frames.csv", &frames_csv(&runs)))
+            .and_then(|()| write("sim.html", &page(&pooled, &command)))
             .map_err(|cause| unwritten(folder, &cause))?;
     }
     if args.json {
         return print_json(&runs);
     }
-    printed(write!(super::terminal::stdout(), "{}", simulation::tables(&pooled)))
+    printed(write!(super::terminal::stdout(), "{}", tables(&pooled)))
 }
 
 fn unwritten(place: &Path, cause: &io::Error) -> Failure {

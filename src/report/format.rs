@@ -6,7 +6,7 @@ use super::schema::{Loading, SentAhead, SweepPoint};
 
 /// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`,
 /// `78.9`, `1 234`.
-pub(super) fn figure(value: f64) -> String {
+pub(crate) fn figure(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {
         "–".to_owned()
@@ -33,7 +33,7 @@ pub(super) fn tick_figure(value: f64) -> String {
 }
 
 /// A whole number with its thousands grouped by narrow no-break spaces.
-pub(super) fn grouped(value: f64) -> String {
+pub(crate) fn grouped(value: f64) -> String {
     // Halves to even, as figures with decimals are.
     let digits = HumanCount(value.abs().round_ties_even() as u64).to_string().replace(',', "\u{202f}");
     if value < 0.0 && digits != "0" { format!("-{digits}") } else { digits }

@@ -7,15 +7,14 @@
 mod bandwidth;
 pub mod comparison;
 mod error;
-mod format;
-mod html;
+pub(crate) mod format;
+pub(crate) mod html;
 mod left;
 mod pictures;
 mod png;
 #[cfg(test)]
 mod sample;
 pub mod schema;
-pub mod simulation;
 pub mod text;
 mod unfinished;
 mod write;

@@ -218,7 +218,7 @@ pub fn comparison(found: &Comparison) -> String {
     tables.map(|of| format!("{}\n\n{}\n", of.caption, table(&of.head, &of.rows))).collect()
 }
 
-pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+pub(crate) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let head: Vec<String> = head.iter().map(|h| (*h).to_owned()).collect();
     let lines = || std::iter::once(&head).chain(rows);
     let width = |column: usize| {

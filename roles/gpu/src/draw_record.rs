@@ -2,7 +2,7 @@
 
 use trimaran_scene::Drawable;
 
-use crate::scene::Place;
+use crate::place::Place;
 
 /// How the vertices of a draw are fetched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

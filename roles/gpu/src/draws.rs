@@ -14,8 +14,9 @@ use trimaran_proto::DrawableId;
 
 use crate::draw_record::{DrawCommand, DrawRecord, Fetch};
 use crate::memory::HostBuffer;
+use crate::place::Place;
 use crate::recorder::Recorder;
-use crate::scene::{Place, in_view};
+use crate::scene::in_view;
 use crate::{Gpu, GpuError, GpuScene};
 
 /// The draws of one frame, in the order given. Those already submitted stay as they are until

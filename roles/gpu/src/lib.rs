@@ -81,6 +81,7 @@ mod pass;
 mod pass_kind;
 mod picture;
 mod pipeline;
+mod place;
 mod pyramid;
 mod query;
 mod raster;

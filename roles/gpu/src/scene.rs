@@ -7,6 +7,7 @@ use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Node, Scene};
 
+use crate::place::{Absent, Place};
 use crate::working_set::{Budget, HoldId, WorkingSet, WorkingSetStats};
 use crate::{Gpu, GpuError};
 
@@ -17,22 +18,6 @@ pub struct GpuScene {
     set: Mutex<WorkingSet>,
     gpu: Arc<Gpu>,
     scene: Arc<Scene>,
-}
-
-/// Where a draw finds its triangles.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Place {
-    pub(crate) first_index: u32,
-    pub(crate) first_vertex: u32,
-}
-
-/// What becomes of a draw whose triangles are not on the device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Absent {
-    /// They are read, however long that takes. Where they find no room the draws end before this one.
-    Read,
-    /// They are read as long as so many bytes of them are left; beyond that, or without room, it is left out.
-    ReadOrSkip { most: u64 },
 }
 
 impl GpuScene {

@@ -13,7 +13,7 @@ use trimaran_scene::{Geometry, GeometryPlace, ReadError, Scene};
 
 use crate::arena::{Arena, Piece, UNIT};
 use crate::memory::Buffer;
-use crate::scene::{Absent, Place};
+use crate::place::{Absent, Place};
 use crate::{Gpu, GpuError};
 
 /// Where no budget is given the set begins with this, and doubles when it is full.

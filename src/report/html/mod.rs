@@ -1,23 +1,21 @@
-//! The pages: `report.html` of a walk and `sim.html` of a simulation. Each opens offline: it embeds its data,
-//! pictures, style and script, and refers to nothing outside.
+//! Pages, such as `report.html` of a walk. Each opens offline: it embeds its data, pictures, style and script,
+//! and refers to nothing outside.
 //!
 //! `maud` writes them, and escapes every text and attribute. Only the style, the script and the JSON that it
 //! reads go in as they are (`PreEscaped`).
 
-pub(in crate::report) mod chart;
+pub(crate) mod chart;
 mod comparison;
-mod simulation;
 mod walk;
 
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 use serde::Serialize;
 
 pub(super) use comparison::page as comparison_page;
-pub(super) use simulation::page as simulation_page;
 pub(super) use walk::{Comparison, choose, page};
 
 /// A whole page.
-fn document(title: &str, body: &Markup) -> Markup {
+pub(crate) fn document(title: &str, body: &Markup) -> Markup {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -40,7 +38,7 @@ fn embeddable(data: &impl Serialize) -> Result<String, serde_json::Error> {
 }
 
 /// A chart under its finding.
-fn card(finding: &str, chart: &impl Render, caption: &str) -> Markup {
+pub(crate) fn card(finding: &str, chart: &impl Render, caption: &str) -> Markup {
     figure("card", finding, chart, caption)
 }
 
@@ -62,7 +60,7 @@ fn figure(class: &str, finding: &str, chart: &impl Render, caption: &str) -> Mar
 /// A table under its caption; nothing if it has no rows. The first cell of a row is its name. `class` is one
 /// of the style's: `numbers`, `all` (numbers over the page's whole width), `runs` (many columns), `text`, and
 /// `pairs` (names and values).
-fn table(class: &str, caption: &str, head: &[&str], rows: &[Vec<String>]) -> Markup {
+pub(crate) fn table(class: &str, caption: &str, head: &[&str], rows: &[Vec<String>]) -> Markup {
     html! {
         @if !rows.is_empty() {
             div class={ "card scroll " (class) } {

@@ -8,7 +8,7 @@ use maud::{Markup, PreEscaped, Render, html};
 
 use crate::report::format::{figure, tick_figure};
 use axis::Axis;
-pub(super) use timeline::Timeline;
+pub(crate) use timeline::Timeline;
 
 /// The drawing's size and the plot's position in it, SVG units; `script.js` knows them too.
 const WIDTH: f64 = 560.0;
@@ -22,20 +22,20 @@ const DOTS_UP_TO: usize = 90;
 
 /// What a chart shows for one name of its legend.
 #[derive(Debug, Clone)]
-pub(in crate::report) struct Series {
+pub(crate) struct Series {
     /// Its name in the legend.
-    pub(in crate::report) name: String,
+    pub(crate) name: String,
     /// The class that gives its colour: `or`, `hc`, `rvg`, `drawn`, `exact`, `paper`, `model`, `k0` to `k6`.
-    pub(in crate::report) class: &'static str,
+    pub(crate) class: &'static str,
     /// How it is drawn.
-    pub(in crate::report) mark: Mark,
+    pub(crate) mark: Mark,
     /// Its points, by ascending x; none where nothing was measured.
-    pub(in crate::report) points: Vec<(f64, f64)>,
+    pub(crate) points: Vec<(f64, f64)>,
 }
 
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in crate::report) enum Mark {
+pub(crate) enum Mark {
     /// A line through the points.
     Line,
     /// A dashed line: a bound, or a formula.
@@ -48,19 +48,19 @@ pub(in crate::report) enum Mark {
 
 /// A chart; nothing but a remark where nothing was measured.
 #[derive(Debug, Clone, Default)]
-pub(in crate::report) struct Chart {
+pub(crate) struct Chart {
     /// The name of the x axis, with its unit.
-    pub(in crate::report) x: &'static str,
+    pub(crate) x: &'static str,
     /// The name of the y axis, with its unit.
-    pub(in crate::report) y: &'static str,
+    pub(crate) y: &'static str,
     /// What it shows.
-    pub(in crate::report) series: Vec<Series>,
+    pub(crate) series: Vec<Series>,
     /// A horizontal line that the values are held against.
-    pub(in crate::report) bound: Option<(f64, String)>,
+    pub(crate) bound: Option<(f64, String)>,
     /// Labels beside single points.
-    pub(in crate::report) labels: Vec<(f64, f64, String)>,
+    pub(crate) labels: Vec<(f64, f64, String)>,
     /// The keys of the frames' records to show under the pointer; empty if x is not a frame.
-    pub(in crate::report) keys: &'static [&'static str],
+    pub(crate) keys: &'static [&'static str],
 }
 
 impl Render for Chart {
@@ -84,12 +84,12 @@ impl Render for Chart {
 
 impl Chart {
     /// Whether there is nothing to draw.
-    pub(in crate::report) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.series.iter().all(|s| s.points.is_empty())
     }
 
     /// The chart as a file of its own, under a title.
-    pub(in crate::report) fn file(&self, title: &str) -> Markup {
+    pub(crate) fn file(&self, title: &str) -> Markup {
         const ROW: f64 = 18.0;
         const COLUMNS: usize = 3;
         let named: Vec<&Series> = self.series.iter().filter(|s| !s.points.is_empty()).collect();
@@ -217,7 +217,7 @@ impl Chart {
 
 /// Times side by side, each with a name, a class that gives its colour, and milliseconds. `full` is the time
 /// that takes the whole width.
-pub(super) fn stacked_bar(label: &str, parts: &[(&str, &str, f64)], full: f64) -> Markup {
+pub(crate) fn stacked_bar(label: &str, parts: &[(&str, &str, f64)], full: f64) -> Markup {
     const WIDTH: f64 = 600.0;
     let width = |value: &f64| value / full * WIDTH;
     html! {

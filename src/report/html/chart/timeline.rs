@@ -19,7 +19,7 @@ const BAR: f64 = 28.0;
 const TOP: f64 = 8.0;
 
 /// A window of frames on the clock of the run.
-pub(in crate::report::html) struct Timeline<'a> {
+pub(crate) struct Timeline<'a> {
     frames: &'a [Frame],
     /// Those that did something, a row each.
     machines: BTreeSet<Machine>,
@@ -30,7 +30,7 @@ pub(in crate::report::html) struct Timeline<'a> {
 impl<'a> Timeline<'a> {
     /// The window around the frame that the cullers or the display took longest for; `None` if nothing was
     /// timed.
-    pub(in crate::report::html) fn around_slowest(frames: &'a [Frame]) -> Option<Self> {
+    pub(crate) fn around_slowest(frames: &'a [Frame]) -> Option<Self> {
         let longest = |frame: &Frame| frame.pair_ms().unwrap_or(0.0).max(frame.rvg_ms.unwrap_or(0.0));
         let timed = frames.iter().enumerate().filter(|(_, frame)| !frame.timeline.is_empty());
         let (slowest, _) = timed.max_by(|(_, a), (_, b)| longest(a).total_cmp(&longest(b)))?;
@@ -38,7 +38,7 @@ impl<'a> Timeline<'a> {
     }
 
     /// The window around the frame at `index`; `None` if nothing there was timed.
-    pub(in crate::report::html) fn around(frames: &'a [Frame], index: usize) -> Option<Self> {
+    pub(crate) fn around(frames: &'a [Frame], index: usize) -> Option<Self> {
         let first = index.saturating_sub(WINDOW / 2).min(frames.len().saturating_sub(WINDOW));
         let frames = frames.get(first..(first + WINDOW).min(frames.len()))?;
         let spans = || frames.iter().flat_map(|f| &f.timeline);
@@ -49,12 +49,12 @@ impl<'a> Timeline<'a> {
     }
 
     /// The first and last frame shown.
-    pub(in crate::report::html) fn range(&self) -> (u32, u32) {
+    pub(crate) fn range(&self) -> (u32, u32) {
         (self.frames.first().map_or(0, |f| f.frame), self.frames.last().map_or(0, |f| f.frame))
     }
 
     /// How many machines there are.
-    pub(in crate::report::html) fn machines(&self) -> usize {
+    pub(crate) fn machines(&self) -> usize {
         self.machines.len()
     }
 
@@ -64,7 +64,7 @@ impl<'a> Timeline<'a> {
     }
 
     /// How many machines are busy on average.
-    pub(in crate::report::html) fn busy(&self) -> f64 {
+    pub(crate) fn busy(&self) -> f64 {
         let busy: f64 = self.frames.iter().flat_map(|f| &f.timeline).map(|s| s.end_ms - s.start_ms).sum();
         busy / (self.time.high - self.time.low)
     }

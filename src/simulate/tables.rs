@@ -1,9 +1,7 @@
 //! What simulations came to: tables to print, and files for other programs.
 
-use super::format::figure;
-use super::html;
-use super::text::table;
-use crate::simulate::{FrameBytes, Outcome, Percentiles, Spread};
+use super::{FrameBytes, Outcome, Percentiles, Spread};
+use crate::report::{format::figure, text::table};
 
 /// What the bytes of a frame are told by, wherever that is: in the printed table, on the page, and in
 /// `runs.csv`.
@@ -204,10 +202,4 @@ fn key(run: &Outcome) -> String {
     let network = run.network.replace([',', '"', '\n'], " ");
     let who = format!("{},{}", run.cullers, run.schedule);
     format!("{network},{},{who},{},{},{},{}", run.label(), run.coding, run.nodes, run.batch, seeds.join(" "))
-}
-
-/// The figures as one page that opens offline. `command` is how they can be had again.
-#[must_use]
-pub fn page(outcomes: &[Outcome], command: &[String]) -> String {
-    html::simulation_page(outcomes, command)
 }

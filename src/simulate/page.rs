@@ -3,20 +3,21 @@
 
 use maud::{Markup, html};
 
-use super::chart::{Chart, Mark, Series, Timeline, stacked_bar};
-use super::{card, document, table};
+use super::tables::{BYTES, spreads};
+use super::{FrameTimes, Outcome, Spread};
 use crate::report::format::{figure, grouped};
+use crate::report::html::chart::{Chart, Mark, Series, Timeline, stacked_bar};
+use crate::report::html::{card, document, table};
 use crate::report::schema::{Frame, Machine, Role, Span};
-use crate::report::simulation::{BYTES, spreads};
-use crate::simulate::{FrameTimes, Outcome, Spread};
 
 /// The colours of runs, in turn.
 const CLASSES: [&str; 6] = ["k0", "k1", "k2", "k3", "k4", "k5"];
 /// So many timelines are on the page at most.
 const TIMELINES: usize = 12;
 
-/// The page; `command` is how it can be had again.
-pub(in crate::report) fn page(outcomes: &[Outcome], command: &[String]) -> String {
+/// The figures as one page that opens offline. `command` is how they can be had again.
+#[must_use]
+pub fn page(outcomes: &[Outcome], command: &[String]) -> String {
     let networks = || outcomes.chunk_by(|a, b| a.network == b.network);
     let body = html! {
         header {
