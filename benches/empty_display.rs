@@ -223,24 +223,19 @@ impl Bench {
         };
         let seen = RefCell::new(Seen::default());
         let showing = async {
+            let screen = Screen {
+                pictures: ScenePictures::new(&supplied.scene, pictures, &self.settings),
+                net: Arc::clone(&net),
+                takes: if walk == Walk::Live { REFRESH } else { Duration::ZERO },
+            };
+            let (cullers, drawables) = (Peers::seek(&net, sought), max_frame(&self.scene));
             let role = DisplayRole {
-                work: Screen {
-                    pictures: ScenePictures::new(&supplied.scene, pictures, &self.settings),
-                    net: Arc::clone(&net),
-                    takes: if walk == Walk::Live { REFRESH } else { Duration::ZERO },
-                },
                 alone: None::<SceneCulling<VulkanCuller>>,
                 supplied: Some(supplied.clone()),
-                cullers: Peers::seek(&net, sought),
-                session: SessionKey(1),
-                settings: self.settings,
-                schedule: Schedule::Independent,
                 pace,
-                first: FrameNumber(0),
                 join_timeout: Duration::from_secs(30),
-                drawables: max_frame(&self.scene),
-                net: Arc::clone(&net),
                 turns: turns.clone(),
+                ..DisplayRole::new(screen, cullers, SessionKey(1), self.settings, drawables, &net)
             };
             let mut watch = Watch { net: &net, seen: &seen };
             let mut hand_out = HandOut { net: &net, seen: &seen, cameras, walk, began: None };

@@ -316,24 +316,16 @@ fn walk(
         most: CullerId::MOST,
     };
     let culler = VulkanCuller::new(&devices.display, plan.viewport, plan.occlusion_test)?;
+    let display = VulkanDisplay::new(&devices.display, plan.viewport)?;
+    let work = ScenePictures::new(&devices.scene, display, &settings);
+    let (cullers, drawables) = (Peers::seek(&net, sought), max_frame(&devices.scene));
     let role = DisplayRole {
-        work: ScenePictures::new(
-            &devices.scene,
-            VulkanDisplay::new(&devices.display, plan.viewport)?,
-            &settings,
-        ),
         alone: Some(SceneCulling::new(&devices.scene, culler, &settings, &turns)),
-        supplied: None,
-        cullers: Peers::seek(&net, sought),
-        session: key,
-        settings,
         schedule: plan.schedule,
         pace: plan.frames(path.frames()),
-        first: FrameNumber(0),
         join_timeout: Duration::from_secs(60),
-        drawables: max_frame(&devices.scene),
-        net: Arc::clone(&net),
         turns: turns.clone(),
+        ..DisplayRole::new(work, cullers, key, settings, drawables, &net)
     };
     let began = AtomicBool::new(false);
     let mut advance = |_| began.store(true, Ordering::Relaxed);

@@ -207,20 +207,15 @@ impl<'s> DisplaySession<'s> {
         let (display, alone) = prepare().map_err(SessionError::Role)?;
         let supplied = self.empty.as_ref().map(|empty| empty.supplied.clone());
         let scene = supplied.as_ref().map_or(&file.scene, |supplied| &supplied.scene);
+        let work = ScenePictures::new(scene, display, &settings);
         let role = DisplayRole {
-            work: ScenePictures::new(scene, display, &settings),
             alone,
             supplied,
-            cullers,
-            session: self.key,
-            settings,
             schedule: plan.schedule,
             pace: plan.frames(path.frames()),
             first,
-            join_timeout: Duration::ZERO,
-            drawables: max_frame(&file.scene),
-            net: Arc::clone(&self.net),
             turns: self.turns.clone(),
+            ..DisplayRole::new(work, cullers, self.key, settings, max_frame(&file.scene), &self.net)
         };
         let mut cameras = path.cameras(plan.pace, walked);
         Ok(role.run(&mut *cameras, watched, stop).await.map_err(SessionError::from)?)

@@ -165,7 +165,6 @@ impl Roles {
         let work = RecordedPictures { recording: recording.clone(), clock: Arc::clone(clock) };
         let mut cameras = work.clone();
         let role = DisplayRole {
-            work,
             // What it cannot draw it cannot cull either.
             alone: (self.geometry.is_none())
                 .then(|| RecordedCulling::new(recording, clock, self.settings.batch)),
@@ -174,16 +173,10 @@ impl Roles {
                 memory: *cache,
                 while_loading: WhileLoading::Wait,
             }),
-            cullers,
-            session: SESSION,
-            settings: self.settings,
             schedule: self.schedule,
             pace: Pace::Lockstep { frames: Some(self.frames) },
-            first: FrameNumber(0),
             join_timeout: JOIN_TIMEOUT,
-            drawables: self.drawables(),
-            net: Arc::clone(net),
-            turns: Turns::at_once(),
+            ..DisplayRole::new(work, cullers, SESSION, self.settings, self.drawables(), net)
         };
         let (_stopper, stop) = Stop::new();
         let played = role.run(&mut cameras, &mut pictures, &stop).await;

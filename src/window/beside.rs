@@ -118,20 +118,13 @@ impl Beside {
         mut observer: PassesOn<F>,
         stop: &Stop,
     ) -> Result<(), SessionError> {
+        let Seeking { session, peers } = sought;
         let role = DisplayRole {
-            work: DrawsNothing,
             alone,
             supplied,
-            cullers: sought.peers,
-            session: sought.session,
-            settings: self.settings,
-            schedule: Schedule::Independent,
             pace: Pace::Live,
-            first: FrameNumber(0),
-            join_timeout: Duration::ZERO,
-            drawables,
-            net: self.net(),
             turns: self.turns.clone(),
+            ..DisplayRole::new(DrawsNothing, peers, session, self.settings, drawables, &self.net())
         };
         Ok(self.runtime.block_on(role.run(&mut wish, &mut observer, stop))?)
     }

@@ -214,20 +214,15 @@ impl LocalSession {
                 listener: None,
                 most: CullerId::MOST,
             };
+            let cullers = Peers::seek(&net, sought);
             let role = DisplayRole {
-                work,
                 alone,
                 supplied,
-                cullers: Peers::seek(&net, sought),
-                session,
-                settings,
                 schedule,
                 pace,
-                first: FrameNumber(0),
                 join_timeout: Duration::from_secs(120),
-                drawables: max_frame(&scene),
-                net: Arc::clone(&net),
                 turns: turns.clone(),
+                ..DisplayRole::new(work, cullers, session, settings, max_frame(&scene), &net)
             };
             Ok(runtime.block_on(role.run(cameras, observer, stop))?)
         };

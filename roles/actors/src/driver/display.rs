@@ -7,14 +7,7 @@ use trimaran_proto::{Camera, DrawableId, FrameNumber, SessionKey, Settings, View
 use trimaran_scene::Scene;
 use trimaran_transport::Net;
 
-use super::{
-    close::{part, worked},
-    culler::CullerWork,
-    error::RoleError,
-    observer::Observer,
-    published::Cameras,
-    session::Session,
-};
+use super::error::RoleError;
 use crate::{
     deal::{Pace, Schedule},
     peers::Peers,
@@ -107,27 +100,33 @@ pub struct DisplayRole<W, A> {
     pub turns: Turns,
 }
 
-impl<W: DisplayWork, A: CullerWork> DisplayRole<W, A> {
-    /// Plays the role until the last frame is shown, or `stop` asks. Where the work is a device's, it
-    /// occupies its thread.
-    ///
-    /// # Errors
-    /// When the device or the observer fails. The cullers are told before it returns. A culler that fails
-    /// ends nothing.
-    pub async fn run(
-        mut self,
-        cameras: &mut dyn Cameras,
-        observer: &mut dyn Observer,
-        stop: &Stop,
-    ) -> Result<(), RoleError> {
-        self.work.cancel_on(stop);
-        if let Some(alone) = &mut self.alone {
-            alone.cancel_on(stop);
+impl<W, A> DisplayRole<W, A> {
+    /// A display that walks in lockstep as long as there are cameras, with independent cullers. It culls
+    /// nothing itself, waits for no culler at the start, and computes beside other roles. Name what is
+    /// different: `DisplayRole { pace, ..DisplayRole::new(..) }`.
+    #[must_use]
+    pub fn new(
+        work: W,
+        cullers: Peers,
+        session: SessionKey,
+        settings: Settings,
+        drawables: u32,
+        net: &Arc<dyn Net>,
+    ) -> Self {
+        Self {
+            work,
+            alone: None,
+            supplied: None,
+            cullers,
+            session,
+            settings,
+            schedule: Schedule::default(),
+            pace: Pace::Lockstep { frames: None },
+            first: FrameNumber(0),
+            join_timeout: Duration::ZERO,
+            drawables,
+            net: Arc::clone(net),
+            turns: Turns::at_once(),
         }
-        let turn = self.turns.of_a_role();
-        let mut session = Session::new(self, &turn, stop, cameras, observer);
-        let result = worked(session.play(), &turn, stop).await;
-        session.tell_ahead_use();
-        part(session.into_links().await, result, stop).await
     }
 }

@@ -103,20 +103,12 @@ impl Setting {
             peers.put_back(Arrival { place, link, at: None, seat: Seat::once() });
             far.push((culler, other));
         }
+        let work = ScenePictures::new(&self.scene, Device::default(), &settings);
         let role = DisplayRole {
-            work: ScenePictures::new(&self.scene, Device::default(), &settings),
             alone: Some(SceneCulling::new(&self.scene, alone, &settings, &turns)),
-            supplied: None,
-            cullers: peers,
-            session: SessionKey(1),
-            settings,
-            schedule: Schedule::Independent,
             pace: Pace::Lockstep { frames: Some(FRAMES) },
-            first: FrameNumber(0),
-            join_timeout: Duration::ZERO,
-            drawables: max_frame(&self.scene),
-            net: Arc::clone(&self.net),
             turns,
+            ..DisplayRole::new(work, peers, SessionKey(1), settings, max_frame(&self.scene), &self.net)
         };
         let (_stopper, stop) = Stop::new();
         let mut seen = Seen::default();

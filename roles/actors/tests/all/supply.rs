@@ -527,20 +527,13 @@ fn try_play(
     }
     let pictures = Arc::default();
     let screen = Screen { scene: Arc::clone(&supplied.scene), pictures: Arc::clone(&pictures) };
+    let work = ScenePictures::new(&supplied.scene, screen, &settings());
     let role = DisplayRole {
-        work: ScenePictures::new(&supplied.scene, screen, &settings()),
         alone: None::<SceneCulling<Cpu>>,
         supplied: Some(supplied),
-        cullers: peers,
-        session: SessionKey(1),
-        settings: settings(),
-        schedule: Schedule::Independent,
         pace,
-        first: FrameNumber(0),
-        join_timeout: Duration::ZERO,
-        drawables: max_frame(&PLANT),
-        net: Arc::clone(&net),
         turns,
+        ..DisplayRole::new(work, peers, SessionKey(1), settings(), max_frame(&PLANT), &net)
     };
     let (_stopper, stop) = Stop::new();
     let played = thread::scope(|scope| {

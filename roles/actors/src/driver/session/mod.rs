@@ -10,7 +10,7 @@ use trimaran_proto::{Camera, DrawableId, FrameNumber, RoleMessage, ViewVersion};
 use trimaran_transport::{Instant, sleep_until, until};
 
 use super::{
-    close::{leave, reason},
+    close::{leave, part, reason, worked},
     culler::CullerWork,
     culler_link::{Culled, CullerLink, Heard, first_of},
     display::{DisplayRole, DisplayWork},
@@ -89,6 +89,31 @@ enum Event {
     Supplied,
     /// Something may be due by the clock.
     Tick,
+}
+
+impl<W: DisplayWork, A: CullerWork> DisplayRole<W, A> {
+    /// Plays the role until the last frame is shown, or `stop` asks. Where the work is a device's, it
+    /// occupies its thread.
+    ///
+    /// # Errors
+    /// When the device or the observer fails. The cullers are told before it returns. A culler that fails
+    /// ends nothing.
+    pub async fn run(
+        mut self,
+        cameras: &mut dyn Cameras,
+        observer: &mut dyn Observer,
+        stop: &Stop,
+    ) -> Result<(), RoleError> {
+        self.work.cancel_on(stop);
+        if let Some(alone) = &mut self.alone {
+            alone.cancel_on(stop);
+        }
+        let turn = self.turns.of_a_role();
+        let mut session = Session::new(self, &turn, stop, cameras, observer);
+        let result = worked(session.play(), &turn, stop).await;
+        session.tell_ahead_use();
+        part(session.into_links().await, result, stop).await
+    }
 }
 
 impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
