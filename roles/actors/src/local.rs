@@ -3,7 +3,7 @@
 use std::{panic, sync::Arc, thread, time::Duration};
 
 use tokio::runtime::Handle;
-use trimaran_proto::{FrameNumber, Identity, Role, SessionKey, Settings};
+use trimaran_proto::{Identity, Role, SessionKey, Settings};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Name, Net, Options, TokioNet};
 

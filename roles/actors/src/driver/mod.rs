@@ -11,12 +11,9 @@ mod display;
 mod error;
 mod introduction;
 mod observer;
-mod other_frames;
-mod pair;
 mod published;
 mod said;
 mod session;
-mod views;
 
 pub(crate) use close::leave_unable;
 pub use culler::{CullerRole, CullerWork, VisibleIds};

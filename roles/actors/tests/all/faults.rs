@@ -7,7 +7,7 @@ use crate::common::{Broken, Device, Fault, Task};
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, FrameStart, LatestReceiver, Link, Observer,
-    Pace, Peers, RoleError, SceneCulling, ScenePictures, Schedule, Seat, ShownFrame, Stop, Turns, max_frame,
+    Pace, Peers, RoleError, SceneCulling, ScenePictures, Seat, ShownFrame, Stop, Turns, max_frame,
 };
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};

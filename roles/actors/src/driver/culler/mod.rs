@@ -1,12 +1,20 @@
 //! A culler: which messages move when (paper, algorithm 4.2).
+//!
+//! | file | what is in it |
+//! |---|---|
+//! | `mod` | the loop: a camera, its occluders (OR), its visible ids (HC) |
+//! | `work` | what a culler does with a frame, and where what it finds goes |
+//! | `inbox` | what may come while it waits: cameras, view states, words of the display, the other one's ids |
+//! | `views` | the view states that it was told of |
+//! | `switch`, `other_frames` | the other culler of the schedule `switch` |
 
-use std::{
-    future::{Future, pending},
-    mem,
-    panic::AssertUnwindSafe,
-    sync::Arc,
-    time::Duration,
-};
+mod inbox;
+mod other_frames;
+mod switch;
+mod views;
+mod work;
+
+use std::{future::pending, mem, panic::AssertUnwindSafe, sync::Arc};
 
 use futures_util::FutureExt;
 use trimaran_cull::View;
@@ -16,119 +24,18 @@ use trimaran_scene::Scene;
 use super::{
     close::{part, worked},
     error::{RoleError, link},
-    pair::Pair,
 };
 use crate::{
     limits::Lease,
-    links::{FrameSender, FrameStart, Link},
+    links::{FrameStart, Link},
     meeting::Meeting,
     stop::Stop,
     supply::{CullerEnd, SupplyFault},
     turn::{Turn, Turns},
 };
 
-/// What a culler does with a frame: on a device, or as it was recorded.
-pub trait CullerWork {
-    /// As [`CullerDevice::cancel_on`](crate::CullerDevice::cancel_on).
-    fn cancel_on(&mut self, stop: &Stop) {
-        let _ = stop;
-    }
-
-    /// From the next frame on, another view state holds.
-    fn change_view(&mut self, state: &ViewState) {
-        let _ = state;
-    }
-
-    /// The culler has nothing to do until its next camera comes.
-    fn awaits_camera(&mut self) {}
-
-    /// A camera has come, from which the next frame is culled.
-    fn has_camera(&mut self, camera: &Camera) {
-        let _ = camera;
-    }
-
-    /// Begins the occluders of a frame (OR). They come at once, or with `as_they_come` bit by bit.
-    ///
-    /// # Errors
-    /// As the device says.
-    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError>;
-
-    /// Takes what was found visible in a frame before: all of it, or some as it comes.
-    ///
-    /// # Errors
-    /// If the scene lacks an id, or as the device says.
-    fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError>;
-
-    /// All ids are there: completes the occluders of the frame.
-    ///
-    /// # Errors
-    /// As the device says.
-    fn complete_occluders(&mut self, camera: Camera) -> impl Future<Output = Result<(), RoleError>>;
-
-    /// Culls the frame (HC), and gives `visible` each drawable as soon as it is found.
-    ///
-    /// # Errors
-    /// As the device says, and as `visible` does.
-    fn cull(
-        &mut self,
-        camera: Camera,
-        visible: &mut VisibleIds<'_>,
-    ) -> impl Future<Output = Result<(), RoleError>>;
-
-    /// What was done for the frame, all of which has just been found. Since the occluders were complete
-    /// others have computed for `away` in this culler's place.
-    fn frame_stats(&mut self, away: Duration) -> FrameStats;
-}
-
-/// Takes the ids of a frame that is being culled: they leave for all receivers at once, while culling goes
-/// on.
-#[derive(Debug)]
-pub struct VisibleIds<'l> {
-    found: Vec<DrawableId>,
-    display: Option<&'l mut FrameSender>,
-    other: Option<&'l mut Pair>,
-    /// For a display that holds no scene.
-    supply: Option<(&'l CullerEnd, View)>,
-    turn: Option<&'l Turn>,
-}
-
-impl<'l> VisibleIds<'l> {
-    /// Keeps what is found, and sends it to nobody.
-    #[must_use]
-    pub const fn kept() -> Self {
-        Self { found: Vec::new(), display: None, other: None, supply: None, turn: None }
-    }
-
-    /// The role's turn, where others may have the device in the midst of the frame.
-    pub(crate) fn shared_turn(&self) -> Option<&'l Turn> {
-        self.turn.filter(|turn| turn.is_shared())
-    }
-
-    /// Sends what was found visible. It waits where a receiver has no room.
-    ///
-    /// # Errors
-    /// When the display is gone or stalls.
-    pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
-        self.found.extend_from_slice(ids);
-        // The other culler first: it draws while the display only gathers.
-        if let Some(other) = &mut self.other {
-            other.push(ids).await;
-        }
-        if let Some(display) = &mut self.display {
-            display.push(ids).await.map_err(link("sending ids"))?;
-        }
-        if let Some((supply, view)) = &self.supply {
-            supply.found(view, ids)?;
-        }
-        Ok(())
-    }
-
-    /// All that was found.
-    #[must_use]
-    pub fn into_found(self) -> Vec<DrawableId> {
-        self.found
-    }
-}
+use inbox::Inbox;
+pub use work::{CullerWork, VisibleIds};
 
 /// A culler in a session with a display.
 #[derive(Debug)]
@@ -164,7 +71,7 @@ impl<W: CullerWork> CullerRole<W> {
         let supply = bulk.map(|(scene, bulk)| CullerEnd::start(net, bulk, scene));
         let session = Session {
             work: self.work,
-            pair: Pair::new(self.meeting, self.drawables),
+            inbox: Inbox::new(self.meeting, self.drawables),
             display: self.display,
             lease: self.lease,
             supply,
@@ -182,7 +89,7 @@ impl<W: CullerWork> CullerRole<W> {
 struct Session<'t, W> {
     work: W,
     lease: Lease,
-    pair: Pair,
+    inbox: Inbox,
     display: Link,
     supply: Option<CullerEnd>,
     turn: &'t Turn,
@@ -202,7 +109,7 @@ impl<W: CullerWork> Session<'_, W> {
         let frames = AssertUnwindSafe(self.frames()).catch_unwind();
         let frames = frames.map(|ended| ended.unwrap_or_else(|payload| Err(RoleError::panic(&*payload))));
         let result = worked(frames, turn, stop).await;
-        self.pair.part();
+        self.inbox.other.part();
         if let Some(supply) = self.supply.take() {
             self.display.bulk = supply.give_back().await;
         }
@@ -215,7 +122,7 @@ impl<W: CullerWork> Session<'_, W> {
             let (camera, state) = tokio::select! {
                 biased;
                 fault = failed(self.supply.as_ref()) => return Err(fault.into()),
-                camera = self.pair.camera(&mut self.display) => camera?,
+                camera = self.inbox.camera(&mut self.display) => camera?,
             };
             // A newer pose for a frame that had begun when it came.
             if self.last.as_ref().is_some_and(|(frame, _)| *frame == camera.frame()) {
@@ -241,15 +148,15 @@ impl<W: CullerWork> Session<'_, W> {
     /// OR: draws what was found visible in the frame before, by the other culler or by this one. Says in
     /// which frame.
     async fn occlude(&mut self, camera: Camera) -> Result<Option<FrameNumber>, RoleError> {
-        let mut as_they_come = self.pair.feeds(camera.frame());
+        let mut as_they_come = self.inbox.other.feeds(camera.frame());
         if as_they_come {
-            as_they_come = self.pair.begins(&mut self.display, camera.frame()).await?;
+            as_they_come = self.inbox.begins(&mut self.display, camera.frame()).await?;
         }
         // It has the turn until the frame is culled.
         self.turn.take().await;
         self.work.begin_occluders(camera, as_they_come)?;
         if as_they_come {
-            while let Some(ids) = self.pair.ids(&mut self.display).await? {
+            while let Some(ids) = self.inbox.ids(&mut self.display).await? {
                 self.work.take_occluders(&ids)?;
             }
             self.work.complete_occluders(camera).await?;
@@ -270,7 +177,7 @@ impl<W: CullerWork> Session<'_, W> {
         let frame = self.sent;
         self.sent = FrameNumber(frame.0.wrapping_add(1));
         let start = FrameStart { frame, header: camera };
-        let other = self.pair.begin(camera).await;
+        let other = self.inbox.other.begin(camera).await;
         self.display.frames_tx.begin(start).await.map_err(link("beginning a frame"))?;
         let found = self.last.take().map_or_else(Vec::new, |(_, mut ids)| {
             ids.clear();
@@ -282,7 +189,7 @@ impl<W: CullerWork> Session<'_, W> {
         let mut visible = VisibleIds { found, display, other, supply, turn };
         self.work.cull(camera, &mut visible).await?;
         self.last = Some((camera.frame(), mem::take(&mut visible.found)));
-        let to_other = self.pair.finish().await;
+        let to_other = self.inbox.other.finish().await;
         self.display.frames_tx.finish().await.map_err(link("ending a frame"))?;
         let stats = FrameStats { occluders_of, to_other, ..self.work.frame_stats(self.turn.away()) };
         let said = RoleMessage::Stats(stats);

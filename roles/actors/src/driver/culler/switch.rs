@@ -1,20 +1,14 @@
-//! A culler's other one, in the schedule `switch`: each draws as occluders what the other one finds, as it
+//! The other culler of the schedule `switch`: each of the two draws as occluders what the other one finds, as it
 //! comes (paper, algorithm 4.2).
 //!
 //! What goes wrong between two cullers never ends a session: each goes on by what it found itself.
 
-use std::{mem, sync::Arc};
+use std::{future::pending, mem};
 
-use trimaran_proto::{
-    Camera, CloseCode, DrawableId, FrameNumber, RoleMessage, SentBytes, SessionKey, ViewState,
-};
+use trimaran_proto::{Camera, CloseCode, DrawableId, FrameNumber, RoleMessage, SentBytes, SessionKey};
 use trimaran_transport::{Instant, RecvError, Traffic, causes};
 
-use super::{
-    error::{RoleError, link},
-    other_frames::OtherFrames,
-    views::Views,
-};
+use super::other_frames::OtherFrames;
 use crate::{
     links::{FrameEvent, FrameStart, Link, sent_bytes},
     meeting::{MeetError, Meeting, Met},
@@ -22,20 +16,16 @@ use crate::{
 
 /// The other culler, as far as there is one.
 #[derive(Debug)]
-pub(super) struct Pair {
+pub(super) struct Switch {
     meeting: Meeting,
     /// When it may connect to another culler again.
     connects_at: Instant,
     /// Whether the log has why it did not meet another one: a display may ask as often as it likes.
     has_warned: bool,
     drawables: u32,
-    /// What the display has told of view states.
-    views: Views,
-    /// A camera whose view state has not come yet.
-    early: Option<Camera>,
     state: State,
     /// What the display has not been told yet.
-    unsaid: Option<RoleMessage>,
+    pub(super) unsaid: Option<RoleMessage>,
 }
 
 #[derive(Debug)]
@@ -65,74 +55,42 @@ struct Other {
     counted: Traffic,
 }
 
-/// What a culler may learn while it waits for a camera.
-enum News {
-    Camera(Camera),
-    Said(RoleMessage),
+/// What comes of the other culler.
+pub(super) enum News {
+    /// A link to it, or why there is none.
     Met(Box<Result<Link, MeetError>>),
-    FromOther(Result<FrameEvent, RecvError>),
+    /// A part of a frame of it.
+    Frame(Result<FrameEvent, RecvError>),
 }
 
-impl Pair {
+impl Switch {
     pub(super) fn new(meeting: Meeting, drawables: u32) -> Self {
-        let views = Views::new(meeting.settings, meeting.scene.objects);
         let connects_at = meeting.net.now();
-        Self {
-            meeting,
-            connects_at,
-            has_warned: false,
-            drawables,
-            views,
-            early: None,
-            state: State::Single,
-            unsaid: None,
+        Self { meeting, connects_at, has_warned: false, drawables, state: State::Single, unsaid: None }
+    }
+
+    /// Waits for what comes of it; for ever where there is none.
+    pub(super) async fn news(&mut self) -> News {
+        match &mut self.state {
+            State::Meeting { met, .. } => {
+                let met = met.await.unwrap_or(Err(MeetError::Absent));
+                News::Met(Box::new(met))
+            }
+            State::Met { other, .. } => News::Frame(other.link.frames_rx.recv().await),
+            State::Single => pending().await,
         }
     }
 
-    /// Waits for the display's next camera and its view state, and does what else the display asks for
-    /// meanwhile.
-    pub(super) async fn camera(&mut self, display: &mut Link) -> Result<(Camera, Arc<ViewState>), RoleError> {
-        loop {
-            if let Some(camera) = self.early
-                && let Some(state) = self.views.get(camera.view())
-            {
-                self.early = None;
-                return Ok((camera, Arc::clone(state)));
-            }
-            if let Some(said) = self.unsaid.take() {
-                display.messages_tx.send(&said).await.map_err(link("answering the display"))?;
-            }
-            let met = async {
-                match &mut self.state {
-                    State::Meeting { met, .. } => {
-                        let met = met.await.unwrap_or(Err(MeetError::Absent));
-                        News::Met(Box::new(met))
-                    }
-                    State::Met { other, .. } => News::FromOther(other.link.frames_rx.recv().await),
-                    State::Single => std::future::pending().await,
-                }
-            };
-            let news = tokio::select! {
-                biased;
-                said = display.messages_rx.recv() => match said {
-                    Ok(said) => News::Said(said),
-                    Err(RecvError::Silent { .. }) => continue,
-                    Err(end) => return Err(link("waiting for a camera")(end)),
-                },
-                met = met => met,
-                camera = display.latest_rx.latest() => match camera {
-                    Ok(camera) => News::Camera(camera),
-                    Err(RecvError::Silent { .. }) => continue,
-                    Err(end) => return Err(link("waiting for a camera")(end)),
-                },
-            };
-            match news {
-                News::Camera(camera) => self.early = Some(camera),
-                News::Said(said) => self.hear(said)?,
-                News::Met(met) => self.met(*met),
-                News::FromOther(event) => self.take(event),
-            }
+    pub(super) fn learn(&mut self, news: News) {
+        match news {
+            News::Met(met) => self.met(*met),
+            News::Frame(event) => self.take(event),
         }
+    }
+
+    /// Whether there is a link to it.
+    pub(super) const fn is_there(&self) -> bool {
+        matches!(self.state, State::Met { .. })
     }
 
     /// Whether the other one finds the occluders of this frame.
@@ -140,29 +98,23 @@ impl Pair {
         matches!(self.state, State::Met { first: Some(first), .. } if frame.0 > first.0)
     }
 
-    /// Waits until the other one begins the frame before `frame`. Says whether it does: it may be gone, or
-    /// the display may let it go.
-    pub(super) async fn begins(&mut self, display: &mut Link, frame: FrameNumber) -> Result<bool, RoleError> {
-        loop {
-            let State::Met { other, .. } = &mut self.state else { return Ok(false) };
-            match other.frames.first_from(frame.0.saturating_sub(1)) {
-                Some(begun) if begun.0.checked_add(1) == Some(frame.0) => return Ok(true),
-                Some(_) => self.lose("it broke the order of frames"),
-                None => self.hear_more(display).await?,
-            }
+    /// Whether it begins the frame before `frame`; none if that has not come yet. One that begins another is
+    /// lost.
+    pub(super) fn begins(&mut self, frame: FrameNumber) -> Option<bool> {
+        let State::Met { other, .. } = &mut self.state else { return Some(false) };
+        let begun = other.frames.first_from(frame.0.saturating_sub(1))?;
+        let is_due = begun.0.checked_add(1) == Some(frame.0);
+        if !is_due {
+            self.lose("it broke the order of frames");
         }
+        Some(is_due)
     }
 
-    /// The next ids of its frame, as they come; none at its end. What has come is of use also where the rest
-    /// does not: fewer occluders only loosen the culling.
-    pub(super) async fn ids(&mut self, display: &mut Link) -> Result<Option<Vec<DrawableId>>, RoleError> {
-        loop {
-            let State::Met { other, .. } = &mut self.state else { return Ok(None) };
-            match other.frames.next() {
-                Some(ids) if ids.is_empty() => return Ok(None),
-                Some(ids) => return Ok(Some(ids)),
-                None => self.hear_more(display).await?,
-            }
+    /// The next ids of its frame; empty at the frame's end, none if they have not come yet.
+    pub(super) fn ids(&mut self) -> Option<Vec<DrawableId>> {
+        match &mut self.state {
+            State::Met { other, .. } => other.frames.next(),
+            _ => None,
         }
     }
 
@@ -222,7 +174,8 @@ impl Pair {
         }
     }
 
-    fn hear(&mut self, said: RoleMessage) -> Result<(), RoleError> {
+    /// Does what the display says of it.
+    pub(super) fn hear(&mut self, said: RoleMessage) {
         match (said, &mut self.state) {
             (RoleMessage::Meet { key, at }, _) => {
                 self.part();
@@ -244,11 +197,9 @@ impl Pair {
                 self.unsaid = Some(RoleMessage::Switched { key });
             }
             (RoleMessage::Part, _) => self.part(),
-            (RoleMessage::View { version, part, last }, _) => self.views.take(version, &part, last)?,
             // Of a meeting that is over.
             _ => {}
         }
-        Ok(())
     }
 
     fn met(&mut self, met: Result<Link, MeetError>) {
@@ -281,24 +232,6 @@ impl Pair {
             (Err(RecvError::Silent { .. }), _) => {}
             (Err(end), _) => self.ended(&end),
             (Ok(_), _) => {}
-        }
-    }
-
-    /// Waits for more of what the other one says, or for what the display says of it.
-    async fn hear_more(&mut self, display: &mut Link) -> Result<(), RoleError> {
-        let State::Met { other, .. } = &mut self.state else { return Ok(()) };
-        let said = tokio::select! {
-            biased;
-            said = display.messages_rx.recv() => said,
-            event = other.link.frames_rx.recv() => {
-                self.take(event);
-                return Ok(());
-            }
-        };
-        match said {
-            Ok(said) => self.hear(said),
-            Err(RecvError::Silent { .. }) => Ok(()),
-            Err(end) => Err(link("waiting for occluders")(end)),
         }
     }
 
