@@ -11,8 +11,8 @@ use trimaran_actors::{
 };
 use trimaran_netsim::{HostId, Machines};
 use trimaran_proto::{
-    DrawableId, FrameNumber, FrameStats, Identity, LodRule, OcclusionTestKind, Role, SceneHash, SentBytes,
-    SessionKey, Settings, Viewport,
+    DrawableId, FrameStats, Identity, LodRule, OcclusionTestKind, Role, SceneHash, SentBytes, SessionKey,
+    Settings, Viewport,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::keys::{Keys, KnownPeer, Security};

@@ -1,14 +1,14 @@
 //! The roles beside a window: a display that draws nothing, and its culler in this process or in a service.
 
-use std::{sync::Arc, time::Duration};
+use std::sync::Arc;
 
 use tokio::runtime::Handle;
 use trimaran_actors::{
-    CullerId, DisplayRole, LocalCullers, Pace, PeerEndpoint, Peers, RoleError, Schedule, SessionError,
-    Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
+    CullerId, DisplayRole, LocalCullers, Pace, PeerEndpoint, Peers, RoleError, SessionError, Sought, Stop,
+    Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_gpu::GpuScene;
-use trimaran_proto::{FrameNumber, Identity, Role, SceneOutline, SessionKey, Settings};
+use trimaran_proto::{Identity, Role, SceneOutline, SessionKey, Settings};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Net, Options, TokioNet, until};
 
