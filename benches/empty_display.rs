@@ -14,8 +14,8 @@ use std::{cell::RefCell, error::Error, path::Path, pin::pin, sync::Arc, time::Du
 use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran_actors::{
     AheadUse, BoxedError, Cameras, CullerEvent, CullerId, CullerService, DisplayRole, DisplayWork, Observer,
-    Pace, PeerEndpoint, Peers, RoleError, SceneCulling, ScenePictures, Schedule, ServiceEndpoints,
-    SessionLimits, ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
+    Pace, PeerEndpoint, Peers, RoleError, SceneCulling, ScenePictures, ServiceEndpoints, SessionLimits,
+    ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_cull::{Image, LodRule, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};

@@ -43,7 +43,7 @@ use trimaran_actors::{
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::GpuOptions;
 use trimaran_netsim::Profile;
-use trimaran_proto::{BatchSize, FrameNumber, IdCoding, Identity, OcclusionTestKind, Role, SessionKey};
+use trimaran_proto::{BatchSize, IdCoding, Identity, OcclusionTestKind, Role, SessionKey};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Net, Options, TokioNet};
 
