@@ -318,14 +318,14 @@ fn walk(
     let culler = VulkanCuller::new(&devices.display, plan.viewport, plan.occlusion_test)?;
     let display = VulkanDisplay::new(&devices.display, plan.viewport)?;
     let work = ScenePictures::new(&devices.scene, display, &settings);
-    let (cullers, drawables) = (Peers::seek(&net, sought), max_frame(&devices.scene));
+    let (peers, drawables) = (Peers::seek(&net, sought), max_frame(&devices.scene));
     let role = DisplayRole {
         alone: Some(SceneCulling::new(&devices.scene, culler, &settings, &turns)),
         schedule: plan.schedule,
         pace: plan.frames(path.frames()),
         join_timeout: Duration::from_secs(60),
         turns: turns.clone(),
-        ..DisplayRole::new(work, cullers, key, settings, drawables, &net)
+        ..DisplayRole::new(work, peers, key, settings, drawables, &net)
     };
     let began = AtomicBool::new(false);
     let mut advance = |_| began.store(true, Ordering::Relaxed);

@@ -1,27 +1,28 @@
 //! Blocks of the bulk lane and what they hold: the fuzz target's inputs, what they are and how they are made,
 //! and the layout that WIRE.md gives.
 //!
-//! A change of what blocks hold makes the inputs anew: `cargo test -p trimaran-proto --test supply -- --ignored`.
+//! A change of what blocks hold makes the inputs anew:
+//! `cargo test -p trimaran-proto --test all supply:: -- --ignored`.
 
 #[path = "../../../fuzz/replay.rs"]
 #[allow(unreachable_pub, reason = "tests of other packages share the file")]
 mod replay;
 #[path = "../../../fuzz/src/supply.rs"]
 #[allow(unreachable_pub, reason = "the fuzz targets' library shares the file")]
-mod supply;
+mod target;
 
 use std::fs;
 use std::mem::{offset_of, size_of};
 use std::path::Path;
 
 use bytes::Bytes;
-use supply::{Display, OUTLINE};
+use target::{Display, OUTLINE};
 use trimaran_proto::{Demand, DrawableId, FrameNumber, NumberList, SceneOutline, Supply, items, put_item};
 use trimaran_scene::{
     DrawableEntry, Geometry, MOST_ENTRIES, Rgba8, Sides, Vertex, pack_entries, unpack_entries,
 };
 
-const TARGETS: [replay::Target; 1] = [("supply", FILES.len(), supply::supply)];
+const TARGETS: [replay::Target; 1] = [("supply", FILES.len(), target::supply)];
 
 #[test]
 fn the_fuzz_corpus_does_no_harm() {

@@ -1,5 +1,6 @@
 //! All that waits may be a task of its own, on whichever thread: a link is made, used and left by tasks
 //! alone.
+#![allow(clippy::disallowed_methods, reason = "what is tested is that tasks may be spawned")]
 
 use std::sync::Arc;
 

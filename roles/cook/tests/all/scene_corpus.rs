@@ -1,6 +1,7 @@
 //! The scene files among the fuzz targets' inputs: what they are, and how they are made.
 //!
-//! A change of the format makes them anew: `cargo test -p trimaran-cook --test scene_corpus -- --ignored`.
+//! A change of the format makes them anew:
+//! `cargo test -p trimaran-cook --test all scene_corpus:: -- --ignored`.
 
 use std::fs;
 use std::path::Path;

@@ -1,0 +1,126 @@
+//! What may come while a culler waits: cameras and their view states, what else the display says, and what
+//! another culler finds.
+
+use std::sync::Arc;
+
+use trimaran_proto::{Camera, DrawableId, FrameNumber, RoleMessage, ViewState};
+use trimaran_transport::RecvError;
+
+use super::{
+    switch::{News, Switch},
+    views::Views,
+};
+use crate::{
+    driver::error::{RoleError, link},
+    links::Link,
+    meeting::Meeting,
+};
+
+/// What has come and was not asked for yet.
+#[derive(Debug)]
+pub(super) struct Inbox {
+    /// The other culler, as far as there is one.
+    pub(super) other: Switch,
+    /// What the display has told of view states.
+    views: Views,
+    /// A camera whose view state has not come yet.
+    early: Option<Camera>,
+}
+
+/// What a culler may learn while it waits for a camera.
+enum Event {
+    Camera(Camera),
+    Said(RoleMessage),
+    Other(News),
+}
+
+impl Inbox {
+    pub(super) fn new(meeting: Meeting, drawables: u32) -> Self {
+        let views = Views::new(meeting.settings, meeting.scene.objects);
+        Self { other: Switch::new(meeting, drawables), views, early: None }
+    }
+
+    /// Waits for the display's next camera and its view state, and does what else the display asks for
+    /// meanwhile.
+    pub(super) async fn camera(&mut self, display: &mut Link) -> Result<(Camera, Arc<ViewState>), RoleError> {
+        loop {
+            if let Some(camera) = self.early
+                && let Some(state) = self.views.get(camera.view())
+            {
+                self.early = None;
+                return Ok((camera, Arc::clone(state)));
+            }
+            if let Some(said) = self.other.unsaid.take() {
+                display.messages_tx.send(&said).await.map_err(link("answering the display"))?;
+            }
+            let event = tokio::select! {
+                biased;
+                said = display.messages_rx.recv() => match said {
+                    Ok(said) => Event::Said(said),
+                    Err(RecvError::Silent { .. }) => continue,
+                    Err(end) => return Err(link("waiting for a camera")(end)),
+                },
+                news = self.other.news() => Event::Other(news),
+                camera = display.latest_rx.latest() => match camera {
+                    Ok(camera) => Event::Camera(camera),
+                    Err(RecvError::Silent { .. }) => continue,
+                    Err(end) => return Err(link("waiting for a camera")(end)),
+                },
+            };
+            match event {
+                Event::Camera(camera) => self.early = Some(camera),
+                Event::Said(said) => self.hear(said)?,
+                Event::Other(news) => self.other.learn(news),
+            }
+        }
+    }
+
+    /// Waits until the other culler begins the frame before `frame`. Says whether it does: it may be gone, or
+    /// the display may let it go.
+    pub(super) async fn begins(&mut self, display: &mut Link, frame: FrameNumber) -> Result<bool, RoleError> {
+        while self.other.is_there() {
+            match self.other.begins(frame) {
+                Some(begins) => return Ok(begins),
+                None => self.hear_more(display).await?,
+            }
+        }
+        Ok(false)
+    }
+
+    /// The next ids of the other culler's frame, as they come; none at its end. What has come is of use also
+    /// where the rest does not: fewer occluders only loosen the culling.
+    pub(super) async fn ids(&mut self, display: &mut Link) -> Result<Option<Vec<DrawableId>>, RoleError> {
+        while self.other.is_there() {
+            match self.other.ids() {
+                Some(ids) => return Ok(Some(ids).filter(|ids| !ids.is_empty())),
+                None => self.hear_more(display).await?,
+            }
+        }
+        Ok(None)
+    }
+
+    /// Waits for more of what the other culler says, or for what the display says of it.
+    async fn hear_more(&mut self, display: &mut Link) -> Result<(), RoleError> {
+        let said = tokio::select! {
+            biased;
+            said = display.messages_rx.recv() => said,
+            news = self.other.news() => {
+                self.other.learn(news);
+                return Ok(());
+            }
+        };
+        match said {
+            Ok(said) => self.hear(said),
+            Err(RecvError::Silent { .. }) => Ok(()),
+            Err(end) => Err(link("waiting for occluders")(end)),
+        }
+    }
+
+    fn hear(&mut self, said: RoleMessage) -> Result<(), RoleError> {
+        match said {
+            RoleMessage::View { version, part, last } => self.views.take(version, &part, last)?,
+            said => self.other.hear(said),
+        }
+        Ok(())
+    }
+}
