@@ -135,6 +135,7 @@ async fn a_port_in_use_says_so() {
     assert!(error.to_string().contains(&address.to_string()), "{error}");
 }
 
+#[cfg(feature = "udp")]
 #[tokio::test]
 async fn what_the_kernel_does_with_packets_is_not_told() {
     let (here, _there) = joined("tcp://127.0.0.1:0", &Options::default()).await;
