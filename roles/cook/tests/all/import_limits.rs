@@ -307,7 +307,7 @@ fn no_file_takes_more_memory_than_is_promised() {
     }
     for (number, file) in hostile().iter().enumerate() {
         let child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "no_file_takes_more_memory_than_is_promised", "--nocapture"])
+            .args(["--exact", "import_limits::no_file_takes_more_memory_than_is_promised", "--nocapture"])
             .env(NUMBER, number.to_string())
             .output()
             .unwrap();
