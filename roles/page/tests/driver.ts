@@ -489,7 +489,7 @@ function look(): unknown {
 /** What Chromium says where the document that was asked is no more. */
 const IS_GONE = /context was destroyed|Cannot find context|a different document|because of a navigation/;
 
-/** A page that loads itself anew, as for another scene, may do so while it is asked: then it is asked again. */
+/** A page may load itself anew while it is asked, as for another scene. Then it is asked again. */
 async function answered(command: Command): Promise<unknown> {
   for (const begun = performance.now(); ; ) {
     try {

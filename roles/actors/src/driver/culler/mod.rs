@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `mod` | the loop: a camera, its occluders (OR), its visible ids (HC) |
 //! | `work` | what a culler does with a frame, and where what it finds goes |
-//! | `inbox` | what may come while it waits: cameras, view states, words of the display, the other one's ids |
+//! | `inbox` | what comes while it waits: cameras, view states, words of the display, the other one's ids |
 //! | `views` | the view states that it was told of |
 //! | `switch`, `other_frames` | the other culler of the schedule `switch` |
 

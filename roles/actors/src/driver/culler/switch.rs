@@ -1,5 +1,5 @@
-//! The other culler of the schedule `switch`: each of the two draws as occluders what the other one finds, as it
-//! comes (paper, algorithm 4.2).
+//! The other culler of the schedule `switch`: each of the two draws as occluders what the other one finds,
+//! as it comes (paper, algorithm 4.2).
 //!
 //! What goes wrong between two cullers never ends a session: each goes on by what it found itself.
 
@@ -237,7 +237,10 @@ impl Switch {
 
     /// The link to it is at its end. Of two cullers one hears first that the session is over.
     fn ended(&mut self, end: &RecvError) {
-        let over = matches!(end, RecvError::Closed { reason, .. } if CloseCode::of(reason) == Some(CloseCode::Finished));
+        let over = match end {
+            RecvError::Closed { reason, .. } => CloseCode::of(reason) == Some(CloseCode::Finished),
+            _ => false,
+        };
         if let (true, State::Met { key, .. }) = (over, &self.state) {
             let key = *key;
             self.part();
