@@ -12,12 +12,13 @@ use std::{
     time::{Duration, Instant},
 };
 
+use serde_json::json;
+use trimaran_proto::{LodRule, OcclusionTestKind, SessionKey, ViewState, Viewport};
+
 use crate::common::guests::{Guests, TOKEN};
 use crate::common::page::Browser;
 use crate::common::ports::unused_port;
 use crate::common::program::Bench;
-use serde_json::json;
-use trimaran_proto::{LodRule, OcclusionTestKind, SessionKey, ViewState, Viewport};
 
 /// The whole answer of a server.
 fn ask(at: &str, target: &str) -> String {

@@ -3,12 +3,13 @@
 
 use std::{net::TcpListener, thread, time::Duration};
 
-use crate::common::guests::{Display, Guests};
 use trimaran_actors::{FrameStart, Link};
 use trimaran_proto::{
     Camera, Demand, DrawableId, FrameNumber, Identity, NumberList, Role, RoleMessage, SessionKey, put_item,
 };
 use trimaran_transport::RecvError;
+
+use crate::common::guests::{Display, Guests};
 
 /// So many kilobytes more a service may take under an attack: allocators and threads keep some.
 const ROOM: u64 = 64_000;

@@ -1,8 +1,9 @@
 //! The controls of the page in a real browser: the keyboard, the mouse, a finger, and what the page says.
 
+use serde_json::{Value, json};
+
 use crate::common::page::{Browser, Service, TOKEN};
 use crate::common::program::Bench;
-use serde_json::{Value, json};
 
 /// Boxes as a model: the corners of each.
 fn boxes(all: &[([f64; 3], [f64; 3])]) -> String {

@@ -3,10 +3,11 @@
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
-use crate::common::page::{Browser, Difference, Service, TOKEN, difference};
-use crate::common::program::Bench;
 use serde_json::{Value, json};
 use trimaran_scene::Scene;
+
+use crate::common::page::{Browser, Difference, Service, TOKEN, difference};
+use crate::common::program::Bench;
 
 const UPGRADE: &str = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
                        Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";

@@ -4,9 +4,10 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
+use serde_json::{Value, json};
+
 use crate::common::page::{Browser, Service};
 use crate::common::program::Bench;
-use serde_json::{Value, json};
 
 /// A service of a scene, and a browser that shows it.
 fn opened(bench: &Bench, scene: &str) -> Option<(Service, Browser)> {

@@ -1,10 +1,11 @@
 //! Walking in a real browser: on floors, against walls, up stairs, and whatever happens meanwhile.
 
+use serde_json::{Value, json};
+use trimaran_scene::Scene;
+
 use crate::common::house::{RISE, STEPS, house};
 use crate::common::page::{Browser, Difference, Service, difference};
 use crate::common::program::Bench;
-use serde_json::{Value, json};
-use trimaran_scene::Scene;
 
 /// A service of a scene, and a browser that shows it.
 fn opened(bench: &Bench, scene: &str) -> Option<(Service, Browser)> {

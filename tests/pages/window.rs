@@ -3,10 +3,6 @@
 
 use std::{process::ExitStatus, sync::Arc, thread, time::Duration};
 
-use crate::common::house::{RISE, STEPS, house};
-use crate::common::page::Service;
-use crate::common::program::{Bench, said, signal};
-use crate::common::screen::{Compositor, SCREEN, Screen, Window, wait_for};
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use trimaran::{
@@ -17,6 +13,11 @@ use trimaran_cull::{CutRule, LodRule, View, Viewport, draw_order, lod_cut};
 use trimaran_gpu::{BACKGROUND, Gpu, GpuOptions, GpuScene, PicturePass};
 use trimaran_proto::{Camera, FrameNumber, ObjectSet, Settings, ViewState};
 use trimaran_scene::Scene;
+
+use crate::common::house::{RISE, STEPS, house};
+use crate::common::page::Service;
+use crate::common::program::{Bench, said, signal};
+use crate::common::screen::{Compositor, SCREEN, Screen, Window, wait_for};
 
 /// A scene, and a person in it who moves as the window lets them.
 struct Person {

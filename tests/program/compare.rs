@@ -2,8 +2,9 @@
 
 use std::fs;
 
-use crate::common::program::{Bench, said};
 use serde_json::Value;
+
+use crate::common::program::{Bench, said};
 
 const FRAMES: &str = "12";
 

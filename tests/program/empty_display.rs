@@ -3,9 +3,10 @@
 
 use std::fs;
 
+use serde_json::Value;
+
 use crate::common::ports::unused_port;
 use crate::common::program::{Bench, said};
-use serde_json::Value;
 
 const FRAMES: usize = 6;
 const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "128x128", "--audit-every", "1"];

@@ -3,10 +3,11 @@
 
 use std::{fs, path::PathBuf, thread, time::Duration};
 
+use trimaran_scene::random::Random;
+
 use crate::common::data::{Data, cooked, imported};
 use crate::common::ports::unused_port;
 use crate::common::program::{Bench, Process};
-use trimaran_scene::random::Random;
 
 /// Every so many frames of the long walk one picture is kept.
 const KEPT_EVERY: usize = 100;

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-use crate::common::program::Bench;
 use tokio::net::TcpStream as Dial;
 use trimaran::metrics::LinkMetrics;
 use trimaran_actors::{FrameStart, Listener};
@@ -14,6 +13,8 @@ use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash,
 use trimaran_transport::{
     Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until, ws::WsOptions,
 };
+
+use crate::common::program::Bench;
 
 /// Between two looks: the server turns away a crowd from one address.
 const PAUSE: Duration = Duration::from_millis(20);

@@ -6,10 +6,11 @@
 
 use std::{env, process::Command, thread, time::Duration};
 
-use crate::common::deployment::{Deployment, Place, culled_by, notes};
-use crate::common::program::Process;
 use trimaran::netem::{Emulation, Namespace};
 use trimaran_netsim::Profile;
+
+use crate::common::deployment::{Deployment, Place, culled_by, notes};
+use crate::common::program::Process;
 
 /// Two cullers and a display on a network of their own, if that can be had.
 fn machines(test: &str) -> Option<Emulation> {

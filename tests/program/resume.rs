@@ -7,10 +7,11 @@ use std::{
     path::Path,
 };
 
+use serde_json::Value;
+
 use crate::common::deployment::{Deployment, culled_by, notes};
 use crate::common::ports::unused_port;
 use crate::common::program::Process;
-use serde_json::Value;
 
 const FRAMES: usize = 150;
 const WALK: [&str; 4] = ["--frames", "150", "--width=200", "--height=200"];

@@ -12,8 +12,9 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::common::program::{Bench, printed};
 use serde_json::Value;
+
+use crate::common::program::{Bench, printed};
 
 const INSTALLED: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 const FRAMES: usize = 8;

@@ -10,8 +10,9 @@ use std::{
     time::Duration,
 };
 
-use crate::common::program::{Bench, signal};
 use serde_json::{Value, json};
+
+use crate::common::program::{Bench, signal};
 
 /// How often it is looked whether a browser has ended, and how many times.
 const PAUSE: Duration = Duration::from_millis(50);

@@ -2,10 +2,6 @@
 
 use std::{collections::BTreeMap, error::Error, sync::Arc, time::Duration};
 
-use crate::common::{
-    data::{Data, cooked, imported, small_plant},
-    session::{self, audit, camera_path, on_devices, walk_in_process, walk_with},
-};
 use trimaran::vulkan::{VulkanCuller, VulkanCullerError};
 use trimaran::{
     report::schema::FalseCullCause,
@@ -16,6 +12,11 @@ use trimaran_audit::cases::with_halved_boxes;
 use trimaran_cull::{Answer, DepthImage, LodRule, OcclusionTest, Outline, TestBox, View};
 use trimaran_proto::{Camera, DrawableId, OcclusionTestKind};
 use trimaran_scene::Scene;
+
+use crate::common::{
+    data::{Data, cooked, imported, small_plant},
+    session::{self, audit, camera_path, on_devices, walk_in_process, walk_with},
+};
 
 /// What is wrong with a culler.
 #[derive(Debug, Clone, Copy, PartialEq)]

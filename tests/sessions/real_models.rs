@@ -3,13 +3,14 @@
 
 use std::path::PathBuf;
 
+use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, SceneOnDevices};
+use trimaran_audit::SURFACE_SLACK_PX;
+use trimaran_proto::OcclusionTestKind;
+
 use crate::common::{
     data::{Data, cooked, imported},
     session::{assert_no_validation_messages, audit, camera_path, culler, on_devices, plan, walk_in_process},
 };
-use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, SceneOnDevices};
-use trimaran_audit::SURFACE_SLACK_PX;
-use trimaran_proto::OcclusionTestKind;
 
 /// Every so many frames one is audited.
 const AUDIT_EVERY: usize = 5;

@@ -19,7 +19,6 @@ use std::{
     fs,
 };
 
-use crate::common::data::{Data, cooked, imported};
 use glam::DVec3;
 use serde::Deserialize;
 use trimaran::walkthrough::Auditor;
@@ -28,6 +27,8 @@ use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::{GpuScene, ItemImage};
 use trimaran_proto::{Camera, FrameNumber, Settings};
 use trimaran_scene::{Scene, path::Pose};
+
+use crate::common::data::{Data, cooked, imported};
 
 /// An object that shows at no more pixels than this, here or there, may be missing from the other.
 const EDGE_PIXELS: u32 = 2;

@@ -2,11 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::common::program::{Bench, said};
-use crate::common::{
-    data::small_plant,
-    session::{self, assert_no_validation_messages, culler, walk_in_process},
-};
 use glam::{DVec3, Vec3};
 use trimaran::{
     report::Frame,
@@ -24,6 +19,12 @@ use trimaran_scene::{
     Scene,
     path::{Pose, PosePath},
     random::Random,
+};
+
+use crate::common::program::{Bench, said};
+use crate::common::{
+    data::small_plant,
+    session::{self, assert_no_validation_messages, culler, walk_in_process},
 };
 
 const FRAMES: u32 = 16;

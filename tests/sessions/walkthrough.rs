@@ -2,13 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::common::{
-    data::small_plant,
-    session::{
-        self, assert_no_validation_messages, audit, camera_path, culler, on_devices, uncut_count,
-        walk_in_process, walk_with,
-    },
-};
 use trimaran::report::Frame;
 use trimaran::vulkan::VulkanCuller;
 use trimaran::walkthrough::{CameraPath, PathChoice, Plan, SceneOnDevices};
@@ -17,6 +10,14 @@ use trimaran_audit::{SURFACE_SLACK_PX, cases::with_records};
 use trimaran_gpu::{HzbPlace, Optional};
 use trimaran_proto::OcclusionTestKind;
 use trimaran_scene::Scene;
+
+use crate::common::{
+    data::small_plant,
+    session::{
+        self, assert_no_validation_messages, audit, camera_path, culler, on_devices, uncut_count,
+        walk_in_process, walk_with,
+    },
+};
 
 const FRAMES: u32 = 12;
 

@@ -4,8 +4,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::virtual_time::silent::SilentNet;
-use crate::virtual_time::{Listener, knowing, seen_from_elsewhere};
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
 use trimaran_transport::conformance::{ARM, GRIPPER, PANEL, Robot, greeting};
@@ -13,6 +11,9 @@ use trimaran_transport::keys::Keys;
 use trimaran_transport::{
     Endpoint, HostPort, Instant, Net, Options, TcpOptions, TurnedAway, connect, sleep_until, until,
 };
+
+use crate::virtual_time::silent::SilentNet;
+use crate::virtual_time::{Listener, knowing, seen_from_elsewhere};
 
 const MS: Duration = Duration::from_millis(1);
 const SECOND: Duration = Duration::from_secs(1);

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::virtual_time::{Link, Machines, acquainted, two_hosts};
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_transport::conformance::{Overhead, Pairs, points, receive, send_frame, start};
 use trimaran_transport::{BatchSize, LinkConfig, Net, sleep_until};
+
+use crate::virtual_time::{Link, Machines, acquainted, two_hosts};
 
 /// As many as the ids in the paper's model of bandwidth.
 const POINTS: u32 = 4000;

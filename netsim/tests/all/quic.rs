@@ -3,11 +3,12 @@
 
 use std::time::Duration;
 
-use crate::virtual_time::{Link, Machines, acquainted, two_hosts};
 use trimaran_netsim::Simulation;
 use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability};
 use trimaran_transport::conformance::{Overhead, Pairs, finished};
 use trimaran_transport::{Instant, LinkConfig, sleep_until};
+
+use crate::virtual_time::{Link, Machines, acquainted, two_hosts};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
     machines_between(link, link, seed)

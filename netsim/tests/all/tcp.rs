@@ -4,13 +4,14 @@ use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use crate::virtual_time::{Machines, gigabit, two_hosts};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran_net::Stream;
 use trimaran_netsim::link::{Conditions, LinkModel, LinkTally, Loss, Phase, Probability, QueueModel, Rate};
 use trimaran_netsim::{Class, HostId, SimNet, Simulation};
 use trimaran_transport::conformance::Overhead;
 use trimaran_transport::{Net, Options, TcpOptions, sleep_until};
+
+use crate::virtual_time::{Machines, gigabit, two_hosts};
 
 fn machines(there: &LinkModel, back: &LinkModel) -> (Simulation, [SimNet; 2], [HostId; 2]) {
     let (simulation, hosts) = two_hosts(there, back, 1);

@@ -3,8 +3,6 @@
 
 use std::time::Duration;
 
-use crate::virtual_time::priorities::{beside_blocks, blocks_alone, narrow};
-use crate::virtual_time::{Machines, two_hosts};
 use trimaran_netsim::Simulation;
 use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability, Rate};
 use trimaran_transport::conformance::{Overhead, Pairs, Robot, command, finished, points, pose, send_frame};
@@ -13,6 +11,9 @@ use trimaran_transport::{
     FrameEvent, FrameOutcome, LinkConfig, MessageReceiver, MessageSender, Options, RecvError, UdpMode,
     UdpSocketOptions, sleep_until,
 };
+
+use crate::virtual_time::priorities::{beside_blocks, blocks_alone, narrow};
+use crate::virtual_time::{Machines, two_hosts};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
     machines_between(link, link, seed, UdpOptions::default())

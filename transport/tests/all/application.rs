@@ -1,7 +1,5 @@
 //! What becomes of a link where the application's own part does not fit.
 
-use crate::common::meeting::Meeting;
-use crate::common::{Link, Listener, connect, format, last_failure, net, obstacle_of, soon};
 use bytes::{Bytes, BytesMut};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -11,6 +9,9 @@ use trimaran_transport::{
     ProtocolError, ProtocolName, RecvError, Refusal, Rejection, SessionId,
 };
 use trimaran_wire::{Decoder, Hello, Message};
+
+use crate::common::meeting::Meeting;
+use crate::common::{Link, Listener, connect, format, last_failure, net, obstacle_of, soon};
 
 /// Another application.
 #[derive(Debug, Clone, PartialEq)]

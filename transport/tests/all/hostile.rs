@@ -4,9 +4,6 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::common::{
-    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, refusal, soon,
-};
 use bytes::BytesMut;
 use tempfile::TempDir;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
@@ -17,6 +14,10 @@ use trimaran_transport::{
     Refusal, SessionId, WireVersion, until,
 };
 use trimaran_wire::{Accept, Decoder, Message};
+
+use crate::common::{
+    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, refusal, soon,
+};
 
 /// Runs a case over each transport.
 macro_rules! over_tcp_and_unix {

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::common::meeting::Meeting;
-use crate::common::{Link, connect, net, soon};
 use tokio::runtime::{Builder, Runtime};
 use trimaran_transport::conformance::{PANEL, greeting, points, pose, receive, send_frame, start};
 use trimaran_transport::{Endpoint, LinkConfig, Loss, Net, Options, RecvError, SendError, TokioNet};
+
+use crate::common::meeting::Meeting;
+use crate::common::{Link, connect, net, soon};
 
 over_every_transport!(
     a_peer_that_hangs_is_lost_by_whoever_listens,

@@ -1,6 +1,5 @@
 //! Links within one process.
 
-use crate::common::{Link, Listener, connect, joined, net, other_map, soon};
 use trimaran_transport::conformance::{
     ARM, Greeting, MAP, Overhead, PANEL, Pairs, Robot, greeting, points, pose, receive, send_frame,
 };
@@ -9,6 +8,8 @@ use trimaran_transport::{
     AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError, Options,
     PeerAddress,
 };
+
+use crate::common::{Link, Listener, connect, joined, net, other_map, soon};
 
 struct Inproc;
 

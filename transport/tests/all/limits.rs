@@ -3,16 +3,17 @@
 use std::cell::Cell;
 use std::time::Duration;
 
-use crate::common::meeting::Meeting;
-use crate::common::router::Router;
-use crate::common::udp::{a_panel_gets_in, shared};
-use crate::common::{Link, Listener, connect, last_failure, net, soon};
 use trimaran_transport::conformance::{ARM, GRIPPER, Greeting, PANEL, command, greeting, send_frame};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
     HandshakeError, Limits, LinkConfig, Options, ProtocolError, RecvError, Refusal, TooMany, sleep_until,
     until,
 };
+
+use crate::common::meeting::Meeting;
+use crate::common::router::Router;
+use crate::common::udp::{a_panel_gets_in, shared};
+use crate::common::{Link, Listener, connect, last_failure, net, soon};
 
 /// Options of peers that know each other over every transport.
 fn trusting() -> Options {

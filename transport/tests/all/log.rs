@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
-use crate::common::page::Page;
-use crate::common::{Listener, connect, introduce, last_failure, net, soon};
 use bytes::BytesMut;
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::{Lane, Options, SessionId, sleep_until};
+
+use crate::common::page::Page;
+use crate::common::{Listener, connect, introduce, last_failure, net, soon};
 
 #[tokio::test(start_paused = true)]
 async fn who_connects_says_once_what_stands_in_the_way_and_again_when_that_changes() {

@@ -4,13 +4,14 @@
 use std::cell::Cell;
 use std::time::Duration;
 
+use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::{Endpoint, HandshakeError, LinkConfig, Options, Refusal};
+
 use crate::common::forged::{Forgery, Initial};
 use crate::common::meeting::Meeting;
 use crate::common::router::Router;
 use crate::common::{Link, Listener, connect, last_failure, net, soon};
-use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
-use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, HandshakeError, LinkConfig, Options, Refusal};
 
 over_every_transport!(a_listener_of_another_map_is_waited_out);
 

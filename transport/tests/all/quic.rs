@@ -3,13 +3,14 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::common::{Link, Listener, connect, last_failure, net, obstacle, soon};
 use trimaran_transport::conformance::{ARM, Greeting, Overhead, PANEL, Pairs, greeting, pose};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
     AttemptError, ConnectError, Endpoint, HandshakeError, Limits, LinkConfig, ListenError, Net, Options,
     PeerAddress, until,
 };
+
+use crate::common::{Link, Listener, connect, last_failure, net, obstacle, soon};
 
 struct Quic;
 

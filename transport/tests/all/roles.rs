@@ -1,11 +1,12 @@
 //! Keys are known for roles: who has the key of one role gets no other one, and the listener goes on waiting
 //! for the right one.
 
-use crate::common::page::Page;
-use crate::common::{Link, Listener, connect, last_failure, net, obstacle, refusal, soon};
 use trimaran_transport::conformance::{ARM, GRIPPER, PANEL, greeting};
 use trimaran_transport::keys::{Keys, KnownPeer, PeerKey, Security, WrongRole};
 use trimaran_transport::{CloseReason, Endpoint, Explanation, HandshakeError, Options, RecvError, Refusal};
+
+use crate::common::page::Page;
+use crate::common::{Link, Listener, connect, last_failure, net, obstacle, refusal, soon};
 
 const ENDPOINTS: [&str; 2] = ["quic://127.0.0.1:0", "udp://127.0.0.1:0"];
 

@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use crate::common::meeting::Meeting;
-use crate::common::{connect, last_failure, net, other_map, refusal, soon};
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};
 use trimaran_transport::conformance::{Greeting, MAP, PANEL, greeting, pose};
 use trimaran_transport::{ConnectError, Endpoint, HandshakeError, Instant, LinkConfig, Options};
+
+use crate::common::meeting::Meeting;
+use crate::common::{connect, last_failure, net, other_map, refusal, soon};
 
 over_every_transport!(
     another_map_is_refused_and_both_sides_know_both_maps,

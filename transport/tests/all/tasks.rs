@@ -4,12 +4,13 @@
 
 use std::sync::Arc;
 
-use crate::common::{Listener, connect, net, soon};
 use tokio::spawn;
 use trimaran_transport::conformance::{
     ARM, PANEL, finished, greeting, next_pose, points, pose, receive, send_frame,
 };
 use trimaran_transport::{Options, RecvError};
+
+use crate::common::{Listener, connect, net, soon};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn tasks_make_links_and_use_their_halves_and_leave() {

@@ -5,7 +5,6 @@ use std::io::ErrorKind;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
 use tokio::net::TcpSocket;
 use trimaran_transport::conformance::{
     ARM, Greeting, Overhead, PANEL, Pairs, greeting, points, pose, receive, send_frame,
@@ -14,6 +13,8 @@ use trimaran_transport::{
     AcceptError, AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError,
     Net, Options, PeerAddress, Refusal, Rejection, TcpOptions,
 };
+
+use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
 
 struct Tcp;
 

@@ -4,9 +4,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::common::page::Page;
-use crate::common::udp::{a_panel_gets_in, listener, shared, with};
-use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
 use trimaran_transport::conformance::{
     ARM, Overhead, PANEL, Pairs, greeting, points, pose, receive, send_frame, start,
 };
@@ -16,6 +13,10 @@ use trimaran_transport::{
     AttemptError, BatchSize, Batching, ConnectError, Endpoint, FrameEvent, FrameNumber, FrameOutcome,
     HandshakeError, LinkConfig, Net, Options, PeerAddress, sleep_until,
 };
+
+use crate::common::page::Page;
+use crate::common::udp::{a_panel_gets_in, listener, shared, with};
+use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
 
 struct Udp;
 

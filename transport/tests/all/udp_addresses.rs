@@ -3,10 +3,11 @@
 
 use std::net::SocketAddr;
 
-use crate::common::udp::shared;
-use crate::common::{Listener, connect, net, soon};
 use trimaran_transport::Endpoint;
 use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, send_frame};
+
+use crate::common::udp::shared;
+use crate::common::{Listener, connect, net, soon};
 
 /// A panel asks a listener at `at` for a link by way of `asked`, another of its addresses than the system
 /// would answer from; both talk.

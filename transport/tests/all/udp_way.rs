@@ -3,8 +3,6 @@
 
 use std::time::Duration;
 
-use crate::common::udp::{a_panel_gets_in, address, listener, shared, with};
-use crate::common::{Link, Listener, connect, format, introduce, last_failure, net, soon};
 use bytes::{BufMut, BytesMut};
 use tokio::net::UdpSocket;
 use trimaran_transport::conformance::{PANEL, greeting, pose};
@@ -15,6 +13,9 @@ use trimaran_transport::{
 };
 use trimaran_udp::{Config, Connecting, ConnectionId, Progress, Security, VERSION};
 use trimaran_wire::{Message, to_bytes};
+
+use crate::common::udp::{a_panel_gets_in, address, listener, shared, with};
+use crate::common::{Link, Listener, connect, format, introduce, last_failure, net, soon};
 
 /// The header of a packet: its form (1 is a first packet, 2 a retry), a version and whose it is.
 fn header(form: u64, version: u64, id: [u8; 4]) -> Vec<u8> {

@@ -8,7 +8,6 @@ use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
 use tempfile::TempDir;
 use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer, Timer, UdpSocket, UnixSocketOptions};
 use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, greeting};
@@ -16,6 +15,8 @@ use trimaran_transport::{
     Credentials, Endpoint, ForeignUser, HandshakeError, Instant, LinkConfig, ListenError, Net, Options,
     PeerAddress, SocketPath, TcpOptions, UdpSocketOptions, UnixOptions,
 };
+
+use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
 
 struct Unix;
 

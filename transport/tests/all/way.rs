@@ -3,12 +3,13 @@
 
 use std::cell::Cell;
 
-use crate::common::router::Router;
-use crate::common::{Link, Listener, connect, net, soon};
 use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, send_frame, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{Options, until};
+
+use crate::common::router::Router;
+use crate::common::{Link, Listener, connect, net, soon};
 
 /// Options of two peers that know each other.
 fn acquainted(quic: QuicOptions) -> [Options; 2] {

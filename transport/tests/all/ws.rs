@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use crate::common::{Listener, connect, introduce, last_failure, net, soon};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use trimaran_transport::conformance::{
@@ -13,6 +12,8 @@ use trimaran_transport::{
     ConnectError, Endpoint, HandshakeError, Lane, LinkConfig, Options, SendError, SessionId, TcpOptions,
     sleep_until, until,
 };
+
+use crate::common::{Listener, connect, introduce, last_failure, net, soon};
 
 const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
 

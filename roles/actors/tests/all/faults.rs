@@ -3,7 +3,6 @@
 
 use std::{collections::BTreeSet, sync::Arc, thread, time::Duration};
 
-use crate::common::{Broken, Device, Fault, Task};
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, FrameStart, LatestReceiver, Link, Observer,
@@ -15,6 +14,8 @@ use trimaran_cull::{LodRule, View, Viewport, lod_cut};
 use trimaran_proto::{Camera, CloseCode, DrawableId, FrameNumber, Role, SessionKey};
 use trimaran_scene::Scene;
 use trimaran_transport::{CloseReason, Instant, Net, RecvError, TokioNet, sleep_until};
+
+use crate::common::{Broken, Device, Fault, Task};
 
 const FRAMES: u32 = 12;
 const SIDE: u32 = 64;

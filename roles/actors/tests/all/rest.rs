@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::common::{Device, Frames};
 use tokio::runtime::Builder;
 use trimaran_actors::{Cameras, LocalSession, Pace, Stop};
 use trimaran_cook::{
@@ -11,6 +10,8 @@ use trimaran_cook::{
 };
 use trimaran_proto::{Camera, FrameNumber};
 use trimaran_scene::Scene;
+
+use crate::common::{Device, Frames};
 
 /// How often each pose is asked for. The display asks every few milliseconds.
 const ASKED: u32 = 200;

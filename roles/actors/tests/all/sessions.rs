@@ -6,7 +6,6 @@ use std::{
     thread,
 };
 
-use crate::common::{Broken, Device, Fault, Task};
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     Expected, FrameEvent, LimitError, Link, Meeting, NewSession, RoleError, SceneCulling, Seat,
@@ -19,6 +18,8 @@ use trimaran_proto::{
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{Net, Options, RecvError, TokioNet};
+
+use crate::common::{Broken, Device, Fault, Task};
 
 const SIDE: u32 = 64;
 /// Bytes of depth that a session of such a picture takes.

@@ -12,7 +12,6 @@ use std::{
     time::Duration,
 };
 
-use crate::common::Broken;
 use bytes::Bytes;
 use glam::DVec3;
 use parking_lot::Mutex;
@@ -36,6 +35,8 @@ use trimaran_proto::{
 };
 use trimaran_scene::{DrawableEntry, Scene, pack_entries, random::Random};
 use trimaran_transport::{Bulk, LinkConfig, Net, Options, RecvError, TokioNet, causes, inproc, sleep_until};
+
+use crate::common::Broken;
 
 const SIDE: u32 = 40;
 const EPSILON_PX: f64 = 1.0;

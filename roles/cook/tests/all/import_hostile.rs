@@ -1,10 +1,11 @@
 //! The corpus of the fuzz targets for models and scenes, as it is, cut off, and with bytes, numbers and
 //! measures changed at random: what comes is a sound model or an error.
 
-use crate::import_files::{RvmWriter, import_bytes, reals};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use trimaran_cook::import::WarningKind;
+
+use crate::import_files::{RvmWriter, import_bytes, reals};
 
 const TARGETS: [crate::replay::Target; 6] = [
     ("gltf", 34, crate::models::gltf),

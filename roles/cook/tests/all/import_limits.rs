@@ -5,11 +5,12 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
-use crate::import_files::{RvmWriter, floats, glb, import_beside, reals};
 use trimaran_cook::import::{
     GltfError, ImportError, ImportLimits, ImportOptions, ObjError, OverBudget, Resource, RvmError, import,
     import_bytes,
 };
+
+use crate::import_files::{RvmWriter, floats, glb, import_beside, reals};
 
 /// A file made to take much memory.
 struct Hostile {

@@ -2,11 +2,12 @@
 
 use std::io::Write;
 
-use crate::import_files::{import_beside, import_bytes};
 use flate2::{Compression, write::GzEncoder};
 use proptest::prelude::*;
 use trimaran_cook::import::{ImportError, ImportOptions, Imported, ObjError, WarningKind, import};
 use trimaran_cook::{CookOptions, Model, cook};
+
+use crate::import_files::{import_beside, import_bytes};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 const RED: [u8; 4] = [255, 0, 0, 255];

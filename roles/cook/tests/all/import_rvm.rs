@@ -1,11 +1,12 @@
 //! RVM files written by hand: groups, colours, units, and how each fault is told.
 
-use crate::import_files::{RvmWriter, import_beside, import_bytes, reals, word};
 use glam::{DVec3, Vec3};
 use trimaran_cook::import::{
     ImportError, ImportOptions, Imported, RvmError, RvmPlace, UpAxis, WarningKind, import,
 };
 use trimaran_scene::Rgba8;
+
+use crate::import_files::{RvmWriter, import_beside, import_bytes, reals, word};
 
 fn error(file: &[u8]) -> RvmError {
     match import_bytes("a.rvm", file) {

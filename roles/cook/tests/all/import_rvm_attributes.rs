@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use crate::import_files::{RvmWriter, import_beside, import_bytes};
 use trimaran_cook::import::{
     ImportError, ImportLimits, ImportOptions, Imported, OverBudget, Resource, RvmError, WarningKind, import,
 };
+
+use crate::import_files::{RvmWriter, import_beside, import_bytes};
 
 const FIRST: &str = "CADC_Attributes_File v1.0 , start: NEW , end: END , name_end: := , sep: &end&\r\n\
                      NEW Header Information\r\n Source := PDMS Data &end& User := x\r\nEND\r\n";

@@ -1,9 +1,10 @@
 //! The text form of RVM files: what holds for the binary form holds for it.
 
-use crate::import_files::{RvmWriter, import_beside, import_bytes, reals};
 use glam::{DVec3, Vec3};
 use trimaran_cook::import::{ImportError, Imported, RvmError, RvmPlace, WarningKind};
 use trimaran_scene::Rgba8;
+
+use crate::import_files::{RvmWriter, import_beside, import_bytes, reals};
 
 const BEGIN: &str = "HEAD\n     1     2\nAVEVA PDMS Design\n\nMon Jan 01 2024\nme@here\nUnicode UTF-8\n\
                      MODL\n     1     1\nSAM\n/SAMPLE\n";

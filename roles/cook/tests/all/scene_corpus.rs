@@ -6,10 +6,11 @@
 use std::fs;
 use std::path::Path;
 
-use crate::models::sealed;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use trimaran_cook::{CookOptions, Mesh, Model, Object, Source, cook};
 use trimaran_scene::{OpenError, ReadCause, Rgba8, Scene};
+
+use crate::models::sealed;
 
 const HEADER: usize = 128;
 const ENTRY: usize = 64;

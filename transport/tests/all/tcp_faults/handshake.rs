@@ -4,7 +4,6 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::{SESSION, bytes, hello, listener};
-use crate::common::{Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, soon};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use trimaran_transport::conformance::{ARM, GRIPPER, MAP, PANEL, greeting};
@@ -13,6 +12,8 @@ use trimaran_transport::{
     Refusal, WireVersion, until,
 };
 use trimaran_wire::{Accept, Decoder, Message};
+
+use crate::common::{Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, soon};
 
 fn quick() -> Options {
     Options {

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use super::{bytes, hello, listener};
-use crate::common::{Link, connect, hello_bytes, net, soon};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use trimaran_transport::conformance::{ARM, PANEL, Robot, finished, greeting, points, pose, receive, start};
@@ -13,6 +12,8 @@ use trimaran_transport::{
     SendError, until,
 };
 use trimaran_wire::{Accept, FrameMessage, Message, to_bytes};
+
+use crate::common::{Link, connect, hello_bytes, net, soon};
 
 /// The link that the arm has to a panel of bare sockets, and these: of the frames lane, of the latest lane,
 /// of the messages lane and of the bulk lane.

@@ -7,11 +7,12 @@ mod link;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-use crate::common::{Listener, introduce};
 use bytes::BytesMut;
 use trimaran_transport::conformance::{ARM, PANEL, greeting};
 use trimaran_transport::{Endpoint, Lane, Net, Options, SessionId};
 use trimaran_wire::Message;
+
+use crate::common::{Listener, introduce};
 
 const SESSION: SessionId = SessionId(0x1234);
 

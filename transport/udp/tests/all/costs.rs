@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
-use crate::adversary::{Attack, Victim, attacks, frames_behind_one_that_never_arrives, ordinary};
 use trimaran_udp::{STEPS_PER_BYTE, STEPS_PER_PACKET};
+
+use crate::adversary::{Attack, Victim, attacks, frames_behind_one_that_never_arrives, ordinary};
 
 /// Steps for each byte of the packets, those that were allowed for packets as such taken off; and whether the
 /// connection is still open.

@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use crate::robot::{Command, NotFinite, Pose, Robot, Time};
 use bytes::{Bytes, BytesMut};
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, Fixed, Format, FrameEnd, FrameMessage, FrameNumber,
     FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK, MAX_FIXED, MAX_HELLO, MAX_MESSAGE,
     Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
 };
+
+use crate::robot::{Command, NotFinite, Pose, Robot, Time};
 
 const WIRE: &str = include_str!("../../WIRE.md");
 

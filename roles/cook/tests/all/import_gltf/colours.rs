@@ -9,6 +9,7 @@ use trimaran_cook::import::WarningKind;
 use trimaran_scene::Rgba8;
 
 use super::document::Document;
+
 use crate::import_files::{floats, import_beside, import_bytes};
 
 const NODE: &str = r#""nodes":[{"name":"tank","mesh":0}]"#;

@@ -13,6 +13,7 @@ use trimaran_scene::Rgba8;
 
 use super::document::Document;
 use super::{error, model};
+
 use crate::import_files::floats;
 
 /// A sheet of `side` x `side` squares, one unit each, in the plane z = 0.

@@ -5,6 +5,7 @@ use trimaran_cook::import::{GltfError, ImportError, WarningKind};
 
 use super::document::Document;
 use super::{error, model, one_triangle};
+
 use crate::import_files::{floats, glb, import_beside, import_bytes};
 
 /// The file of one triangle with a part of its JSON written in another way.

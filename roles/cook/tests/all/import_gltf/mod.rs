@@ -7,11 +7,12 @@ mod document;
 mod lenient;
 mod shapes;
 
-use crate::import_files::{floats, glb, import_beside, import_bytes};
 use glam::{DMat3, DVec3};
 use trimaran_cook::Model;
 use trimaran_cook::import::{GltfError, ImportError, WarningKind};
 use trimaran_scene::{Attribute, Rgba8};
+
+use crate::import_files::{floats, glb, import_beside, import_bytes};
 
 /// A document around `nodes` (JSON) with one triangle as mesh 0: corners (0,0,0), (1,0,0), (0,1,0).
 fn one_triangle(nodes: &str, more: &str) -> Vec<u8> {

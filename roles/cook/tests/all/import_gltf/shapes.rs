@@ -7,6 +7,7 @@ use trimaran_scene::Attribute;
 
 use super::document::Document;
 use super::model;
+
 use crate::import_files::{floats, import_bytes};
 
 /// One triangle with two morph targets: by 5 along x, by 2 along y. The second is sparse: its last vertex.
