@@ -5,10 +5,12 @@ import { Frustum } from "../src/navigate/frustum.ts";
 import { Gaze, type Point } from "../src/navigate/gaze.ts";
 import { Ground, type Solid } from "../src/navigate/ground.ts";
 import { addGamepad, Keys, still } from "../src/navigate/motion.ts";
+import { Navigator } from "../src/navigate/navigator.ts";
 import { approach, pan, turnAbout } from "../src/navigate/orbit.ts";
 import { mostOpen } from "../src/navigate/sides.ts";
 import { Tile } from "../src/navigate/tile.ts";
 import { Walk } from "../src/navigate/walk.ts";
+import type { SceneDescription } from "../src/service/service.ts";
 import { Projection } from "../src/tools/projection.ts";
 
 /** Boxes on the ground: what is solid at a place, by the lower and upper ends of spans. */
@@ -242,6 +244,38 @@ test("keys and a gamepad say what a person wants", () => {
   const none = still();
   keys.add(none);
   assert.deepEqual(none, still());
+});
+
+test("what was tapped before the eye goes to another place does not move it from there", () => {
+  const scope = globalThis as { addEventListener?: unknown };
+  const canvas = Object.assign(new EventTarget(), { clientWidth: 800, clientHeight: 600 });
+  const scene = {
+    start: { eye: [0, 0, 0], forward: [0, 0, -1] },
+    core: { min: [-1, -1, -1], max: [1, 1, 1] },
+    hasFloors: false,
+    eyeHeight: 1.7,
+    tileSide: 16,
+    vfovDeg: 60,
+  } as unknown as SceneDescription;
+  const events = new EventTarget();
+  scope.addEventListener = events.addEventListener.bind(events);
+  Object.defineProperty(globalThis, "navigator", { value: { getGamepads: () => [] }, configurable: true });
+  const service = { tile: () => Promise.reject(new Error("nothing is fetched")) };
+  const walker = new Navigator(canvas as unknown as HTMLCanvasElement, scene, service);
+  walker.press("KeyW", true);
+  walker.press("KeyW", false);
+  walker.step(0.1);
+  assert.ok(walker.eye[2] < 0, "a tap moves the eye");
+  walker.press("KeyW", true);
+  walker.press("KeyW", false);
+  walker.goTo([1, 2, 3], [0, 0, -1]);
+  walker.step(0.1);
+  assert.deepEqual(walker.eye, [1, 2, 3]);
+  // What is still held goes on.
+  walker.press("KeyD", true);
+  walker.goTo([1, 2, 3], [0, 0, -1]);
+  walker.step(0.1);
+  assert.ok(walker.eye[0] > 1);
 });
 
 test("a gaze never looks straight up, and its quaternion has length one", () => {

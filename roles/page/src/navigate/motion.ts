@@ -56,6 +56,11 @@ export class Keys {
   /** All keys are up: the page has lost the keyboard. */
   release(): void {
     this.#held.clear();
+    this.forget();
+  }
+
+  /** What was tapped since the keys were asked moves nothing. */
+  forget(): void {
     this.#tapped.clear();
   }
 

@@ -160,10 +160,12 @@ export class Navigator {
     return hasJumped;
   }
 
-  /** Puts the eye at a place, and lets it look along `forward`. */
+  /** Puts the eye at a place, and lets it look along `forward`. Taps and pushes until now were of another place. */
   goTo(eye: Readonly<Point>, forward: Readonly<Point>): void {
     this.#hasJumped = true;
     this.#zoomed = undefined;
+    this.#pushed = [0, 0];
+    this.#keys.forget();
     this.follow(eye, forward);
   }
 
