@@ -6,7 +6,7 @@ use thiserror::Error;
 use crate::{LodRule, ObjectSet, OcclusionTestKind, RoleMessage, Sections, Settings, Viewport};
 
 /// Which view state it is: a session's changes are counted. Version 0 is what the [`Settings`] of the
-/// handshake say, with nothing cut away or hidden.
+/// handshake say, with nothing cut away or hidden, and see-through what the model has so.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct ViewVersion(pub u32);
@@ -27,8 +27,8 @@ pub struct ViewState {
     pub hidden: ObjectSet,
     /// If there is one: only these objects are drawn.
     pub isolated: Option<ObjectSet>,
-    /// Objects of which the rest shines through. They hide nothing.
-    pub see_through: ObjectSet,
+    /// Objects of which the rest shines through. They hide nothing. `None`: those that the model has so.
+    pub see_through: Option<ObjectSet>,
 }
 
 /// How an object is drawn.
@@ -43,11 +43,13 @@ pub enum Appearance {
 }
 
 impl ViewState {
-    /// How an object is drawn in it. Who is hidden stays hidden where it is isolated.
+    /// How an object is drawn in it, that the model has see-through or not. What is hidden stays hidden where it
+    /// is isolated.
     #[must_use]
-    pub fn appearance(&self, object: u32) -> Appearance {
+    pub fn appearance(&self, object: u32, modelled_see_through: bool) -> Appearance {
         let isolated = self.isolated.as_ref().is_none_or(|isolated| isolated.contains(object));
-        match (isolated && !self.hidden.contains(object), self.see_through.contains(object)) {
+        let see_through = self.see_through.as_ref().map_or(modelled_see_through, |set| set.contains(object));
+        match (isolated && !self.hidden.contains(object), see_through) {
             (false, _) => Appearance::Hidden,
             (true, true) => Appearance::SeeThrough,
             (true, false) => Appearance::Solid,
@@ -57,14 +59,15 @@ impl ViewState {
     /// The last object that it names, of any set.
     #[must_use]
     pub fn last_named(&self) -> Option<u32> {
-        let sets = [Some(&self.hidden), self.isolated.as_ref(), Some(&self.see_through)];
+        let sets = [Some(&self.hidden), self.isolated.as_ref(), self.see_through.as_ref()];
         sets.into_iter().flatten().filter_map(ObjectSet::last).max()
     }
 
-    /// Whether all objects are drawn as they are.
+    /// Whether all objects are drawn, and solid where `modelled_solid`: the model has none see-through.
     #[must_use]
-    pub const fn is_all_solid(&self) -> bool {
-        self.hidden.is_empty() && self.isolated.is_none() && self.see_through.is_empty()
+    pub fn is_all_solid(&self, modelled_solid: bool) -> bool {
+        let solid = self.see_through.as_ref().map_or(modelled_solid, ObjectSet::is_empty);
+        self.hidden.is_empty() && self.isolated.is_none() && solid
     }
 
     /// The messages that tell a peer of it, in order: a large one is cut into parts.
@@ -95,7 +98,7 @@ impl From<Settings> for ViewState {
             sections: Sections::NONE,
             hidden: ObjectSet::default(),
             isolated: None,
-            see_through: ObjectSet::default(),
+            see_through: None,
         }
     }
 }
@@ -216,13 +219,17 @@ mod tests {
     fn who_is_hidden_is_not_shown_whatever_else_is_said() {
         let set = |objects: &[u32]| objects.iter().copied().collect::<ObjectSet>();
         let all = state();
-        assert!(all.is_all_solid());
-        let some = ViewState { hidden: set(&[1, 3]), see_through: set(&[2, 3]), ..all };
+        assert!(all.is_all_solid(true) && !all.is_all_solid(false));
+        let solid = ViewState { see_through: Some(set(&[])), ..all.clone() };
+        assert!(solid.is_all_solid(false));
+        let some = ViewState { hidden: set(&[1, 3]), see_through: Some(set(&[2, 3])), ..all.clone() };
         let isolated = ViewState { isolated: Some(set(&[0, 1, 2])), ..some.clone() };
         use Appearance::{Hidden, SeeThrough, Solid};
-        let appearances = |state: &ViewState| [0, 1, 2, 3, 4].map(|object| state.appearance(object));
+        let appearances =
+            |state: &ViewState| [0, 1, 2, 3, 4].map(|object| state.appearance(object, object == 4));
+        assert_eq!(appearances(&all), [Solid, Solid, Solid, Solid, SeeThrough]);
         assert_eq!(appearances(&some), [Solid, Hidden, SeeThrough, Hidden, Solid]);
         assert_eq!(appearances(&isolated), [Solid, Hidden, SeeThrough, Hidden, Hidden]);
-        assert!(!some.is_all_solid() && !isolated.is_all_solid());
+        assert!(!some.is_all_solid(true) && !isolated.is_all_solid(true));
     }
 }

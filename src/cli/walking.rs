@@ -89,7 +89,7 @@ pub(super) fn path(
 pub(super) fn view_states(file: Option<&Path>, plan: &Plan, scene: &Scene) -> Result<ViewStates, Failure> {
     match file {
         Some(file) => ViewStates::read(file, scene, plan.settings().into()).map_err(Failure::bad_input),
-        None => Ok(ViewStates::begin(scene, plan.settings())),
+        None => Ok(ViewStates::from(plan.settings())),
     }
 }
 

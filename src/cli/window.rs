@@ -41,15 +41,14 @@ pub(super) fn run_service(args: &ViewArgs, url: &str) -> Result<(), Failure> {
 
 fn about(name: String, file: &SceneFile) -> Result<About, Failure> {
     let described = SceneDescription::new(name, &file.scene).map_err(Failure::broken)?;
-    let SceneDescription { name, has_floors, eye_height, clearance, vfov_deg, start, .. } = described;
-    let SceneDescription { max_picture, see_through, .. } = described;
+    let SceneDescription { name, has_floors, eye_height, clearance, vfov_deg, start, max_picture, .. } =
+        described;
     let (eye, forward) = (start.eye.into(), start.forward.into());
     Ok(About {
         name,
         start: Start { eye, forward, eye_height, has_floors, vfov_deg },
         clearance,
         max_picture,
-        see_through,
     })
 }
 

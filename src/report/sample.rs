@@ -73,7 +73,7 @@ pub(super) fn run() -> Run {
             sections: 1,
             hidden: 12,
             isolated: Some(40),
-            see_through: 3,
+            see_through: Some(3),
         }],
         notes: vec!["A made-up run.".to_owned()],
     }

@@ -284,7 +284,7 @@ fn view_states(views: &ViewStates) -> Vec<ViewStateInfo> {
         sections: state.sections.iter().count() as u64,
         hidden: state.hidden.len() as u64,
         isolated: state.isolated.as_ref().map(|set| set.len() as u64),
-        see_through: state.see_through.len() as u64,
+        see_through: state.see_through.as_ref().map(|set| set.len() as u64),
     };
     (1..).zip(views.later()).map(info).collect()
 }

@@ -13,7 +13,7 @@ use trimaran_proto::{
 };
 use trimaran_scene::Scene;
 
-use super::view_states::{ViewChange, ViewStates, at_first};
+use super::view_states::{ViewChange, ViewStates};
 
 /// The file as it is written. What a change does not name stays as it was.
 #[derive(Debug, Deserialize)]
@@ -145,13 +145,7 @@ impl ViewStates {
         let syntax = |cause| ViewFileError::Syntax { path: path.to_owned(), cause };
         let file: ViewFile = toml::from_str(&text).map_err(syntax)?;
         let mut later = Vec::<ViewChange>::new();
-        // What the model has see-through, unless the file says otherwise at once.
-        let begins = at_first(scene, &first);
-        let mut state =
-            begins.as_ref().map_or_else(|| first.clone(), |change| ViewState::clone(&change.state));
-        if file.change.first().is_none_or(|change| change.frame > 0) {
-            later.extend(begins);
-        }
+        let mut state = first.clone();
         let mut before = None;
         for (number, change) in (1..).zip(&file.change) {
             let frame = change.frame;
@@ -197,7 +191,7 @@ impl Change {
             state.isolated = Some(objects_of(scene, objects)?).filter(|set| !set.is_empty());
         }
         if let Some(objects) = see_through {
-            state.see_through = objects_of(scene, objects)?;
+            state.see_through = Some(objects_of(scene, objects)?);
         }
         state.to_messages(ViewVersion(0))?;
         Ok(state)
@@ -295,7 +289,7 @@ mod tests {
             occlusion_test: OcclusionTestKind::Query,
             hidden: ObjectSet::default(),
             isolated: Some([0].into_iter().collect()),
-            see_through: [4, 5].into_iter().collect(),
+            see_through: Some([4, 5].into_iter().collect()),
             ..expected
         };
         assert_eq!((two.pose, &*two.state), (9, &expected));

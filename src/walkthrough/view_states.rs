@@ -30,14 +30,6 @@ impl ViewStates {
         Self { first: Arc::new(first), later: later.into() }
     }
 
-    /// Of a walk that nobody changes: what the model has see-through is so from the first frame on.
-    #[must_use]
-    pub fn begin(scene: &Scene, settings: Settings) -> Self {
-        let first = ViewState::from(settings);
-        let later = at_first(scene, &first).into_iter().collect();
-        Self::new(first, later)
-    }
-
     /// The changes, that of version 1 first.
     #[must_use]
     pub fn later(&self) -> &[ViewChange] {
@@ -75,14 +67,6 @@ impl ViewStates {
     pub(super) fn of(&self, camera: &Camera) -> &ViewState {
         self.get(camera.view()).unwrap_or(&self.first)
     }
-}
-
-/// What the model has see-through, if anything, from the first pose on. Version 0 is what the handshake's
-/// settings say, so this is a change.
-pub(super) fn at_first(scene: &Scene, first: &ViewState) -> Option<ViewChange> {
-    let see_through = scene.see_through();
-    let state = || Arc::new(ViewState { see_through: see_through.clone(), ..first.clone() });
-    (!see_through.is_empty()).then(|| ViewChange { pose: 0, state: state() })
 }
 
 /// One that never changes.

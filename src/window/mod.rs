@@ -25,7 +25,7 @@ use tokio::runtime::Handle;
 use trimaran_actors::{SessionError, Stop, Stopper, Turns};
 use trimaran_cull::{CutRule, Viewport};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, PresentMode};
-use trimaran_proto::{Camera, FrameNumber, LodRule, ObjectSet, Settings, ViewState};
+use trimaran_proto::{Camera, FrameNumber, LodRule, Settings, ViewState};
 use trimaran_scene::{Scene, path::PosePath};
 use winit::{
     event_loop::{EventLoop, EventLoopProxy},
@@ -54,8 +54,6 @@ pub struct About {
     pub clearance: f64,
     /// The largest picture that its cullers take.
     pub max_picture: Viewport,
-    /// What the model has see-through.
-    pub see_through: ObjectSet,
 }
 
 /// A window that is to be opened.
@@ -111,8 +109,8 @@ pub fn open_service(
 ) -> Result<Option<WindowReport>, WindowError> {
     let described = service.describe(runtime).map_err(WindowError::Service)?;
     let (start, clearance) = (described.start(), described.clearance);
-    let Described { name, max_picture, see_through, .. } = described;
-    let about = About { name, start, clearance, max_picture, see_through };
+    let Described { name, max_picture, .. } = described;
+    let about = About { name, start, clearance, max_picture };
     let screen = Screen::open(options)?;
     let beside = Beside::new(options, runtime)?;
     let at = service.endpoint().map_err(WindowError::Service)?;
@@ -179,8 +177,7 @@ impl Screen {
         if let Some(drive) = &drive {
             navigator.set_vfov(drive.vfov_deg());
         }
-        let see_through = about.see_through.clone();
-        let state = ViewState { see_through, ..beside.settings.into() };
+        let state = ViewState::from(beside.settings);
         let mut app = App {
             name: about.name.clone(),
             scene: Arc::clone(scene),

@@ -5,7 +5,7 @@ use std::{str::FromStr, time::Duration};
 use serde::Deserialize;
 use thiserror::Error;
 use tokio::runtime::Handle;
-use trimaran_proto::{ObjectSet, Viewport};
+use trimaran_proto::Viewport;
 use trimaran_scene::heightfield::Tile;
 use trimaran_transport::{Endpoint, EndpointError, Net, TokioNet, until};
 
@@ -60,7 +60,6 @@ pub(super) struct Described {
     pub(super) clearance: f64,
     vfov_deg: f64,
     pub(super) max_picture: Viewport,
-    pub(super) see_through: ObjectSet,
     start: Place,
 }
 

@@ -202,12 +202,12 @@ mod tests {
         let size = Viewport::new(100, 50).unwrap();
         let glass: trimaran_proto::ObjectSet = [3, 4].into_iter().collect();
         let settings = Settings::new(size, LodRule::new(2.0).unwrap());
-        let state = ViewState { see_through: glass.clone(), ..settings.into() };
+        let state = ViewState { see_through: Some(glass.clone()), ..settings.into() };
         let mut sight = Sight::new(wish.clone(), sets, state, 0.1, Viewport::LARGEST);
         let states = wish.clone();
         let culled_for = |camera: Camera| {
             let state = states.clone().view_state(camera.view()).unwrap();
-            assert_eq!(state.see_through, glass);
+            assert_eq!(state.see_through.as_ref(), Some(&glass));
             ([state.viewport.width(), state.viewport.height()], state.lod.epsilon_px())
         };
         let mut ask = |sight: &mut Sight, x: f64, at: u64, moved: Moved| {

@@ -25,6 +25,25 @@ impl Bench {
         bench
     }
 
+    /// With a small red square behind a large one of blue glass, `glass.scene`, and so many poses before the middle
+    /// of both, `path.json`.
+    pub(crate) fn with_glass(poses: usize) -> Self {
+        let bench = Self::empty();
+        bench.write("glass.mtl", "newmtl red\nKd 1 0 0\nnewmtl glass\nKd 0 0 1\nd 0.2\n");
+        let square = |first: u32, material: &str, half: f64, z: f64| {
+            let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
+            let corners = corners.map(|[x, y]| format!("v {x} {y} {z}\n")).concat();
+            let rest = format!("{} {} {}", first + 1, first + 2, first + 3);
+            format!("o {material}\nusemtl {material}\n{corners}f {first} {rest}\n")
+        };
+        let squares = [square(1, "red", 1.0, 0.0), square(5, "glass", 3.0, 2.0)].concat();
+        bench.write("glass.obj", format!("mtllib glass.mtl\n{squares}"));
+        bench.done(&["import", "glass.obj", "-o", "glass.scene"]);
+        let poses = vec![r#"{"eye":[0,0,8],"forward":[0,0,-1],"up":[0,1,0]}"#; poses].join(",");
+        bench.write("path.json", format!(r#"{{"vfov_deg":50,"near":0.1,"frames":[{poses}]}}"#));
+        bench
+    }
+
     pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }

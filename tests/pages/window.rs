@@ -73,7 +73,7 @@ impl Person {
         // What is culled for is wider by half, with pixels of the same size.
         let asked = self.view(size.map(|side| (3 * side).div_ceil(2)), size);
         let settings = Settings::new(asked.viewport(), LodRule::new(2.0).unwrap());
-        let state = ViewState { see_through: glass.clone(), ..settings.into() };
+        let state = ViewState { see_through: Some(glass.clone()), ..settings.into() };
         let rule = CutRule::new(&self.scene, &state);
         let mut cut = lod_cut(&self.scene, &asked, &rule);
         let view = self.view(size, size);

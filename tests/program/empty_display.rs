@@ -68,6 +68,33 @@ fn a_display_of_its_own_needs_no_scene() {
 }
 
 #[test]
+fn glass_of_the_model_is_so_in_a_display_without_the_scene() {
+    let bench = Bench::with_glass(FRAMES);
+    // Hidden from frame 2 on, and solid from frame 4 on.
+    bench.write(
+        "states.toml",
+        "[[change]]\nframe = 2\nhidden = [0]\n[[change]]\nframe = 4\nhidden = []\nsee_through = []\n",
+    );
+    let run = ["run", "glass.scene", "--path", "path.json", "--size", "128x128", "--audit-every", "1"];
+    let walk = |out: &str, more: &[&str]| {
+        bench.done(&[&run[..], more, &["--out", out]].concat());
+        pictures(&bench, out)
+    };
+    let changing = walk("changing", &["--state", "states.toml"]);
+    assert!(changing[0] != changing[2] && changing[2] != changing[4] && changing[0] != changing[4]);
+    let empty = walk("empty", &["--state", "states.toml", "--empty-display", "--link", "tcp"]);
+    assert!(empty == changing, "other pictures");
+    let shown = walk("shown", &[]);
+    assert!(shown[0] == changing[0] && shown[4] == shown[0]);
+    let at = format!("tcp://127.0.0.1:{}", unused_port());
+    let mut culler = bench.start(&["role", "culler", "--scene", "glass.scene", "--listen", &at]);
+    culler.says("the culler listens on");
+    let display = ["role", "display", "--cullers", &at, "--path", "path.json", "--out", "alone"];
+    bench.done(&[&display[..], &["--width", "128", "--height", "128"]].concat());
+    assert!(pictures(&bench, "alone") == shown, "other pictures in a process of its own");
+}
+
+#[test]
 fn a_display_without_the_scene_needs_cullers_and_a_path() {
     let bench = Bench::empty();
     for (more, words) in [

@@ -255,8 +255,10 @@ fn what_a_section_cuts_away_neither_shows_nor_hides() {
 fn what_is_seen_through_is_found_and_hides_nothing() {
     let row = [crate_at(0.0, -2.0, 0.0), crate_at(0.0, 0.0, 0.0), crate_at(0.0, 2.0, 0.0)];
     let mut rays = Rays::new(&scene(&row));
-    let state =
-        ViewState { see_through: ObjectSet::from_iter([0, 2]), ..Settings::new(small(), lod(1.0)).into() };
+    let state = ViewState {
+        see_through: Some(ObjectSet::from_iter([0, 2])),
+        ..Settings::new(small(), lod(1.0)).into()
+    };
     let rule = CutRule::new(&rays.scene, &state);
     let found = cast(&mut rays, &along_y(-5.0), rule);
     assert_eq!((found.solid.len(), found.ids.len()), (1, 3));

@@ -95,7 +95,7 @@ fn view() -> ViewState {
     ViewState {
         sections: Sections::new(&[Section::Plane(plane)]).unwrap(),
         hidden: [2, 3, 4, 7].into_iter().collect(),
-        see_through: [300].into_iter().collect(),
+        see_through: Some([300].into_iter().collect()),
         ..ViewState::from(settings)
     }
 }

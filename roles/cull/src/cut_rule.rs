@@ -43,7 +43,9 @@ impl CutRule {
     /// is above them. Numbers that are none of the scene's objects mean nothing.
     #[must_use]
     pub fn new(scene: &Scene, state: &ViewState) -> Self {
-        let nodes = (!state.is_all_solid()).then(|| Arc::new(NodeAppearances::new(scene, state)));
+        // What of a scene that comes over a link is see-through, comes with it.
+        let is_solid = state.is_all_solid(scene.is_whole() && !scene.has_see_through());
+        let nodes = (!is_solid).then(|| Arc::new(NodeAppearances::new(scene, state)));
         Self { lod: state.lod, nodes }
     }
 
@@ -60,12 +62,12 @@ impl CutRule {
         let drawable = scene.drawables().get(id.index());
         let node = drawable
             .and_then(|drawable| Some((NodeId(drawable.node), scene.nodes().get(drawable.node as usize)?)));
-        node.is_some_and(|(id, node)| nodes.of(id, node) == NodeAppearance::SeeThrough)
+        node.is_some_and(|(id, node)| nodes.of(scene, id, node) == NodeAppearance::SeeThrough)
     }
 
     /// Keeps what can hide something.
     pub fn retain_solid(&self, scene: &Scene, ids: &mut Vec<DrawableId>) {
-        if self.nodes.is_some() {
+        if self.has_see_through(scene) {
             ids.retain(|id| !self.is_see_through(scene, *id));
         }
     }
@@ -80,16 +82,24 @@ impl CutRule {
         see_through: &mut Vec<DrawableId>,
     ) -> Cow<'i, [DrawableId]> {
         see_through.clear();
-        if self.nodes.is_none() {
+        if !self.has_see_through(scene) {
             return Cow::Borrowed(ids);
         }
         see_through.extend(ids.iter().rev().filter(|id| self.is_see_through(scene, **id)));
         Cow::Owned(ids.iter().copied().filter(|id| !self.is_see_through(scene, *id)).collect())
     }
 
-    /// How a node is drawn.
-    pub(crate) fn appearance(&self, id: NodeId, node: &Node) -> NodeAppearance {
-        self.nodes.as_ref().map_or(NodeAppearance::Solid, |nodes| nodes.of(id, node))
+    /// Whether anything of `scene` can be see-through.
+    fn has_see_through(&self, scene: &Scene) -> bool {
+        self.nodes.as_ref().is_some_and(|nodes| match &nodes.state.see_through {
+            Some(set) => !set.is_empty(),
+            None => scene.has_see_through(),
+        })
+    }
+
+    /// How a node of `scene` is drawn.
+    pub(crate) fn appearance(&self, scene: &Scene, id: NodeId, node: &Node) -> NodeAppearance {
+        self.nodes.as_ref().map_or(NodeAppearance::Solid, |nodes| nodes.of(scene, id, node))
     }
 }
 
@@ -127,7 +137,7 @@ impl NodeAppearances {
         };
         let exceptions: [Option<&ObjectSet>; 2] = match &state.isolated {
             Some(isolated) => [Some(isolated), None],
-            None => [Some(&state.hidden), Some(&state.see_through)],
+            None => [Some(&state.hidden), Some(state.see_through.as_ref().unwrap_or(scene.see_through()))],
         };
         let known = |object: &u32| (*object as usize) < scene.objects().len();
         let mut objects: Vec<u32> =
@@ -135,10 +145,10 @@ impl NodeAppearances {
         objects.sort_unstable();
         objects.dedup();
         for object in objects {
-            let node =
-                scene.objects().get(object as usize).and_then(|object| nodes.get(object.node as usize));
-            let own = NodeAppearance::from(state.appearance(object));
-            if let Some(node) = node.filter(|_| own != others) {
+            let Some(record) = scene.objects().get(object as usize) else { continue };
+            let see_through = scene.is_see_through(NodeId(record.node), object);
+            let own = NodeAppearance::from(state.appearance(object, see_through));
+            if let Some(node) = nodes.get(record.node as usize).filter(|_| own != others) {
                 add(node.parent, own, &mut above);
             }
         }
@@ -153,11 +163,11 @@ impl NodeAppearances {
         Self { state: state.clone(), others, groups }
     }
 
-    fn of(&self, id: NodeId, node: &Node) -> NodeAppearance {
+    fn of(&self, scene: &Scene, id: NodeId, node: &Node) -> NodeAppearance {
         if node.object == Node::NONE {
             self.groups.get(&id.0).copied().unwrap_or(self.others)
         } else {
-            self.state.appearance(node.object).into()
+            self.state.appearance(node.object, scene.is_see_through(id, node.object)).into()
         }
     }
 }

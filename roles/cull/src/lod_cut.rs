@@ -85,7 +85,7 @@ impl<'s> LodCut<'s> {
     /// of several objects is not drawn where these are not drawn alike.
     #[must_use]
     pub fn choose(&self, id: NodeId, node: &Node) -> Choice {
-        match self.rule.appearance(id, node) {
+        match self.rule.appearance(self.scene, id, node) {
             NodeAppearance::Hidden => return Choice::Nothing,
             NodeAppearance::Mixed => return Choice::Refine,
             NodeAppearance::Solid | NodeAppearance::SeeThrough => {}
@@ -121,7 +121,10 @@ impl<'s> LodCut<'s> {
         let node = drawables.get(id.index()).map(|drawable| NodeId(drawable.node));
         let up = node.into_iter().flat_map(|node| self.scene.ancestors(node));
         let alike = up.take_while(|(id, node)| {
-            !matches!(self.rule.appearance(*id, node), NodeAppearance::Mixed | NodeAppearance::Hidden)
+            !matches!(
+                self.rule.appearance(self.scene, *id, node),
+                NodeAppearance::Mixed | NodeAppearance::Hidden
+            )
         });
         let levels = alike.flat_map(move |(_, node)| {
             let magnification = self.magnification(node);

@@ -295,7 +295,7 @@ impl<'c> Traversal<'c> {
         for &id in &*level {
             let Some(node) = self.scene.nodes().get(id.0 as usize) else { continue };
             stats.visited += 1;
-            if cut.rule().appearance(id, node) == NodeAppearance::Hidden || cut.outside(node) {
+            if cut.rule().appearance(self.scene, id, node) == NodeAppearance::Hidden || cut.outside(node) {
                 stats.frustum_culled += 1;
                 continue;
             }
@@ -337,7 +337,8 @@ impl<'c> Traversal<'c> {
                 continue;
             }
             let Some(node) = self.scene.nodes().get(candidate.node.0 as usize) else { continue };
-            let is_mixed = || cut.rule().appearance(candidate.node, node) == NodeAppearance::Mixed;
+            let is_mixed =
+                || cut.rule().appearance(self.scene, candidate.node, node) == NodeAppearance::Mixed;
             let few = lod.stops_at_few_pixels()
                 && pixels.is_some_and(|count| f64::from(count) < lod.epsilon_px())
                 && !is_mixed();

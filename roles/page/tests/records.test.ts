@@ -48,6 +48,8 @@ test("records read back, whatever their order", () => {
     assert.deepEqual(unpackRecords(packRecords(records)), records);
   }
   assert.equal(unpackRecords(packRecords(range(0, 256).map(() => record(3)))).length, 256);
+  const modelledSeeThrough = record(5, { objects: 2 ** 31 + 3 });
+  assert.deepEqual(unpackRecords(packRecords([modelledSeeThrough])), [record(5, { objects: 3 })]);
 });
 
 test("what zstd has packed reads back", () => {

@@ -178,8 +178,8 @@ pub struct ViewStateInfo {
     pub hidden: u64,
     /// How many objects are isolated; `null` if all are shown but those hidden.
     pub isolated: Option<u64>,
-    /// How many objects are seen through.
-    pub see_through: u64,
+    /// How many objects are seen through; `null` if those that the model has so.
+    pub see_through: Option<u64>,
 }
 
 /// Whether every camera became a frame.

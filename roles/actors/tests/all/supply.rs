@@ -208,7 +208,7 @@ impl Way {
                 sections: Sections::new(&[Section::Box(kept)]).unwrap(),
                 hidden,
                 isolated: random.chance(0.3).then_some(isolated),
-                see_through,
+                see_through: Some(see_through),
                 ..settings().into()
             })
         };
@@ -734,7 +734,7 @@ fn a_scene_that_was_given_all_is_drawn_as_the_whole_one() {
     // Of these all but a few are seen through, so that coarse levels are.
     let objects = u32::try_from(PLANT.objects().len()).unwrap();
     for state in way.states.iter_mut().skip(1).step_by(2) {
-        let (lod, see_through) = (LodRule::new(30.0).unwrap(), (5..objects).collect());
+        let (lod, see_through) = (LodRule::new(30.0).unwrap(), Some((5..objects).collect()));
         *state = Arc::new(ViewState { lod, see_through, ..settings().into() });
     }
     for frame in 0..40 {

@@ -56,7 +56,7 @@ impl Changing {
                 sections: Sections::new(&[Section::Box(kept)]).unwrap(),
                 hidden,
                 isolated: random.chance(0.5).then_some(isolated),
-                see_through,
+                see_through: Some(see_through),
             })
         };
         let mut states: BTreeMap<_, _> = (1..FRAMES).map(|v| (ViewVersion(v), state(v))).collect();

@@ -76,20 +76,20 @@ proptest! {
         let hidden = some_objects(&mut random, 0.3);
         let isolated = (seed % 2 == 0).then(|| some_objects(&mut random, 0.5));
         let see_through = some_objects(&mut random, 0.2);
-        let state = ViewState { hidden, isolated, see_through, ..state(epsilon) };
+        let state = ViewState { hidden, isolated, see_through: Some(see_through), ..state(epsilon) };
         let rule = CutRule::new(&scene, &state);
         for view in &views {
             let all = objects_on(&scene, &lod_cut(&scene, view, LodRule::new(1e-6).unwrap()));
             let cut = lod_cut(&scene, view, &rule);
             let shown = objects_on(&scene, &cut);
-            prop_assert!(shown.iter().all(|object| state.appearance(*object) != Appearance::Hidden));
+            prop_assert!(shown.iter().all(|object| state.appearance(*object, false) != Appearance::Hidden));
             // Coarser levels may bring in objects beside the picture; at the finest ones it is just these.
-            for object in all.iter().filter(|object| state.appearance(**object) != Appearance::Hidden) {
+            for object in all.iter().filter(|object| state.appearance(**object, false) != Appearance::Hidden) {
                 prop_assert!(shown.contains(object), "object {} is missing", object);
             }
             for id in cut {
                 let below = objects_on(&scene, &[id]);
-                let through = |object: &u32| state.appearance(*object) == Appearance::SeeThrough;
+                let through = |object: &u32| state.appearance(*object, false) == Appearance::SeeThrough;
                 prop_assert_eq!(below.iter().all(through), rule.is_see_through(&scene, id));
                 prop_assert_eq!(below.iter().any(through), rule.is_see_through(&scene, id), "not mixed");
             }
@@ -159,13 +159,13 @@ fn a_plane_before_the_eye_cuts_everything_away() {
 fn what_is_seen_through_is_no_occluder() {
     let (scene, views) = setting(5);
     let see_through: ObjectSet = (0..OBJECTS).step_by(2).collect();
-    let state = ViewState { see_through, ..state(1.0) };
+    let state = ViewState { see_through: Some(see_through), ..state(1.0) };
     let rule = CutRule::new(&scene, &state);
     let cut = lod_cut(&scene, &views[0], &rule);
     let mut solid = cut.clone();
     rule.retain_solid(&scene, &mut solid);
     assert!(!solid.is_empty() && solid.len() < cut.len());
-    let is_solid = |id: &DrawableId| state.appearance(object_of(&scene, *id)) == Appearance::Solid;
+    let is_solid = |id: &DrawableId| state.appearance(object_of(&scene, *id), false) == Appearance::Solid;
     assert!(solid.iter().all(is_solid));
     let mut all = cut;
     CutRule::from(state.lod).retain_solid(&scene, &mut all);

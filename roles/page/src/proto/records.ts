@@ -153,7 +153,8 @@ function readRecord(reader: Reader): DrawableRecord {
     triangles: reader.u32(),
     sides: reader.u32(),
     object: reader.u32(),
-    objects: reader.u32(),
+    // The topmost bit says what the model has see-through: a page knows that already.
+    objects: reader.u32() & 0x7fff_ffff,
   };
 }
 

@@ -31,8 +31,8 @@ export interface ViewState {
   readonly hidden: ObjectSet;
   /** If there is one: only these objects are drawn. */
   readonly isolated?: ObjectSet | undefined;
-  /** Objects of which the rest shines through. */
-  readonly seeThrough: ObjectSet;
+  /** Objects of which the rest shines through. Without it: those that the model has so. */
+  readonly seeThrough?: ObjectSet | undefined;
 }
 
 /** A part of a view state, as it is told to a culler. */
@@ -42,9 +42,9 @@ export interface ViewPart {
   readonly isLast: boolean;
 }
 
-/** Version 0: what the settings of the handshake say. */
+/** Version 0: what the settings of the handshake say, and see-through what the model has so. */
 export function viewStateOf({ viewport, levelRule, occlusionTest }: Settings): ViewState {
-  const none = { sections: [], hidden: ObjectSet.EMPTY, isolated: undefined, seeThrough: ObjectSet.EMPTY };
+  const none = { sections: [], hidden: ObjectSet.EMPTY, isolated: undefined, seeThrough: undefined };
   return { pictureSize: viewport, levelRule, occlusionTest, ...none };
 }
 
@@ -58,7 +58,7 @@ export function encodeViewState(state: ViewState): Uint8Array<ArrayBuffer> {
   }
   state.hidden.write(writer);
   writer.option(state.isolated, (isolated) => isolated.write(writer));
-  state.seeThrough.write(writer);
+  writer.option(state.seeThrough, (seeThrough) => seeThrough.write(writer));
   return writer.take();
 }
 
@@ -74,7 +74,7 @@ export function decodeViewState(bytes: Uint8Array): ViewState {
   const sections = Array.from({ length: count }, () => readSection(reader));
   const hidden = ObjectSet.read(reader);
   const isolated = reader.option(() => ObjectSet.read(reader));
-  const seeThrough = ObjectSet.read(reader);
+  const seeThrough = reader.option(() => ObjectSet.read(reader));
   reader.end();
   return { pictureSize, levelRule, occlusionTest, sections, hidden, isolated, seeThrough };
 }

@@ -1,6 +1,7 @@
 /** A view that is kept: where the eye is, and what is changed. As text it stands in a link's address. */
 
 import { MODES, type Mode } from "../navigate/navigator.ts";
+import { ObjectSet } from "../proto/objectSet.ts";
 import { decodeViewState, encodeViewState, type Point, type ViewState } from "../proto/viewState.ts";
 import type { SceneDescription } from "../service/service.ts";
 import type { UserView } from "../viewer/viewHistory.ts";
@@ -20,8 +21,8 @@ export interface Viewpoint {
   readonly view: UserView;
 }
 
-/** Of the forms of this text the second: it knows its scene. */
-const VERSION = 2;
+/** Which form of this text it is. */
+const VERSION = 3;
 
 /** The most distances that are read. */
 const MOST_DISTANCES = 1000;
@@ -78,7 +79,7 @@ export function decodeViewpoint(text: string): Viewpoint | undefined {
     }
     const end = (): End => ({ point: point(), error: reader.option(() => reader.f64()) });
     const distances = Array.from({ length: count }, () => ({ from: end(), to: end() }));
-    const { sections, hidden, isolated, seeThrough } = decodeViewState(reader.rest());
+    const { sections, hidden, isolated, seeThrough = ObjectSet.EMPTY } = decodeViewState(reader.rest());
     const ends = distances.flatMap(({ from, to }) => [from, to]);
     const measured = ends.flatMap(({ point, error = 0 }) => [...point, error]);
     if (![...eye, ...forward, vfovDeg, ...measured].every(Number.isFinite)) {

@@ -6,7 +6,9 @@ import type { ViewState } from "../proto/viewState.ts";
 import type { Distance } from "../tools/snap.ts";
 
 /** What of a view state a person changes by hand. */
-export type SeenView = Pick<ViewState, "sections" | "hidden" | "isolated" | "seeThrough">;
+export interface SeenView extends Pick<ViewState, "sections" | "hidden" | "isolated"> {
+  readonly seeThrough: ObjectSet;
+}
 
 /** What a person changes by hand. */
 export interface UserView extends SeenView {

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use bytemuck::{Pod, Zeroable};
 use bytes::Bytes;
@@ -38,7 +39,8 @@ pub struct DrawableEntry {
     /// An object that the drawable shows. A level of several objects is drawn only where all of them look
     /// alike, so that any of them tells how.
     pub object: u32,
-    /// How many objects the drawable shows; 1 for an object and for a part of one.
+    /// How many objects the drawable shows, 1 for an object and for a part of one; and
+    /// [`SEE_THROUGH`](Self::SEE_THROUGH) where the model has these see-through.
     pub objects: u32,
 }
 
@@ -79,11 +81,19 @@ pub enum GiveError {
     Triangles(DrawableId),
 }
 
+/// A node, and whether the model has its objects see-through.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct GivenNode {
+    node: Node,
+    see_through: bool,
+}
+
 /// What was given.
 #[derive(Debug)]
 pub(super) struct Given {
     outline: SceneOutline,
-    pub(super) nodes: FrozenMap<u32, Box<Node>>,
+    nodes: FrozenMap<u32, Box<GivenNode>>,
+    has_see_through: AtomicBool,
     pub(super) drawables: FrozenMap<u32, Box<Drawable>>,
     pub(super) places: FrozenMap<u32, Box<GeometryPlace>>,
     geometry: RwLock<HashMap<u32, Bytes>>,
@@ -99,11 +109,16 @@ impl GiveError {
 }
 
 impl DrawableEntry {
+    /// The bit of [`objects`](Self::objects) that says that the model has these see-through.
+    pub const SEE_THROUGH: u32 = 1 << 31;
+
     /// Of a drawable of `scene`. `None` if there is none of this number, or it cannot be read.
     #[must_use]
     pub fn of(scene: &Scene, id: DrawableId) -> Option<Self> {
         let drawable = scene.drawables().get(id.index())?;
         let node = scene.nodes().get(drawable.node as usize)?;
+        let object = an_object(scene, node)?;
+        let see_through = if scene.see_through().contains(object) { Self::SEE_THROUGH } else { 0 };
         Some(Self {
             world_min: node.world_min,
             world_max: node.world_max,
@@ -114,8 +129,8 @@ impl DrawableEntry {
             geometry: drawable.geometry,
             triangles: drawable.triangles,
             sides: drawable.sides,
-            object: an_object(scene, node)?,
-            objects: node.objects,
+            object,
+            objects: node.objects | see_through,
         })
     }
 
@@ -124,9 +139,11 @@ impl DrawableEntry {
         Drawable { error: 0.0, node, geometry, triangles, sides }
     }
 
-    fn node(&self) -> Node {
-        let Self { world_min, world_max, origin, linear, object, objects, .. } = *self;
-        Node { world_min, world_max, origin, linear, object, objects, ..Node::default() }
+    fn node(&self) -> GivenNode {
+        let Self { world_min, world_max, origin, linear, object, .. } = *self;
+        let objects = self.objects & !Self::SEE_THROUGH;
+        let node = Node { world_min, world_max, origin, linear, object, objects, ..Node::default() };
+        GivenNode { node, see_through: objects != self.objects }
     }
 
     fn check(&self, outline: &SceneOutline) -> Result<(), GiveError> {
@@ -173,6 +190,7 @@ impl Scene {
         let given = Given {
             outline,
             nodes: FrozenMap::new(),
+            has_see_through: AtomicBool::new(false),
             drawables: FrozenMap::new(),
             places: FrozenMap::new(),
             geometry: RwLock::default(),
@@ -213,6 +231,7 @@ impl Scene {
         }
         // Of two that are given at once one comes first.
         let same_node = *given.nodes.insert(entry.node, Box::new(node)) == node;
+        given.has_see_through.fetch_or(node.see_through, Ordering::Relaxed);
         match *given.drawables.insert(entry.id, Box::new(drawable)) == drawable && same_node {
             true => Ok(()),
             false => Err(GiveError::Other(DrawableId(entry.id))),
@@ -266,9 +285,24 @@ impl Given {
     /// Bytes of records and packed geometry.
     pub(super) fn bytes(&self) -> usize {
         let pieces = self.geometry.read();
-        self.nodes.len() * size_of::<Node>()
+        self.nodes.len() * size_of::<GivenNode>()
             + self.drawables.len() * size_of::<Drawable>()
             + pieces.values().map(Bytes::len).sum::<usize>()
+    }
+
+    /// A node, if it was given.
+    pub(super) fn node(&self, number: u32) -> Option<&Node> {
+        self.nodes.get(&number).map(|given| &given.node)
+    }
+
+    /// Whether the model has the objects of any node see-through.
+    pub(super) fn has_see_through(&self) -> bool {
+        self.has_see_through.load(Ordering::Relaxed)
+    }
+
+    /// Whether the model has the objects of this node see-through.
+    pub(super) fn is_see_through(&self, node: u32) -> bool {
+        self.nodes.get(&node).is_some_and(|node| node.see_through)
     }
 
     /// A piece of geometry, if it is there.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{ObjectRecord, Rgba8, SceneArrays, Vertex};
+use crate::{NodeId, ObjectRecord, Rgba8, SceneArrays, Vertex};
 
 fn geometry(triangles: u32) -> Geometry {
     let vertex = |at: u32| Vertex::new([at as f32, (at % 2) as f32, 0.0], Rgba8([9, 8, 7, 255]));
@@ -7,8 +7,8 @@ fn geometry(triangles: u32) -> Geometry {
     Geometry { vertices: (0..triangles + 2).map(vertex).collect(), indices }
 }
 
-/// A root with a level of its own, and two leaves of an object each. The pieces of geometry have one, two and
-/// three triangles.
+/// A root with a level of its own, and two leaves of an object each, of which the second is see-through. The pieces
+/// of geometry have one, two and three triangles.
 fn scene() -> Scene {
     let root = Node {
         world_max: [4.0, 1.0, 0.0],
@@ -41,6 +41,7 @@ fn scene() -> Scene {
         geometries: (1..4).map(geometry).collect(),
         objects: vec![object; 2],
         sources: vec![String::new()],
+        see_through: [1].into_iter().collect(),
         ..SceneArrays::default()
     };
     Scene::from_arrays(arrays).unwrap()
@@ -56,6 +57,20 @@ fn packed(number: u32) -> Bytes {
 
 fn empty() -> Scene {
     Scene::empty(scene().outline())
+}
+
+#[test]
+fn what_the_model_has_see_through_comes_with_its_record() {
+    let (whole, empty) = (scene(), empty());
+    let known = |scene: &Scene| [1, 2].map(|node| scene.is_see_through(NodeId(node), node - 1));
+    assert_eq!((whole.has_see_through(), known(&whole)), (true, [false, true]));
+    empty.give(&entry(1)).unwrap();
+    assert_eq!((empty.has_see_through(), known(&empty)), (false, [false, false]));
+    empty.give(&entry(2)).unwrap();
+    assert_eq!((empty.has_see_through(), known(&empty)), (true, [false, true]));
+    assert_eq!(empty.nodes().get(2).map(|node| node.objects), whole.nodes().get(2).map(|node| node.objects));
+    let solid = DrawableEntry { objects: entry(2).objects & !DrawableEntry::SEE_THROUGH, ..entry(2) };
+    assert_eq!(empty.give(&solid), Err(GiveError::Other(DrawableId(2))));
 }
 
 #[test]

@@ -284,10 +284,25 @@ impl Scene {
     }
 
     /// The objects that the model has see-through: a view begins with them so. Empty where the scene comes
-    /// over a link.
+    /// over a link: [`is_see_through`](Self::is_see_through) knows of what has come.
     #[must_use]
     pub const fn see_through(&self) -> &ObjectSet {
         &self.see_through
+    }
+
+    /// Whether the model has anything see-through that is here.
+    #[must_use]
+    pub fn has_see_through(&self) -> bool {
+        !self.see_through.is_empty() || self.given().is_some_and(Given::has_see_through)
+    }
+
+    /// Whether the model has `object` see-through, that `node` is, is a part of or has below it.
+    #[must_use]
+    pub fn is_see_through(&self, node: NodeId, object: u32) -> bool {
+        match self.given() {
+            Some(given) => given.is_see_through(node.0),
+            None => self.see_through.contains(object),
+        }
     }
 
     /// How the objects are grouped in their files, and what is said of them. It is read anew each time.

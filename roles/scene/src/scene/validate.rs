@@ -50,7 +50,7 @@ fn malformed(what: &'static str, index: usize) -> impl FnOnce(&'static str) -> S
 }
 
 pub(super) fn node_pages(count: usize) -> Pages<Node> {
-    Pages::new(Section::Nodes, count, nodes::check, |given, number| given.nodes.get(&number))
+    Pages::new(Section::Nodes, count, nodes::check, |given, number| given.node(number))
 }
 
 pub(super) fn drawable_pages(count: usize) -> Pages<Drawable> {

@@ -207,7 +207,7 @@ fn run(report: &Report) -> Markup {
 
 fn view_states(run: &Run) -> Markup {
     let row = |state: &ViewStateInfo| {
-        let isolated = state.isolated.map_or_else(|| "–".to_owned(), |count| grouped(count as f64));
+        let counted = |set: Option<u64>| set.map_or_else(|| "–".to_owned(), |count| grouped(count as f64));
         vec![
             grouped(f64::from(state.from_frame)),
             format!("{} × {}", state.width, state.height),
@@ -215,8 +215,8 @@ fn view_states(run: &Run) -> Markup {
             state.occlusion_test.clone(),
             grouped(state.sections as f64),
             grouped(state.hidden as f64),
-            isolated,
-            grouped(state.see_through as f64),
+            counted(state.isolated),
+            counted(state.see_through),
         ]
     };
     let rows: Vec<_> = run.view_states.iter().map(row).collect();
