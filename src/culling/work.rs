@@ -143,7 +143,7 @@ impl WholeFrames {
             scene: Arc::clone(scene),
             culler,
             state: (*settings).into(),
-            rule: settings.lod.into(),
+            rule: CutRule::new(scene, &(*settings).into()),
             clock: turns.clock(),
             view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport),
             last: Vec::new(),

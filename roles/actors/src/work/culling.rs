@@ -60,7 +60,7 @@ impl<D: CullerDevice> SceneCulling<D> {
             culler: Culler::new(Arc::clone(scene)),
             mapper: None,
             state: (*settings).into(),
-            rule: settings.lod.into(),
+            rule: CutRule::new(scene, &(*settings).into()),
             view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport),
             clock: turns.clock(),
             policy: OccluderPolicy::default(),

@@ -37,7 +37,7 @@ impl<D: PictureDevice> ScenePictures<D> {
             scene: Arc::clone(scene),
             device,
             state: (*settings).into(),
-            rule: settings.lod.into(),
+            rule: CutRule::new(scene, &(*settings).into()),
             order: DrawOrder::default(),
             gaps: Gaps::new(scene),
             picture: Image::default(),

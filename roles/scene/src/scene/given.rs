@@ -12,7 +12,7 @@ use thiserror::Error;
 use trimaran_proto::{DrawableId, SceneOutline};
 
 use super::file::SceneFile;
-use super::{Drawable, Geometry, GeometryError, GeometryPlace, Node, Scene, Sides};
+use super::{Drawable, Geometry, GeometryError, GeometryPlace, Node, NodeId, Scene, Sides};
 
 /// What drawing needs of a drawable and its node.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -118,7 +118,8 @@ impl DrawableEntry {
         let drawable = scene.drawables().get(id.index())?;
         let node = scene.nodes().get(drawable.node as usize)?;
         let object = an_object(scene, node)?;
-        let see_through = if scene.see_through().contains(object) { Self::SEE_THROUGH } else { 0 };
+        let see_through =
+            if scene.is_see_through(NodeId(drawable.node), object) { Self::SEE_THROUGH } else { 0 };
         Some(Self {
             world_min: node.world_min,
             world_max: node.world_max,

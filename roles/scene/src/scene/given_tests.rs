@@ -1,5 +1,5 @@
 use super::*;
-use crate::{NodeId, ObjectRecord, Rgba8, SceneArrays, Vertex};
+use crate::{ObjectRecord, Rgba8, SceneArrays, Vertex};
 
 fn geometry(triangles: u32) -> Geometry {
     let vertex = |at: u32| Vertex::new([at as f32, (at % 2) as f32, 0.0], Rgba8([9, 8, 7, 255]));
@@ -90,7 +90,7 @@ fn the_outline_of_a_scene_is_that_of_an_empty_one_made_of_it() {
 #[test]
 fn a_level_of_several_objects_names_one_of_them() {
     let entries = [0, 1, 2].map(entry);
-    assert_eq!(entries.map(|entry| entry.objects), [2, 1, 1]);
+    assert_eq!(entries.map(|entry| entry.objects), [2, 1, 1 | DrawableEntry::SEE_THROUGH]);
     assert_eq!(entries.map(|entry| entry.object), [0, 0, 1]);
     assert_eq!(DrawableEntry::of(&scene(), DrawableId(3)), None);
 }
