@@ -58,6 +58,15 @@ fn becomes(browser: &mut Browser, what: &str, is_it: impl Fn(&Value) -> bool) ->
     panic!("{what} does not come about: {}", state(browser))
 }
 
+/// Does something that takes the eye elsewhere, once the service has said from which sides that is open. Looks
+/// from there.
+fn goes(browser: &mut Browser, act: impl FnOnce(&mut Browser)) -> Value {
+    let before = state(browser);
+    act(browser);
+    becomes(browser, "going there", |now| now["eye"] != before["eye"]);
+    look(browser)
+}
+
 fn press(browser: &mut Browser, key: &str) {
     browser.done(json!({ "do": "press", "key": key }));
 }
@@ -335,10 +344,11 @@ fn f_fills_the_picture_and_shows_what_it_goes_to() {
     }
     let Some((_service, mut browser)) = opened(&bench, &all, [640, 400]) else { return };
     let go_to = |browser: &mut Browser, name: &str| {
-        press(browser, "/");
-        browser.done(json!({ "do": "type", "text": name }));
-        browser.done(json!({ "do": "button", "name": format!("{name}$") }));
-        look(browser)
+        goes(browser, |browser| {
+            press(browser, "/");
+            browser.done(json!({ "do": "type", "text": name }));
+            browser.done(json!({ "do": "button", "name": format!("{name}$") }));
+        })
     };
     for name in ["box7", "box100", "box101"] {
         go_to(&mut browser, name);
@@ -352,8 +362,7 @@ fn f_fills_the_picture_and_shows_what_it_goes_to() {
     }
     // From behind a wall that hides it, too.
     browser.done(json!({ "do": "stand", "eye": [-20.0, 2.0, -19.0], "forward": [1.0, 0.0, 0.0] }));
-    press(&mut browser, "f");
-    let gone = look(&mut browser);
+    let gone = goes(&mut browser, |browser| press(browser, "f"));
     let extent = browser.done(json!({ "do": "extent" }));
     assert!(number(&extent["across"]).max(number(&extent["down"])) > 0.7, "from the open side: {extent}");
     assert!(number(&gone["eye"][0]) > 15.0, "that is the east: {}", gone["eye"]);
