@@ -293,8 +293,7 @@ impl FrameTimes {
     pub fn split(&self, before: Option<&Self>) -> Split {
         // A frame without one before it, or the first of another session.
         let before = before.filter(|before| before.shown < self.shown);
-        // A display that gives a frame up does so before all of it is culled: the culler's work counts as far
-        // as it had come by then.
+        // A display may give a frame up before all of it is culled: the culler's work counts up to that time.
         let by_then = |at: Instant| at.min(self.arrived);
         let free = by_then(self.asked.max(self.published));
         let taken = by_then(self.taken).max(free);
@@ -315,7 +314,7 @@ impl FrameTimes {
 }
 
 impl Split {
-    /// All of it.
+    /// The sum of all parts.
     #[must_use]
     pub fn total(&self) -> Duration {
         self.waiting + self.network + self.occluders + self.culling + self.drawing
@@ -350,8 +349,8 @@ mod tests {
     #[test]
     fn a_free_machine_waits_for_the_network_and_a_busy_one_is_waited_for() {
         let before = frame([0, 0, 10, 10, 20, 100, 110, 150]);
-        // Its machine is free 30 late, has the camera 5 later; the frame before is culled at 100 and its ids
-        // come at 107; the display is free at 150 and has the end at 153.
+        // Its machine is free 30 late and has the camera 5 later. The frame before is culled at 100, and its
+        // ids come at 107. The display is free at 150 and has the end at 153.
         let after = frame([20, 50, 55, 107, 117, 140, 153, 160]);
         let ns = Duration::from_nanos;
         let split = after.split(Some(&before));
