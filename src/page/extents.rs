@@ -27,7 +27,7 @@ pub(super) struct Side {
 
 /// The share of objects at each end of an axis that may be outliers.
 const FEW: f64 = 0.02;
-/// So many lengths of all the others beyond their end is far: the longest of the three.
+/// An object is far this many times the longest side of all the others beyond their end.
 const FAR: f64 = 1.0;
 
 /// The number of azimuths, and the elevations as sines.

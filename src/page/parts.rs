@@ -62,7 +62,7 @@ pub(super) struct PartList {
 pub(super) struct Details {
     #[serde(flatten)]
     part: Part,
-    /// The groups that it is in, the outermost first. Where there are too many, some after it are left out.
+    /// The groups that it is in, the outermost first. If too many, some after the outermost are left out.
     path: Vec<Part>,
     #[serde(flatten)]
     extent: Extent,

@@ -214,7 +214,7 @@ impl Auditor {
         Ok(cut)
     }
 
-    /// Which triangle shows at each pixel at full detail and without culling: the ground truth of visibility.
+    /// The triangle at each pixel, at full detail and without culling: the ground truth of visibility.
     ///
     /// # Errors
     /// If the device fails.

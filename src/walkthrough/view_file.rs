@@ -43,7 +43,7 @@ enum Cut {
     Box { min: [f64; 3], max: [f64; 3] },
 }
 
-/// An object by its number, or those of a name. A name that ends with `*` stands for all that begin so.
+/// An object by its number, or all of a name. A name ending with `*` stands for all that begin so.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "give the number of an object or a name")]
 enum Object {

@@ -1,4 +1,4 @@
-//! What a moving eye did not see yet: pictures of a walk are held against the exact ones of the same poses.
+//! The errors of a moving eye's pictures, against the exact pictures of the same poses.
 
 use std::{collections::HashMap, sync::Arc, time::Duration};
 

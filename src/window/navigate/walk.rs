@@ -150,7 +150,7 @@ impl Walk {
         while z * cell < feet.z + radius {
             let mut x = first(feet.x);
             while x * cell < feet.x + radius {
-                // The place of the column that is nearest to the axis of the body.
+                // The point of the column nearest to the axis of the body.
                 let near = |low: f64, at: f64| at.clamp(low * cell, (low + 1.0) * cell) - at;
                 let off = DVec2::new(near(x, feet.x), near(z, feet.z));
                 if off.length_squared() < radius * radius {
@@ -173,7 +173,7 @@ mod tests {
 
     use super::*;
 
-    /// What is solid at a place, by the lower and upper ends of spans.
+    /// The solid spans at places, by their lower and upper ends.
     struct World<F> {
         cell: f64,
         spans: F,
@@ -195,7 +195,7 @@ mod tests {
 
     const FLOOR: [f64; 2] = [-0.2, 0.0];
 
-    /// A person on a floor at the origin, who stands.
+    /// A person standing on a floor at the origin.
     fn person(solid: &impl Solid) -> Walk {
         let mut walk = Walk::new(DVec3::new(0.0, 1.7, 0.0), 1.7);
         walk.step(0.1, DVec2::ZERO, solid);
@@ -203,7 +203,7 @@ mod tests {
         walk
     }
 
-    /// Walks along x at so many metres a second, at 20 pictures a second.
+    /// Walks along x at this speed in metres a second, at 20 pictures a second.
     fn ahead(walk: &mut Walk, seconds: f64, speed: f64, solid: &impl Solid) {
         for _ in 0..(seconds / 0.05).round() as u32 {
             walk.step(0.05, DVec2::new(speed * 0.05, 0.0), solid);

@@ -1,4 +1,4 @@
-/** Numbers of which a few are told. */
+/** Samples, with their statistics. */
 export class Samples {
   readonly #all: number[] = [];
 
@@ -14,7 +14,7 @@ export class Samples {
     return this.#all.filter(counts).length;
   }
 
-  /** Zero where there are none. */
+  /** Zero without samples. */
   get mean(): number {
     return this.#all.reduce((sum, sample) => sum + sample, 0) / Math.max(1, this.count);
   }
