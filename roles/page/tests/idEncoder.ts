@@ -1,4 +1,4 @@
-/** Writes ids as changes, as the page about it says: the other side of what the page's code reads. */
+/** Encodes ids as changes, as its page describes: the counterpart of the page's decoder. */
 
 import { Writer } from "../src/wire/bytes.ts";
 

@@ -1,52 +1,51 @@
-//! How many bytes of blocks may be under way, so that cameras and ids do not wait behind them.
+//! The window of bytes in flight, so that cameras and ids do not wait behind blocks.
 
 use std::{collections::VecDeque, time::Duration};
 
 use trimaran_transport::Instant;
 
-/// How long blocks may wait in queues on the way: so long, or a quarter of the way there and back.
+/// The target queueing delay of blocks: this long, or a quarter of the round trip.
 const TARGET: Duration = Duration::from_millis(10);
-/// The least that may be under way: two blocks.
+/// The smallest window: two blocks.
 const LEAST: u64 = 32 << 10;
-/// What may be under way at first.
+/// The initial window.
 const FIRST: u64 = 64 << 10;
-/// The most.
+/// The largest window.
 const MOST: u64 = 8 << 20;
-/// A queue is one that stands for so long, and for so many blocks. A block alone may also have waited for a
-/// display that drew a picture meanwhile.
+/// A queue must persist for this long, and for this many blocks. A single block may have waited for a display
+/// that was drawing.
 const STANDS: Duration = Duration::from_millis(100);
 const FEWEST: u32 = 4;
-/// The share of its size to which a window must shrink before that tells whether the queue is its own.
+/// The share of its size to which a window must shrink to tell whether the queue is its own.
 const TELLING: f64 = 0.75;
-/// How long the shortest time that a block took is remembered, twice over: paths change.
+/// The lifetime of the minimum delay, in two stretches: paths change.
 const REMEMBERED: Duration = Duration::from_secs(30);
 
-/// A window after LEDBAT (RFC 6817) and CoDel (RFC 8289): what blocks take longer than the fastest one did,
-/// they spent in queues. It grows with each block that waited less than the target: there is room. It shrinks
-/// where all blocks of [`STANDS`] waited longer.
+/// A window after LEDBAT (RFC 6817) and CoDel (RFC 8289): delay above the minimum is queueing delay. It grows
+/// with each block below the target. It shrinks if all blocks of [`STANDS`] were above it.
 ///
-/// A queue of its own becomes shorter when the window does. What does not is something else, such as a peer
-/// whose processor is busy: then the window becomes twice as large as it was, and that wait counts as the
-/// way. So does what blocks wait for where the window is the least.
+/// Its own queue gets shorter when the window does. Other delay stays, such as that of a peer with a busy
+/// processor: then the window doubles its former size, and that delay counts as part of the path. So does the
+/// delay at the smallest window.
 #[derive(Debug)]
 pub(super) struct Window {
     size: u64,
-    /// Whether nothing has ever waited: the window doubles each round trip until then.
+    /// Slow start: the window doubles each round trip until a block has waited.
     is_starting: bool,
-    /// Bytes sent, and of these taken by the peer.
+    /// Bytes sent, and of these acknowledged by the peer.
     sent: u64,
     taken: u64,
-    /// Where blocks that are under way end, and when they were sent.
+    /// The ends of blocks in flight, and when they were sent.
     under_way: VecDeque<(u64, Instant)>,
-    /// The shortest time a block took, in this stretch of time and the one before.
+    /// The minimum delay of a block, in this stretch of time and the one before.
     shortest: [Duration; 2],
     stretch_began: Option<Instant>,
     standing: Standing,
-    /// Where the window shrinks: its size before, and the shortest time that a block took then.
+    /// While the window shrinks: its size before, and the minimum delay then.
     shrunk: Option<(u64, Duration)>,
 }
 
-/// The blocks sent since a time: how many of them were taken, and the shortest time that one took.
+/// The blocks sent since a time: how many were acknowledged, and their minimum delay.
 #[derive(Debug, Clone, Copy)]
 struct Standing {
     since: Instant,
@@ -54,7 +53,7 @@ struct Standing {
     shortest: Duration,
 }
 
-/// The peer says that it has taken what was not sent.
+/// The peer acknowledges bytes that were not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct NotSent;
 

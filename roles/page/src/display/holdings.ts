@@ -141,7 +141,7 @@ export class Holdings {
     return [Uint32Array.from(this.#records.ids()).sort(), Uint32Array.from(this.#pieces.keys()).sort()];
   }
 
-  /** Notes that these are shown. Throws away what was not used for longest beyond the budget; says what. */
+  /** Notes that these are shown. Evicts the least recently used pieces over budget; returns them. */
   use(drawables: readonly DrawableRecord[]): Uint32Array {
     this.#tick += 1;
     for (const { geometry } of drawables) {

@@ -4,8 +4,7 @@ import { MOST_PLANES } from "./cut.ts";
 import type { Depth, DrawNumber } from "./features.ts";
 import { COLOUR, NORMAL, POSITION } from "./page.ts";
 
-/** Texels of a drawable: three rows of its matrix, and one with its number, whether it is
- * highlighted, whether it is a solid, and the number of its object. */
+/** Texels per drawable: three matrix rows, and one with number, highlight, solid flag and object. */
 export const TEXELS = 4;
 /** Drawables per row of their texture. */
 export const PER_ROW = 256;

@@ -12,7 +12,7 @@ import { wrongShare } from "../viewer/wrongPixels.ts";
 import { Samples } from "./samples.ts";
 import { until } from "./time.ts";
 
-/** Of longer walks only so many pictures are audited, or half as many, evenly over the walk. */
+/** Of longer walks at most this many pictures are audited, and at least half as many. */
 const MOST = 500;
 /** A picture counts as right if at most this percentage of pixels shows another object. */
 const FEW = 0.1;

@@ -82,9 +82,7 @@ export class Keys {
 /** The dead zone of a gamepad's sticks. */
 const DEAD = 0.15;
 
-/**
- * Adds what the first gamepad says, by the standard mapping: sticks move and turn, triggers sink and rise.
- */
+/** Adds the first gamepad's motion, by the standard mapping: sticks move and turn, triggers sink and rise. */
 export function addGamepad(motion: Motion, gamepads: readonly (Gamepad | null)[]): void {
   const pad = gamepads.find((pad) => pad?.connected && pad.mapping === "standard");
   const stick = (axis: number) => {

@@ -1,4 +1,4 @@
-/** Lists of numbers that rise, each once: a varint each, counted from the least that it could be. */
+/** Ascending lists of numbers, each once: a varint each, relative to the least possible value. */
 
 import { Reader, WireError, Writer } from "../wire/bytes.ts";
 
