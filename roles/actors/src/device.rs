@@ -74,7 +74,7 @@ pub trait PictureDevice {
         let _ = stop;
     }
 
-    /// Draws what is solid and over it what is seen through, each in the order given, to the end.
+    /// Draws `solid`, then `see_through` over it, each in the given order, and waits for the end.
     ///
     /// # Errors
     /// As the device says.

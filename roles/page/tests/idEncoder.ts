@@ -2,7 +2,7 @@
 
 import { Writer } from "../src/wire/bytes.ts";
 
-/** The rising `ids` as runs over `held`, the rising ids of a frame `back` before; with 0 over nothing. */
+/** Ascending `ids` as runs over `held`, the ids of a frame `back` before; with 0 over nothing. */
 export function encodeIds(
   ids: readonly number[],
   back: number,

@@ -16,7 +16,7 @@ const FEW: usize = 4_096;
 pub(super) struct Held {
     /// The ones that the display surely has.
     there: FixedBitSet,
-    /// Where in all that was sent these end: what ends at or before what the display has taken is there.
+    /// The offset in the sent bytes where each ends. The display has those up to its acknowledged bytes.
     ends: HashMap<u32, u64>,
     /// At this many ends outdated ones are removed.
     settles_at: usize,

@@ -77,7 +77,7 @@ impl Window {
         self.sent
     }
 
-    /// Bytes that the peer has taken.
+    /// Bytes that the peer has acknowledged.
     pub(super) const fn taken(&self) -> u64 {
         self.taken
     }
@@ -86,7 +86,7 @@ impl Window {
         self.sent - self.taken < self.size
     }
 
-    /// Whether next to nothing is under way.
+    /// Whether next to nothing is in flight.
     pub(super) const fn is_quiet(&self) -> bool {
         self.sent - self.taken < LEAST
     }
@@ -96,7 +96,7 @@ impl Window {
         self.under_way.push_back((self.sent, now));
     }
 
-    /// The peer has taken so many bytes in all.
+    /// The peer acknowledges this many bytes in all.
     pub(super) fn take(&mut self, taken: u64, now: Instant) -> Result<(), NotSent> {
         if taken > self.sent {
             return Err(NotSent);
@@ -141,12 +141,12 @@ impl Window {
         self.shortest[0] = self.shortest[0].min(took);
     }
 
-    /// A block has waited so long, and brought so many bytes.
+    /// A block was delayed for this long, and brought this many bytes.
     fn grow(&mut self, waited: Duration, fresh: u64) {
         let (waited, target) = (waited.as_secs_f64(), self.target().as_secs_f64());
         let fresh = fresh as f64;
         let change = if !self.is_starting {
-            // By a quarter a round trip at most.
+            // By at most a quarter per round trip.
             (1.0 - waited / target).max(0.0) * fresh / 4.0
         } else if waited <= target / 2.0 {
             fresh
@@ -156,7 +156,7 @@ impl Window {
         self.size = (self.size + change as u64).min(MOST);
     }
 
-    /// Every block has lately taken so long.
+    /// Every recent block took at least this long.
     fn judge(&mut self, took: Duration) {
         let waited = took.saturating_sub(self.least());
         let over = waited.as_secs_f64() / self.target().as_secs_f64() - 1.0;
@@ -169,19 +169,19 @@ impl Window {
         let share = self.size as f64 / size as f64;
         if share <= TELLING {
             self.shrunk = None;
-            // A full line takes as much less time as less is under way.
+            // On a saturated line the delay falls in proportion to the bytes in flight.
             if took > before.mul_f64(f64::midpoint(1.0, share)) {
                 self.size = (2 * size).min(MOST);
                 self.shortest = [took; 2];
                 return;
             }
         } else if self.size == LEAST {
-            // It cannot shrink until that tells, and makes no long queue.
+            // At the minimum it cannot shrink to tell, and makes no long queue.
             self.shrunk = None;
             self.shortest = [took; 2];
             return;
         }
-        // By half at most.
+        // By at most half.
         let kept = 1.0 - (0.5 * over).min(0.5);
         self.size = ((self.size as f64 * kept) as u64).max(LEAST);
     }
@@ -192,7 +192,7 @@ impl Standing {
         Self { since, blocks: 0, shortest: Duration::MAX }
     }
 
-    /// A block that was sent then has taken so long.
+    /// A block sent at that time took this long.
     fn note(&mut self, sent: Instant, took: Duration) {
         if sent >= self.since {
             self.blocks += 1;
@@ -211,8 +211,8 @@ mod tests {
 
     const BLOCK: u64 = 16 << 10;
 
-    /// Sends for so long over a line of so many bytes a second, a round trip of `rtt` and a queue without
-    /// bounds. Gives bytes taken, and how long blocks waited at last.
+    /// Sends for this long over a line of this many bytes a second, with a round trip of `rtt` and an
+    /// unbounded queue. Returns the acknowledged bytes, and the final delay of blocks.
     fn over(line: f64, rtt: f64, seconds: f64) -> (u64, f64) {
         let at = |seconds: f64| Instant::from_nanos((seconds * 1e9) as u64);
         let (mut window, mut now, mut free, mut taken, mut waited) =
@@ -238,14 +238,14 @@ mod tests {
             let line = megabits * 1e6 / 8.0;
             let (taken, waited) = over(line, rtt, 20.0);
             assert!(taken as f64 > 0.8 * line * 20.0, "{megabits} Mbit/s, {rtt} s: {taken} bytes");
-            // The least window may take longer than the target on a slow line.
+            // The smallest window may exceed the target delay on a slow line.
             let least = LEAST as f64 / line;
             assert!(waited < 0.02 + least, "{megabits} Mbit/s, {rtt} s: a block waited {waited} s");
         }
     }
 
-    /// Sends for so many milliseconds to a display that draws pictures of so many each, and takes what came
-    /// meanwhile all at once. The way there and back takes `rtt`. Gives the bytes that it took.
+    /// Sends for this many milliseconds to a display that draws pictures of the given duration, and receives
+    /// between them all that has come. The round trip is `rtt`. Returns the bytes received.
     fn to_drawing(window: &mut Window, begin: u64, end: u64, rtt: u64, pictures: &[u64]) -> u64 {
         let at = |millis: u64| Instant::from_nanos(millis * 1_000_000);
         let (mut sent, before) = (VecDeque::new(), window.taken);
@@ -263,7 +263,7 @@ mod tests {
                 window.take(window.taken + BLOCK * there as u64, at(now)).unwrap();
             }
         }
-        // What is under way is taken at last.
+        // Finally all bytes in flight are acknowledged.
         window.take(window.sent, at(end)).unwrap();
         window.taken - before
     }
@@ -274,7 +274,7 @@ mod tests {
         assert!(taken as f64 > 20e6, "{taken} bytes in 5 s");
     }
 
-    /// Its processor is busy from a jump on: no block is taken as soon as it comes any more.
+    /// From a jump on its processor is busy: no block is received as soon as it comes any more.
     #[test]
     fn a_display_that_slows_down_is_no_queue() {
         let mut window = Window::new();
@@ -283,7 +283,7 @@ mod tests {
         assert!(taken as f64 > 20e6, "{taken} bytes in 5 s");
     }
 
-    /// It cannot shrink until that tells.
+    /// At the minimum it cannot shrink to tell.
     #[test]
     fn the_least_window_grows_again_where_a_display_is_slow() {
         let mut window = Window::new();
@@ -293,7 +293,7 @@ mod tests {
         assert!(taken as f64 > 10e6, "{taken} bytes in 5 s");
     }
 
-    /// What blocks wait for becomes shorter with a window whose own queue it is, and else does not.
+    /// The delay falls with the window if the queue is its own, and else does not.
     #[test]
     fn a_window_whose_queue_is_not_its_own_becomes_twice_as_large_as_it_was() {
         let ms = Duration::from_millis;

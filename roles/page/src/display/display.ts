@@ -112,8 +112,8 @@ export class Display {
   }
 
   /**
-   * Finds its cullers at `url`, and begins a session with each. Of the same scene it keeps what the display
-   * `before` had, and shows that until something newer is there. It ends with the first link that does.
+   * Connects to its cullers at `url`, and begins a session with each. For the same scene it keeps the
+   * geometry of the display `before`, and shows that until newer arrives. It ends with its first link.
    */
   static async join(url: string, options: DisplayOptions, before?: Display): Promise<Display> {
     await loadCodecs();
