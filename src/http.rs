@@ -1,4 +1,4 @@
-//! HTTP: who is served when many come, and asking others.
+//! HTTP: a server that stays fair under load, and a client.
 
 use std::{
     collections::{HashMap, VecDeque},
@@ -20,10 +20,10 @@ use tokio::{
 use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer};
 use trimaran_transport::{Net, sleep_until};
 
-/// The pause after the system could not accept, for instance for want of file descriptors.
+/// The pause after the system could not accept, for instance for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Somebody who asks: those of one address share what one may ask at once.
+/// A client. Clients of one address share the limits on simultaneous requests.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Asker(Option<IpAddr>);
 
@@ -32,7 +32,7 @@ impl Asker {
         Self(match peer {
             StreamPeer::Unix(_) => None,
             StreamPeer::Tcp(at) => Some(match at.ip().to_canonical() {
-                // One site has all addresses of a network.
+                // One site owns all addresses of a network.
                 IpAddr::V6(ip) => IpAddr::V6((ip.to_bits() >> 64 << 64).into()),
                 ip => ip,
             }),
@@ -40,9 +40,8 @@ impl Asker {
     }
 }
 
-/// Serves whoever comes, for ever: `most` at once. One more takes the place of the one who came first of those
-/// whose address has most: that one has had time to ask, and who asks in earnest is not kept out by those who
-/// say nothing.
+/// Serves clients for ever, `most` at once. A further client displaces the oldest one of the address that has
+/// the most. The displaced one has had time to ask, so silent clients do not keep others out.
 pub(crate) async fn serve(
     net: Arc<dyn Net>,
     mut listener: Box<dyn Listen>,
@@ -75,10 +74,10 @@ pub(crate) async fn serve(
     }
 }
 
-/// A guest that is served.
+/// A client that is being served.
 type Place = (Asker, AbortHandle);
 
-/// Which guest came first of those whose address has most.
+/// The oldest client of the address that has the most.
 fn first_of_most(places: &VecDeque<Place>) -> Option<usize> {
     let mut counts: HashMap<Asker, usize> = HashMap::new();
     for (asker, _) in places {
@@ -88,43 +87,43 @@ fn first_of_most(places: &VecDeque<Place>) -> Option<usize> {
     places.iter().position(|(asker, _)| counts.get(asker).copied() == most)
 }
 
-/// The most bytes of an answer.
+/// The longest answer, bytes.
 const LONGEST: usize = 1 << 20;
 
-/// Why an answer was not to be had.
+/// Why a request failed.
 #[derive(Debug, ThisError)]
 #[non_exhaustive]
 pub enum GetError {
-    /// Nobody is there.
+    /// The connection failed.
     #[error("nobody answers there")]
     Connect(#[source] io::Error),
-    /// The target is none.
+    /// The target is not a valid URI.
     #[error("that is no address")]
     Target(#[source] hyper::http::Error),
-    /// The connection was lost, or carried something else.
+    /// The connection was lost, or does not speak HTTP.
     #[error("it does not speak HTTP to the end")]
     Exchange(#[source] hyper::Error),
-    /// Its answer is longer than any, or was cut off.
+    /// The answer is too long, or was cut off.
     #[error("its answer does not come to an end")]
     Body(#[source] Box<dyn Error + Send + Sync>),
-    /// It has no such thing, or not for whoever asks.
+    /// The server answered with an error status.
     #[error("it answers {0}")]
     Status(StatusCode),
 }
 
-/// What a server at a host and port, such as `127.0.0.1:7480`, has for a target, such as `/scene?token=T`.
+/// Gets a target, such as `/scene?token=T`, from a server at a host and port, such as `127.0.0.1:7480`.
 ///
 /// # Errors
-/// When it cannot be had.
+/// When the request fails.
 pub async fn get(at: &str, target: &str) -> Result<Bytes, GetError> {
     let stream = TcpStream::connect(at).await.map_err(GetError::Connect)?;
     ask(stream, at, target).await
 }
 
-/// The same from a server that may not know its name: it is asked by its address.
+/// The same, with the server's IP address as its `Host`: the server may not know its name.
 ///
 /// # Errors
-/// When it cannot be had.
+/// When the request fails.
 pub async fn get_by_address(at: &str, target: &str) -> Result<Bytes, GetError> {
     let stream = TcpStream::connect(at).await.map_err(GetError::Connect)?;
     let host = stream.peer_addr().map_err(GetError::Connect)?.to_string();
@@ -141,7 +140,7 @@ async fn ask(stream: TcpStream, host: &str, target: &str) -> Result<Bytes, GetEr
         let status = response.status();
         let body = Limited::new(response.into_body(), LONGEST).collect().await.map_err(GetError::Body)?;
         let body = body.to_bytes();
-        // With it the connection ends.
+        // This closes the connection.
         drop(sender);
         Ok((status, body))
     };
@@ -166,7 +165,7 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// Guests that come one after the other.
+    /// Clients that come one after the other.
     pub(crate) struct Guests(pub(crate) mpsc::UnboundedReceiver<DuplexStream>);
 
     impl Listen for Guests {
@@ -215,7 +214,7 @@ pub(crate) mod tests {
         one.write_u8(7).await.unwrap();
         assert_eq!(one.read_u8().await.unwrap(), 7);
         assert_eq!(net.now(), before, "it was served at once");
-        // No more are held than there are places: those who came first have lost theirs.
+        // No more are held than there are places: the oldest ones have lost theirs.
         let mut ended = 0;
         for guest in &mut silent {
             let end = until(&net, net.now(), guest.read_u8()).await;
@@ -224,7 +223,7 @@ pub(crate) mod tests {
         assert_eq!(ended, 100 + 1 - MOST);
     }
 
-    /// A guest from somewhere else waits for its answer as long as it takes.
+    /// A client from somewhere else waits for its answer as long as it takes.
     #[tokio::test(start_paused = true)]
     async fn a_crowd_from_one_address_takes_the_place_of_nobody_else() {
         let net = TokioNet::current().unwrap();
@@ -241,7 +240,7 @@ pub(crate) mod tests {
         assert_eq!(one.read_u8().await.unwrap(), 5);
     }
 
-    /// The first guest comes from another address than all others.
+    /// The first client comes from another address than all others.
     struct Elsewhere {
         first: bool,
         guests: mpsc::UnboundedReceiver<DuplexStream>,
@@ -267,7 +266,7 @@ pub(crate) mod tests {
         assert_ne!(of("10.0.0.1:80"), of("10.0.0.2:80"));
     }
 
-    /// As without file descriptors.
+    /// Fails as if there were no file descriptors.
     struct Failing {
         failures: usize,
         then: Option<DuplexStream>,

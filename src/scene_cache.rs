@@ -1,4 +1,4 @@
-//! Cooked scenes of models that were viewed: so viewing one again begins at once.
+//! Cooked scenes of models that were viewed, so that viewing one again begins at once.
 
 use std::{
     fs::{self, File},
@@ -16,12 +16,12 @@ use trimaran_scene::FORMAT_VERSION;
 
 /// Digits of a hash in a name: 64 bits.
 const DIGITS: usize = 16;
-/// What all cached scenes may take, bytes. Beyond it those that were longest not viewed are removed.
+/// The size limit of the cache, bytes. Beyond it the least recently viewed scenes are removed.
 const MOST_BYTES: u64 = 16 << 30;
-/// A temporary file that nobody has written to for so long was left by a process that is gone.
+/// A temporary file that was not written to for this long belongs to a process that is gone.
 const LEFT_BEHIND: Duration = Duration::from_secs(3600);
 
-/// Why there is no place for a model's scene.
+/// Why a model has no place in the cache.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CacheError {
@@ -30,7 +30,7 @@ pub enum CacheError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
@@ -41,22 +41,22 @@ pub enum CacheError {
 
 /// The place of a model's cooked scene in the user's cache, such as `~/.cache/trimaran`.
 ///
-/// Its name says which files the model has and how they are read. A note beside it says in which state each
-/// file was that the import read or looked for, and in which state the scene was left. Where one of them is
-/// in another state now, the scene is cooked anew.
+/// Its name identifies the model's files and the options with which they are read. A note beside it holds the
+/// state of each file that the import read or looked for, and of the scene. If one of them has changed, the
+/// scene is cooked anew.
 ///
 /// While this exists, no other process removes the scene to make room.
 #[derive(Debug)]
 pub struct CachedScene {
     scene: PathBuf,
     note: PathBuf,
-    /// Held by whoever views it: shared.
+    /// Locked, in shared mode, by each process that views the scene.
     lock: File,
     /// When the import began, or later.
     begun: SystemTime,
 }
 
-/// What is noted of a cached scene.
+/// The note beside a cached scene.
 #[derive(Debug, Serialize, Deserialize, PartialEq)]
 struct Note {
     files: Vec<(PathBuf, State)>,
@@ -70,12 +70,12 @@ enum State {
     Absent,
     /// Its length in bytes, and when it was last changed, in nanoseconds since 1970.
     Present(u64, u64),
-    /// It was changed while it was read, perhaps: no file is in this state.
+    /// It may have changed while it was read: no file compares equal to this.
     Unknown,
 }
 
 impl CachedScene {
-    /// That of `files`, read as `reading` says. The folder is made, and read by nobody else.
+    /// The place for `files`, read with the options `reading`. Makes the folder, private to the user.
     ///
     /// # Errors
     /// When a file is not there, or the cache cannot be used.
@@ -101,19 +101,19 @@ impl CachedScene {
         let mut lock = File::options().create(true).truncate(false).write(true).open(at("lock"))?;
         owner_only(&at("lock"))?;
         lock.lock_shared()?;
-        // By the clock that gives files their times, which may be a little behind that of programs.
+        // By the file system's clock, which may be a little behind that of programs.
         lock.write_all(b"\n")?;
         let begun = lock.metadata()?.modified()?;
         Ok(Self { scene: at("scene"), note: at("json"), lock, begun })
     }
 
-    /// Where the scene is, or is to be.
+    /// The path of the scene, which may not exist yet.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.scene
     }
 
-    /// Whether it is there, and as it would be if it was cooked now.
+    /// Whether the scene exists and is up to date.
     #[must_use]
     pub fn is_current(&self) -> bool {
         let Some(note) = fs::read(&self.note).ok().and_then(|text| serde_json::from_slice(&text).ok()) else {
@@ -123,15 +123,15 @@ impl CachedScene {
         let is_as_noted = |(path, state): &(PathBuf, State)| state_of(path) == *state;
         let current = files.iter().all(is_as_noted) && state_of(&self.scene) == scene;
         if current {
-            // The newest note is of what was viewed last.
+            // The newest note marks the scene that was viewed last.
             let _read_only =
                 File::options().append(true).open(&self.note).and_then(|f| f.set_modified(now()));
         }
         current
     }
 
-    /// Notes that the scene is cooked, of a model that depends on these files. Then removes what processes
-    /// have left that are gone, and the scenes that were longest not viewed if all take too much.
+    /// Notes that the scene is cooked, of a model that depends on these files. Then removes files left by
+    /// dead processes and, beyond the size limit, the least recently viewed scenes.
     ///
     /// # Errors
     /// When the system does not let it.
@@ -152,7 +152,7 @@ impl CachedScene {
         trim(folder, MOST_BYTES)
     }
 
-    /// The state in which the import has read a file: unknown if it may have been changed since.
+    /// The state in which the import has read a file: unknown if it may have changed since.
     fn as_read(&self, path: &Path) -> State {
         let begun = nanoseconds(self.begun);
         match state_of(path) {
@@ -168,7 +168,7 @@ impl Drop for CachedScene {
     }
 }
 
-/// The user's cache of this program, which nobody else reads.
+/// The user's cache of this program, private to the user.
 ///
 /// # Errors
 /// When the user has no home, or the system does not let it be made.
@@ -188,8 +188,8 @@ fn owner_only(file: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes what is left behind, and of all scenes those that were longest not viewed, until they take at most
-/// `most` bytes. One that a process views stays.
+/// Removes files left behind, then the least recently viewed scenes until all take at most `most` bytes. A
+/// scene that a process views stays.
 fn trim(folder: &Path, most: u64) -> io::Result<()> {
     let mut scenes = Vec::new();
     for entry in fs::read_dir(folder)? {
@@ -228,7 +228,7 @@ fn remove(scene: &Path) -> bool {
     if held.try_lock().is_err() {
         return false;
     }
-    // The note first: without it the scene is none.
+    // The note first: without it the scene is invalid.
     let _none = fs::remove_file(scene.with_extension("json"));
     let removed = fs::remove_file(scene).is_ok();
     let _gone = fs::remove_file(lock);
@@ -254,7 +254,7 @@ fn now() -> SystemTime {
     SystemTime::now()
 }
 
-/// Adds a text with its length, so that no two lists of texts are alike.
+/// Adds a text with its length, so that two different lists of texts never hash alike.
 fn add(hasher: &mut Hasher, text: &[u8]) {
     hasher.update(&(text.len() as u64).to_le_bytes());
     hasher.update(text);
@@ -266,8 +266,8 @@ mod tests {
 
     use super::*;
 
-    /// A folder for scenes with one of a model of two files, of which the second is not there. The first was
-    /// changed long ago.
+    /// A folder for scenes, with one of a model of two files. The first file is old, the second does not
+    /// exist.
     fn cooked() -> (tempfile::TempDir, CachedScene, [PathBuf; 2]) {
         let folder = tempfile::tempdir().unwrap();
         let files = ["a.rvm", "a.att"].map(|name| folder.path().join(name));

@@ -29,13 +29,13 @@ pub struct VulkanCuller {
     pass: OccluderPass,
     occlusion_test: OcclusionTestKind,
     hzb_place: HzbPlace,
-    /// On the host, where that is the place.
+    /// On the host, if the pyramid is there.
     pyramid: DepthPyramid,
 }
 
 impl VulkanCuller {
     /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by
-    /// `occlusion_test`: a depth pyramid where the device has it best.
+    /// `occlusion_test`: a depth pyramid is at the place that suits the device.
     ///
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.
@@ -52,7 +52,7 @@ impl VulkanCuller {
         })
     }
 
-    /// The same with the depth pyramid at this place, so that the two can be compared.
+    /// The same with the depth pyramid at this place, to compare the two.
     #[must_use]
     pub fn with_hzb_at(self, hzb_place: HzbPlace) -> Self {
         Self { hzb_place, ..self }

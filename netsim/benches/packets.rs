@@ -1,5 +1,5 @@
-//! How many packets a second of computing: datagrams and a TCP transfer over two links, beside the least that
-//! any simulator does for a packet, which is to put its events into a queue and to take them out again.
+//! Packets per second of computing: datagrams and a TCP transfer over two links. The baseline is the least
+//! work of any simulator for a packet: to put its events into a queue and take them out again.
 #![allow(clippy::unwrap_used, reason = "a benchmark that cannot go on has failed")]
 #![allow(missing_docs, reason = "criterion's macros")]
 
@@ -18,9 +18,9 @@ use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
 use trimaran_transport::{Net, TcpOptions, UdpSocketOptions, sleep_until};
 
-/// Packets a run.
+/// Packets per run.
 const PACKETS: u64 = 20_000;
-/// What a packet takes at a gigabit a second, nanoseconds.
+/// The time of a packet at a gigabit a second, nanoseconds.
 const GAP: u64 = 12_304;
 /// The payload of a TCP segment.
 const SEGMENT: u64 = 1448;
@@ -34,8 +34,8 @@ fn network() -> (Simulation, Arc<SimNet>, Arc<SimNet>) {
     (simulation, here, there)
 }
 
-/// Two links, and on each a line that is free again and a packet that arrives: four events a packet, ten
-/// packets under way.
+/// Two links. On each the line becomes free and a packet arrives: four events a packet, ten packets in
+/// flight.
 fn events() {
     let mut heap = BinaryHeap::new();
     for packet in 0..PACKETS {
@@ -115,7 +115,7 @@ fn transfer() -> u64 {
     packets(&simulation)
 }
 
-/// Packets that machines sent: those that the first links of their ways were given.
+/// Packets that machines sent, counted at the first link of their paths.
 fn packets(simulation: &Simulation) -> u64 {
     simulation.links().iter().step_by(2).map(|link| link.offered.packets).sum()
 }

@@ -72,7 +72,7 @@ async fn serve(socket: &dyn UdpSocket) -> io::Result<()> {
     }
 }
 
-/// Asks one question after the other. Gives how long each took, and how many had to be asked again.
+/// Asks one question after the other. Returns each one's time, and how many had to be asked again.
 async fn ask(net: Arc<dyn Net>, server: SocketAddr) -> io::Result<(Vec<Duration>, u32)> {
     let socket = net.bind_udp("0.0.0.0:0".parse().map_err(io::Error::other)?, UdpSocketOptions::default())?;
     let (mut times, mut repeated) = (Vec::new(), 0);
@@ -94,7 +94,7 @@ async fn ask(net: Arc<dyn Net>, server: SocketAddr) -> io::Result<(Vec<Duration>
     Ok((times, repeated))
 }
 
-/// Waits for this answer; those to questions that were asked twice are passed over.
+/// Waits for this answer, and skips those to questions that were asked twice.
 async fn answer(socket: &dyn UdpSocket, expected: u64) -> io::Result<()> {
     while receive(socket).await?.0 != expected {}
     Ok(())
@@ -125,8 +125,8 @@ mod tests {
         // asked for again too.
         assert!((50..150).contains(&wifi.repeated), "{}", wifi.repeated);
         assert!(wifi.p99 >= PATIENCE, "{:?}", wifi.p99);
-        // Nothing but the way there and back, to the nanosecond: 46 bytes padded to 64, and 20 more, four
-        // times, and 4 x 5 us.
+        // Exactly the path there and back, to the nanosecond: 46 bytes padded to 64, and 20 more, four times,
+        // and 4 x 5 us.
         let wired = summary("fast-ethernet", 1).unwrap();
         assert_eq!(
             (wired.median, wired.p99, wired.repeated),

@@ -1,4 +1,4 @@
-//! What machines send, as a file that Wireshark opens: pcapng, with an interface a machine.
+//! The machines' packets as a file for Wireshark: pcapng, with an interface for each machine.
 
 use std::fmt;
 use std::io::{self, Write};
@@ -24,21 +24,21 @@ use crate::packet::{Body, Packet};
 use crate::tcp::Segment;
 use crate::topology::HostId;
 
-/// By how much the window of TCP is shifted in headers (RFC 7323); the model itself has no such limit.
+/// The TCP window scale in headers (RFC 7323); the model itself has no such limit.
 const WINDOW_SHIFT: u8 = 8;
 /// Times have nine decimal places.
 const NANOSECONDS: u8 = 9;
-/// What Linux begins with.
+/// Linux's initial time to live.
 const HOPS: u8 = 64;
 
-/// Why packets could not be written down.
+/// Why packets could not be captured.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CaptureError {
-    /// The file takes nothing more.
+    /// The file cannot be written.
     #[error("cannot write down packets")]
     Write(#[from] io::Error),
-    /// A packet is too large for its headers to say so.
+    /// A packet is too large for the length fields of its headers.
     #[error("a packet cannot be written down")]
     Packet(#[source] BuildVecWriteError),
     /// A block of the file.
@@ -46,8 +46,7 @@ pub enum CaptureError {
     Block(#[source] PcapError),
 }
 
-/// Writes packets down, in the order and at the times in which machines send them; what links lose of them is
-/// there as well.
+/// Captures packets in the order and at the times in which machines send them, also those that links lose.
 pub(crate) struct Capture {
     file: PcapNgWriter<Box<dyn Write + Send>>,
     failure: Option<CaptureError>,
@@ -60,7 +59,7 @@ impl fmt::Debug for Capture {
 }
 
 impl Capture {
-    /// Begins with the machines of these names.
+    /// Begins a capture for machines of these names.
     pub(crate) fn begin<'n>(
         out: Box<dyn Write + Send>,
         machines: impl Iterator<Item = &'n str>,
@@ -81,7 +80,7 @@ impl Capture {
         Ok(Self { file, failure: None })
     }
 
-    /// Adds a packet. Once one could not be written, no more are.
+    /// Adds a packet. After one failure no more are added.
     pub(crate) fn add(&mut self, now: Instant, packet: &Packet, mtu: u32) {
         if self.failure.is_none() {
             self.failure = self.write(now, packet, mtu).err();
@@ -100,7 +99,7 @@ impl Capture {
         self.file.write_block(&block.into_block()).map(drop).map_err(CaptureError::Block)
     }
 
-    /// Ends; tells whether all packets were written.
+    /// Ends the capture, and says whether all packets were written.
     pub(crate) fn end(mut self) -> Result<(), CaptureError> {
         match self.failure {
             Some(failure) => Err(failure),
@@ -109,7 +108,7 @@ impl Capture {
     }
 }
 
-/// The packet in an Ethernet frame, without its check sequence. `mtu` is that of the way to its machine.
+/// The packet in an Ethernet frame, without its check sequence. `mtu` is the path MTU to its machine.
 fn frame(packet: &Packet, mtu: u32) -> Result<Vec<u8>, BuildVecWriteError> {
     let ethernet = PacketBuilder::ethernet2(mac(packet.from), mac(packet.to));
     let with_ip = ethernet.ip(ip_header(packet));
@@ -127,7 +126,7 @@ fn frame(packet: &Packet, mtu: u32) -> Result<Vec<u8>, BuildVecWriteError> {
     Ok(frame)
 }
 
-/// An address of the sender's own making (IEEE 802c).
+/// A locally administered address (IEEE 802c).
 const fn mac(host: HostId) -> [u8; 6] {
     let [.., high, low] = (host.0 as u64).to_be_bytes();
     [2, 0, 0, 0, high, low]

@@ -1,11 +1,11 @@
-//! What happens when: a queue of events by time.
+//! A queue of events by time.
 
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use trimaran_net::Instant;
 
-/// Events in the order of their times; those of one nanosecond in the order in which they were added.
+/// Events in the order of their times. Events of the same nanosecond keep the order in which they were added.
 #[derive(Debug)]
 pub(crate) struct Events<E> {
     heap: BinaryHeap<Reverse<Entry<E>>>,

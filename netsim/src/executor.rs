@@ -1,4 +1,4 @@
-//! Tasks on one thread, in an order that depends on nothing but the program.
+//! Tasks on one thread, in an order that depends only on the program.
 
 use parking_lot::{Condvar, Mutex};
 use std::collections::VecDeque;
@@ -12,11 +12,11 @@ use std::time::Duration;
 use slab::Slab;
 use trimaran_net::BoxFuture;
 
-/// The key of the future that [`Executor::run_until_stalled`] was given; no task has it.
+/// The key of the future given to [`Executor::run_until_stalled`]; no task has it.
 const MAIN: usize = usize::MAX;
 
-/// Runs tasks in the order in which they were woken. In virtual time whatever wakes them, wakes them in an
-/// order of its own making: there are no threads and no clock.
+/// Runs tasks in the order in which they were woken. In virtual time that order is deterministic: there are
+/// no threads and no clock.
 #[derive(Default)]
 pub(crate) struct Executor {
     tasks: Mutex<Slab<Task>>,
@@ -30,7 +30,7 @@ impl fmt::Debug for Executor {
 }
 
 struct Task {
-    /// Away while it runs.
+    /// `None` while it runs.
     future: Option<BoxFuture<'static, ()>>,
     rouser: Arc<Rouser>,
 }
@@ -38,16 +38,16 @@ struct Task {
 #[derive(Debug, Default)]
 struct Ready {
     queue: Mutex<VecDeque<Arc<Rouser>>>,
-    /// Told of each that is put into the queue.
+    /// Notified of each queued task.
     added: Condvar,
 }
 
-/// Puts one task into the queue, once until it has run.
+/// Queues one task, at most once until it has run.
 #[derive(Debug)]
 struct Rouser {
     key: usize,
-    /// Other threads wake tasks where a simulation keeps step with a clock. Whoever finds it set has done
-    /// its part before the task looks.
+    /// Other threads wake tasks where a simulation runs in step with a clock. If a waker finds this set, the
+    /// task has yet to run, and will see the waker's changes.
     queued: AtomicBool,
     ready: Arc<Ready>,
 }
@@ -99,7 +99,7 @@ impl Executor {
         }
     }
 
-    /// Runs whatever is ready, and `main` with it, until `main` is done or nothing is ready.
+    /// Runs ready tasks and `main` until `main` is done or nothing is ready.
     pub(crate) fn run_until_stalled<F: Future>(
         &self,
         main: &mut Pin<&mut F>,
@@ -120,7 +120,7 @@ impl Executor {
     }
 
     fn run(&self, rouser: &Arc<Rouser>) {
-        // The key of a task that has ended may be another's by now.
+        // The key of an ended task may have been reused.
         let future = match self.tasks.lock().get_mut(rouser.key) {
             Some(task) if Arc::ptr_eq(&task.rouser, rouser) => task.future.take(),
             _ => None,
@@ -138,7 +138,7 @@ impl Executor {
         }
     }
 
-    /// Drops all tasks. They hold what holds them.
+    /// Drops all tasks, which breaks a reference cycle.
     pub(crate) fn clear(&self) {
         loop {
             let tasks = std::mem::take(&mut *self.tasks.lock());

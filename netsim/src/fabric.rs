@@ -19,13 +19,13 @@ pub(crate) enum LinkEvent {
     Left { token: u32, ip_bytes: u32 },
 }
 
-/// What a link event means to machines.
+/// The effect of a link event on machines.
 pub(crate) enum Outcome<P> {
     /// Nothing yet.
     Underway,
-    /// The packet is there.
+    /// The packet has arrived.
     Delivered(Parcel<P>),
-    /// Whoever has the token is rid of so many bytes.
+    /// So many bytes of the token's owner have left the machine.
     Left { token: u32, ip_bytes: u32 },
 }
 
@@ -36,7 +36,7 @@ pub(crate) struct Fabric<P> {
     ends: Vec<NodeId>,
     nodes: Vec<Option<HostId>>,
     homes: Vec<NodeId>,
-    /// By host, then by node: the pipe to take.
+    /// By host, then by node: the next pipe.
     routes: Vec<Vec<Option<usize>>>,
     flying: Slab<Parcel<P>>,
 }
@@ -74,18 +74,18 @@ impl<P: Clone> Fabric<P> {
         *self.routes.get(to.0)?.get(node.0)?
     }
 
-    /// The largest IP packet that gets from one machine to another; none where there is no way.
+    /// The path MTU from one machine to another; `None` without a path.
     pub(crate) fn path_mtu(&self, from: HostId, to: HostId) -> Option<u32> {
         self.way(from, to).map(|pipe| pipe.model().mtu).min()
     }
 
-    /// What the link layer adds to a packet where it leaves `from`.
+    /// The bytes that the link layer adds to a packet where it leaves `from`.
     pub(crate) fn framing(&self, from: HostId, to: HostId, ip_bytes: u32) -> u32 {
         let first = self.way(from, to).next();
         first.map_or(0, |pipe| pipe.model().framing.frame_bytes(ip_bytes) - ip_bytes)
     }
 
-    /// Sends a packet on its way. One that has no way is gone at once.
+    /// Sends a packet. Without a path it is dropped at once.
     pub(crate) fn send<E: From<LinkEvent>>(
         &mut self,
         now: Instant,
@@ -132,7 +132,7 @@ impl<P: Clone> Fabric<P> {
         }
     }
 
-    /// Has a pipe do something, and then does what it wants.
+    /// Calls a pipe, then carries out its actions.
     fn on<E: From<LinkEvent>>(
         &mut self,
         index: usize,

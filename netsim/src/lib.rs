@@ -1,7 +1,7 @@
 //! Networks in virtual time.
 //!
-//! A [`Topology`] of machines and [`link`]s becomes a [`Simulation`]; each machine's [`SimNet`] is the
-//! transports' `Net`, so that programs written for that run here unchanged, in no time, and the same way each
+//! A [`Topology`] of machines and [`link`]s becomes a [`Simulation`]. Each machine's [`SimNet`] is the
+//! transports' `Net`, so programs written for `Net` run here unchanged, in no time, and the same way each
 //! time.
 //!
 //! ```

@@ -25,7 +25,7 @@ pub(crate) struct Packet {
     pub(crate) body: Body,
 }
 
-/// What an IP packet carries.
+/// The payload of an IP packet.
 #[derive(Debug, Clone)]
 pub(crate) enum Body {
     Udp(Bytes),
@@ -56,7 +56,7 @@ impl Packet {
         self.ip_header() + self.transport_header() + self.payload()
     }
 
-    /// The number of the protocol in the IP header.
+    /// The protocol number in the IP header.
     pub(crate) const fn protocol(&self) -> u8 {
         match &self.body {
             Body::Udp(_) => 17,

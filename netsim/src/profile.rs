@@ -33,11 +33,11 @@ const BUILT_IN: [(&str, &str); 8] = [
 /// cullers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// What it is.
+    /// A description.
     pub about: String,
-    /// Where its numbers are from.
+    /// The sources of its numbers.
     pub sources: Vec<String>,
     /// From each machine to its switch, and back.
     pub up: LinkModel,
@@ -47,14 +47,14 @@ pub struct Profile {
     pub wan: Option<(LinkModel, LinkModel)>,
 }
 
-/// Why a network cannot be had.
+/// Why a profile cannot be loaded.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ProfileError {
     /// Neither a name nor a file.
     #[error("no network is called {name:?}: take a file ending in .toml, or one of {}", Profile::names().collect::<Vec<_>>().join(", "))]
     Unknown {
-        /// What was asked for.
+        /// The name asked for.
         name: String,
     },
     /// The file cannot be read.
@@ -62,38 +62,38 @@ pub enum ProfileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
-    /// The file is no profile.
+    /// The file is not a profile.
     #[error("the network {profile} cannot be used: {cause}")]
     Parse {
-        /// Which.
+        /// The profile.
         profile: String,
-        /// What is wrong, and where.
+        /// The error and its place.
         cause: Box<toml::de::Error>,
     },
-    /// A value makes no sense.
+    /// A value is invalid.
     #[error("the network {profile} cannot be used: the key `{key}` {problem}")]
     Value {
-        /// Which.
+        /// The profile.
         profile: String,
-        /// Where.
+        /// The key.
         key: String,
-        /// What is wrong with it.
+        /// The problem.
         problem: &'static str,
     },
     /// A file of phases cannot be used.
     #[error("the network {profile} cannot be used: the key `{key}` names {}, which {fault}", .path.display())]
     Schedule {
-        /// Which network.
+        /// The network.
         profile: String,
-        /// Where.
+        /// The key.
         key: String,
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem.
         fault: ScheduleFault,
     },
 }
@@ -107,7 +107,7 @@ pub struct Machines {
     pub display: HostId,
 }
 
-/// A profile as it is written.
+/// A profile as written in TOML.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
@@ -128,7 +128,7 @@ impl Profile {
     /// The network of that name, or the one in the file `name`, which ends in `.toml`.
     ///
     /// # Errors
-    /// When there is none, or what is written makes no sense; the error names the key.
+    /// If there is none, or a value is invalid; the error names the key.
     pub fn find(name: &str) -> Result<Self, ProfileError> {
         if let Some((_, text)) = BUILT_IN.iter().find(|(known, _)| *known == name) {
             return Self::parse(name, text);
@@ -142,10 +142,10 @@ impl Profile {
         Self::read(name, &text, Some(path.parent().unwrap_or(Path::new(""))))
     }
 
-    /// Reads what is written in TOML. Nothing in it may name a file: it lies nowhere.
+    /// Reads a profile in TOML. It must not name other files, because it has no folder.
     ///
     /// # Errors
-    /// When it makes no sense; the error names the key.
+    /// If a value is invalid; the error names the key.
     pub fn parse(name: &str, text: &str) -> Result<Self, ProfileError> {
         Self::read(name, text, None)
     }
@@ -176,15 +176,15 @@ impl Profile {
         Ok(Self { name: name.to_owned(), about: written.about, sources: written.sources, up, down, wan })
     }
 
-    /// How long a packet is on its way from a culler to the display at least: without the time
-    /// of its bits, queues and jitter, and before any phase begins.
+    /// The least one-way delay from a culler to the display: without sending times, queues and jitter, before
+    /// any phase begins.
     #[must_use]
     pub fn way_to_display(&self) -> Duration {
         let wan = self.wan.as_ref().map_or(Duration::ZERO, |(out, _)| out.conditions.delay);
         self.up.conditions.delay + wan + self.down.conditions.delay
     }
 
-    /// So many cullers and a display on this network: `culler-1` and so on, and `display`.
+    /// A topology of so many cullers and a display: `culler-1` and so on, and `display`.
     #[must_use]
     pub fn topology(&self, cullers: usize) -> (Topology, Machines) {
         let mut topology = Topology::new();

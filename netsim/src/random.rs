@@ -1,8 +1,8 @@
 //! The simulator's random numbers: the same for a seed on every platform and in every release.
 
 /// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014). A dozen lines
-/// of integer arithmetic rather than a crate, because a seed must give the same run for ever, whatever a
-/// crate's next version does.
+/// of integer arithmetic rather than a crate, because a seed must give the same run for ever, and a crate may
+/// change.
 #[derive(Debug, Clone)]
 pub(crate) struct Random(u64);
 
@@ -33,8 +33,8 @@ impl Random {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// True with the given probability. Draws nothing where the answer is certain, so that a knob that is off
-    /// changes no other.
+    /// True with the given probability. Draws nothing where the answer is certain, so a setting that is off
+    /// changes no others.
     pub(crate) fn chance(&mut self, probability: f64) -> bool {
         probability > 0.0 && (probability >= 1.0 || self.unit() < probability)
     }

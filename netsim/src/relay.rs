@@ -12,11 +12,11 @@ use crate::random::Random;
 use crate::topology::{HostId, Topology};
 
 /// The links of a topology without machines: packets go in where they leave a machine, and come out where and
-/// when they arrive at another. The links are those of a [`Simulation`](crate::Simulation), and the same seed
-/// gives them the same fortunes.
+/// when they arrive at another. The links are those of a [`Simulation`](crate::Simulation), with the same
+/// random streams for the same seed.
 ///
-/// Sans-IO: whoever owns it keeps the time. Events that are due are made up for at their own time, however
-/// late the owner comes, so that lateness does not add up.
+/// Sans-IO: the owner keeps the time. Due events happen at their own times, however late the owner calls, so
+/// lateness does not add up.
 #[derive(Debug)]
 pub struct Relay<P> {
     fabric: Fabric<P>,
@@ -26,41 +26,41 @@ pub struct Relay<P> {
     delivered: u64,
 }
 
-/// A packet that has come to its machine.
+/// A packet that has arrived at its machine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Arrival<P> {
-    /// When.
+    /// The time.
     pub at: Instant,
     /// The machine.
     pub to: HostId,
     /// Its ECN field now: a queue may have marked it.
     pub ecn: Ecn,
-    /// What it is.
+    /// The packet.
     pub packet: P,
 }
 
-/// What became of the packets of all links, each packet counted once, however many links it takes.
+/// Delivery counts over all links. Each packet counts once, however many links it takes.
 ///
 /// At any time `sent + duplicated = delivered + mtu + queue + managed + lost + corrupted + underway`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Totals {
-    /// Left a machine.
+    /// Sent by a machine.
     pub sent: u64,
     /// Copies that links made.
     pub duplicated: u64,
-    /// Came to their machines.
+    /// Arrived at their machines.
     pub delivered: u64,
-    /// Were larger than a link takes.
+    /// Larger than a link's MTU.
     pub mtu: u64,
-    /// Found a queue full.
+    /// Dropped because a queue was full.
     pub queue: u64,
-    /// Were dropped to keep a queue short.
+    /// Dropped to keep a queue short.
     pub managed: u64,
-    /// Were lost on the way.
+    /// Lost on the way.
     pub lost: u64,
-    /// Were damaged on the way.
+    /// Damaged on the way.
     pub corrupted: u64,
-    /// Wait in a queue or are on a link.
+    /// In a queue or on a link.
     pub underway: u64,
 }
 
@@ -86,8 +86,7 @@ impl<P: Clone> Relay<P> {
         }
     }
 
-    /// A packet leaves its machine, and no token is told. Between machines that nothing joins it is dropped
-    /// and not counted.
+    /// A packet leaves its machine; tokens are not told. Without a path it is dropped and not counted.
     pub fn offer(&mut self, now: Instant, parcel: Parcel<P>) {
         if self.fabric.path_mtu(parcel.from, parcel.to).is_none() {
             return;
@@ -111,13 +110,13 @@ impl<P: Clone> Relay<P> {
         self.arrived.front().map(|arrival| arrival.at).or_else(|| self.events.next_at())
     }
 
-    /// What became of the packets of each direction of each link, in the order of [`Topology::link_names`].
+    /// The tally of each direction of each link, in the order of [`Topology::link_names`].
     #[must_use]
     pub fn links(&self) -> Vec<LinkTally> {
         self.fabric.tallies()
     }
 
-    /// What became of all packets.
+    /// The totals over all packets.
     #[must_use]
     pub fn totals(&self) -> Totals {
         let start = Totals { sent: self.offered, delivered: self.delivered, ..Totals::default() };
@@ -133,7 +132,7 @@ impl<P: Clone> Relay<P> {
         })
     }
 
-    /// Everything that is due happens.
+    /// Processes all due events.
     fn pass(&mut self, now: Instant) {
         while self.events.next_at().is_some_and(|at| at <= now) {
             let Some((at, event)) = self.events.next() else { return };
@@ -177,7 +176,7 @@ mod tests {
         let mut relay = Relay::new(&topology, 1);
         relay.offer(at(0), parcel(a, b, 'x'));
         relay.offer(at(0), parcel(a, c, 'y'));
-        // 1538 bytes on two lines, 5 us on each; nobody looks before a second has passed.
+        // 1538 bytes on two lines, 5 us on each; the first call comes after a second.
         assert_eq!(relay.next_at(), Some(at(123_040)));
         let mut got = Vec::new();
         while let Some(arrival) = relay.arrival(at(1_000_000_000)) {
@@ -210,7 +209,7 @@ mod tests {
         let (topology, [a, b, _]) = star(&model);
         let mut relay = Relay::new(&topology, 1);
         for packet in 0..2000 {
-            // A seventh more than the link takes.
+            // A seventh above the link's rate.
             let now = at(packet * 1_076_600);
             relay.offer(now, Parcel { ecn: Ecn::Capable0, ..parcel(a, b, ()) });
         }

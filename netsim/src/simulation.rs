@@ -18,10 +18,10 @@ use crate::topology::{HostId, Topology};
 use crate::wire::WireTally;
 use crate::world::World;
 
-/// A network in virtual time: time passes only where every task waits, and then at once.
+/// A network in virtual time: while every task waits, time jumps to the next event.
 ///
-/// Everything in it happens on the caller's thread and in an order that depends on the topology, the seed and
-/// the programs alone.
+/// Everything happens on the caller's thread, in an order that depends only on the topology, the seed and the
+/// programs.
 #[derive(Debug)]
 pub struct Simulation {
     world: Arc<World>,
@@ -30,7 +30,7 @@ pub struct Simulation {
 /// How long a simulation in step with a clock sleeps at most.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
-/// Nothing will ever happen again, and the program still waits.
+/// No event is left, and the program still waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("every task waits and nothing is under way, {} ns after the start", at.as_nanos())]
 pub struct Stalled {
@@ -45,11 +45,11 @@ impl Simulation {
         Self { world: Arc::new(World::new(topology, seed)) }
     }
 
-    /// Writes down every packet that a machine sends from now on, as pcapng: an interface a machine, times
-    /// since the start.
+    /// Captures every packet that a machine sends from now on, as pcapng: an interface for each machine,
+    /// times since the start.
     ///
     /// # Errors
-    /// When `out` takes nothing.
+    /// If `out` cannot be written.
     pub fn capture(&self, out: Box<dyn Write + Send>) -> Result<(), CaptureError> {
         let mut core = self.world.core();
         let capture = Capture::begin(out, core.names.iter().map(String::as_str))?;
@@ -57,10 +57,10 @@ impl Simulation {
         Ok(())
     }
 
-    /// Ends what [`Simulation::capture`] began.
+    /// Ends the capture begun by [`Simulation::capture`].
     ///
     /// # Errors
-    /// When a packet could not be written.
+    /// If a packet could not be written.
     pub fn end_capture(&self) -> Result<(), CaptureError> {
         let capture = self.world.core().capture.take();
         capture.map_or(Ok(()), Capture::end)
@@ -72,11 +72,11 @@ impl Simulation {
         SimNet { world: Arc::clone(&self.world), host, timer_grain: 1 }
     }
 
-    /// Runs `program` and the tasks that it spawns until it is done. The tasks that are left go on when
-    /// another one is run.
+    /// Runs `program` and the tasks that it spawns until it is done. Remaining tasks go on with the next
+    /// program.
     ///
     /// # Errors
-    /// When it waits for something that never comes.
+    /// If it waits and no event is left.
     pub fn run<F: Future>(&self, program: F) -> Result<F::Output, Stalled> {
         let mut program = pin!(program);
         let waker = self.world.executor.main();
@@ -91,8 +91,8 @@ impl Simulation {
         }
     }
 
-    /// Runs `program` and the tasks that it spawns in step with a clock, until it is done: what happens,
-    /// happens when its time has come. Tasks may wait for what other threads do; this one sleeps meanwhile.
+    /// Runs `program` and the tasks that it spawns until it is done, in step with a clock: each event happens
+    /// when its time has come. Tasks may wait for other threads; this one sleeps meanwhile.
     ///
     /// `clock` tells the time since the simulation began, and never goes back.
     pub fn run_in_step<F: Future>(&self, clock: impl Fn() -> Instant, program: F) -> F::Output {
@@ -122,27 +122,25 @@ impl Simulation {
         self.world.now()
     }
 
-    /// A hash of the trace so far: of every packet sent and every packet arrived, when, between whom, and how
-    /// large.
+    /// A hash of the trace so far: time, addresses and size of every packet sent and every packet arrived.
     #[must_use]
     pub fn trace_hash(&self) -> u64 {
         self.world.core().trace_hash()
     }
 
-    /// What became of the packets of each direction of each link, in the order in which the links were
-    /// joined.
+    /// The tally of each direction of each link, in the order in which the links were joined.
     #[must_use]
     pub fn links(&self) -> Vec<LinkTally> {
         self.world.core().fabric.tallies()
     }
 
-    /// What one machine sent to another.
+    /// The packets that one machine sent to another.
     #[must_use]
     pub fn sent(&self, from: HostId, to: HostId) -> WireTally {
         self.sent_by_class(from, to).into_values().fold(WireTally::default(), |all, tally| all + tally)
     }
 
-    /// What one machine sent to another, by what it was for.
+    /// The packets that one machine sent to another, by purpose.
     #[must_use]
     pub fn sent_by_class(&self, from: HostId, to: HostId) -> BTreeMap<Class, WireTally> {
         self.world.core().sent(from, to)
@@ -151,7 +149,7 @@ impl Simulation {
 
 impl Drop for Simulation {
     fn drop(&mut self) {
-        // Tasks hold the world and the world holds the tasks.
+        // The world and the tasks hold each other.
         self.world.executor.clear();
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, Unexpected};
 
-/// No time of a network is longer; so times can be added up.
+/// The longest time of a network, so that times can be added up.
 const LONGEST: Duration = Duration::from_secs(365 * 24 * 3600);
 
 /// A duration such as `5us` or `1ms 500us`; for serde's `deserialize_with`.

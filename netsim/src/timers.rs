@@ -15,7 +15,7 @@ pub(crate) struct Timers {
     runtimes: BTreeMap<HostId, Runtime>,
 }
 
-/// A timer. Only the earliest of its events counts; it adds another one where it was set to a later time
+/// A timer. Only the earliest of its events counts; it adds another one if the timer was set to a later time
 /// meanwhile.
 #[derive(Debug)]
 struct TimerState {
@@ -27,9 +27,8 @@ struct TimerState {
     queued: Option<Instant>,
 }
 
-/// What runs a machine's tasks. Where timers have a grain it counts time in ticks, and sleeps for a whole
-/// number of them from whenever it went to sleep: it wakes not on the tick but as long after it as it went to
-/// sleep after one.
+/// The runtime of a machine's tasks. With a timer grain it counts time in ticks, and sleeps for whole ticks
+/// from when it fell asleep. So it wakes as long after a tick as it fell asleep after one.
 #[derive(Debug)]
 struct Runtime {
     awake: Instant,
@@ -37,7 +36,7 @@ struct Runtime {
     ripe: Vec<usize>,
 }
 
-/// What comes of a timer's event.
+/// The result of a timer's event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Rung {
     /// Nothing more.
@@ -49,17 +48,17 @@ pub(crate) enum Rung {
 }
 
 impl Timers {
-    /// A timer that rings at no time until it is set.
+    /// Adds a timer that is not set.
     pub(crate) fn add(&mut self, host: HostId, grain: u64) -> usize {
         self.all.insert(TimerState { host, grain: grain.max(1), due: None, waker: None, queued: None })
     }
 
-    /// Takes a timer away; its waker is for the caller to drop, without the lock.
+    /// Removes a timer; the caller drops its waker without the lock.
     pub(crate) fn remove(&mut self, key: usize) -> Option<Waker> {
         self.all.try_remove(key).and_then(|timer| timer.waker)
     }
 
-    /// Sets a timer; gives when it has an event, unless it has one before that already.
+    /// Sets a timer. Returns the time of a new event, unless there is an earlier one.
     pub(crate) fn set(&mut self, key: usize, at: Instant) -> Option<Instant> {
         let timer = self.all.get_mut(key)?;
         let tick =
@@ -71,7 +70,7 @@ impl Timers {
         })
     }
 
-    /// Whether a timer's time has come. Whoever asks is awake.
+    /// Whether a timer is due. The caller's runtime is awake.
     pub(crate) fn poll(&mut self, now: Instant, key: usize, cx: &Context<'_>) -> Poll<()> {
         let Some(timer) = self.all.get_mut(key) else { return Poll::Pending };
         if timer.due.is_some_and(|due| due <= now) {
@@ -115,7 +114,7 @@ impl Timers {
         let runtime = self.runtime(host, now);
         runtime.awake = now;
         for key in std::mem::take(&mut runtime.ripe) {
-            // It may have been set to another time, or its key be another's by now.
+            // The timer may have been set again, or its key reused.
             let timer = self.all.get_mut(key).filter(|timer| timer.due.is_some_and(|due| due <= now));
             if let Some(waker) = timer.and_then(|timer| timer.waker.take()) {
                 waker.wake();

@@ -1,4 +1,4 @@
-//! Which machines there are and what joins them.
+//! Machines, and the links between them.
 
 use std::collections::VecDeque;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
@@ -13,8 +13,8 @@ pub struct HostId(pub(crate) usize);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NodeId(pub(crate) usize);
 
-/// Machines and links. Packets take the way with the fewest links, of several the one joined first; a switch
-/// stores each and forwards it.
+/// Machines and links. Packets take the path with the fewest links, and of equal ones the one joined first.
+/// Switches store and forward.
 #[derive(Debug, Clone, Default)]
 pub struct Topology {
     pub(crate) hosts: Vec<Host>,
@@ -39,7 +39,7 @@ pub(crate) struct Way {
 }
 
 impl Topology {
-    /// No machines.
+    /// An empty topology.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -73,7 +73,7 @@ impl Topology {
         NodeId(self.nodes.len() - 1)
     }
 
-    /// Where a machine is. A machine of another topology is taken for the first one.
+    /// The node of a machine. A machine of another topology gives the first one.
     #[must_use]
     pub fn node(&self, host: HostId) -> NodeId {
         self.hosts.get(host.0).map_or(NodeId(0), |host| host.node)
@@ -91,14 +91,13 @@ impl Topology {
         self.hosts.iter().position(|host| host.name == name).map(HostId)
     }
 
-    /// What each direction of each link joins, such as `first to switch`, in the order in which the links
+    /// The name of each direction of each link, such as `first to switch`, in the order in which the links
     /// were joined.
     pub fn link_names(&self) -> impl Iterator<Item = String> {
         self.pipes.iter().map(|way| format!("{} to {}", self.node_name(way.from), self.node_name(way.to)))
     }
 
-    /// A machine's name; a switch is called `switch` and, where there are several, has its number among them
-    /// behind that.
+    /// A machine's name. A switch is called `switch`, with its number behind that if there are several.
     fn node_name(&self, node: NodeId) -> String {
         let host = self.nodes.get(node.0).copied().flatten().and_then(|host| self.hosts.get(host.0));
         if let Some(host) = host {
@@ -122,7 +121,7 @@ impl Topology {
         (0..self.hosts.len()).map(HostId)
     }
 
-    /// What a machine is called.
+    /// The name of a machine.
     #[must_use]
     pub fn name(&self, host: HostId) -> Option<&str> {
         self.hosts.get(host.0).map(|host| host.name.as_str())

@@ -1,4 +1,4 @@
-//! What machines put on the wire, by layer.
+//! The bytes that machines put on the wire, by layer.
 
 use std::ops::{Add, AddAssign, Sub};
 
@@ -9,13 +9,13 @@ use serde::Serialize;
 pub struct WireTally {
     /// How many packets.
     pub packets: u64,
-    /// What UDP and TCP carry.
+    /// The payload of UDP and TCP.
     pub payload: u64,
     /// The headers of UDP and TCP, options included.
     pub transport_headers: u64,
     /// The headers of IP.
     pub ip_headers: u64,
-    /// What the link layer adds.
+    /// The bytes added by the link layer.
     pub link_layer: u64,
 }
 
@@ -26,7 +26,7 @@ impl WireTally {
         self.payload + self.headers()
     }
 
-    /// The bytes that are no payload.
+    /// The bytes that are not payload.
     #[must_use]
     pub const fn headers(&self) -> u64 {
         self.transport_headers + self.ip_headers + self.link_layer
@@ -56,7 +56,7 @@ impl AddAssign for WireTally {
 impl Sub for WireTally {
     type Output = Self;
 
-    /// What was added since the earlier tally `earlier`.
+    /// The difference to the earlier tally `earlier`.
     fn sub(self, earlier: Self) -> Self {
         Self {
             packets: self.packets.saturating_sub(earlier.packets),

@@ -1,4 +1,4 @@
-//! All that there is in a simulation: the time, what will happen, machines and links.
+//! The state of a simulation: time, events, machines and links.
 
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ use crate::timers::{Rung, Timers};
 use crate::topology::{HostId, Topology};
 use crate::wire::WireTally;
 
-/// The world, shared by all sockets and timers in it. One thread at a time lives in it.
+/// The world, shared by all sockets and timers in it. One thread at a time uses it.
 #[derive(Debug)]
 pub(crate) struct World {
     pub(crate) executor: Executor,
@@ -32,16 +32,16 @@ pub(crate) struct World {
     core: Mutex<Core>,
 }
 
-/// What the lock protects.
+/// The state behind the lock.
 pub(crate) struct Core {
     pub(crate) now: Instant,
     pub(crate) random: Random,
     pub(crate) timers: Timers,
     pub(crate) sockets: BTreeMap<u32, UdpState>,
-    /// Which socket has a UDP port of a host.
+    /// The socket of each UDP port of a host.
     pub(crate) udp_ports: BTreeMap<(HostId, u16), u32>,
     pub(crate) tcp: BTreeMap<u32, TcpState>,
-    /// Which connection belongs to a port of a host and its peer's address.
+    /// The connection of each port of a host and peer's address.
     pub(crate) tcp_ports: BTreeMap<(HostId, u16, SocketAddr), u32>,
     pub(crate) listeners: BTreeMap<(HostId, u16), ListenerState>,
     /// Packets are passed on from queue to queue: by pointer.
@@ -54,7 +54,7 @@ pub(crate) struct Core {
     pub(crate) capture: Option<Capture>,
 }
 
-/// What will happen.
+/// A future event.
 #[derive(Debug, Clone, Copy)]
 enum Event {
     Timer(usize),
@@ -107,7 +107,7 @@ impl World {
         Instant::from_nanos(self.now.load(Ordering::Relaxed))
     }
 
-    /// Goes on to the next event after which a task has something to do; false if there is none.
+    /// Advances to the next event that wakes a task; false if there is none.
     pub(crate) fn go_on(&self) -> bool {
         self.go_on_until(Instant::from_nanos(u64::MAX))
     }
@@ -126,7 +126,7 @@ impl World {
         false
     }
 
-    /// It is this late now, and nothing has happened since the last event. Gives the time of the next one.
+    /// Advances to `now`, without events since the last one. Returns the time of the next one.
     pub(crate) fn idle_until(&self, now: Instant) -> Option<Instant> {
         let mut core = self.core();
         self.pass(&mut core, now);
@@ -153,7 +153,7 @@ impl Core {
         }
     }
 
-    /// A machine's runtime has something to do.
+    /// Wakes a machine's runtime.
     pub(crate) fn rouse(&mut self, host: HostId) {
         self.timers.rouse(self.now, host);
     }
@@ -190,7 +190,7 @@ impl Core {
         self.events.add(at.max(self.now), Event::Tcp(number));
     }
 
-    /// What one machine sent to another, by purpose.
+    /// The packets that one machine sent to another, by purpose.
     pub(crate) fn sent(&self, from: HostId, to: HostId) -> BTreeMap<Class, WireTally> {
         let sent = self.wire.iter().filter(|((f, t, _), _)| (*f, *t) == (from, to));
         sent.map(|((_, _, class), tally)| (*class, *tally)).collect()
@@ -248,8 +248,8 @@ impl Core {
         }
     }
 
-    /// Adds a packet to the trace: when, where from and to, what and how large. Not its contents, which
-    /// differ where they are encrypted.
+    /// Adds a packet to the trace: time, addresses, kind and size. Encrypted contents differ from run to run,
+    /// so contents are left out.
     fn note(&mut self, what: u8, packet: &Packet) {
         let mut record = [0; 24];
         let mut rest = record.as_mut_slice();

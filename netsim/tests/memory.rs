@@ -1,5 +1,5 @@
-//! What a simulation holds is bounded by what is under way: an hour takes no more than a minute. Alone in its
-//! program, whose allocator counts.
+//! The memory of a simulation is bounded by the packets in flight: an hour takes no more than a minute. Alone
+//! in its program, whose allocator counts.
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 
 use std::alloc::System;
@@ -18,7 +18,7 @@ static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 /// Bytes that are held now.
 fn held() -> isize {
     let stats = ALLOCATOR.stats();
-    // What was made larger or smaller counts among these, by how much.
+    // Reallocations count here by their change in size.
     stats.bytes_allocated as isize - stats.bytes_deallocated as isize
 }
 

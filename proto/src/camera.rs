@@ -5,11 +5,11 @@ use trimaran_wire::Fixed;
 
 use crate::{FrameNumber, ViewVersion};
 
-/// A perspective camera, the frame it is meant for, and the view state in which that is seen.
+/// A perspective camera, the frame it is for, and the view state of that frame.
 ///
 /// World space is right-handed, in metres. Camera space is right-handed: x right, y up, looking down -z. The
-/// projection is reversed-z with an infinite far plane; `near` is in metres. Pixels are square, so that width
-/// over height is that of the picture, whose size is part of the view state.
+/// projection is reversed-z with an infinite far plane; `near` is in metres. Pixels are square: the aspect
+/// ratio is that of the picture, whose size is part of the view state.
 ///
 /// A `Camera` is always valid: its only constructors check. Eye and orientation are `f64` because plants sit
 /// at survey coordinates of 10^6 metres and more.
@@ -47,11 +47,11 @@ impl Camera {
     pub const SIZE: usize = 72;
 
     /// A camera at `eye` (metres, world), turned by the unit quaternion `orientation` (x, y, z, w; camera to
-    /// world), with the tangent of half its vertical field of view, and its near distance in metres. It is
-    /// seen in the view state of version 0.
+    /// world), with the tangent of half its vertical field of view, and its near distance in metres. Its view
+    /// state is version 0.
     ///
     /// # Errors
-    /// Says which of the values is not a camera's.
+    /// Names the invalid value.
     pub fn new(
         eye: [f64; 3],
         orientation: [f64; 4],
@@ -100,7 +100,7 @@ impl Camera {
         self.tan_half_fov_y
     }
 
-    /// The version of the view state in which the frame is seen.
+    /// The version of the frame's view state.
     #[must_use]
     pub const fn view(&self) -> ViewVersion {
         self.view
@@ -112,7 +112,7 @@ impl Camera {
         self.near
     }
 
-    /// The frame this camera is meant for.
+    /// The frame this camera is for.
     #[must_use]
     pub const fn frame(&self) -> FrameNumber {
         self.frame
@@ -130,7 +130,7 @@ impl Camera {
         Self { view, ..self }
     }
 
-    /// The 72 bytes that travel, little-endian: eye 3 x f64, orientation 4 x f64, tan half fov f32, view
+    /// The 72 bytes on the wire, little-endian: eye 3 x f64, orientation 4 x f64, tan half fov f32, view
     /// version u32, near f32, frame u32.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; Self::SIZE] {
@@ -156,7 +156,7 @@ impl Camera {
     /// Reads a camera from its 72 bytes.
     ///
     /// # Errors
-    /// As [`Camera::new`]: whatever the bytes hold, a `Camera` that exists is valid.
+    /// As [`Camera::new`]: bytes of an invalid camera are refused.
     pub fn from_bytes(bytes: &[u8; Self::SIZE]) -> Result<Self, CameraError> {
         let mut doubles = [0.0; 7];
         for (value, chunk) in doubles.iter_mut().zip(bytes.as_chunks::<8>().0) {

@@ -5,11 +5,11 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use trimaran_wire::{Batch, Item};
 
-/// A scene node at one of its levels of detail: what a role draws.
+/// A scene node at one of its levels of detail: the unit that roles draw.
 ///
 /// It indexes the drawables of the scene that all three roles hold (their [`SceneHash`]es agree), so a `u32`
-/// says everything. The paper (section 3.3) sends node ids and lets each receiver choose a level; naming the
-/// level makes HC and RVG agree bit for bit.
+/// is enough. The paper (section 3.3) sends node ids and lets each receiver choose a level; naming the level
+/// makes HC and RVG agree bit for bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct DrawableId(pub u32);
@@ -42,8 +42,8 @@ impl Item for DrawableId {
     }
 }
 
-/// The bytes of one id on the wire: a `u32`, little-endian, never a varint, so that the bandwidth formula
-/// counts what travels.
+/// The bytes of one id on the wire: a `u32`, little-endian, never a varint, so that the bandwidth formula is
+/// exact.
 pub const ID_BYTES: usize = <DrawableId as Item>::SIZE;
 
 /// A batch of ids.

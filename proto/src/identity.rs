@@ -1,4 +1,4 @@
-//! Who a peer is, whether it is taken, and how it leaves.
+//! Identities of peers, and reasons to refuse them or to close a link.
 
 use std::fmt;
 
@@ -7,13 +7,13 @@ use trimaran_wire::{CloseReason, Rejection};
 
 use crate::{SceneOutline, Settings};
 
-/// What a peer does in a session.
+/// A peer's role in a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Draws the occluders (OR) of the frames that it is dealt, and culls them (HC).
+    /// Draws the occluders (OR) of its frames, and culls them (HC).
     Culler,
-    /// Renders the visible geometry (RVG), owns the camera and deals frames to cullers.
+    /// Renders the visible geometry (RVG), owns the camera and assigns frames to cullers.
     Display,
 }
 
@@ -26,42 +26,42 @@ impl fmt::Display for Role {
     }
 }
 
-/// What links and keys know the role by.
+/// The role's name in links and keys.
 impl From<Role> for String {
     fn from(role: Role) -> Self {
         role.to_string()
     }
 }
 
-/// The session that a link is for: a random number of the display, which keeps it when it is started again.
+/// The session of a link: a random number that the display keeps when it restarts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct SessionKey(pub u64);
 
-/// What a peer is, and what it holds.
+/// A peer's role, scene and session.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
-    /// What it does.
+    /// The peer's role.
     pub role: Role,
-    /// The scene it holds. A display may hold none, and show what its cullers hold.
+    /// The peer's scene. A display without one shows its cullers' scene.
     pub scene: Option<SceneOutline>,
-    /// The session, and what the display has decided for it. A display names its own, and a culler that
-    /// meets another one theirs; a culler that serves whoever comes has none.
+    /// The session, and the display's settings for it. A display names its own, and a culler that connects to
+    /// another culler names theirs. A culler that serves any display names none.
     pub session: Option<(SessionKey, Settings)>,
 }
 
-/// Why a listener does not take a peer.
+/// Why a listener refuses a peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub enum RejectionCode {
     /// The scenes differ.
     Scene = 1,
-    /// A display came to a display, or a culler without a session to a culler.
+    /// A display connected to a display, or a culler without a session to a culler.
     Role = 3,
 }
 
 impl RejectionCode {
-    /// Whether this is why.
+    /// Whether `rejection` has this code.
     #[must_use]
     pub const fn is_of(self, rejection: &Rejection) -> bool {
         rejection.code == self as u16
@@ -69,10 +69,10 @@ impl RejectionCode {
 }
 
 impl Identity {
-    /// Whether `self`, listening, takes `connector`.
+    /// Whether `self`, the listener, admits `connector`.
     ///
     /// # Errors
-    /// The first of scene and role in which the two do not go together.
+    /// The first mismatch, of scene or role.
     pub fn admits(&self, connector: &Self) -> Result<(), Rejection> {
         if let (Some(ours), Some(theirs)) = (self.scene, connector.scene)
             && ours != theirs
@@ -94,24 +94,24 @@ impl Identity {
     }
 }
 
-/// How a peer leaves.
+/// Why a peer closes a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub enum CloseCode {
     /// The session is over: all frames are done.
     Finished = 0,
-    /// Someone stopped the peer (Ctrl-C).
+    /// A user stopped the peer (Ctrl-C).
     Interrupted = 1,
     /// The peer cannot go on.
     Failed = 2,
-    /// The peer's graphics device failed or hangs. It ends, and may be started again.
+    /// The peer's graphics device failed or hangs. The peer ends, and may be restarted.
     DeviceFailed = 4,
     /// The peer has another link for the same session.
     Replaced = 5,
 }
 
 impl CloseCode {
-    /// What a peer says that leaves for this reason; `why` is for people, and may be empty.
+    /// The close reason with this code; `why` is for people, and may be empty.
     #[must_use]
     pub fn because(self, why: &str) -> CloseReason {
         let what = match self {
@@ -125,13 +125,13 @@ impl CloseCode {
         CloseReason::new(self as u16, &text)
     }
 
-    /// What a peer says that leaves for this reason.
+    /// The close reason with this code.
     #[must_use]
     pub fn reason(self) -> CloseReason {
         self.because("")
     }
 
-    /// Why a peer left that said so; none for what no peer of this version says.
+    /// The code of a close reason; `None` if this version does not know it.
     #[must_use]
     pub fn of(reason: &CloseReason) -> Option<Self> {
         [Self::Finished, Self::Interrupted, Self::Failed, Self::DeviceFailed, Self::Replaced]

@@ -1,8 +1,8 @@
-//! What Trimaran's roles say to each other: cameras, ids of what is visible, and who they are.
+//! Messages between Trimaran's roles: cameras, visible ids and identities.
 //!
-//! [`Walkthrough`] puts it together as the protocol of an application: how the bytes get from one role to the
-//! other is the business of links, which know nothing of it. Sans-IO: nothing here touches a socket, a clock
-//! or a GPU. `WIRE.md` beside this crate specifies every byte.
+//! [`Walkthrough`] combines them into an application protocol. Links carry its bytes and know nothing of
+//! their meaning. Sans-IO: nothing here touches a socket, a clock or a GPU. `WIRE.md` beside this crate
+//! specifies every byte.
 //!
 //! ```
 //! use trimaran_proto::{Camera, FrameNumber, Walkthrough};

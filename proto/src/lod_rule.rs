@@ -1,9 +1,9 @@
-//! When a level of detail is good enough: the same rule in every role.
+//! LOD selection: the same rule in every role.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// When a level of detail is good enough.
+/// The LOD selection rule: when a level of detail is good enough.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "(f64, bool)", into = "(f64, bool)")]
 pub struct LodRule {
@@ -11,7 +11,7 @@ pub struct LodRule {
     few_pixels: bool,
 }
 
-/// An error bound that no rule can have.
+/// An invalid error bound.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("an error bound of {0} pixels: it must be a finite number above 0")]
 pub struct LodRuleError(pub f64);
@@ -29,10 +29,9 @@ impl LodRule {
         }
     }
 
-    /// The same rule with the paper's section 4.5.2 on or off: a node whose box shows at fewer pixels than
-    /// the error bound is drawn as it is and not refined. That compares a count with a length, and it
-    /// makes what is drawn depend on what is visible: the exactness of culling does not hold under it.
-    /// Off unless asked for.
+    /// The same rule with the paper's section 4.5.2 on or off (default: off). When on, a node whose box
+    /// covers fewer pixels than the error bound is not refined. This compares a count with a length. The
+    /// drawn levels then depend on visibility, so culling is no longer exact.
     #[must_use]
     pub const fn stopping_at_few_pixels(self, on: bool) -> Self {
         Self { few_pixels: on, ..self }

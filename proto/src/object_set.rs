@@ -13,32 +13,32 @@ pub struct ObjectSet {
     runs: Vec<Range<u32>>,
 }
 
-/// What was read as a set of objects goes beyond the last number.
+/// A set of objects that was read exceeds the largest number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("a set of objects is empty in places, or goes beyond number 4294967295")]
 pub struct ObjectSetError;
 
 impl ObjectSet {
-    /// Whether the object is in it.
+    /// Whether the set contains the object.
     #[must_use]
     pub fn contains(&self, object: u32) -> bool {
         let later = self.runs.partition_point(|run| run.end <= object);
         self.runs.get(later).is_some_and(|run| run.contains(&object))
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.runs.is_empty()
     }
 
-    /// The one with the largest number.
+    /// The object with the largest number.
     #[must_use]
     pub fn last(&self) -> Option<u32> {
         self.runs.last().map(|run| run.end - 1)
     }
 
-    /// How many there are.
+    /// The number of objects.
     #[must_use]
     pub fn len(&self) -> usize {
         self.runs.iter().map(ExactSizeIterator::len).sum()
@@ -71,8 +71,8 @@ impl FromIterator<u32> for ObjectSet {
     }
 }
 
-/// As gaps and lengths: how far a run begins above where the last one could have, and how many more than one
-/// it has.
+/// As gaps and lengths. A gap counts from the lowest possible start of the run; a length is one less than the
+/// run's.
 impl TryFrom<Vec<(u32, u32)>> for ObjectSet {
     type Error = ObjectSetError;
 

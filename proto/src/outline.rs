@@ -1,11 +1,11 @@
-//! What a display knows of a scene before it holds any of it.
+//! A scene's outline, which a display knows before it holds any of the scene.
 
 use serde::{Deserialize, Serialize};
 
 use crate::SceneHash;
 
-/// Which scene, and how many records of each kind it has: whoever holds none of it judges by this what it
-/// is sent.
+/// A scene's fingerprint and its number of records of each kind. A display without the scene checks what it
+/// receives against these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct SceneOutline {
     /// The scene's fingerprint.
@@ -21,7 +21,7 @@ pub struct SceneOutline {
 }
 
 impl From<SceneHash> for SceneOutline {
-    /// A scene of which nothing but its fingerprint matters.
+    /// An outline where only the fingerprint matters.
     fn from(hash: SceneHash) -> Self {
         Self { hash, ..Self::default() }
     }

@@ -1,4 +1,4 @@
-//! Sections: what a user cuts away to look inside.
+//! Sections: cuts through the scene that let a user look inside.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -11,7 +11,7 @@ pub struct SectionPlane {
     direction: [f64; 3],
 }
 
-/// Cuts away what is outside a box.
+/// Cuts away everything outside a box.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "[[f64; 3]; 2]", into = "[[f64; 3]; 2]")]
 pub struct SectionBox {
@@ -28,12 +28,12 @@ pub enum Section {
     Box(SectionBox),
 }
 
-/// Up to six sections. What none of them cuts away is seen.
+/// Up to six sections. A point is visible if none of them cuts it away.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Section>", into = "Vec<Section>")]
 pub struct Sections([Option<Section>; Self::MOST]);
 
-/// Why something is no section.
+/// Why a section is invalid.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[non_exhaustive]
 pub enum SectionError {
@@ -56,7 +56,7 @@ impl SectionPlane {
     /// the clipping planes of BCF do. The direction's length does not matter.
     ///
     /// # Errors
-    /// If a coordinate is not finite, or the direction is none.
+    /// If a coordinate is not finite, or the direction is invalid.
     pub fn new(location: [f64; 3], direction: [f64; 3]) -> Result<Self, SectionError> {
         if !location.iter().chain(&direction).all(|c| c.is_finite()) {
             return Err(SectionError::NotFinite);
@@ -65,7 +65,7 @@ impl SectionPlane {
         if !(1e-100..=1e100).contains(&length) {
             return Err(SectionError::Direction);
         }
-        // What was normalized once stays as it is, so that it reads back as it was written.
+        // A unit vector stays as it is, so that it reads back as it was written.
         let unit = (length - 1.0).abs() < 1e-15;
         let direction = if unit { direction } else { direction.map(|c| c / length) };
         Ok(Self { location, direction })
@@ -77,7 +77,7 @@ impl SectionPlane {
         self.location
     }
 
-    /// Towards what is cut away, of unit length.
+    /// A unit vector towards the side that is cut away.
     #[must_use]
     pub const fn direction(&self) -> [f64; 3] {
         self.direction
@@ -85,10 +85,10 @@ impl SectionPlane {
 }
 
 impl SectionBox {
-    /// Keeps what is between the corners `min` and `max` (metres, world).
+    /// Keeps the space between the corners `min` and `max` (metres, world).
     ///
     /// # Errors
-    /// If a coordinate is not finite, or nothing is between the corners.
+    /// If a coordinate is not finite, or the box is empty.
     pub fn new(min: [f64; 3], max: [f64; 3]) -> Result<Self, SectionError> {
         if !min.iter().chain(&max).all(|c| c.is_finite()) {
             return Err(SectionError::NotFinite);
@@ -113,9 +113,9 @@ impl SectionBox {
 }
 
 impl Sections {
-    /// How many there can be.
+    /// The largest number of sections.
     pub const MOST: usize = 6;
-    /// Nothing is cut away.
+    /// No sections.
     pub const NONE: Self = Self([None; Self::MOST]);
 
     /// These sections.
@@ -138,13 +138,13 @@ impl Sections {
         self.0.iter().flatten()
     }
 
-    /// Whether there is none.
+    /// Whether there are no sections.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         matches!(self.0, [None, ..])
     }
 
-    /// The planes that bound what is kept, at most 36: those given, and the six of each box.
+    /// The planes that bound the kept space, at most 36: those given, and the six of each box.
     pub fn planes(&self) -> impl Iterator<Item = SectionPlane> + '_ {
         self.iter().flat_map(|section| match section {
             Section::Plane(plane) => vec![*plane],

@@ -1,4 +1,4 @@
-//! What the display decides for the whole session.
+//! The display's settings for a session.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,19 +8,18 @@ use thiserror::Error;
 
 use crate::{BatchSize, IdCoding, LodRule, Viewport};
 
-/// What the display decides for itself and its cullers. It travels in the handshake; each field is valid by
-/// its type.
+/// The display's settings for itself and its cullers, sent in the handshake. Each field is valid by its type.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// The size of the picture and of the culling depth buffer.
     pub viewport: Viewport,
-    /// When a level of detail is good enough.
+    /// The LOD selection rule.
     pub lod: LodRule,
-    /// How many ids a batch holds at most.
+    /// The largest number of ids in a batch.
     pub batch: BatchSize,
-    /// How ids travel where links are not within one process.
+    /// The coding of ids on links between processes.
     pub coding: IdCoding,
-    /// How a culler tests boxes for visibility. A rule that stops at few pixels needs one that counts them.
+    /// The occlusion test. A LOD rule that stops at few pixels needs a test that counts pixels.
     pub occlusion_test: OcclusionTestKind,
 }
 
@@ -66,7 +65,7 @@ pub enum SettingsError {
         /// Pixels.
         height: u32,
     },
-    /// The text names no size.
+    /// The text is not a size.
     #[error("{0:?} is no size of a picture: give WIDTHxHEIGHT, such as 1920x1080")]
     NoSize(String),
     /// No coding has this name.
@@ -77,7 +76,7 @@ pub enum SettingsError {
     OcclusionTest(String),
 }
 
-/// How a culler tests whether a node's box is visible.
+/// The occlusion test for a node's box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum OcclusionTestKind {
     /// Precise occlusion queries: the paper's method.

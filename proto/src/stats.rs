@@ -1,4 +1,4 @@
-//! What a culler says of its own work on a frame.
+//! A culler's statistics of its own work on a frame.
 
 use std::ops::{Add, Sub};
 
@@ -6,25 +6,24 @@ use serde::{Deserialize, Serialize};
 
 use crate::FrameNumber;
 
-/// What a culler did for a frame: OR, then HC. It follows the frame's end, for reports;
-/// nothing waits for it.
+/// A culler's work on a frame: OR, then HC. It follows the frame's end and is for reports; nothing waits for
+/// it.
 ///
 /// Times are nanoseconds on the sender's own clock. [`FrameStats::hc_start_ns`] is when it sent the frame's
-/// begin: a receiver that notes when that came can place the others on its own clock, late by the link's
-/// one-way delay. Where roles of one process take turns and others computed in the midst of HC, its work
-/// counts as one piece that ends at [`FrameStats::hc_end_ns`].
+/// begin. A receiver that notes the begin's arrival can place the others on its own clock, late by the link's
+/// one-way delay. Where roles of one process take turns, HC's work counts as one piece that ends at
+/// [`FrameStats::hc_end_ns`], even if other roles computed in between.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FrameStats {
     /// The frame, as the display numbers it.
     pub frame: FrameNumber,
     /// The frame whose visible set OR drew from, if there was one before.
     pub occluders_of: Option<FrameNumber>,
-    /// When OR began: the camera was there, and the occluders or the first of them.
+    /// When OR began: the camera and at least the first occluders were there.
     pub or_start_ns: u64,
     /// When OR was complete.
     pub or_end_ns: u64,
-    /// Of that, the time in which it worked and did not wait for ids: the depth is drawn, and ready to be
-    /// tested against.
+    /// Of that, the time OR worked and did not wait for ids. At its end the depth is ready for tests.
     pub or_busy_ns: u64,
     /// When HC began.
     pub hc_start_ns: u64,
@@ -34,12 +33,11 @@ pub struct FrameStats {
     pub occluders: u32,
     /// Their triangles.
     pub occluder_triangles: u64,
-    /// What HC did, in all rounds.
+    /// HC's work in all rounds.
     pub culling: CullCounts,
-    /// What further rounds were part of it.
+    /// The part of further rounds in it.
     pub rounds: RoundCounts,
-    /// What it sent to another culler for the frame (the schedule `switch`); what the display got, the
-    /// display counts itself.
+    /// Bytes sent to the other culler for the frame (the schedule `switch`). The display counts its own.
     pub to_other: SentBytes,
 }
 
@@ -57,7 +55,7 @@ pub struct SentBytes {
     pub end: u64,
     /// Statistics and other control messages.
     pub control: u64,
-    /// Geometry for a display without the scene, and what that says of it.
+    /// Geometry for a display without the scene, and that display's messages about it.
     pub geometry: u64,
     /// Headers.
     pub headers: u64,
@@ -93,7 +91,7 @@ impl Add for SentBytes {
 impl Sub for SentBytes {
     type Output = Self;
 
-    /// What was sent since `earlier`.
+    /// The bytes sent since `earlier`.
     fn sub(self, earlier: Self) -> Self {
         Self {
             camera: self.camera - earlier.camera,
@@ -108,11 +106,11 @@ impl Sub for SentBytes {
     }
 }
 
-/// What HC's walk down the tree did. Each node it came to is counted once among `outside`, `hidden`,
-/// `emitted` and `refined`.
+/// HC's tree traversal in numbers. Each visited node is counted once among `outside`, `hidden`, `emitted` and
+/// `refined`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct CullCounts {
-    /// Nodes it came to.
+    /// Nodes visited.
     pub visited: u32,
     /// Nodes outside the frustum.
     pub outside: u32,
@@ -120,32 +118,32 @@ pub struct CullCounts {
     pub tested: u32,
     /// Boxes found hidden.
     pub hidden: u32,
-    /// Visible untested: a corner is nearer than the near plane.
+    /// Visible without a test: a corner is nearer than the near plane.
     pub near_visible: u32,
-    /// Visible untested: the eye is in the inflated box.
+    /// Visible without a test: the eye is in the inflated box.
     pub eye_inside: u32,
-    /// Visible untested: a coordinate is not a finite f32.
+    /// Visible without a test: a coordinate is not a finite f32.
     pub not_finite: u32,
-    /// Drawn too coarsely because they show at few pixels
+    /// Drawn too coarsely because they cover few pixels
     /// ([`LodRule::stopping_at_few_pixels`](crate::LodRule::stopping_at_few_pixels)).
     pub few_pixels: u32,
     /// Drawables sent.
     pub emitted: u32,
     /// Visible nodes that were too coarse.
     pub refined: u32,
-    /// Batches of box tests.
+    /// Batches of occlusion tests.
     pub batches: u32,
 }
 
-/// What HC did in further rounds: after the first traversal it draws more occluders, and tests again what it
-/// found.
+/// HC's work in further rounds. After the first traversal it draws more occluders, and tests its results
+/// again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct RoundCounts {
     /// Further rounds: 0 in most frames.
     pub further: u32,
     /// Triangles of the occluders that were drawn in them.
     pub occluder_triangles: u64,
-    /// The time in which these were drawn.
+    /// The time spent drawing them.
     pub drawing_ns: u64,
     /// Boxes tested again.
     pub tested: u32,

@@ -1,6 +1,6 @@
-//! What travels on the bulk lane: geometry for a display that holds none, and what the display says of it.
+//! The bulk lane: geometry for a display that holds none, and that display's messages about it.
 //!
-//! A block holds items one behind the other, each as postcard writes it. A culler sends [`Supply`], a display
+//! A block holds consecutive items, each encoded by postcard. A culler sends [`Supply`], a display
 //! [`Demand`].
 
 use bytes::Bytes;
@@ -12,68 +12,68 @@ use trimaran_wire::MAX_BLOCK;
 use crate::varint::{get_varint, put_varint};
 use crate::{DrawableId, FrameNumber};
 
-/// What a culler sends to a display that holds no scene.
+/// Items from a culler to a display that holds no scene.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Supply {
-    /// What drawing needs of drawables beside their geometry, packed by `trimaran-scene`.
+    /// Records that drawing needs of drawables beside their geometry, packed by `trimaran-scene`.
     Entries {
         /// The packed records.
         packed: Bytes,
     },
-    /// The next part of a piece of geometry, as it lies in the scene's file. The parts of a piece come one
-    /// after the other, and nothing between them but other items than parts.
+    /// The next part of a piece of geometry, as in the scene's file. The parts of a piece come in order, with
+    /// no parts of other pieces in between.
     Geometry {
         /// The number of the piece.
         number: u32,
         /// The bytes of the whole piece.
         length: u32,
-        /// Where in it this part begins.
+        /// The offset of this part in the piece.
         offset: u32,
         /// The part.
         part: Bytes,
     },
-    /// A coarser drawable that may be shown in the place of others until these have come.
+    /// A coarser drawable that may be shown in place of others until these have arrived.
     StandIn {
         /// Its id.
         id: DrawableId,
-        /// What it stands in for.
+        /// The drawables that it stands in for.
         drawables: NumberList,
     },
-    /// These pieces of geometry come next, or have come, though no frame needs them yet.
+    /// Prefetched geometry, sent or about to be sent, that no frame needs yet.
     Ahead {
         /// The pieces.
         geometries: NumberList,
     },
 }
 
-/// What a display without a scene says to the culler that supplies it.
+/// Items from a display without a scene to the culler that supplies it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Demand {
-    /// From now on send what becomes visible.
+    /// Asks for everything that becomes visible from now on.
     Begin {
-        /// Whether coarser drawables are sent first, which stand in for what is still to come.
+        /// Whether coarser drawables are sent first, as stand-ins for geometry still to come.
         coarser_first: bool,
-        /// How many bytes of geometry may come before a frame needs them, as long as none has used them. Such
-        /// bytes count for ten seconds. With 0 none come.
+        /// The limit of prefetched geometry that no frame has used, in bytes. Such bytes count for ten
+        /// seconds. 0 turns prefetching off.
         ahead: u64,
     },
-    /// Send nothing more: another culler does.
+    /// Ends the supply: another culler takes over.
     End,
-    /// What the display has already.
+    /// Data that the display already has.
     Holds {
         /// Drawables whose records it has.
         drawables: NumberList,
         /// Pieces of geometry.
         geometries: NumberList,
     },
-    /// A frame needs drawables that are not all there.
+    /// A frame needs drawables of which some are missing.
     Lacks {
         /// The frame, as the display numbers it.
         frame: FrameNumber,
-        /// Bytes of blocks that the display had taken from this culler when it looked: what was sent
-        /// since may still be on its way.
+        /// Bytes of blocks that the display had taken from this culler by then. Later blocks may still be in
+        /// flight.
         taken: u64,
         /// The drawables.
         drawables: NumberList,
@@ -88,7 +88,7 @@ pub enum Demand {
         /// Bytes.
         bytes: u64,
     },
-    /// A frame was shown: nobody needs any more what only it and frames before it lack.
+    /// A frame was shown. Data that only this frame and earlier ones lack is no longer needed.
     Shown {
         /// The frame, as the display numbers it.
         frame: FrameNumber,
@@ -100,7 +100,7 @@ pub enum Demand {
 #[error("an item of the bulk lane cannot be read")]
 pub struct BulkError(#[from] postcard::Error);
 
-/// Appends an item to a block. Gives false, and leaves the block as it was, where it has no room for it.
+/// Appends an item to a block. If it has no room, returns false and leaves the block as it was.
 #[must_use]
 pub fn put_item(block: &mut Vec<u8>, item: &impl Serialize) -> bool {
     match postcard::to_stdvec(item) {
@@ -115,7 +115,7 @@ pub fn put_item(block: &mut Vec<u8>, item: &impl Serialize) -> bool {
 /// The items of a block.
 ///
 /// # Errors
-/// If a byte of it is not of an item.
+/// If a byte is not part of an item.
 pub fn items<T: DeserializeOwned>(mut block: &[u8]) -> Result<Vec<T>, BulkError> {
     let mut items = Vec::new();
     while !block.is_empty() {
@@ -126,15 +126,15 @@ pub fn items<T: DeserializeOwned>(mut block: &[u8]) -> Result<Vec<T>, BulkError>
     Ok(items)
 }
 
-/// Numbers that rise. On the wire each is a varint: how much larger it is than the one before and 1.
+/// Rising numbers. On the wire each is a varint: its difference from the one before, minus 1.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct NumberList(Vec<u32>);
 
 impl NumberList {
-    /// So many numbers fit into a block, however large they are.
+    /// This many numbers fit into a block, however large they are.
     pub const MOST: usize = 3_000;
 
-    /// These numbers in order, each once.
+    /// Sorts these numbers and removes duplicates.
     #[must_use]
     pub fn of(mut numbers: Vec<u32>) -> Self {
         numbers.sort_unstable();
@@ -142,12 +142,12 @@ impl NumberList {
         Self(numbers)
     }
 
-    /// The same as lists that fit into a block each.
+    /// Splits the list into lists that each fit into a block.
     pub fn parts(&self) -> impl Iterator<Item = Self> + '_ {
         self.0.chunks(Self::MOST).map(|part| Self(part.to_vec()))
     }
 
-    /// Whether there are none.
+    /// Whether the list is empty.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.0.is_empty()

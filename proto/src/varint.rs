@@ -1,5 +1,5 @@
-//! Numbers of 7 bits a byte, low bits first, the top bit set on all but the last: as in postcard, but
-//! shortest form or not is not judged.
+//! Varints as in postcard: 7 bits a byte, low bits first, the top bit set on all but the last. Overlong forms
+//! are accepted.
 
 use bytes::BufMut;
 

@@ -1,50 +1,50 @@
-//! What a user sees of a scene beside the camera: the view state.
+//! The view state: how a user sees a scene, apart from the camera.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::{LodRule, ObjectSet, OcclusionTestKind, RoleMessage, Sections, Settings, Viewport};
 
-/// Which view state it is: a session's changes are counted. Version 0 is what the [`Settings`] of the
-/// handshake say, with nothing cut away or hidden, and see-through what the model has so.
+/// The version of a view state: it counts a session's changes. Version 0 has the [`Settings`] of the
+/// handshake, nothing cut away or hidden, and the model's own see-through objects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct ViewVersion(pub u32);
 
-/// What a user can change while walking. A camera names the version that its frame is seen in, and OR, HC and
-/// RVG of that frame obey the same one.
+/// The settings that a user can change in a walkthrough. A camera names the version of its frame; OR, HC and
+/// RVG of that frame use the same one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ViewState {
     /// The size of the picture and of the culling depth buffer.
     pub viewport: Viewport,
-    /// When a level of detail is good enough.
+    /// The LOD selection rule.
     pub lod: LodRule,
-    /// How boxes are tested for visibility.
+    /// The occlusion test.
     pub occlusion_test: OcclusionTestKind,
-    /// What is cut away.
+    /// The sections that cut the scene.
     pub sections: Sections,
     /// Objects that are not drawn.
     pub hidden: ObjectSet,
-    /// If there is one: only these objects are drawn.
+    /// If set, only these objects are drawn.
     pub isolated: Option<ObjectSet>,
-    /// Objects of which the rest shines through. They hide nothing. `None`: those that the model has so.
+    /// Objects drawn see-through. They hide nothing. `None` means those of the model.
     pub see_through: Option<ObjectSet>,
 }
 
 /// How an object is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Appearance {
-    /// As it is.
+    /// Nothing shines through.
     Solid,
-    /// What is behind it shines through.
+    /// Objects behind it shine through.
     SeeThrough,
-    /// Not at all.
+    /// Not drawn.
     Hidden,
 }
 
 impl ViewState {
-    /// How an object is drawn in it, that the model has see-through or not. What is hidden stays hidden where it
-    /// is isolated.
+    /// How an object is drawn; `modelled_see_through` says how the model has it. A hidden object stays hidden
+    /// even if it is isolated.
     #[must_use]
     pub fn appearance(&self, object: u32, modelled_see_through: bool) -> Appearance {
         let isolated = self.isolated.as_ref().is_none_or(|isolated| isolated.contains(object));
@@ -56,21 +56,21 @@ impl ViewState {
         }
     }
 
-    /// The last object that it names, of any set.
+    /// The largest object number in any of its sets.
     #[must_use]
     pub fn last_named(&self) -> Option<u32> {
         let sets = [Some(&self.hidden), self.isolated.as_ref(), self.see_through.as_ref()];
         sets.into_iter().flatten().filter_map(ObjectSet::last).max()
     }
 
-    /// Whether all objects are drawn, and solid where `modelled_solid`: the model has none see-through.
+    /// Whether all objects are drawn solid; `modelled_solid`: the model has no see-through objects.
     #[must_use]
     pub fn is_all_solid(&self, modelled_solid: bool) -> bool {
         let solid = self.see_through.as_ref().map_or(modelled_solid, ObjectSet::is_empty);
         self.hidden.is_empty() && self.isolated.is_none() && solid
     }
 
-    /// The messages that tell a peer of it, in order: a large one is cut into parts.
+    /// The messages that send it to a peer, in order. A large state is split into parts.
     ///
     /// # Errors
     /// If it is longer than [`ViewReader::MOST`] bytes.
@@ -88,7 +88,7 @@ impl ViewState {
     }
 }
 
-/// Where a session begins.
+/// The state at the start of a session.
 impl From<Settings> for ViewState {
     fn from(settings: Settings) -> Self {
         Self {
@@ -116,16 +116,16 @@ pub struct ViewReader {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ViewStateError {
-    /// It is longer than any.
+    /// It is too long.
     #[error("a view state of {bytes} bytes: {most} is the most. Hide runs of objects", most = ViewReader::MOST)]
     TooLong {
-        /// As far as they have come.
+        /// The bytes so far.
         bytes: usize,
     },
     /// A part of one version came within another one.
     #[error("the parts of two view states are mixed")]
     Mixed,
-    /// The bytes are no view state.
+    /// The bytes are not a view state.
     #[error("the bytes are no view state")]
     Unreadable,
     /// It names an object that the scene lacks.
@@ -142,7 +142,7 @@ impl ViewReader {
     /// The most bytes of a view state: enough to hide every second of two million objects.
     pub const MOST: usize = 4 << 20;
 
-    /// Takes the next part. Gives the view state once all parts are there.
+    /// Takes the next part. Returns the view state once all parts have arrived.
     ///
     /// # Errors
     /// If the parts are no view state.
@@ -178,7 +178,7 @@ mod tests {
         ViewState::from(Settings::new(viewport, lod))
     }
 
-    /// Takes what was made of a state; says in how many parts, and what was read.
+    /// Encodes a state and reads it back. Returns the number of parts and the result.
     fn read_back(state: &ViewState, version: ViewVersion) -> (usize, ViewState) {
         let (mut reader, mut read) = (ViewReader::default(), None);
         let messages = state.to_messages(version).unwrap();

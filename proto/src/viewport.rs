@@ -15,7 +15,7 @@ pub struct Viewport {
 }
 
 impl Viewport {
-    /// The largest.
+    /// The largest size.
     pub const LARGEST: Self = Self { width: 65_536, height: 65_536 };
 
     /// A picture of `width` by `height` pixels.

@@ -1,4 +1,4 @@
-//! What Trimaran says over its links.
+//! Trimaran's protocol over its links.
 
 use trimaran_wire::{BatchDecoder, BatchEncoder, Batching, Delivery, Protocol, Rejection};
 
@@ -9,26 +9,25 @@ use crate::{
     ViewVersion, coding,
 };
 
-/// Trimaran's protocol: cameras on the latest lane, frames of ids, and messages in which roles
-/// arrange how they work.
+/// Trimaran's protocol: cameras on the latest lane, frames of ids, and messages between roles.
 ///
-/// A frame's header is the camera that it was culled for, which has the display's number of the frame. The
-/// lane's own numbers count what a culler has sent over the link.
+/// A frame's header is its camera, which has the display's number of the frame. The lane's own numbers count
+/// the frames that a culler has sent over the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Walkthrough;
 
-/// What roles say to each other beside cameras and ids.
+/// Messages between roles, beside cameras and ids.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum RoleMessage {
-    /// A culler says what it did for a frame that it has sent.
+    /// A culler's statistics for a frame that it has sent.
     Stats(FrameStats),
     /// The display asks a culler to meet another one, for the schedule `switch`.
     Meet {
-        /// By what the two know each other.
+        /// The key by which the two recognize each other.
         key: SessionKey,
-        /// Which of the endpoints that the culler was configured with, as it is written there: it connects to
-        /// no other one. Without it the other culler comes.
+        /// The endpoint to connect to, as written in the culler's configuration; it connects to no others.
+        /// `None`: the other culler connects.
         at: Option<String>,
     },
     /// The culler has a link to the other one.
@@ -36,35 +35,35 @@ pub enum RoleMessage {
         /// As in [`RoleMessage::Meet`].
         key: SessionKey,
     },
-    /// The culler did not get one, or has lost it.
+    /// The culler got no such link, or has lost it.
     Unmet {
         /// As in [`RoleMessage::Meet`].
         key: SessionKey,
     },
-    /// The display asks both cullers to draw what the other one finds (paper, algorithm 4.2).
+    /// The display asks both cullers to draw each other's visible drawables (paper, algorithm 4.2).
     Switch {
         /// As in [`RoleMessage::Meet`].
         key: SessionKey,
-        /// From this frame on. It is the first that has no frame of the other culler before it.
+        /// The first frame of this schedule: it has no frame of the other culler before it.
         first: FrameNumber,
     },
-    /// The culler does so.
+    /// The culler has switched.
     Switched {
         /// As in [`RoleMessage::Meet`].
         key: SessionKey,
     },
-    /// The display asks a culler to let the other one go: it is gone, or late.
+    /// The display asks a culler to drop the other one, which is gone or late.
     Part,
-    /// The display tells a part of a view state, before it sends a camera that names the version.
+    /// The display sends a part of a view state, before a camera that names the version.
     View {
-        /// Which one.
+        /// The version.
         version: ViewVersion,
-        /// The next bytes of the [`ViewState`](crate::ViewState), as postcard writes it.
+        /// The next bytes of the [`ViewState`](crate::ViewState), encoded by postcard.
         part: Vec<u8>,
-        /// Whether they are the last ones.
+        /// Whether this part is the last.
         last: bool,
     },
-    /// The culler waits for the other one, which may come now.
+    /// The culler waits for the other one, which may connect now.
     Waits {
         /// As in [`RoleMessage::Meet`].
         key: SessionKey,
@@ -91,7 +90,7 @@ impl Protocol for Walkthrough {
         Some(hello.role.to_string())
     }
 
-    /// A display that is started again goes on with its session.
+    /// A restarted display continues its session.
     fn place(hello: &Identity) -> Option<u64> {
         let (key, _) = hello.session.filter(|_| hello.role == Role::Display)?;
         Some(key.0)

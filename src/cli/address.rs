@@ -1,5 +1,4 @@
-//! The address at which `view` shows a model: the same each time, so that links to it stay good, and a browser
-//! finds what it has kept.
+//! The address at which `view` shows a model. It stays the same, so links and the browser's cache stay good.
 
 use std::{
     fs, io,
@@ -11,7 +10,7 @@ use blake3::Hasher;
 use trimaran::{page::Token, scene_cache::private_folder};
 use trimaran_transport::Net;
 
-/// Ports of models: below those that systems give to connections.
+/// Ports of models: below the ephemeral ports of systems.
 const PORTS: std::ops::Range<u16> = 20_000..32_000;
 /// How many ports are tried. Other models may have the first ones.
 const TRIES: u16 = 16;
@@ -19,12 +18,12 @@ const TRIES: u16 = 16;
 /// The address of a model.
 #[derive(Debug)]
 pub(super) struct Address {
-    /// BLAKE3 of what the model is.
+    /// BLAKE3 of the files' paths.
     key: [u8; 32],
 }
 
 impl Address {
-    /// That of a model's files, wherever one calls them from.
+    /// The address of a model's files, independent of the working directory.
     pub(super) fn of(files: &[PathBuf]) -> Self {
         let mut hasher = Hasher::new();
         for file in files {
@@ -35,7 +34,7 @@ impl Address {
         Self { key: hasher.finalize().into() }
     }
 
-    /// Where to listen, for programs of this machine: at its own port, or at one of the next. Port 0 is any.
+    /// Where to listen, on loopback: at the model's own port, or at one of the next. Port 0 is any.
     pub(super) fn listen(&self) -> SocketAddr {
         let at = |port| SocketAddr::from((Ipv4Addr::LOCALHOST, port));
         let is_free = |port: &u16| TcpListener::bind(at(*port)).is_ok();
@@ -48,7 +47,7 @@ impl Address {
         (first..first + TRIES).map(|port| PORTS.start + port % PORTS.len() as u16)
     }
 
-    /// Its token, which is kept in the user's cache; a new one each time where that cannot be.
+    /// Its token, kept in the user's cache; a new one each time if it cannot be kept.
     pub(super) fn token(&self, net: &dyn Net) -> io::Result<Token> {
         let kept = private_folder().and_then(|folder| Token::kept(&self.token_in(&folder), net));
         kept.or_else(|error| {

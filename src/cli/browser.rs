@@ -1,5 +1,5 @@
-//! Opens an address that has a secret in a browser. Other users see what a browser is started with, so it is
-//! started with a file that only this user can read, and goes on from there.
+//! Opens a secret address in a browser. Other users see a browser's arguments, so it is given a private file
+//! that redirects to the address.
 
 use std::{
     io::{self, Write as _},
@@ -50,7 +50,7 @@ impl Redirect {
     }
 }
 
-/// A page that gives way to another one, and leaves no entry in the browser's history.
+/// A page that redirects to another one, and leaves no entry in the browser's history.
 fn page(url: &str) -> String {
     let text = url.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
     format!(

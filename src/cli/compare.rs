@@ -1,4 +1,4 @@
-//! `trimaran compare`: systems held against each other on one scene and one path.
+//! `trimaran compare`: compares systems on one scene and one path.
 
 mod audit;
 mod lag;
@@ -73,7 +73,7 @@ fn check(args: &CompareArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What a comparison says beside its figures.
+/// The parts of a comparison beside its figures.
 fn about(comparing: &Comparing<'_>) -> Comparison {
     let Comparing { args, drawn, .. } = comparing;
     let info = drawn.gpu().info();
@@ -99,7 +99,7 @@ fn about(comparing: &Comparing<'_>) -> Comparison {
 }
 
 impl Comparing<'_> {
-    /// Walks all that is asked for; what was found before a failure stays.
+    /// Walks all requested paths. Results from before a failure stay.
     fn fill(&self, found: &mut Comparison, pictures: &mut Vec<ComparedPicture>) -> Result<(), Failure> {
         let mut bounds = self.args.epsilon.clone();
         bounds.extend(self.args.curve.iter().filter(|px| !self.args.epsilon.contains(px)));
@@ -125,7 +125,7 @@ impl Comparing<'_> {
         self.lag(epsilon, &mut references, &mut found.lag)
     }
 
-    /// All systems at one error bound, in rounds: whatever else the machine does meets all of them.
+    /// All systems at one error bound, in rounds, so that other load on the machine affects them equally.
     fn table(
         &self,
         epsilon: f64,
@@ -159,7 +159,7 @@ impl Comparing<'_> {
         Ok((table, points.collect()))
     }
 
-    /// The same at other paces of the path.
+    /// The same at other speeds along the path.
     fn coherence(&self, epsilon: f64, found: &mut Vec<CoherencePoint>) -> Result<(), Failure> {
         for coherence in Coherence::ALL {
             let poses = coherence.path(&self.poses).map_err(Failure::broken)?;

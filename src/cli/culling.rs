@@ -23,11 +23,11 @@ use trimaran_transport::causes;
 
 use super::Failure;
 
-/// How long sessions may take to tell their displays that they end, in steps of a look at them.
+/// The step of the wait for sessions to tell their displays that they end.
 const STEP: Duration = Duration::from_millis(10);
 const STEPS: u32 = 100;
 
-/// What serves displays.
+/// Serves displays.
 pub(super) struct Host<'h> {
     pub(super) file: &'h SceneFile,
     pub(super) drawn: &'h Arc<GpuScene>,
@@ -54,7 +54,7 @@ impl Running<'_> {
 impl Host<'_> {
     /// Serves the displays that come until `stop` asks, or the device is lost. They share its time.
     ///
-    /// Whatever else goes wrong in a session ends that session: its display is told, and the others go on.
+    /// Any other error in a session ends that session: its display is told, and the others go on.
     pub(super) fn serve(&self, mut service: CullerService, stop: &Stop) -> Result<(), Failure> {
         let turns = Turns::fair();
         let (failed, mut failures) = mpsc::unbounded_channel::<RoleError>();
@@ -79,7 +79,7 @@ impl Host<'_> {
                     let (turns, failed, over_here) = (turns.clone(), failed.clone(), over.clone());
                     let play = move |session| {
                         let played = AssertUnwindSafe(|| self.play(session, &turns, stop, &over_here));
-                        // What was caught nowhere else has been told on standard error.
+                        // The panic hook has already printed other panics on standard error.
                         if let Ok(Err(error)) = panic::catch_unwind(played) {
                             let _ended = failed.send(error);
                         }
@@ -93,7 +93,7 @@ impl Host<'_> {
             };
             let served = serve();
             sessions.iter().for_each(|session| session.stopper.stop());
-            // Who does not hear that in this time is not waited for.
+            // Displays that take longer are not waited for.
             for _ in (0..STEPS).take_while(|_| sessions.iter().any(|session| !session.is_over())) {
                 thread::sleep(STEP);
             }
@@ -102,14 +102,14 @@ impl Host<'_> {
         })
     }
 
-    /// Plays a session. An error is the end of all of them: the device is lost, or hangs.
+    /// Plays a session. An error ends all sessions: the device is lost, or hangs.
     fn play(&self, session: NewSession, turns: &Turns, stop: &Stop, over: &Stop) -> Result<(), RoleError> {
         let Self { file, drawn, runtime, links, limits, .. } = self;
         let watching = links.watch("display", &session.display);
         let name = watching.peer();
         tracing::info!(display = name, settings = %session.settings, address = %session.display.peer.address, "serves");
         let work = |settings: &Settings| {
-            // A wait for the device that is given up costs all sessions: one that ends alone waits to its end.
+            // Giving up a wait for the device ends all sessions: a single session waits to the end.
             Ok(Culling::open(self.method, &file.scene, drawn, settings, turns)?.cancelled_by(stop))
         };
         let (drawables, scene) = (max_frame(&file.scene), Some(&file.scene));
@@ -126,7 +126,7 @@ impl Host<'_> {
         }
     }
 
-    /// Tells a display that the system gives its session no thread.
+    /// Tells a display that its session gets no thread.
     fn turn_away(&self, session: NewSession, cause: io::Error, over: &Stop) {
         eprintln!("trimaran: turned a display away: the system gives no thread: {cause}");
         let over = over.clone();
@@ -140,13 +140,13 @@ pub(super) fn largest(drawn: &GpuScene, asked: Viewport) -> Viewport {
     Viewport::new(asked.width().min(most), asked.height().min(most)).unwrap_or(asked)
 }
 
-/// What sessions may cost: pictures up to `largest`, and so much memory for the depth of all, or a quarter of
-/// the device's.
+/// The limits of sessions: pictures up to `largest`, and this much depth memory in total, by default a
+/// quarter of the device's.
 pub(super) fn limits(drawn: &GpuScene, largest: Viewport, depth: Option<ByteSize>) -> SessionLimits {
     SessionLimits::new(largest, depth.map_or(drawn.gpu().info().memory / 4, |depth| depth.as_u64()))
 }
 
-/// Starts a thread that does something with `taken`. Where there is none, gives that back.
+/// Starts a thread that uses `taken`. If there is no thread, gives `taken` back.
 fn spawn<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     thread: thread::Builder,

@@ -1,4 +1,4 @@
-//! `trimaran demo`: the main job on a model of its own, from nothing to a report.
+//! `trimaran demo`: generates a model, walks through it and writes a report.
 
 use trimaran_cook::CookOptions;
 use trimaran_cook::generate::{PlantOptions, plant};

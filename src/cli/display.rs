@@ -35,25 +35,25 @@ use super::{
 /// A display that is ready to walk.
 pub(super) struct DisplaySession<'s> {
     pub(super) walk: Walk<'s>,
-    /// Where it begins without the scene: on what it draws what its cullers send.
+    /// If it begins without the scene: the device that draws what its cullers send.
     pub(super) empty: Option<EmptyScene>,
     pub(super) about: Run,
     /// Where the report goes, until there is something to report.
     pub(super) folder: Option<Writer>,
     /// How long it waits for its cullers before it begins without those that are missing.
     pub(super) join_timeout: Duration,
-    /// Where what the links carry is shown.
+    /// Where the traffic of the links is shown.
     pub(super) metrics: Metrics,
     /// Where to record what each frame asked of the roles.
     pub(super) trace: Option<PathBuf>,
     pub(super) net: Arc<dyn Net>,
-    /// How cullers know the session.
+    /// Identifies the session to cullers.
     pub(super) key: SessionKey,
-    /// How far the walk is, if it goes on where it was when its process was killed.
+    /// The progress of the walk, if it resumes one whose process was killed.
     pub(super) progress: Option<Progress>,
     pub(super) cullers: Cullers,
     pub(super) turns: Turns,
-    /// Shows how far the walk is, and what becomes of cullers; without it only the recording tells.
+    /// Shows the walk's progress and lost cullers; without it only the recording tells.
     pub(super) bar: Option<ProgressBar>,
 }
 
@@ -61,20 +61,20 @@ pub(super) struct DisplaySession<'s> {
 pub(super) struct Cullers {
     /// Where it connects to some.
     pub(super) endpoints: Vec<PeerEndpoint>,
-    /// Where others come to.
+    /// Where others connect to it.
     pub(super) listener: Option<Listener>,
-    /// All of them as they come, where they are looked for already.
+    /// All of them as they come, if the search has begun.
     pub(super) sought: Option<Peers>,
 }
 
-/// A scene of which a display's device has nothing but what cullers send.
+/// A scene of which a display has only what cullers send.
 pub(super) struct EmptyScene {
     supplied: Supplied,
     drawn: Arc<GpuScene>,
 }
 
 impl EmptyScene {
-    /// Keeps so many bytes of what was sent.
+    /// Keeps this many bytes of what was sent.
     pub(super) fn new(
         outline: SceneOutline,
         gpu: &Arc<Gpu>,
@@ -88,7 +88,7 @@ impl EmptyScene {
         Ok(Self { supplied: Supplied { scene, memory, while_loading }, drawn })
     }
 
-    /// As a report knows it, where there is no file.
+    /// Its entry in a report, which has no file to name.
     pub(super) fn file(&self, from: &str) -> SceneFile {
         SceneFile { path: from.into(), scene: Arc::clone(&self.supplied.scene) }
     }
@@ -98,7 +98,7 @@ impl EmptyScene {
     }
 }
 
-/// What a report says of a walk beside its frames, before the cullers have come.
+/// The parts of a report beside its frames, before the cullers have come.
 pub(super) fn about(walk: Walk<'_>, path: &str, seed: u64, roles: Vec<RoleInfo>) -> Run {
     Run {
         command_line: std::env::args().collect(),
@@ -112,7 +112,7 @@ pub(super) fn about(walk: Walk<'_>, path: &str, seed: u64, roles: Vec<RoleInfo>)
     }
 }
 
-/// What a machine draws on.
+/// The device of a role, for a report.
 pub(super) fn role_info(machine: Machine, drawn: &GpuScene) -> RoleInfo {
     let GpuInfo { name, driver, .. } = drawn.gpu().info().clone();
     RoleInfo { machine, device: name, driver }
@@ -124,8 +124,8 @@ pub(super) fn identity(scene: Option<&Scene>, session: SessionKey, settings: Set
 }
 
 impl<'s> DisplaySession<'s> {
-    /// Finds the cullers and walks. When `no_cullers` ends, they cannot come any more. `beside`
-    /// plays whatever else of the session is in this process while the walk goes on.
+    /// Finds the cullers and walks. Once `no_cullers` ends, none can come any more. `beside` plays the rest
+    /// of the session in this process during the walk.
     pub(super) fn show(
         mut self,
         runtime: &Runtime,
@@ -147,7 +147,7 @@ impl<'s> DisplaySession<'s> {
         let mut watched = Watched { recorder, links, bar: bar.as_ref(), ahead: None };
         let mut no_cullers = Box::pin(no_cullers);
         let mut walk = || runtime.block_on(self.walk(&mut watched, stop, no_cullers.as_mut()));
-        // What was walked before a failure is worth a report.
+        // The frames before a failure are worth a report.
         let early = beside(&mut walk).err();
         bar.iter().for_each(ProgressBar::finish_and_clear);
         let Self { walk, empty, mut about, folder: unused, trace, .. } = self;
@@ -159,7 +159,7 @@ impl<'s> DisplaySession<'s> {
         Ok(Recording { walk, about, records, notes, journal, unused, shown, early, trace, stop })
     }
 
-    /// The same with cullers that are elsewhere, and come by themselves.
+    /// The same with cullers elsewhere that connect by themselves.
     pub(super) fn show_to_others(self, runtime: &Runtime, stop: &Stop) -> Result<Recording<'s>, Failure> {
         self.show(runtime, stop, pending(), |walk| walk())
     }
@@ -221,8 +221,7 @@ impl<'s> DisplaySession<'s> {
         Ok(role.run(&mut *cameras, watched, stop).await.map_err(SessionError::from)?)
     }
 
-    /// Waits for those cullers that it connects to, until its timeout; it goes on looking for the
-    /// others.
+    /// Waits, up to its timeout, for the cullers that it connects to; it goes on looking for the others.
     async fn find_cullers(&mut self, settings: Settings) -> Result<Peers, Failure> {
         let Cullers { endpoints: peers, listener, sought } = &mut self.cullers;
         let endpoints: Vec<_> = peers.iter().map(|peer| peer.endpoint.clone()).collect();
@@ -262,7 +261,7 @@ pub(super) fn seek(
     Peers::seek(net, Sought { identity, role: Role::Culler, endpoints, listener, most: CullerId::MOST })
 }
 
-/// What watches a walk: it is recorded, its links are counted, and what becomes of cullers is told.
+/// Watches a walk: records it, counts its links' traffic, and tells what becomes of cullers.
 struct Watched<'w, 'p> {
     recorder: Recorder<'p>,
     links: LinkMetrics,
@@ -288,7 +287,7 @@ impl Observer for Watched<'_, '_> {
         let said = match event {
             CullerEvent::Came(id, link) => {
                 self.links.add(id.to_string(), link);
-                // At the start nobody has been missed.
+                // At the start no culler is missing.
                 (before.0 > 0).then(|| format!("{id} came before {before}"))
             }
             CullerEvent::Late(id) => Some(format!("{id} was late with {before}")),
@@ -317,7 +316,7 @@ impl From<SessionError> for Early {
     }
 }
 
-/// What the links go over: the name of the transport, and in words.
+/// The links' transports: the name, and a description.
 fn transports(cullers: &[PeerEndpoint], listener: Option<&Listener>) -> (String, String) {
     let listens = listener.into_iter().flat_map(|listener| listener.local_endpoints().iter());
     let all: Vec<_> = cullers.iter().map(|peer| &peer.endpoint).chain(listens).collect();
@@ -332,7 +331,7 @@ fn transports(cullers: &[PeerEndpoint], listener: Option<&Listener>) -> (String,
     (if names.is_empty() { "none".to_owned() } else { names.join(" and ") }, words)
 }
 
-/// Remarks that belong beside every figure of the walk.
+/// Remarks that apply to all figures of the walk.
 fn notes(path: &CameraPath) -> Vec<String> {
     let note = match path.kind {
         None | Some(PathKind::Floors) => return Vec::new(),

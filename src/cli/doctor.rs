@@ -7,14 +7,14 @@ use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, HzbPlace, Optional};
 
 use super::{Failure, args::DoctorArgs, print_json, printed};
 
-/// One thing looked at.
+/// The result of one check.
 #[derive(Debug, Serialize)]
 struct Finding {
     what: &'static str,
     works: bool,
-    /// What was found; what to do where it does not work.
+    /// The result; if it does not work, the remedy.
     detail: String,
-    /// What is not there and not needed, and what its absence means.
+    /// Missing optional features, and the effect of their absence.
     lacks: Vec<String>,
 }
 
@@ -57,7 +57,7 @@ fn gpus() -> Vec<Finding> {
         Err(error) => return vec![Finding::new("gpu", false, error.to_string())],
     };
     let mut findings: Vec<_> = devices.iter().map(listed).collect();
-    // Listing tells what a device claims; opening it is the proof.
+    // Listing shows only the claims of a device; opening it is the proof.
     let opened = Gpu::open(&GpuOptions::default());
     let detail = match &opened {
         Ok(gpu) => format!("opened {}", gpu.info().name),

@@ -1,10 +1,10 @@
-//! How a command ends when it does not end well.
+//! Failures of a command, with their exit codes.
 
 use std::{error::Error, fmt, process::ExitCode};
 
 use trimaran_transport::causes;
 
-/// Why a command ended early, and the exit code that says so to a script.
+/// Why a command ended early, and its exit code for scripts.
 #[derive(Debug)]
 pub(crate) struct Failure {
     kind: Kind,
@@ -13,28 +13,28 @@ pub(crate) struct Failure {
 
 #[derive(Debug, Clone, Copy)]
 enum Kind {
-    /// What the user gave cannot be used: a file, a flag, a configuration. Exit code 2.
+    /// The user's input cannot be used: a file, a flag, a configuration. Exit code 2.
     BadInput,
-    /// It should have worked: a device, a peer or a disk failed. Exit code 1: it may work another time.
+    /// A device, a peer or a disk failed. Exit code 1: it may work another time.
     Broken,
-    /// It ended before its end, and what was done is reported. Exit code 3: another time would begin anew.
+    /// It ended early, and the part that was done is reported. Exit code 3: another run would begin anew.
     Incomplete,
     /// It was asked to stop before it had done anything. Exit code 1.
     Stopped,
 }
 
 impl Failure {
-    /// What the user gave cannot be used.
+    /// The user's input cannot be used.
     pub(crate) fn bad_input(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self { kind: Kind::BadInput, cause: cause.into() }
     }
 
-    /// Something failed that the input is not to blame for.
+    /// Something else than the input failed.
     pub(crate) fn broken(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self { kind: Kind::Broken, cause: cause.into() }
     }
 
-    /// It ended before its end, and what was done is reported.
+    /// It ended early, and the part that was done is reported.
     pub(crate) fn incomplete(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
         Self { kind: Kind::Incomplete, cause: cause.into() }
     }
@@ -49,7 +49,7 @@ impl Failure {
         matches!(self.kind, Kind::Stopped)
     }
 
-    /// Whether it may work another time though nothing is changed in what the user gave.
+    /// Whether it may work another time with the same input.
     pub(crate) const fn may_pass(&self) -> bool {
         matches!(self.kind, Kind::Broken)
     }
@@ -66,7 +66,7 @@ impl Failure {
 impl Error for Failure {}
 
 impl fmt::Display for Failure {
-    /// The error and its causes, each once: many errors name their cause in their own text.
+    /// The error and its causes, each once: the text of many errors already contains their cause.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&causes(&*self.cause))
     }

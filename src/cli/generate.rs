@@ -17,7 +17,7 @@ use super::{
 pub(super) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     output::check(&args.output, &output::SCENE, &[]).map_err(Failure::bad_input)?;
     let model = generate(args);
-    // As large as was asked for.
+    // Any size may be asked for.
     let options = CookOptions { max_nodes: usize::MAX, ..CookOptions::default() };
     let scene = cooking::cook_and_save(&model, &options, &args.output)?;
     let summary = SceneSummary::of(&args.output, &scene);
@@ -45,7 +45,7 @@ fn generate(args: &GenerateArgs) -> Model {
     }
 }
 
-/// Objects and triangles: as asked for; whichever is not keeps the base's triangles an object.
+/// Objects and triangles as asked for. The one that is not given keeps the base's triangles per object.
 fn size((objects, triangles): (usize, usize), args: &GenerateArgs) -> (usize, usize) {
     let each = triangles as f64 / objects as f64;
     let asked_triangles = args.triangles.map(|count| usize::try_from(count).unwrap_or(usize::MAX));

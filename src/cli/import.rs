@@ -32,7 +32,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Reads the files of a model, and shows how far it is. With `--strict` a warning is an error.
+/// Reads the files of a model, with a progress bar. With `--strict` a warning is an error.
 pub(super) fn read(files: &[PathBuf], reading: &ReadingArgs) -> Result<Imported, Failure> {
     let bar = progress::bar("reading", files.len() as u64);
     let read = &mut |progress: Progress<'_>| bar.set_position(progress.files_done as u64);
@@ -72,7 +72,7 @@ impl ReadingArgs {
     }
 }
 
-/// What was read, and what is odd about it.
+/// Prints the content of a model, and its warnings.
 pub(super) fn print_report(report: &ImportReport) {
     println!(
         "read {} files: {} objects, {} triangles ({} stored, the rest instances)",

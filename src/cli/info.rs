@@ -1,4 +1,4 @@
-//! `trimaran info`: what a cooked scene holds.
+//! `trimaran info`: the content of a cooked scene.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use trimaran_scene::{Node, Records, Scene, Sides};
 
 use super::{Failure, args::InfoArgs, number, terminal::word};
 
-/// What a scene holds, as `info --json` prints it.
+/// The content of a scene, as `info --json` prints it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct SceneSummary {
     /// The cooked file.
@@ -103,7 +103,7 @@ impl SceneSummary {
     }
 }
 
-/// What one pass over the nodes, the largest part of a scene, tells of the tree.
+/// Figures of the tree, from one pass over the nodes, which are the largest part of a scene.
 #[derive(Default)]
 struct Tree {
     interior: usize,
@@ -131,7 +131,7 @@ impl Tree {
 
 pub(super) fn run(args: &InfoArgs) -> Result<(), Failure> {
     let scene = Scene::open(&args.scene).map_err(Failure::bad_input)?;
-    // All of it: an overview of a damaged file would be none.
+    // Checks all of it: an overview of a damaged file would be wrong.
     scene.check().map_err(Failure::bad_input)?;
     let summary = SceneSummary::of(&args.scene, &scene);
     if args.json {

@@ -1,4 +1,4 @@
-//! `trimaran keys`: what machines know each other by where a transport encrypts.
+//! `trimaran keys`: the keys by which machines authenticate each other on encrypted transports.
 
 use std::path::Path;
 

@@ -1,6 +1,6 @@
-//! The command-line tool: a file a command.
+//! The command-line tool: one file per command.
 
-// Before all others, which print by its macros.
+// Before all others, which use its macros.
 #[macro_use]
 mod terminal;
 
@@ -52,8 +52,8 @@ use failure::Failure;
 /// Runs the command line given to this process.
 pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
-    // Thousands of simulated links would each warn of what is told once, and a comparison's walks and a
-    // window of cores that are too few.
+    // Otherwise thousands of simulated links, a comparison's walks and a window with too few cores would
+    // repeat the same warnings.
     let is_quiet = match &cli.command {
         Command::Sim(_) | Command::Compare(_) => true,
         Command::View(args) => args.window,
@@ -115,9 +115,9 @@ fn log_to_stderr(verbose: u8, usual: &str) {
     };
     let filter = EnvFilter::try_from_env("TRIMARAN_LOG").unwrap_or_else(|_| EnvFilter::new(level));
     let log = tracing_subscriber::fmt().with_env_filter(filter).with_target(false);
-    // Where standard error cannot be written, a word about that would be a panic of the task that logs.
+    // If standard error is closed, a message about that would panic in the task that logs.
     let log = log.log_internal_errors(false);
-    // Colours are control characters, which only the terminal's own place may send.
+    // Colours are control characters, which only the terminal's own module may send.
     log.with_ansi(false).with_writer(terminal::stderr).init();
 }
 
@@ -127,7 +127,7 @@ fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     printed(writeln!(terminal::stdout(), "{text}"))
 }
 
-/// What printing came to. Whoever stops reading, as `head` does, has what they wanted.
+/// Treats a closed pipe as success: a reader such as `head` has enough.
 fn printed(written: io::Result<()>) -> Result<(), Failure> {
     match written {
         Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),

@@ -1,4 +1,4 @@
-//! `trimaran netem`: a network of the simulator between real programs.
+//! `trimaran netem`: puts the simulator's network between real programs.
 
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
@@ -16,7 +16,7 @@ use super::{
     walking::{runtime, stop_on_signal},
 };
 
-/// How often the counters on a terminal are written anew.
+/// How often the counters on a terminal are updated.
 const GLANCE: Duration = Duration::from_millis(100);
 
 pub(super) fn run(args: &NetemArgs) -> Result<(), Failure> {

@@ -1,4 +1,4 @@
-//! Files that a command writes under a name of the user's: nothing of another kind is written over.
+//! Output files of commands: a command overwrites only files of its own kind.
 
 use std::{
     fs::{self, File},
@@ -9,28 +9,28 @@ use std::{
 
 use thiserror::Error;
 
-/// Why a command does not write where it was told to.
+/// Why a command does not write to a path.
 #[derive(Debug, Error)]
 pub(super) enum OutputError {
-    /// It is one of the files that are to be read.
+    /// It is one of the input files.
     #[error(
         "{path} is one of the files to be read, and would be lost: name another file to write to; after -o the \
          shell's first match is taken for it"
     )]
     Input { path: String },
-    /// Something else stands there.
+    /// A file of another kind is there.
     #[error("{path} is there already and is no {kind}: name another file to write to, or move it away")]
     Foreign { path: String, kind: &'static str },
-    /// It cannot be looked at.
+    /// It cannot be read.
     #[error("cannot look at {path}, which is to be written")]
     Unread { path: String, source: io::Error },
 }
 
 /// A kind of file that a command may write over.
 pub(super) struct Kind {
-    /// For a person.
+    /// For messages.
     pub(super) name: &'static str,
-    /// Whether a file that begins so is one.
+    /// Whether a file's first bytes are of this kind.
     pub(super) begins: fn(&[u8]) -> bool,
 }
 
@@ -39,11 +39,11 @@ pub(super) const SCENE: Kind = Kind { name: "cooked scene", begins: trimaran_sce
 /// Traces of walks.
 pub(super) const TRACE: Kind = Kind { name: "trace", begins: trimaran::trace::looks_like_a_trace };
 
-/// Bytes that tell a file's kind.
+/// Enough first bytes to tell a file's kind.
 const HEAD: u64 = 16;
 
-/// Refuses to write to `path` where something stands that is no `kind`, or one of `inputs`. An empty file may
-/// be written over: it is what a program leaves that makes names for others.
+/// Refuses to write to `path` if it holds a file of another kind, or is one of `inputs`. An empty file may be
+/// overwritten: programs that make temporary names leave such files.
 pub(super) fn check(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<(), OutputError> {
     let shown = || path.display().to_string();
     let unread = |source| OutputError::Unread { path: shown(), source };
@@ -51,7 +51,7 @@ pub(super) fn check(path: &Path, kind: &Kind, inputs: &[PathBuf]) -> Result<(), 
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
         there => there.map_err(unread)?,
     };
-    // Hard links and links by name are the same file.
+    // Hard links and symbolic links to it are the same file.
     let is_it = |input: &PathBuf| {
         fs::metadata(input).is_ok_and(|input| (input.dev(), input.ino()) == (there.dev(), there.ino()))
     };

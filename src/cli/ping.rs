@@ -1,4 +1,4 @@
-//! `trimaran ping`: round trips over a link of any transport.
+//! `trimaran ping`: measures round trips over a link of any transport.
 
 mod probe;
 mod tally;
@@ -22,15 +22,15 @@ use super::{
 use probe::{Probe, answer, probe};
 use tally::{Cost, Tally, microseconds};
 
-/// What stands where a session has its scene: peers that ping have none.
+/// Stands for the scene of a session: peers that ping have none.
 const NO_SCENE: SceneHash = SceneHash(u128::from_be_bytes(*b"trimaran ping  \0"));
 
-/// How long a listener waits for its next guest.
+/// How long a listener waits for its next peer.
 const FOR_EVER: Duration = Duration::from_secs(u32::MAX as u64);
 
 pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     let mut options = options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
-    // Whoever answers or pings has no role in a session.
+    // Neither end of a ping has a role in a session.
     let peer = [PeerFiles { name: "peer", role: None, paths: args.peer.as_slice() }];
     let known = security(&options, iter::once(&args.endpoint), args.keys.as_deref(), &peer);
     options.security = known.map_err(Failure::bad_input)?;
@@ -56,7 +56,7 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Serves one guest after the other.
+/// Serves one peer after the other.
 async fn keep_answering(net: &Arc<dyn Net>, at: &Endpoint, options: &Options) -> Result<(), Failure> {
     let identity = Identity { role: Role::Culler, scene: Some(NO_SCENE.into()), session: None };
     let mut listener = Listener::bind(net, at, identity, options).await.map_err(Failure::bad_input)?;
@@ -72,7 +72,7 @@ async fn keep_answering(net: &Arc<dyn Net>, at: &Endpoint, options: &Options) ->
     }
 }
 
-/// Pings; says what it took.
+/// Pings, and prints the round trips.
 async fn ping(
     args: &PingArgs,
     net: &Arc<dyn Net>,
@@ -95,14 +95,14 @@ async fn ping(
     probe(&mut link, net, plan, |reply| tally.add(reply)).await.map_err(Failure::broken)?;
     let carried = link.stats.read() - before;
     let bytes = carried.sent.total_bytes() + carried.received.total_bytes();
-    // What the other end makes of the end of the ping is its own business.
+    // An error of the other end at this point does not matter.
     let _left = link.close(CloseCode::Finished.reason()).await;
     Ok(Cost { bytes: bytes as f64 / f64::from(args.count), path: carried.path.map(PathReading::from) })
 }
 
 fn not_linked(error: ConnectError) -> Failure {
     match error.refusal() {
-        // A role of a session answers no stranger: that is worth saying in other words.
+        // A role of a session refuses strangers: this deserves a clearer message.
         Some(refusal) if is_of_a_session(refusal) => Failure::bad_input(
             "the link works, but a role of a session listens there, and it answers its own session only: \
                  run `trimaran ping --answer` on another port",
@@ -112,7 +112,7 @@ fn not_linked(error: ConnectError) -> Failure {
     }
 }
 
-/// Whether a role of a session refuses so.
+/// Whether a refusal comes from a role of a session.
 fn is_of_a_session(refusal: &Refusal) -> bool {
     match refusal {
         Refusal::Rejected(why) => RejectionCode::Scene.is_of(why) || RejectionCode::Role.is_of(why),

@@ -25,16 +25,16 @@ use super::{
     args::{LinkKind, RunArgs},
 };
 
-/// Keys that live as long as the session: display and cullers know each other.
+/// Keys that live as long as the session: display and cullers authenticate each other.
 pub(super) struct Keyring {
-    /// The display's own, and whom it knows.
+    /// The display's own key, and the cullers' public keys.
     pub(super) security: Security,
     display: KeyFiles,
     cullers: Vec<KeyFiles>,
 }
 
 impl Keyring {
-    /// For a display and so many cullers.
+    /// For a display and this many cullers.
     pub(super) fn make(folder: &Path, cullers: usize) -> Result<Self, Failure> {
         let make = |name: &str| {
             let name = name.parse().map_err(Failure::broken)?;
@@ -49,7 +49,7 @@ impl Keyring {
         Ok(Self { security: Security { keys, peers: peers.collect() }, display, cullers })
     }
 
-    /// The private keys of a culler, and whom it knows.
+    /// The private key of a culler, and the public keys of its peers.
     fn of(&self, culler: CullerId) -> (Option<PathBuf>, CullerPeers) {
         let own = self.cullers.get(culler.index()).map(|own| own.private.clone());
         let cullers = self.cullers.iter().map(|files| files.public.clone()).collect();
@@ -57,7 +57,7 @@ impl Keyring {
     }
 }
 
-/// Where so many cullers listen: sockets in `folder`, or ports of loopback that nobody listens on now.
+/// Where this many cullers listen: sockets in `folder`, or free ports of loopback.
 pub(super) fn endpoints(link: LinkKind, cullers: usize, folder: &Path) -> Result<Vec<Endpoint>, Failure> {
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
     // Each port is held until all are chosen, so that none is chosen twice.
@@ -101,14 +101,14 @@ fn others(endpoints: &[Endpoint], but: &Endpoint) -> Option<Endpoints> {
     })
 }
 
-/// The cullers, which do not outlive this process's interest in them.
+/// The cullers, which end when this is dropped.
 pub(super) struct CullerProcesses(Vec<CullerProcess>);
 
 struct CullerProcess {
     id: CullerId,
     endpoint: Endpoint,
     child: Child,
-    /// It ends with this process, however that ends.
+    /// The child ends when this pipe closes, so it never outlives this process.
     _input: Option<ChildStdin>,
 }
 
@@ -133,7 +133,7 @@ impl CullerProcesses {
                 culling: args.culling,
                 device: args.walk.device.clone(),
                 gpu_memory: args.walk.gpu_memory,
-                // They serve this display alone, which may ask for what the device can do.
+                // They serve only this display, which may use all that the device can do.
                 max_picture: "65536x65536".to_owned(),
                 depth_memory: Some(ByteSize::tib(1)),
                 device_timeout_s: args.walk.device_timeout,
@@ -168,7 +168,7 @@ impl CullerProcesses {
         self.0.iter().map(peer).collect()
     }
 
-    /// Ends when one of them does, with what to say of one that ended before it had come.
+    /// Waits until one of them ends, and describes a failure of one that ended before it had come.
     pub(super) async fn ended_early(&mut self) -> Failure {
         let each = self.0.iter_mut().map(|culler| Box::pin(async { (culler.id, culler.child.wait().await) }));
         let (id, ended) = match each.len() {

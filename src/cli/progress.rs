@@ -1,4 +1,4 @@
-//! Progress on a terminal, silence in a pipe.
+//! Progress bars on a terminal; nothing in a pipe.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use trimaran::walkthrough::{CameraPath, Pace};
@@ -13,7 +13,7 @@ pub(crate) fn bar(what: &'static str, total: u64) -> ProgressBar {
     }
 }
 
-/// A bar for a walk. Nobody knows beforehand how many frames a live one has.
+/// A bar for a walk. The number of frames of a live walk is not known beforehand.
 pub(crate) fn walk(pace: Pace, path: &CameraPath) -> ProgressBar {
     match pace {
         Pace::Lockstep => bar("walking", path.frames().into()),

@@ -1,5 +1,5 @@
-//! What a walk leaves behind: its folder is opened before the walk, filled while it goes on, and finished
-//! however it ends.
+//! The records of a walk: the folder is opened before the walk, filled while it goes on, and finished however
+//! it ends.
 
 use std::{
     path::{Path, PathBuf},
@@ -43,8 +43,7 @@ pub(super) struct Outcome {
     missing: Option<Failure>,
 }
 
-/// Opens the folder of a report with [`Writer::create`] or [`Writer::open`], before anything is done that it
-/// is to hold.
+/// Opens the folder of a report with [`Writer::create`] or [`Writer::open`], before the walk begins.
 pub(super) fn open_folder(
     open: fn(&Path) -> Result<Writer, ReportError>,
     out: &Path,
@@ -65,16 +64,16 @@ pub(super) struct Recording<'w> {
     pub(super) walk: Walk<'w>,
     pub(super) about: Run,
     pub(super) records: Vec<FrameRecord>,
-    /// What was remarked on the way.
+    /// Remarks made on the way.
     pub(super) notes: Vec<String>,
-    /// What wrote the frames down as they came, if anything did.
+    /// The journal of the frames, if there is one.
     pub(super) journal: Option<Journal>,
     /// The report's folder, if the walk did not begin to fill it.
     pub(super) unused: Option<Writer>,
     /// Whether this process has shown a frame of it.
     pub(super) shown: bool,
     pub(super) early: Option<Early>,
-    /// Where to record what each frame asked of the roles.
+    /// Where to record the work of each frame.
     pub(super) trace: Option<PathBuf>,
     pub(super) stop: Stop,
 }
@@ -103,7 +102,7 @@ impl Recording<'_> {
         };
         let due = walk.plan.frames_due(walk.path.frames());
         let ended = ended(early.as_ref(), full.as_ref(), &stop, records.len(), due);
-        // What was recorded by a process before stays for the next one.
+        // An earlier process's frames stay for the next one.
         let nothing = !shown && (records.is_empty() || ended.early());
         let (Some(writer), false) = (writer, nothing) else {
             let nothing =
@@ -133,15 +132,15 @@ impl Recording<'_> {
     }
 }
 
-/// How long the pictures and checks of a report go on that is asked to stop: so it is there soon after, whole
-/// where little was left.
+/// How long a report continues its pictures and checks once it is asked to stop: it is there soon, and whole
+/// if little was left.
 const GRACE: Duration = Duration::from_secs(2);
 
 /// How long a report may take once it is asked to stop.
 #[derive(Debug, Clone)]
 pub(super) struct Grace {
     stop: Stop,
-    /// Since it was seen to be asked.
+    /// Starts when the request is first seen.
     asked: Arc<OnceLock<Stopwatch>>,
 }
 
@@ -150,7 +149,7 @@ impl Grace {
         Self { stop: stop.clone(), asked: Arc::default() }
     }
 
-    /// Says whether what is left is to be left out.
+    /// Decides whether to leave out the rest.
     pub(super) fn into_gives_up(self) -> GivesUp {
         Arc::new(move || {
             let has_passed = || self.asked.get_or_init(Stopwatch::start).elapsed() > GRACE;
@@ -159,7 +158,7 @@ impl Grace {
     }
 }
 
-/// How a walk of `frames` frames ended, whose path asks for `due`.
+/// How a walk of `frames` frames ended, if its path has `due`.
 fn ended(
     early: Option<&Early>,
     full: Option<&ReportingError>,
@@ -179,7 +178,7 @@ fn ended(
     Ended { how, why: Some(why), frames_due: due }
 }
 
-/// Writes what each frame asked of the roles, if that is wanted.
+/// Writes the trace of a walk, if one is wanted.
 fn record(trace: Option<&Path>, walk: Walk<'_>, records: &[FrameRecord]) -> Result<(), Failure> {
     let Some(path) = trace else { return Ok(()) };
     let trace = Trace::of(walk.file.scene.hash(), walk.plan, records).map_err(Failure::incomplete)?;
@@ -195,7 +194,7 @@ impl Outcome {
         }
     }
 
-    /// Prints what came of it and where it lies; fails if something is missing.
+    /// Prints the result and its folder; fails if something is missing.
     pub(super) fn conclude(self, out: &Path, json: bool) -> Result<(), Failure> {
         if json {
             print_json(&self.report.summary)?;

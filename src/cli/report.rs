@@ -1,4 +1,4 @@
-//! `trimaran report`: adds to a report what was left out when its walk was stopped.
+//! `trimaran report`: completes the report of a walk that was stopped.
 
 use std::path::PathBuf;
 

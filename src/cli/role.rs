@@ -24,7 +24,7 @@ use super::{
     walking::{self, Metrics, Start, gpu_options, scene, upload},
 };
 
-/// How long the last links of a process may take to tell that they are gone.
+/// How long the last links of a process may take to send their closes.
 const LETTING_GO: Duration = Duration::from_millis(50);
 
 pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
@@ -38,8 +38,8 @@ pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     }
 }
 
-/// Plays a role. However it ends, a link that is dropped without a close tells its peer once the runtime
-/// runs again: over QUIC the peer would otherwise wait for the end of the idle timeout.
+/// Plays a role. A link that is dropped without a close tells its peer once the runtime runs again, so this
+/// runs it at the end. Over QUIC the peer would otherwise wait for the idle timeout.
 fn on_runtime(role: impl FnOnce(&Runtime) -> Result<(), Failure>) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
     let result = role(&runtime);
@@ -98,7 +98,7 @@ fn culler(
         started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })
     };
     let Some(service) = start.until(serve)? else { return Ok(()) };
-    // Whoever has started it as a child knows where.
+    // A parent process that has started it knows the endpoints.
     if let Some(endpoints) = service.endpoints().filter(|_| !until_input_ends) {
         eprintln!("trimaran: the culler listens on {endpoints}");
     }
@@ -170,7 +170,7 @@ fn display(
     }
     let roles = vec![role_info(Machine::Display, &drawn)];
     let about = about(walk, &config.session.path, config.session.seed, roles);
-    // Who walks by the clock does not wait.
+    // A live walk does not wait.
     let join_timeout = if config.session.live_hz.is_some() { Duration::ZERO } else { start.join_timeout };
     let session = DisplaySession {
         walk,
@@ -198,8 +198,8 @@ fn display(
     }
 }
 
-/// A display that has nothing but what its cullers send: it learns from the first of them which scene it
-/// shows. It begins anew each time it is started.
+/// A display that has only what its cullers send: the first of them tells it the scene. It begins anew each
+/// time it is started.
 fn display_without_scene(
     config: &DisplayConfig,
     mut options: Options,
@@ -207,7 +207,7 @@ fn display_without_scene(
     folder: Writer,
     start: &Start<'_>,
 ) -> Result<(), Failure> {
-    // How many ids a frame can have is not known before the first culler has come. It is judged then.
+    // The number of ids in a frame is not known, and not checked, before the first culler has come.
     options.link.max_frame = u32::MAX;
     let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
     let gpu = Gpu::open(&gpu).map_err(Failure::broken)?;
@@ -286,10 +286,10 @@ async fn listen(
     bound.map_err(|e: ListenError| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })
 }
 
-/// What the configuration asks for.
+/// The plan that the configuration asks for.
 fn session_plan(session: &SessionConfig, schedule: &str) -> Result<Plan, Failure> {
     Ok(Plan {
-        // Its cullers decide for themselves; without them it culls Trimaran's way.
+        // Cullers choose their own method; without cullers the display uses Trimaran's.
         culling: CullingMethod::Trimaran,
         viewport: Viewport::new(session.width, session.height).map_err(Failure::bad_input)?,
         lod: LodRule::new(session.epsilon_px)

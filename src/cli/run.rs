@@ -59,7 +59,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     walk(args, &open(&args.scene)?, None)?.conclude(&args.out, args.json)
 }
 
-/// Opens the devices of a display and so many cullers in this process.
+/// Opens the devices of a display and this many cullers in this process.
 pub(super) fn open_devices(
     file: &SceneFile,
     cullers: usize,
@@ -97,8 +97,8 @@ pub(super) fn walk(
     record(args, way, devices, Some(folder), bar, (&runtime, &stop))?.report()
 }
 
-/// Walks, and leaves what happens in `folder` as it happens. With `devices` the cullers are threads of this
-/// process, else processes of their own.
+/// Walks, and records into `folder` as it goes. With `devices` the cullers are threads of this process, else
+/// processes of their own.
 pub(super) fn record<'w>(
     args: &RunArgs,
     way: Walk<'w>,

@@ -1,4 +1,4 @@
-//! `trimaran serve`: a scene for whoever comes with a browser or a display.
+//! `trimaran serve`: serves a scene to browsers and displays.
 
 use std::{io::Write as _, net::SocketAddr, path::Path, slice, sync::Arc};
 
@@ -38,10 +38,10 @@ pub(super) fn run(args: &ServeArgs) -> Result<(), Failure> {
     service.run(|url| printed(writeln!(stdout(), "{url}"))).map(drop)
 }
 
-/// A culler and its page, for whoever comes.
+/// A culler and its page, open to all clients.
 pub(super) struct Service<'s> {
     pub(super) scene: &'s Path,
-    /// What the model is called.
+    /// The model's name.
     pub(super) name: String,
     pub(super) listen: SocketAddr,
     pub(super) token: Secret<'s>,
@@ -49,7 +49,7 @@ pub(super) struct Service<'s> {
     pub(super) device: &'s DeviceArgs,
     pub(super) guests: GuestArgs,
     pub(super) options: Options,
-    /// A camera path that a page is to repeat, as JSON. Its report ends the service.
+    /// A camera path for a page to repeat, as JSON. Its report ends the service.
     pub(super) drive: Option<Vec<u8>>,
 }
 
@@ -58,15 +58,15 @@ pub(super) enum Secret<'s> {
     Given(Token),
     /// A new one each time.
     New,
-    /// The same each time that one looks at a model.
+    /// The same each time the model is viewed.
     KeptFor(&'s Address),
 }
 
-/// How the service ended, where a page has repeated a walk: what it says of it.
+/// The report of a page's walk, if one has ended the service.
 pub(super) type Driven = Option<DriveReport>;
 
 impl Service<'_> {
-    /// Serves until it is asked to stop. `ready` is told the page's address once there is something to see.
+    /// Serves until it is asked to stop. `ready` gets the page's address once the page can be opened.
     pub(super) fn run(self, ready: impl FnOnce(&str) -> Result<(), Failure>) -> Result<Driven, Failure> {
         let runtime = runtime()?;
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));

@@ -1,4 +1,4 @@
-//! `trimaran sim`: what three roles see on a network, before it is bought.
+//! `trimaran sim`: simulates three roles on a network before it is bought.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -24,7 +24,7 @@ use super::{
     walking::{gpu_options, open},
 };
 
-/// How long each role computes if nothing says otherwise.
+/// How long each role computes by default.
 const USUAL: Duration = Duration::from_millis(5);
 
 pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
@@ -38,7 +38,7 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     }
     let frames = scenarios.iter().map(|scenario| u64::from(scenario.frames)).sum();
     let bar = progress::bar("simulating", frames);
-    // Each run is one thread's, and its outcome its place's: more cores change nothing but the time.
+    // Each run has one thread, and its outcome a fixed place: more cores change only the time.
     let runs: Result<Vec<Outcome>, _> = scenarios
         .par_iter()
         .map(|scenario| {
@@ -132,7 +132,7 @@ fn no_ids() -> Failure {
     Failure::bad_input("--scene needs a --trace with ids: one that `trimaran run --record` wrote")
 }
 
-/// Says where deadlines are over before anything can have come.
+/// Warns of deadlines that end before anything can have arrived.
 fn warn_of_deadlines(scenarios: &[Scenario]) {
     let deadline_too_short = scenarios.iter().filter(|scenario| scenario.gives_up_everything());
     let mut said: Vec<String> = deadline_too_short
@@ -151,7 +151,7 @@ fn warn_of_deadlines(scenarios: &[Scenario]) {
     }
 }
 
-/// Says which flags are for links that are not simulated.
+/// Warns of flags for links that are not simulated.
 fn warn_of_idle_flags(args: &SimArgs) {
     let none_of = |links: &[SimLink]| !args.link.iter().any(|link| links.contains(link));
     let idle = |flag: &str| eprintln!("trimaran: {flag} changes nothing over the links that --link names");
@@ -178,7 +178,7 @@ fn workloads(args: &SimArgs) -> Result<Vec<Workload>, Failure> {
     Ok(args.nodes.iter().map(|nodes| Workload::steady(Load { nodes: *nodes, or, hc, rvg })).collect())
 }
 
-/// A transport in each of its modes that are asked for.
+/// A transport in each requested mode.
 fn knobs(args: &SimArgs, link: SimLink) -> Vec<(Transport, Knobs)> {
     let usual = Knobs {
         coding: IdCoding::from(args.coding),
@@ -199,10 +199,10 @@ fn knobs(args: &SimArgs, link: SimLink) -> Vec<(Transport, Knobs)> {
     }
 }
 
-/// Where the packets of a run are written down: under a name that tells it.
+/// Opens a packet capture for a run, with a name that identifies the run.
 fn capture(scenario: &Scenario, folder: &Path) -> Result<Box<dyn Write + Send>, Failure> {
     let Scenario { network, link, batch, seed, workload, knobs, .. } = scenario;
-    // A file's name can hold neither of what tells folders apart.
+    // A file's name cannot hold path separators.
     let network = network.name.replace(['/', '\\'], "-");
     let repair = knobs.repair_percent;
     let mode = match link {
@@ -216,7 +216,7 @@ fn capture(scenario: &Scenario, folder: &Path) -> Result<Box<dyn Write + Send>, 
     Ok(Box::new(BufWriter::new(file)))
 }
 
-/// Draws what displays showed that got only a part of a frame.
+/// Draws the pictures of displays that got only a part of a frame.
 fn draw_gaps(
     scene: &Arc<Scene>,
     device: Option<&str>,

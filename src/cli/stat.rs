@@ -1,4 +1,4 @@
-//! `trimaran stat`: what the links of a running role carry, second by second.
+//! `trimaran stat`: the traffic of a running role's links, second by second.
 
 use std::{
     fmt::Write as _,
@@ -30,7 +30,7 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
         let at = net.now();
         let mut readings: Vec<LinkReading> = match (read(&args.at, "/links").await, &before) {
             (Ok(readings), _) => readings,
-            // It was there before: the session is over.
+            // It was there before, so the session is over.
             (Err(_), Some(_)) => break,
             (Err(failure), None) => return Err(failure),
         };
@@ -42,7 +42,7 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
         } else if let Some((before, then)) = &before {
             let turned_away = read(&args.at, "/listener").await?;
             if io::stdout().is_terminal() {
-                // From the top of an empty screen: the only command that a terminal is sent.
+                // To the top of an empty screen: the only control sequence that a terminal is sent.
                 printed(io::stdout().write_all(b"\x1b[H\x1b[2J"))?;
             }
             print!("{}{}", table(before, &readings, at.since(*then)), warnings(&readings, &turned_away));
@@ -58,7 +58,7 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// One page.
+/// Reads one page.
 async fn read<T: DeserializeOwned>(at: &str, page: &str) -> Result<T, Failure> {
     let unreachable = |cause: &dyn std::fmt::Display| {
         Failure::broken(format!(
@@ -69,7 +69,7 @@ async fn read<T: DeserializeOwned>(at: &str, page: &str) -> Result<T, Failure> {
     serde_json::from_slice(&body).map_err(|e| unreachable(&e))
 }
 
-/// What was carried between two readings, a line a link and direction.
+/// The traffic between two readings, a line per link and direction.
 fn table(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> String {
     let mut text = String::new();
     let _infallible = writeln!(
@@ -137,7 +137,7 @@ fn paths(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> Stri
     text
 }
 
-/// What somebody should know beside the figures: nothing, mostly.
+/// Warnings beside the figures, usually none.
 fn warnings(links: &[LinkReading], turned_away: &TurnedAwayReading) -> String {
     let mut text = limits(links, turned_away);
     for link in links.iter().filter(|link| link.path.is_some_and(|path| path.deadline_too_short)) {
@@ -150,7 +150,7 @@ fn warnings(links: &[LinkReading], turned_away: &TurnedAwayReading) -> String {
     text
 }
 
-/// A line for what came up against a limit, if anything did.
+/// A line for the limits that were reached, if any.
 fn limits(links: &[LinkReading], turned_away: &TurnedAwayReading) -> String {
     let floods = links.iter().map(|link| link.floods).sum();
     let reached = turned_away.by_limit().into_iter().chain([("messages_per_s", floods)]);
@@ -165,7 +165,7 @@ fn limits(links: &[LinkReading], turned_away: &TurnedAwayReading) -> String {
     }
 }
 
-/// How much was added a second.
+/// The increase per second.
 fn a_second(before: u64, now: u64, elapsed: Duration) -> f64 {
     now.saturating_sub(before) as f64 / elapsed.as_secs_f64().max(f64::MIN_POSITIVE)
 }

@@ -1,4 +1,4 @@
-//! The end of a service that is asked to stop: it tells those who are there, and does not wait for long.
+//! Stopping a service: it tells its peers, and does not wait long for them.
 
 use std::{process, thread, time::Duration};
 
@@ -11,20 +11,20 @@ use trimaran_transport::{Net, TokioNet, sleep_until, until};
 
 use super::Failure;
 
-/// How long after the request those who are there may take to hear that the service ends, and when the process
-/// ends whatever they do.
+/// After a stop request, how long peers have to receive the close; then the time when the process exits
+/// regardless.
 const HEARD: Duration = Duration::from_millis(1200);
 const ENDED: Duration = Duration::from_millis(2500);
 
-/// A stop that Ctrl-C and the termination signal of systemd set, and that a second one insists on. The process
-/// ends within 3 s of the first one, whatever else it does: with exit code 0, since it was asked to.
+/// A stop that Ctrl-C and systemd's termination signal set, and that a second one enforces. The process
+/// always exits within 3 s of the first one, with exit code 0, since it was asked to.
 ///
 /// # Errors
-/// When signals cannot be heard.
+/// When signals cannot be received.
 pub(super) fn stoppable_service() -> Result<(Stopper, Stop), Failure> {
     let (stopper, stop) = Stop::new();
     let asked = stopper.clone();
-    // It has a thread and a runtime of its own: those of links and sessions may be busy, or stuck.
+    // It has a thread and a runtime of its own, since those of links and sessions may be busy or stuck.
     let runtime = Builder::new_current_thread().enable_all().build().map_err(Failure::broken)?;
     let (mut interrupt, mut terminate) = {
         let _within = runtime.enter();

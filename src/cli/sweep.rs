@@ -47,7 +47,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where a run's own report goes.
+/// The folder of a run's own report.
 fn folder(shared: &[CullerArgs], at: CullerArgs, epsilon: f64) -> String {
     match (shared, at.schedule) {
         ([_], _) => format!("epsilon-{epsilon}"),

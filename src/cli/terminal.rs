@@ -1,5 +1,5 @@
-//! Standard output and standard error: the one place through which words of files and of peers come to a
-//! terminal. Its macros stand in the place of the standard ones within the whole command line.
+//! Standard output and standard error: the only module through which text from files and peers comes to a
+//! terminal. Its macros replace the standard ones within the whole command line.
 
 use std::{
     borrow::Cow,
@@ -7,7 +7,7 @@ use std::{
     io::{self, Write},
 };
 
-/// As [`std::print`], without control characters, and no panic where nobody reads.
+/// As [`std::print`], without control characters, and without a panic if the reader has gone.
 macro_rules! print {
     ($($text:tt)*) => { $crate::cli::terminal::out(format_args!($($text)*), "") };
 }
@@ -17,18 +17,18 @@ macro_rules! println {
     ($($text:tt)*) => { $crate::cli::terminal::out(format_args!($($text)*), "\n") };
 }
 
-/// As [`std::eprintln`], likewise. Lines after the first are indented, so that no word can pass for a line of
+/// As [`std::eprintln`], likewise. Lines after the first are indented, so that no text can pass for a line of
 /// its own.
 macro_rules! eprintln {
     ($($text:tt)*) => { $crate::cli::terminal::err(format_args!($($text)*)) };
 }
 
-/// Prints on standard output. What cannot be printed is left out.
+/// Prints on standard output. Text that cannot be printed is dropped.
 pub(super) fn out(text: fmt::Arguments<'_>, end: &str) {
     let _nobody_reads = write!(stdout(), "{text}{end}");
 }
 
-/// Prints a line on standard error. What cannot be printed is left out.
+/// Prints a line on standard error. Text that cannot be printed is dropped.
 pub(super) fn err(text: fmt::Arguments<'_>) {
     let _nobody_reads = stderr().write_all(format!("{text}\n").as_bytes());
 }
@@ -41,16 +41,16 @@ pub(super) fn stderr() -> Plain<io::Stderr> {
     Plain { to: io::stderr(), indent: "  " }
 }
 
-/// A word of a file or a peer for the middle of a line: line breaks and tabs are escaped as well.
+/// Text from a file or a peer for the middle of a line: line breaks and tabs are escaped as well.
 pub(super) fn word(text: &str) -> Cow<'_, str> {
     escaped(text, |c| is_control(c) || matches!(c, '\n' | '\t'))
 }
 
-/// Escapes control characters of what is written to it, all but line breaks and tabs.
+/// Escapes control characters in its text, except line breaks and tabs.
 #[derive(Debug)]
 pub(super) struct Plain<W> {
     to: W,
-    /// What each line begins with but the first of a writing.
+    /// Precedes each line but the first of a write.
     indent: &'static str,
 }
 
@@ -74,13 +74,13 @@ impl<W: Write> Write for Plain<W> {
     }
 }
 
-/// What a terminal may take for a command, and what turns the direction of letters.
+/// Characters that may begin a terminal command, or change the direction of text.
 fn is_control(c: char) -> bool {
     let turns = matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     turns || c.is_control() && !matches!(c, '\n' | '\t')
 }
 
-/// Writes some characters as JSON does, where they mean the same in a string.
+/// Writes some characters as JSON escapes, which mean the same in a string.
 fn escaped(text: &str, is_escaped: impl Fn(char) -> bool) -> Cow<'_, str> {
     if !text.contains(&is_escaped) {
         return Cow::Borrowed(text);

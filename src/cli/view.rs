@@ -1,4 +1,4 @@
-//! `trimaran view`: from the files of a model to a page in a browser, with nothing to decide in between.
+//! `trimaran view`: opens the files of a model as a page in a browser, without further choices.
 
 use std::{
     fmt::Display,
@@ -68,7 +68,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
             (true, None) => format!("{url}#drive"),
             (true, Some(network)) => format!("{url}#drive={network}"),
         };
-        // Where JSON is asked for it is all that is printed there.
+        // With `--json`, standard output holds only JSON.
         if args.json {
             eprintln!("{url}");
         } else {
@@ -76,7 +76,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
         }
         if !args.no_browser {
             match browser::open(&url) {
-                // A browser may take its time to read it.
+                // The file stays: a browser may take its time to read it.
                 Ok(file) => opened = Some(file),
                 Err(_) => eprintln!("trimaran: found no browser to open: open the address above in one"),
             }
@@ -96,7 +96,7 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
 const NO_WINDOWS: &str = "this program was built without windows: build it with `cargo build --release --features \
     window`, or leave --window out to walk in a browser";
 
-/// The address of a service, where one is to be viewed.
+/// The address of a service to view, if there is one.
 fn service(files: &[PathBuf]) -> Option<&str> {
     let [url] = files else { return None };
     url.to_str().filter(|url| url.starts_with("http://") || url.starts_with("https://"))
@@ -146,7 +146,7 @@ fn print_report_of(report: &DriveReport) -> Result<(), Failure> {
     printed(writeln!(stdout(), "{}", lines.join("\n")))
 }
 
-/// How many pixels were wrong on a walk.
+/// The wrong pixels of a walk, in words.
 pub(super) fn right(wrong: &WrongPixels) -> String {
     format!(
         "wrong pixels    median {:.3} %, p95 {:.3} %, mean {:.3} %, at most {:.1} %; none in {} of {} pictures",
@@ -159,13 +159,13 @@ pub(super) fn right(wrong: &WrongPixels) -> String {
     )
 }
 
-/// For how long they were.
+/// How long pixels were wrong.
 pub(super) fn lasting(wrong: &WrongPixels) -> String {
     let WrongPixels { longest_ms, jump_ms, .. } = wrong;
     format!("for so long     above 0.1 % for {longest_ms:.0} ms; after a jump for {jump_ms:.0} ms")
 }
 
-/// The scene that is to be shown: the one given, or that of the files, cooked if it is not yet.
+/// The scene to show: the one given, or that of the files, cooked if necessary.
 fn scene(args: &ViewArgs) -> Result<Shown, Failure> {
     if let [scene] = &args.files[..]
         && is_cooked(scene)
@@ -179,13 +179,13 @@ fn scene(args: &ViewArgs) -> Result<Shown, Failure> {
     Shown::cooked(args)
 }
 
-/// The scene that is shown.
+/// The scene to show.
 pub(super) enum Shown {
     /// One that was given.
     Given(PathBuf),
-    /// One in the cache.
+    /// A scene in the cache.
     Cached(CachedScene),
-    /// One that is gone afterwards, since the cache cannot be used.
+    /// A scene that is removed afterwards, since the cache cannot be used.
     Once(TempDir),
 }
 
@@ -218,13 +218,13 @@ impl Shown {
                 }
                 Ok(Self::Cached(cached))
             }
-            // The disk, and not the model.
+            // The disk failed, not the model.
             Err(failure) if failure.may_pass() => once(&failure),
             Err(failure) => Err(failure),
         }
     }
 
-    /// Where it is.
+    /// Its path.
     pub(super) fn path(&self) -> PathBuf {
         match self {
             Self::Given(path) => path.clone(),

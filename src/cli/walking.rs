@@ -1,4 +1,4 @@
-//! What `run`, `sweep` and the roles share: from flags to a plan, and a runtime to run it on.
+//! Shared by `run`, `sweep` and the roles: makes a plan from flags, and a runtime to run it on.
 
 use std::{
     io,
@@ -68,7 +68,7 @@ pub(super) fn plan(
     })
 }
 
-/// The pace that `--live` asks for.
+/// The pace given by `--live`.
 pub(super) fn pace(live_hz: Option<f64>) -> Pace {
     live_hz.map_or(Pace::Lockstep, |hz| Pace::Live { hz })
 }
@@ -113,7 +113,7 @@ impl WalkArgs {
     }
 }
 
-/// When it is, for a person: by a clock that may be set at any time.
+/// The date, for people: the clock may be set at any time.
 #[expect(clippy::disallowed_methods, reason = "a report has a date")]
 pub(super) fn date() -> SystemTime {
     SystemTime::now()
@@ -124,7 +124,7 @@ pub(super) fn runtime() -> Result<Runtime, Failure> {
     Builder::new_multi_thread().worker_threads(1).enable_all().build().map_err(Failure::broken)
 }
 
-/// A stop that Ctrl-C and the termination signal of systemd set; a second one insists.
+/// A stop that Ctrl-C and the termination signal of systemd set; a second one enforces it.
 pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
     let (stopper, stop) = Stop::new();
     stops_on_signal(stopper, runtime);
@@ -133,7 +133,7 @@ pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
 
 fn stops_on_signal(stopper: Stopper, runtime: &Runtime) {
     let _within = runtime.enter();
-    // Here, not in the task: a signal that comes before the task runs is heard as well.
+    // Here, not in the task, so that a signal before the task runs is received as well.
     let signals = (signal(SignalKind::interrupt()), signal(SignalKind::terminate()));
     if let (Ok(mut interrupt), Ok(mut terminate)) = signals {
         runtime.spawn(async move {
@@ -148,22 +148,22 @@ fn stops_on_signal(stopper: Stopper, runtime: &Runtime) {
     }
 }
 
-/// Asks when standard input ends.
+/// Requests a stop at the end of standard input.
 fn stops_with_input(stopper: Stopper) {
     thread::spawn(move || {
-        // Nothing is said there; where it cannot be read, nobody is at its other end.
+        // The input is discarded. An error counts as its end.
         let _ended = io::copy(&mut io::stdin(), &mut io::sink());
         stopper.stop();
     });
 }
 
-/// How a role starts: what is not there yet, such as a scene that is being copied or a port in use, is waited
-/// for.
+/// The start of a role: it waits for things that are missing yet, such as a scene that is being copied or a
+/// port in use.
 pub(super) struct Start<'r> {
     runtime: &'r Runtime,
     pub(super) net: Arc<dyn Net>,
     pub(super) stop: Stop,
-    /// How long it waits for what is not there yet.
+    /// How long it waits for them.
     pub(super) join_timeout: Duration,
 }
 
@@ -174,7 +174,7 @@ impl<'r> Start<'r> {
         Self::stopped_by((stopper, stop), runtime, join_timeout_s, until_input_ends)
     }
 
-    /// The same for a service, which ends soon once it is asked to: see [`stoppable_service`].
+    /// The same for a service, which ends soon after a stop request: see [`stoppable_service`].
     pub(super) fn of_service(
         runtime: &'r Runtime,
         join_timeout_s: f64,
@@ -202,8 +202,8 @@ impl<'r> Start<'r> {
         self.runtime
     }
 
-    /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again
-    /// while what it fails with may pass, until `join_timeout`.
+    /// The result of `attempt` once it succeeds; `None` if the role is stopped before. Errors that may pass
+    /// are retried until `join_timeout`.
     pub(super) fn until<T>(
         &self,
         attempt: impl AsyncFn() -> Result<T, Failure>,
@@ -214,7 +214,7 @@ impl<'r> Start<'r> {
     }
 }
 
-/// Opens a cooked scene, which may be being copied.
+/// Opens a cooked scene; it may still be being copied.
 pub(super) fn scene(path: &Path) -> Result<SceneFile, Failure> {
     let scene = Scene::open(path).map_err(Failure::broken)?;
     Ok(SceneFile { path: path.to_owned(), scene: Arc::new(scene) })
@@ -226,7 +226,7 @@ pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>
     GpuScene::new(&gpu, &file.scene).map_err(Failure::broken)
 }
 
-/// What the links carry, once there are any.
+/// The traffic of the links, once there are any.
 #[derive(Default)]
 pub(super) struct Metrics {
     links: LinkMetrics,
@@ -234,8 +234,8 @@ pub(super) struct Metrics {
 }
 
 impl Metrics {
-    /// Shows them at this address, if there is one, for as long as this lives, to whoever asks by a name that
-    /// is allowed.
+    /// Shows them at this address, if there is one, while this lives, to clients that use an allowed host
+    /// name.
     pub(super) fn show(
         at: Option<SocketAddr>,
         names: &WsOptions,
@@ -250,7 +250,7 @@ impl Metrics {
         Ok(Self { links, _shown: shown })
     }
 
-    /// What the links carry, to be told which there are.
+    /// Registers links whose traffic to show.
     pub(super) fn links(&self) -> LinkMetrics {
         self.links.clone()
     }

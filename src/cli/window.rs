@@ -23,10 +23,10 @@ use super::{
     walking::{self, gpu_options, runtime, stop_on_signal},
 };
 
-/// The most pixels by which a silhouette may be off: as in the page.
+/// The largest silhouette error, pixels: as in the page.
 const EPSILON: f64 = 2.0;
 
-/// With `drive` it walks along that path by itself, and says how that went.
+/// With `drive` it walks along that path by itself, and reports on it.
 pub(super) fn run(args: &ViewArgs, scene: &Path, drive: Option<PosePath>) -> Result<(), Failure> {
     let file = walking::open(scene)?;
     let about = about(model_name(&args.files), &file)?;

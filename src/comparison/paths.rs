@@ -1,11 +1,11 @@
-//! The same places in another order, or at another pace: what coherence between frames is worth.
+//! The same places in another order, or at another pace, to measure the value of coherence between frames.
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use trimaran_scene::path::{PathError, Pose, PosePath};
 
-/// How much two frames that follow each other have in common.
+/// How much consecutive frames have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Coherence {
@@ -15,7 +15,7 @@ pub enum Coherence {
     Walk,
     /// A turn on the spot, 6 degrees a frame, at places of the walk.
     Turn,
-    /// The walk's poses in an order in which no two that follow each other are near.
+    /// The walk's poses in an order in which no two consecutive ones are near.
     Teleport,
 }
 
@@ -23,21 +23,21 @@ pub enum Coherence {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PathsError {
-    /// The poses make no path.
+    /// The poses make no valid path.
     #[error("the walk's poses make no path of another pace")]
     Path(#[from] PathError),
-    /// A pose between two of the walk is none.
+    /// A pose between two of the walk is invalid.
     #[error("a pose between two of the walk is none")]
     Pose(#[from] trimaran_scene::path::PoseError),
 }
 
 /// Degrees a frame of a turn on the spot.
 const TURN_DEG: f64 = 6.0;
-/// Frames of a whole one.
+/// Frames of a whole turn.
 const TURN_FRAMES: usize = 60;
 
 impl Coherence {
-    /// From what has most in common to what has least.
+    /// From most to least coherent.
     pub const ALL: [Self; 4] = [Self::Slow, Self::Walk, Self::Turn, Self::Teleport];
 
     /// The name in reports.
@@ -54,7 +54,7 @@ impl Coherence {
     /// As many frames as `walk` has, with this much in common. Its field of view and near plane stay.
     ///
     /// # Errors
-    /// If a pose between two of the walk is none: they look in opposite directions.
+    /// If a pose between two of the walk is invalid: they look in opposite directions.
     pub fn path(self, walk: &PosePath) -> Result<PosePath, PathsError> {
         let poses = walk.frames();
         let count = poses.len();
@@ -87,7 +87,7 @@ fn between(poses: &[Pose], frame: usize) -> Result<Pose, PathsError> {
     Ok(Pose::new(a.eye().lerp(b.eye(), part), orientation * DVec3::NEG_Z, orientation * DVec3::Y)?)
 }
 
-/// Turns about the upward direction of a pose, a whole turn at each of places that are spread over the walk.
+/// Turns about the upward direction of a pose: a whole turn at each of several places spread over the walk.
 fn turned(poses: &[Pose], frame: usize) -> Result<Pose, PathsError> {
     let turns = poses.len().div_ceil(TURN_FRAMES).max(1);
     let place = (frame / TURN_FRAMES) * poses.len() / turns;
@@ -97,8 +97,8 @@ fn turned(poses: &[Pose], frame: usize) -> Result<Pose, PathsError> {
     Ok(Pose::new(pose.eye(), turn * pose.forward(), pose.up())?)
 }
 
-/// A step through so many poses that comes to each once, and far from the one before: near the golden
-/// section of them, without a common divisor.
+/// A stride that visits each of `count` poses once, and far from the one before: near their golden section,
+/// and coprime to `count`.
 fn stride(count: usize) -> usize {
     let golden = (count as f64 * 0.618).round() as usize;
     (golden.max(1)..).find(|step| divisor(*step, count) == 1).unwrap_or(1)

@@ -1,4 +1,4 @@
-//! The systems by name, and what each is made of.
+//! The systems by name, and their parts.
 
 use std::{fmt, str::FromStr};
 
@@ -46,7 +46,7 @@ pub enum System {
     Rays,
 }
 
-/// Where the roles of a system are, when it is measured.
+/// Where the roles of a system run, when it is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     /// Threads of one process: they share memory.
@@ -94,7 +94,7 @@ impl System {
         }
     }
 
-    /// What it is, in a line.
+    /// A description in one line.
     #[must_use]
     pub const fn about(self) -> &'static str {
         match self {
@@ -145,7 +145,7 @@ impl System {
         }
     }
 
-    /// Where its roles are, when it is measured.
+    /// Where its roles run, when it is measured.
     #[must_use]
     pub const fn place(self) -> Place {
         match self {
@@ -163,8 +163,7 @@ impl System {
         }
     }
 
-    /// Whether this one and `other` do the same work on the same machines, so that only what joins them
-    /// differs.
+    /// Whether this one and `other` do the same work on the same machines, so that only their links differ.
     #[must_use]
     pub fn same_work(self, other: Self) -> bool {
         let work = |system: Self| (system.culling(), system.cullers(), system.schedule());

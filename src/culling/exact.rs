@@ -1,4 +1,4 @@
-//! Exact visibility: what owns a pixel of an item buffer (paper, section 5).
+//! Exact visibility: the drawables that own a pixel of an ID buffer (paper, section 5: item buffer).
 
 use std::sync::Arc;
 
@@ -13,15 +13,15 @@ use super::{
     work::{FrameCuller, Seen},
 };
 
-/// Draws the whole LOD cut into an item buffer, and takes what shows. What is seen through is taken as a
-/// whole.
+/// Draws the whole LOD cut into an ID buffer, and takes the drawables that own a pixel. All see-through ones
+/// are taken.
 pub(super) struct Exact {
     scene: Arc<Scene>,
     pass: ItemPass,
     order: DrawOrder,
     solid: Vec<DrawableId>,
     see_through: Vec<DrawableId>,
-    /// Of each drawable, whether it owns a pixel of the frame.
+    /// For each drawable, whether it owns a pixel of the frame.
     shows: Vec<bool>,
 }
 

@@ -1,4 +1,4 @@
-//! No occlusion culling at all.
+//! Frustum culling only, without occlusion culling.
 
 use std::sync::Arc;
 

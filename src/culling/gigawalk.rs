@@ -1,4 +1,4 @@
-//! GigaWalk's culling, to be compared with: a hierarchical Z-buffer on the CPU.
+//! GigaWalk's culling, for comparison: a hierarchical Z-buffer on the CPU.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! How a culler finds what is visible: Trimaran's own method, and those that it is compared with.
+//! How a culler finds the visible nodes: Trimaran's own method, and those that it is compared with.
 //!
 //! All of them choose levels by one rule, over one tree, and draw in one order: only the culling differs.
 
@@ -26,14 +26,14 @@ use work::{FrameCuller, WholeFrames};
 
 use crate::vulkan::{VulkanCuller, VulkanCullerError};
 
-/// What an error of the device means to a session that was `doing` something with it.
+/// Converts an error of the device into that of a session that was `doing` something.
 fn failed<E: Into<VulkanCullerError>>(doing: &'static str) -> impl FnOnce(E) -> RoleError {
     move |error| RoleError::of_device::<VulkanCuller>(doing)(error.into())
 }
 
 impl Culling {
-    /// Culls `scene`, which `drawn` holds on a device, by `method` and as the display has decided in
-    /// `settings`. Measures by the clock of `turns`.
+    /// Culls `scene`, whose copy on the device is `drawn`, by `method` and the display's `settings`. Measures
+    /// by the clock of `turns`.
     ///
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.

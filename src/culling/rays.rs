@@ -1,4 +1,4 @@
-//! Visibility by rays cast on the CPU: what a machine without a GPU can do.
+//! Visibility by rays cast on the CPU, for machines without a GPU.
 
 use trimaran_actors::RoleError;
 use trimaran_proto::{CullCounts, DrawableId};

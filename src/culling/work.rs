@@ -12,11 +12,11 @@ use crate::vulkan::VulkanCuller;
 /// A culler's work by one of the [methods](super::CullingMethod).
 pub struct Culling {
     work: Work,
-    /// What ends waits for the device, in place of what ends the session.
+    /// Ends waits for the device, instead of the session's own stop.
     cancel: Option<Stop>,
 }
 
-/// All sessions but comparisons have the first one.
+/// All sessions but comparisons use the first one.
 enum Work {
     Scene(Box<SceneCulling<VulkanCuller>>),
     Whole(Box<WholeFrames>),
@@ -35,7 +35,7 @@ impl From<WholeFrames> for Culling {
 }
 
 impl Culling {
-    /// Waits for the device end early once `stop` is requested, and not where the session alone is to end.
+    /// Waits for the device end early once `stop` is requested, but not when only the session is to end.
     #[must_use]
     pub fn cancelled_by(self, stop: &Stop) -> Self {
         Self { cancel: Some(stop.clone()), ..self }
@@ -94,7 +94,7 @@ impl CullerWork for Culling {
     }
 }
 
-/// What a frame is culled by.
+/// The inputs for culling a frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seen<'f> {
     pub(super) view: &'f View,
@@ -103,16 +103,16 @@ pub(super) struct Seen<'f> {
 
 /// A method that culls one frame after the other, each as a whole.
 pub(super) trait FrameCuller {
-    /// Once `stop` is requested, waiting for a device ends soon, with an error.
+    /// Once `stop` is requested, waits for a device end soon, with an error.
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
     }
 
-    /// OR: draws what hides something in this frame, where `last` was visible in the one before, and gives
-    /// what it drew.
+    /// OR: draws occluders for this frame, given the drawables visible in the `last` one, and returns those
+    /// drawn.
     fn draw_occluders(&mut self, seen: Seen<'_>, last: &[DrawableId]) -> Result<&[DrawableId], RoleError>;
 
-    /// HC: adds to `found` what is visible.
+    /// HC: adds the visible drawables to `found`.
     fn cull(&mut self, seen: Seen<'_>, found: &mut Vec<DrawableId>) -> Result<CullCounts, RoleError>;
 }
 
@@ -123,9 +123,9 @@ pub(super) struct WholeFrames {
     state: ViewState,
     rule: CutRule,
     clock: Stopwatch,
-    /// Of the frame under way.
+    /// Of the current frame.
     view: View,
-    /// What was visible in the frame before.
+    /// The drawables visible in the frame before.
     last: Vec<DrawableId>,
     found: Vec<DrawableId>,
     stats: FrameStats,

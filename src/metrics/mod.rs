@@ -1,6 +1,6 @@
-//! What links carry, for a monitoring system to read while a session runs: `/metrics` in the OpenMetrics text
-//! format that Prometheus scrapes, `/links` the same as JSON, `/listener` what the process's listener has
-//! turned away.
+//! Traffic of links, for a monitoring system to read during a session: `/metrics` in the OpenMetrics text
+//! format that Prometheus scrapes, `/links` the same as JSON, `/listener` the refusals of the process's
+//! listener.
 
 mod path;
 mod server;
@@ -23,7 +23,7 @@ pub use path::PathReading;
 pub use server::{MetricsError, Serving};
 pub use turned_away::TurnedAwayReading;
 
-/// The links of this process. Clones are one and the same.
+/// The links of this process. Clones share them.
 #[derive(Debug, Clone, Default)]
 pub struct LinkMetrics {
     watched: Arc<RwLock<Watched>>,
@@ -42,7 +42,7 @@ struct WatchedLink {
     stats: StatsHandle,
 }
 
-/// What a link has carried since it was made.
+/// The traffic of a link since it was made.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LinkReading {
     /// The role at its other end.
@@ -51,10 +51,10 @@ pub struct LinkReading {
     pub sent: Carried,
     /// What this side received.
     pub received: Carried,
-    /// How often it sent more messages in a second than it may.
+    /// How often it sent more messages in a second than allowed.
     #[serde(default)]
     pub floods: u64,
-    /// Packets and the path they take, over datagrams of this program's own protocol.
+    /// Packets and their path, over this program's own datagram protocol.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path: Option<PathReading>,
 }
@@ -70,17 +70,17 @@ pub struct Carried {
     pub messages: u64,
     /// Payload bytes of cameras.
     pub camera_bytes: u64,
-    /// Payload bytes of beginnings of frames.
+    /// Payload bytes of frame beginnings.
     pub begin_bytes: u64,
     /// Payload bytes of ids.
     pub id_bytes: u64,
-    /// Payload bytes of ends of frames.
+    /// Payload bytes of frame ends.
     pub end_bytes: u64,
     /// Payload bytes of handshake, statistics and close.
     pub control_bytes: u64,
-    /// Geometry for a display without the scene, and what that says of it.
+    /// Geometry for a display without the scene, and the display's messages about it.
     pub geometry_bytes: u64,
-    /// Bytes of this protocol's headers; those of the layers below are not seen from here.
+    /// Bytes of this protocol's headers; those of lower layers are not known here.
     pub header_bytes: u64,
 }
 
@@ -93,19 +93,19 @@ impl LinkMetrics {
         metrics
     }
 
-    /// Watches a link to `peer` from now on, in place of an earlier one. What it carries counts from zero, as
-    /// a scraper expects of a program that was started again.
+    /// Watches a link to `peer` from now on, in place of an earlier one. Its counters start at zero, as a
+    /// scraper expects of a restarted program.
     pub fn add(&self, peer: String, link: &Link) {
         self.watched.write().insert(peer, link.stats.clone());
     }
 
-    /// Watches the link to `peer` no longer.
+    /// Stops watching the link to `peer`.
     pub fn remove(&self, peer: &str) {
         self.watched.write().links.retain(|link| link.peer != peer);
     }
 
-    /// Watches a link to one of many peers of a kind until what is returned is dropped: as `display 2` where
-    /// that is the lowest number that is free. So there are no more labels than links, and none says a secret.
+    /// Watches a link to one of many peers of a kind until the result is dropped. Its label has the lowest
+    /// free number, such as `display 2`. So there are no more labels than links, and none holds a secret.
     #[must_use]
     pub fn watch(&self, kind: &str, link: &Link) -> Watching {
         Watching { peer: self.insert_numbered(kind, link.stats.clone()), metrics: self.clone() }
@@ -120,7 +120,7 @@ impl LinkMetrics {
         peer
     }
 
-    /// What each link has carried until now.
+    /// The traffic of each link until now.
     #[must_use]
     pub fn read(&self) -> Vec<LinkReading> {
         let read = |WatchedLink { peer, stats }: &WatchedLink| {
@@ -131,7 +131,7 @@ impl LinkMetrics {
         self.watched().links.iter().map(read).collect()
     }
 
-    /// What the listeners have turned away through which the links' peers came.
+    /// The refusals of the listeners through which the links' peers came.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAwayReading {
         TurnedAwayReading::of(&self.watched().listeners)
@@ -144,7 +144,7 @@ impl LinkMetrics {
     /// The OpenMetrics text.
     ///
     /// # Errors
-    /// None that could happen: text is written to memory.
+    /// Never in practice: text is written to memory.
     fn text(&self) -> Result<String, fmt::Error> {
         let mut registry = Registry::with_prefix("trimaran_link");
         registry.register_collector(Box::new(self.clone()));
@@ -155,13 +155,13 @@ impl LinkMetrics {
 }
 
 impl Watched {
-    /// In place of an earlier link to the same peer.
+    /// Replaces an earlier link to the same peer.
     fn insert(&mut self, peer: String, stats: StatsHandle) {
         self.links.retain(|link| link.peer != peer);
         if let Some(listener) = stats.listener().filter(|listener| !self.listeners.contains(listener)) {
             self.listeners.push(listener);
         }
-        // By name, whoever comes first.
+        // Sorted by name.
         let place = self.links.partition_point(|link| link.peer < peer);
         self.links.insert(place, WatchedLink { peer, stats });
     }
@@ -175,7 +175,7 @@ pub struct Watching {
 }
 
 impl Watching {
-    /// What the peer is called meanwhile.
+    /// The peer's label meanwhile.
     #[must_use]
     pub fn peer(&self) -> &str {
         &self.peer
@@ -226,7 +226,7 @@ impl From<Traffic> for Carried {
             begin_bytes: begin.bytes,
             id_bytes: batches.bytes,
             end_bytes: end.bytes,
-            // What roles say beside cameras and ids is counted with it.
+            // The roles' other messages are counted with it.
             control_bytes: control.bytes + said.bytes,
             geometry_bytes: bulk.bytes,
             header_bytes,

@@ -1,4 +1,4 @@
-//! Packets and the path that they take.
+//! Packets and their path.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use trimaran_transport::PathStats;
 
 use super::{LinkReading, Peer};
 
-/// Packets since the link was made, and the path as it is now, as this side sees them.
+/// Packets since the link was made, and the current path, as seen from this side.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct PathReading {
     /// Packets sent.
@@ -28,13 +28,13 @@ pub struct PathReading {
     pub parts_repeated: u64,
     /// Repair shards sent.
     pub repair_sent: u64,
-    /// Received frames that are whole only because of their repair.
+    /// Received frames that are whole only thanks to repair shards.
     pub frames_repaired: u64,
-    /// Frames sent that were given up, for they could not arrive in time.
+    /// Frames sent that were given up because they could not arrive in time.
     pub frames_given_up: u64,
     /// Probes sent because nothing was acknowledged.
     pub probes: u64,
-    /// The largest datagram that is known to arrive, bytes.
+    /// The largest datagram known to arrive, bytes.
     pub path_mtu: u64,
     /// The smoothed round-trip time, milliseconds.
     pub round_trip_ms: f64,
@@ -42,7 +42,7 @@ pub struct PathReading {
     pub window_bytes: u64,
     /// Bytes in flight.
     pub in_flight_bytes: u64,
-    /// Frames sent have no more time than the way to the peer takes: hardly any comes whole.
+    /// The deadline of frames is shorter than the one-way delay: hardly any arrives whole.
     pub deadline_too_short: bool,
 }
 

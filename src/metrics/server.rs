@@ -1,4 +1,4 @@
-//! The page that a monitoring system reads.
+//! The HTTP server that a monitoring system reads.
 
 use std::{convert::Infallible, io, net::SocketAddr, sync::Arc, time::Duration};
 
@@ -28,21 +28,21 @@ const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset
 /// How many readers are served at once.
 const READERS: usize = 64;
 
-/// How long a reader may take to ask and to take the answer. There is one answer to a connection.
+/// How long a reader may take to ask and to take the answer. A connection has one answer.
 const READING: Duration = Duration::from_secs(10);
 
-/// Why the metrics cannot be shown.
+/// Why the metrics cannot be served.
 #[derive(Debug, Error)]
 #[error("cannot show metrics on {address}: {cause}: choose another address in `metrics`")]
 pub struct MetricsError {
-    /// Where they should be.
+    /// The address to listen on.
     pub address: SocketAddr,
-    /// Why.
+    /// The system's error.
     #[source]
     pub cause: io::Error,
 }
 
-/// Metrics that are being shown, until this is dropped.
+/// Serves metrics until this is dropped.
 #[derive(Debug)]
 pub struct Serving {
     address: SocketAddr,
@@ -50,7 +50,7 @@ pub struct Serving {
 }
 
 impl Serving {
-    /// Where they are: the port that the system chose, if it was to choose one.
+    /// The address, with the port that the system chose if it was 0.
     #[must_use]
     pub const fn address(&self) -> SocketAddr {
         self.address
@@ -64,12 +64,12 @@ impl Drop for Serving {
 }
 
 impl LinkMetrics {
-    /// Shows them on `address`, on the threads of `runtime`, to whoever asks by its IP address, as `localhost`
-    /// or by a name that `names` allows. Another name could be one that a page in somebody's browser has given
-    /// this machine.
+    /// Serves them on `address`, on the threads of `runtime`, to clients whose `Host` is an IP address,
+    /// `localhost` or a name that `names` allows. Other names are refused against DNS rebinding by pages in a
+    /// browser.
     ///
     /// # Errors
-    /// When nobody can listen there.
+    /// When the address cannot be listened on.
     pub fn serve(
         self,
         address: SocketAddr,
@@ -86,7 +86,7 @@ impl LinkMetrics {
     }
 }
 
-/// The metrics, and who may ask for them.
+/// The metrics, and the allowed names.
 struct Page {
     metrics: LinkMetrics,
     names: WsOptions,
@@ -119,7 +119,7 @@ impl Page {
     }
 }
 
-/// Answers one question, if it comes in time.
+/// Answers one request, if it comes in time.
 fn answer(page: Arc<Page>, net: Arc<dyn Net>, stream: Stream) -> BoxFuture<'static, ()> {
     Box::pin(async move {
         let answer = service_fn(|request| {
@@ -128,7 +128,7 @@ fn answer(page: Arc<Page>, net: Arc<dyn Net>, stream: Stream) -> BoxFuture<'stat
         });
         let stream = TokioIo::new(join(stream.reader, stream.writer));
         let reading = http1::Builder::new().keep_alive(false).serve_connection(stream, answer);
-        // A reader that goes away, or that takes too long, is not worth a word.
+        // A reader that goes away, or takes too long, is not worth a message.
         let _read = until(&*net, net.now().after(READING), reading).await;
     })
 }
@@ -162,7 +162,7 @@ mod tests {
 
     const QUESTION: &[u8] = b"GET /metrics HTTP/1.1\r\nhost: 127.0.0.1:9\r\n\r\n";
 
-    /// Guests that come one after the other, and the server that takes them.
+    /// Clients that come one after the other, and the server that takes them.
     fn serving() -> (mpsc::UnboundedSender<DuplexStream>, JoinSet<()>) {
         let (come, guests) = mpsc::unbounded_channel();
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
@@ -210,7 +210,7 @@ mod tests {
         assert_eq!(net.now(), began, "the reader waited for the end of it");
     }
 
-    /// A page of somebody's browser gives this machine a name of its own, and asks by that.
+    /// DNS rebinding: a page in a browser gives this machine a name of its own, and asks by that.
     #[tokio::test(start_paused = true)]
     async fn whoever_asks_by_a_foreign_name_is_told_nothing() {
         let (come, _server) = serving();

@@ -1,4 +1,4 @@
-//! What a listener has turned away.
+//! Peers that a listener has turned away.
 
 use std::fmt;
 
@@ -9,16 +9,16 @@ use prometheus_client::{
 use serde::{Deserialize, Serialize};
 use trimaran_transport::{ListenerStats, TurnedAway};
 
-/// What listeners have turned away since they were made, by which limit.
+/// How many peers listeners have turned away since they were made, by limit.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TurnedAwayReading {
-    /// Handshakes that gave way to newer ones, because too many were under way (`handshakes`).
+    /// Handshakes displaced by newer ones, because too many were under way (`handshakes`).
     pub handshakes: u64,
     /// Handshakes beyond what one address may begin in a second (`handshakes_per_s_per_address`).
     pub handshakes_per_s_per_address: u64,
     /// Handshakes beyond what all together may begin in a second (`handshakes_per_s`).
     pub handshakes_per_s: u64,
-    /// Connections of peers for which there was no place (`peers`).
+    /// Connections of peers beyond the limit (`peers`).
     pub peers: u64,
 }
 
@@ -34,7 +34,7 @@ impl TurnedAwayReading {
         }
     }
 
-    /// The counts by the limit that was reached, as the limits are called where they are set.
+    /// The counts by the name that the limit has in the configuration.
     #[must_use]
     pub const fn by_limit(&self) -> [(&'static str, u64); 4] {
         [

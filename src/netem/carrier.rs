@@ -1,4 +1,4 @@
-//! Carrying packets from device to device when their time comes.
+//! Carries packets from device to device at their time.
 #![allow(clippy::disallowed_methods, reason = "packets of the kernel keep the kernel's time")]
 
 use parking_lot::{Mutex, MutexGuard};
@@ -19,24 +19,24 @@ use tun_rs::SyncDevice;
 
 use super::ip::{Header, mark_congested};
 
-/// The system is asked to wake the carrier so long before a packet's time, and the rest is waited for busily:
-/// what it takes to wake a sleeping thread.
+/// The carrier is woken this long before a packet's time and spins for the rest: waking a sleeping thread
+/// takes about that long.
 const WATCHFUL: Duration = Duration::from_micros(60);
-/// At least so often the carrier looks whether it is to stop.
+/// How often, at least, the carrier checks whether to stop.
 const GLANCE: Duration = Duration::from_millis(50);
 /// Packets that are later count as this: a minute, nanoseconds.
 const LATEST_NS: u64 = 60_000_000_000;
 /// The largest IP packet.
 const LARGEST: usize = 65_535;
 
-/// What an emulation has done so far.
+/// The work of an emulation so far.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// What became of all packets.
     pub totals: Totals,
     /// Packets that are for none of the machines; the kernel looks for routers and neighbours.
     pub strangers: u64,
-    /// How late packets came out, compared with what the links said.
+    /// How late packets came out, compared with the link models.
     pub late: Lateness,
     /// What became of the packets of each direction of each link.
     pub links: Vec<LinkReport>,
@@ -47,23 +47,23 @@ pub struct Report {
 pub struct Lateness {
     /// Half are at most this.
     pub p50_us: f64,
-    /// 99 of a hundred are.
+    /// 99 % are at most this.
     pub p99_us: f64,
-    /// All are.
+    /// All are at most this.
     pub max_us: f64,
 }
 
 /// One direction of a link.
 #[derive(Debug, Clone, Serialize)]
 pub struct LinkReport {
-    /// What it joins.
+    /// The machines that it joins.
     pub name: String,
     /// What became of its packets.
     #[serde(flatten)]
     pub tally: LinkTally,
 }
 
-/// The packets between devices, shared by whoever carries and whoever watches.
+/// The packets between devices, shared by the carrier and by readers of its counters.
 #[derive(Debug)]
 pub(super) struct Cargo {
     topology: Topology,
@@ -104,12 +104,12 @@ impl Cargo {
         }
     }
 
-    /// Carries packets until `stop` is set; the thread is this one's alone.
+    /// Carries packets until `stop` is set; it needs a thread of its own.
     ///
     /// # Errors
     /// When a device can no longer be read.
     pub(super) fn carry(&self, devices: &[Device], stop: &AtomicBool) -> io::Result<()> {
-        // Neither is granted to everyone, and neither must be: without them packets come out a little later.
+        // Both need privileges and are optional: without them packets come out a little later.
         let _slack = set_current_timer_slack(NonZeroU64::new(1));
         let _priority = setpriority_process(None, -20);
         let mut buffer = vec![0; LARGEST];
@@ -129,7 +129,7 @@ impl Cargo {
         Ok(())
     }
 
-    /// Hands to the kernel what has arrived.
+    /// Hands the arrived packets to the kernel.
     fn put_out(&self, devices: &[Device]) {
         let mut state = self.state();
         while let Some(mut arrival) = state.relay.arrival(self.now()) {
@@ -137,7 +137,7 @@ impl Cargo {
             if arrival.ecn == Ecn::Experienced {
                 mark_congested(&mut arrival.packet);
             }
-            // What the kernel does not take now is lost, as in a network card without room.
+            // A packet that the kernel does not take now is lost, as in a network card without room.
             if device.tun.send(&arrival.packet).is_ok() {
                 state.late.saturating_record(
                     u64::try_from(self.now().since(arrival.at).as_nanos()).unwrap_or(u64::MAX),
@@ -146,7 +146,7 @@ impl Cargo {
         }
     }
 
-    /// Takes over what the kernel sends.
+    /// Takes over the packets that the kernel sends.
     fn take_in(&self, device: &Device, buffer: &mut [u8]) -> io::Result<()> {
         loop {
             let length = match device.tun.recv(buffer) {

@@ -14,7 +14,7 @@ use trimaran_netsim::{HostId, Machines, Profile};
 use super::carrier::{Cargo, Device};
 use super::{Namespace, NetemError, Report};
 
-/// How many bits of an address name the network: all machines are neighbours.
+/// The network bits of an address: all machines are neighbours.
 const NETWORK_BITS: (u8, u8) = (24, 64);
 
 /// A network between namespaces, as long as this lives. Dropping it removes the devices and namespaces that
@@ -28,10 +28,10 @@ pub struct Emulation {
 }
 
 impl Emulation {
-    /// Says what this process lacks for emulating networks between namespaces.
+    /// Checks whether this process can emulate networks between namespaces.
     ///
     /// # Errors
-    /// When it lacks something.
+    /// The missing privilege or program.
     pub fn possible() -> Result<(), NetemError> {
         let granted = capabilities(None).map_err(io::Error::from)?.effective;
         for (capability, missing) in
@@ -48,7 +48,7 @@ impl Emulation {
     /// made where they do not exist; their addresses are [`HostId::v4`] and [`HostId::v6`].
     ///
     /// # Errors
-    /// When this process may not do that, or a name or the number of names will not do.
+    /// When this process may not do that, or a name or the number of names is invalid.
     pub fn start(profile: &Profile, names: &[String], seed: u64) -> Result<Self, NetemError> {
         if !(2..=1 + CullerId::MOST).contains(&names.len()) || !distinct(names) {
             return Err(NetemError::Namespaces { count: names.len() });
@@ -71,22 +71,22 @@ impl Emulation {
         Ok(Self { machines, cargo, stop, carrier: Some(carrier) })
     }
 
-    /// The machines and where they are.
+    /// The machines and their namespaces.
     #[must_use]
     pub fn machines(&self) -> &[(HostId, Namespace)] {
         &self.machines
     }
 
-    /// Takes their names from the namespaces that were made, for a program that plays all machines itself:
-    /// whatever ends it, nothing stays behind.
+    /// Removes the names of the namespaces that were made, for a program that plays all machines itself. So
+    /// nothing stays behind, however it ends.
     ///
     /// # Errors
-    /// When iproute2 cannot.
+    /// When iproute2 fails.
     pub fn take_names(&mut self) -> Result<(), NetemError> {
         self.machines.iter_mut().try_for_each(|(_, namespace)| namespace.take_name())
     }
 
-    /// What was carried so far.
+    /// The counters so far.
     #[must_use]
     pub fn report(&self) -> Report {
         self.cargo.report()
@@ -98,7 +98,7 @@ impl Emulation {
         self.carrier.as_ref().is_some_and(|carrier| !carrier.is_finished())
     }
 
-    /// Ends it, removes what it made, and says what was carried.
+    /// Ends it, removes what it made, and returns the counters.
     ///
     /// # Errors
     /// When the carrying had ended by itself.
@@ -114,7 +114,7 @@ impl Emulation {
     }
 }
 
-/// Whether no name is there twice.
+/// Whether all names differ.
 fn distinct(names: &[String]) -> bool {
     names.iter().enumerate().all(|(index, name)| !names.iter().take(index).any(|other| other == name))
 }

@@ -8,53 +8,53 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum NetemError {
-    /// This process may not.
+    /// This process lacks a privilege.
     #[error(
         "emulating a network makes network namespaces and TUN devices, which takes the capabilities CAP_NET_ADMIN and CAP_SYS_ADMIN, and {missing} is missing: run it as root"
     )]
     NotPermitted {
-        /// What it lacks.
+        /// The missing privilege.
         missing: &'static str,
     },
     /// The kernel has no TUN devices.
     #[error("there is no /dev/net/tun: load the kernel's module `tun`, or let the container have the device")]
     NoTun,
-    /// More or fewer namespaces than there can be machines.
+    /// There can be more or fewer machines than that.
     #[error("{count} namespaces: name those of 1 to 8 cullers, and last the display's, each once")]
     Namespaces {
         /// How many were given.
         count: usize,
     },
-    /// iproute2 is not there.
+    /// iproute2 is not installed.
     #[error("the program `ip` does not run: install the package iproute2")]
     NoIp {
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
-    /// iproute2 could not do it.
+    /// iproute2 failed.
     #[error("`ip {command}` failed: {said}")]
     Ip {
         /// The command.
         command: String,
-        /// What it said.
+        /// Its error message.
         said: String,
     },
-    /// What is called a namespace cannot be opened.
+    /// The namespace cannot be opened.
     #[error("cannot open the network namespace {namespace}")]
     Namespace {
-        /// Which.
+        /// Its name.
         namespace: String,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
     /// A device could not be made.
     #[error("cannot make a TUN device in the namespace {namespace}")]
     Device {
-        /// Where.
+        /// Its namespace.
         namespace: String,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
@@ -67,7 +67,7 @@ pub enum NetemError {
 }
 
 impl NetemError {
-    /// Whether the user can do something about it before anything is tried.
+    /// Whether the user can correct it before anything has begun.
     #[must_use]
     pub const fn is_usage(&self) -> bool {
         matches!(self, Self::NotPermitted { .. } | Self::NoTun | Self::Namespaces { .. } | Self::NoIp { .. })

@@ -1,10 +1,10 @@
-//! What a relay reads and writes in IP headers.
+//! The fields of IP headers that a relay reads and writes.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use trimaran_netsim::link::Ecn;
 
-/// What the header of an IP packet says.
+/// The fields of an IP packet's header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
     /// The packet's destination.
@@ -14,7 +14,7 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Reads the header; none where the packet is too short or of another protocol.
+    /// Reads the header; none if the packet is too short or of another protocol.
     pub(super) fn of(packet: &[u8]) -> Option<Self> {
         match packet.first()? >> 4 {
             4 => {
@@ -39,7 +39,7 @@ const fn ecn(bits: u8) -> Ecn {
     }
 }
 
-/// Marks a packet as having met congestion, and makes its header's checksum right again.
+/// Sets congestion experienced in a packet, and updates its header's checksum.
 pub(super) fn mark_congested(packet: &mut [u8]) {
     match packet {
         [first, traffic, _, _, _, _, _, _, _, _, high, low, ..] if *first >> 4 == 4 => {
@@ -61,7 +61,7 @@ pub(super) fn mark_congested(packet: &mut [u8]) {
 mod tests {
     use super::*;
 
-    /// An IPv4 header with the right checksum.
+    /// An IPv4 header with a correct checksum.
     fn v4(traffic: u8) -> Vec<u8> {
         let mut header =
             vec![0x45, traffic, 0, 84, 0xbe, 0xef, 0x40, 0, 64, 17, 0, 0, 10, 0, 0, 1, 10, 0, 0, 3];
@@ -70,7 +70,7 @@ mod tests {
         header
     }
 
-    /// The sum of all words in ones' complement: all ones where the checksum is right.
+    /// The sum of all words in ones' complement: all ones if the checksum is correct.
     fn sum(header: &[u8]) -> u16 {
         let mut sum: u32 =
             header.chunks(2).map(|word| u32::from(u16::from_be_bytes([word[0], word[1]]))).sum();

@@ -1,10 +1,10 @@
-//! The system's network settings, by way of iproute2's `ip`.
+//! The system's network settings, through iproute2's `ip`.
 
 use std::process::Command;
 
 use super::NetemError;
 
-/// Runs `ip`; gives what it says.
+/// Runs `ip`; returns its output.
 pub(super) fn ip(words: &[&str]) -> Result<String, NetemError> {
     let output = Command::new("ip").args(words).output().map_err(|cause| NetemError::NoIp { cause })?;
     if output.status.success() {

@@ -1,8 +1,8 @@
 //! The simulator's links for real packets, in real time: `trimaran netem`.
 //!
-//! Machines are network namespaces with a TUN device each. What comes from there takes its way through a
-//! [`Relay`](trimaran_netsim::Relay), the very link models of the simulator, and comes out at another machine
-//! when they say so.
+//! Machines are network namespaces with a TUN device each. Their packets pass through a
+//! [`Relay`](trimaran_netsim::Relay), with the same link models as the simulator, and come out at another
+//! machine at the modelled time.
 
 mod carrier;
 mod emulation;

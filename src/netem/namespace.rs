@@ -13,29 +13,28 @@ use tun_rs::{DeviceBuilder, SyncDevice};
 use super::NetemError;
 use super::iproute::ip;
 
-/// Where iproute2 keeps the namespaces that have names.
+/// Where iproute2 keeps named namespaces.
 const FOLDER: &str = "/run/netns";
-/// What the device of a namespace is called in it.
+/// The name of a namespace's device in it.
 const DEVICE: &str = "net0";
-/// How many packets wait in a device for whoever reads it: more than come while a busy machine runs something
-/// else.
+/// The queue length of a device, packets: enough while a busy machine delays the reader.
 pub(super) const DEVICE_QUEUE: u32 = 10_000;
 
-/// A network namespace with a name, as `ip netns` makes them. One that was made is removed when this is
-/// dropped; one that was there before stays.
+/// A named network namespace, as `ip netns` makes them. One that was made here is removed on drop; one that
+/// was there before stays.
 #[derive(Debug)]
 pub struct Namespace {
     name: String,
-    /// The namespace itself: it is there as long as this is open, with or without its name.
+    /// The namespace itself: it exists while this is open, with or without its name.
     file: File,
     made: bool,
 }
 
 impl Namespace {
-    /// The namespace of that name, made if there is none.
+    /// The namespace of that name, made if it does not exist.
     ///
     /// # Errors
-    /// When there is none and iproute2 cannot make it.
+    /// When it does not exist and iproute2 cannot make it.
     pub fn find_or_make(name: &str) -> Result<Self, NetemError> {
         let made = !path(name).exists();
         if made {
@@ -46,11 +45,11 @@ impl Namespace {
         Ok(Self { name: name.to_owned(), file, made })
     }
 
-    /// Takes its name from it, if it was made here: it ends with this process then, however that ends, and
-    /// nobody else can enter it any more.
+    /// Removes its name, if it was made here. Then it ends with this process, however that ends, and nobody
+    /// else can enter it any more.
     ///
     /// # Errors
-    /// When iproute2 cannot.
+    /// When iproute2 fails.
     pub fn take_name(&mut self) -> Result<(), NetemError> {
         if self.made {
             ip(&["netns", "delete", &self.name])?;
@@ -59,7 +58,7 @@ impl Namespace {
         Ok(())
     }
 
-    /// What it is called.
+    /// Its name.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -74,12 +73,11 @@ impl Namespace {
         Ok(move_into_link_name_space(self.file.as_fd(), Some(LinkNameSpaceType::Network))?)
     }
 
-    /// Adds a TUN device with these addresses, each in a network of that many bits.
+    /// Adds a TUN device with these addresses, each with its prefix length.
     pub(super) fn add_device(&self, mtu: u32, addresses: &[(IpAddr, u8)]) -> Result<SyncDevice, NetemError> {
         let name = &self.name;
         let failed = |cause| NetemError::Device { namespace: name.clone(), cause };
-        // A device belongs to the namespace of the thread that makes it; the file that carries its packets to
-        // any thread.
+        // A device belongs to the namespace of the thread that makes it; its file works from any thread.
         let build = || {
             self.enter()?;
             DeviceBuilder::new().name(DEVICE).tx_queue_len(DEVICE_QUEUE).enable(false).build_sync()

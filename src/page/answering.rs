@@ -1,5 +1,5 @@
-//! The threads that answer questions of pages: few, with a queue that has an end, and none of them a thread of
-//! links or of culling.
+//! The threads that answer pages' questions. They are few, have a bounded queue, and are separate from
+//! threads of links and culling.
 
 use std::{
     collections::VecDeque,
@@ -21,7 +21,7 @@ use crate::http::Asker;
 
 /// The most questions that wait. A page asks for nine tiles at once.
 const WAITING: usize = 256;
-/// The most threads. A machine has one for four of its processors, so that culling has the others.
+/// The most threads. A machine has one per four processors, so that culling has the others.
 const THREADS: usize = 4;
 
 /// Answers questions, until it is dropped.
@@ -36,7 +36,7 @@ struct Queue {
     has_come: Condvar,
 }
 
-/// Questions by who asks: each asker in turn has one answered.
+/// Questions by client: clients are served in turn.
 #[derive(Debug, Default)]
 struct Waiting {
     askers: VecDeque<(Asker, VecDeque<Job>)>,
@@ -65,7 +65,7 @@ impl Answering {
         Ok(answering)
     }
 
-    /// The answer; that the service is busy if too many are asked. Dropped, the question is given up.
+    /// The answer, or that the service is busy if too many questions wait. Dropping it gives the question up.
     pub(super) async fn ask(&self, asker: Asker, question: Question) -> Response<Body> {
         let (answered, answer) = oneshot::channel();
         self.queue.add(asker, Job { question, answered });
@@ -89,11 +89,11 @@ impl Queue {
         }
     }
 
-    /// Answers what comes, until it is over.
+    /// Answers questions as they come, until it is over.
     fn answer(&self, answers: &Answers) {
         while let Some(Job { question, answered }) = self.next() {
             let is_given_up = || answered.is_closed();
-            // A fault of one question is not one of the next.
+            // A panic in one question does not affect the next.
             let answer = catch_unwind(AssertUnwindSafe(|| answers.answer(&question, &is_given_up)));
             if let Ok(Some(answer)) = answer {
                 let _gone = answered.send(answer);
@@ -116,7 +116,7 @@ impl Queue {
 }
 
 impl Waiting {
-    /// Adds a job. Returns one for which there is no room: this one, or the newest of whoever has most.
+    /// Adds a job. Returns one if there is no room: this one, or the newest of the client with most.
     fn add(&mut self, asker: Asker, job: Job) -> Option<Job> {
         if self.count >= WAITING {
             self.give_up();
@@ -137,7 +137,7 @@ impl Waiting {
         too_many
     }
 
-    /// The oldest job of the next asker in turn, if somebody still waits for it.
+    /// The oldest job of the next client in turn, if the client still waits for it.
     fn next(&mut self) -> Option<Job> {
         while let Some((asker, mut jobs)) = self.askers.pop_front() {
             let job = jobs.pop_front();
@@ -152,7 +152,7 @@ impl Waiting {
         None
     }
 
-    /// Leaves out the jobs whose askers have gone.
+    /// Removes the jobs whose clients have gone.
     fn give_up(&mut self) {
         for (_, jobs) in &mut self.askers {
             jobs.retain(|job| !job.answered.is_closed());
@@ -191,7 +191,7 @@ mod tests {
         x
     }
 
-    /// A few words of one are answered soon, however much another asks.
+    /// A client with few questions is answered soon, however many another asks.
     #[test]
     fn askers_are_answered_in_turn_and_the_one_with_most_is_turned_away() {
         let mut waiting = Waiting::default();

@@ -11,23 +11,23 @@ use super::server::{Body, file};
 /// A file of the page.
 #[derive(Debug)]
 pub(super) struct Asset {
-    /// How a browser asks for it.
+    /// The path by which a browser asks for it.
     pub(super) path: &'static str,
     /// Its media type.
     kind: &'static str,
-    /// What a browser names that it has already: it changes with the content.
+    /// The entity tag by which a browser names its cached copy: it changes with the content.
     tag: &'static str,
     bytes: &'static [u8],
-    /// The same, compressed: names of content codings and what they make of it, the smallest first.
+    /// The compressed forms with the names of their content codings, the smallest first.
     coded: &'static [(&'static str, &'static [u8])],
 }
 
-/// All files; none where the program was built without the page.
+/// All files; empty if the program was built without the page.
 pub(super) const ASSETS: &[Asset] = include!(concat!(env!("OUT_DIR"), "/assets.rs"));
 
 impl Asset {
-    /// The answer to a request with these headers: as small as whoever asks can read it, and no bytes at all
-    /// where they are there already (RFC 9110, 8.4 and 13.1.2).
+    /// The answer to a request with these headers: the smallest coding that the client accepts, or no bytes
+    /// if the client has them (RFC 9110, 8.4 and 13.1.2).
     pub(super) fn answer(&self, asked: &HeaderMap) -> Response<Body> {
         let has_it = said(asked, &header::IF_NONE_MATCH).any(|tag| tag == "*" || tag == self.tag);
         let coded = self.coded.iter().find(|(coding, _)| reads(asked, coding));
@@ -51,7 +51,7 @@ fn said<'h>(headers: &'h HeaderMap, name: &header::HeaderName) -> impl Iterator<
     texts.flat_map(|text| text.split(',')).map(str::trim)
 }
 
-/// Whether somebody reads a content coding: they name it, and not with a weight of 0.
+/// Whether a client accepts a content coding: it names it, with a weight above 0.
 fn reads(asked: &HeaderMap, coding: &str) -> bool {
     said(asked, &header::ACCEPT_ENCODING).any(|accepted| {
         let mut parts = accepted.split(';').map(str::trim);

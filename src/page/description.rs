@@ -1,4 +1,4 @@
-//! What the page is told of a scene before anything of it comes: where it lies, and where to begin.
+//! The description of a scene that a page gets first: its extent, and where to begin.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -14,11 +14,11 @@ use trimaran_transport::{Endpoint, Name};
 
 use super::extents::{Bounds, core};
 
-/// A scene as the page is told of it. Lengths are metres, in world space with y up.
+/// A scene's description for the page. Lengths are metres, in world space with y up.
 #[derive(Debug, Clone, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct SceneDescription {
-    /// What the model is called: see [`model_name`].
+    /// The model's name: see [`model_name`].
     pub name: String,
     /// The scene's fingerprint, 32 hexadecimal digits.
     pub fingerprint: String,
@@ -30,23 +30,23 @@ pub struct SceneDescription {
     pub max: [f64; 3],
     /// The box around it without the few objects that lie far from all others.
     pub core: Bounds,
-    /// What the model has see-through: the page begins with it so. Runs, as [`ObjectSet`] codes them.
+    /// The model's see-through objects, with which the page begins. Runs, as [`ObjectSet`] codes them.
     pub see_through: ObjectSet,
     /// Whether there are floors to walk on.
     pub has_floors: bool,
     /// Height of the eye above floors.
     pub eye_height: f64,
-    /// Side of a tile of what is solid: see [`Heightfield`].
+    /// Side of a tile of the heightfield: see [`Heightfield`].
     pub tile_side: f64,
-    /// Nothing comes nearer to an eye of a walk than this.
+    /// The smallest distance between a walking eye and the scene.
     pub clearance: f64,
     /// Vertical field of view, degrees.
     pub vfov_deg: f64,
     /// Where to begin.
     pub start: Start,
-    /// The widest and the highest picture that the service culls for, pixels.
+    /// The largest width and height that the service culls for, pixels.
     pub max_picture: Viewport,
-    /// Where cullers of the service meet each other, when a page asks two of them to take turns.
+    /// Where cullers of the service connect to each other, when a page uses two of them in turn.
     #[serde(serialize_with = "as_text")]
     pub meeting: Endpoint,
     /// The networks that can be simulated between the page and its culler.
@@ -60,22 +60,22 @@ fn as_text<S: Serializer>(endpoint: &Endpoint, serializer: S) -> Result<S::Ok, S
 /// A network that can be simulated.
 #[derive(Debug, Clone, Serialize)]
 pub struct Network {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// What it is.
+    /// A description.
     pub about: String,
 }
 
 /// Where a person begins.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Start {
-    /// The eye.
+    /// The eye's position.
     pub eye: [f64; 3],
-    /// Which way it looks, a unit vector.
+    /// Its viewing direction, a unit vector.
     pub forward: [f64; 3],
 }
 
-/// What a model of these files is called: as the first of them, without its ending.
+/// The name of a model of these files: that of the first, without its extension.
 #[must_use]
 pub fn model_name(files: &[PathBuf]) -> String {
     let stem = files.first().and_then(|file| file.file_stem());
@@ -87,11 +87,11 @@ pub fn model_name(files: &[PathBuf]) -> String {
 }
 
 impl SceneDescription {
-    /// That of a scene of this name, for pictures of any size. Looks for a place to begin, which takes a moment
-    /// in a large scene.
+    /// The description of a scene of this name, without a picture limit. Finds a place to begin, which takes
+    /// a moment in a large scene.
     ///
     /// # Errors
-    /// When there is no place, which a scene of any shape has.
+    /// When there is no such place: only an empty scene has none.
     pub fn new(name: String, scene: &Arc<Scene>) -> Result<Self, AutoPathError> {
         let options = AutoPathOptions { frames: 1, teleport: false, ..AutoPathOptions::default() };
         let found = auto(scene, &options)?;

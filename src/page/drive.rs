@@ -1,4 +1,4 @@
-//! A walk that a page repeats by itself, and how that went.
+//! A walk that a page repeats by itself, and its report.
 
 use hyper::body::Bytes;
 use serde::{Deserialize, Serialize};
@@ -15,19 +15,19 @@ pub struct Drive {
     pub(super) reports: mpsc::Sender<DriveReport>,
 }
 
-/// How a page fared on its walk. Times are seconds where they are not said to be milliseconds.
+/// The report of a page's walk. Times are seconds unless they say milliseconds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 pub struct DriveReport {
-    /// What draws in the browser.
+    /// The browser's graphics device.
     pub device: String,
     /// The picture's size in pixels.
     pub width: u32,
     /// Its height.
     pub height: u32,
-    /// From the page's start until something is to be seen.
+    /// From the page's start to its first picture.
     pub first_picture_s: f64,
-    /// Until all is there that is to be seen from the first pose.
+    /// From the page's start to the first exact picture at the first pose.
     pub exact_picture_s: f64,
     /// How long the walk took.
     pub walk_s: f64,
@@ -37,23 +37,23 @@ pub struct DriveReport {
     pub picture_ms: f64,
     /// One in twenty is longer.
     pub picture_p95_ms: f64,
-    /// How old the poses are for which the sets that are drawn were culled, milliseconds: the median.
+    /// Age of the poses for which the drawn sets were culled, milliseconds: the median.
     pub set_age_ms: f64,
     /// One in twenty is older.
     pub set_age_p95_ms: f64,
-    /// Milliseconds from the last pose until its exact picture: the eye stands still.
+    /// Milliseconds from the last pose to its exact picture, with the eye at rest.
     pub rest_ms: f64,
     /// Bytes that the page received until then.
     pub received_bytes: u64,
     /// Bytes of geometry on its graphics device, at most.
     pub geometry_bytes: u64,
-    /// The same from time to time on the walk, and at its end.
+    /// The same at several times of the walk, and at its end.
     pub moments: Vec<Moment>,
-    /// How far its pictures were from the exact ones.
+    /// The differences between its pictures and the exact ones.
     pub wrong: WrongPixels,
 }
 
-/// What a page had taken since its start, and held, at a time of its walk.
+/// The traffic of a page since its start, and its memory, at one time of its walk.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 pub struct Moment {
@@ -67,16 +67,16 @@ pub struct Moment {
     pub piece_bytes: u64,
     /// Bytes of geometry on its graphics device.
     pub held_bytes: u64,
-    /// Bytes that its scripts take, if the browser says so. It counts what is not collected yet.
+    /// Bytes that its scripts take, including garbage not collected yet, if the browser tells.
     pub script_bytes: Option<u64>,
 }
 
-/// Pixels of a walk that show another object than the exact picture of the same pose does. Such a picture is
-/// drawn from the newest pose, out of the set that was culled for an earlier one.
+/// Pixels of a walk that show another object than the exact picture of the same pose. Such a picture is drawn
+/// from the newest pose, with the set that was culled for an earlier one.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 pub struct WrongPixels {
-    /// The pictures that were audited. None is of a jump: not before a set of behind it is all there.
+    /// The audited pictures. Pictures between a jump and the first complete set after it are left out.
     pub pictures: u32,
     /// Those without a wrong pixel.
     pub right: u32,
@@ -90,7 +90,7 @@ pub struct WrongPixels {
     pub most_percent: f64,
     /// The longest time in which every picture had more than 0.1 percent, milliseconds.
     pub longest_ms: f64,
-    /// The longest time from a jump until a set of behind it was all there, milliseconds.
+    /// The longest time from a jump to the first complete set after it, milliseconds.
     pub jump_ms: f64,
 }
 

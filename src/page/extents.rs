@@ -1,5 +1,5 @@
-//! Where parts of a scene are for somebody who wants to see them: the box around most of them, and the sides
-//! from which they show.
+//! The extents of a scene's parts, for views of them: the box around most of them, and the sides from which
+//! they are visible.
 
 use std::ops::Range;
 
@@ -16,26 +16,26 @@ pub struct Bounds {
     pub max: [f64; 3],
 }
 
-/// How much of something shows from one side.
+/// How much of an object is hidden from one side.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Side {
-    /// Towards an eye there, a unit vector.
+    /// The direction towards the eye, a unit vector.
     from: [f64; 3],
-    /// The share of it that boxes of other objects hide.
+    /// The share that boxes of other objects hide.
     hidden: f64,
 }
 
-/// The share of the objects at each end of an axis that may lie far from the others.
+/// The share of objects at each end of an axis that may be outliers.
 const FEW: f64 = 0.02;
-/// So many lengths of all the others beyond their end is far: the longest of the three.
+/// An object is far this many times the longest side of all the others beyond their end.
 const FAR: f64 = 1.0;
 
-/// Ways around and heights of sides, the latter as sines.
+/// The number of azimuths, and the elevations as sines.
 const AROUND: u32 = 12;
 const HEIGHTS: [f64; 3] = [0.2, 0.5, 0.85];
-/// An eye is so many half diagonals away.
+/// The eye's distance, in half diagonals.
 const AWAY: f64 = 2.5;
-/// Where on the way from the middle of a box to each corner it is looked at.
+/// The position of the sample points between the middle of a box and each corner.
 const INWARD: f64 = 0.7;
 
 fn boxes(scene: &Scene, objects: Range<u32>) -> impl Iterator<Item = (DVec3, DVec3)> {
@@ -47,11 +47,11 @@ fn around(boxes: impl Iterator<Item = (DVec3, DVec3)>) -> Option<(DVec3, DVec3)>
     boxes.reduce(|(a, b), (min, max)| (a.min(min), b.max(max)))
 }
 
-/// The box around objects, without the few that lie far from all the others. Around nothing it is a point.
+/// The box around objects, without the few that lie far from the others. Without objects it is a point.
 pub(super) fn core(scene: &Scene, objects: Range<u32>) -> Bounds {
     let all: Vec<_> = boxes(scene, objects).collect();
     let few = (FEW * all.len() as f64) as usize;
-    // Of numbers the one that so few are below.
+    // The quantile of numbers that has this few below it.
     let nth = |mut numbers: Vec<f64>| {
         let few = few.min(numbers.len().saturating_sub(1));
         if numbers.is_empty() { 0.0 } else { *numbers.select_nth_unstable_by(few, f64::total_cmp).1 }
@@ -66,7 +66,7 @@ pub(super) fn core(scene: &Scene, objects: Range<u32>) -> Bounds {
     Bounds { min: min.to_array(), max: max.to_array() }
 }
 
-/// How much of a box shows from where. What is of `objects` hides nothing.
+/// How much of a box is hidden from each side. The `objects` themselves hide nothing.
 pub(super) fn sides(scene: &Scene, of: &Bounds, objects: &Range<u32>) -> Vec<Side> {
     let (min, max) = (DVec3::from_array(of.min), DVec3::from_array(of.max));
     let (middle, half) = (0.5 * (min + max), 0.5 * (max - min));
@@ -84,8 +84,8 @@ pub(super) fn sides(scene: &Scene, of: &Bounds, objects: &Range<u32>) -> Vec<Sid
     HEIGHTS.into_iter().flat_map(|height| (0..AROUND).map(move |way| (height, way))).map(side).collect()
 }
 
-/// Whether the box of another object lies between a point and an eye. A box around the point itself does not
-/// count: what is next to it would hide it from everywhere.
+/// Whether the box of another object lies between a point and an eye. A box around the point does not count:
+/// neighbouring boxes would hide it from everywhere.
 fn is_hidden(scene: &Scene, point: DVec3, eye: DVec3, objects: &Range<u32>) -> bool {
     let nodes = scene.nodes();
     let mut open: Vec<&Node> = nodes.first().into_iter().collect();
@@ -105,7 +105,7 @@ fn is_hidden(scene: &Scene, point: DVec3, eye: DVec3, objects: &Range<u32>) -> b
     false
 }
 
-/// Whether some of a box is on the way from one point to another.
+/// Whether a box intersects the segment between two points.
 fn meets(min: DVec3, max: DVec3, from: DVec3, to: DVec3) -> bool {
     let way = to - from;
     let (mut near, mut far) = (0.0_f64, 1.0_f64);
@@ -146,7 +146,7 @@ mod tests {
         let Bounds { min, max } = core(&compact, 0..101);
         assert!(is_about(min, [-0.5; 3]) && is_about(max, [9.5, 9.5, 9.5]), "{min:?} {max:?}");
         objects.push(cube(0.5, [4000.0, 0.0, 0.0]));
-        // A ground that is much larger than all that stands on it.
+        // A ground much larger than everything on it.
         objects.push(Object::new(Mesh::cuboid(
             Vec3::new(-900.0, -1.0, -900.0),
             Vec3::new(900.0, -0.6, 900.0),
@@ -155,7 +155,7 @@ mod tests {
         let scattered = build(&objects, true).unwrap();
         let Bounds { min, max } = core(&scattered, 0..103);
         assert!(is_about(min, [-0.5; 3]) && is_about(max, [9.5, 9.5, 9.5]), "{min:?} {max:?}");
-        // Of few objects none is far from the others.
+        // Among few objects none counts as far.
         let Bounds { max, .. } = core(&scattered, 99..102);
         assert!(is_about(max, [4000.5, 9.5, 9.5]), "{max:?}");
         assert_eq!(core(&scattered, 7..7), Bounds { min: [0.0; 3], max: [0.0; 3] });

@@ -1,5 +1,5 @@
-//! The page: a display in a browser, and the server from which it comes. Its links are WebSockets at the same
-//! port, so that one address is enough.
+//! The page: a display in a browser, and its server. Its links are WebSockets at the same port, so one
+//! address is enough.
 
 mod answering;
 mod assets;

@@ -1,7 +1,7 @@
-//! Simulated networks between pages and their culler, so that a person feels what a network does.
+//! Simulated networks between pages and their culler, so that a person experiences their effects.
 //!
-//! What a page sends goes through a [`Simulation`] that keeps step with the clock: over TCP, and over the
-//! links of a [`Profile`]. So it is held up, and lost and repeated, as in `trimaran sim`.
+//! The page's bytes go through a [`Simulation`] that keeps step with the clock: over TCP, and over the links
+//! of a [`Profile`]. So they are delayed, lost and sent again, as in `trimaran sim`.
 
 use std::{
     collections::HashMap,
@@ -22,9 +22,9 @@ use trimaran_netsim::{Profile, SimNet, Simulation};
 
 /// The most networks at a time: each has a thread of its own.
 const MOST: usize = 16;
-/// Bytes between a simulated machine and what is real.
+/// Buffer between a simulated machine and the real connection, bytes.
 const BUFFER: usize = 64 << 10;
-/// Which packets are lost.
+/// Selects the lost packets.
 const SEED: u64 = 1;
 
 /// The bytes of a real connection.
@@ -35,14 +35,14 @@ impl<C: AsyncRead + AsyncWrite + Send + Unpin> Connection for C {}
 /// A network that a page asks for. All connections of the same page share one.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) struct Wanted {
-    /// The name of a profile that comes with the program.
+    /// The name of a built-in profile.
     pub(super) network: String,
-    /// What the page calls itself.
+    /// The page's name for itself.
     pub(super) page: String,
 }
 
 impl Wanted {
-    /// What the query of a link's address asks for: `network=wifi&page=...`.
+    /// Parses the query of a link's address: `network=wifi&page=...`.
     pub(super) fn of(query: &str) -> Option<Self> {
         let value = |name: &str| {
             let mut pairs = form_urlencoded::parse(query.as_bytes());
@@ -55,10 +55,10 @@ impl Wanted {
 /// Why a page cannot have its network.
 #[derive(Debug, Error)]
 pub(super) enum NetworkError {
-    /// There is none of that name.
+    /// There is no profile of that name.
     #[error("there is no such network")]
     Unknown,
-    /// There are as many as there may be.
+    /// The limit of networks is reached.
     #[error("too many pages are on simulated networks: at most {MOST} may be")]
     TooMany,
     /// It has no thread.
@@ -66,7 +66,7 @@ pub(super) enum NetworkError {
     Thread(#[from] io::Error),
 }
 
-/// The networks of all pages that are on one.
+/// The simulated networks of all pages.
 #[derive(Debug, Default)]
 pub(super) struct Networks(Mutex<HashMap<Wanted, Weak<Network>>>);
 
@@ -74,16 +74,16 @@ pub(super) struct Networks(Mutex<HashMap<Wanted, Weak<Network>>>);
 #[derive(Debug)]
 pub(super) struct Network(mpsc::UnboundedSender<Crossing>);
 
-/// A connection on its way through a network.
+/// A connection to carry through a network.
 struct Crossing {
     page: Box<dyn Connection>,
     culler: DuplexStream,
-    /// Kept as long as anything crosses it.
+    /// Kept as long as a connection uses it.
     network: Arc<Network>,
 }
 
 impl Networks {
-    /// The network of a page, which begins with its first connection.
+    /// The network of a page, made for its first connection.
     pub(super) fn get(&self, wanted: Wanted, net: &Arc<dyn Net>) -> Result<Arc<Network>, NetworkError> {
         let known = Profile::names().any(|name| name == wanted.network);
         let profile = Profile::find(&wanted.network).ok().filter(|_| known).ok_or(NetworkError::Unknown)?;
@@ -108,7 +108,7 @@ impl Network {
         Ok(Self(crossings))
     }
 
-    /// The far end of a page's connection: what the culler sees of it.
+    /// The far end of a page's connection, for the culler.
     pub(super) fn cross(self: Arc<Self>, page: impl Connection + 'static) -> DuplexStream {
         let (culler, far) = duplex(BUFFER);
         let network = Arc::clone(&self);
@@ -117,7 +117,7 @@ impl Network {
     }
 }
 
-/// Carries what crosses the network, until nothing does.
+/// Carries connections through the network, until there are none.
 fn simulate(profile: &Profile, clock: &dyn Net, mut asked: mpsc::UnboundedReceiver<Crossing>) {
     let (topology, machines) = profile.topology(1);
     let Some(host) = machines.cullers.first() else { return };
@@ -136,7 +136,7 @@ fn simulate(profile: &Profile, clock: &dyn Net, mut asked: mpsc::UnboundedReceiv
     });
 }
 
-/// Has a connection cross from the page's machine to the culler's, which listens for it.
+/// Connects the page's machine to the culler's, which listens.
 fn cross(
     page: &SimNet,
     Crossing { page: near, culler: far, network }: Crossing,
@@ -195,7 +195,7 @@ mod tests {
         networks.get(wanted("wifi", MOST), &net).unwrap();
     }
 
-    /// What crosses comes as it was, and not before its time. When one end is closed the other one hears it.
+    /// Bytes arrive unchanged, and not before their time. Closing one end reaches the other.
     #[tokio::test]
     async fn bytes_cross_in_their_time_and_an_end_is_heard() {
         let (networks, net): (_, Arc<dyn Net>) =
@@ -210,7 +210,7 @@ mod tests {
         culler.write_all(&came).await.unwrap();
         page.read_exact(&mut came).await.unwrap();
         assert_eq!(&came, b"camera");
-        // Before that the connection has come about: another round trip.
+        // The connection itself takes another round trip before that.
         let took = net.now().since(begun);
         assert!(took >= Duration::from_millis(150), "{took:?}");
         drop(page);

@@ -1,4 +1,4 @@
-//! What pages ask of a scene's objects: details, the hierarchy, search.
+//! Pages' questions about a scene's objects: details, the hierarchy, search.
 
 use std::{collections::HashMap, ops::Range, sync::Arc};
 
@@ -7,18 +7,18 @@ use trimaran_scene::{Attribute, Extent, Group, Hierarchy, Node, ReadError, Scene
 
 use super::extents::{Bounds, Side, core, sides};
 
-/// The most parts in an answer to what is below a group.
+/// The most parts in a list of a group's children.
 const CHILDREN: usize = 500;
 /// The most parts in an answer to a search.
 const FOUND: usize = 100;
-/// The most bytes of a list in an answer. No answer has more than two of them.
+/// The most bytes of a list in an answer. An answer has at most two lists.
 const LIST: usize = 256 << 10;
-/// The most bytes of a part's name, of an attribute's and of its value. Longer ones are cut.
+/// The most bytes of a part's name, and of an attribute's name and value. Longer ones are cut.
 const NAME: usize = 256;
 const VALUE: usize = 4096;
-/// Ends what is cut.
+/// Marks the end of a cut text.
 const CUT: char = '…';
-/// Parts between two looks whether somebody still waits for the answer.
+/// Parts between two checks whether the client still waits for the answer.
 const BETWEEN_LOOKS: u32 = 64;
 
 /// The objects of a scene, and their groups.
@@ -26,7 +26,7 @@ const BETWEEN_LOOKS: u32 = 64;
 pub(super) struct Parts {
     scene: Arc<Scene>,
     hierarchy: Hierarchy,
-    /// The groups in each group; with none those that are in none.
+    /// The groups in each group; under none the outermost ones.
     groups: HashMap<Option<u32>, Vec<u32>>,
 }
 
@@ -37,15 +37,15 @@ pub(super) enum PartId {
     Object(u32),
 }
 
-/// A part as pages are told of it.
+/// A part, as pages get it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub(super) struct Part {
     kind: &'static str,
     id: u32,
     name: String,
-    /// Its objects are those from here.
+    /// Its first object.
     first: u32,
-    /// And before this.
+    /// The end of its objects.
     end: u32,
 }
 
@@ -57,19 +57,19 @@ pub(super) struct PartList {
     total: usize,
 }
 
-/// A part and all that is known of it.
+/// A part with all its details.
 #[derive(Debug, Serialize)]
 pub(super) struct Details {
     #[serde(flatten)]
     part: Part,
-    /// The groups that it is in, the outermost first. Where there are too many, some after it are left out.
+    /// The groups that it is in, the outermost first. If too many, some after the outermost are left out.
     path: Vec<Part>,
     #[serde(flatten)]
     extent: Extent,
-    /// The box around it without the few objects that lie far from all others. Where nothing of it can be
-    /// drawn, that of the innermost group around it of which something can be.
+    /// The box around it without the few objects that lie far from all others. For a part that cannot be
+    /// drawn, the box of the innermost group around it that can.
     core: Bounds,
-    /// How much of that is hidden from which sides.
+    /// How much of it is hidden from which sides.
     sides: Vec<Side>,
     /// Names and values, as many as fit in an answer.
     attributes: Vec<(String, String)>,
@@ -79,7 +79,7 @@ pub(super) struct Details {
 }
 
 impl Parts {
-    /// Those of a scene.
+    /// The parts of a scene.
     ///
     /// # Errors
     /// If its hierarchy cannot be read.
@@ -92,7 +92,7 @@ impl Parts {
         Ok(Self { scene, hierarchy, groups })
     }
 
-    /// All that is known of a part; `None` if there is no such.
+    /// The details of a part; `None` if it does not exist.
     pub(super) fn details(&self, id: PartId) -> Option<Details> {
         let part = self.part(id)?;
         let (extent, attributes) = match id {
@@ -105,7 +105,7 @@ impl Parts {
         let pair = |Attribute { name, value }: &Attribute| (cut(name, NAME), cut(value, VALUE));
         let attribute_count = attributes.len();
         let attributes = that_fit(attributes.iter().map(pair));
-        // A part of which nothing can be drawn is where the innermost group is of which something can be.
+        // A part that cannot be drawn takes the place of the innermost group that can.
         let drawn = |group: &&Group| group.extent.triangles > 0;
         let around = || self.around(id).filter_map(|id| self.hierarchy.groups.get(id as usize)).find(drawn);
         let nearest = if extent.triangles == 0 { around() } else { None };
@@ -115,8 +115,8 @@ impl Parts {
         Some(Details { part, path: self.path(id), extent, core, sides, attributes, attribute_count })
     }
 
-    /// The parts of a group, or the outermost ones, in their order: from the one of number `from` on, as many
-    /// as fit in an answer.
+    /// The parts of a group, or the outermost ones, in their order: starting at number `from`, as many as fit
+    /// in an answer.
     pub(super) fn children(&self, group: Option<u32>, from: usize) -> Option<PartList> {
         let all = match group {
             None => 0..self.scene.objects().len() as u32,
@@ -146,15 +146,15 @@ impl Parts {
         Some(PartList { parts: that_fit(ids.take(CHILDREN).filter_map(|id| self.part(id))), total })
     }
 
-    /// The parts with `text` in their name or in an attribute, whatever its case and what separates its words:
-    /// groups first, from the one of number `from` on, as many as fit in an answer. Nothing has no text in it.
-    /// `None` soon after `is_given_up` says that nobody waits.
+    /// The parts with `text` in their name or in an attribute, ignoring case and separators: groups first,
+    /// starting at number `from`, as many as fit in an answer. Nothing matches an empty text. `None` soon
+    /// after `is_given_up` says that the client has gone.
     pub(super) fn search(&self, text: &str, from: usize, is_given_up: &dyn Fn() -> bool) -> Option<PartList> {
         let wanted = Wanted::of(text);
         if wanted.is_empty() {
             return Some(PartList { parts: Vec::new(), total: 0 });
         }
-        // Of a text as much as is shown.
+        // Only the part of a text that is shown is searched.
         let has = |word: &str| wanted.is_in(start(word, VALUE));
         let says = |of: &[Attribute]| of.iter().any(|attribute| has(&attribute.value));
         let is_found = |id: &PartId| match *id {
@@ -202,7 +202,7 @@ impl Parts {
         let parent = |id: u32| self.hierarchy.groups.get(id as usize).and_then(|group| group.parent);
         let innermost = match id {
             PartId::Group(id) => parent(id),
-            // Groups stand behind those that they are in: the last one that has it is the innermost.
+            // Groups stand behind those that they are in: the last one that contains it is the innermost.
             PartId::Object(id) => {
                 let has = |group: &Group| group.objects.contains(&id);
                 self.hierarchy.groups.iter().rposition(has).map(|group| group as u32)
@@ -214,7 +214,7 @@ impl Parts {
     fn path(&self, id: PartId) -> Vec<Part> {
         let above = self.around(id);
         let mut path = that_fit(above.clone().filter_map(|id| self.part(PartId::Group(id))));
-        // The outermost is the file, and always told.
+        // The outermost is the file, and always included.
         let file = above.last().and_then(|id| self.part(PartId::Group(id)));
         if let Some(file) = file.filter(|file| path.last() != Some(file)) {
             path.push(file);
@@ -223,7 +223,7 @@ impl Parts {
         path
     }
 
-    /// What an object takes: all below its node.
+    /// The size of an object: all nodes below its own.
     fn extent(&self, object: u32) -> Extent {
         let nodes = self.scene.nodes();
         let mut extent = Extent::default();
@@ -240,7 +240,7 @@ impl Parts {
     }
 }
 
-/// A text that is cut, with a mark, where it has more than so many bytes.
+/// A text, cut and marked if it has more than this many bytes.
 fn cut(text: &str, most: usize) -> String {
     match start(text, most) {
         start if start.len() < text.len() => format!("{start}{CUT}"),
@@ -248,7 +248,7 @@ fn cut(text: &str, most: usize) -> String {
     }
 }
 
-/// So many bytes of a text at most.
+/// At most this many bytes of a text.
 fn start(text: &str, most: usize) -> &str {
     text.get(..text.floor_char_boundary(most)).unwrap_or(text)
 }
@@ -265,12 +265,12 @@ fn that_fit<T: Serialize>(all: impl Iterator<Item = T>) -> Vec<T> {
     all.take_while(fits).collect()
 }
 
-/// A text that is looked for.
+/// A search text.
 #[derive(Debug)]
 struct Wanted {
-    /// Without case.
+    /// Case folded.
     whole: String,
-    /// Without separators as well; empty where there is nothing else in it.
+    /// Without separators as well; empty if it has nothing else.
     bare: String,
 }
 
@@ -284,14 +284,14 @@ impl Wanted {
         self.whole.is_empty()
     }
 
-    /// Whether a name or a value has it in it: `20 ce50` is in `20-CE50/A`.
+    /// Whether a name or a value contains it: `20 ce50` is in `20-CE50/A`.
     fn is_in(&self, word: &str) -> bool {
         let word = word.to_lowercase();
         word.contains(&self.whole) || (!self.bare.is_empty() && bare(&word).contains(&self.bare))
     }
 }
 
-/// Without what separates words: names of parts are written with one separator here and another there.
+/// Removes separators: names of parts use different ones in different places.
 fn bare(text: &str) -> String {
     text.chars().filter(|letter| letter.is_alphanumeric()).collect()
 }
@@ -306,7 +306,7 @@ mod tests {
 
     use super::*;
 
-    /// A plant whose objects are in a file with two zones; some stand between them.
+    /// A plant from a file with two zones, and some objects between them.
     fn parts() -> Parts {
         let mut model: Model = plant(&PlantOptions::small(7));
         let count = model.objects.len() as u32;
@@ -367,7 +367,7 @@ mod tests {
         assert!(parts.details(PartId::Object(1 << 20)).is_none());
     }
 
-    /// An eye goes there, and the part itself has no size.
+    /// The camera flies there, and the part itself has no size.
     #[test]
     fn a_part_of_which_nothing_can_be_drawn_is_where_its_group_is() {
         let mut model: Model = plant(&PlantOptions::small(7));
@@ -415,7 +415,7 @@ mod tests {
             assert_eq!(ids(&found(text)), [("object", 3)], "{text}");
         }
         assert_eq!(ids(&found("pipe 7")), [("group", 2)]);
-        // A separator alone is looked for as it is.
+        // A separator alone is searched for as it is.
         assert_eq!(ids(&found("/")), [("group", 1), ("group", 2), ("group", 3)]);
         assert_eq!(found("p 102").total, 0);
     }
@@ -440,7 +440,7 @@ mod tests {
         assert!(parts.search("20 ce", 250, &|| false).unwrap().parts.is_empty());
     }
 
-    /// Pages of a list go through all of it, whatever is between the groups.
+    /// The pages of a list cover all of it, also objects between groups.
     #[test]
     fn the_pages_of_a_list_have_each_part_once() {
         let parts = parts();
@@ -456,8 +456,7 @@ mod tests {
         assert_eq!(parts.children(Some(0), usize::MAX).unwrap().parts, []);
     }
 
-    /// Long names, in deep groups, with long attributes: no answer has more than fits, and it says how much
-    /// there is.
+    /// Long names, in deep groups, with long attributes: each answer fits, and states the total count.
     #[test]
     fn answers_are_short_however_long_names_are() {
         let mut model: Model = plant(&PlantOptions::small(7));

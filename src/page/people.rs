@@ -1,4 +1,4 @@
-//! The people on a service: each page tells where its person is, and is told where the others are.
+//! The people on a service: each page sends its person's pose, and gets those of the others.
 
 use std::{collections::HashMap, time::Duration};
 
@@ -9,25 +9,25 @@ use trimaran_net::Instant;
 
 use crate::http::Asker;
 
-/// The most bytes in which a page tells where it is.
+/// The longest pose message of a page, bytes.
 pub(super) const LONGEST_MEETING: usize = 4 << 10;
 /// The most people at a time.
 const MOST: usize = 64;
-/// The farthest that an eye may be from the origin, metres.
+/// The farthest distance of an eye from the origin, metres.
 const FARTHEST: f64 = 1e15;
 /// The longest name of a page.
 const LONGEST_NAME: usize = 32;
-/// Who has told nothing for so long has left.
+/// A person who is silent for this long has left.
 const LEAVES: Duration = Duration::from_secs(10);
 
-/// Everybody, by what their pages call themselves.
+/// All people, by their pages' names for themselves.
 #[derive(Debug, Default)]
 pub(super) struct People(Mutex<Inner>);
 
 #[derive(Debug, Default)]
 struct Inner {
     people: HashMap<String, Known>,
-    /// The number of who came last.
+    /// The number of the last arrival.
     last: u32,
 }
 
@@ -39,19 +39,19 @@ struct Known {
     at: Instant,
 }
 
-/// Where a person is, and what they see.
+/// A person's position and view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "camelCase", deny_unknown_fields)]
 pub(super) struct Pose {
     /// Metres in the world.
     eye: [f64; 3],
-    /// Which way they look.
+    /// The viewing direction.
     forward: [f64; 3],
     /// Vertical field of view, degrees.
     vfov_deg: f64,
 }
 
-/// What a page tells.
+/// A page's message.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Here {
@@ -59,7 +59,7 @@ pub(super) struct Here {
     pose: Pose,
 }
 
-/// What it is told.
+/// The answer to it.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct Company {
     /// Its own number: people are numbered as they come.
@@ -67,14 +67,14 @@ pub(super) struct Company {
     others: Vec<Person>,
 }
 
-/// Somebody else.
+/// Another person.
 #[derive(Debug, PartialEq, Serialize)]
 struct Person {
     number: u32,
     pose: Pose,
 }
 
-/// What a page tells cannot be. It says why.
+/// A page's message is invalid. The text says why.
 #[derive(Debug, PartialEq, Eq, Error)]
 pub(super) enum NoPlace {
     #[error("a page calls itself by at most {LONGEST_NAME} bytes")]
@@ -84,7 +84,7 @@ pub(super) enum NoPlace {
 }
 
 impl Pose {
-    /// Other pages go there when they follow. A camera of theirs must come of it.
+    /// Other pages go there when they follow, so it must make a valid camera.
     fn is_possible(&self) -> bool {
         let Self { eye, forward, vfov_deg } = self;
         let length = forward.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -95,8 +95,8 @@ impl Pose {
 }
 
 impl People {
-    /// Somebody is here, and meets the others. Of too many, one of those leaves whose address has most: the
-    /// one who has been silent the longest. So invented names shut out nobody else.
+    /// Registers a person, who meets the others. If they are too many, one of the address with most leaves:
+    /// the one silent the longest. So invented names keep nobody else out.
     pub(super) fn meet(
         &self,
         asker: Asker,
@@ -189,12 +189,12 @@ mod tests {
             let company = meet(name, 1);
             assert!(company.others.len() < MOST && places(&company).contains(&(you, 7.0)), "{name}");
         }
-        // Somebody else comes as well, and both stay.
+        // A person from another address comes as well, and both stay.
         people.meet(asker(3), here("other", 8.0), at(2)).unwrap();
         let company = meet(4 * MOST, 3);
         assert!([7.0, 8.0].iter().all(|x| company.others.iter().any(|person| person.pose.eye[0] == *x)));
         assert_eq!(people.meet(asker(2), here("honest", 7.0), at(3)).unwrap().you, you);
-        // Of the same address, too: whoever comes is let in.
+        // A newcomer of the same address is let in, too.
         assert!(people.meet(asker(1), here("of the same address", 9.0), at(3)).is_ok());
     }
 

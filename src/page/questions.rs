@@ -1,4 +1,4 @@
-//! What pages ask beside their links: a scene's parts, and what is solid in it.
+//! Pages' questions outside their links: a scene's parts, and its heightfield.
 
 use std::{
     borrow::Cow,
@@ -17,7 +17,7 @@ use super::{
     tiles::Tiles,
 };
 
-/// The most bytes of an answer. What cannot be so short is cut: see [`Parts`] and [`Heightfield::SPANS`].
+/// The most bytes of an answer. Longer ones are cut: see [`Parts`] and [`Heightfield::SPANS`].
 const LONGEST: usize = 1 << 20;
 
 /// A question about a scene that takes a moment to answer.
@@ -30,19 +30,19 @@ pub(super) enum Question {
     Tile { x: i32, z: i32 },
 }
 
-/// Who answers them.
+/// Answers questions.
 #[derive(Debug)]
 pub(super) struct Answers {
     scene: Arc<Scene>,
     parts: Parts,
     heightfield: Heightfield,
     tiles: Mutex<Tiles>,
-    /// A fault of the scene stays, and is told once.
+    /// A damaged scene stays damaged, so the error is logged once.
     is_told: Once,
 }
 
 impl Question {
-    /// What a path and the names and values of a query ask; `None` if nothing.
+    /// Parses a path and the names and values of a query; `None` if they are no question.
     pub(super) fn parse<'q>(
         path: &str,
         query: impl IntoIterator<Item = (Cow<'q, str>, Cow<'q, str>)>,
@@ -67,7 +67,7 @@ impl Question {
 }
 
 impl Answers {
-    /// About a scene in which eyes are so high above floors.
+    /// Answers about a scene, for eyes this high above floors.
     ///
     /// # Errors
     /// If its hierarchy cannot be read.
@@ -83,7 +83,7 @@ impl Answers {
         })
     }
 
-    /// What is known already.
+    /// The answer, if it is cached.
     pub(super) fn known(&self, question: &Question) -> Option<Response<Body>> {
         match question {
             Question::Tile { x, z } => self.tiles.lock().get([*x, *z]).map(tile),
@@ -91,13 +91,13 @@ impl Answers {
         }
     }
 
-    /// The answer, or none soon after `is_given_up` says that nobody waits for it.
+    /// The answer, or none soon after `is_given_up` says that the client has gone.
     pub(super) fn answer(
         &self,
         question: &Question,
         is_given_up: &dyn Fn() -> bool,
     ) -> Option<Response<Body>> {
-        // Somebody else may have asked the same.
+        // Another client may have asked the same.
         if let Some(known) = self.known(question) {
             return Some(known);
         }
@@ -106,7 +106,7 @@ impl Answers {
             Question::Children { group, from } => json(self.parts.children(*group, *from)),
             Question::Search { text, from } => json(Some(self.parts.search(text, *from, is_given_up)?)),
             Question::Snap(pointing) => match pointing.snap(&self.scene) {
-                // Nothing is an answer as well.
+                // An empty answer is valid as well.
                 Ok(snapped) => json(Some(snapped)),
                 Err(fault) => self.unread(&fault),
             },
@@ -114,7 +114,7 @@ impl Answers {
                 Ok(made) => {
                     let made = made?;
                     let bytes = Bytes::from(made.to_bytes());
-                    // What is beside the scene takes no time to make, and there is no end of it.
+                    // Tiles beside the scene are cheap to make, and endless, so they are not kept.
                     if !made.is_empty() {
                         self.tiles.lock().keep([*x, *z], bytes.clone());
                     }

@@ -1,4 +1,4 @@
-//! The server of the page: files for anybody, and the scene for whoever knows the token.
+//! The server of the page: its files are public, the scene needs the token.
 
 use std::{convert::Infallible, fmt, io, net::SocketAddr, sync::Arc, time::Duration};
 
@@ -34,24 +34,24 @@ use super::{
 };
 use crate::http::{self, Asker};
 
-/// How many connections are served at once; those that have become links do not count.
+/// The most connections at once; those that have become links do not count.
 const CONNECTIONS: usize = 256;
-/// How long a connection may take to ask, and how long it may go on.
+/// The time limits of a request and of a connection.
 const ASKING: Duration = Duration::from_secs(10);
 const CONNECTION: Duration = Duration::from_secs(120);
 /// WebSockets that wait to become links.
 const WAITING: usize = 16;
 
-/// A page may load what comes from its own address, and nothing else; decoders are WebAssembly.
+/// A page may load only from its own address; decoders are WebAssembly.
 const POLICY: &str = "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; \
                       connect-src 'self'; img-src 'self' blob: data:; base-uri 'none'; form-action 'none'; \
                       frame-ancestors 'none'";
 
-/// Why there is no page to be served.
+/// Why the page cannot be served.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PageError {
-    /// The program has none.
+    /// The program was built without the page.
     #[error("this program was built without its page: run ./x page in its source, and build it again")]
     NotBuilt,
     /// A part of the scene cannot be read.
@@ -60,12 +60,12 @@ pub enum PageError {
     /// The scene cannot be described.
     #[error("the scene cannot be described to a page")]
     Description(#[from] serde_json::Error),
-    /// Nobody would answer.
+    /// There is no thread for answers.
     #[error("the system has no thread to answer pages with")]
     Thread(#[source] io::Error),
 }
 
-/// The page of one scene, and the links of those who look at it: a transport of the scheme `http`.
+/// The page of one scene, and the links of its viewers: a transport of the scheme `http`.
 #[derive(Clone)]
 pub struct Pages(Arc<Inner>);
 
@@ -83,7 +83,7 @@ struct Inner {
 }
 
 impl Pages {
-    /// Of a scene, for whoever knows `token`.
+    /// The page of a scene, for clients with the `token`.
     ///
     /// # Errors
     /// When the program was built without the page, or a part of the scene cannot be read.
@@ -115,13 +115,13 @@ impl Pages {
         })))
     }
 
-    /// Where it is to listen.
+    /// The endpoint to listen at.
     #[must_use]
     pub fn endpoint(at: SocketAddr) -> Endpoint {
         Endpoint::other("http", &at.to_string())
     }
 
-    /// The page's address for a person, where it listens at `at`.
+    /// The page's address for a person, if it listens at `at`.
     #[must_use]
     pub fn url(&self, at: &Endpoint) -> String {
         format!("{at}/?token={}", self.0.token.as_str())
@@ -139,7 +139,7 @@ impl Transport for Pages {
         "http"
     }
 
-    /// Nobody connects to a page but browsers; displays take `ws://`.
+    /// Only browsers connect to a page; displays use `ws://`.
     fn connect<'a>(
         &'a self,
         _net: &'a Arc<dyn Net>,
@@ -178,16 +178,16 @@ impl Transport for Pages {
 /// The bytes of an answer.
 pub(super) type Body = Full<Bytes>;
 
-/// What becomes of a request.
+/// How to answer a request.
 enum Answer {
     Response(Response<Body>),
     /// The connection becomes a link, maybe over a simulated network.
     Link(Response<Body>, OnUpgrade, Option<Arc<Network>>),
-    /// It takes a moment.
+    /// The answer takes a moment.
     Later(Question),
-    /// A page says how its walk went.
+    /// The report of a page's walk.
     Report(Drive),
-    /// A page tells where its person is.
+    /// A page's message with its person's pose.
     Meet,
 }
 
@@ -207,7 +207,7 @@ impl Listen for Opened {
 }
 
 impl Pages {
-    /// Answers what is asked over a connection, until it becomes a link or its time is over.
+    /// Answers the requests of a connection, until it becomes a link or its time is over.
     fn connection(
         &self,
         net: Arc<dyn Net>,
@@ -238,7 +238,7 @@ impl Pages {
             .serve_connection(TokioIo::new(join(reader, writer)), answer)
             .with_upgrades();
         let serving: BoxFuture<'static, _> = Box::pin(serving);
-        // Who goes away, or asks in another language, is not worth a word.
+        // A client that goes away, or does not speak HTTP, is not worth a message.
         Box::pin(async move {
             let _served = until(&*clock, clock.now().after(CONNECTION), serving).await;
         })
@@ -277,7 +277,7 @@ impl Pages {
         }
     }
 
-    /// Tells the walk that a page is to repeat, or takes its report.
+    /// Sends the walk that a page is to repeat, or takes its report.
     fn drive(&self, request: &Request<Incoming>) -> Answer {
         if !self.knows_token(request) {
             return wrong_token().into();
@@ -291,7 +291,7 @@ impl Pages {
         }
     }
 
-    /// A person meets the others.
+    /// Registers a person, who meets the others.
     async fn meet(&self, asker: Asker, request: Request<Incoming>, now: Instant) -> Response<Body> {
         let Some(here) = json(request, LONGEST_MEETING).await else {
             return plain(StatusCode::BAD_REQUEST, "that is no place of a person\n");
@@ -302,8 +302,7 @@ impl Pages {
         }
     }
 
-    /// Answers on a thread that may take its time: those of links may not. Hyper drops this when whoever asks
-    /// goes away.
+    /// Answers on a thread that may block, unlike those of links. Hyper drops this when the client goes away.
     async fn think(&self, asker: Asker, question: Question) -> Response<Body> {
         match self.0.answers.known(&question) {
             Some(known) => known,
@@ -311,7 +310,7 @@ impl Pages {
         }
     }
 
-    /// Makes a WebSocket of the connection.
+    /// Upgrades the connection to a WebSocket.
     fn link(&self, request: &mut Request<Incoming>, net: &Arc<dyn Net>) -> Answer {
         if !self.knows_token(request) {
             return wrong_token().into();
@@ -345,7 +344,7 @@ impl Pages {
     }
 }
 
-/// Hands on a WebSocket, once it is one.
+/// Hands on a WebSocket once it is upgraded.
 async fn open(
     upgrade: OnUpgrade,
     network: Option<Arc<Network>>,
@@ -372,7 +371,7 @@ async fn take_report(request: Request<Incoming>, drive: &Drive) -> Response<Body
     }
 }
 
-/// What the body of a request says in at most so many bytes; `None` if it says something else.
+/// Parses the body of a request as JSON of at most this many bytes; `None` if it is not valid.
 async fn json<T: DeserializeOwned>(request: Request<Incoming>, longest: usize) -> Option<T> {
     let body = Limited::new(request.into_body(), longest).collect().await.ok()?;
     serde_json::from_slice(&body.to_bytes()).ok()
@@ -387,7 +386,7 @@ fn refused(fault: &NetworkError) -> Response<Body> {
     }
 }
 
-/// A page that is opened by a name that could be anybody's may not connect: it is not shown at all.
+/// A page opened under an unknown host name may not connect, so it is not shown at all.
 fn unknown_name(origin: &str) -> Response<Body> {
     let text = format!(
         "This service does not know the name by which it was opened. Open it by its IP address, or let \
@@ -414,7 +413,7 @@ pub(super) fn plain(status: StatusCode, text: &'static str) -> Response<Body> {
 
 pub(super) fn file(kind: &'static str, bytes: Bytes) -> Response<Body> {
     let mut response = Response::new(Full::new(bytes));
-    // The address of a page has a secret: nobody else is told it.
+    // The address of a page holds a secret: it must not reach other sites.
     for (name, value) in [
         (header::CONTENT_TYPE, kind),
         (header::CONTENT_SECURITY_POLICY, POLICY),

@@ -1,5 +1,5 @@
-//! The point that a person means who points at what a picture shows: a vertex, an edge or a face of the finest
-//! geometry, whatever level of detail the picture shows.
+//! Snaps a pointer to a vertex, an edge or a face of the finest geometry, independent of the level of detail
+//! shown.
 
 use std::borrow::Cow;
 
@@ -9,31 +9,31 @@ use trimaran_scene::{Node, ReadError, Scene};
 
 /// The most triangles that are read for an answer.
 const MOST: u64 = 1 << 21;
-/// What is farther from the surface than so many reaches is hidden behind it, or before it.
+/// A point farther from the surface than this many reaches lies behind it, or in front of it.
 const NEARBY: f64 = 3.0;
 
-/// Where a person points, in the world. All numbers are finite.
+/// A pointed-at place in the world. All numbers are finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pointing {
-    /// The drawable that shows there, at any level of detail.
+    /// The visible drawable there, at any level of detail.
     drawable: u32,
     eye: DVec3,
-    /// The point of the drawable that shows there.
+    /// The visible point of the drawable.
     at: DVec3,
-    /// A vertex or an edge that looks nearer to the pointer than this attracts it: metres at that point.
+    /// The snapping distance to a vertex or an edge as seen from the eye: metres at that point.
     reach: f64,
 }
 
 /// None of its numbers is NaN.
 impl Eq for Pointing {}
 
-/// What is meant.
+/// The point snapped to.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub(super) struct Snapped {
     to: Feature,
     /// Metres in the world.
     point: [f64; 3],
-    /// How far the point may be from the model's, metres: by the rounding of its coordinates.
+    /// The error of the point due to rounded coordinates, metres.
     error: f64,
 }
 
@@ -46,7 +46,7 @@ enum Feature {
 }
 
 impl Pointing {
-    /// What a query says: `drawable=7&eye=1,2,3&at=1,2,8&reach=0.1`. `None` if it says something else.
+    /// Parses a query: `drawable=7&eye=1,2,3&at=1,2,8&reach=0.1`. `None` if it is not valid.
     pub(super) fn parse<'v>(value: impl Fn(&str) -> Option<Cow<'v, str>>) -> Option<Self> {
         let point = |name| {
             let text = value(name)?;
@@ -61,8 +61,8 @@ impl Pointing {
         is_sound.then_some(Self { drawable, eye, at, reach })
     }
 
-    /// What is meant: a vertex before an edge, and an edge before a face. `None` where the scene has no such
-    /// drawable, nothing of it is near, or more than can be read for an answer.
+    /// Snaps: a vertex before an edge, and an edge before a face. `None` if the scene has no such drawable,
+    /// nothing of it is near, or too much would have to be read.
     ///
     /// # Errors
     /// If a part of the scene cannot be read.
@@ -70,10 +70,10 @@ impl Pointing {
         let Some(near) = self.near(scene)? else { return Ok(None) };
         let direction = (self.at - self.eye).normalize();
         let met = near.triangles.iter().filter_map(|triangle| met(self.eye, direction, triangle));
-        // Of all surfaces along the ray the one that shows: what a section cuts away does not.
+        // The visible surface along the ray: sections may cut nearer ones away.
         let off = |point: &DVec3| point.distance(self.at);
         let surface = met.min_by(|a, b| off(a).total_cmp(&off(b)));
-        // A coarse level may show where the finest does not: then it ends at an edge.
+        // A coarse level may show a surface beyond the finest one's edge: then this snaps to the edge.
         let edge =
             || near.edges().map(|[a, b]| nearest(a, b, self.at)).min_by(|a, b| off(a).total_cmp(&off(b)));
         let Some(middle) = surface.or_else(edge) else { return Ok(None) };
@@ -88,10 +88,10 @@ impl Pointing {
         Ok(Some(Snapped { to, point: point.to_array(), error: near.rounding }))
     }
 
-    /// All that may be meant.
+    /// The candidates.
     fn near(&self, scene: &Scene) -> Result<Option<Near>, ReadError> {
         let Some(shown) = scene.drawables().get(self.drawable as usize).copied() else { return Ok(None) };
-        // What shows is no farther than its error from the finest geometry.
+        // The visible point is within its level's error of the finest geometry.
         let radius = f64::from(shown.error) + (1.0 + NEARBY) * self.reach;
         let (mut near, mut reader, mut read) = (Near::default(), scene.reader(), 0);
         let mut open = vec![shown.node];
@@ -114,7 +114,7 @@ impl Pointing {
         }
     }
 
-    /// The one of some points that looks nearest to the pointer, of those within its reach and near `surface`.
+    /// The point that looks nearest to the pointer, among those within its reach and near `surface`.
     fn nearest_of(&self, points: impl Iterator<Item = DVec3>, surface: DVec3) -> Option<DVec3> {
         let direction = (self.at - self.eye).normalize();
         let looks_off = |point: DVec3| {
@@ -135,12 +135,12 @@ impl Pointing {
 #[derive(Debug, Default)]
 struct Near {
     triangles: Vec<[DVec3; 3]>,
-    /// How far their corners may be from the model's, metres.
+    /// The error of their corners, metres.
     rounding: f64,
 }
 
 impl Near {
-    /// Adds those of a node whose boxes come within `radius` of `at`.
+    /// Adds the triangles of a node whose boxes come within `radius` of `at`.
     fn add(&mut self, node: &Node, geometry: &trimaran_scene::Geometry, at: DVec3, radius: f64) {
         let (origin, linear) = (node.origin(), node.linear().as_dmat3());
         let corners: Vec<DVec3> = geometry
@@ -148,7 +148,7 @@ impl Near {
             .iter()
             .map(|vertex| origin + linear * DVec3::from_array(vertex.position.map(f64::from)))
             .collect();
-        // A coordinate and the matrix are each off by half a unit of the last place of an f32.
+        // A coordinate and the matrix are each off by half a unit in the last place of an f32.
         self.rounding = self.rounding.max(f64::from(node.own_reach()) * f64::from(f32::EPSILON));
         for triangle in geometry.indices.as_chunks::<3>().0 {
             let [Some(a), Some(b), Some(c)] = triangle.map(|index| corners.get(index as usize)) else {
@@ -166,7 +166,7 @@ impl Near {
     }
 }
 
-/// Where a ray meets a triangle, from either side (Möller and Trumbore 1997).
+/// The intersection of a ray and a triangle, from either side (Möller and Trumbore 1997).
 fn met(eye: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<DVec3> {
     let (ab, ac, from) = (b - a, c - a, eye - a);
     let across = direction.cross(ac);
@@ -175,12 +175,12 @@ fn met(eye: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<DVec3> {
     let beside = from.cross(ab);
     let v = direction.dot(beside) / determinant;
     let along = ac.dot(beside) / determinant;
-    // A ray along the triangle's plane gives no numbers, and meets nothing.
+    // A ray in the triangle's plane gives NaN or infinity, and no intersection.
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && along > 0.0 && along.is_finite())
         .then(|| eye + direction * along)
 }
 
-/// The point between two others that is nearest to a third.
+/// The point of a segment nearest to a point.
 fn nearest(from: DVec3, to: DVec3, point: DVec3) -> DVec3 {
     let way = to - from;
     let square = way.length_squared();

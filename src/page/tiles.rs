@@ -1,10 +1,10 @@
-//! Tiles of what is solid that were made before: those that were asked for last.
+//! A cache of heightfield tiles: the most recently used ones.
 
 use std::collections::HashMap;
 
 use hyper::body::Bytes;
 
-/// The most bytes that are kept.
+/// The size limit of the cache, bytes.
 const MOST: usize = 32 << 20;
 
 /// Tiles by their numbers, x and z.
@@ -12,14 +12,14 @@ const MOST: usize = 32 << 20;
 pub(super) struct Tiles {
     kept: HashMap<[i32; 2], Kept>,
     bytes: usize,
-    /// How often tiles were asked for.
+    /// Counts requests.
     asked: u64,
 }
 
 #[derive(Debug)]
 struct Kept {
     tile: Bytes,
-    /// When it was asked for last.
+    /// The number of the last request for it.
     asked: u64,
 }
 
@@ -31,7 +31,7 @@ impl Tiles {
         Some(kept.tile.clone())
     }
 
-    /// Keeps a tile, and leaves out those that nobody has asked for since the longest time.
+    /// Keeps a tile, and drops the least recently used ones.
     pub(super) fn keep(&mut self, number: [i32; 2], tile: Bytes) {
         self.asked += 1;
         self.bytes += tile.len();

@@ -1,4 +1,4 @@
-//! What whoever may see a scene knows: a part of the page's address.
+//! The secret that grants access to a scene: a part of the page's address.
 
 use std::{
     fmt,
@@ -21,25 +21,24 @@ const LONGEST: usize = 128;
 #[serde(try_from = "String", into = "String")]
 pub struct Token(String);
 
-/// A text is no token.
+/// A text is not a valid token.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("a token has {SHORTEST} to {LONGEST} letters, digits, hyphens and underscores")]
 pub struct TokenError;
 
 impl Token {
-    /// A token that nobody can guess: 128 random bits.
+    /// A token that cannot be guessed: 128 random bits.
     ///
     /// # Errors
-    /// When the system has no randomness to give.
+    /// When the system's random numbers fail.
     pub fn random(net: &dyn Net) -> io::Result<Self> {
         Ok(Self(format!("{:016x}{:016x}", net.random()?, net.random()?)))
     }
 
-    /// The token that a file keeps, which nobody but its owner may read. Else a new one, which it keeps from
-    /// now on.
+    /// The token in a file that only its owner may read. If there is none, a new one, which is saved there.
     ///
     /// # Errors
-    /// When the file cannot be written, or the system has no randomness to give.
+    /// When the file cannot be written, or the system's random numbers fail.
     pub fn kept(file: &Path, net: &dyn Net) -> io::Result<Self> {
         if let Some(token) = Self::read(file) {
             return Ok(token);
@@ -54,7 +53,7 @@ impl Token {
         Ok(token)
     }
 
-    /// The token in a file, if it is one and nobody else could read it.
+    /// The token in a file, if it is valid and other users cannot read the file.
     fn read(file: &Path) -> Option<Self> {
         if !fs::symlink_metadata(file).ok()?.is_file() {
             return None;
@@ -75,14 +74,14 @@ impl Token {
         &self.0
     }
 
-    /// Whether `text` is this token. How long that takes says nothing of how much of it is right.
+    /// Compares `text` with this token in constant time.
     pub(super) fn is(&self, text: &str) -> bool {
         let differs = self.0.bytes().zip(text.bytes()).fold(0, |differs, (a, b)| differs | (a ^ b));
         self.0.len() == text.len() && differs == 0
     }
 }
 
-/// It is not told to logs.
+/// Keeps it out of logs.
 impl fmt::Debug for Token {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Token")

@@ -1,4 +1,4 @@
-//! Warnings that whoever asks can cause: few, however often they ask.
+//! Rate-limited warnings, for causes that clients control.
 
 use std::{fmt, time::Duration};
 
@@ -8,12 +8,12 @@ use trimaran_net::Instant;
 /// Between two warnings.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// When the last one was written.
+/// The time of the last one.
 #[derive(Debug, Default)]
 pub(super) struct Warnings(Mutex<Option<Instant>>);
 
 impl Warnings {
-    /// Writes a warning into the log, unless there was one a moment ago.
+    /// Logs a warning, unless there was one a moment ago.
     pub(super) fn warn(&self, warning: &impl fmt::Display, now: Instant) {
         if self.is_due(now) {
             tracing::warn!("{warning}");

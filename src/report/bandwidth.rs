@@ -1,4 +1,4 @@
-//! How many bytes a frame takes on the network: as the paper says, and as is sent.
+//! Bytes a frame on the network: by the paper's formula, and as sent.
 
 /// What determines the bytes of one frame, in the paper's letters (section 3.3).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,8 +37,8 @@ impl FrameLoad {
     /// Bytes a frame as sent to `r` receivers, `r (4n + hn/b) + (r + 1) (72 + h)`: each id, a header for each
     /// packet of ids, and the cameras, to the culler and from it to each receiver.
     ///
-    /// It takes every packet for full: a frame whose ids do not fill the last one sends up to one more header
-    /// a receiver, and the ends of frames come on top.
+    /// It assumes that every packet is full. A frame whose ids do not fill the last one sends up to one more
+    /// header a receiver, and frame ends come on top.
     #[must_use]
     pub fn sent_bytes(&self) -> f64 {
         let receivers = f64::from(self.receivers);

@@ -1,4 +1,4 @@
-//! Why a report could not be written, and what to do about it.
+//! Why a report could not be written, and the remedy.
 
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -12,14 +12,14 @@ pub enum ReportError {
     /// A file or folder could not be read or written.
     #[error("{doing} {} failed{}", path.display(), advice(source))]
     Io {
-        /// What was being done.
+        /// The failed action.
         doing: &'static str,
-        /// To which file or folder.
+        /// Its file or folder.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// Another walk writes into the same folder.
+    /// Another process writes into the same folder.
     #[error(
         "another process writes a report into {}; wait for its end, or give another folder with --out",
         path.display()
@@ -31,9 +31,9 @@ pub enum ReportError {
     /// A picture could not be encoded.
     #[error("encoding the picture {} failed", path.display())]
     Encode {
-        /// The file it was meant for.
+        /// Its intended file.
         path: PathBuf,
-        /// What the encoder says.
+        /// The encoder's error.
         source: png::EncodingError,
     },
     /// A picture just written could not be read back for the page.
@@ -41,7 +41,7 @@ pub enum ReportError {
     Decode {
         /// The file.
         path: PathBuf,
-        /// What the decoder says.
+        /// The decoder's error.
         source: png::DecodingError,
     },
     /// The report could not be made JSON.
@@ -50,8 +50,7 @@ pub enum ReportError {
 }
 
 impl ReportError {
-    /// Whether it may work another time though nothing is changed in what was asked for: a full disk, or a
-    /// folder that is in use.
+    /// Whether it may work another time with the same arguments: the disk is full, or the folder is in use.
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {
@@ -64,7 +63,7 @@ impl ReportError {
     }
 }
 
-/// What to do about it.
+/// The remedy.
 fn advice(source: &io::Error) -> &'static str {
     match source.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
@@ -80,7 +79,7 @@ fn advice(source: &io::Error) -> &'static str {
     }
 }
 
-/// What makes a [`ReportError`] of what the system says.
+/// Returns a function that makes a [`ReportError`] of the system's error.
 pub(super) fn io_error(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> ReportError + use<> {
     let path = path.to_owned();
     move |source| ReportError::Io { doing, path, source }

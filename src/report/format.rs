@@ -34,12 +34,12 @@ pub(super) fn tick_figure(value: f64) -> String {
 
 /// A whole number with its thousands grouped by narrow no-break spaces.
 pub(crate) fn grouped(value: f64) -> String {
-    // Halves to even, as figures with decimals are.
+    // Rounds halves to even, like figures with decimals.
     let digits = HumanCount(value.abs().round_ties_even() as u64).to_string().replace(',', "\u{202f}");
     if value < 0.0 && digits != "0" { format!("-{digits}") } else { digits }
 }
 
-/// A figure with its unit; `none` in words where it was not measured.
+/// A figure with its unit; the words `none` if it was not measured.
 pub(super) fn with_unit(value: Option<f64>, unit: &str, none: &str) -> String {
     match value {
         None => none.to_owned(),
@@ -53,7 +53,7 @@ pub(super) fn plural(count: u64, one: &str, many: &str) -> String {
     format!("{} {}", grouped(count as f64), if count == 1 { one } else { many })
 }
 
-/// How many of so many pictures were not exact yet, and when they were: a sentence each.
+/// How many of the pictures were not exact yet, and when: a sentence each.
 pub(super) fn loading(found: &Loading, pictures: u32) -> Vec<String> {
     let lacking = format!(
         "{} of {} had coarser drawables in the place of some that had not come yet.",
@@ -75,7 +75,7 @@ pub(super) fn loading(found: &Loading, pictures: u32) -> Vec<String> {
     [Some(lacking), pixels, Some(exact)].into_iter().flatten().collect()
 }
 
-/// What came before a frame needed it, and how much of that was used.
+/// Geometry sent before a frame needed it, and the share of it that was used.
 pub(super) fn sent_ahead(ahead: &SentAhead) -> String {
     let megabytes = |bytes: u64| figure(bytes as f64 * 1e-6);
     let share = 100.0 * ahead.used_bytes as f64 / ahead.bytes as f64;
@@ -83,13 +83,13 @@ pub(super) fn sent_ahead(ahead: &SentAhead) -> String {
     format!("{came} MB of geometry before a frame needed it; {used} MB were used, {share:.0} %")
 }
 
-/// Whether a sweep's runs differ in who culls.
+/// Whether the runs of a sweep differ in their cullers.
 pub(super) fn cullers_differ(points: &[SweepPoint]) -> bool {
     let who = |point: &SweepPoint| (point.cullers, point.schedule.clone());
     points.windows(2).any(|pair| matches!(pair, [a, b] if who(a) != who(b)))
 }
 
-/// A point of a sweep over cullers, in the columns of its tables; `none` where a figure was not measured.
+/// A point of a sweep over cullers, in the columns of its tables; `none` for figures not measured.
 pub(super) fn culler_cells(point: &SweepPoint, none: &str) -> Vec<String> {
     let value = |v: Option<f64>| with_unit(v, "", none);
     vec![
@@ -104,7 +104,7 @@ pub(super) fn culler_cells(point: &SweepPoint, none: &str) -> Vec<String> {
     ]
 }
 
-/// A point of a sweep over epsilon, in the columns of its tables; `none` where a figure was not measured.
+/// A point of a sweep over epsilon, in the columns of its tables; `none` for figures not measured.
 pub(super) fn sweep_cells(point: &SweepPoint, none: &str) -> Vec<String> {
     let value = |v: Option<f64>| with_unit(v, "", none);
     vec![

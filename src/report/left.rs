@@ -1,4 +1,4 @@
-//! What a process that was killed left of its walk: the journal's whole lines.
+//! The remains of a killed process's walk: the journal's whole lines.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader};
@@ -7,20 +7,20 @@ use std::time::SystemTime;
 
 use serde::de::DeserializeOwned;
 
-/// What a journal says: its first line, and the others.
+/// The content of a journal: its first line, and the others.
 #[derive(Debug)]
 pub struct Left<H, L> {
-    /// What was walked.
+    /// The description of the walk.
     pub head: H,
-    /// What was recorded, in order.
+    /// The records, in order.
     pub lines: Vec<L>,
-    /// When the last of it was written.
+    /// When the last record was written.
     pub stopped: SystemTime,
-    /// How long it is without a last line that was being written, bytes.
+    /// Its length without an incomplete last line, bytes.
     pub(super) len: u64,
 }
 
-/// Reads the journal at `path`; `None` if it says something else, or there is none.
+/// Reads the journal at `path`; `None` if it is not a valid one, or does not exist.
 pub(super) fn read<H: DeserializeOwned, L: DeserializeOwned>(path: &Path) -> io::Result<Option<Left<H, L>>> {
     let file = match File::open(path) {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -47,7 +47,7 @@ pub(super) fn has_records(path: &Path) -> bool {
     File::open(path).is_ok_and(|file| WholeLines(BufReader::new(file)).nth(1).is_some())
 }
 
-/// The lines of a file, up to one that has no end.
+/// The lines of a file, up to one without a line break.
 struct WholeLines<R>(R);
 
 impl<R: BufRead> Iterator for WholeLines<R> {

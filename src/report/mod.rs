@@ -1,8 +1,8 @@
-//! What a run leaves behind: `report.json`, `report.html` and PNG frames, and what is printed; all from one
+//! The output of a run: `report.json`, `report.html`, PNG frames and the printed summary, all from one
 //! [`Report`].
 //!
-//! A run hands frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets
-//! the writer put it beside them. How wrong a picture is, [`trimaran_audit::metrics`] measures.
+//! A run passes frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and has
+//! the writer put it beside them. [`trimaran_audit::metrics`] measures the errors of pictures.
 
 mod bandwidth;
 pub mod comparison;

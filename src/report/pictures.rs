@@ -1,4 +1,4 @@
-//! The PNG files of a report: a frame's pictures by kind, and what each file is called.
+//! The PNG files of a report: a frame's pictures by kind, and the name of each file.
 
 use std::fs;
 use std::path::Path;
@@ -7,10 +7,10 @@ use serde::Deserialize;
 
 use super::schema::FramePictures;
 
-/// Which picture of a frame.
+/// A kind of picture of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PictureKind {
-    /// What RVG showed.
+    /// The picture that RVG showed.
     Shown,
     /// The same LOD cut without culling.
     Unculled,
@@ -27,8 +27,8 @@ pub(super) fn file_name(frame: u32, kind: PictureKind) -> String {
     }
 }
 
-/// The pictures of the report that lies at `json`, if one does. They are to be removed, so only names that
-/// [`file_name`] gives are believed.
+/// The pictures of the report at `json`, if it exists. They are to be removed, so only names that
+/// [`file_name`] makes are accepted.
 pub(super) fn files_of_report(json: &Path) -> Vec<String> {
     #[derive(Deserialize)]
     struct Report {

@@ -30,7 +30,7 @@ impl Rgb {
         Ok(file)
     }
 
-    /// Reads back what [`Self::encode`] wrote.
+    /// Reads back the output of [`Self::encode`].
     pub(super) fn decode(file: &[u8]) -> Result<Self, png::DecodingError> {
         let mut reader = png::Decoder::new(Cursor::new(file)).read_info()?;
         let (width, height) = reader.info().size();
@@ -39,7 +39,7 @@ impl Rgb {
         Ok(Self { width, height, pixels })
     }
 
-    /// Whether there is such a file, with its end: one that was being written may lack it.
+    /// Whether the file exists and is complete: an interrupted write may lack its end.
     pub(super) fn is_whole(path: &Path) -> bool {
         const END: [u8; 8] = *b"IEND\xaeB`\x82";
         let end = || {
@@ -52,7 +52,7 @@ impl Rgb {
         end().is_ok_and(|end| end == END)
     }
 
-    /// The image made smaller by a whole factor. `of_block` makes one pixel of a block's.
+    /// The image made smaller by an integer factor. `of_block` makes one pixel of a block's.
     pub(super) fn shrink(&self, factor: u32, of_block: impl Fn(&[[u8; 3]]) -> [u8; 3]) -> Self {
         let (width, height) = (self.width.div_ceil(factor), self.height.div_ceil(factor));
         let mut block = Vec::with_capacity((factor * factor) as usize);

@@ -91,7 +91,7 @@ fn noise(frame: u32, salt: u32) -> f64 {
 }
 
 /// A frame; every third is audited, and one of those has false culls. Frame 39 is shown before all of it has
-/// come, and again as 40 and, at last exact, as 41.
+/// come, then as 40, and as 41 it is exact at last.
 fn frame(number: u32) -> Frame {
     let frame = exact_frame(number);
     let lacking = match number {
@@ -118,7 +118,7 @@ fn frame(number: u32) -> Frame {
     }
 }
 
-/// What is told of a frame once is not told again.
+/// Some records of a frame occur only the first time it is shown.
 fn shown_again(frame: Frame) -> Frame {
     Frame {
         or_ms: None,

@@ -1,4 +1,4 @@
-//! What is printed at the end of a run.
+//! The summary printed at the end of a run.
 
 use super::comparison::tables;
 use super::format::{
@@ -6,7 +6,7 @@ use super::format::{
 };
 use super::schema::{Comparison, METRICS, Report, Run, SweepPoint};
 
-/// The metrics that the printed summary shows; `report.json` has all.
+/// The metrics of the printed summary; `report.json` has all.
 const PRINTED: [&str; 15] = [
     "or_ms",
     "hc_ms",
@@ -132,7 +132,7 @@ pub fn summary(report: &Report) -> String {
     out
 }
 
-/// Why a run whose roles computed at once says nothing of three machines, and how to get it.
+/// Explains why roles that computed at once say nothing of three machines, and the remedy.
 pub(super) fn model_hint(run: &Run) -> &'static str {
     if run.link == "inproc" {
         "roles that share a machine slow each other down; for three machines, run with --alone"
@@ -165,7 +165,7 @@ fn culling(report: &Report) -> String {
     text
 }
 
-/// The tables of a sweep: one line a run, ending in a line break.
+/// The tables of a sweep: one line per run, ending in a line break.
 #[must_use]
 pub fn sweep(points: &[SweepPoint]) -> String {
     let modelled = points.iter().any(|point| point.modelled_fps.is_some());
@@ -208,8 +208,8 @@ const fn modelled_how(modelled: bool) -> &'static str {
     if modelled { "MODEL: a machine for each role, no network. " } else { "" }
 }
 
-/// Aligned columns: the first to the left, the others to the right.
-/// The tables of a comparison that fit a terminal: speed, and what was drawn, at each error bound.
+/// The tables of a comparison that fit a terminal: speed, and the drawn nodes, at each error bound. The first
+/// column is aligned left, the others right.
 #[must_use]
 pub fn comparison(found: &Comparison) -> String {
     let shown = ["speed-", "drawn-", "paper"];

@@ -1,8 +1,8 @@
-//! The folder in which a report comes to be: `unfinished`, within the folder that will hold the report.
+//! The folder in which a report is made: `unfinished`, within the folder that will hold the report.
 //!
-//! It is there before anything is recorded, so that a folder that cannot be written to is known at once. What
-//! is recorded goes into it as it comes. A process that is killed leaves it behind; the next one goes on with
-//! it, or moves it aside.
+//! It is made before anything is recorded, so that a folder that cannot be written to is known at once.
+//! Records go into it as they come. A killed process leaves it behind; the next one resumes from it, or moves
+//! it aside.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind, Write};
@@ -13,24 +13,24 @@ use super::left;
 
 const NAME: &str = "unfinished";
 const JOURNAL: &str = "walk.jsonl";
-/// What a process that was killed left behind, until the next one does.
+/// The remains of a killed process, until there are newer ones.
 const ASIDE: &str = "unfinished.before";
 /// Room for a page with its pictures and for the settings of a run, bytes.
 const ROOM: usize = 2 << 20;
 
-/// The folder of a report that is not finished. Dropped, it is removed, unless something was recorded.
+/// The folder of an unfinished report. Removed on drop, unless something was recorded.
 #[derive(Debug)]
 pub(super) struct Unfinished {
     path: PathBuf,
     /// Room kept free for the report, so that a full disk leaves enough for it.
     reserve: Option<File>,
-    /// The lock on the report's folder, where the file system has locks.
+    /// The lock on the report's folder, if the file system has locks.
     _lock: Option<File>,
     recorded: bool,
 }
 
 impl Unfinished {
-    /// Creates the folder `out` if need be, and this one within it. What a process before recorded stays.
+    /// Creates the folder `out` if need be, and this one within it. An earlier process's records stay.
     pub(super) fn open(out: &Path) -> Result<Self, ReportError> {
         fs::create_dir_all(out).map_err(io_error("creating the folder", out))?;
         let lock = lock(out)?;
@@ -44,7 +44,7 @@ impl Unfinished {
         Ok(unfinished)
     }
 
-    /// Moves aside what a process before recorded.
+    /// Moves an earlier process's records aside.
     pub(super) fn clear(&mut self) -> Result<(), ReportError> {
         if !self.recorded {
             return Ok(());
@@ -55,13 +55,13 @@ impl Unfinished {
         self.prepare()
     }
 
-    /// Sees to it that there is a folder to record into, and room: at least for the report so far.
+    /// Ensures that there is a folder for records, and room at least for the report so far.
     fn prepare(&mut self) -> Result<(), ReportError> {
         let begin = || {
             fs::create_dir_all(self.path.join("frames"))?;
             let recorded = fs::metadata(self.journal()).map_or(0, |journal| journal.len());
             let reserve = File::options().create(true).append(true).open(self.path.join("reserve"))?;
-            // A killed process left its room as well.
+            // A killed process left its reserve as well.
             let kept = reserve.metadata()?.len();
             Ok((reserve, (ROOM as u64 + 4 * recorded).saturating_sub(kept)))
         };
@@ -79,12 +79,12 @@ impl Unfinished {
         &self.path
     }
 
-    /// From now on there is something worth keeping here.
+    /// Marks that the folder now holds records worth keeping.
     pub(super) const fn recorded(&mut self) {
         self.recorded = true;
     }
 
-    /// Keeps room for so many bytes more.
+    /// Reserves this many more bytes.
     pub(super) fn reserve(&mut self, bytes: usize) -> io::Result<()> {
         let Some(file) = &mut self.reserve else { return Ok(()) };
         const ZEROS: [u8; 4096] = [0; 4096];
@@ -97,14 +97,14 @@ impl Unfinished {
         Ok(())
     }
 
-    /// Gives the room that was kept free to what is written now: the report.
+    /// Frees the reserve for the report.
     pub(super) fn release(&mut self) {
         if self.reserve.take().is_some() {
             let _kept = fs::remove_file(self.path.join("reserve"));
         }
     }
 
-    /// The report is in its place: nothing here is needed any more.
+    /// Removes the folder: the report is in its place.
     pub(super) fn discard(mut self) {
         self.recorded = false;
     }
@@ -119,13 +119,13 @@ impl Drop for Unfinished {
     }
 }
 
-/// One walk at a time writes into a folder.
+/// Allows one walk at a time to write into a folder.
 fn lock(out: &Path) -> Result<Option<File>, ReportError> {
     let folder = File::open(out).map_err(io_error("opening the folder", out))?;
     match folder.try_lock() {
         Ok(()) => Ok(Some(folder)),
         Err(TryLockError::WouldBlock) => Err(ReportError::Busy { path: out.to_owned() }),
-        // A file system without locks, such as some of those over a network.
+        // A file system without locks, such as some network file systems.
         Err(TryLockError::Error(_)) => Ok(None),
     }
 }
@@ -138,7 +138,7 @@ fn move_aside(left: &Path) -> Result<(), ReportError> {
     Ok(())
 }
 
-/// Removes a folder, if it is there.
+/// Removes a folder, if it exists.
 fn remove_folder(path: &Path) -> Result<(), ReportError> {
     match fs::remove_dir_all(path) {
         Err(cause) if cause.kind() != ErrorKind::NotFound => {

@@ -1,4 +1,4 @@
-//! What a simulated session put on the wire, by what it was, beside what the formulas say.
+//! Bytes on the wire in a simulated session, by kind, beside the formulas.
 
 use std::collections::BTreeMap;
 use std::ops::{Add, Sub};
@@ -12,48 +12,48 @@ use crate::report::FrameLoad;
 /// The header that the paper counts around each packet: TCP, IP and Ethernet, 50 bytes (section 3.3).
 const PAPER_HEADER: f64 = 50.0;
 
-/// Bytes a frame over all links, as machines sent them, by what they were.
+/// Bytes a frame over all links, as machines sent them, by kind.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct FrameBytes {
-    /// All of them.
+    /// All bytes.
     pub total: f64,
     /// Ids: 4 bytes each where they travel plain.
     pub ids: f64,
-    /// Geometry for a display without the scene, and what that says of it.
+    /// Geometry for a display without the scene, and the display's messages about it.
     pub geometry: f64,
     /// The other messages, and the headers of all of them.
     pub messages: f64,
-    /// What the transport carries beside messages: in datagrams its own headers, acknowledgements,
-    /// repetitions and seals; in TCP repetitions.
+    /// The transport's bytes beside messages: in datagrams its own headers, acknowledgements, retransmissions
+    /// and authentication tags; in TCP retransmissions.
     pub transport: f64,
     /// The headers of TCP or UDP.
     pub transport_headers: f64,
     /// Those of IP.
     pub ip_headers: f64,
-    /// What Ethernet, or whatever is there, adds.
+    /// The bytes of the link layer, such as Ethernet.
     pub link_layer: f64,
     /// Packets a frame.
     pub packets: f64,
-    /// Headers of TCP or UDP, IP and the link layer around each packet: what the formulas call `h`.
+    /// Headers of TCP or UDP, IP and the link layer around each packet: `h` in the formulas.
     pub header: f64,
-    /// Of all bytes, those in packets that only acknowledge: of TCP, or datagrams of at most 64 bytes, which
-    /// a few ids fill as well.
+    /// Of all bytes, those in packets that only acknowledge: in TCP, or datagrams of at most 64 bytes, which
+    /// may also hold a few ids.
     pub acknowledgements: f64,
-    /// Of all bytes, those in packets of TCP that repeat data.
+    /// Of all bytes, those in TCP retransmissions.
     pub repetitions: f64,
-    /// Of all bytes, those in packets of TCP that ask whether the peer is still there.
+    /// Of all bytes, those in TCP keep-alive packets.
     pub keepalive: f64,
-    /// Bytes before the first frame, not a frame but in all: connections and their handshakes.
+    /// Bytes before the first frame, in total and not per frame: connections and their handshakes.
     pub handshake: f64,
     /// The paper's formula `8 (nh/b) + 3 (72 + h)`, with its `h` of 50.
     pub paper: f64,
-    /// What the same terms come to when ids and headers are added: `r (4n + hn/b) + (r + 1) (72 + h)`.
+    /// The formula with ids and headers added: `r (4n + hn/b) + (r + 1) (72 + h)`.
     pub corrected: f64,
-    /// The same with the `h` that was measured.
+    /// The same with the measured `h`.
     pub corrected_as_measured: f64,
 }
 
-/// What was sent in a time.
+/// The bytes sent in some time.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sent {
     pub(super) wire: BTreeMap<Class, WireTally>,
@@ -95,7 +95,7 @@ impl Sub for Sent {
     }
 }
 
-/// What a session, or several alike, sent.
+/// The bytes of one session, or of several alike.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Account {
     /// How many sessions.
@@ -122,7 +122,7 @@ impl Add for Account {
 }
 
 impl FrameBytes {
-    /// Of frames with `nodes` ids in batches of `batch`, which go to so many `receivers`.
+    /// For frames with `nodes` ids in batches of `batch`, sent to this many `receivers`.
     pub(super) fn of(account: &Account, nodes: f64, batch: usize, receivers: u8) -> Self {
         let Account { sessions, frames, sent, before } = account;
         let all = sent.wire.values().fold(WireTally::default(), |all, tally| all + *tally);

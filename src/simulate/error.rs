@@ -17,31 +17,31 @@ pub enum SimulateError {
     /// A machine's address or name cannot be written.
     #[error(transparent)]
     Endpoint(#[from] EndpointError),
-    /// A name of a key cannot be used.
+    /// A key has an invalid name.
     #[error(transparent)]
     Name(#[from] EndpointFault),
-    /// The session's settings.
+    /// The session's settings are invalid.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// The rule for levels of detail.
+    /// The rule for levels of detail is invalid.
     #[error(transparent)]
     Rule(#[from] LodRuleError),
-    /// The rule of a schedule.
+    /// The schedule is invalid for this number of cullers.
     #[error("the schedule switch takes two cullers, not {0}")]
     Schedule(usize),
-    /// A display without the scene has nobody to get it from.
+    /// A display without the scene has no culler to supply it.
     #[error("a display without the scene needs at least one culler, which sends it what it shows")]
     NoSupplier,
     /// A role ended early.
     #[error("the {role} failed on {network} over {link}")]
     Role {
-        /// Which.
+        /// Its name.
         role: &'static str,
-        /// Where.
+        /// The network's name.
         network: String,
-        /// By what.
+        /// The link's name.
         link: &'static str,
-        /// Why.
+        /// The cause.
         #[source]
         cause: Box<SessionError>,
     },
@@ -50,12 +50,12 @@ pub enum SimulateError {
         "nothing gets through {network} over {link}: look at its keys rate, loss, queue and mtu (quic and udp begin with packets of 1228 bytes)"
     )]
     NoLink {
-        /// Where.
+        /// The network's name.
         network: String,
-        /// By what.
+        /// The link's name.
         link: &'static str,
     },
-    /// The packets cannot be written down.
+    /// The packet capture cannot be written.
     #[error(transparent)]
     Capture(#[from] CaptureError),
     /// The roles wait for each other.

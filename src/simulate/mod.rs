@@ -1,5 +1,5 @@
-//! A session of the three roles on a simulated network: the roles, the links and the transports are the real
-//! ones; their computing takes as long as a recorded walk or a stated model says, and the network is a
+//! A session of the three roles on a simulated network. The roles, links and transports are the real ones.
+//! Their computing times come from a recorded walk or a stated model, and the network is a
 //! [`Profile`](trimaran_netsim::Profile).
 //!
 //! Ten thousand frames take seconds, and the same seed gives the same frames.

@@ -1,4 +1,4 @@
-//! How a simulated session went.
+//! The outcome of a simulated session.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -12,14 +12,14 @@ use super::bytes::{Account, FrameBytes};
 use super::scenario::{Knobs, Scenario, Transport};
 use super::statistics::{Percentiles, PixelCost, Spread};
 
-/// When what happened to a frame.
+/// The times of a frame's events.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct FrameTimes {
-    /// Who culled it; none if the display itself did.
+    /// Its culler; none if the display itself culled it.
     pub culler: Option<CullerId>,
     /// How many ids it has.
     pub nodes: u32,
-    /// How many of them never came to the display.
+    /// How many of them never reached the display.
     pub missing: u32,
     /// Its camera left RVG.
     pub published: Instant,
@@ -39,12 +39,12 @@ pub struct FrameTimes {
     pub shown: Instant,
 }
 
-/// Where a frame's time went. All together it is the time from its camera leaving RVG to its picture.
+/// How a frame's time divides. The parts add up to the time from its camera leaving RVG to its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Split {
-    /// For a role that was busy with another frame, or for the other culler's culling.
+    /// Waiting for a role that was busy with another frame, or for the other culler's culling.
     pub waiting: Duration,
-    /// For something under way, by a role that was free for it.
+    /// Waiting for a message under way to a free role.
     pub network: Duration,
     /// OR.
     pub occluders: Duration,
@@ -54,23 +54,23 @@ pub struct Split {
     pub drawing: Duration,
 }
 
-/// How a session went, or several that differ in their seeds only.
+/// The outcome of a session, or of several that differ only in their seeds.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
     /// The network's name.
     pub network: String,
-    /// What joined the roles.
+    /// The transport of the links.
     pub link: Transport,
     /// How many cullers there were.
     pub cullers: usize,
-    /// Which visible set they drew their occluders from.
+    /// The visible set from which they drew their occluders.
     pub schedule: &'static str,
     /// With deadlines: how long after its end a frame might arrive, milliseconds.
     pub deadline_ms: Option<f64>,
-    /// With deadlines: whether they are over before a frame's end can have come; then what is lost, or waits
-    /// at its end, is given up.
+    /// With deadlines: whether they end before a frame's end can arrive. Then lost or delayed parts are given
+    /// up.
     pub deadline_too_short: bool,
-    /// Over `udp`: how many bytes of repair there might be, percent of the frames' own.
+    /// Over `udp`: the most bytes of repair, percent of the frames' own.
     pub repair_percent: Option<u8>,
     /// How ids travelled: `plain` or `changes`.
     pub coding: &'static str,
@@ -86,9 +86,9 @@ pub struct Outcome {
     pub frames_per_second: f64,
     /// From a camera leaving RVG to its picture shown, milliseconds.
     pub latency_ms: Percentiles,
-    /// Of that: for a role that is busy with another frame, or for the culling of the frame before.
+    /// Of that: waiting for a role busy with another frame, or for the culling of the frame before.
     pub waiting_ms: Percentiles,
-    /// Of that: for what is under way, the role being free.
+    /// Of that: waiting for messages under way, the role being free.
     pub network_ms: Percentiles,
     /// Of that: OR.
     pub occluders_ms: Percentiles,
@@ -96,42 +96,42 @@ pub struct Outcome {
     pub culling_ms: Percentiles,
     /// Of that: RVG.
     pub drawing_ms: Percentiles,
-    /// Pictures that came more than a thirtieth of a second after the one before.
+    /// Pictures shown more than a thirtieth of a second after the one before.
     pub late_at_30: u32,
     /// The same for a sixtieth.
     pub late_at_60: u32,
     /// Frames that came with gaps.
     pub incomplete: u32,
-    /// What the gaps cost the pictures, where they were drawn.
+    /// The effect of the gaps on the pictures, if they were drawn.
     pub pixels: Option<PixelCost>,
-    /// What each session was by itself, where several were taken together.
+    /// Each session by itself, if several were pooled.
     pub sessions: Vec<Session>,
     /// Bytes a frame, from the first camera to the last picture.
     pub bytes: FrameBytes,
-    /// A hash of when, between whom and how large every packet was; of each session.
+    /// A hash per session over the time, ends and size of every packet.
     pub trace_hashes: Vec<String>,
-    /// When what happened to each frame.
+    /// The times of each frame's events.
     #[serde(skip)]
     pub times: Vec<FrameTimes>,
-    /// What came of each frame that came with gaps.
+    /// The received ids of each frame that came with gaps.
     #[serde(skip)]
     pub remains: BTreeMap<u32, Vec<DrawableId>>,
     #[serde(skip)]
     account: Account,
 }
 
-/// One session of several that differ in their seeds only: how far they are apart says what is chance.
+/// One of several sessions that differ only in their seeds: their spread shows the effect of chance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Session {
     /// Its seed.
     pub seed: u64,
     /// From a camera leaving RVG to its picture shown, milliseconds.
     pub latency_ms: Percentiles,
-    /// What its gaps cost the pictures, where they were drawn.
+    /// The effect of its gaps on the pictures, if they were drawn.
     pub pixels: Option<PixelCost>,
 }
 
-/// What a session left behind.
+/// The raw results of a session.
 pub(super) struct Ended {
     pub(super) times: Vec<FrameTimes>,
     pub(super) remains: BTreeMap<u32, Vec<DrawableId>>,
@@ -181,9 +181,9 @@ impl Outcome {
         .summed_up()
     }
 
-    /// Works out the figures from the times and the account.
+    /// Computes the figures from the times and the account.
     fn summed_up(self) -> Self {
-        // From one session's last picture to the next one's first is no time.
+        // The time between two sessions' pictures does not count.
         let gaps: Vec<Duration> = self.times.windows(2).filter_map(gap).collect();
         let total: Duration = gaps.iter().sum();
         let late = |limit: f64| gaps.iter().filter(|gap| gap.as_secs_f64() > limit).count() as u32;
@@ -207,7 +207,7 @@ impl Outcome {
         }
     }
 
-    /// How many receivers the ids of a frame had.
+    /// How many receivers a frame's ids had.
     fn receivers(&self) -> u8 {
         match self.cullers {
             0 => 0,
@@ -216,14 +216,14 @@ impl Outcome {
         }
     }
 
-    /// Where the time of each frame went.
+    /// How the time of each frame divides.
     #[must_use]
     pub fn splits(&self) -> Vec<Split> {
         let before = std::iter::once(None).chain(self.times.iter().map(Some));
         self.times.iter().zip(before).map(|(times, before)| times.split(before)).collect()
     }
 
-    /// The transport and, where there are several, its mode: what tells it apart in a table.
+    /// The transport and, if it has several, its mode: its label in a table.
     #[must_use]
     pub fn label(&self) -> String {
         let deadline = self.deadline_ms.map_or_else(String::new, |ms| format!("/{ms}ms"));
@@ -238,13 +238,13 @@ impl Outcome {
         format!("{}{cullers}{deadline}{repair}", self.link.name())
     }
 
-    /// What the sessions have of something; none where one of them has not.
+    /// The spread of a figure over the sessions; none if one of them lacks it.
     #[must_use]
     pub fn spread(&self, of: impl Fn(&Session) -> Option<f64>) -> Option<Spread> {
         Spread::of(&self.sessions.iter().map(of).collect::<Option<Vec<f64>>>()?)
     }
 
-    /// With itself as its only session, unless it has some.
+    /// Lists itself as the only session, unless it has some.
     fn by_itself(mut self) -> Self {
         if let ([seed], true) = (self.seeds.as_slice(), self.sessions.is_empty()) {
             self.sessions.push(Session { seed: *seed, latency_ms: self.latency_ms, pixels: self.pixels });
@@ -252,7 +252,7 @@ impl Outcome {
         self
     }
 
-    /// Whether the two differ in their seeds only.
+    /// Whether the two differ only in their seeds.
     fn is_like(&self, other: &Self) -> bool {
         let what = |outcome: &Self| {
             let session = (outcome.cullers, outcome.schedule);
@@ -262,7 +262,7 @@ impl Outcome {
     }
 }
 
-/// Neighbours that differ in their seeds only, taken together: their frames are one distribution.
+/// Pools neighbours that differ only in their seeds: their frames become one distribution.
 #[must_use]
 pub fn pooled(outcomes: &[Outcome]) -> Vec<Outcome> {
     let alone = |alike: &[Outcome]| alike.iter().cloned().map(Outcome::by_itself).reduce(pool);
@@ -288,13 +288,12 @@ fn gap(pair: &[FrameTimes]) -> Option<Duration> {
 }
 
 impl FrameTimes {
-    /// Where the frame's time went, `before` being the frame before it.
+    /// How the frame's time divides; `before` is the frame before it.
     #[must_use]
     pub fn split(&self, before: Option<&Self>) -> Split {
-        // A frame that has none before it, or begins another session.
+        // A frame without one before it, or the first of another session.
         let before = before.filter(|before| before.shown < self.shown);
-        // A display that gives a frame up does so before all of it is culled: the culler's work counts as far
-        // as it had come by then.
+        // A display may give a frame up before all of it is culled: the culler's work counts up to that time.
         let by_then = |at: Instant| at.min(self.arrived);
         let free = by_then(self.asked.max(self.published));
         let taken = by_then(self.taken).max(free);
@@ -315,7 +314,7 @@ impl FrameTimes {
 }
 
 impl Split {
-    /// All of it.
+    /// The sum of all parts.
     #[must_use]
     pub fn total(&self) -> Duration {
         self.waiting + self.network + self.occluders + self.culling + self.drawing
@@ -350,8 +349,8 @@ mod tests {
     #[test]
     fn a_free_machine_waits_for_the_network_and_a_busy_one_is_waited_for() {
         let before = frame([0, 0, 10, 10, 20, 100, 110, 150]);
-        // Its machine is free 30 late, has the camera 5 later; the frame before is culled at 100 and its ids
-        // come at 107; the display is free at 150 and has the end at 153.
+        // Its machine is free 30 late and has the camera 5 later. The frame before is culled at 100, and its
+        // ids come at 107. The display is free at 150 and has the end at 153.
         let after = frame([20, 50, 55, 107, 117, 140, 153, 160]);
         let ns = Duration::from_nanos;
         let split = after.split(Some(&before));

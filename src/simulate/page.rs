@@ -1,5 +1,5 @@
-//! `sim.html`, the page of a simulation: latencies, where the time goes, bytes against the formulas, and when
-//! what was done. Runs are shown network by network.
+//! `sim.html`, the page of a simulation: latencies, the division of time, bytes against the formulas, and
+//! timelines. Runs are shown network by network.
 
 use maud::{Markup, html};
 
@@ -12,10 +12,10 @@ use crate::report::schema::{Frame, Machine, Role, Span};
 
 /// The colours of runs, in turn.
 const CLASSES: [&str; 6] = ["k0", "k1", "k2", "k3", "k4", "k5"];
-/// So many timelines are on the page at most.
+/// The most timelines on the page.
 const TIMELINES: usize = 12;
 
-/// The figures as one page that opens offline. `command` is how they can be had again.
+/// The figures as one page that works offline. `command` reproduces them.
 #[must_use]
 pub fn page(outcomes: &[Outcome], command: &[String]) -> String {
     let networks = || outcomes.chunk_by(|a, b| a.network == b.network);
@@ -56,12 +56,12 @@ pub fn page(outcomes: &[Outcome], command: &[String]) -> String {
     document("Trimaran: simulated networks", &body).into_string()
 }
 
-/// What a network is called whose runs these are.
+/// The name of the network of these runs.
 fn network(runs: &[Outcome]) -> &str {
     runs.first().map_or("", |run| &run.network)
 }
 
-/// What tells runs of one network apart.
+/// The label of a run among those of its network.
 fn name(runs: &[Outcome], run: &Outcome) -> String {
     let varies = |of: fn(&Outcome) -> String| runs.iter().any(|other| of(other) != of(run));
     let mut name = run.label();
@@ -74,13 +74,13 @@ fn name(runs: &[Outcome], run: &Outcome) -> String {
     name
 }
 
-/// How runs are drawn in turn: by colours, and when these are used up, dashed.
+/// The styles of runs in turn: colours, and when these are used up, dashed.
 fn styles() -> impl Iterator<Item = (&'static str, Mark)> {
     let with = |mark| CLASSES.iter().map(move |class| (*class, mark));
     with(Mark::Line).chain(with(Mark::Dashed)).cycle()
 }
 
-/// A table of a network's runs: a row a run, after its name.
+/// A table of a network's runs: one row per run, after its name.
 fn runs_table(
     caption: &str,
     head: &[&str],
@@ -93,7 +93,7 @@ fn runs_table(
     table("runs", caption, &head, &rows)
 }
 
-/// How many frames take longer than so many milliseconds.
+/// The share of frames that take longer than a time.
 fn latency_curves(runs: &[Outcome]) -> Markup {
     let curve = |(run, (class, mark)): (&Outcome, (&'static str, Mark))| {
         let mut times: Vec<f64> =
@@ -146,7 +146,7 @@ fn percentiles(runs: &[Outcome]) -> Markup {
     }
 }
 
-/// What a frame's time goes by: its name, its colour, and its mean in a run.
+/// A part of a frame's time: its name, its colour, and its mean in a run.
 type Part = (&'static str, &'static str, fn(&Outcome) -> f64);
 const PARTS: [Part; 5] = [
     ("waiting", "k1", |run| run.waiting_ms.mean),
@@ -156,7 +156,7 @@ const PARTS: [Part; 5] = [
     ("RVG", "rvg", |run| run.drawing_ms.mean),
 ];
 
-/// Bars of the mean time by what it was for.
+/// Bars of the mean time by part.
 fn time_by_part(runs: &[Outcome]) -> Markup {
     let longest = runs.iter().map(|run| run.latency_ms.mean).fold(f64::MIN_POSITIVE, f64::max);
     html! {
@@ -185,7 +185,7 @@ fn time_by_part(runs: &[Outcome]) -> Markup {
     }
 }
 
-/// Latency against what it costs the pictures, where that was drawn: a point a session, so that chance shows.
+/// Latency against wrong pixels, if those were drawn: one point per session, so that chance shows.
 fn wrong_pixels(runs: &[Outcome]) -> Markup {
     let session_points = |(run, (class, _)): (&Outcome, (&'static str, Mark))| {
         run.pixels?;
@@ -228,7 +228,7 @@ fn mean_and_deviation(Spread { mean, deviation }: Spread) -> String {
     deviation.map_or_else(|| figure(mean), |apart| format!("{} ± {}", figure(mean), figure(apart)))
 }
 
-/// Bytes a frame over the ids a batch, or over the ids a frame where only that varies, beside both formulas.
+/// Bytes a frame over the ids a batch, or over the ids a frame if only that varies, beside both formulas.
 fn bytes_curves(runs: &[Outcome]) -> Markup {
     let over_nodes = runs.iter().all(|run| runs.first().is_some_and(|first| first.batch == run.batch))
         && runs.iter().any(|run| runs.first().is_some_and(|first| first.nodes != run.nodes));
@@ -270,7 +270,7 @@ fn bytes_by_kind(runs: &[Outcome]) -> Markup {
 fn timeline(run: &Outcome) -> Markup {
     let latency = |times: &FrameTimes| times.shown.since(times.published);
     let session_frames = (run.times.len() / run.sessions.len().max(1)).max(1);
-    // The clocks of sessions begin anew: only one of them is shown.
+    // Each session has its own clock, so only one is shown.
     let session = run.times.chunks(session_frames).max_by_key(|session| session.iter().map(latency).max());
     let session = session.unwrap_or_default();
     let frames: Vec<Frame> = session.iter().zip(0..).map(|(times, frame)| spans(frame, times)).collect();
@@ -285,7 +285,7 @@ fn timeline(run: &Outcome) -> Markup {
     }
 }
 
-/// When the roles were busy with a frame.
+/// The busy spans of the roles for a frame.
 fn spans(frame: u32, times: &FrameTimes) -> Frame {
     let ms = |at: trimaran_transport::Instant| at.as_nanos() as f64 / 1e6;
     let machine = Machine::of(times.culler);

@@ -1,5 +1,5 @@
-//! What lost ids cost the pictures: frames that came with gaps, drawn as the display draws them and as they
-//! would have been.
+//! The effect of lost ids on the pictures: frames that came with gaps are drawn as the display draws them,
+//! and without loss.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use super::statistics::PixelCost;
 use super::workload::Workload;
 use crate::trace::{OtherScene, Trace};
 
-/// Why the cost cannot be told.
+/// Why the effect cannot be measured.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PixelError {
@@ -32,18 +32,18 @@ pub enum PixelError {
     /// The picture's size is out of range.
     #[error(transparent)]
     Viewport(#[from] SettingsError),
-    /// The error bound is none.
+    /// The error bound is invalid.
     #[error(transparent)]
     Rule(#[from] LodRuleError),
-    /// An id is none of the scene's.
+    /// An id does not belong to the scene.
     #[error(transparent)]
     Ids(#[from] OccluderError),
-    /// The pictures do not fit together.
+    /// The pictures differ in size.
     #[error(transparent)]
     Metric(#[from] MetricError),
 }
 
-/// Draws frames of a recorded walk as a display shows them that got only a part.
+/// Draws frames of a recorded walk as shown by a display that got only a part of their ids.
 pub struct Painter {
     scene: Arc<Scene>,
     viewport: Viewport,
@@ -57,7 +57,7 @@ impl Painter {
     /// For walks through `drawn`, recorded as `trace` says.
     ///
     /// # Errors
-    /// When the trace is of another scene or the device cannot draw its pictures.
+    /// When the trace is of another scene, or the device cannot draw its pictures.
     pub fn new(scene: &Arc<Scene>, drawn: &Arc<GpuScene>, trace: &Trace) -> Result<Self, PixelError> {
         trace.check_scene(scene.hash())?;
         let [width, height] = trace.size;
@@ -72,10 +72,9 @@ impl Painter {
         })
     }
 
-    /// What the gaps of a session cost that walked `workload`.
+    /// Measures the effect of the gaps of a session with this `workload`.
     ///
-    /// HC is taken to find what it found when it was recorded: occluders that lack some ids hide less, never
-    /// more.
+    /// HC is assumed to find the recorded ids, although occluders that lack some ids hide less, never more.
     ///
     /// # Errors
     /// When the device fails.
@@ -98,7 +97,7 @@ impl Painter {
             ids.sort_unstable();
             let whole = workload.ids(frame);
             if ids == *whole {
-                // The last frame had all that is missing: not a pixel is another one.
+                // The last frame had all missing ids: no pixel differs.
                 drawn_before = Some((frame, ids));
                 continue;
             }

@@ -1,5 +1,5 @@
-//! What roles do in virtual time: they pause for as long as a workload says that they compute, and note when
-//! what happened.
+//! Roles in virtual time: they pause as long as a workload says that they compute, and note the times of
+//! events.
 
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ use trimaran_transport::{Instant, Net, StatsHandle, sleep_until};
 use super::outcome::FrameTimes;
 use super::workload::Workload;
 
-/// What all roles of a session have in common.
+/// State shared by all roles of a session.
 #[derive(Debug, Clone)]
 pub(super) struct Recording {
     workload: Arc<Workload>,
@@ -25,16 +25,16 @@ pub(super) struct Recording {
     log: Arc<Mutex<Log>>,
 }
 
-/// What the roles note.
+/// The records of the roles.
 #[derive(Debug, Default)]
 pub(super) struct Log {
     /// By frame.
     pub(super) times: Vec<FrameTimes>,
-    /// What came of each frame that came with gaps.
+    /// The received ids of each frame that came with gaps.
     pub(super) remains: BTreeMap<u32, Vec<DrawableId>>,
     /// The counters of both ends of every link to the display.
     pub(super) stats: Vec<StatsHandle>,
-    /// What cullers said that they sent to each other.
+    /// The bytes that cullers report having sent to each other.
     pub(super) to_others: SentBytes,
 }
 
@@ -59,7 +59,7 @@ impl Recording {
         act(&mut self.log.lock())
     }
 
-    /// Who culled a frame.
+    /// Notes the culler of a frame.
     pub(super) fn culled_by(&self, frame: FrameNumber, culler: Option<CullerId>) {
         self.note(frame, |times| times.culler = culler);
     }
@@ -86,7 +86,7 @@ pub(super) struct RecordedCulling {
     frame: FrameNumber,
     /// Whether its occluders come bit by bit.
     as_they_come: bool,
-    /// Until when what has come of them is drawn.
+    /// When the occluders received so far are drawn.
     drawn: Instant,
 }
 
@@ -121,13 +121,13 @@ impl CullerWork for RecordedCulling {
         let or = if as_they_come { Duration::ZERO } else { self.recording.workload.of(frame.0).or };
         (self.frame, self.as_they_come, self.drawn) = (frame, as_they_come, fed.after(or));
         self.recording.note(frame, |times| {
-            // A display that culls itself takes the camera when it is handed out.
+            // A display that culls itself takes the camera when it is published.
             (times.taken, times.fed) = (times.taken.max(times.published), fed);
         });
         Ok(())
     }
 
-    /// Where they come bit by bit, each id takes its share of OR.
+    /// If they come bit by bit, each id takes its share of OR.
     fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
         if !self.as_they_come {
             return Ok(());

@@ -27,19 +27,18 @@ use crate::trace::Trace;
 
 /// How long the roles may take to find each other.
 const JOIN_TIMEOUT: Duration = Duration::from_secs(60);
-/// After the handshakes everything is quiet for so long before the first camera, so that they are not
+/// Everything is quiet for this long between the handshakes and the first camera, so that handshakes are not
 /// counted.
 const PAUSE: Duration = Duration::from_secs(1);
-/// What the roles' scene is called where none of its geometry is sent: which one it is does not matter then.
+/// The roles' scene when none of its geometry is sent: its identity does not matter then.
 const SCENE: SceneHash = SceneHash(0);
 const SESSION: SessionKey = SessionKey(0);
 
-/// The roles of a scenario. Each is played on a network of its own machine, which has the address that
-/// [`Profile::topology`](trimaran_netsim::Profile::topology) gives it; whether that network is simulated or
-/// real is the same to them.
+/// The roles of a scenario. Each is played on the network of its own machine, with the address given by
+/// [`Profile::topology`](trimaran_netsim::Profile::topology); that network may be simulated or real.
 ///
-/// Each role takes two of them: `net` for its links, and `clock` for what is not the network's: computing,
-/// and when things happen. All clocks must begin at the same time.
+/// Each role takes two networks: `net` for its links, and `clock` for computing and for the times of events.
+/// All clocks must begin at the same time.
 #[derive(Debug)]
 pub struct Roles {
     recording: Recording,
@@ -49,9 +48,9 @@ pub struct Roles {
     network: String,
     link: Transport,
     geometry: Option<Geometry>,
-    /// Where each culler listens, and what holds for its links.
+    /// Where each culler listens, with the options of its links.
     cullers: Vec<PeerEndpoint>,
-    /// What holds for the display's.
+    /// The options of the display's links.
     display: Options,
 }
 
@@ -59,7 +58,7 @@ impl Roles {
     /// The roles, with fresh keys.
     ///
     /// # Errors
-    /// When there are no keys to be had, or the settings cannot be.
+    /// When keys cannot be made, or the settings are invalid.
     pub fn new(scenario: &Scenario) -> Result<Self, SimulateError> {
         let Scenario { network, link, cullers, schedule, batch, frames, workload, geometry, knobs, .. } =
             scenario;
@@ -95,7 +94,7 @@ impl Roles {
         })
     }
 
-    /// Plays a culler until the display leaves; nothing beyond the last one.
+    /// Plays a culler until the display leaves; does nothing if there is no such culler.
     ///
     /// # Errors
     /// When it cannot listen, or the display is lost.
@@ -121,11 +120,11 @@ impl Roles {
         Ok(session.play(work, &Turns::at_once(), self.drawables(), scene, &limits, &stop).await?)
     }
 
-    /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says
-    /// before the first camera and after the last picture.
+    /// Plays the display until the last frame, and calls `shown` after each picture. Returns the results of
+    /// `count` before the first camera and after the last picture.
     ///
     /// # Errors
-    /// When a culler does not come, or no frame can be shown any more.
+    /// When a culler does not come, or frames can no longer be shown.
     pub async fn display<C>(
         &self,
         net: &Arc<dyn Net>,
@@ -165,7 +164,7 @@ impl Roles {
         let work = RecordedPictures { recording: recording.clone(), clock: Arc::clone(clock) };
         let mut cameras = work.clone();
         let role = DisplayRole {
-            // What it cannot draw it cannot cull either.
+            // A display that cannot draw the geometry cannot cull it either.
             alone: (self.geometry.is_none())
                 .then(|| RecordedCulling::new(recording, clock, self.settings.batch)),
             supplied: self.geometry.as_ref().map(|Geometry { scene, cache }| Supplied {
@@ -190,8 +189,8 @@ impl Roles {
         max_frame(scene)
     }
 
-    /// What all ends of all links sent so far, by their own count. What cullers send to each other counts
-    /// when the display has learned of it.
+    /// The messages that all ends of all links have sent so far, by their own count. Messages between cullers
+    /// count once the display has learned of them.
     #[must_use]
     pub fn messages(&self) -> SentBytes {
         self.recording.log(|log| {
@@ -200,18 +199,18 @@ impl Roles {
         })
     }
 
-    /// When what happened to each frame.
+    /// The times of each frame's events.
     #[must_use]
     pub fn times(&self) -> Vec<FrameTimes> {
         self.recording.log(|log| log.times.clone())
     }
 
-    /// When what happened to each frame, and what was missing in each.
+    /// The times of each frame's events, and the received ids of those with gaps.
     pub(super) fn take_log(&self) -> (Vec<FrameTimes>, BTreeMap<u32, Vec<DrawableId>>) {
         self.recording.log(|log| (std::mem::take(&mut log.times), std::mem::take(&mut log.remains)))
     }
 
-    /// The failure of a role.
+    /// Names the role, network and link in a failure.
     pub(super) fn failed(&self, role: &'static str, cause: SessionError) -> SimulateError {
         let (network, link) = (self.network.clone(), self.link.name());
         SimulateError::Role { role, network, link, cause: Box::new(cause) }
@@ -229,7 +228,7 @@ struct Pictures<'r, F, S, C> {
     due: u32,
     shown: S,
     count: F,
-    /// What was counted after the last one.
+    /// The count after the last one.
     after: Option<C>,
 }
 
@@ -249,7 +248,7 @@ impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<'_, F, S, C> {
     }
 }
 
-/// Options of a display and of so many cullers that know each other.
+/// Options of a display and this many cullers, with the keys of each other.
 fn acquainted(knobs: &Knobs, cullers: usize) -> Result<(Options, Vec<Options>), SimulateError> {
     let keys = |name: &str| -> Result<Keys, SimulateError> { Ok(Keys::generate(name.parse()?)?) };
     let display = keys("display")?;

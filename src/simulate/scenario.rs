@@ -1,4 +1,4 @@
-//! What is simulated.
+//! The parameters of a simulation.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,16 +11,16 @@ use trimaran_scene::Scene;
 
 use super::workload::Workload;
 
-/// What is simulated.
+/// The parameters of a simulation.
 #[derive(Debug, Clone)]
 pub struct Scenario {
     /// The network.
     pub network: Profile,
-    /// What the roles are joined by.
+    /// The transport of the links.
     pub link: Transport,
     /// How many cullers; without any the display culls for itself.
     pub cullers: usize,
-    /// Which visible set they draw their occluders from.
+    /// The visible set from which they draw their occluders.
     pub schedule: Schedule,
     /// How many ids travel in a batch.
     pub batch: BatchSize,
@@ -28,15 +28,15 @@ pub struct Scenario {
     pub frames: u32,
     /// The seed of losses and delays.
     pub seed: u64,
-    /// What each frame takes.
+    /// The work of each frame.
     pub workload: Workload,
-    /// Where the display's geometry comes from; none for a display that has the scene.
+    /// The source of the display's geometry; none for a display that has the scene.
     pub geometry: Option<Geometry>,
-    /// What else may be set.
+    /// Further settings.
     pub knobs: Knobs,
 }
 
-/// What a display without the scene is sent: packing it and unpacking it take no time.
+/// The geometry for a display without the scene: packing and unpacking take no time.
 #[derive(Debug, Clone)]
 pub struct Geometry {
     /// The scene that the cullers hold: that of the workload's trace.
@@ -46,15 +46,15 @@ pub struct Geometry {
 }
 
 impl Scenario {
-    /// Whether a frame's deadline is over before its end can have come to the display.
+    /// Whether a frame's deadline ends before the frame's end can reach the display.
     #[must_use]
     pub fn gives_up_everything(&self) -> bool {
-        // The way is that of a packet without its bits: one exactly as long is over before they have come.
+        // The one-way delay excludes the packet's bits, so an equal deadline is over before they have come.
         self.link == Transport::UdpDeadline && self.knobs.deadline <= self.network.way_to_display()
     }
 }
 
-/// What of links may be set in a simulation beside the transport.
+/// Settings of links in a simulation, beside the transport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Knobs {
     /// How ids travel. Default plain, as the formulas count them.
@@ -64,7 +64,7 @@ pub struct Knobs {
     /// For `udp`: how many bytes of repair may be sent while packets are lost, percent of the frames' own.
     /// Default 15.
     pub repair_percent: u8,
-    /// For `udp`: nothing is encrypted, so that a capture shows what is said. Default no.
+    /// For `udp`: nothing is encrypted, so that a capture is readable. Default no.
     pub in_the_clear: bool,
 }
 
@@ -79,24 +79,24 @@ impl Default for Knobs {
     }
 }
 
-/// What joins machines.
+/// The transport between machines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Transport {
-    /// TCP, as in the paper: a connection for each lane.
+    /// TCP, as in the paper: one connection per lane.
     Tcp,
     /// The same in WebSockets, as pages in browsers open them.
     Ws,
-    /// A QUIC connection a link.
+    /// One QUIC connection per link.
     Quic,
     /// The project's own connection over datagrams: every frame arrives whole.
     Udp,
-    /// The same: what of a frame would come too late is given up, and the display makes up for it.
+    /// The same with deadlines: late parts of a frame are given up, and the display makes up for them.
     UdpDeadline,
 }
 
 impl Transport {
-    /// What it is called in flags and tables.
+    /// The name in flags and tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

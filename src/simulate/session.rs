@@ -1,4 +1,4 @@
-//! The roles on the simulated network, and counting what they send.
+//! Plays the roles on the simulated network, and counts their traffic.
 
 use std::io::Write;
 use std::pin::pin;
@@ -16,7 +16,7 @@ use super::outcome::{Ended, Outcome};
 use super::roles::Roles;
 use super::scenario::Scenario;
 
-/// Links run on tokio, which counts time in milliseconds; what roles compute ends at any time.
+/// Tokio counts time in milliseconds; the roles' computing may end at any time.
 const TIMER_GRAIN: Duration = Duration::from_millis(1);
 
 /// Runs a session.
@@ -30,7 +30,7 @@ pub fn simulate(scenario: &Scenario) -> Result<Outcome, SimulateError> {
 /// Runs a session, writes all its packets into `capture`, as pcapng, and calls `shown` after each picture.
 ///
 /// # Errors
-/// As [`simulate`], and when `capture` does not take them.
+/// As [`simulate`], and when writing to `capture` fails.
 pub fn simulate_watched(
     scenario: &Scenario,
     capture: Option<Box<dyn Write + Send>>,
@@ -64,7 +64,7 @@ pub fn simulate_watched(
                 all = &mut cullers, if ended.is_none() => ended = Some(all),
             }
         };
-        // Cullers that a display never found wait for it for ever.
+        // Cullers that no display ever found wait forever.
         match ended {
             None if counted.is_ok() => (cullers.await, counted),
             ended => (ended.unwrap_or_default(), counted),
@@ -81,7 +81,7 @@ pub fn simulate_watched(
     Ok(Outcome::new(scenario, Ended { times, remains, account, trace_hash: simulation.trace_hash() }))
 }
 
-/// What was sent so far: by the links' own count, and on the wire by what it was for.
+/// The traffic so far: by the links' own count, and on the wire by kind.
 fn sent(simulation: &Simulation, roles: &Roles, machines: &Machines) -> Sent {
     let hosts: Vec<HostId> = machines.cullers.iter().copied().chain([machines.display]).collect();
     let mut sent = Sent { messages: roles.messages(), ..Sent::default() };

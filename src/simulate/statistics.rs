@@ -1,4 +1,4 @@
-//! What many values come to.
+//! Statistics of many values.
 
 use std::ops::Add;
 
@@ -9,22 +9,22 @@ use serde::Serialize;
 pub struct Percentiles {
     /// Half are at most this.
     pub p50: f64,
-    /// 95 of a hundred are.
+    /// 95 % are at most this.
     pub p95: f64,
-    /// 99 of a hundred are.
+    /// 99 % are at most this.
     pub p99: f64,
-    /// 999 of a thousand are.
+    /// 99.9 % are at most this.
     pub p999: f64,
-    /// All together, divided by their number.
+    /// The mean.
     pub mean: f64,
 }
 
-/// What sessions have on average, and how far they are from it: the standard deviation.
+/// The mean over sessions, and the standard deviation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// The sum of all, divided by their number.
+    /// The mean.
     pub mean: f64,
-    /// How far a session is from the mean; none where there is only one.
+    /// The standard deviation; none for a single session.
     pub deviation: Option<f64>,
 }
 
@@ -43,7 +43,7 @@ impl Spread {
 impl Percentiles {
     pub(super) fn of(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
-        // The smallest value that so many are not above.
+        // The smallest value that this share of values does not exceed.
         let at = |share: f64| {
             let rank = (share * values.len() as f64).ceil() as usize;
             values.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
@@ -53,19 +53,19 @@ impl Percentiles {
     }
 }
 
-/// What gaps cost the pictures of a session.
+/// The effect of gaps on the pictures of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct PixelCost {
     /// How many frames were shown.
     pub frames: u32,
-    /// How many had a pixel that is not as it would have been without loss.
+    /// How many had a pixel that differs from the picture without loss.
     pub frames_wrong: u32,
-    /// Such pixels, all frames together.
+    /// The number of such pixels, over all frames.
     pub wrong_pixels: u64,
     /// The most in a frame.
     pub worst: u64,
-    /// Triangles drawn that would not have been, because the frame before had them and what was lost is not
-    /// known; all together.
+    /// Triangles drawn needlessly, over all frames: the frame before had them, and it is unknown which ids
+    /// were lost.
     pub needless_triangles: u64,
 }
 

@@ -1,14 +1,13 @@
-//! What simulations came to: tables to print, and files for other programs.
+//! The results of simulations: tables to print, and files for other programs.
 
 use super::{FrameBytes, Outcome, Percentiles, Spread};
 use crate::report::{format::figure, text::table};
 
-/// What the bytes of a frame are told by, wherever that is: in the printed table, on the page, and in
-/// `runs.csv`.
+/// A figure of a frame's bytes, for the printed table, the page and `runs.csv`.
 pub(super) struct ByteColumn {
-    /// At the head of a table.
+    /// Its column head in a table.
     pub(super) title: &'static str,
-    /// At the head of `runs.csv`.
+    /// Its column head in `runs.csv`.
     pub(super) key: &'static str,
     /// The figure.
     pub(super) of: fn(&FrameBytes) -> f64,
@@ -39,7 +38,7 @@ pub(super) const BYTES: [ByteColumn; 17] = [
     },
 ];
 
-/// What simulations came to: latencies, then where the time went, then bytes; a row a run.
+/// The results of simulations: latencies, the division of time, and bytes; one row per run.
 #[must_use]
 pub fn tables(outcomes: &[Outcome]) -> String {
     let mut out = String::from(
@@ -98,8 +97,8 @@ pub fn tables(outcomes: &[Outcome]) -> String {
     out
 }
 
-/// What sessions with other seeds have of latency at the 99th percentile, wrong pixels a frame and needless
-/// triangles a frame.
+/// The spread over seeds of latency at the 99th percentile, wrong pixels a frame and needless triangles a
+/// frame.
 pub(super) fn spreads(run: &Outcome) -> [Option<Spread>; 3] {
     [
         run.spread(|session| Some(session.latency_ms.p99)),
@@ -108,7 +107,7 @@ pub(super) fn spreads(run: &Outcome) -> [Option<Spread>; 3] {
     ]
 }
 
-/// How far they are apart in that; empty where there is one session.
+/// The standard deviation; empty for a single session.
 fn deviations(run: &Outcome, written: impl Fn(f64) -> String + Copy) -> [String; 3] {
     spreads(run).map(|spread| spread.and_then(|spread| spread.deviation).map_or_else(String::new, written))
 }
@@ -124,8 +123,8 @@ fn names(run: &Outcome) -> [String; 4] {
     [run.network.clone(), run.label(), figure(run.nodes), run.batch.to_string()]
 }
 
-/// A line a run, with the figures of the tables; pixels are empty where nothing was drawn, deviations where
-/// there is one session.
+/// One line per run, with the figures of the tables. Pixels are empty if nothing was drawn, deviations for a
+/// single session.
 #[must_use]
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
     let bytes = BYTES.map(|column| column.key).join(",");
@@ -156,7 +155,7 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
         let bytes = BYTES.map(|column| (column.of)(&run.bytes));
         let figures: Vec<String> = figures.iter().chain(&bytes).map(f64::to_string).collect();
         let figures = figures.join(",");
-        // Empty where nothing was drawn: not measured.
+        // Empty if nothing was drawn: not measured.
         let pixels = run.pixels.map_or_else(
             || ",,,".to_owned(),
             |cost| {
@@ -170,7 +169,7 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
     csv
 }
 
-/// When what happened to each frame, in nanoseconds of the run's own clock.
+/// The times of each frame's events, in nanoseconds of the run's own clock.
 #[must_use]
 pub fn frames_csv(outcomes: &[Outcome]) -> String {
     let mut csv = String::from(

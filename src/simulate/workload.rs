@@ -1,4 +1,4 @@
-//! What each frame takes: how many ids, and how long the roles compute.
+//! The work of each frame: how many ids, and how long the roles compute.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -13,7 +13,7 @@ use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber};
 use crate::report::Report;
 use crate::trace::{Trace, TraceError, looks_like_a_trace};
 
-/// What one frame takes.
+/// The work of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Load {
     /// How many ids HC finds visible: the paper's `n`.
@@ -26,19 +26,19 @@ pub struct Load {
     pub rvg: Duration,
 }
 
-/// What the frames take, over and over.
+/// The work of the frames, repeated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Workload {
     source: Source,
     times: Times,
 }
 
-/// How long roles compute, where that is not what was recorded: on other machines.
+/// How long roles compute, if different from the recording, as on other machines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Times {
     /// OR.
     pub or: Option<Duration>,
-    /// HC; ids are found at the same shares of it.
+    /// HC; ids are found at the same fractions of it.
     pub hc: Option<Duration>,
     /// RVG.
     pub rvg: Option<Duration>,
@@ -47,7 +47,7 @@ pub struct Times {
 /// Never empty.
 #[derive(Debug, Clone, PartialEq)]
 enum Source {
-    /// Counts and times; which ids, and when culling finds them, is made up: evenly.
+    /// Counts and times; the ids and their times are made up, evenly.
     Loads(Arc<[Load]>),
     /// A recorded walk.
     Trace(Arc<Trace>),
@@ -62,11 +62,11 @@ pub enum WorkloadError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
-    /// It begins as a trace does, and is none.
+    /// It begins like a trace, but is not a valid one.
     #[error(transparent)]
     Trace(#[from] TraceError),
     /// The file is neither a trace nor a report.
@@ -74,11 +74,11 @@ pub enum WorkloadError {
     Parse {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// The error, and its position.
         #[source]
         cause: serde_json::Error,
     },
-    /// No frame of the report says what it took.
+    /// No frame of the report has its work recorded.
     #[error("no frame of {} has all of `nodes_drawn`, `or_ms`, `hc_ms` and `rvg_ms`: record a trace with `trimaran run --record`", .path.display())]
     Nothing {
         /// The file.
@@ -87,13 +87,13 @@ pub enum WorkloadError {
 }
 
 impl Workload {
-    /// Every frame takes the same.
+    /// The same work for every frame.
     #[must_use]
     pub fn steady(load: Load) -> Self {
         Self::of_source(Source::Loads(Arc::new([load])))
     }
 
-    /// What a walk took that was recorded just now.
+    /// The work of a walk that was recorded just now.
     #[must_use]
     pub fn of_trace(trace: Trace) -> Self {
         Self::of_source(Source::Trace(Arc::new(trace)))
@@ -109,11 +109,11 @@ impl Workload {
         Self { times, ..self }
     }
 
-    /// What a recorded walk took: a trace of `trimaran run --record`, or the counts and times of a
-    /// `report.json`, whose frames that do not say are left out.
+    /// The work of a recorded walk: a trace of `trimaran run --record`, or the counts and times of a
+    /// `report.json`. Frames without them are left out.
     ///
     /// # Errors
-    /// When the file cannot be read, is neither, or says nothing of this.
+    /// When the file cannot be read, is neither, or has no such counts and times.
     pub fn recorded(path: &Path) -> Result<Self, WorkloadError> {
         let read = |cause| WorkloadError::Read { path: path.to_owned(), cause };
         let mut head = Vec::new();
@@ -128,7 +128,7 @@ impl Workload {
         let loads: Arc<[Load]> = report
             .frames
             .iter()
-            // What was drawn of one that lacked something is not what was sent for it.
+            // If a frame lacked some drawables, the drawn ones are not those that were sent for it.
             .filter(|frame| frame.lacking == 0)
             .filter_map(|frame| {
                 let nodes = u32::try_from(frame.nodes_drawn?).ok()?;
@@ -141,7 +141,7 @@ impl Workload {
         Ok(Self::of_source(Source::Loads(loads)))
     }
 
-    /// The recorded walk, if it is one with ids and cameras.
+    /// The recorded walk, if it has ids and cameras.
     #[must_use]
     pub fn trace(&self) -> Option<&Trace> {
         match &self.source {
@@ -159,7 +159,7 @@ impl Workload {
         }
     }
 
-    /// What that frame takes.
+    /// The work of that frame.
     #[must_use]
     pub fn of(&self, frame: u32) -> Load {
         let Load { nodes, or, hc, rvg } = self.recorded_load(frame);
@@ -191,8 +191,8 @@ impl Workload {
         }
     }
 
-    /// How many ids HC of that frame has found how long after it began, ascending. Of a recorded walk, as
-    /// they were found; else evenly, `batch` after `batch`.
+    /// Pairs of an id count and the time after which HC of that frame has found as many, ascending. Those of
+    /// a recorded walk are as recorded; others are even, `batch` after `batch`.
     #[must_use]
     pub fn finds(&self, frame: u32, batch: BatchSize) -> Vec<(usize, Duration)> {
         let Load { nodes, hc, .. } = self.of(frame);

@@ -1,4 +1,4 @@
-//! The file: a mark, a version, a length, the frames, and a checksum at the end.
+//! The file format: a magic number, a version, a length, the frames, and a checksum at the end.
 
 use std::fs::{self, Permissions};
 use std::io;
@@ -14,9 +14,9 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::{Trace, TraceFrame};
 
-/// What every trace begins with. The last byte stops programs that print it as text.
+/// The magic number of a trace. The last byte stops programs that print it as text.
 const MARK: [u8; 16] = *b"trimaran trace\n\x1a";
-/// Mark, version, and the length of what follows.
+/// Magic number, version, and the length of the rest.
 const HEAD: usize = 28;
 /// The checksum.
 const TAIL: usize = 8;
@@ -27,19 +27,19 @@ const TAIL: usize = 8;
 pub struct TraceError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// The error.
     #[source]
     pub fault: TraceFault,
 }
 
-/// What is wrong with a trace.
+/// A fault of a trace.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum TraceFault {
-    /// The disk fails.
+    /// A disk error.
     #[error("cannot be read or written")]
     Disk(#[from] io::Error),
-    /// It is something else.
+    /// It is another kind of file.
     #[error("is not a recorded walk: give a file that `trimaran run --record` wrote")]
     Foreign,
     /// It was written by another version.
@@ -53,32 +53,32 @@ pub enum TraceFault {
     CutShort {
         /// The bytes that are there.
         found: u64,
-        /// The bytes that it says it has.
+        /// The bytes that its header announces.
         expected: u64,
     },
-    /// Something follows its end, or its checksum is another.
+    /// It has bytes after its end, or a wrong checksum.
     #[error("is damaged: its checksum does not hold; copy it again, or record the walk again")]
     Damaged,
-    /// It does not say what a trace says.
+    /// Its content cannot be decoded.
     #[error("is no trace, though its checksum holds")]
     Content(#[source] postcard::Error),
     /// It has no frame.
     #[error("has no frame: record the walk again")]
     Empty,
-    /// A frame of it cannot be.
+    /// A frame of it is invalid.
     #[error("its frame {frame} cannot be: {what}")]
     Frame {
-        /// Its place.
+        /// Its index.
         frame: usize,
-        /// What is wrong with it.
+        /// The error.
         what: &'static str,
     },
-    /// A camera of it is none.
+    /// A camera of it is invalid.
     #[error("its frame {frame} has no camera")]
     Camera {
-        /// Its place.
+        /// Its index.
         frame: usize,
-        /// Why.
+        /// The cause.
         #[source]
         cause: CameraError,
     },
@@ -87,7 +87,7 @@ pub enum TraceFault {
 /// Whether a file that begins with `head` was meant to be a trace.
 #[must_use]
 pub fn looks_like_a_trace(head: &[u8]) -> bool {
-    // A beginning that is all there is of the mark is a trace cut short.
+    // A file shorter than the magic number, but equal to its beginning, is a trace cut short.
     let marked = head.len().min(MARK.len());
     marked > 0 && head.get(..marked) == MARK.get(..marked)
 }
@@ -112,14 +112,13 @@ struct StoredFrame {
     lens: [f32; 2],
     /// OR, HC, RVG.
     times_ns: [u64; 3],
-    /// The first id, and how far each further one lies above the one before.
+    /// The first id, and the differences between consecutive ids.
     gaps: Vec<u32>,
-    /// How many ids more, and how many nanoseconds later.
+    /// Differences: how many more ids, and how many nanoseconds later.
     found: Vec<(u32, u64)>,
 }
 
-/// A file that can take the place of `path` once it is written, in the same folder, which is created if need
-/// be.
+/// A file in the same folder to replace `path` once it is written. Creates the folder if need be.
 fn new_file(path: &Path) -> io::Result<NamedTempFile> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or_else(|| Path::new("."));
@@ -128,10 +127,10 @@ fn new_file(path: &Path) -> io::Result<NamedTempFile> {
 }
 
 impl Trace {
-    /// The version of the format: whatever changes it is another one.
+    /// The version of the format: every change of the format increases it.
     pub const VERSION: u32 = 2;
 
-    /// Writes the trace; an older one there is replaced at once or not at all.
+    /// Writes the trace; replaces an older one atomically.
     ///
     /// # Errors
     /// When the disk fails.
@@ -147,10 +146,10 @@ impl Trace {
             .map_err(|cause| at(cause.into()))
     }
 
-    /// Whether a trace can be written to this path, as far as can be told before; its folder is created.
+    /// Checks, as far as possible, that a trace can be written to this path; creates its folder.
     ///
     /// # Errors
-    /// Says what stands in the way.
+    /// The obstacle.
     pub fn check_path(path: &Path) -> Result<(), TraceError> {
         let at = |cause: io::Error| TraceError { path: path.to_owned(), fault: cause.into() };
         if path.is_dir() {
@@ -159,7 +158,7 @@ impl Trace {
         new_file(path).map(drop).map_err(at)
     }
 
-    /// Reads a trace, all of it, and checks it.
+    /// Reads and checks a whole trace.
     ///
     /// # Errors
     /// When the disk fails or the file is anything but a whole trace.
@@ -170,10 +169,10 @@ impl Trace {
             .map_err(|fault| TraceError { path: path.to_owned(), fault })
     }
 
-    /// The trace as it stands in a file.
+    /// The trace in the file's format.
     ///
     /// # Errors
-    /// Never but where memory has no room for it.
+    /// Only when memory runs out.
     pub fn to_bytes(&self) -> Result<Vec<u8>, TraceFault> {
         let stored = Stored {
             scene: self.scene.0,
@@ -194,7 +193,7 @@ impl Trace {
         Ok(bytes)
     }
 
-    /// Reads a trace as it stands in a file, and checks it.
+    /// Reads and checks a trace in the file's format.
     ///
     /// # Errors
     /// When these bytes are anything but a whole trace.

@@ -27,14 +27,14 @@ pub struct Trace {
     pub size: [u32; 2],
     /// The bound of the level-of-detail error, pixels.
     pub epsilon_px: f64,
-    /// Whether culling stopped at nodes that show at fewer pixels than that (paper, section 4.5.2).
+    /// Whether culling stopped at nodes visible at fewer pixels than that (paper, section 4.5.2).
     pub few_pixels: bool,
     /// How many ids travelled in a batch.
     pub batch: u32,
     frames: Vec<TraceFrame>,
 }
 
-/// What one frame asked of the roles.
+/// The work of the roles for one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TraceFrame {
     /// Its camera.
@@ -45,21 +45,21 @@ pub struct TraceFrame {
     pub hc: Duration,
     /// How long RVG drew.
     pub rvg: Duration,
-    /// What HC found visible, ascending and each once: the order in which it sends.
+    /// The ids that HC found visible, ascending and each once: the order in which it sends.
     pub ids: Vec<DrawableId>,
-    /// Of them, how many were at the display how long after the frame's begin: both ascending, one entry for
-    /// what came at once.
+    /// Pairs of an id count and the time from the frame's begin until as many were at the display: both
+    /// ascending, one entry for ids that came at once.
     pub found: Vec<(u32, Duration)>,
 }
 
-/// Why a walk makes no trace.
+/// Why a walk cannot become a trace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum RecordError {
-    /// The walk had no frame of which all is known.
+    /// No frame of the walk has complete figures.
     #[error("the walk was over before a culler had said what a frame took: walk more frames")]
     Nothing,
-    /// What was drawn is not what was culled.
+    /// The drawn set is not the culled one.
     #[error(
         "{frame} lost ids on its way, so that nobody knows what was culled: record over a link without a deadline"
     )]
@@ -67,7 +67,7 @@ pub enum RecordError {
         /// The frame.
         frame: FrameNumber,
     },
-    /// Coarser drawables were drawn in the place of some that were found.
+    /// Coarser drawables were drawn in place of some found ones.
     #[error(
         "{frame} was shown before all that was culled for it had come: record with `--while-loading wait`"
     )]
@@ -99,14 +99,13 @@ impl Trace {
         if recorded == here { Ok(()) } else { Err(OtherScene { recorded, here }) }
     }
 
-    /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the cullers did
-    /// not say what it did.
+    /// The trace of a walk through `scene` by `plan`, up to the first frame without its culler's figures.
     ///
     /// # Errors
-    /// When there is no such frame, or one lost ids or was shown before all of it had come.
+    /// When no frame is left, or one lost ids or was shown before all of it had come.
     pub fn of(scene: SceneHash, plan: &Plan, records: &[FrameRecord]) -> Result<Self, RecordError> {
         let mut frames = Vec::with_capacity(records.len());
-        // A frame that is shown again asks the cullers for nothing.
+        // A frame that is shown again needs no work of the cullers.
         for record in records.iter().filter(|record| !record.again) {
             let Some(stats) = &record.stats else { break };
             let frame = record.camera.frame();
@@ -119,7 +118,7 @@ impl Trace {
             let mut ids = record.ids.clone();
             ids.sort_unstable();
             let hc = Duration::from_nanos(stats.hc_end_ns.saturating_sub(stats.hc_start_ns));
-            // What the display culled itself did not arrive.
+            // Frames culled by the display itself have no arrivals.
             let found = match record.culler {
                 Some(_) => record.arrivals.clone(),
                 None => u32::try_from(ids.len()).map(|count| vec![(count, hc)]).unwrap_or_default(),
@@ -146,13 +145,13 @@ impl Trace {
         })
     }
 
-    /// What each frame asked for.
+    /// The work of each frame.
     #[must_use]
     pub fn frames(&self) -> &[TraceFrame] {
         &self.frames
     }
 
-    /// The frame that is walked as number `frame`: over and over.
+    /// Frame number `frame` of the walk, repeated for ever.
     #[must_use]
     pub fn frame(&self, frame: u32) -> Option<&TraceFrame> {
         self.frames.get(frame as usize % self.frames.len().max(1))
@@ -160,8 +159,8 @@ impl Trace {
 }
 
 impl TraceFrame {
-    /// How many of its ids HC has found how long after it began: it decides a level of the tree at once. No
-    /// later than HC ends: the way to the display, where it was seen, is not HC's.
+    /// Pairs of an id count and the time after which HC has found as many; it decides a whole level of the
+    /// tree at once. Times are at most HC's own, so the delay to the display does not count.
     pub fn finds(&self) -> impl Iterator<Item = (usize, Duration)> {
         self.found.iter().map(|&(count, at)| (count as usize, at.min(self.hc)))
     }

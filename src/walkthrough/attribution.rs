@@ -1,5 +1,5 @@
-//! Why something visible was not drawn, in a session that has ended: its machine's work done again, and held
-//! against the reference.
+//! Why something visible was not drawn, in a finished session: repeats its machine's work, and compares it
+//! with the reference.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -13,7 +13,7 @@ use trimaran_scene::Scene;
 use super::{compose::FrameRecord, view_states::ViewStates};
 use crate::report::schema::FalseCull;
 
-/// Why no cause could be looked for.
+/// Why the cause could not be searched for.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum AttributionError {
@@ -27,8 +27,8 @@ pub enum AttributionError {
 
 /// The false culls of the last frame of `walk`, by cause. A session is deterministic: from the frames before
 /// and the frame's camera, `machine` draws the same occluders and tests the same boxes as the machine of the
-/// session did. None are given where what these frames found is not known: of some only what had come was
-/// drawn.
+/// session did. Returns none if the sets of these frames are unknown: some were drawn only as far as they had
+/// come.
 ///
 /// # Errors
 /// If the machine fails, or the frames are not of this scene.
@@ -40,14 +40,14 @@ pub(super) fn false_culls<D: CullerDevice>(
     missing: &[Missing],
 ) -> Result<Vec<FalseCull>, AttributionError> {
     let [earlier @ .., record] = walk else { return Ok(Vec::new()) };
-    // No culler did anything for a frame that is shown again.
+    // Cullers did no work for a frame that is shown again.
     let earlier: Vec<&FrameRecord> = earlier.iter().filter(|earlier| !earlier.again).collect();
     let before: Vec<&FrameRecord> = earlier.iter().rev().take(2).copied().collect();
     if record.again || before.iter().any(|before| before.lacking > 0) {
         return Ok(Vec::new());
     }
     let mut session = Session { culler: Culler::new(Arc::clone(scene)), views };
-    // What its culler did for its last frame may be the cause.
+    // The cause may lie in its culler's work for the culler's last frame.
     if let Some(place) = earlier.iter().rposition(|own| own.culler == record.culler)
         && let Some((own, own_earlier)) = earlier.get(..=place).and_then(<[_]>::split_last)
         && session.draw_occluders(machine, own_earlier, own)?.is_none()
@@ -73,15 +73,15 @@ pub(super) fn false_culls<D: CullerDevice>(
     Ok(by_cause(missing.iter().zip(causes)))
 }
 
-/// What all frames of a session share.
+/// State shared by all frames of a session.
 struct Session<'v> {
     culler: Culler,
     views: &'v ViewStates,
 }
 
 impl Session<'_> {
-    /// Culls a frame again, whose occluders come from one of those before: returns what was drawn of them.
-    /// `None` if it is not known what that one found.
+    /// Culls a frame again, with occluders from an earlier frame, and returns the drawn ones. `None` if the
+    /// earlier frame's set is unknown.
     fn draw_occluders<D: CullerDevice>(
         &mut self,
         machine: &mut D,

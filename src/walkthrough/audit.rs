@@ -1,4 +1,4 @@
-//! How wrong a picture is: against its own LOD cut without culling, and against full detail.
+//! The errors of a picture: against its own LOD cut without culling, and against full detail.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -33,22 +33,22 @@ pub enum AuditError {
     /// The device failed.
     #[error("drawing for the audit failed")]
     Gpu(#[from] GpuError),
-    /// The pictures do not fit together.
+    /// The pictures differ in size.
     #[error("comparing pictures failed")]
     Metric(#[from] MetricError),
-    /// Something visible was not drawn, and the culler's work could not be done again to see why.
+    /// Something visible was not drawn, and repeating the culler's work to find the cause failed.
     #[error("{frame} was culled falsely; culling it again, to see why, failed")]
     Attribution {
         /// The frame.
         frame: FrameNumber,
-        /// Why.
+        /// The cause.
         #[source]
         cause: AttributionError,
     },
-    /// Whoever asked for it wants it no longer.
+    /// The check was cancelled.
     #[error("the audit was given up")]
     GivenUp,
-    /// The picture drawn again is not the one that was shown: the device does not repeat itself.
+    /// The redrawn picture is not the one that was shown: the device is not deterministic.
     #[error(
         "the picture of {frame} drawn again differs from the one shown: the device does not draw the same twice"
     )]
@@ -69,11 +69,11 @@ pub struct AuditPictures {
     pub full: Image,
 }
 
-/// Says whether something is to be left as it is.
+/// Says whether a check is to be abandoned.
 pub type GivesUp = Arc<dyn Fn() -> bool + Send + Sync>;
 
-/// Checks frames of a finished session, away from its clock: draws each again from its record, as it was,
-/// without culling and at full detail.
+/// Checks frames of a finished session, off its clock: draws each again from its record, as shown, without
+/// culling and at full detail.
 pub struct Auditor {
     pub(super) scene: Arc<Scene>,
     views: ViewStates,
@@ -81,14 +81,14 @@ pub struct Auditor {
     pictures: PicturePass,
     /// Made when the first frame is checked.
     items: Option<ItemPass>,
-    /// Says whether a check is to be left as it is.
+    /// Says whether a check is to be abandoned.
     is_given_up: Option<GivesUp>,
-    /// What was drawn last at full detail: frames of one camera at several error bounds share it.
+    /// The last picture at full detail: frames of one camera at several error bounds share it.
     full: Option<Arc<FullDetail>>,
 }
 
 impl Auditor {
-    /// An auditor for frames that were seen in these view states.
+    /// An auditor for frames with these view states.
     ///
     /// # Errors
     /// If the device cannot draw that size.
@@ -110,8 +110,8 @@ impl Auditor {
         })
     }
 
-    /// Leaves a check as soon as `is_given_up` says so, also while the device draws, with an error. After that
-    /// nothing more can be checked.
+    /// Abandons a check with an error as soon as `is_given_up` says so, also while the device draws. After
+    /// that nothing more can be checked.
     pub fn give_up_when(&mut self, is_given_up: GivesUp) {
         let is_cancelled = Arc::clone(&is_given_up);
         self.pictures.cancel_when(move || is_cancelled());
@@ -125,7 +125,7 @@ impl Auditor {
         }
     }
 
-    /// From now on frames are seen in these view states, of pictures of the same size.
+    /// Uses these view states for the frames from now on, with the same picture size.
     pub fn see(&mut self, views: impl Into<ViewStates>) {
         self.views = views.into();
     }
@@ -133,7 +133,7 @@ impl Auditor {
     /// The picture of a frame, drawn again.
     ///
     /// # Errors
-    /// If the device fails, or draws another picture than it did then.
+    /// If the device fails, or draws another picture than before.
     pub fn picture(&mut self, record: &FrameRecord, into: &mut Image) -> Result<(), AuditError> {
         let (view, rule) = self.seen_from(&record.camera);
         self.draw_picture(&view, &rule, &record.ids, into)?;
@@ -145,11 +145,11 @@ impl Auditor {
         }
     }
 
-    /// Checks the last frame of `walk`, which holds all frames up to it: enters what it finds into `frame`,
-    /// with the names of the visible objects if `names`, and leaves the pictures in `pictures`. If
-    /// something visible is missing, `machine` does again what the frame's machine did, to find the
-    /// cause; without it none is looked for. Of a picture that lacks something only the pixels are counted
-    /// that are not exact yet.
+    /// Checks the last frame of `walk`, which holds all frames up to it. Enters the results into `frame`,
+    /// with the names of the visible objects if `names`, and leaves the pictures in `pictures`. If something
+    /// visible is missing, `machine` repeats the work of the frame's machine to find the cause; without it no
+    /// cause is searched for. If a picture lacks drawables, only its pixels that are not exact yet are
+    /// counted.
     ///
     /// # Errors
     /// If a device fails.
@@ -202,7 +202,7 @@ impl Auditor {
         Ok(())
     }
 
-    /// Draws the LOD cut of a frame without culling, and gives it in the order drawn.
+    /// Draws the LOD cut of a frame without culling, and returns it in the order drawn.
     ///
     /// # Errors
     /// If the device fails.
@@ -214,7 +214,7 @@ impl Auditor {
         Ok(cut)
     }
 
-    /// Which triangle shows at each pixel at full detail and without culling: the ground truth of visibility.
+    /// The triangle at each pixel, at full detail and without culling: the ground truth of visibility.
     ///
     /// # Errors
     /// If the device fails.
@@ -257,7 +257,7 @@ impl Auditor {
         self.pictures.read(into)
     }
 
-    /// What shows at each pixel of what is solid.
+    /// Draws the ID buffer of the solid drawables.
     pub(super) fn draw_items(
         &mut self,
         view: &View,
@@ -284,7 +284,7 @@ impl Auditor {
         Ok(image)
     }
 
-    /// The finest level of every leaf that is shown and not outside the frustum, in drawing order.
+    /// The finest level of every leaf that is shown and inside the frustum, in drawing order.
     fn full_detail(&self, view: &View, rule: &CutRule) -> Vec<DrawableId> {
         let cut = LodCut::new(&self.scene, view, rule);
         let mut finest = Vec::new();
@@ -303,7 +303,7 @@ impl Auditor {
         finest
     }
 
-    /// What the levels cost the picture: against full detail.
+    /// The error of the levels of detail: the picture against full detail.
     pub(super) fn level_error(
         &self,
         view: &View,
@@ -340,7 +340,7 @@ impl Auditor {
     }
 }
 
-/// What culling cost the picture: against the same LOD cut without it. Returns what is missing.
+/// The error of culling: the picture against the same LOD cut without it. Returns the missing drawables.
 fn enter_culling(
     frame: &mut Frame,
     record: &FrameRecord,

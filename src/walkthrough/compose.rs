@@ -1,4 +1,4 @@
-//! From what was recorded to the frames of a report.
+//! Makes the frames of a report from records.
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
@@ -14,20 +14,20 @@ use crate::report::schema::{CullingCounts, Frame, Machine, Role, RoundCounts, Sp
 pub struct FrameRecord {
     /// Its camera.
     pub camera: Camera,
-    /// Who culled it; none if the display itself did.
+    /// Its culler; none if the display itself culled it.
     pub culler: Option<CullerId>,
-    /// What was drawn, in the order drawn.
+    /// The drawables, in the order drawn.
     pub ids: Vec<DrawableId>,
     /// How many of them were drawn only because ids of the frame were lost.
     pub for_loss: u32,
-    /// How many drawables of the frame had not come yet, where the display began without the scene: coarser
-    /// ones were drawn in their place. 0 where the picture is exact.
+    /// How many drawables of the frame had not come yet, if the display began without the scene: coarser ones
+    /// were drawn in their place. 0 if the picture is exact.
     pub lacking: u32,
-    /// Whether it is the frame before, shown again as more of it has come.
+    /// Whether this is the frame before, shown again after more of it has come.
     pub again: bool,
     /// XXH3-64 of the picture's bytes, if it was read back.
     pub picture: Option<u64>,
-    /// When its camera was handed out; all times are on the display's clock.
+    /// When its camera was published; all times are on the display's clock.
     pub published: Duration,
     /// When its begin arrived.
     pub begun: Duration,
@@ -35,29 +35,29 @@ pub struct FrameRecord {
     pub drawing: Duration,
     /// When it was shown.
     pub shown: Duration,
-    /// What travelled between the display and the frame's culler.
+    /// The traffic between the display and the frame's culler.
     pub traffic: SentBytes,
-    /// How many ids had come, and when, since the begin: one entry for all batches that came at once.
+    /// Pairs of an id count and the time since the begin: one entry for all batches that came at once.
     pub arrivals: Vec<(u32, Duration)>,
-    /// What that machine says it did.
+    /// The figures reported by its culler.
     pub stats: Option<FrameStats>,
 }
 
-/// Makes the report's frames of what was recorded, without what only an audit can tell.
+/// Makes a report's frames of records, without the results of an audit.
 #[derive(Debug)]
 pub(super) struct Composer {
     scene: Arc<Scene>,
     path: CameraPath,
-    /// Whether all roles measured by one clock.
+    /// Whether all roles share one clock.
     one_clock: bool,
-    /// When the frames so far were shown first.
+    /// When each frame so far was first shown.
     shown: Vec<Duration>,
     /// When the last picture was shown.
     last: Option<Duration>,
 }
 
 impl Composer {
-    /// Comes after the frames `before`.
+    /// For the frames after `before`.
     pub(super) fn new(
         scene: &Arc<Scene>,
         path: &CameraPath,
@@ -81,7 +81,7 @@ impl Composer {
         if record.again { frame } else { self.shown_first(record, frame) }
     }
 
-    /// What is told of a frame once, however often it is shown: how old it was, and what it cost.
+    /// Adds figures that a frame has once, however often it is shown: its age and its cost.
     fn shown_first(&mut self, record: &FrameRecord, frame: Frame) -> Frame {
         let frames_between = self.shown.iter().rev().take_while(|shown| **shown > record.published).count();
         self.shown.push(record.shown);
@@ -130,8 +130,8 @@ fn frame(scene: &Scene, path: &CameraPath, record: &FrameRecord, previous: Optio
     }
 }
 
-/// When each role was busy. Unless they are one, the culler's clock is laid over the display's where the
-/// frame's begin was sent and arrived.
+/// The busy spans of each role. Unless the clocks are one, the culler's is aligned with the display's where
+/// the frame's begin was sent and arrived.
 fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     let mut spans = vec![Span {
         role: Role::Rvg,
@@ -151,7 +151,7 @@ fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     spans
 }
 
-/// OR waits for ids before and between its work; the work ends where OR ends, so it is shown there as one
+/// OR waits for ids before and between its work. The work ends where OR ends, so it is shown there as one
 /// piece.
 const fn busy_start(stats: &FrameStats) -> u64 {
     stats.or_end_ns.saturating_sub(stats.or_busy_ns)
@@ -178,7 +178,7 @@ fn rounds(counts: &trimaran_proto::RoundCounts) -> RoundCounts {
     }
 }
 
-/// What was drawn because it was not known to be hidden, by reason.
+/// The drawables drawn because they were not known to be hidden, by reason.
 fn conservatively_visible(record: &FrameRecord) -> BTreeMap<String, u64> {
     let culling = record.stats.map(|stats| stats.culling);
     let of_culling = culling.iter().flat_map(|counts| {
@@ -239,7 +239,7 @@ mod tests {
             record(3, 1, [15, 40], 0, false),
         ];
         let figures = |frame: &Frame| (frame.frame_ms, frame.latency_ms, frame.latency_frames, frame.bytes);
-        // A walk that goes on says the same as one that nobody killed.
+        // A resumed walk reports the same as an uninterrupted one.
         for before in 0..records.len() {
             let mut composer = Composer::new(&scene, &path, false, &records[..before]);
             let frames: Vec<_> = records[before..].iter().map(|record| composer.frame(record)).collect();

@@ -1,4 +1,4 @@
-//! How far what is drawn lies from full detail, on the screen.
+//! The screen-space distance between the drawn geometry and full detail.
 //!
 //! Both measures are distances from a pixel's centre to projected surfaces, not to other pixels: parts
 //! thinner than a pixel, and partners outside of the picture or hidden, cannot mislead them. The cut rule
@@ -20,7 +20,7 @@ use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{NodeId, Scene};
 
-/// How far the border to the background moved: `shown` is the item image of `drawn`, `full` that of full
+/// How far the border to the background moved: `shown` is the ID buffer of `drawn`, `full` that of full
 /// detail.
 ///
 /// # Errors
@@ -36,13 +36,13 @@ pub(super) fn silhouette(
     metrics::silhouette(
         &shown.coverage(),
         &full.coverage(),
-        // What lies outside of the frustum may be the nearest as well.
+        // The nearest surface may lie outside the frustum as well.
         |pixels| to(pixels, &finest_below(scene, NodeId(0))),
         |pixels| to(pixels, drawn),
     )
 }
 
-/// How far surfaces moved: `shown` is the item image of some of the LOD cut `cut`, `full` that of full
+/// How far surfaces moved: `shown` is the ID buffer of a part of the LOD cut `cut`, `full` that of full
 /// detail.
 pub(super) fn surfaces(
     scene: &Scene,
@@ -72,7 +72,7 @@ pub(super) fn surfaces(
     Deviation::of(distances, zeros)
 }
 
-/// Which drawable of a LOD cut stands for a leaf.
+/// Maps a leaf to the drawable of a LOD cut that stands for it.
 struct StandIns<'s> {
     scene: &'s Scene,
     drawn: HashMap<NodeId, DrawableId>,
@@ -83,8 +83,8 @@ impl<'s> StandIns<'s> {
         Self { scene, drawn: cut.iter().filter_map(|&id| Some((node_of(scene, id)?, id))).collect() }
     }
 
-    /// What stands for a drawable's leaf: the one of the cut on its way to the root. `None` if the leaf is
-    /// outside of the cut.
+    /// The drawable of the cut that stands for a leaf: on the leaf's path to the root. `None` if the leaf is
+    /// outside the cut.
     fn of_leaf(&self, leaf: DrawableId) -> Option<DrawableId> {
         let mut up = self.scene.ancestors(node_of(self.scene, leaf)?);
         up.find_map(|(node, _)| self.drawn.get(&node).copied())

@@ -12,14 +12,14 @@ use trimaran_scene::Scene;
 use super::{path::CameraPath, plan::Plan};
 use crate::{culling::Culling, vulkan::VulkanDisplay};
 
-/// A scene on the devices of a display and its cullers: a Vulkan device each, so that one role's work does
-/// not queue behind another's.
+/// A scene on the devices of a display and its cullers. Each role has its own Vulkan device, so that its work
+/// does not queue behind another's.
 pub struct SceneOnDevices {
     /// The scene.
     pub scene: Arc<Scene>,
     /// On the cullers' devices.
     pub cullers: Vec<Arc<GpuScene>>,
-    /// On the display's, which culls there as well where no culler does.
+    /// On the display's, which also culls there if no culler does.
     pub display: Arc<GpuScene>,
 }
 
@@ -36,13 +36,13 @@ pub enum WalkthroughError {
 }
 
 impl SceneOnDevices {
-    /// Opens the devices of a display and so many cullers, and copies the scene to each.
+    /// Opens the devices of a display and this many cullers, and copies the scene to each.
     ///
     /// # Errors
-    /// Says what the machine lacks.
+    /// The feature that the machine lacks.
     pub fn open(scene: &Arc<Scene>, cullers: usize, options: &GpuOptions) -> Result<Self, GpuError> {
         let upload = || GpuScene::new(&Gpu::open(options)?, scene);
-        // Most of a start is the drivers' loading and the copies, and no device needs another.
+        // Loading drivers and copying take most of the start, and the devices are independent.
         let (display, cullers) = thread::scope(|scope| {
             let cullers: Vec<_> = (0..cullers).map(|_| scope.spawn(upload)).collect();
             let finish = |device: thread::ScopedJoinHandle<'_, _>| {

@@ -1,4 +1,4 @@
-//! Why there is no report of a walk.
+//! Why a walk has no report.
 
 use thiserror::Error;
 use trimaran_audit::metrics::MetricError;
@@ -7,7 +7,7 @@ use trimaran_gpu::GpuError;
 use super::audit::AuditError;
 use crate::report::ReportError;
 
-/// Why there is no report, or less than a whole one.
+/// Why there is no report, or only an incomplete one.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ReportingError {
@@ -17,7 +17,7 @@ pub enum ReportingError {
     /// A frame could not be checked.
     #[error(transparent)]
     Audit(#[from] AuditError),
-    /// It was broken off.
+    /// It was cancelled.
     #[error("interrupted: `trimaran report DIR` adds what is missing to the report in the folder DIR")]
     Interrupted,
     /// Writing failed.
@@ -26,7 +26,7 @@ pub enum ReportingError {
     /// The system gave no thread to write on.
     #[error("cannot start a thread to write on")]
     Thread(#[source] std::io::Error),
-    /// A picture does not fit its size.
+    /// A picture does not have the expected size.
     #[error(transparent)]
     Metric(#[from] MetricError),
 }

@@ -1,4 +1,4 @@
-//! Writes what is recorded of a walk while it goes on, on a thread of its own.
+//! Writes records of a walk while it goes on, on a thread of its own.
 
 use std::{
     io,
@@ -16,7 +16,7 @@ use super::{
 };
 use crate::report::{PictureKind, Writer};
 
-/// How many frames and pictures may wait to be written. When as many do, the walk waits for the disk.
+/// How many frames and pictures may wait to be written. Beyond that the walk waits for the disk.
 const WAITING: usize = 16;
 
 /// Writes frames and pictures into a report's folder as they come.
@@ -26,7 +26,7 @@ pub struct Journal {
     thread: JoinHandle<(Writer, Result<(), ReportingError>)>,
 }
 
-/// What comes of a walk.
+/// A record of a walk.
 #[derive(Debug)]
 pub(super) enum Entry {
     Frame(Box<FrameRecord>),
@@ -40,8 +40,8 @@ pub(super) enum Entry {
 pub struct JournalStopped;
 
 impl Journal {
-    /// Begins to write into a folder in which the walk's head is noted already. With a `keeper` the walk can
-    /// go on.
+    /// Begins to write into a folder that already has the walk's head. With a `keeper` the walk can be
+    /// resumed.
     ///
     /// # Errors
     /// When the system gives no thread.
@@ -53,12 +53,12 @@ impl Journal {
         Ok(Self { entries, thread })
     }
 
-    /// Takes an entry, and waits if as many as may wait do.
+    /// Takes an entry, and waits if the queue is full.
     pub(super) fn note(&self, entry: Entry) -> Result<(), JournalStopped> {
         self.entries.send(entry).map_err(|_| JournalStopped)
     }
 
-    /// Waits until all is written. Returns the folder, and why nothing more could be written if so.
+    /// Waits until all is written. Returns the folder, and the error that stopped writing, if any.
     #[must_use]
     pub fn finish(self) -> (Writer, Option<ReportingError>) {
         drop(self.entries);

@@ -1,4 +1,4 @@
-//! A walkthrough: a scene, a path and three roles, and the report of how it went.
+//! A walkthrough: a scene, a path and three roles, and the report of it.
 //!
 //! ```text
 //! CameraPath::find      which way to walk

@@ -1,12 +1,12 @@
-//! How many objects drawables show.
+//! Counts the objects that drawables show.
 
 use std::collections::HashSet;
 
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
 
-/// The number of objects that drawables of one LOD cut show: what is merged of several shows all of them, and
-/// the parts of one are one. In a cut no node is below another.
+/// The number of objects that drawables of one LOD cut show: a merged node shows several, and the clusters of
+/// one object count once. In a cut no node is below another.
 pub fn count_objects(scene: &Scene, drawn: impl IntoIterator<Item = DrawableId>) -> u64 {
     let mut objects = HashSet::new();
     let mut merged = 0;

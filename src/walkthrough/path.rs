@@ -16,7 +16,7 @@ use trimaran_scene::{
 
 use super::{plan::Pace, view_states::ViewStates};
 
-/// Which way to walk.
+/// The source of a path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PathChoice {
     /// A seeded walk at eye height.
@@ -43,7 +43,7 @@ pub struct CameraPath {
     views: ViewStates,
     poses: PosePath,
     near: f32,
-    /// How an automatic walk moves; `None` for one from a file.
+    /// The kind of an automatic walk; `None` for one from a file.
     pub kind: Option<PathKind>,
 }
 
@@ -56,45 +56,45 @@ pub enum CameraPathError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         cause: std::io::Error,
     },
-    /// The file holds no walk.
+    /// The file is not a valid path.
     #[error("the path {path} cannot be walked", path = path.display())]
     Walk {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         cause: PathError,
     },
     /// No automatic walk was found.
     #[error("no automatic path was found; give one with --path")]
     Auto(#[from] AutoPathError),
-    /// The scene cannot be read where a path was looked for.
+    /// The scene cannot be read during the search for a path.
     #[error("no automatic path was found")]
     Scene(#[from] ReadError),
-    /// A frame makes no camera.
+    /// A pose makes no valid camera.
     #[error("frame {frame} of the path makes no camera")]
     Camera {
         /// Its index in the path.
         frame: usize,
-        /// Why.
+        /// The cause.
         #[source]
         cause: CameraError,
     },
 }
 
 impl CameraPath {
-    /// How many frames an automatic walk has unless told otherwise.
+    /// How many frames an automatic walk has by default.
     pub const AUTO_FRAMES: u32 = 200;
 
-    /// Finds the path, which is seen in the view states `views`. With `frames` it has so many: a path from a
-    /// file is cut or walked again from its start.
+    /// Finds the path, with the view states `views`. With `frames` it has this many: a path from a file is
+    /// cut, or repeated from its start.
     ///
     /// # Errors
-    /// Says what is wrong with the file, or why there is no automatic walk.
+    /// The error in the file, or why there is no automatic walk.
     pub fn find(
         choice: &PathChoice,
         scene: &Scene,
@@ -105,7 +105,7 @@ impl CameraPath {
             PathChoice::Auto { seed } => {
                 let frames = frames.unwrap_or(Self::AUTO_FRAMES);
                 let options = AutoPathOptions { seed: *seed, frames, ..AutoPathOptions::default() };
-                // To find a way takes much more of the scene than to walk it.
+                // Searching for a path reads much more of the scene than walking it.
                 let explored = scene.opened_again()?;
                 let found = auto(&explored, &options)?;
                 if let Some(fault) = explored.fault() {
@@ -153,7 +153,7 @@ impl CameraPath {
         &self.poses
     }
 
-    /// The view states that it is seen in.
+    /// Its view states.
     #[must_use]
     pub const fn views(&self) -> &ViewStates {
         &self.views
@@ -171,12 +171,12 @@ impl CameraPath {
         self.near
     }
 
-    /// The cameras in order, each of the frame that it is in lockstep.
+    /// The cameras in order, numbered as the frames of a walk in lockstep.
     pub(super) fn all(&self) -> &[Camera] {
         &self.cameras
     }
 
-    /// Which of its cameras this is, of whatever frame: the first one that is the same.
+    /// The index of the first equal camera of the path, regardless of the frame number.
     #[must_use]
     pub fn index_of(&self, camera: &Camera) -> Option<usize> {
         let same = |other: &Camera| other.for_frame(camera.frame()) == *camera;
@@ -189,7 +189,7 @@ impl CameraPath {
         }
     }
 
-    /// The pose that a camera of this path has, as the path has it: eye, forward and up.
+    /// The pose of a camera of this path, as in the path: eye, forward and up.
     #[must_use]
     pub fn pose_of(&self, camera: &Camera) -> Option<&Pose> {
         let index = self.index_of(camera)?;
@@ -197,7 +197,7 @@ impl CameraPath {
         self.poses.frames().get(index % count.max(1))
     }
 
-    /// The cameras of a session that walks it at this pace, and has walked so long before.
+    /// The cameras of a session that walks it at this pace, after walking this long before.
     #[must_use]
     pub fn cameras(&self, pace: Pace, walked: Duration) -> Box<dyn Cameras> {
         match pace {
@@ -209,7 +209,7 @@ impl CameraPath {
         }
     }
 
-    /// The camera so many poses into the path, for a frame. Past its end the walk stands still.
+    /// The camera this many poses into the path, for a frame. Past its end the walk stands still.
     fn camera_at(&self, pose: usize, frame: FrameNumber) -> Camera {
         let last = self.cameras.len().saturating_sub(1);
         self.cameras[pose.min(last)].for_frame(frame)
@@ -232,7 +232,7 @@ fn read(path: &Path) -> Result<PosePath, CameraPathError> {
     PosePath::from_json(&text).map_err(|cause| CameraPathError::Walk { path: path.to_owned(), cause })
 }
 
-/// The near plane of a path that names none: a ten-thousandth of the scene's diagonal.
+/// The default near plane: a ten-thousandth of the scene's diagonal.
 fn default_near(scene: &Scene) -> f32 {
     let diagonal = scene.nodes().first().map_or(1.0, |root| {
         let (min, max) = root.world_box();
@@ -241,7 +241,7 @@ fn default_near(scene: &Scene) -> f32 {
     ((diagonal * 1e-4) as f32).max(1e-6)
 }
 
-/// The poses of a path at so many a second. The time goes on from the moment the first one is asked for.
+/// The poses of a path at a fixed rate. Time starts when the first one is requested.
 struct LivePath<C> {
     path: CameraPath,
     hz: f64,

@@ -1,4 +1,4 @@
-//! How to walk.
+//! The settings of a walk.
 
 use trimaran_actors::Schedule;
 use trimaran_proto::{BatchSize, IdCoding, LodRule, OcclusionTestKind, Settings, Viewport};
@@ -10,45 +10,43 @@ use crate::culling::CullingMethod;
 pub enum Pace {
     /// Every pose is one frame: the same frames each time.
     Lockstep,
-    /// The path is walked by the clock, and a frame shows the newest pose there is when its machine begins
-    /// it.
+    /// The path is walked by the clock. A frame shows the newest pose at the time when its machine begins it.
     Live {
         /// Poses of the path a second, above 0.
         hz: f64,
     },
 }
 
-/// How to walk.
+/// The settings of a walk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plan {
     /// The picture's size.
     pub viewport: Viewport,
-    /// When a level of detail is good enough. A rule that stops at few pixels needs an occlusion test that
-    /// counts them.
+    /// The rule for levels of detail. If it stops at few pixels, the occlusion test must count them.
     pub lod: LodRule,
     /// How many ids travel in a batch.
     pub batch: BatchSize,
     /// How ids travel between processes.
     pub coding: IdCoding,
-    /// How what is visible is found. Cullers on other machines decide it for themselves.
+    /// The culling method. Cullers on other machines choose their own.
     pub culling: CullingMethod,
-    /// What tests boxes.
+    /// The occlusion test of boxes.
     pub occlusion_test: OcclusionTestKind,
     /// How poses become frames.
     pub pace: Pace,
-    /// Which visible set cullers draw their occluders from.
+    /// The visible set from which cullers draw their occluders.
     pub schedule: Schedule,
-    /// Every how many frames one is checked against the truth; 0 for none.
+    /// Every this many frames one is audited; 0 for none.
     pub audit_every: u32,
-    /// Whether audited frames name what is exactly visible at full detail.
+    /// Whether audited frames list the exactly visible objects at full detail.
     pub visible: bool,
-    /// Whether the roles compute one after another, so that no busy time contains another role's work. Only
-    /// roles of one process can: it has no effect on others.
+    /// Whether the roles compute one after another, so that no busy time contains another role's work. Has an
+    /// effect only on roles of one process.
     pub alone: bool,
 }
 
 impl Plan {
-    /// What the display decides for the cullers.
+    /// The settings that the display imposes on the cullers.
     #[must_use]
     pub const fn settings(&self) -> Settings {
         Settings {
@@ -60,7 +58,7 @@ impl Plan {
         }
     }
 
-    /// Which frames a walk of `poses` poses has. A live one has as many as there is time for.
+    /// The frames of a walk of `poses` poses. A live one has as many as time allows.
     #[must_use]
     pub const fn frames(&self, poses: u32) -> trimaran_actors::Pace {
         match self.pace {

@@ -1,4 +1,4 @@
-//! What happened in a session, frame by frame.
+//! Records a session, frame by frame.
 
 use std::time::Duration;
 
@@ -12,11 +12,11 @@ use super::{
     resume::Progress,
 };
 
-/// How many frames later the culler's figures of a frame are there at the latest. A frame is written without
-/// them then.
+/// The culler's figures of a frame arrive at most this many frames later. After that a frame is written
+/// without them.
 const STATS_LAG: usize = 4;
 
-/// Notes every frame of a session, and writes them into a report's folder as they come if it is given one.
+/// Notes every frame of a session, and writes them into a report's folder if given one.
 pub struct Recorder<'p> {
     frames: Vec<FrameRecord>,
     notes: Vec<String>,
@@ -48,7 +48,7 @@ impl<'p> Recorder<'p> {
         }
     }
 
-    /// Goes on after what was recorded before, and says so. The time of the frames goes on as well.
+    /// Resumes from earlier records, and notes it. The frames' clock continues as well.
     pub fn go_on(&mut self, before: Progress) {
         self.walked = before.walked();
         let went_on = before.went_on();
@@ -65,19 +65,19 @@ impl<'p> Recorder<'p> {
         self.frames.len() > self.before
     }
 
-    /// Writes what comes from now on into `journal` as well.
+    /// Writes later records into `journal` as well.
     pub fn write_into(&mut self, journal: Journal) {
         self.journal = Some(journal);
     }
 
-    /// Whether what comes is written into a journal.
+    /// Whether records are written into a journal.
     #[must_use]
     pub const fn writes(&self) -> bool {
         self.journal.is_some()
     }
 
-    /// A remark on the walk. It is written with the next frame, so that who is killed again and again before
-    /// that fills no disk.
+    /// A remark on the walk. It is written with the next frame, so that a process killed repeatedly before
+    /// that does not fill the disk.
     pub fn note(&mut self, note: String) {
         self.notes.push(note);
     }
@@ -94,15 +94,15 @@ impl<'p> Recorder<'p> {
         self.frames
     }
 
-    /// The frames, in the order shown, the remarks, and the journal that has them all, if there was one.
+    /// The frames, in the order shown, the remarks, and the journal with all of them, if there was one.
     #[must_use]
     pub fn into_parts(mut self) -> (Vec<FrameRecord>, Vec<String>, Option<Journal>) {
-        // A journal that takes no more says why when it is finished.
+        // A stopped journal returns its error when it is finished.
         let _stopped = self.write(self.frames.len());
         (self.frames, self.notes, self.journal)
     }
 
-    /// Writes the frames before `end`, and before them what was remarked.
+    /// Writes the frames before `end`, and first the remarks.
     fn write(&mut self, end: usize) -> Result<(), JournalStopped> {
         let Some(journal) = &self.journal else { return Ok(()) };
         for record in self.frames.get(self.written..end).unwrap_or_default() {
@@ -116,7 +116,7 @@ impl<'p> Recorder<'p> {
         Ok(())
     }
 
-    /// How many frames, from the first on, the cullers have nothing more to say of.
+    /// How many frames, from the first on, have all their cullers' figures.
     fn complete(&self) -> usize {
         let known = |record: &&FrameRecord| record.stats.is_some() || record.again;
         let known = self.frames.iter().skip(self.written).take_while(known).count();

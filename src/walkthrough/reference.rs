@@ -1,4 +1,4 @@
-//! What a frame would show without culling: shared by all ways to cull, which are held against it.
+//! The references of frames without culling, with which all culling methods are compared.
 
 use trimaran_audit::metrics::{
     ImageDifference, ImageRef, exactly_visible, exactly_visible_triangles, mismatching_pixels,
@@ -19,32 +19,32 @@ use super::{
 /// A frame's LOD cut without culling.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reference {
-    /// From where it is seen.
+    /// Its camera.
     pub camera: Camera,
     /// XXH3-64 of its picture's bytes.
     pub picture: u64,
-    /// What is exactly visible of the cut, ascending.
+    /// The exactly visible nodes of the cut, ascending.
     pub exact: Vec<DrawableId>,
-    /// How many objects that are.
+    /// How many objects these show.
     pub objects: u64,
     /// How many triangles own a pixel.
     pub triangles: Option<u64>,
-    /// How far the picture is from full detail.
+    /// The error of the picture against full detail.
     pub error: ImageDifference,
 }
 
 /// How a culled frame differs from its reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CullingDifference {
-    /// Pixels unlike the picture without culling.
+    /// Pixels that differ from the picture without culling.
     pub pixels: u64,
     /// Exactly visible nodes that were not drawn.
     pub lost_nodes: u64,
 }
 
 impl Reference {
-    /// Enters what is exactly visible into a frame's record, and how a culled frame differs from it. The
-    /// error against full detail is that of the reference, which is the frame's own where no pixel differs.
+    /// Enters the exactly visible set and a culled frame's difference into its record. The error against full
+    /// detail is that of the reference, which equals the frame's own if no pixel differs.
     pub fn enter(&self, difference: CullingDifference, frame: &mut Frame) {
         frame.nodes_exact = Some(self.exact.len() as u64);
         frame.objects_exact = Some(self.objects);
@@ -56,7 +56,7 @@ impl Reference {
 }
 
 impl Auditor {
-    /// What a frame would be without culling, for all that is held against it.
+    /// A frame without culling, for comparisons with culled ones.
     ///
     /// # Errors
     /// If the device fails.
@@ -79,7 +79,7 @@ impl Auditor {
         })
     }
 
-    /// A frame's picture without culling, and at full detail.
+    /// A frame's pictures without culling: of its LOD cut, and at full detail.
     ///
     /// # Errors
     /// If the device fails.
@@ -89,8 +89,8 @@ impl Auditor {
         Ok([unculled, self.full(camera)?.picture.clone()])
     }
 
-    /// Holds a frame that was drawn against its reference. A picture whose fingerprint is known is drawn again
-    /// only if it differs.
+    /// Compares a drawn frame with its reference. A picture with a known fingerprint is redrawn only if that
+    /// differs.
     ///
     /// # Errors
     /// If the device fails.
@@ -122,7 +122,7 @@ pub(super) struct FullDetail {
     pub(super) items: ItemImage,
 }
 
-/// A picture, and what was drawn for it.
+/// A picture, and its drawables.
 #[derive(Clone, Copy)]
 pub(super) struct Drawn<'p> {
     pub(super) ids: &'p [DrawableId],
@@ -131,7 +131,7 @@ pub(super) struct Drawn<'p> {
 }
 
 impl FullDetail {
-    /// Whether it is what `camera` sees in `state`, whose level rule full detail does not know.
+    /// Whether it shows `camera` in `state`. The level rule does not matter at full detail.
     pub(super) fn is_of(&self, camera: &Camera, state: &ViewState) -> bool {
         self.camera == *camera && self.state == ViewState { lod: self.state.lod, ..state.clone() }
     }

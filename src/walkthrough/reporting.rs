@@ -1,4 +1,4 @@
-//! From a session to a report on disk, however the session ended.
+//! Writes the report of a session, however the session ended.
 
 use std::{path::PathBuf, sync::Arc};
 
@@ -31,25 +31,25 @@ use crate::{culling::CullingMethod, vulkan::VulkanCuller};
 pub struct SceneFile {
     /// The cooked file.
     pub path: PathBuf,
-    /// What is in it.
+    /// Its content.
     pub scene: Arc<Scene>,
 }
 
-/// A scene on a device, and the way through it.
+/// A scene on a device, and the path through it.
 #[derive(Debug, Clone, Copy)]
 pub struct Walk<'w> {
     /// The scene.
     pub file: &'w SceneFile,
     /// The same on the display's device.
     pub drawn: &'w Arc<GpuScene>,
-    /// How to walk.
+    /// The settings.
     pub plan: &'w Plan,
-    /// Which way.
+    /// The path.
     pub path: &'w CameraPath,
 }
 
-/// Begins to record a walk into a report's folder, or goes on. With `progress` it goes on if this process is
-/// killed.
+/// Begins or resumes recording a walk into a report's folder. With `progress` it can be resumed if this
+/// process is killed.
 ///
 /// # Errors
 /// When it cannot be written to, or the system gives no thread.
@@ -68,7 +68,7 @@ pub fn begin(
     Journal::start(writer, walk.composer(before), keeper).map_err(ReportingError::Thread)
 }
 
-/// How a session ended that a role or the journal ended early.
+/// Why a role or the journal ended a session early.
 #[must_use]
 pub fn how_ended(error: &SessionError) -> HowEnded {
     match error {
@@ -82,21 +82,21 @@ pub fn how_ended(error: &SessionError) -> HowEnded {
 /// A report on disk.
 #[derive(Debug)]
 pub struct Written {
-    /// What it says.
+    /// Its content.
     pub report: Report,
-    /// Where it lies.
+    /// Its paths.
     pub paths: Paths,
-    /// Why it has not all the pictures and checks that were asked for, if so.
+    /// Why pictures or checks are missing, if so.
     pub incomplete: Option<ReportingError>,
 }
 
-/// Audits the session's frames, draws the pictures that `writer` has not got yet, and writes the report.
-/// Calls `progress` after each frame, and soon draws no more once `is_given_up` says so. After `failure`, with
-/// which the folder took no more, nothing more is drawn.
+/// Audits the session's frames, draws the pictures that `writer` lacks, and writes the report. Calls
+/// `progress` after each frame, and stops drawing soon after `is_given_up` says so. After `failure` of
+/// writing to the folder, nothing more is drawn.
 ///
 /// # Errors
-/// When the disk fails. Whatever else does, the report is written with what there is, and says what is
-/// missing; what it takes to [add it later](Unchecked) lies beside it.
+/// When the disk fails. After other errors the report is written as far as possible, and lists its gaps; the
+/// data to [complete it later](Unchecked) lies beside it.
 #[expect(clippy::too_many_arguments, reason = "what a walk has left, and how its report is watched")]
 pub fn write_report(
     mut writer: Writer,
@@ -108,14 +108,14 @@ pub fn write_report(
     progress: &mut dyn FnMut(u32),
     is_given_up: &GivesUp,
 ) -> Result<Written, ReportError> {
-    // Before pictures are drawn once more.
+    // Measured before pictures are drawn once more.
     run.memory.get_or_insert_with(|| memory_use(&walk.file.scene, walk.drawn));
     let mut composer = walk.composer(&[]);
     let mut frames: Vec<Frame> = records.iter().map(|record| composer.frame(record)).collect();
     let mut checked = 0;
     let incomplete = match failure {
         Some(failure) => Some(failure),
-        // Of what its cullers sent there may not be all any more: what was read back is all there is.
+        // Some of the geometry that its cullers sent may be gone: only pictures that were read back remain.
         None if !walk.file.scene.is_whole() => None,
         None => {
             let mut count = |frame| {
@@ -126,7 +126,7 @@ pub fn write_report(
             let missing = drawn.err().map(|e| if is_given_up() { ReportingError::Interrupted } else { e });
             if missing.is_some() {
                 let unchecked = Unchecked::of(walk, run.clone(), ended.clone(), records);
-                // A disk that is full takes the report alone.
+                // A full disk has room only for the report.
                 let _less_is_left = unchecked.keep(&mut writer);
             }
             missing
@@ -141,7 +141,7 @@ pub fn write_report(
     Ok(Written { report, paths, incomplete })
 }
 
-/// Draws the frames' pictures and audits those that are due.
+/// Draws the frames' pictures, and audits frames that are due.
 fn draw(
     writer: &mut Writer,
     Walk { file, drawn, plan, path }: Walk<'_>,
@@ -168,7 +168,7 @@ fn draw(
                 (PictureKind::Unculled, &pictures.unculled),
                 (PictureKind::Full, &pictures.full),
             ] {
-                // The picture as shown was written when it was shown, if it was read back then.
+                // If the shown picture was read back, it was written then.
                 if !writer.has(number, kind) {
                     write_picture(writer, number, kind, picture)?;
                 }
@@ -191,8 +191,7 @@ fn write_picture(
     Ok(writer.picture(frame, kind, &ImageRef::of(picture)?)?)
 }
 
-/// A walk as a report that is written nowhere: its frames without what only an audit can tell, which `audit`
-/// enters.
+/// A walk as a report that is not written: `audit` enters the results of audits into its frames.
 pub fn report_of(
     walk: Walk<'_>,
     run: Run,
@@ -231,7 +230,7 @@ fn report(
 }
 
 impl Walk<'_> {
-    /// What a report says of the run beside its frames, as far as the walk tells.
+    /// A report's description of the run beside its frames, as far as the walk determines it.
     #[must_use]
     pub fn run(&self) -> Run {
         let plan = self.plan;
@@ -259,7 +258,7 @@ impl Walk<'_> {
     }
 }
 
-/// What a display holds of a scene now.
+/// The memory that a display uses for a scene now.
 #[must_use]
 pub fn memory_use(scene: &Scene, drawn: &GpuScene) -> MemoryUse {
     let set = drawn.working_set();

@@ -1,5 +1,4 @@
-//! A walk that goes on where a killed process left it: what the journal keeps of it beside what the report
-//! says.
+//! Resumes a killed process's walk: the journal's data beside that of the report.
 
 use std::{
     collections::BTreeSet,
@@ -16,12 +15,12 @@ use xxhash_rust::xxh3::Xxh3;
 use super::{compose::FrameRecord, path::CameraPath, reporting::Walk};
 use crate::report::{ReportError, Run, Writer};
 
-/// How far a walk is that goes on if its process is killed.
+/// The progress of a walk that resumes if its process is killed.
 #[derive(Debug)]
 pub struct Progress {
-    /// By what cullers know its session.
+    /// Its session, as cullers know it.
     pub session: SessionKey,
-    /// When it began, if another process began it: as the report writes it.
+    /// When it began, if another process began it: as in the report.
     pub started: Option<String>,
     /// Its frames so far.
     pub records: Vec<FrameRecord>,
@@ -31,7 +30,7 @@ pub struct Progress {
     pub gap: Option<Duration>,
 }
 
-/// By what the journal's first line knows the walk.
+/// Identifies the walk in the journal's first line.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct WalkState {
     session: SessionKey,
@@ -50,13 +49,13 @@ struct Line {
     state: Option<FrameState>,
 }
 
-/// A frame's record. Its ids are those by which it differs from the frame before.
+/// A frame's record. Its ids are the differences from the frame before.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct FrameState {
-    /// Which camera of the path.
+    /// The index of its camera in the path.
     pose: usize,
     culler: Option<usize>,
-    /// The first such id, and how far each further one lies above the one before.
+    /// The first such id, and the differences between consecutive ones.
     changes: Vec<u32>,
     for_loss: u32,
     lacking: u32,
@@ -78,8 +77,8 @@ impl Progress {
         Self { session, started: None, records: Vec::new(), notes: Vec::new(), gap: None }
     }
 
-    /// Goes on with what a killed process left in the folder of `writer`, which was [opened](Writer::open)
-    /// for this. `None` if it left nothing, or another walk: that stays until this one begins.
+    /// Resumes a killed process's records in the folder of `writer`, which was [opened](Writer::open) for
+    /// this. `None` if there are none, or they are of another walk: those stay until this one begins.
     ///
     /// # Errors
     /// If it cannot be read or written to.
@@ -110,13 +109,13 @@ impl Progress {
         }
         let shown = records.iter().filter(|record| record.picture.is_some());
         writer.go_on(&left, shown.map(|record| record.camera.frame().0))?;
-        // Somebody may have set the clock back.
+        // The clock may have been set back.
         let gap = now.duration_since(left.stopped).unwrap_or_default();
         let started = Some(run.started.clone());
         Ok(Some(Self { session: state.session, started, records, notes, gap: Some(gap) }))
     }
 
-    /// The frame that comes next.
+    /// The next frame.
     #[must_use]
     pub fn first(&self) -> FrameNumber {
         FrameNumber(u32::try_from(self.records.len()).unwrap_or(u32::MAX))
@@ -128,7 +127,7 @@ impl Progress {
         self.records.last().map_or(Duration::ZERO, |record| record.shown)
     }
 
-    /// That the walk went on, if it did.
+    /// A remark that the walk was resumed, if it was.
     #[must_use]
     pub fn went_on(&self) -> Option<String> {
         let gap = Duration::from_secs(self.gap?.as_secs());
@@ -141,7 +140,7 @@ impl Progress {
     }
 }
 
-/// What decides the pictures of a walk, so that one does not go on with those of another.
+/// The settings that decide the pictures of a walk, so that one is not resumed with those of another.
 fn fingerprint(Walk { file, drawn, plan, path }: Walk<'_>) -> String {
     let info = drawn.gpu().info();
     let release = env!("CARGO_PKG_VERSION");
@@ -154,7 +153,7 @@ fn fingerprint(Walk { file, drawn, plan, path }: Walk<'_>) -> String {
     format!("{:032x}", hash.digest128())
 }
 
-/// Says of each frame what it takes to go on.
+/// Makes the data of each frame needed to resume.
 #[derive(Debug)]
 pub(super) struct Keeper {
     path: CameraPath,
@@ -163,7 +162,7 @@ pub(super) struct Keeper {
 }
 
 impl Keeper {
-    /// Comes after these frames.
+    /// Continues after these frames.
     pub(super) fn after(records: &[FrameRecord], path: &CameraPath) -> Self {
         let last = records.last().map(|record| record.ids.iter().copied().collect());
         Self { path: path.clone(), last: last.unwrap_or_default() }
@@ -198,7 +197,7 @@ impl Keeper {
 }
 
 impl FrameState {
-    /// What was kept of this frame of the walk, after one with the ids `last`; none where it cannot be.
+    /// The kept record of this frame of the walk, after one with the ids `last`; none if it is invalid.
     pub(super) fn record(
         &self,
         scene: &Scene,
@@ -218,7 +217,7 @@ impl FrameState {
             }
         }
         let mut ids: Vec<_> = last.iter().copied().collect();
-        // As the display drew them.
+        // In the display's drawing order.
         draw_order(scene, &path.views().view(camera), &mut ids);
         Some(FrameRecord {
             camera,
@@ -259,7 +258,7 @@ mod tests {
         let views = Settings::new(size, LodRule::new(2.0).unwrap()).into();
         let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, views, Some(30)).unwrap();
         let frame = |number: usize| {
-            // By the clock some poses are not shown, and others twice.
+            // A live walk skips some poses, and shows others twice.
             let camera = path.all()[number * 3 / 2].for_frame(FrameNumber(number as u32));
             let view = View::new(camera, size);
             let mut ids = lod_cut(&scene, &view, LodRule::new(2.0).unwrap());

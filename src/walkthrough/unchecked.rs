@@ -1,4 +1,4 @@
-//! What it takes to draw and to check a walk's pictures another time: for a walk that was stopped.
+//! The data needed to draw and check a walk's pictures later, for a walk that was stopped.
 
 use std::{collections::BTreeSet, fs, io, path::Path};
 
@@ -21,11 +21,11 @@ use super::{
 };
 use crate::report::{ReportError, Run, UNCHECKED, Writer, schema::Ended};
 
-/// A walk whose pictures and checks are not all in its report. It lies beside that as `unchecked.json`.
+/// A walk whose report lacks some pictures and checks. It lies beside the report as `unchecked.json`.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Unchecked {
-    /// What was run.
+    /// The run.
     pub run: Run,
     /// How the walk ended.
     pub ended: Ended,
@@ -33,38 +33,38 @@ pub struct Unchecked {
     /// Poses of the path a second, of a live walk.
     live_hz: Option<f64>,
     visible: bool,
-    /// The poses, as a path file has them, and how many frames the path has.
+    /// The poses in the format of a path file, and the number of frames of the path.
     path: String,
     frames: u32,
     later_views: Vec<(u32, ViewState)>,
     records: Vec<FrameState>,
 }
 
-/// Why nothing can be added to a report.
+/// Why a report cannot be completed.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum UncheckedError {
-    /// There is nothing to add to.
+    /// The file is missing: the report is complete.
     #[error(
         "cannot read {path}: {cause}: a folder has this file where a walk was stopped before its report was whole"
     )]
     Read {
         /// The file.
         path: String,
-        /// Why.
+        /// The cause.
         #[source]
         cause: io::Error,
     },
-    /// It says something else.
+    /// The file is invalid.
     #[error("{path} is not what this version of trimaran leaves beside a report that lacks something")]
     Format {
         /// The file.
         path: String,
-        /// Why.
+        /// The cause.
         #[source]
         cause: serde_json::Error,
     },
-    /// It was another scene, or another state of it.
+    /// The scene is another one, or has changed.
     #[error(
         "the walk was through the scene {walked}, and {file} is {found}: name the right file with --scene"
     )]
@@ -73,19 +73,19 @@ pub enum UncheckedError {
         file: String,
         /// The fingerprint of the scene that was walked.
         walked: String,
-        /// That of the file.
+        /// The fingerprint of the file's scene.
         found: String,
     },
     /// The schedule of cullers is unknown.
     #[error(transparent)]
     Schedule(#[from] UnknownSchedule),
-    /// The path is none.
+    /// The path is invalid.
     #[error("the walk's path cannot be read")]
     Path(#[from] PathError),
-    /// A pose of the path makes no camera.
+    /// A pose of the path makes no valid camera.
     #[error(transparent)]
     Camera(#[from] CameraPathError),
-    /// A frame is not of the scene and the path.
+    /// A frame does not fit the scene and the path.
     #[error("frame {0} of the walk cannot be read")]
     Frame(usize),
 }
@@ -115,10 +115,10 @@ impl Unchecked {
         writer.keep(self)
     }
 
-    /// What lies beside the report in a folder.
+    /// Reads the file beside the report in a folder.
     ///
     /// # Errors
-    /// When there is nothing, or it cannot be read.
+    /// When it does not exist or cannot be read.
     pub fn read(folder: &Path) -> Result<Self, UncheckedError> {
         let path = folder.join(UNCHECKED);
         let name = path.display().to_string();
@@ -126,10 +126,10 @@ impl Unchecked {
         serde_json::from_slice(&text).map_err(|cause| UncheckedError::Format { path: name, cause })
     }
 
-    /// How was walked.
+    /// The settings of the walk.
     ///
     /// # Errors
-    /// When this version does not know how.
+    /// When this version does not support them.
     pub fn plan(&self) -> Result<Plan, UncheckedError> {
         let Settings { viewport, lod, batch, coding, occlusion_test } = self.settings;
         Ok(Plan {
@@ -147,10 +147,10 @@ impl Unchecked {
         })
     }
 
-    /// Which way, through this scene of `file`.
+    /// The path through this scene of `file`.
     ///
     /// # Errors
-    /// When it is another scene, or the way is none.
+    /// When it is another scene, or the path is invalid.
     pub fn path(&self, scene: &Scene, file: &Path) -> Result<CameraPath, UncheckedError> {
         let (walked, found) = (self.run.scene.hash.clone(), scene.hash().to_string());
         if walked != found {
@@ -164,10 +164,10 @@ impl Unchecked {
         Ok(CameraPath::of(poses, scene, views, Some(self.frames))?)
     }
 
-    /// What was shown.
+    /// The records of the shown frames.
     ///
     /// # Errors
-    /// When a frame is not of the scene and the path.
+    /// When a frame does not fit the scene and the path.
     pub fn records(&self, scene: &Scene, path: &CameraPath) -> Result<Vec<FrameRecord>, UncheckedError> {
         let mut last = BTreeSet::new();
         let states = self.records.iter().enumerate();

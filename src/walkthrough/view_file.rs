@@ -1,4 +1,4 @@
-//! A file of view states: what changes, and at which frame.
+//! A file of view states: changes with their frames.
 
 use std::{
     path::{Path, PathBuf},
@@ -15,7 +15,7 @@ use trimaran_scene::Scene;
 
 use super::view_states::{ViewChange, ViewStates};
 
-/// The file as it is written. What a change does not name stays as it was.
+/// The file's format. Settings that a change does not name stay as they were.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ViewFile {
@@ -43,7 +43,7 @@ enum Cut {
     Box { min: [f64; 3], max: [f64; 3] },
 }
 
-/// An object by its number, or those of a name. A name that ends with `*` stands for all that begin so.
+/// An object by its number, or all of a name. A name ending with `*` stands for all that begin so.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, expecting = "give the number of an object or a name")]
 enum Object {
@@ -51,7 +51,7 @@ enum Object {
     Name(String),
 }
 
-/// Why there are no view states to walk with.
+/// Why a file of view states cannot be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ViewFileError {
@@ -60,56 +60,56 @@ pub enum ViewFileError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         cause: std::io::Error,
     },
-    /// It is no such file.
+    /// It is not a valid file of view states.
     #[error("{path} is no file of view states", path = path.display())]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// What is wrong, and where.
+        /// The error, and its position.
         #[source]
         cause: toml::de::Error,
     },
-    /// A change cannot be.
+    /// A change is invalid.
     #[error("change {number} of {path} (frame {frame}) cannot be", path = path.display())]
     Change {
         /// The file.
         path: PathBuf,
-        /// Which one of the file, counted from 1.
+        /// Its number in the file, counted from 1.
         number: usize,
         /// Its frame.
         frame: u32,
-        /// Why.
+        /// The cause.
         #[source]
         cause: ViewChangeError,
     },
 }
 
-/// Why a view state cannot be.
+/// Why a view state is invalid.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ViewChangeError {
-    /// The frames do not rise.
+    /// The frames do not ascend.
     #[error("its frame must come after that of the change before it")]
     Order,
     /// A setting is outside its range.
     #[error(transparent)]
     Setting(#[from] SettingsError),
-    /// The error bound is none.
+    /// The error bound is invalid.
     #[error(transparent)]
     Epsilon(#[from] LodRuleError),
     /// Stopping at few pixels needs an occlusion test that counts them.
     #[error("stopping at few pixels needs the occlusion test query or raster")]
     FewPixels,
-    /// A section is none.
+    /// A section is invalid.
     #[error("section {number} cannot be")]
     Section {
-        /// Which one of the change, counted from 1.
+        /// Its number in the change, counted from 1.
         number: usize,
-        /// Why.
+        /// The cause.
         #[source]
         cause: SectionError,
     },
@@ -135,10 +135,10 @@ pub enum ViewChangeError {
 }
 
 impl ViewStates {
-    /// Reads the changes of a walk through `scene` that begins in `first`.
+    /// Reads the changes of a walk through `scene` that begins with the view state `first`.
     ///
     /// # Errors
-    /// Says what is wrong with the file, and where.
+    /// The error in the file, and its position.
     pub fn read(path: &Path, scene: &Scene, first: ViewState) -> Result<Self, ViewFileError> {
         let read = |cause| ViewFileError::Read { path: path.to_owned(), cause };
         let text = std::fs::read_to_string(path).map_err(read)?;
@@ -161,7 +161,7 @@ impl ViewStates {
 }
 
 impl Change {
-    /// `state` with this change.
+    /// Applies this change to `state`.
     fn made_to(&self, mut state: ViewState, scene: &Scene) -> Result<ViewState, ViewChangeError> {
         let Self { frame: _, size, epsilon, occlusion_test, sections, hidden, isolated, see_through } = self;
         if let Some([width, height]) = *size {
@@ -187,7 +187,7 @@ impl Change {
             state.hidden = objects_of(scene, objects)?;
         }
         if let Some(objects) = isolated {
-            // Nothing isolated: all is shown again.
+            // An empty set isolates nothing: all is shown again.
             state.isolated = Some(objects_of(scene, objects)?).filter(|set| !set.is_empty());
         }
         if let Some(objects) = see_through {

@@ -1,4 +1,4 @@
-//! The view states of a walk: the one it begins in, and those that follow.
+//! The view states of a walk: the first one, and those that follow.
 
 use std::sync::Arc;
 
@@ -6,17 +6,17 @@ use trimaran_cull::{CutRule, View};
 use trimaran_proto::{Camera, Settings, ViewState, ViewVersion};
 use trimaran_scene::Scene;
 
-/// The view states of a walk. Version 0 is what the plan asks for; later ones come along the path.
+/// The view states of a walk. Version 0 comes from the plan; later ones come along the path.
 #[derive(Debug, Clone)]
 pub struct ViewStates {
     first: Arc<ViewState>,
     later: Arc<[ViewChange]>,
 }
 
-/// From a place of the path on another view state holds.
+/// A view state that holds from a place of the path on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewChange {
-    /// The first pose of the path that is seen in it, counted from 0. In lockstep that is the frame.
+    /// The first pose of the path with it, counted from 0. In lockstep that is the frame.
     pub pose: u32,
     /// The view state.
     pub state: Arc<ViewState>,
@@ -36,7 +36,7 @@ impl ViewStates {
         &self.later
     }
 
-    /// The version in which a pose of the path is seen.
+    /// The version at a pose of the path.
     #[must_use]
     pub fn version_at(&self, pose: u32) -> ViewVersion {
         let before = self.later.partition_point(|change| change.pose <= pose);
@@ -52,13 +52,13 @@ impl ViewStates {
         }
     }
 
-    /// What is seen from a camera of the walk.
+    /// The view from a camera of the walk.
     #[must_use]
     pub fn view(&self, camera: Camera) -> View {
         View::of(camera, self.of(&camera))
     }
 
-    /// What decides the LOD cut that is seen from a camera of the walk.
+    /// The rule of the LOD cut for a camera of the walk.
     #[must_use]
     pub fn rule(&self, scene: &Scene, camera: &Camera) -> CutRule {
         CutRule::new(scene, self.of(camera))
@@ -69,7 +69,7 @@ impl ViewStates {
     }
 }
 
-/// One that never changes.
+/// A view state that never changes.
 impl From<Settings> for ViewStates {
     fn from(settings: Settings) -> Self {
         Self::new(settings.into(), Vec::new())

@@ -1,4 +1,4 @@
-//! The window: what a person does in it, and the pictures it shows.
+//! The window: handles input, and shows the pictures.
 
 use std::{sync::Arc, time::Duration};
 
@@ -25,10 +25,10 @@ use super::{
     title::Title,
 };
 
-/// The time without another picture until the last one is drawn more finely.
+/// How long after the last picture it is redrawn more finely, if none follows.
 const REST: Duration = Duration::from_millis(150);
 
-/// What other threads tell the window.
+/// Messages of other threads to the window.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum News {
     /// A set has come.
@@ -37,33 +37,33 @@ pub(super) enum News {
     Close,
 }
 
-/// The window and what it shows.
+/// The window and its state.
 pub(super) struct App {
     pub(super) name: String,
     pub(super) scene: Arc<Scene>,
     pub(super) drawn: Arc<GpuScene>,
-    /// Which objects are see-through, and when a level of detail is good enough.
+    /// The see-through objects, and the rule for levels of detail.
     pub(super) rule: CutRule,
-    /// The window's inside at first, in pixels of a screen that is not scaled.
+    /// The window's inner size at first, in logical pixels.
     pub(super) size: [u32; 2],
     pub(super) mode: PresentMode,
     pub(super) navigator: Navigator,
     pub(super) ground: Ground,
     pub(super) sight: Sight,
     pub(super) clock: Stopwatch,
-    /// A walk that it repeats by itself.
+    /// A walk to repeat by itself.
     pub(super) drive: Option<Drive>,
     pub(super) state: State,
 }
 
-/// What changes while the window is there.
+/// State that changes while the window is open.
 #[derive(Default)]
 pub(super) struct State {
     shown: Option<Shown>,
     hand: Hand,
-    /// When the picture before was begun.
+    /// When the previous picture was begun.
     last: Duration,
-    /// When what is shown has changed last, unless it was drawn finely since.
+    /// When the shown picture last changed, unless it was drawn finely since.
     changed: Option<Duration>,
     title: Title,
     report: Option<WindowReport>,
@@ -73,7 +73,7 @@ pub(super) struct State {
 /// A window with its pictures.
 struct Shown {
     window: Arc<Window>,
-    /// Its inside, pixels of the screen.
+    /// Its inner size, physical pixels.
     size: PhysicalSize<u32>,
     presenter: Presenter,
     pictures: Pictures,
@@ -81,7 +81,7 @@ struct Shown {
 }
 
 impl App {
-    /// What is to be told of a walk that it has repeated, or why it was closed though nobody wanted that.
+    /// The report of a repeated walk, or the error that closed the window.
     pub(super) fn into_report(self) -> Result<Option<WindowReport>, WindowError> {
         self.state.failure.map_or(Ok(self.state.report), Err)
     }
@@ -100,11 +100,11 @@ impl App {
         Ok(Shown { window, size, presenter, pictures, is_hidden: false })
     }
 
-    /// Draws from where the eye is now. Gives whether another picture is due at once.
+    /// Draws from the current eye. Returns whether another picture is due at once.
     fn picture(&mut self) -> Result<bool, WindowError> {
         let State { shown: Some(shown), .. } = &mut self.state else { return Ok(false) };
         let size = shown.size;
-        // It may be waited for here: what moves the eye is asked afterwards.
+        // May block: the eye's movement is read afterwards.
         let Some(picture) = shown.presenter.acquire([size.width, size.height])? else {
             return Ok(!shown.is_hidden && size.width > 0 && size.height > 0);
         };
@@ -133,14 +133,14 @@ impl App {
         Ok(has_moved || walks || self.state.hand.holds_a_key())
     }
 
-    /// Looks back on a walk that is over. Gives what is to be told of it.
+    /// Evaluates a finished walk. Returns its report.
     fn look_back(&self) -> Result<Option<WindowReport>, WindowError> {
         let Some(drive) = self.drive.as_ref().filter(|drive| drive.is_done()) else { return Ok(None) };
         let exact = Exact { scene: &self.scene, drawn: &self.drawn, rule: &self.rule, wider };
         Ok(drive.report(&exact, self.mode)?)
     }
 
-    /// The same picture once more, as the mean of four pixels each, where the device draws pictures as large.
+    /// Draws the picture again with four samples per pixel, if the device supports that size.
     fn picture_finely(&mut self) -> Result<(), WindowError> {
         self.state.changed = None;
         let (pose, vfov_deg) = (self.navigator.pose(), self.navigator.vfov_deg());
@@ -158,7 +158,7 @@ impl App {
         Ok(())
     }
 
-    /// Moves the eye as the person wants, or the walk that is repeated.
+    /// Moves the eye by the person's input, or by the repeated walk.
     fn follow(&mut self, now: Duration) -> Moved {
         let Self { navigator, ground, state, drive, .. } = self;
         if let Some(drive) = drive {
@@ -171,7 +171,7 @@ impl App {
         if navigator.step(time, motion, is_fast, ground) { Moved::Went } else { Moved::Not }
     }
 
-    /// The point of the world that shows under the pointer; none where nothing is, and for who walks.
+    /// The visible world point under the pointer; none if nothing is there, or in walk mode.
     fn pointed_at(&mut self) -> Option<DVec3> {
         if self.navigator.mode() == Mode::Walk {
             return None;
@@ -229,7 +229,7 @@ impl ApplicationHandler<News> for App {
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
-        // The connection to the screen goes with the event loop, and nothing of the window may outlive it.
+        // The connection to the screen ends with the event loop, and nothing of the window may outlive it.
         self.state.shown = None;
     }
 

@@ -18,10 +18,10 @@ use super::{
 };
 use crate::culling::{Culling, CullingMethod};
 
-/// Bytes of packed geometry that are kept of what a service sends.
+/// The size limit of packed geometry kept from a service, bytes.
 const MEMORY: u64 = 512 << 20;
 
-/// What all roles of a window share.
+/// State shared by all roles of a window.
 #[derive(Clone)]
 pub(super) struct Beside {
     pub(super) settings: Settings,
@@ -57,8 +57,8 @@ impl Beside {
         }
     }
 
-    /// Plays a display of a service's scene, of which it has nothing at first, until `stop` asks. A service
-    /// that is lost is looked for again.
+    /// Plays a display of a service's scene, of which it has nothing at first, until `stop` asks. Reconnects
+    /// to a lost service.
     pub(super) fn play_remote<F: Fn()>(
         &self,
         scene: Arc<Scene>,
@@ -76,11 +76,11 @@ impl Beside {
         }
     }
 
-    /// Looks for the culler of a service, until it says which scene it has. `None` where it does not come in
+    /// Connects to the culler of a service, until it says which scene it has. `None` if it does not come in
     /// time.
     pub(super) fn find(&self, at: Endpoint) -> Result<Option<(SceneOutline, Seeking)>, SessionError> {
         let mut options = Options::default();
-        // How many ids a frame can have is not known yet. It is judged when the culler has come.
+        // The number of ids in a frame is checked once the culler has come: it is not known yet.
         options.link.max_frame = u32::MAX;
         let _within = self.runtime.enter();
         let mut seeking = self.seek(None, vec![PeerEndpoint { endpoint: at, options }])?;
@@ -130,17 +130,17 @@ impl Beside {
     }
 }
 
-/// A session whose cullers are looked for.
+/// A session whose cullers are being connected.
 pub(super) struct Seeking {
     session: SessionKey,
     peers: Peers,
 }
 
-/// What sets one display apart from another.
+/// The properties of one display.
 struct Display {
     sought: Seeking,
-    /// How it culls itself where no culler does.
+    /// How it culls itself when no culler does.
     alone: Option<Culling>,
-    /// Where it holds no scene: what it is supplied.
+    /// If it holds no scene: the supplied geometry.
     supplied: Option<Supplied>,
 }

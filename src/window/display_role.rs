@@ -1,4 +1,4 @@
-//! The display role beside the window: it hands out the newest pose, and passes on what cullers find. It
+//! The display role beside the window: it publishes the newest pose, and passes on the cullers' sets. It
 //! draws nothing, as the window does so from a newer pose.
 
 use std::{
@@ -12,37 +12,37 @@ use trimaran_actors::{BoxedError, Cameras, DisplayWork, Observer, RoleError, Sho
 use trimaran_cull::Image;
 use trimaran_proto::{Camera, DrawableId, FrameNumber, ViewState, ViewVersion};
 
-/// What a culler has found for a camera.
+/// The set that a culler has found for a camera.
 #[derive(Debug, Clone)]
 pub(super) struct FoundSet {
     pub(super) camera: Camera,
     pub(super) ids: Vec<DrawableId>,
-    /// When the camera was handed out, since the session's start.
+    /// When the camera was published, since the session's start.
     pub(super) posed: Duration,
-    /// When the set was there.
+    /// When the set arrived.
     pub(super) came: Duration,
-    /// Nothing stands in for anything.
+    /// Whether it has no stand-ins.
     pub(super) is_whole: bool,
 }
 
-/// From where the next frame is to be culled, and in which view state: the window says it, the role asks.
+/// The camera and view state for the next frame to cull: the window sets it, the role reads it.
 #[derive(Debug, Clone)]
 pub(super) struct Wish(Arc<Mutex<Wished>>);
 
 #[derive(Debug)]
 struct Wished {
     camera: Camera,
-    /// The view states that frames under way may be seen in, the newest one last.
+    /// The view states of frames under way, the newest one last.
     states: VecDeque<(ViewVersion, Arc<ViewState>)>,
 }
 
 impl Wish {
-    /// A camera that is seen in version 0.
+    /// A camera with version 0.
     pub(super) fn new(camera: Camera) -> Self {
         Self(Arc::new(Mutex::new(Wished { camera, states: VecDeque::new() })))
     }
 
-    /// From here, in the newest view state. Gives the camera as sets of it name it.
+    /// Sets the camera, with the newest view state. Returns it as later sets name it.
     pub(super) fn look(&self, camera: Camera) -> Camera {
         let mut wished = self.0.lock();
         let version = wished.version();
@@ -50,7 +50,7 @@ impl Wish {
         wished.camera
     }
 
-    /// The same in another view state, from here on.
+    /// The same with another view state from now on.
     pub(super) fn change(&self, state: ViewState, camera: Camera) -> Camera {
         let mut wished = self.0.lock();
         let version = ViewVersion(wished.version().0.saturating_add(1));
@@ -59,7 +59,7 @@ impl Wish {
         wished.camera
     }
 
-    /// A frame of this version was found: nobody asks for those before it any more.
+    /// A frame of this version was found, so earlier versions are no longer needed.
     pub(super) fn seen_in(&self, version: ViewVersion) {
         self.0.lock().states.retain(|(known, _)| *known >= version);
     }
@@ -95,7 +95,7 @@ impl DisplayWork for DrawsNothing {
     }
 }
 
-/// Passes on what is found, and wakes the window.
+/// Passes on sets, and wakes the window.
 pub(super) struct PassesOn<F> {
     pub(super) sets: mpsc::Sender<FoundSet>,
     pub(super) wake: F,
@@ -104,7 +104,7 @@ pub(super) struct PassesOn<F> {
 impl<F: Fn()> Observer for PassesOn<F> {
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         let ShownFrame { camera, ids, published: posed, shown: came, lacking, .. } = *frame;
-        // A window that is gone stops the role.
+        // The role stops when the window has gone.
         let _gone =
             self.sets.send(FoundSet { camera, ids: ids.to_vec(), posed, came, is_whole: lacking == 0 });
         (self.wake)();

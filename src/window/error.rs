@@ -10,7 +10,7 @@ use winit::error::{EventLoopError, OsError};
 
 use super::service::AskError;
 
-/// Why a window could not be opened, or was closed though nobody wanted that.
+/// Why a window could not be opened, or was closed by an error.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum WindowError {
@@ -20,31 +20,31 @@ pub enum WindowError {
          (leave --window out)"
     )]
     NoScreen(#[source] EventLoopError),
-    /// The system does not open a window.
+    /// The system cannot open a window.
     #[error("the system does not open a window")]
     Window(#[source] OsError),
-    /// The device failed, or cannot show pictures there.
+    /// The device failed, or cannot present to the window.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// The window is larger than any picture.
+    /// The window is larger than the largest picture.
     #[error("the window is larger than any picture")]
     Size(#[source] SettingsError),
-    /// The eye has gone where no camera is.
+    /// The eye is at an invalid position for a camera.
     #[error("no picture can be drawn from there")]
     Eye(#[source] CameraError),
-    /// The service does not answer as it should.
+    /// The service gave no valid answer.
     #[error("the service cannot be asked")]
     Service(#[source] AskError),
     /// The system gives no thread.
     #[error("the system gives no thread")]
     Thread(#[source] io::Error),
-    /// What finds out what is visible has failed.
+    /// Culling has failed.
     #[error("what is visible cannot be found out any more")]
     Session(#[source] SessionError),
 }
 
 impl WindowError {
-    /// Whether it is the machine's, and may work with other flags.
+    /// Whether the machine is the cause, and other flags may help.
     #[must_use]
     pub const fn is_of_input(&self) -> bool {
         matches!(self, Self::NoScreen(_) | Self::Gpu(GpuError::NoPresentMode { .. } | GpuError::NoWindows))

@@ -1,4 +1,4 @@
-//! What a person's hands do: keys, the pointer and its wheel.
+//! A person's input: keys, the pointer and its wheel.
 
 use glam::DVec3;
 use winit::{
@@ -11,26 +11,26 @@ use super::navigate::{Drag, Keys, Mode, Motion, Navigator};
 
 /// Degrees of a step of the field of view.
 const ZOOM: f64 = 5.0;
-/// Pixels of a touchpad that count as a step of a wheel.
+/// Pixels of a touchpad that count as one wheel step.
 const STEP: f64 = 50.0;
 
-/// The keys that are down, and what the pointer drags.
+/// The held keys, and the pointer's drag.
 #[derive(Debug, Default)]
 pub(super) struct Hand {
     keys: Keys,
     modifiers: ModifiersState,
     at: PhysicalPosition<f64>,
-    /// With which button.
+    /// The button of the drag.
     drags: Option<MouseButton>,
 }
 
 impl Hand {
-    /// Where the pointer is, pixels from the window's upper left.
+    /// The pointer's position, pixels from the window's upper left.
     pub(super) const fn at(&self) -> PhysicalPosition<f64> {
         self.at
     }
 
-    /// What the keys have said since the last time, and whether the eye is to move faster.
+    /// The keys' motion since the last call, and whether to move faster.
     pub(super) fn motion(&mut self) -> (Motion, bool) {
         (self.keys.motion(), self.keys.is_fast())
     }
@@ -40,7 +40,7 @@ impl Hand {
         self.keys.is_any_held()
     }
 
-    /// Control, Shift and the like.
+    /// Sets the modifier keys, such as Control and Shift.
     pub(super) const fn holds(&mut self, modifiers: ModifiersState) {
         self.modifiers = modifiers;
     }
@@ -51,7 +51,7 @@ impl Hand {
         self.drags = None;
     }
 
-    /// A key went down or up. Gives whether the window is to close.
+    /// A key went down or up. Returns whether to close the window.
     pub(super) fn presses(&mut self, key: &KeyEvent, navigator: &mut Navigator) -> bool {
         let PhysicalKey::Code(code) = key.physical_key else { return false };
         let is_down = key.state == ElementState::Pressed;
@@ -90,8 +90,8 @@ impl Hand {
         }
     }
 
-    /// The pointer has moved, in a window so many pixels high on a screen of this scale. Gives whether it
-    /// drags something.
+    /// The pointer has moved, in a window of this height in pixels and this scale. Returns whether it drags
+    /// something.
     pub(super) fn moves(
         &mut self,
         to: PhysicalPosition<f64>,

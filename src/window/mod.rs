@@ -1,7 +1,7 @@
 //! A display in a window of the system: the display and the navigation of the page, in Rust on Vulkan.
 //!
-//! The window draws each picture from the newest pose with the newest sets, on the main thread.
-//! A display role beside it deals poses to a culler and takes what that finds, on a thread of its own.
+//! The window draws each picture from the newest pose with the newest sets, on the main thread. A display
+//! role beside it sends poses to a culler and receives the sets, on a thread of its own.
 
 mod app;
 mod beside;
@@ -43,40 +43,40 @@ use service::Described;
 pub use service::{AskError, NoService, ServiceAt};
 use sight::Sight;
 
-/// What a window has to know of a scene before it shows anything of it.
+/// The facts of a scene that a window needs before it shows anything.
 #[derive(Debug, Clone)]
 pub struct About {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Where a person begins.
     pub start: Start,
-    /// Nothing comes nearer to an eye of a walk than this, metres.
+    /// The smallest distance between a walking eye and the scene, metres.
     pub clearance: f64,
     /// The largest picture that its cullers take.
     pub max_picture: Viewport,
 }
 
-/// A window that is to be opened.
+/// The options of a window.
 #[derive(Debug, Clone)]
 pub struct WindowOptions {
-    /// When a level of detail is good enough.
+    /// The rule for levels of detail.
     pub lod: LodRule,
-    /// Its inside at first, in pixels of a screen that is not scaled.
+    /// Its inner size at first, in logical pixels.
     pub size: [u32; 2],
-    /// A walk that it is to repeat by itself. Then it closes.
+    /// A walk to repeat by itself before it closes.
     pub drive: Option<PosePath>,
-    /// When a picture takes the place of the one before.
+    /// How presentation is synchronized with the screen.
     pub present_mode: PresentMode,
     /// The device that draws and culls.
     pub gpu: GpuOptions,
 }
 
 /// Opens a window in which a person walks through a scene, and returns when it is closed or `stop` asks.
-/// Gives how a walk went that it has repeated to the end. To be called on the process's main thread, and once
-/// in a process: systems demand both.
+/// Returns the report of a walk repeated to its end. Call it on the process's main thread, and once in a
+/// process: systems demand both.
 ///
 /// # Errors
-/// Says what is missing for a window, and what failed while it was there.
+/// Why it could not be opened, or what failed later.
 pub fn open(
     scene: &Arc<Scene>,
     about: &About,
@@ -96,8 +96,8 @@ pub fn open(
     screen.show(scene, about, ground, options, &beside, play, stop)
 }
 
-/// Opens a window in which a person walks through the scene of a service elsewhere. It begins with nothing of
-/// it, and is sent what becomes visible.
+/// Opens a window in which a person walks through the scene of a remote service. It begins without geometry,
+/// and receives what becomes visible.
 ///
 /// # Errors
 /// As [`open`], and when the service does not answer.
@@ -129,7 +129,7 @@ pub fn open_service(
 
 impl Beside {
     fn new(options: &WindowOptions, runtime: &Handle) -> Result<Self, WindowError> {
-        // The first picture tells its own size, and with it comes the first view state.
+        // The first picture sets the real size, with the first view state.
         let small = Viewport::new(64, 64).map_err(WindowError::Size)?;
         let settings = Settings::new(small, options.lod);
         Ok(Self { settings, turns: Turns::at_once(), runtime: runtime.clone() })
@@ -150,7 +150,7 @@ impl Screen {
         Ok(Self { event_loop, gpu })
     }
 
-    /// Shows the window until it is closed, with the roles that `play` plays beside it.
+    /// Shows the window until it is closed, while `play` plays the roles beside it.
     #[expect(
         clippy::too_many_arguments,
         reason = "each is a part of what is shown, and there is one caller a kind"
@@ -200,7 +200,7 @@ impl Screen {
             let closed = StopsAtLast(closed);
             let play = || {
                 let played = play(wish, observer, &over);
-                // Whoever plays no more has no use for the window either.
+                // When the roles have ended, the window closes.
                 told(&wake, News::Close)();
                 played
             };
@@ -226,11 +226,11 @@ impl Drop for StopsAtLast {
     }
 }
 
-/// Tells the window something, from any thread.
+/// Sends the window a message, from any thread.
 fn told(wake: &EventLoopProxy<News>, news: News) -> Box<dyn Fn() + Send> {
     let wake = wake.clone();
     Box::new(move || {
-        // A window that is closed needs no news.
+        // A closed window needs no messages.
         let _closed = wake.send_event(news);
     })
 }

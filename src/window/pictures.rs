@@ -1,4 +1,4 @@
-//! Draws what was found into the window's images.
+//! Draws sets into the window's images.
 
 use std::sync::Arc;
 
@@ -14,23 +14,23 @@ use super::recent_sets::RecentSets;
 pub(super) struct Pictures {
     scene: Arc<Scene>,
     pass: PicturePass,
-    /// Which objects are see-through.
+    /// The rule with the see-through objects.
     rule: CutRule,
     order: DrawOrder,
     ids: Vec<DrawableId>,
-    /// Of these: what is seen through, farthest first.
+    /// The see-through ones of these, farthest first.
     see_through: Vec<DrawableId>,
 }
 
 impl Pictures {
-    /// Draws with `pass`, and as `rule` says of objects that are see-through.
+    /// Draws with `pass`, and `rule` decides which objects are see-through.
     pub(super) fn new(scene: &Arc<Scene>, pass: PicturePass, rule: CutRule) -> Self {
         let (order, ids, see_through) = (DrawOrder::default(), Vec::new(), Vec::new());
         Self { scene: Arc::clone(scene), pass, rule, order, ids, see_through }
     }
 
-    /// Draws the newest set, or of all that came lately what may show as well, and shows the picture in the
-    /// image that `presenter` has acquired.
+    /// Draws the newest set, or the union of recent sets that may be visible, and presents it in the image
+    /// that `presenter` has acquired.
     pub(super) fn show(
         &mut self,
         view: &View,
@@ -45,10 +45,10 @@ impl Pictures {
             _ => recent.union(scene, ids),
         }
         if !scene.is_whole() {
-            // What came lately may have gone again.
+            // Recently received geometry may have been evicted.
             ids.retain(|id| scene.has(*id).unwrap_or(false));
         }
-        // What was culled for is wider than what is shown.
+        // The culled view is wider than the shown one.
         retain_in_sight(scene, view, ids);
         order.sort(scene, view, ids);
         let solid = rule.divide(scene, ids, see_through);
@@ -58,19 +58,19 @@ impl Pictures {
             false => pass.draw_see_through(see_through),
         });
         match drawn {
-            // It has gone in this moment. The next picture is drawn without it.
+            // It was evicted just now. The next picture is drawn without it.
             Err(GpuError::Scene(_)) if !scene.is_whole() => Ok(()),
             drawn => drawn.and_then(|()| pass.present(presenter)),
         }
     }
 
-    /// What was drawn last.
+    /// The drawables of the last picture.
     pub(super) fn ids(&self) -> &[DrawableId] {
         &self.ids
     }
 
-    /// Depth of the picture shown last at shares of its width and height, from the upper left: the near
-    /// distance over that along the gaze, 0 where nothing is.
+    /// Depth of the last picture at fractions of its width and height, from the upper left: near distance
+    /// divided by the distance along the gaze, 0 for the background.
     pub(super) fn depth_at(&mut self, share: DVec2) -> Result<f32, GpuError> {
         self.pass.finish()?;
         let depth = self.pass.read_depth()?;

@@ -1,4 +1,4 @@
-//! Sets that came lately: a moving eye may see what one of them has and the newest one has not.
+//! Recent sets: a moving eye may see a drawable that one of them has and the newest lacks.
 
 use std::{
     collections::{HashSet, VecDeque},
@@ -10,7 +10,7 @@ use trimaran_scene::Scene;
 
 use super::display_role::FoundSet;
 
-/// The time between the poses of two sets of which both still count.
+/// The longest time between the poses of two sets that both still count.
 const KEPT: Duration = Duration::from_millis(120);
 
 /// The newest set last.
@@ -18,7 +18,7 @@ const KEPT: Duration = Duration::from_millis(120);
 pub(super) struct RecentSets(VecDeque<FoundSet>);
 
 impl RecentSets {
-    /// Adds a set, in place of one of the same pose. One that is older than another says nothing new.
+    /// Adds a set, replacing one of the same pose. An outdated set is ignored.
     pub(super) fn add(&mut self, set: FoundSet) {
         if self.newest().is_some_and(|newest| newest.posed > set.posed) {
             return;
@@ -32,7 +32,7 @@ impl RecentSets {
         self.0.back()
     }
 
-    /// The newest set, and of those before it what shows nodes that no newer one does.
+    /// The newest set, and from earlier ones the drawables of nodes that no newer one has.
     pub(super) fn union(&self, scene: &Scene, union: &mut Vec<DrawableId>) {
         let mut nodes = HashSet::new();
         for set in self.0.iter().rev() {
@@ -86,10 +86,10 @@ mod tests {
         recent.add(set(100, &[coarse, other]));
         recent.add(set(200, &[fine]));
         assert_eq!(union(&recent), [fine, other], "a node is shown at one level");
-        // It comes late.
+        // It arrives late.
         recent.add(set(150, &[coarse]));
         assert_eq!(recent.newest().unwrap().posed, Duration::from_millis(200));
-        // The same pose again, once more of it is there.
+        // The same pose again, after more of it has arrived.
         recent.add(set(200, &[coarse]));
         assert_eq!(union(&recent), [coarse, other]);
         recent.add(set(221, &[]));

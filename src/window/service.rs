@@ -1,4 +1,4 @@
-//! A service of a scene elsewhere: what a window asks of it beside links, as a page does.
+//! A remote service of a scene: the window's requests outside its links, like those of a page.
 
 use std::{str::FromStr, time::Duration};
 
@@ -12,10 +12,10 @@ use trimaran_transport::{Endpoint, EndpointError, Net, TokioNet, until};
 use super::navigate::Start;
 use crate::http::{GetError, get};
 
-/// How long an answer may take.
+/// The timeout of a request.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Where a service is, and the secret by which it knows whoever may look.
+/// The address of a service, and the token that grants access.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServiceAt {
     /// Host and port.
@@ -23,33 +23,33 @@ pub struct ServiceAt {
     token: String,
 }
 
-/// That is no address of a service.
+/// A text is not the address of a service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("give the address that `trimaran serve` has printed: http://HOST:PORT/?token=TOKEN")]
 pub struct NoService;
 
-/// Why a service has not said what it was asked.
+/// Why a request to a service failed.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum AskError {
-    /// It does not answer as it should.
+    /// The request failed.
     #[error(transparent)]
     Get(#[from] GetError),
-    /// It does not answer in time.
+    /// It timed out.
     #[error("it has not answered within {TIMEOUT:?}")]
     Late,
-    /// Its answer is none. It may be of another release.
+    /// The answer is invalid. The service may be of another release.
     #[error("its answer cannot be read")]
     Answer(#[source] serde_json::Error),
-    /// What it has sent is no tile.
+    /// The answer is not a valid tile.
     #[error("it has sent something that is no tile")]
     Tile,
-    /// It has no links there.
+    /// The address of its links is invalid.
     #[error("it has no links there")]
     Link(#[source] EndpointError),
 }
 
-/// What a service says of its scene.
+/// A service's description of its scene.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct Described {
@@ -79,18 +79,18 @@ impl Described {
 }
 
 impl ServiceAt {
-    /// Where its links are.
+    /// The endpoint of its links.
     pub(super) fn endpoint(&self) -> Result<Endpoint, AskError> {
         format!("ws://{}/link?token={}", self.at, self.token).parse().map_err(AskError::Link)
     }
 
-    /// What it says of its scene.
+    /// Gets the description of its scene.
     pub(super) fn describe(&self, runtime: &Handle) -> Result<Described, AskError> {
         let text = self.ask("/scene", "", runtime)?;
         serde_json::from_slice(&text).map_err(AskError::Answer)
     }
 
-    /// What is solid in a tile.
+    /// Gets a tile of the heightfield.
     pub(super) fn tile(&self, x: i32, z: i32, runtime: &Handle) -> Result<Tile, AskError> {
         let bytes = self.ask("/tile", &format!("&x={x}&z={z}"), runtime)?;
         Tile::from_bytes(&bytes).ok_or(AskError::Tile)

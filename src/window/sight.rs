@@ -1,4 +1,4 @@
-//! What is asked of cullers for a moving eye, and what has come of it.
+//! Culling requests for a moving eye, and their results.
 
 use std::{sync::mpsc, time::Duration};
 
@@ -11,50 +11,50 @@ use super::{
     recent_sets::RecentSets,
 };
 
-/// The picture that is culled for is so much wider and higher: what a turn uncovers is there already.
+/// The culled view is this much wider and higher than the picture, so that a turn uncovers nothing new.
 const WIDER: f64 = 1.5;
-/// While the eye moves, pixels that are culled for are so much wider: its sets come sooner. Silhouettes are
-/// as fine as ever.
+/// While the eye moves, culling pixels are this much wider, so that sets come sooner. Silhouettes stay as
+/// fine.
 const COARSER: f64 = 1.5;
-/// An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it
-/// may slow down, or go around a corner.
+/// The eye is predicted for the time when its set arrives, and in turn for somewhat earlier and later: it may
+/// slow down, or go around a corner.
 const SPREAD: [f64; 3] = [0.6, 1.2, 1.8];
 
-/// How an eye came to where it is.
+/// How the eye got to its position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Moved {
     /// It rests.
     Not,
-    /// It goes on as it did.
+    /// It moved on.
     Went,
-    /// It was elsewhere before.
+    /// It jumped.
     Leapt,
 }
 
-/// Asks what is visible, and keeps what was found lately.
+/// Requests visible sets, and keeps recent ones.
 pub(super) struct Sight {
     wish: Wish,
     sets: mpsc::Receiver<FoundSet>,
     recent: RecentSets,
-    /// What of the scene is seen, and how finely at rest.
+    /// The view state, and the level of detail at rest.
     state: ViewState,
     near: f32,
     /// The largest picture that the cullers take.
     most: Viewport,
     prediction: Prediction,
-    /// Which place of the spread is next.
+    /// The next index into the spread.
     turn: usize,
     /// How long the newest set took.
     latency: Duration,
-    /// How finely is culled.
+    /// The resolution of culling.
     sampling: Option<Sampling>,
-    /// What was asked for last, if the eye is there.
+    /// The last requested camera, if the eye is there.
     asked: Option<Camera>,
 }
 
 impl Sight {
-    /// Asks by `wish` for what is seen in `state`, in a picture of any size, and hears of `sets`. The near
-    /// plane is so many metres away, and no picture larger than `most` is asked for.
+    /// Requests through `wish` views in `state`, and receives `sets`. `near` is in metres, and no requested
+    /// picture is larger than `most`.
     pub(super) fn new(
         wish: Wish,
         sets: mpsc::Receiver<FoundSet>,
@@ -94,7 +94,7 @@ impl Sight {
         Camera::new(eye.to_array(), orientation, tan, self.near, FrameNumber(0))
     }
 
-    /// Takes the sets that have come.
+    /// Takes the sets that have arrived.
     pub(super) fn take_sets(&mut self) {
         for set in self.sets.try_iter() {
             self.latency = set.came.saturating_sub(set.posed);
@@ -103,8 +103,8 @@ impl Sight {
         }
     }
 
-    /// The eye is there at this time, and sees a picture of this size. Asks what is visible from where it
-    /// will be when the set is there. Once it rests, its own pose follows.
+    /// The eye is there at this time, and sees a picture of this size. Requests the set at its predicted
+    /// pose. Once it rests, its own pose follows.
     pub(super) fn ask(
         &mut self,
         pose: Pose,
@@ -134,14 +134,14 @@ impl Sight {
         Ok(())
     }
 
-    /// Whether the newest set was found from where the eye is, for a picture of this size, and is all there.
+    /// Whether the newest set is complete, and from the eye's pose, for a picture of this size.
     pub(super) fn is_exact(&self) -> bool {
         let newest = self.recent.newest().filter(|newest| newest.is_whole);
         newest.is_some_and(|newest| Some(newest.camera.for_frame(FrameNumber(0))) == self.asked)
     }
 }
 
-/// How finely is culled: the size of the picture that is culled for, and which levels are good enough in it.
+/// The resolution of culling: the size of the culled picture, and the level rule in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sampling {
     size: Viewport,
@@ -149,8 +149,7 @@ struct Sampling {
 }
 
 impl Sampling {
-    /// The same picture and the same levels, in pixels that are so much wider, or wider still where it is
-    /// larger than `most` else.
+    /// The same picture and levels, in pixels this much wider, or wider still if it exceeds `most` otherwise.
     fn coarser(self, wider: f64, most: Viewport) -> Self {
         let Self { size, lod } = self;
         let fitting = |side: u32, most: u32| f64::from(side) / f64::from(most);
@@ -164,7 +163,7 @@ impl Sampling {
     }
 }
 
-/// The view that is culled for where a picture is seen from this one: pixels are of the same size.
+/// The view to cull for a picture of this view: with pixels of the same size.
 pub(super) fn wider(view: &View) -> View {
     let (camera, size) = (view.camera(), view.viewport());
     let wider = |side: u32| ((f64::from(side) * WIDER).ceil() as u32).min(65_536);
@@ -227,7 +226,7 @@ mod tests {
         come(first.for_frame(FrameNumber(4)), 0, 50);
         sight.take_sets();
         assert!(sight.is_exact());
-        // A set takes 50 ms, in which the eye goes 0.05 m; it is asked for short of that and beyond.
+        // A set takes 50 ms, in which the eye moves 0.05 m; requests lie short of that and beyond.
         ask(&mut sight, 0.0, 100, Moved::Went);
         let mut ahead: Vec<f64> = (1..=3)
             .map(|step| {
@@ -242,7 +241,7 @@ mod tests {
         assert!(!sight.is_exact());
         let moving = ask(&mut sight, 0.4, 450, Moved::Went);
         assert_eq!(culled_for(moving), ([100, 50], 2.0 / 1.5), "pixels are wider, and silhouettes the same");
-        // A leap tells nothing of what follows.
+        // A jump does not predict the next movement.
         assert_eq!(ask(&mut sight, 9.0, 500, Moved::Leapt).eye()[0], 9.0);
         let rests = ask(&mut sight, 9.0, 600, Moved::Not);
         assert_eq!(culled_for(rests), ([150, 75], 2.0), "of an eye at rest they are as before");

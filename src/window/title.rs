@@ -1,10 +1,10 @@
-//! The one line of text: the window's title.
+//! The window's title: its one line of text.
 
 use std::time::Duration;
 
 use super::navigate::Navigator;
 
-/// How often it says where a moving eye is, at most.
+/// The shortest time between updates while the eye moves.
 const PERIOD: Duration = Duration::from_millis(250);
 
 /// What the title says.
@@ -17,8 +17,7 @@ pub(super) struct Title {
 }
 
 impl Title {
-    /// A picture was drawn, of the eye that has moved or rests. Gives what the title says from now on, where
-    /// that is something else.
+    /// A picture was drawn; the eye has moved or rests. Returns a new title if it changes.
     pub(super) fn drawn(
         &mut self,
         name: &str,

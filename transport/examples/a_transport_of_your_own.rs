@@ -41,7 +41,7 @@ impl std::fmt::Debug for Tls {
 }
 
 impl Tls {
-    /// For a listener that has `certificate` and its `key`, and for those who trust nobody else.
+    /// For a listener with `certificate` and its `key`, and for peers that trust nobody else.
     fn new(
         certificate: CertificateDer<'static>,
         key: PrivatePkcs8KeyDer<'static>,
@@ -102,7 +102,7 @@ impl Transport for Tls {
         })
     }
 
-    /// The listener's part of TLS's own handshake.
+    /// The listener's part of the TLS handshake.
     fn upgrade(&self) -> Option<&dyn Upgrade> {
         Some(self)
     }
@@ -122,13 +122,13 @@ async fn resolve(net: &Arc<dyn Net>, address: &str) -> io::Result<SocketAddr> {
 
 fn bytes_of<S: AsyncRead + AsyncWrite + Send + 'static>(encrypted: S, peer: StreamPeer) -> Stream {
     let (reader, writer) = split(encrypted);
-    // Links have a goodbye of their own: without that of TLS the stream of bytes ends all the same.
+    // Links have a close of their own, so a missing TLS close is an ordinary end of the stream.
     let ends = |read: &io::Result<_>| matches!(read, Err(e) if e.kind() == io::ErrorKind::UnexpectedEof);
     let bytes = ReaderStream::new(reader).take_while(move |read| future::ready(!ends(read)));
     Stream { reader: Box::new(StreamReader::new(bytes)), writer: Box::new(writer), peer }
 }
 
-/// Options of robots who know a certificate that is made for now.
+/// Options of robots that know a certificate made for now.
 fn options() -> Result<Options, Box<dyn std::error::Error>> {
     let made = rcgen::generate_simple_self_signed(["robot".to_owned()])?;
     let key = made.signing_key.serialize_der().into();
@@ -136,7 +136,7 @@ fn options() -> Result<Options, Box<dyn std::error::Error>> {
     Ok(Options { transports: vec![Arc::new(tls)], ..Options::default() })
 }
 
-/// Everything else is as over any transport.
+/// The rest is the same over any transport.
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);

@@ -1,4 +1,4 @@
-//! Who is let in at a listener, whatever its transport.
+//! Admission of peers at a listener, for every transport.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -20,7 +20,7 @@ use crate::rates::{Handshakes, ListenerStats, Origin, Sparse, TurnedAway};
 use crate::{Options, PeerAddress};
 use trimaran_net::Net;
 
-/// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks
+/// Admits peers and hands their links to the accepting task. A transport's listening task holds it, asks
 /// [`Acceptor::enter`] once a peer has introduced itself, and ends when [`Acceptor::closed`] does.
 #[derive(Debug)]
 pub(crate) struct Acceptor {
@@ -33,30 +33,30 @@ pub(crate) struct Acceptor {
     done: mpsc::Sender<Parts>,
     last_failure: Mutex<Option<HandshakeError>>,
     warnings: Sparse,
-    /// What known keys have claimed without right: each is worth a line, once.
+    /// Wrong claims of known keys; each is logged once.
     #[cfg(feature = "keys")]
     wrong_roles: Mutex<Vec<WrongRole>>,
 }
 
-/// The places that peers have.
+/// The places of peers.
 #[derive(Debug, Default)]
 struct Taken {
-    /// By what their peers are known, by the number of the link.
+    /// The identity of the peer, by the number of the link.
     places: BTreeMap<u64, Option<u64>>,
-    /// Links whose peers have come again, and which are there still.
+    /// Old links of peers that have connected again.
     succeeded: usize,
-    /// How many links there were.
+    /// The number of links so far.
     links: u64,
 }
 
 impl Taken {
-    /// The old link of a peer that has come again.
+    /// The old link of a peer that connects again.
     fn old_link(&self, peer: &Peer) -> Option<u64> {
         let known = self.places.iter().find(|(_, place)| place.is_some() && **place == peer.place);
         known.map(|(link, _)| *link)
     }
 
-    /// Whether there is room for a peer where `most` may be. As many may have come again at most.
+    /// Whether there is room for a peer among `most`. As many again may be reconnecting.
     fn has_room(&self, peer: &Peer, most: usize) -> bool {
         self.places.len() < most || self.succeeded < most && self.old_link(peer).is_some()
     }
@@ -92,7 +92,7 @@ impl Drop for Place {
 }
 
 impl Acceptor {
-    /// A acceptor that receives peers of `application` and hands their links to `done`.
+    /// An acceptor that receives peers of `application` and hands their links to `done`.
     pub(crate) fn new(
         net: &Arc<dyn Net>,
         application: Arc<dyn Application>,
@@ -114,12 +114,12 @@ impl Acceptor {
         }
     }
 
-    /// Counts a handshake that begins.
+    /// Counts a new handshake.
     pub(crate) fn begin(&self, from: &PeerAddress) -> Result<(), HandshakeError> {
         self.handshakes.begin(self.net.now(), from).map_err(HandshakeError::TooMany)
     }
 
-    /// A slot for one more handshake; one that is under way loses its own where all are taken.
+    /// A slot for one more handshake. If all are taken, another handshake loses its own.
     pub(crate) fn slot(&self, from: &PeerAddress) -> Slot {
         let (slot, evicted) = self.pending.take(Origin::of(from));
         if evicted {
@@ -128,19 +128,19 @@ impl Acceptor {
         slot
     }
 
-    /// What was turned away.
+    /// The counts of refused handshakes.
     pub(crate) fn turned_away(&self) -> TurnedAway {
         self.handshakes.turned_away()
     }
 
-    /// Who says `hello`, whether it may come in or not.
+    /// The peer that sent `hello`, whether admitted or not.
     #[cfg(feature = "keys")]
     pub(crate) fn identify(&self, hello: &Hello) -> Result<Peer, HandshakeError> {
         self.same_protocol(hello).map_err(HandshakeError::Refused)?;
         self.application.recognize(&hello.application)
     }
 
-    /// Whether who says `hello` may come in; it takes no place yet.
+    /// Whether the sender of `hello` may come in; it takes no place yet.
     pub(crate) fn admits(&self, hello: &Hello) -> Result<(), Refusal> {
         self.same_protocol(hello)?;
         self.vacant(&hello.application, &self.taken.lock()).map(|_| ())
@@ -151,7 +151,7 @@ impl Acceptor {
         if listener == connector { Ok(()) } else { Err(Refusal::Protocol { listener, connector }) }
     }
 
-    /// Takes the place of the peer that introduces itself so.
+    /// Takes the place of the peer that sent this hello.
     pub(crate) fn enter(&self, theirs: &Bytes) -> Result<(Peer, Place), Refusal> {
         let mut taken = self.taken.lock();
         let peer = self.vacant(theirs, &taken)?;
@@ -168,7 +168,7 @@ impl Acceptor {
         Ok(peer)
     }
 
-    /// Hands out a link. Where nobody takes it, dropping it tells the peer.
+    /// Hands out a link. If nobody accepts it, dropping it tells the peer.
     pub(crate) async fn hand_out(&self, parts: Parts) {
         parts.shared.counters.handle().came_from(ListenerStats(Arc::clone(&self.handshakes)));
         let _unwanted = self.done.send(parts).await;
@@ -179,9 +179,8 @@ impl Acceptor {
         self.done.closed().await;
     }
 
-    /// Notes what became of a connection that did not make it to a link. Who does not go together with this
-    /// side is worth a line in the log, though strangers must not fill it. What a known key claims they
-    /// can neither fill nor hide.
+    /// Notes how a connection failed before it became a link. Mismatches are logged, but strangers must not
+    /// flood the log. They can neither flood nor hide the claims of known keys.
     pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
         let cause = &error as &dyn std::error::Error;
         let told = match &error {
@@ -208,7 +207,7 @@ impl Acceptor {
         news
     }
 
-    /// Takes what became of the last connection that did not make it to a link.
+    /// Takes the last failure of a connection before it became a link.
     pub(crate) fn last_failure(&self) -> Option<HandshakeError> {
         self.last_failure.lock().take()
     }

@@ -1,4 +1,4 @@
-//! The application's part of a handshake, for the layers that know only bytes.
+//! The application's part of a handshake, for the layers that only handle bytes.
 
 use std::any::{Any, TypeId};
 use std::fmt;
@@ -14,25 +14,25 @@ use crate::peer::{Peer, PeerName};
 
 /// One side of a protocol.
 pub(crate) trait Application: fmt::Debug + Send + Sync {
-    /// What the protocol is called.
+    /// The name of the protocol.
     fn protocol(&self) -> ProtocolName;
 
     /// The sizes of its types.
     fn format(&self) -> Format;
 
-    /// How this side introduces itself.
+    /// This side's hello.
     fn hello(&self) -> &Bytes;
 
-    /// What a listener learns of the bytes of a hello.
+    /// Judges a hello, at the listener.
     fn admit(&self, theirs: &Bytes) -> Result<Peer, Refusal>;
 
-    /// What a connecting peer learns of the bytes of an answer.
+    /// Judges an answer, at the connecting peer.
     fn recognize(&self, theirs: &Bytes) -> Result<Peer, HandshakeError>;
 
     /// Both ends of lanes within this process: boxed `inproc::Lanes` of this protocol.
     fn local_lanes(&self) -> [Box<dyn Any + Send>; 2];
 
-    /// Tells protocols apart.
+    /// The protocol's type, to tell protocols apart.
     fn type_of(&self) -> TypeId;
 }
 
@@ -55,7 +55,7 @@ impl<P: Protocol> fmt::Debug for Side<P> {
     }
 }
 
-/// The value that `bytes` are, and nothing behind it.
+/// Decodes a value from exactly `bytes`.
 pub(crate) fn whole<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Error> {
     match postcard::take_from_bytes(bytes)? {
         (value, []) => Ok(value),
@@ -65,8 +65,8 @@ pub(crate) fn whole<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Er
 
 impl<P: Protocol> Side<P> {
     pub(crate) fn of(ours: P::Hello) -> Result<Arc<dyn Application>, HelloTooLong> {
-        // Writing to memory fails for types only that serde cannot describe beforehand: such a hello is
-        // empty, and refused by the peer.
+        // Writing to memory fails only for types without a serde length: such a hello is empty, and refused
+        // by the peer.
         let bytes = postcard::to_stdvec(&ours).unwrap_or_default();
         if bytes.len() > MAX_HELLO {
             return Err(HelloTooLong(bytes.len()));

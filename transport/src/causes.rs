@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-/// An error and its causes, each told once: many errors name their cause in their own text.
+/// An error and its causes, each once: many errors repeat their cause in their own text.
 #[must_use]
 pub fn causes(error: &dyn Error) -> String {
     let mut text = error.to_string();

@@ -1,4 +1,4 @@
-//! Connecting to a listener that may not be there yet, over whatever transport its endpoint names.
+//! Connecting to a listener that may not be there yet, over the transport of its endpoint.
 
 use std::io;
 use std::iter::successors;
@@ -24,12 +24,11 @@ const FIRST_PAUSE: Duration = Duration::from_millis(100);
 /// The longest pause between two attempts.
 const LAST_PAUSE: Duration = Duration::from_secs(2);
 
-/// Why no link came about.
+/// Why no link was made.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ConnectError {
-    /// The deadline came before a link. It may pass: what stood in the way is up to time, to the peer or to
-    /// somebody on the way.
+    /// The deadline came before a link. It may pass: the cause is time, the peer or somebody on the path.
     #[error(
         "no link to {endpoint} within {:?} and {attempts} attempt{}{}",
         readable(.waited),
@@ -37,35 +36,34 @@ pub enum ConnectError {
         if .last.is_mismatch() { "" } else { ": is a peer running there?" }
     )]
     Deadline {
-        /// Whom we asked.
+        /// The listener.
         endpoint: Endpoint,
-        /// How long.
+        /// The time waited.
         waited: Duration,
-        /// How often.
+        /// The number of attempts.
         attempts: u32,
-        /// What went wrong the last time that an attempt came to an end.
+        /// The error of the last attempt that ended.
         #[source]
         last: AttemptError,
     },
-    /// What this side was given cannot be used: its keys, or the kind of endpoint on this system. It does not
-    /// pass.
+    /// This side's own settings cannot be used: its keys, or this kind of endpoint on this system. It does
+    /// not pass.
     #[error("no link to {endpoint} can be made")]
     Failed {
-        /// Whom we asked.
+        /// The listener.
         endpoint: Endpoint,
-        /// Why.
+        /// The cause.
         #[source]
         cause: AttemptError,
     },
-    /// The system has no random numbers for a session id. It may pass: nothing that this side was given is at
-    /// fault.
+    /// The system has no random numbers for a session id. It may pass: this side's settings are not at fault.
     #[error("the system gives no random number for the session id")]
     Random(#[source] io::Error),
 }
 
 impl ConnectError {
-    /// Whether the same call may work another time: time, the peer or another machine may mend it. Otherwise
-    /// what this side was given has to change.
+    /// Whether the same call may succeed later: time, the peer or another machine may fix it. Otherwise this
+    /// side's settings have to change.
     #[must_use]
     pub const fn may_pass(&self) -> bool {
         match self {
@@ -74,8 +72,8 @@ impl ConnectError {
         }
     }
 
-    /// What the listener said when it refused the last attempt, if that is how it ended. Over TCP and Unix
-    /// sockets anybody who listens there may have said so.
+    /// The listener's refusal, if the last attempt ended with one. Over TCP and Unix sockets it is not
+    /// authenticated.
     #[must_use]
     pub const fn refusal(&self) -> Option<&Refusal> {
         match self {
@@ -88,19 +86,17 @@ impl ConnectError {
     }
 }
 
-/// Connects to the listener at `endpoint`, trying again until `deadline`: which of two peers starts first
-/// does not matter.
+/// Connects to the listener at `endpoint`, retrying until `deadline`: either peer may start first.
 ///
-/// Between two attempts is a random pause that grows from 0.1 to 2 s at most. Each new obstacle is logged
-/// once.
+/// Between two attempts is a random pause that grows from 0.1 to 2 s. Each new obstacle is logged once.
 ///
-/// Dropping the future ends the attempt that is under way. The listener may have made a link of it: that link
-/// then ends as lost.
+/// Dropping the future ends the current attempt. If the listener has already made a link of it, that link
+/// ends as lost.
 ///
 /// # Errors
-/// At once where what this side was given cannot be used. Everything else is tried again, also what a
-/// listener says: a stranger may have its address for a moment, and the peer may be started again with
-/// other data or other keys. So it ends at the deadline, and the last attempt's error is the source.
+/// At once if this side's own settings cannot be used. Everything else is retried, also refusals: a stranger
+/// may have the address for a moment, and the peer may restart with other data or other keys. Then the call
+/// ends at the deadline, with the last attempt's error as the source.
 pub async fn connect<P: Protocol>(
     net: &Arc<dyn Net>,
     endpoint: &Endpoint,
@@ -140,7 +136,7 @@ pub async fn connect<P: Protocol>(
                 return Err(ConnectError::Failed { endpoint: endpoint.clone(), cause });
             }
             Some(Err(last)) => last,
-            // An attempt that was cut short by the deadline tells less than the one before it.
+            // An attempt cut short by the deadline tells less than the one before.
             None => known.filter(|_| timeout == deadline).unwrap_or(AttemptError::TimedOut),
         };
         let obstacle = causes(&last);
@@ -161,20 +157,19 @@ pub async fn connect<P: Protocol>(
     }
 }
 
-/// Pauses between attempts, without end: each is twice the one before, up to `longest`.
+/// Endless pauses between attempts: each is twice the one before, up to `longest`.
 pub fn growing_pauses(first: Duration, longest: Duration) -> impl Iterator<Item = Duration> {
     successors(Some(first), move |pause| Some((*pause * 2).min(longest)))
 }
 
-/// Between a half and the whole of `pause`, so that peers which lost the same listener do not all come back
-/// at once.
+/// Between half and all of `pause`, so that peers of a lost listener do not all come back at once.
 fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
     let part = net.random()? >> 32;
     let half = pause / 2;
     Ok(half + Duration::from_nanos((half.as_nanos() as u64).saturating_mul(part) >> 32))
 }
 
-/// The link, if its peer may have the role that it claims; else the peer is told why not.
+/// The link, if its peer may have the role that it claims; otherwise closes it with the reason.
 async fn believed<P: Protocol>(
     net: &Arc<dyn Net>,
     options: &Options,
@@ -187,7 +182,7 @@ async fn believed<P: Protocol>(
         (Some(link), None) => Ok(link),
         #[cfg(feature = "keys")]
         (Some(link), Some(HandshakeError::WrongRole(claim))) => {
-            // It need not be heard.
+            // The peer need not receive it.
             let _unheard = link.close(claim.close()).await;
             Err(failed(claim.into()))
         }

@@ -1,4 +1,4 @@
-//! Where a peer is to be found: a transport and an address, as one value that a flag or a file can hold.
+//! Endpoints: a transport and an address, as one value for a flag or a file.
 
 mod host;
 mod local;
@@ -19,11 +19,11 @@ use ws::LONGEST_PATH as LONGEST_WS_PATH;
 pub use ws::{WsEndpoint, WsPath};
 
 /// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`,
-/// `ws://host:port/path`, `unix:/path` or `inproc:name`. Behind the port of `udp` may follow `?mode=reliable` or
-/// `?mode=deadline`. The path of `ws` may be left out.
+/// `ws://host:port/path`, `unix:/path` or `inproc:name`. The port of `udp` may be followed by
+/// `?mode=reliable` or `?mode=deadline`. The path of `ws` may be left out.
 ///
 /// A host is a name, an IPv4 address, or an IPv6 address in brackets. Port 0 takes a free port when
-/// listening. [`fmt::Display`] gives back what parses to the same value.
+/// listening. [`fmt::Display`] writes text that parses to the same value.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 #[non_exhaustive]
@@ -51,37 +51,37 @@ pub struct OtherEndpoint {
     address: String,
 }
 
-/// Why a text is no endpoint.
+/// Why a text is not an endpoint.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{text:?} is no endpoint: {fault}")]
 pub struct EndpointError {
     /// The text.
     pub text: String,
-    /// What is wrong with it.
+    /// The fault.
     #[source]
     pub fault: EndpointFault,
 }
 
-/// What is wrong with an endpoint.
+/// The fault of an endpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum EndpointFault {
-    /// No transport in front.
+    /// It has no transport in front.
     #[error(
         "it names no transport; give tcp://host:port, udp://host:port, quic://host:port, ws://host:port/path, \
          unix:/path or inproc:name"
     )]
     Scheme,
-    /// No port behind.
+    /// It has no port.
     #[error("it has no port; give host:port, with an IPv6 address in brackets: [::1]:7400")]
     NoPort,
-    /// The port is no number of 16 bits.
+    /// The port is not a number of 16 bits.
     #[error("its port is not a number from 0 to 65535")]
     Port,
     /// The host is neither a name nor an address.
     #[error("its host is neither a name nor an IPv4 address nor an IPv6 address in brackets")]
     Host,
-    /// What follows the port.
+    /// The query behind the port.
     #[error("behind its port only ?mode=reliable or ?mode=deadline may follow, and that for udp only")]
     Query,
     /// The path of a WebSocket's address.
@@ -99,15 +99,15 @@ pub enum EndpointFault {
 }
 
 impl Endpoint {
-    /// The endpoint of a transport from outside this crate, written `scheme://address`. A text is read as
-    /// such an endpoint by nobody but this function.
+    /// The endpoint of a transport from outside this crate, written `scheme://address`. Only this function
+    /// makes such endpoints from text.
     #[must_use]
     pub fn other(scheme: &str, address: &str) -> Self {
         Self::Other(OtherEndpoint { scheme: scheme.to_owned(), address: address.to_owned() })
     }
 
     /// The transport's name, which is the endpoint's scheme: `tcp`, `udp`, `quic`, `ws`, `unix`, `inproc`, or
-    /// that of another transport.
+    /// another.
     #[must_use]
     pub fn transport(&self) -> &str {
         match self {
@@ -121,7 +121,7 @@ impl Endpoint {
         }
     }
 
-    /// What stands behind the scheme, where transports of byte streams find each other.
+    /// The part behind the scheme, by which transports of byte streams find each other.
     pub(crate) fn address(&self) -> String {
         match self {
             Self::Tcp(at) | Self::Quic(at) => at.to_string(),
@@ -146,7 +146,7 @@ impl Endpoint {
         }
     }
 
-    /// Whether peers prove there who they are, so that both need [keys](crate::keys).
+    /// Whether peers authenticate there, so that both need [keys](crate::keys).
     #[must_use]
     pub const fn needs_keys(&self) -> bool {
         matches!(self, Self::Udp(_) | Self::Quic(_))
@@ -170,7 +170,7 @@ impl FromStr for Endpoint {
     }
 }
 
-/// What follows the scheme of an address on a network.
+/// The part behind the scheme of a network address.
 fn authority<T: FromStr<Err = EndpointFault>>(rest: &str) -> Result<T, EndpointFault> {
     rest.strip_prefix("//").ok_or(EndpointFault::Scheme)?.parse()
 }

@@ -1,4 +1,4 @@
-//! Several places to be found at.
+//! Several endpoints of one peer.
 
 use std::fmt;
 use std::str::FromStr;
@@ -10,7 +10,7 @@ use crate::{Endpoint, EndpointError};
 
 /// One endpoint or several, at which one peer listens.
 ///
-/// As text, commas part them; a file may also give a list. Several make sense where the peers come over
+/// Commas separate them in text; a file may also give a list. Several make sense where peers come over
 /// different transports.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Endpoints {
@@ -24,13 +24,13 @@ impl Endpoints {
         std::iter::once(&self.first).chain(&self.rest)
     }
 
-    /// The one that was given first.
+    /// The first one given.
     #[must_use]
     pub const fn first(&self) -> &Endpoint {
         &self.first
     }
 
-    /// The same, and behind them another one.
+    /// The same endpoints, followed by another one.
     #[must_use]
     pub fn and(mut self, endpoint: Endpoint) -> Self {
         self.push(endpoint);

@@ -1,4 +1,4 @@
-//! How using a link can fail.
+//! Errors of a link.
 
 use std::io;
 use std::time::Duration;
@@ -17,7 +17,7 @@ use crate::timeouts::Expired;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RecvError {
-    /// The peer left on purpose.
+    /// The peer closed the link.
     #[error("{peer} closed the link: {reason}")]
     Closed {
         /// The peer.
@@ -30,11 +30,11 @@ pub enum RecvError {
     Lost {
         /// The peer.
         peer: PeerName,
-        /// How it ended.
+        /// The cause.
         #[source]
         cause: Loss,
     },
-    /// The connection stands, but nothing came within the link's timeout.
+    /// The connection is up, but nothing came within the link's timeout.
     #[error(
         "{peer} sent nothing for {waited:?}: it hangs, or the link's timeout is too short for what it does"
     )]
@@ -44,18 +44,18 @@ pub enum RecvError {
         /// The link's timeout.
         waited: Duration,
     },
-    /// The deadline of this call came. The link is as good as before.
+    /// The deadline of this call came. The link stays usable.
     #[error("nothing came from {peer} before the deadline")]
     Deadline {
         /// The peer.
         peer: PeerName,
     },
-    /// The peer sent what the protocol does not allow. The link cannot be used any more.
+    /// The peer broke the protocol. The link cannot be used any more.
     #[error("{peer} broke the protocol")]
     Protocol {
         /// The peer.
         peer: PeerName,
-        /// How.
+        /// The violation.
         #[source]
         cause: ProtocolError,
     },
@@ -70,7 +70,7 @@ pub enum SendError {
     Lost {
         /// The peer.
         peer: PeerName,
-        /// How it ended.
+        /// The cause.
         #[source]
         cause: Loss,
     },
@@ -84,18 +84,18 @@ pub enum SendError {
         /// The link's timeout.
         waited: Duration,
     },
-    /// A message of the messages lane is longer than it may be.
+    /// A message of the messages lane is too long.
     #[error("a message for {peer} is longer than {MAX_MESSAGE} bytes")]
     TooLong {
         /// The peer.
         peer: PeerName,
     },
-    /// This side called begin, push and finish in an order that makes no frame.
+    /// This side called begin, push and finish in the wrong order.
     #[error("a frame for {peer} was put together in the wrong order")]
     Order {
         /// The peer.
         peer: PeerName,
-        /// How.
+        /// The mistake.
         #[source]
         cause: FrameOrderError,
     },
@@ -111,7 +111,7 @@ pub enum Loss {
     /// The peer closed it within a message.
     #[error("it was closed in the middle of a message, {bytes} bytes into it")]
     Cut {
-        /// How much of the message had come.
+        /// The bytes of the message that had come.
         bytes: usize,
     },
     /// Nothing came within the idle timeout, not even a keep-alive.
@@ -124,14 +124,14 @@ pub enum Loss {
     Io(io::Error),
 }
 
-/// What a peer did that the protocol does not allow.
+/// A violation of the protocol by a peer.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ProtocolError {
-    /// It sent bytes that are no message.
+    /// It sent bytes that are not a message.
     #[error(transparent)]
     Decode(#[from] DecodeError),
-    /// It broke the order of a frame, or its items are not those it announced.
+    /// It broke the order of a frame, or announced other items.
     #[error(transparent)]
     Frame(#[from] FrameViolation),
     /// It broke the rules of the datagrams.
@@ -141,22 +141,22 @@ pub enum ProtocolError {
     /// It sent a coded batch that the application cannot read.
     #[error(transparent)]
     Coded(CodingError),
-    /// It sent a coded batch, and the application has no such.
+    /// It sent a coded batch, and the application has no coding.
     #[error("a coded batch came, and this protocol has none")]
     NotCoded,
-    /// It sent a batch that is no whole number of items.
+    /// It sent a batch that is not a whole number of items.
     #[error(transparent)]
     Batch(BatchError),
-    /// It sent a value that is none.
+    /// It sent an invalid value.
     #[error("it sent a value that is none")]
     Value(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// It sent a message that is none of the application's.
+    /// It sent a message that the application does not have.
     #[error("it sent a message that is none of the application's")]
     Message(#[source] postcard::Error),
     /// It sent more than it may.
     #[error(transparent)]
     TooMany(#[from] TooMany),
-    /// It sent a message that does not belong on the lane.
+    /// It sent a message on the wrong lane.
     #[error("a {kind} message does not belong on the {lane} lane")]
     Misplaced {
         /// The message.
@@ -166,7 +166,7 @@ pub enum ProtocolError {
     },
 }
 
-/// How a lane fails, before it is known for which peer.
+/// An error of a lane, before the peer is added.
 #[derive(Debug)]
 pub(crate) enum LaneError {
     Closed(CloseReason),
@@ -189,17 +189,17 @@ impl LaneError {
     }
 }
 
-/// A time that was measured, as people read it: to the millisecond.
+/// A measured time for people: to the millisecond.
 pub(crate) fn readable(measured: &Duration) -> Duration {
     Duration::from_millis(measured.as_millis().try_into().unwrap_or(u64::MAX))
 }
 
-/// A message came on a lane where it does not belong.
+/// The error for a message on the wrong lane.
 pub(crate) const fn misplaced(kind: Kind, lane: Lane) -> LaneError {
     LaneError::Protocol(ProtocolError::Misplaced { kind, lane })
 }
 
-/// How sending over a lane fails, before it is known for which peer.
+/// A sending error of a lane, before the peer is added.
 #[derive(Debug)]
 pub(crate) enum LaneSendError {
     Lost(Loss),

@@ -1,4 +1,4 @@
-//! What every handshake has in common, whatever the transport, and how it fails.
+//! Handshakes of every transport, and how they fail.
 
 use std::io;
 
@@ -27,10 +27,10 @@ pub enum HandshakeError {
     /// The system reports an error.
     #[error("the connection failed during the handshake")]
     Io(#[source] io::Error),
-    /// What came is not this protocol.
+    /// The received bytes are not this protocol.
     #[error("the other side does not speak this protocol")]
     Decode(#[from] DecodeError),
-    /// A message came that is no part of a handshake.
+    /// A message came that does not belong in a handshake.
     #[error("a {kind} message came during the handshake")]
     Unexpected {
         /// The message.
@@ -51,31 +51,30 @@ pub enum HandshakeError {
     /// Nobody answers.
     #[error("no answer: nobody listens there, or not to these keys")]
     Unanswered,
-    /// Someone came whose keys do not fit.
+    /// A peer came with keys that do not fit.
     #[cfg(feature = "keys")]
     #[error("someone came whose keys do not fit")]
     Stranger,
-    /// Nobody answered in this version of the datagrams, but somebody who claims that the other side has
-    /// another one.
+    /// No answer came in this version of the datagrams, but a claim that the other side has another one.
     #[cfg(feature = "udp")]
     #[error(
         "no answer in version {ours} of the datagrams, but a claim that the other side has version {theirs}: if both sides have different releases, install the same on both"
     )]
     Datagram {
-        /// The version that was claimed: anyone on the way can claim one.
+        /// The claimed version: anyone on the path can claim one.
         theirs: u64,
-        /// Ours.
+        /// This side's version.
         ours: u64,
     },
     /// TLS cannot be set up.
     #[cfg(feature = "quic")]
     #[error("TLS cannot be set up")]
     Tls(#[from] rustls::Error),
-    /// The peer's certificate is none that this side knows.
+    /// This side does not know the peer's certificate.
     #[cfg(feature = "quic")]
     #[error(transparent)]
     UnknownPeer(#[from] Box<UnknownPeer>),
-    /// The peer's key is known for another role than it claims.
+    /// The peer's key is known for another role than the claimed one.
     #[cfg(feature = "keys")]
     #[error(transparent)]
     WrongRole(#[from] Box<WrongRole>),
@@ -85,10 +84,10 @@ pub enum HandshakeError {
         "the peer does not expect our certificate {presented}: add it to the peer's list, or use the keys it expects"
     )]
     NotKnown {
-        /// What this side showed.
+        /// The certificate that this side showed.
         presented: Fingerprint,
     },
-    /// The other side speaks QUIC, but no protocol or version of ours.
+    /// The other side speaks QUIC, but none of our protocols or versions.
     #[cfg(feature = "quic")]
     #[error("the other side speaks QUIC, but not {0}: install the same release on both")]
     Alpn(ProtocolName),
@@ -102,15 +101,15 @@ pub enum HandshakeError {
     #[cfg(feature = "quic")]
     #[error("values of the latest lane need datagrams of {needed} bytes, and the connection allows {}", .allowed.map_or("none".to_owned(), |n| n.to_string()))]
     Datagrams {
-        /// What a value needs, bytes.
+        /// The bytes that a value needs.
         needed: usize,
-        /// What the peer and the way allow, bytes.
+        /// The bytes that the peer and the path allow.
         allowed: Option<usize>,
     },
     /// Too many handshakes begin.
     #[error(transparent)]
     TooMany(#[from] TooMany),
-    /// The transport does not let the peer in, for instance because it is another user's process.
+    /// The transport does not admit the peer, for instance because it is another user's process.
     #[error("the peer is not let in")]
     NotLetIn(#[source] io::Error),
 }
@@ -121,7 +120,7 @@ pub enum HandshakeError {
 pub struct HelloTooLong(pub(crate) usize);
 
 impl HandshakeError {
-    /// What the peer is told, where it is refused.
+    /// The refusal to send to the peer, if any.
     #[cfg(feature = "keys")]
     pub(crate) fn refusal(&self) -> Option<Refusal> {
         match self {
@@ -132,7 +131,7 @@ impl HandshakeError {
         }
     }
 
-    /// Whether what this side was given is at fault.
+    /// Whether this side's own settings are at fault.
     pub(crate) const fn is_final(&self) -> bool {
         match self {
             Self::HelloTooLong(_) => true,
@@ -144,8 +143,8 @@ impl HandshakeError {
         }
     }
 
-    /// Whether the two sides do not go together, which a person has to mend: their keys, releases, data,
-    /// settings or programs differ. Otherwise one of them is not there, or has no room.
+    /// Whether the two sides do not fit, which a person has to fix: their keys, releases, data, settings or
+    /// programs differ. Otherwise one of them is absent or has no room.
     pub(crate) const fn is_mismatch(&self) -> bool {
         match self {
             Self::Refused(refusal) => !refusal.is_passing(),
@@ -174,7 +173,7 @@ impl From<LaneError> for HandshakeError {
             LaneError::Protocol(ProtocolError::Decode(e)) => Self::Decode(e),
             LaneError::Protocol(ProtocolError::Misplaced { kind, .. }) => Self::Unexpected { kind },
             LaneError::Protocol(ProtocolError::TooMany(e)) => Self::TooMany(e),
-            // What belongs on a lane.
+            // A message that belongs on a lane.
             LaneError::Protocol(_) => Self::Unexpected { kind: Kind::Batch },
             LaneError::Closed(_) => Self::Unexpected { kind: Kind::Close },
             LaneError::Expired(_) => Self::TimedOut,
@@ -182,15 +181,15 @@ impl From<LaneError> for HandshakeError {
     }
 }
 
-/// The other side, while the two introduce themselves.
+/// The other side during the handshake.
 pub(crate) trait Handshake: Send {
     /// Reads the next message.
     fn recv(&mut self) -> impl Future<Output = Result<Message, HandshakeError>> + Send;
 
-    /// Writes why not, and that nothing more comes.
+    /// Sends the refusal and ends the stream.
     fn dismiss(&mut self, refusal: Refusal) -> impl Future<Output = Result<(), HandshakeError>> + Send;
 
-    /// Refuses, and is why the handshake failed, also where the other side is gone before it could be told.
+    /// Refuses, and returns the error of the handshake, even if the other side can no longer be told.
     fn refuse(&mut self, refusal: Refusal) -> impl Future<Output = HandshakeError> + Send {
         async move {
             let _untold = self.dismiss(refusal.clone()).await;
@@ -198,8 +197,8 @@ pub(crate) trait Handshake: Send {
         }
     }
 
-    /// Reads the hello of whoever connected. A peer of another version is refused here: no more of it can be
-    /// read.
+    /// Reads the hello of the connecting peer. A peer of another version is refused here, because its hello
+    /// cannot be read further.
     fn recv_hello(&mut self) -> impl Future<Output = Result<Hello, HandshakeError>> + Send {
         async {
             match self.recv().await {

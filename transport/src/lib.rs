@@ -1,9 +1,9 @@
 //! Links for data that belongs to frames, over pluggable transports and an application's own types.
 //!
-//! A [`Link`] joins two peers by four lanes: the *latest* lane is a cell of size one, the *frames* lane
-//! carries begin, batches of items, end, the *messages* lane what is said beside, and the *bulk* lane blocks
-//! of bytes that are in nobody's way. An application says what they hold by a [`Protocol`]. [`connect`] and [`Listener`] make links over the transport that an
-//! [`Endpoint`] names; using them is the same over each.
+//! A [`Link`] joins two peers by four lanes. The *latest* lane is a cell of size one. The *frames* lane
+//! carries begin, batches of items, end. The *messages* lane carries messages, and the *bulk* lane blocks of
+//! bytes that yield to all others. An application defines their types by a [`Protocol`]. [`connect`] and
+//! [`Listener`] make links over the transport that an [`Endpoint`] names; using them is the same over each.
 //!
 //! ```
 //! use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! What two peers share after the handshake.
+//! A link between two peers after the handshake.
 
 use std::pin::pin;
 use std::sync::Arc;
@@ -23,19 +23,19 @@ use crate::stats::StatsHandle;
 use crate::timeouts::Timeouts;
 use crate::transport::Capabilities;
 
-/// How long a peer that leaves waits for the other one to leave as well.
+/// How long a closing peer waits for the other one to close as well.
 const LINGER: Duration = Duration::from_millis(500);
 
 /// A link to a peer: a lane for the latest value, a lane for frames of items, a lane for messages and, behind
 /// these, a lane for blocks of bytes; each in both directions.
 ///
-/// The halves are independent: take the struct apart and use each where it is needed, from any thread.
-/// Waiting calls work inside a runtime as well as under `Handle::block_on` on a thread of the caller's.
+/// The halves are independent: take the struct apart and use each on any thread. Waiting calls work inside a
+/// runtime as well as under `Handle::block_on` on a thread of the caller's.
 ///
 /// A link that is dropped without [`Link::close`] looks to the peer like a crash.
 #[derive(Debug)]
 pub struct Link<P: Protocol> {
-    /// Who is at the other end.
+    /// The other end.
     pub peer: PeerInfo<P>,
     /// Publishes the latest value.
     pub latest_tx: LatestSender<P>,
@@ -49,9 +49,9 @@ pub struct Link<P: Protocol> {
     pub messages_tx: MessageSender<P>,
     /// Receives messages.
     pub messages_rx: MessageReceiver<P>,
-    /// Blocks of bytes that nothing else has to wait for. A task of its own may take it out.
+    /// Blocks of bytes that hold up nothing else. A task of its own may take it out.
     pub bulk: Option<Bulk>,
-    /// Counts what travels, for reading at any time.
+    /// Traffic counters, readable at any time.
     pub stats: StatsHandle,
     pub(crate) capabilities: Capabilities,
     net: Arc<dyn Net>,
@@ -67,23 +67,22 @@ pub struct Bulk {
 }
 
 impl<P: Protocol> Link<P> {
-    /// What the link's transport promises.
+    /// The guarantees of the link's transport.
     #[must_use]
     pub const fn capabilities(&self) -> Capabilities {
         self.capabilities
     }
 
-    /// Leaves in good order: closes the link on each lane, and waits a moment (half a second at most) for the
-    /// peer to leave as well, or for what was said to arrive when the peer has left already. What still
-    /// comes from it is thrown away.
+    /// Closes the link on each lane. Then waits at most half a second for the peer to close as well, or, if
+    /// the peer has left already, for the close to arrive. Data that still comes is discarded.
     ///
-    /// A bulk lane that was taken out stays open: put it back before.
+    /// A bulk lane that was taken out stays open: put it back first.
     ///
-    /// Dropping the future drops the link: the peer may have heard the close on some lanes only or on
-    /// none, and then takes this side for lost.
+    /// Dropping the future drops the link: the close may reach the peer on some lanes or none, and the peer
+    /// then takes this side for lost.
     ///
     /// # Errors
-    /// When the peer is gone without a close of its own, or takes nothing within the link's timeout.
+    /// If the peer is gone without a close of its own, or takes nothing within the link's timeout.
     pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, .. } = self;
         let (messages_tx, mut messages_rx, net) = (self.messages_tx, self.messages_rx, self.net);
@@ -103,7 +102,7 @@ impl<P: Protocol> Link<P> {
             frames.and(latest).and(messages).and(bulk)
         };
         // A connection that is closed while it holds unread data is reset, and on some systems the reset
-        // overtakes the close on the peer's side. So whatever comes is read until the peer closes.
+        // overtakes the close on the peer's side. So everything is read until the peer closes.
         let hear = async {
             let (frames, latest, messages, bulk) =
                 tokio::join!(frames_rx.drain(), latest_rx.drain(), messages_rx.0.drain(), async {
@@ -127,7 +126,7 @@ impl<P: Protocol> Link<P> {
             }
             heard = &mut hear => {
                 let said = match heard {
-                    // It may be unable to tell that all has arrived, and what has not by then nobody reads.
+                    // It may be unable to tell that all has arrived. The rest would not be read.
                     (true, _) => until(&*net, soon(), say).await.unwrap_or(Ok(())),
                     (false, _) => say.await,
                 };
@@ -136,13 +135,13 @@ impl<P: Protocol> Link<P> {
         };
         let Some((has_left, lane)) = heard else { return said };
         lane.part().await;
-        // It may leave between the close on one lane and that on the other.
+        // The peer may leave between the close on one lane and that on the other.
         if has_left { Ok(()) } else { said }
     }
 }
 
 impl Parts {
-    /// The link, if its peer speaks `P`: the handshake has seen to that.
+    /// The link, if its peer speaks `P`, which the handshake has ensured.
     pub(crate) fn into_link<P: Protocol>(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Option<Link<P>> {
         let Self { lanes, peer, session, address, capabilities, shared, .. } = self;
         let hello = postcard::from_bytes(&peer.hello).ok()?;
@@ -169,7 +168,7 @@ impl Parts {
             }
         };
         let (max_frame, rate) = (config.max_frame, || Messages::new(most));
-        // A peer may have no message and no block to send for ever.
+        // A peer may never send a message or a block.
         let patient = || Timeouts::new(net, Duration::MAX, config.idle_timeout);
         Some(Link {
             peer: PeerInfo { name: peer.name, hello, session, address },

@@ -29,56 +29,55 @@ const QUEUE: usize = 8;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ListenError {
-    /// The host name has no address. It may pass: the name server may not be there yet.
+    /// The host name has no address. It may pass: the name server may not be up yet.
     #[error("cannot listen on {endpoint}: its host has no address; check the name, or give an address")]
     Address {
-        /// Where.
+        /// The endpoint.
         endpoint: Endpoint,
-        /// What the resolver says.
+        /// The resolver's error.
         #[source]
         cause: io::Error,
     },
-    /// The address is none of this machine's. It may pass: a network may not be there yet.
+    /// This machine does not have the address. It may pass: a network may not be up yet.
     #[error(
         "cannot listen on {endpoint}: this machine has no such address; check it, and that its network is up"
     )]
     NotHere {
-        /// Where.
+        /// The endpoint.
         endpoint: Endpoint,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
-    /// Someone else listens there. It may pass: that program may end.
+    /// Another program listens there. It may pass: that program may end.
     #[error("cannot listen on {endpoint}: it is in use; choose another one, or stop the program that has it")]
     InUse {
-        /// Where.
+        /// The endpoint.
         endpoint: Endpoint,
     },
-    /// This side lacks keys, or they cannot be used; or the system never allows what was asked for. It does
-    /// not pass.
+    /// This side has no usable keys, or the system never allows this. It does not pass.
     #[error("cannot listen on {endpoint}")]
     Given {
-        /// Where.
+        /// The endpoint.
         endpoint: Endpoint,
-        /// Why not.
+        /// The cause.
         #[source]
         cause: io::Error,
     },
-    /// Any other failure, such as want of descriptors or a folder that is not there yet. It may pass.
+    /// Any other failure, such as a lack of descriptors or a missing folder. It may pass.
     #[error("cannot listen on {endpoint}")]
     Io {
-        /// Where.
+        /// The endpoint.
         endpoint: Endpoint,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
 }
 
 impl ListenError {
-    /// Whether the same call may work another time: time or another program may mend it. Otherwise what this
-    /// side was given has to change.
+    /// Whether the same call may succeed later: time or another program may fix it. Otherwise this side's
+    /// settings have to change.
     #[must_use]
     pub const fn may_pass(&self) -> bool {
         !matches!(self, Self::Given { .. })
@@ -98,7 +97,7 @@ impl ListenError {
             | io::ErrorKind::NotADirectory
             | io::ErrorKind::InvalidInput
             | io::ErrorKind::Unsupported
-            // What this crate says of keys.
+            // This crate's errors about keys.
             | io::ErrorKind::Other => Self::Given { endpoint, cause },
             _ => Self::Io { endpoint, cause },
         }
@@ -112,33 +111,33 @@ pub enum AcceptError {
     /// No peer came before the deadline.
     #[error("no peer connected to {endpoints} in {:?}{}", readable(.waited), .last.as_ref().map(|e| format!(" (the last that tried: {e})")).unwrap_or_default())]
     Deadline {
-        /// Where we listened.
+        /// The endpoints.
         endpoints: Endpoints,
         /// How long this call waited.
         waited: Duration,
-        /// What became of the last connection that did not make it to a link.
+        /// The last failure of a connection before it became a link.
         #[source]
         last: Option<HandshakeError>,
     },
     /// The listener's task is gone, because its runtime was shut down.
     #[error("the listener on {endpoints} was shut down")]
     ShutDown {
-        /// Where we listened.
+        /// The endpoints.
         endpoints: Endpoints,
     },
 }
 
-/// Takes peers that connect, over one transport or several.
+/// Accepts connecting peers, over one transport or several.
 ///
-/// Handshakes go on beside the caller: a stranger, or a peer that stops in the middle, holds up nobody. Each
-/// has a limit in time and they have one in number.
+/// Handshakes run in the background: a stranger, or a peer that stops midway, holds up nobody. Each handshake
+/// has a time limit, and their number is limited.
 pub struct Listener<P: Protocol> {
     links: mpsc::Receiver<Parts>,
     protocol: PhantomData<fn() -> P>,
     endpoints: Endpoints,
     net: Arc<dyn Net>,
     acceptor: Arc<Acceptor>,
-    /// What goes with the listener, such as its names within this process.
+    /// Guards that live with the listener, such as its names within this process.
     _guards: Vec<Box<dyn Send + Sync>>,
 }
 
@@ -149,12 +148,12 @@ impl<P: Protocol> fmt::Debug for Listener<P> {
 }
 
 impl<P: Protocol> Listener<P> {
-    /// Listens on `endpoint` as the peer that says `hello`; port 0 takes a free port.
+    /// Listens on `endpoint` as the peer with `hello`; port 0 takes a free port.
     ///
-    /// Dropping the future frees what it has taken so far.
+    /// Dropping the future frees everything taken so far.
     ///
     /// # Errors
-    /// When the endpoint cannot be listened on; [`ListenError::may_pass`] says whether another time may do.
+    /// If the endpoint cannot be listened on; [`ListenError::may_pass`] says whether a later try may work.
     pub async fn bind(
         net: &Arc<dyn Net>,
         endpoint: &Endpoint,
@@ -166,10 +165,10 @@ impl<P: Protocol> Listener<P> {
 
     /// As [`Listener::bind`], at each of `endpoints` at once: the limits hold for all together.
     ///
-    /// Dropping the future frees what it has taken so far.
+    /// Dropping the future frees everything taken so far.
     ///
     /// # Errors
-    /// When one of the endpoints cannot be listened on.
+    /// If one of the endpoints cannot be listened on.
     pub async fn bind_all(
         net: &Arc<dyn Net>,
         endpoints: &Endpoints,
@@ -198,39 +197,38 @@ impl<P: Protocol> Listener<P> {
         Ok(Self { links, protocol: PhantomData, endpoints, net: Arc::clone(net), acceptor, _guards: guards })
     }
 
-    /// Where it listens, first of all: with the port that the system chose, where it was to.
+    /// The first endpoint, with the port that the system chose for port 0.
     #[must_use]
     pub const fn local_endpoint(&self) -> &Endpoint {
         self.endpoints.first()
     }
 
-    /// Everywhere that it listens, in the order given.
+    /// All endpoints, in the order given.
     #[must_use]
     pub const fn local_endpoints(&self) -> &Endpoints {
         &self.endpoints
     }
 
-    /// What was turned away so far.
+    /// The counts of refused handshakes so far.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAway {
         self.acceptor.turned_away()
     }
 
-    /// Waits for the next peer, until `deadline` at most. Who does not fit is turned away, and the wait goes
-    /// on.
+    /// Waits for the next peer, until `deadline` at most. Peers that do not fit are refused, and the wait
+    /// goes on.
     ///
-    /// Dropping the future loses no peer: the next call gives it.
+    /// Dropping the future loses no peer: the next call returns it.
     ///
     /// # Errors
-    /// When none came; then the error says what became of the last one that tried. Or when the runtime is
-    /// shut down.
+    /// If no peer came; the error then tells the last failure. Or if the runtime is shut down.
     pub async fn accept(&mut self, deadline: Instant) -> Result<Link<P>, AcceptError> {
         let started = self.net.now();
         let endpoints = self.endpoints.clone();
         loop {
             match until(&*self.net, deadline, self.links.recv()).await {
                 Some(Some(parts)) => {
-                    // Whose hello was admitted can be read.
+                    // An admitted hello can be read.
                     if let Some(link) = parts.into_link(&self.net, &self.acceptor.options.link) {
                         return Ok(link);
                     }

@@ -1,4 +1,4 @@
-//! What every transport gives when its handshake is done.
+//! The result of every handshake.
 
 use std::any::Any;
 
@@ -12,7 +12,7 @@ use crate::lanes::shared::Shared;
 use crate::peer::{Peer, PeerAddress};
 use crate::transport::Capabilities;
 
-/// What a transport has when its handshake is done: a link but for its types.
+/// The result of a handshake: a link without its types.
 #[derive(Debug)]
 pub(crate) struct Parts {
     pub(crate) lanes: Lanes,
@@ -21,11 +21,11 @@ pub(crate) struct Parts {
     pub(crate) address: PeerAddress,
     pub(crate) capabilities: Capabilities,
     pub(crate) shared: Shared,
-    /// Why this side does not take the peer after all: it is told so.
+    /// Why this side refuses the peer after all; the peer is told.
     pub(crate) doubt: Option<HandshakeError>,
 }
 
-/// The lanes where values travel as bytes.
+/// The lanes as bytes.
 #[derive(Debug)]
 pub(crate) struct Wire {
     pub(crate) latest: (WireLatestTx, WireLatestRx),
@@ -37,8 +37,8 @@ pub(crate) struct Wire {
 /// The lanes.
 #[derive(Debug)]
 pub(crate) enum Lanes {
-    /// Of bytes.
+    /// Lanes of bytes.
     Wire(Box<Wire>),
-    /// Of values: `inproc::Lanes` of the application's protocol.
+    /// Lanes of values: `inproc::Lanes` of the application's protocol.
     Local(Box<dyn Any + Send>),
 }

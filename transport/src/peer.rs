@@ -1,4 +1,4 @@
-//! Who is at the other end of a link, and where.
+//! The peer of a link, and its address.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -8,20 +8,20 @@ use bytes::Bytes;
 use trimaran_net::{Credentials, StreamPeer};
 use trimaran_wire::{Batching, Protocol, SessionId};
 
-/// Who is at the other end of a link.
+/// The peer of a link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeerInfo<P: Protocol> {
-    /// What messages and logs call it.
+    /// Its name in messages and logs.
     pub name: PeerName,
-    /// How it introduced itself.
+    /// Its hello.
     pub hello: P::Hello,
     /// The link's session id.
     pub session: SessionId,
-    /// Where it was when the link was made: over datagrams and QUIC it may go elsewhere.
+    /// Its address when the link was made: over datagrams and QUIC it may change.
     pub address: PeerAddress,
 }
 
-/// What a peer is called in messages and logs, as its application has it.
+/// The name of a peer in messages and logs, from its application.
 #[derive(Clone, PartialEq, Eq)]
 pub struct PeerName(Arc<str>);
 
@@ -49,21 +49,21 @@ impl fmt::Debug for PeerName {
     }
 }
 
-/// A peer as it introduced itself.
+/// A peer, from its hello.
 #[derive(Debug, Clone)]
 pub(crate) struct Peer {
     pub(crate) hello: Bytes,
     pub(crate) name: PeerName,
-    /// What it claims to be: held against what its key allows, on transports that have keys.
+    /// The role that it claims. Transports with keys check it against its key.
     #[cfg_attr(not(any(feature = "quic", feature = "udp")), expect(dead_code, reason = "there are no keys"))]
     pub(crate) role: Option<String>,
-    /// By what a listener knows it when it comes again.
+    /// The identity by which a listener recognizes it when it connects again.
     pub(crate) place: Option<u64>,
-    /// How items travel, where the hellos of both sides decide it.
+    /// How items travel, if the hellos of both sides decide it.
     pub(crate) batching: Option<Batching>,
 }
 
-/// Where a peer is.
+/// The address of a peer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PeerAddress {
@@ -81,7 +81,7 @@ pub enum PeerAddress {
     Other {
         /// The transport's scheme.
         scheme: &'static str,
-        /// Where, as the transport says.
+        /// The address, from the transport.
         at: StreamPeer,
     },
 }
@@ -96,7 +96,7 @@ impl PeerAddress {
         }
     }
 
-    /// The transport that leads there, as [`Endpoint::transport`](crate::Endpoint::transport) names it.
+    /// The peer's transport, as [`Endpoint::transport`](crate::Endpoint::transport) names it.
     #[must_use]
     pub const fn transport(&self) -> &'static str {
         match self {

@@ -1,4 +1,4 @@
-//! The handshakes under way at a listener: how many there may be, and which of them gives way to a new one.
+//! The open handshakes at a listener: their limit, and which of them gives way to a new one.
 
 use parking_lot::Mutex;
 use std::convert::Infallible;
@@ -8,15 +8,15 @@ use tokio::sync::oneshot;
 
 use crate::rates::Origin;
 
-/// How many slots one link takes: over byte streams each of its connections shakes hands.
+/// The slots of one link: over byte streams each of its connections shakes hands.
 const SLOTS_PER_LINK: usize = 4;
 
-/// Has a slot for each handshake under way. None of their peers is authenticated yet, so a new handshake
-/// always gets a slot.
+/// A slot for each open handshake. None of their peers is authenticated yet, so a new handshake always gets a
+/// slot.
 ///
-/// Where all are taken, an origin that holds more of them than a link takes gives way first, and among equals
-/// the oldest handshake. So a flood displaces itself, and who shares its address has as long as the flood
-/// takes to fill all slots.
+/// If all are taken, an origin that holds more of them than a link takes gives way first, and among equals
+/// the oldest handshake. So a flood displaces itself, and peers that share its address have as long as the
+/// flood takes to fill all slots.
 #[derive(Debug)]
 pub(crate) struct Pending {
     most: usize,
@@ -47,12 +47,12 @@ pub(crate) struct Slot {
 }
 
 impl Pending {
-    /// At most so many at once, one at least.
+    /// At most so many at once, at least one.
     pub(crate) fn new(most: usize) -> Self {
         Self { most: most.max(1), slots: Arc::default() }
     }
 
-    /// A slot for a handshake of `origin`, and whether another one has lost it for that.
+    /// A slot for a handshake of `origin`, and whether another handshake lost its slot for it.
     pub(crate) fn take(&self, origin: Origin) -> (Slot, bool) {
         let mut slots = self.slots.lock();
         let full = slots.taken.len() >= self.most;
@@ -72,7 +72,7 @@ impl Slots {
             let held = self.taken.iter().filter(|other| other.origin == taken.origin).count();
             held.saturating_sub(SLOTS_PER_LINK)
         };
-        // Of several with the same excess the last one is found, which here is the oldest.
+        // Of equals the last one is found, which here is the oldest.
         let victim = self.taken.iter().enumerate().rev().max_by_key(|(_, taken)| excess(taken));
         if let Some((index, _)) = victim {
             self.taken.remove(index);
@@ -81,7 +81,7 @@ impl Slots {
 }
 
 impl Slot {
-    /// Ends once the slot was given to another handshake.
+    /// Ends once the slot has been given to another handshake.
     pub(crate) async fn revoked(&mut self) {
         let Err(_) = (&mut self.revoked).await;
     }
@@ -109,8 +109,7 @@ mod tests {
         pin!(slot.revoked()).poll(&mut Context::from_waker(Waker::noop())).is_ready()
     }
 
-    /// Takes a slot for each of `origins`; gives those that still have one in the end, by their place in that
-    /// row.
+    /// Takes a slot for each of `origins`; returns the indices of those that still have one in the end.
     fn survivors(most: usize, origins: &[u8]) -> Vec<usize> {
         let pending = Pending::new(most);
         let mut slots: Vec<Slot> = origins.iter().map(|last| pending.take(origin(*last)).0).collect();

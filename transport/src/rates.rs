@@ -1,4 +1,4 @@
-//! How much peers and strangers may ask for in a second.
+//! Rate limits for peers and strangers.
 
 use parking_lot::Mutex;
 use std::collections::HashMap;
@@ -13,11 +13,11 @@ use trimaran_net::{Instant, StreamPeer};
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// More came in a second than the [limits](crate::Limits) allow.
+/// A rate exceeded the [limits](crate::Limits).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum TooMany {
-    /// Handshakes from one address, of IPv6 from one network of 64 bits, or over Unix sockets from one user.
+    /// Handshakes from one address, one IPv6 network of 64 bits, or over Unix sockets one user.
     #[error("more than {0} handshakes a second from this address")]
     FromAddress(u32),
     /// Handshakes at one listener.
@@ -28,27 +28,25 @@ pub enum TooMany {
     Messages(u32),
 }
 
-/// What a listener has turned away since it was made.
+/// The counts of refused handshakes of a listener since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TurnedAway {
-    /// Handshakes that were under way and gave way to newer ones, because there were too many.
+    /// Open handshakes that gave way to newer ones, because there were too many.
     pub no_room: u64,
     /// Handshakes beyond what one address, or one user of this machine, may begin in a second.
     pub from_address: u64,
-    /// Handshakes beyond what all together may begin in a second, and beyond their address's even share of
-    /// that.
+    /// Handshakes beyond the limit for all addresses together, and beyond their address's even share of it.
     pub in_all: u64,
-    /// Connections of peers for which there was no place: as many peers as may come were there.
+    /// Connections of peers without a free place: the limit of peers was reached.
     pub no_place: u64,
 }
 
-/// A listener as those who came through it know it: reads what it turns away, though the listener itself is
-/// gone.
+/// The counts of a listener, readable through its links even if the listener itself is gone.
 #[derive(Debug, Clone)]
 pub struct ListenerStats(pub(crate) Arc<Handshakes>);
 
 impl ListenerStats {
-    /// What was turned away since the listener was made.
+    /// The counts of refused handshakes since the listener was made.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAway {
         self.0.turned_away()
@@ -56,7 +54,7 @@ impl ListenerStats {
 }
 
 impl PartialEq for ListenerStats {
-    /// Whether both are the same listener's.
+    /// Whether both are of the same listener.
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }
@@ -70,8 +68,8 @@ pub(crate) struct Handshakes {
     counts: Mutex<Counts>,
 }
 
-/// Of the second under way. There are no more origins than handshakes for all, so that strangers cannot make
-/// it grow.
+/// Counts of the current second. There are no more origins than handshakes for all, so that strangers cannot
+/// make it grow.
 #[derive(Debug, Default)]
 struct Counts {
     begun: Option<Instant>,
@@ -89,8 +87,8 @@ impl Handshakes {
         }
     }
 
-    /// Counts a handshake that begins. An origin has its even share even where others have begun too many: so
-    /// twice as many as all together may begin get through at most.
+    /// Counts a new handshake. An origin has its even share even where others have begun too many, so at most
+    /// twice the limit for all together gets through.
     pub(crate) fn begin(&self, now: Instant, from: &PeerAddress) -> Result<(), TooMany> {
         let mut counts = self.counts.lock();
         if counts.begun.is_none_or(|begun| now.since(begun) >= SECOND) {
@@ -121,7 +119,7 @@ impl Handshakes {
         self.counts.lock().turned_away.no_room += 1;
     }
 
-    /// Counts a peer for which there was no place.
+    /// Counts a peer without a free place.
     pub(crate) fn no_place(&self) {
         self.counts.lock().turned_away.no_place += 1;
     }
@@ -131,10 +129,10 @@ impl Handshakes {
     }
 }
 
-/// Whom handshakes count for.
+/// The origin of handshakes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Origin {
-    /// An address, or the first 64 bits of one of IPv6: who has one of these has 2^64.
+    /// An address, or the first 64 bits of an IPv6 address: the holder of one of these has 2^64.
     Network(IpAddr),
     /// A user of this machine.
     User(u32),
@@ -166,14 +164,14 @@ impl Origin {
     }
 }
 
-/// Lets one event in so long be told in the log, however many there are.
+/// Lets at most one event per interval be logged.
 #[derive(Debug, Default)]
 pub(crate) struct Sparse(Mutex<(Option<Instant>, u64)>);
 
 impl Sparse {
     const PAUSE: Duration = Duration::from_secs(5);
 
-    /// How many came untold since the last one that was told, if this one may be.
+    /// How many events were not logged since the last one that was, if this one may be.
     pub(crate) fn take(&self, now: Instant) -> Option<u64> {
         let (told, untold) = &mut *self.0.lock();
         if told.is_some_and(|told| now.since(told) < Self::PAUSE) {
@@ -185,7 +183,7 @@ impl Sparse {
     }
 }
 
-/// Counts the messages that a peer sends. The clock is asked once in so many messages as a second may have.
+/// Counts the messages of a peer. It reads the clock once in as many messages as a second may have.
 #[derive(Debug)]
 pub(crate) struct Messages {
     most: u32,
@@ -198,7 +196,7 @@ impl Messages {
         Self { most, count: 0, begun: None }
     }
 
-    /// Counts one.
+    /// Counts one message.
     pub(crate) fn count(&mut self, now: impl FnOnce() -> Instant) -> Result<(), TooMany> {
         self.count += 1;
         if self.count < self.most && self.begun.is_some() {

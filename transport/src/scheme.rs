@@ -1,4 +1,4 @@
-//! What makes links at an endpoint: one for each scheme.
+//! Schemes: how links are made at an endpoint.
 
 #[cfg(any(feature = "tcp", feature = "quic", feature = "udp"))]
 use std::net::SocketAddr;
@@ -17,18 +17,18 @@ use crate::{Endpoint, Options};
 
 /// Makes links at one endpoint.
 pub(crate) trait Scheme: Send + Sync {
-    /// Tries once to make a link with whoever listens there.
+    /// Tries once to make a link with the listener at the endpoint.
     fn attempt<'a>(
         &'a self,
         net: &'a Arc<dyn Net>,
         introduction: &'a Introduction<'_>,
     ) -> BoxFuture<'a, Result<Parts, AttemptError>>;
 
-    /// Listens there, and receives peers until nobody accepts them any more.
+    /// Listens there, and receives peers until nobody accepts any more.
     fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>>;
 }
 
-/// How this side introduces itself in one attempt.
+/// This side's introduction in one attempt.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Introduction<'o> {
     pub(crate) application: &'o dyn Application,
@@ -39,11 +39,11 @@ pub(crate) struct Introduction<'o> {
     pub(crate) by: Instant,
 }
 
-/// Somebody listens.
+/// A listener that is up.
 pub(crate) struct Listened {
-    /// Where, with the port that was chosen.
+    /// Its endpoint, with the chosen port.
     pub(crate) at: Endpoint,
-    /// To be dropped with the listener.
+    /// Dropped with the listener.
     pub(crate) guard: Option<Box<dyn Send + Sync>>,
 }
 

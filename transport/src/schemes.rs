@@ -1,4 +1,4 @@
-//! Which scheme makes the links of an endpoint.
+//! The scheme of each endpoint.
 
 use std::io;
 use std::sync::Arc;
@@ -7,10 +7,10 @@ use crate::scheme::Scheme;
 use crate::stream::Streams;
 use crate::{Endpoint, Options, Transport};
 
-/// What makes links at `endpoint`. Each transport of this crate has its line here.
+/// The scheme that makes links at `endpoint`. Each transport of this crate has its line here.
 ///
 /// # Errors
-/// When it is built without that transport, or nobody has given it.
+/// If this build lacks the transport, or the options do not have it.
 pub(crate) fn scheme_of(endpoint: &Endpoint, options: &Options) -> io::Result<Box<dyn Scheme>> {
     let streams = |transport| Box::new(Streams { transport, endpoint: endpoint.clone() });
     Ok(match endpoint {

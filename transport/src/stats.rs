@@ -1,4 +1,4 @@
-//! What travelled over a link, by cause.
+//! Traffic over a link, by cause.
 
 use std::ops::{Add, Sub};
 
@@ -12,18 +12,18 @@ pub(crate) use counters::PathSource;
 pub use counters::StatsHandle;
 pub(crate) use counters::{Counters, Direction};
 
-/// What travelled over a link since it was made, handshake included.
+/// Traffic over a link since it was made, handshake included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LinkStats {
-    /// What this side sent.
+    /// Sent by this side.
     pub sent: Traffic,
-    /// What this side received.
+    /// Received by this side.
     pub received: Traffic,
     /// How often the peer sent more messages in a second than it [may](crate::LinkConfig::messages_per_s):
     /// each time the lane failed.
     pub floods: u64,
-    /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports do not
-    /// tell.
+    /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports have
+    /// none.
     #[cfg(feature = "udp")]
     pub path: Option<PathStats>,
 }
@@ -37,7 +37,7 @@ pub struct Traffic {
     pub begin: Tally,
     /// Batches of items, plain or coded.
     pub batches: Tally,
-    /// How many items.
+    /// The number of items.
     pub items: u64,
     /// Ends of frames (EOF).
     pub end: Tally,
@@ -47,8 +47,8 @@ pub struct Traffic {
     pub bulk: Tally,
     /// Handshake, close and keep-alives; within one process these have no size.
     pub control: Tally,
-    /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0
-    /// where messages have no headers of their own: in one process, and over datagrams, whose packets
+    /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not known here. 0 where
+    /// messages have no headers of their own: in one process, and over datagrams, whose packets
     /// [`LinkStats::path`] counts.
     pub header_bytes: u64,
 }
@@ -80,7 +80,7 @@ impl Traffic {
 impl Sub for LinkStats {
     type Output = Self;
 
-    /// What was added since the earlier snapshot `earlier`. What is known of the path stays as it is.
+    /// The difference to the earlier snapshot `earlier`. The state of the path stays as it is.
     fn sub(self, earlier: Self) -> Self {
         Self {
             sent: self.sent - earlier.sent,
@@ -95,7 +95,7 @@ impl Sub for LinkStats {
 impl Add for Traffic {
     type Output = Self;
 
-    /// Both together: both directions of a link, say.
+    /// The sum of both, such as of both directions of a link.
     fn add(self, other: Self) -> Self {
         Self {
             latest: self.latest + other.latest,

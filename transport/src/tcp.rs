@@ -1,4 +1,4 @@
-//! TCP: per pair of peers a connection for each lane, as in the paper (section 5).
+//! TCP: a connection for each lane of a pair of peers, as in the paper (section 5).
 
 use std::sync::Arc;
 
@@ -38,7 +38,8 @@ impl Transport for Tcp {
     }
 }
 
-/// Opens a connection to `host:port`: tries each address of a host until one answers, or that of `beside`.
+/// Opens a connection to `host:port`: tries each address of a host until one answers, or only that of
+/// `beside`.
 pub(crate) async fn open(
     net: &Arc<dyn Net>,
     options: TcpOptions,

@@ -1,5 +1,4 @@
-//! How long a link waits for its peer: by a timeout for what it is to say, and by an idle timeout for
-//! anything.
+//! How long a link waits for its peer: a timeout for messages, and an idle timeout for any sign of life.
 
 use std::fmt;
 use std::future::poll_fn;
@@ -10,37 +9,37 @@ use std::time::Duration;
 
 use trimaran_net::{Instant, Net, Timer};
 
-/// How often a sender looks for keep-alives in an idle timeout: as often as there are some.
+/// How often a sender looks for keep-alives in an idle timeout: as often as they are sent.
 const LOOKS: u32 = 4;
 
-/// A wait until then has no end.
+/// A wait until this time has no end.
 const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
 /// Bounds every wait of one half of a link.
 ///
-/// The time counts from where a wait begins, not from the last byte: while the caller is busy elsewhere, what
-/// the peer sent lies in the system's buffers, and nobody is to blame.
+/// The time counts from the beginning of a wait, not from the last byte: while the caller is busy elsewhere,
+/// the peer's data waits in the system's buffers.
 pub(crate) struct Timeouts {
     net: Arc<dyn Net>,
     limit: Duration,
     idle_timeout: Duration,
     /// How long nothing has come, as far as this half knows.
     quiet: Duration,
-    /// When it listened last, and there was nothing.
+    /// When it listened last without result.
     listened: Option<Instant>,
     timer: Box<dyn Timer>,
-    /// When the timer rings. It may ring early for a later wait, which then sets it again: so the timer is
-    /// set about once per `limit`, not once per message.
+    /// When the timer rings. It may ring early for a later wait, which then sets it again. So it is set about
+    /// once per `limit`, not once per message.
     armed: Option<Instant>,
 }
 
-/// A wait that is made of several: for each part of what is to come, and past keep-alives.
+/// A wait in several parts: for each part of a message, and past keep-alives.
 #[derive(Debug, Default)]
 pub(crate) struct Wait {
     end: Option<(Instant, Expired)>,
 }
 
-/// A half that listens, and has heard nothing yet.
+/// A half that listens, and has received nothing yet.
 struct Listening<'t> {
     timeouts: &'t mut Timeouts,
     since: Option<Instant>,
@@ -59,7 +58,7 @@ impl Listening<'_> {
     }
 }
 
-/// However it ends.
+/// In every case.
 impl Drop for Listening<'_> {
     fn drop(&mut self) {
         if let Some(since) = self.since {
@@ -70,10 +69,10 @@ impl Drop for Listening<'_> {
     }
 }
 
-/// What is known of a peer's life while nobody listens to it.
+/// The known state of a peer that nobody listens to.
 #[derive(Debug)]
 struct Life {
-    /// When something had come.
+    /// When something had last come.
     sign: Instant,
     /// When to look again.
     look: Instant,
@@ -82,9 +81,9 @@ struct Life {
 /// A wait that took too long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Expired {
-    /// The timeout of the link ended.
+    /// The link's timeout ended.
     Timeout,
-    /// The deadline of the call came.
+    /// The call's deadline came.
     Deadline,
     /// Not even a keep-alive came.
     Idle,
@@ -97,7 +96,7 @@ impl fmt::Debug for Timeouts {
 }
 
 impl Timeouts {
-    /// Waits last `limit` at most; for ever, if that is [`Duration::MAX`].
+    /// Waits last `limit` at most; without end if that is [`Duration::MAX`].
     pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, idle_timeout: Duration) -> Self {
         let (quiet, timer) = (Duration::ZERO, net.timer());
         Self { net: Arc::clone(net), limit, idle_timeout, quiet, listened: None, timer, armed: None }
@@ -111,7 +110,7 @@ impl Timeouts {
         self.net.now()
     }
 
-    /// What `future` gives, unless the timeout or the deadline `by` ends first.
+    /// The output of `future`, unless the timeout or the deadline `by` ends first.
     pub(crate) async fn wait<F: Future>(
         &mut self,
         by: Option<Instant>,
@@ -129,12 +128,12 @@ impl Timeouts {
         .await
     }
 
-    /// What `future` hears of the peer: as [`Timeouts::wait`] for all that `wait` is made of, and only as
-    /// long as the idle timeout lasts. Dropping the future ends the wait.
+    /// The output of `future`, which hears from the peer: as [`Timeouts::wait`] over all parts of `wait`, but
+    /// no longer than the idle timeout. Dropping the future ends the wait.
     ///
     /// The idle timeout counts the time in which this half listens, over several waits if need be. While its
-    /// owner does something else, keep-alives lie unread. Where there is none then, that time counts as well,
-    /// but no more than that from one keep-alive to the next: the system may be late with it.
+    /// owner is busy elsewhere, keep-alives stay unread. If none is found then, that time counts as well, but
+    /// at most one keep-alive interval of it: the system may be late with it.
     pub(crate) async fn hear<F: Future>(
         &mut self,
         wait: &mut Wait,
@@ -164,8 +163,8 @@ impl Timeouts {
         (self.quiet, self.listened) = (Duration::ZERO, None);
     }
 
-    /// What `future` gives, unless the timeout ends first, or the idle timeout: `heard` is asked four times
-    /// in each whether anything came from the peer since it was asked last.
+    /// The output of `future`, unless the timeout or the idle timeout ends first. `heard` is asked four times
+    /// in each idle timeout whether anything came from the peer since the last call.
     pub(crate) async fn wait_while_alive<F: Future>(
         &mut self,
         mut heard: impl FnMut() -> bool,
@@ -183,7 +182,7 @@ impl Timeouts {
                 let now = self.net.now();
                 let life = match &mut life {
                     Some(life) => life,
-                    // What came before is a keep-alive at this moment: whose age it has, nobody knows.
+                    // Earlier data counts as a keep-alive at this moment, because its age is unknown.
                     None => {
                         heard();
                         life.insert(Life { sign: now, look: now.after(self.idle_timeout / LOOKS) })
@@ -208,7 +207,7 @@ impl Timeouts {
         .await
     }
 
-    /// When a wait ends, and why: told when it is first needed, because most waits are over at once.
+    /// When a wait ends, and why. It is computed only when needed, because most waits end at once.
     fn end(&self, wait: &mut Wait, by: Option<Instant>) -> (Instant, Expired) {
         *wait.end.get_or_insert_with(|| {
             let timeout = self.net.now().after(self.limit);
@@ -321,7 +320,7 @@ mod tests {
         assert_eq!((end, listened), (Err(Expired::Idle), 9));
     }
 
-    /// As by a loop that waits for several peers, one of which says something all the time.
+    /// As in a loop that waits for several peers, one of which sends all the time.
     #[tokio::test(start_paused = true)]
     async fn waits_that_are_given_up_count_as_well() {
         let net = net();

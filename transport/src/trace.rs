@@ -1,5 +1,4 @@
-//! A span for each frame that is sent or received, at the level debug: what it took, in time, items and
-//! bytes.
+//! A debug-level span for each frame sent or received: its time, items and bytes.
 
 use tracing::field::Empty;
 use tracing::{Span, debug, debug_span};
@@ -8,7 +7,7 @@ use trimaran_wire::FrameNumber;
 use crate::lanes::shared::Shared;
 use crate::stats::Direction;
 
-/// The span of the open frame; where nobody listens it is none, and costs a look at a flag.
+/// The span of the open frame. If nobody listens it is disabled, and costs a check of a flag.
 #[derive(Debug)]
 pub(crate) struct FrameSpan {
     span: Span,
@@ -16,7 +15,7 @@ pub(crate) struct FrameSpan {
     before: u64,
 }
 
-/// Which way a frame goes.
+/// The direction of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Way {
     Sent,
@@ -48,7 +47,7 @@ impl FrameSpan {
             return Self::none();
         }
         let counted = way.counts(shared).frame_bytes();
-        // What has arrived of a frame that begins here is its beginning, and that was counted.
+        // A beginning that has arrived was already counted.
         let before = match way {
             Way::Sent => counted,
             Way::Received => counted.saturating_sub(shared.format.begin() as u64),
@@ -56,7 +55,7 @@ impl FrameSpan {
         Self { span, before }
     }
 
-    /// The frame is over: it had so many items, perhaps not all that it should have.
+    /// The frame has ended, with so many items, perhaps incomplete.
     pub(crate) fn close(&mut self, way: Way, items: u32, whole: bool, shared: &Shared) {
         let Self { span, before } = std::mem::replace(self, Self::none());
         if span.is_disabled() {
@@ -97,7 +96,7 @@ mod tests {
         }
     }
 
-    /// What is logged of one frame of three items over a link.
+    /// The log of one frame of three items over a link.
     fn logged(level: LevelFilter) -> String {
         let page = Page::default();
         let writer = page.clone();

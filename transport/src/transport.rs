@@ -1,4 +1,4 @@
-//! A transport of your own: whatever carries bytes in order.
+//! Custom transports: any carrier of bytes in order.
 
 use std::fmt;
 use std::io;
@@ -10,15 +10,16 @@ use trimaran_net::{BoxFuture, Listen, Net, Stream, StreamPeer};
 use crate::Name;
 use crate::handshake::HandshakeError;
 
-/// A transport that carries bytes in order and without loss: the crate makes links of it, whose lanes have a
-/// byte stream each. TCP and Unix sockets are such; give others to [`Options`](crate::Options).
+/// A transport that carries bytes in order and without loss. The crate makes links of it, with a byte stream
+/// for each lane. TCP and Unix sockets are such; give others to [`Options`](crate::Options).
 ///
-/// What loses or reorders packets, as datagrams do, has lanes of its own inside this crate.
+/// Transports that lose or reorder packets, such as datagrams, have lanes of their own inside this crate.
 pub trait Transport: fmt::Debug + Send + Sync {
-    /// The transport's name in endpoints: `tls` of `tls://host:443`, say. Letters, digits, `+`, `-` and `.`.
+    /// The transport's name in endpoints, such as `tls` of `tls://host:443`. Letters, digits, `+`, `-` and
+    /// `.`.
     fn scheme(&self) -> &'static str;
 
-    /// Whether nobody on the way can read or change what travels.
+    /// Whether traffic is encrypted and authenticated against anyone on the path.
     fn is_encrypted(&self) -> bool {
         false
     }
@@ -28,15 +29,15 @@ pub trait Transport: fmt::Debug + Send + Sync {
         false
     }
 
-    /// Opens a byte stream to whoever listens at `address`, the part of the endpoint behind its scheme.
+    /// Opens a byte stream to the listener at `address`, the part of the endpoint behind its scheme.
     ///
-    /// A link opens one for each of its four lanes: for all but the first one `beside` is the peer of the
-    /// first, in case that the address has several.
+    /// A link opens one for each of its four lanes. For all but the first one `beside` is the peer of the
+    /// first, in case the address has several.
     ///
-    /// Dropping the future gives up.
+    /// Dropping the future ends the attempt.
     ///
     /// # Errors
-    /// When there is none now. The link is tried again, except for [`io::ErrorKind::Unsupported`].
+    /// If there is none now. The link is tried again, except for [`io::ErrorKind::Unsupported`].
     fn connect<'a>(
         &'a self,
         net: &'a Arc<dyn Net>,
@@ -47,52 +48,51 @@ pub trait Transport: fmt::Debug + Send + Sync {
     /// Listens at `address`.
     ///
     /// # Errors
-    /// When that is not possible.
+    /// If that is not possible.
     fn listen<'a>(
         &'a self,
         net: &'a Arc<dyn Net>,
         address: &'a str,
     ) -> BoxFuture<'a, Result<Listening, ListenFault>>;
 
-    /// What whoever connects and whoever listens say to each other before the bytes of a link begin, such as
-    /// an HTTP upgrade: the part of the end that listens. The other part belongs to [`Transport::connect`].
-    /// Default nothing.
+    /// The exchange before the bytes of a link, such as an HTTP upgrade: the listening end's part. The other
+    /// part belongs to [`Transport::connect`]. Default nothing.
     fn upgrade(&self) -> Option<&dyn Upgrade> {
         None
     }
 
-    /// Whether this peer may come at all, as the transport knows it: asked before a handshake begins, at both
-    /// ends.
+    /// Whether this peer may connect at all, as far as the transport knows. It is asked before a handshake,
+    /// at both ends.
     ///
     /// # Errors
-    /// When it may not.
+    /// If it may not.
     fn admit(&self, _peer: StreamPeer) -> io::Result<()> {
         Ok(())
     }
 }
 
-/// What comes before the bytes of a link, at the end that listens.
+/// The exchange before the bytes of a link, at the listening end.
 pub trait Upgrade: Send + Sync {
-    /// Does it on a stream that was accepted. It is part of the link's handshake, whose limits in time and
-    /// number hold: where they are passed, the future is dropped, and the stream with it.
+    /// Upgrades an accepted stream, as part of the link's handshake: its limits in time and number apply. If
+    /// they are exceeded, the future and the stream are dropped.
     ///
     /// # Errors
-    /// When it fails, or the peer is not to be let in.
+    /// If it fails, or the peer is not admitted.
     fn upgrade(&self, stream: Stream) -> BoxFuture<'_, io::Result<Stream>>;
 }
 
-/// Transports are the same if their schemes are.
+/// Transports are equal if their schemes are.
 impl PartialEq for dyn Transport {
     fn eq(&self, other: &Self) -> bool {
         self.scheme() == other.scheme()
     }
 }
 
-/// What listens.
+/// A listening transport.
 pub struct Listening {
-    /// Gives the streams of those who connect.
+    /// Accepts streams of connecting peers.
     pub socket: Box<dyn Listen>,
-    /// Where: the address with the port that was chosen, where it was to.
+    /// The address, with the port that was chosen.
     pub address: String,
 }
 
@@ -102,33 +102,33 @@ impl fmt::Debug for Listening {
     }
 }
 
-/// Why nothing listens.
+/// Why listening failed.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ListenFault {
     /// The host has no address now.
     #[error("the host has no address")]
     Address(#[source] io::Error),
-    /// The system does not let it.
+    /// The system refuses.
     #[error(transparent)]
     Io(#[from] io::Error),
 }
 
-/// What a link's transport promises.
+/// The guarantees of a link's transport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Capabilities {
     /// Every frame arrives complete, or the link ends.
     pub reliable: bool,
-    /// Frames arrive in the order sent, none before all of the one before.
+    /// Frames arrive in the order sent, each complete before the next one.
     pub ordered: bool,
-    /// Nobody on the way can read or change what travels.
+    /// Nobody on the path can read or change the traffic.
     pub encrypted: bool,
     /// The peer is on this machine.
     pub local: bool,
 }
 
 impl Capabilities {
-    /// Those of a transport that carries bytes in order.
+    /// The guarantees of a transport that carries bytes in order.
     pub(crate) fn over(transport: &dyn Transport) -> Self {
         let (encrypted, local) = (transport.is_encrypted(), transport.is_local());
         Self { reliable: true, ordered: true, encrypted, local }
@@ -137,8 +137,8 @@ impl Capabilities {
 
 /// Why one attempt failed.
 ///
-/// Most of it is a hint only. A name server, a router or whoever has the address for a moment can cause it,
-/// and so can forged packets: [`connect`](crate::connect) tries again.
+/// Most errors are only a hint. A name server, a router, a temporary holder of the address or forged packets
+/// can cause them: [`connect`](crate::connect) tries again.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum AttemptError {
@@ -148,25 +148,25 @@ pub enum AttemptError {
     /// The host name has no address at all.
     #[error("the host name has no address")]
     NoAddress,
-    /// No connection.
+    /// No connection could be made.
     #[error("no connection to {address}")]
     Connect {
-        /// Where to.
+        /// The address.
         address: String,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
-    /// A connection, but no handshake.
+    /// A connection was made, but the handshake failed.
     #[error("no handshake with {address}")]
     Handshake {
-        /// With whom.
+        /// The address.
         address: String,
-        /// Why.
+        /// The cause.
         #[source]
         cause: HandshakeError,
     },
-    /// Nobody in this process listens under the name.
+    /// No listener in this process has the name.
     #[error("nobody in this process listens as {name}")]
     Nobody {
         /// The name.
@@ -178,13 +178,13 @@ pub enum AttemptError {
 }
 
 impl AttemptError {
-    /// Whether nobody said anything.
+    /// Whether there was no answer at all.
     pub(crate) const fn is_silence(&self) -> bool {
         matches!(self, Self::Handshake { cause: HandshakeError::Unanswered, .. })
     }
 
-    /// Whether what this side was given is at fault, so that no other attempt can end differently. What a
-    /// peer says never is.
+    /// Whether this side's own settings are at fault, so that no other attempt can end differently. The
+    /// peer's messages never count as that.
     pub(crate) fn is_final(&self) -> bool {
         match self {
             Self::Handshake { cause, .. } => cause.is_final(),
@@ -193,7 +193,7 @@ impl AttemptError {
         }
     }
 
-    /// Whether somebody answers who does not go together with this side.
+    /// Whether the answering peer does not fit this side.
     pub(crate) const fn is_mismatch(&self) -> bool {
         matches!(self, Self::Handshake { cause, .. } if cause.is_mismatch())
     }

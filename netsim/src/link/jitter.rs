@@ -17,12 +17,11 @@ pub struct Jitter {
     /// The shape.
     #[serde(default)]
     pub distribution: Distribution,
-    /// How much a packet's delay is like that of the packet before it: the correlation of the normal
-    /// variable behind it.
+    /// The correlation of consecutive delays, more precisely of the normal variable behind them.
     #[serde(default)]
     pub correlation: Probability,
-    /// Whether a packet may overtake another. Most link layers deliver in order: then a packet waits for the
-    /// one before it.
+    /// Whether a packet may overtake another. Most link layers deliver in order: a packet then waits for the
+    /// one before.
     #[serde(default)]
     pub reorders: bool,
 }
@@ -36,7 +35,7 @@ pub enum Distribution {
     /// Gauss's.
     #[default]
     Normal,
-    /// Pareto's with a shape of 3: mostly a little early, now and then much too late.
+    /// Pareto with a shape of 3: mostly a little early, sometimes much too late.
     Pareto,
 }
 
@@ -48,13 +47,13 @@ impl Distribution {
         match self {
             Self::Normal => latent,
             Self::Uniform => 1.0 - 2.0 * above(),
-            // Of shape 3 and scale 1 the mean is 3/2 and the variance 3/4.
+            // With shape 3 and scale 1 the mean is 3/2 and the variance 3/4.
             Self::Pareto => (libm::cbrt(1.0 / above().max(f64::MIN_POSITIVE)) - 1.5) / libm::sqrt(0.75),
         }
     }
 }
 
-/// The delay of one packet after another.
+/// The delays of consecutive packets.
 #[derive(Debug)]
 pub(super) struct Variation {
     random: Random,
@@ -95,7 +94,7 @@ mod tests {
         }
     }
 
-    /// Variations in deviations.
+    /// Samples of the variation, in deviations.
     fn sample(jitter: &Jitter) -> Vec<f64> {
         let mut variation = Variation::new(Random::stream(0, 11));
         let mut one = || variation.delay(MEAN, Some(jitter)).as_nanos() as f64;

@@ -5,14 +5,14 @@ use serde::Deserialize;
 use super::Probability;
 use crate::random::Random;
 
-/// How packets are lost.
+/// Models of packet loss.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Loss {
-    /// None is.
+    /// No loss.
     #[default]
     None,
-    /// Each is, with this probability, whatever happened to the others.
+    /// Each packet independently, with this probability.
     Independent(Probability),
     /// In bursts.
     GilbertElliott(GilbertElliott),
@@ -21,8 +21,8 @@ pub enum Loss {
 /// Two states, one of which loses (much) more than the other (Gilbert 1960, Elliott 1963); the state changes
 /// per packet.
 ///
-/// It changes per packet and not with time, as in `tc netem`: where packets are rare a bad spell is long, and
-/// repetitions that come one at a time are lost one after another.
+/// The state changes per packet and not with time, as in `tc netem`. Where packets are rare a bad spell is
+/// long, and retransmissions sent one at a time are lost one after another.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GilbertElliott {
@@ -30,10 +30,10 @@ pub struct GilbertElliott {
     pub to_bad: Probability,
     /// `r`: from the bad state to the good one. A bad spell lasts `1/r` packets on average.
     pub to_good: Probability,
-    /// The share lost in the bad state; all of them unless said otherwise.
+    /// The share lost in the bad state. Default all.
     #[serde(default = "Probability::one")]
     pub lost_in_bad: Probability,
-    /// The share lost in the good state; none unless said otherwise.
+    /// The share lost in the good state. Default none.
     #[serde(default)]
     pub lost_in_good: Probability,
 }
@@ -50,8 +50,8 @@ impl GilbertElliott {
     }
 }
 
-/// Decides packet by packet. Its random numbers are its own, so that other knobs do not change which packets
-/// are lost.
+/// Decides the loss of each packet. Its random stream is its own, so other settings do not change which
+/// packets are lost.
 #[derive(Debug)]
 pub(super) struct LossProcess {
     random: Random,
@@ -88,7 +88,7 @@ mod tests {
         Probability::new(value).unwrap()
     }
 
-    /// The share lost, and the mean number lost in a row, of a million packets.
+    /// The share lost of a million packets, and the mean number lost in a row.
     fn run(loss: &Loss, seed: u64) -> (f64, f64) {
         let mut loss_process = LossProcess::new(Random::stream(0, seed));
         let (mut lost, mut bursts, mut before) = (0_u32, 0_u32, false);

@@ -1,4 +1,4 @@
-//! What a link is like, as data.
+//! The model of a link, as data.
 
 use std::str::FromStr;
 use std::time::Duration;
@@ -12,28 +12,28 @@ use super::{Jitter, Loss, QueueModel};
 /// One direction of a link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkModel {
-    /// What it is like at first.
+    /// The conditions at first.
     pub conditions: Conditions,
-    /// What it is like from later times on, by rising time.
+    /// The conditions from later times on, by rising time.
     pub phases: Vec<Phase>,
-    /// After this time the phases begin anew.
+    /// The phases repeat after this time.
     pub repeat: Option<Duration>,
-    /// What waits before it.
+    /// The queue before the link.
     pub queue: QueueModel,
     /// The largest IP packet, bytes.
     pub mtu: u32,
-    /// What the link layer adds to an IP packet.
+    /// The bytes that the link layer adds to an IP packet.
     pub framing: Framing,
 }
 
-/// What may change while a link is in use.
+/// The conditions of a link, which may change while it is in use.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Conditions {
     /// Bits a second; without one, sending takes no time.
     pub rate: Option<Rate>,
-    /// How long a bit is on its way.
+    /// The propagation delay.
     pub delay: Duration,
-    /// How that varies.
+    /// The variation of the delay.
     pub jitter: Option<Jitter>,
     /// Which packets are lost.
     pub loss: Loss,
@@ -41,36 +41,36 @@ pub struct Conditions {
     pub corrupt: Probability,
     /// The share of packets that arrive twice.
     pub duplicate: Probability,
-    /// Which packets are held up so that others overtake them.
+    /// Which packets are delayed so that others overtake them.
     pub reorder: Option<Reorder>,
 }
 
 /// Conditions from a time on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Phase {
-    /// Since the start of the simulation, or of the repetition.
+    /// The time since the start of the simulation, or of the repetition.
     pub at: Duration,
-    /// What holds then.
+    /// The conditions from then on.
     pub conditions: Conditions,
 }
 
-/// Packets that take a detour.
+/// Reordering: some packets take longer.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reorder {
-    /// The share that does.
+    /// The share of such packets.
     pub share: Probability,
-    /// How much longer it takes.
+    /// Their additional delay.
     #[serde(deserialize_with = "crate::text::duration")]
     pub by: Duration,
 }
 
-/// What a link layer adds to an IP packet.
+/// The bytes that a link layer adds to an IP packet.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Framing {
-    /// Ethernet (IEEE 802.3): a header of 14 bytes and a check sequence of 4, at least 64 in all; on the line
-    /// 8 more before and a gap of 12 after each frame, which take time and are not counted as bytes sent.
+    /// Ethernet (IEEE 802.3): a header of 14 bytes and a check sequence of 4, at least 64 in all. On the line
+    /// 8 more before and a gap of 12 after each frame take time, but do not count as bytes sent.
     #[default]
     Ethernet,
     /// A fixed number of bytes a packet.
@@ -87,7 +87,7 @@ impl Framing {
         }
     }
 
-    /// The bytes whose time the frame takes on the line.
+    /// The length of the frame on the line in bytes, which decides its time.
     #[must_use]
     pub fn line_bytes(self, ip_bytes: u32) -> u32 {
         match self {
@@ -98,7 +98,7 @@ impl Framing {
 }
 
 impl LinkModel {
-    /// A link of this rate and delay with an unlimited queue and nothing that goes wrong.
+    /// A link of this rate and delay with an unlimited queue and no impairments.
     #[must_use]
     pub fn clean(rate: Option<Rate>, delay: Duration) -> Self {
         Self {
@@ -111,7 +111,7 @@ impl LinkModel {
         }
     }
 
-    /// What holds at a time.
+    /// The conditions at a time.
     #[must_use]
     pub fn conditions_at(&self, now: Instant) -> &Conditions {
         if self.phases.is_empty() {
@@ -134,7 +134,7 @@ impl LinkModel {
 #[serde(try_from = "f64")]
 pub struct Probability(f64);
 
-/// A number that is no probability.
+/// A number that is not a probability.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("{0} is no probability: give a number from 0 to 1, such as 0.01 for one in a hundred")]
 pub struct ProbabilityError(f64);
@@ -174,7 +174,7 @@ impl TryFrom<f64> for Probability {
 #[serde(try_from = "String")]
 pub struct Rate(u64);
 
-/// A text that is no rate.
+/// A text that is not a rate.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "{text:?} is no rate: give a number above 0 and bit/s, kbit/s, Mbit/s or Gbit/s, such as \"100 Mbit/s\""

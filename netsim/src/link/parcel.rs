@@ -1,4 +1,4 @@
-//! What goes into a link, and what a link asks for.
+//! Packets as a link sees them, and actions that a link asks for.
 
 use trimaran_net::Instant;
 
@@ -7,31 +7,31 @@ use crate::topology::HostId;
 /// A packet as a link sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parcel<P> {
-    /// The machine that sends it.
+    /// The sending machine.
     pub from: HostId,
-    /// The machine that is to get it.
+    /// The receiving machine.
     pub to: HostId,
     /// The size of the IP packet, its header included.
     pub ip_bytes: u32,
     /// Its ECN field.
     pub ecn: Ecn,
-    /// Whoever wants to know when the packet has left ([`Action::Left`]).
+    /// The token that is told when the packet has left ([`Action::Left`]).
     pub token: Option<u32>,
-    /// What is in it.
+    /// The contents.
     pub packet: P,
 }
 
-/// What an IP packet says of congestion (RFC 3168, section 5).
+/// The congestion field of an IP packet (RFC 3168, section 5).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Ecn {
-    /// Its transport does not listen to marks.
+    /// The transport does not support marks.
     #[default]
     NotCapable,
     /// ECT(0).
     Capable0,
     /// ECT(1).
     Capable1,
-    /// It was marked.
+    /// Congestion experienced: the packet was marked.
     Experienced,
 }
 
@@ -41,16 +41,16 @@ impl Ecn {
     }
 }
 
-/// What is to be done for a link.
+/// An action to carry out for a link.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Action<P> {
     /// At this time call [`Pipe::free`](super::Pipe::free).
     Wake(Instant),
     /// At this time the packet comes out: call [`Pipe::arrived`](super::Pipe::arrived).
     Arrive(Instant, Parcel<P>),
-    /// At this time the sender is rid of the packet: it is on its way, or was dropped before.
+    /// At this time the packet has left the sender: it is in flight, or was dropped before.
     Left {
-        /// When.
+        /// The time.
         at: Instant,
         /// The packet's token.
         token: u32,

@@ -1,4 +1,4 @@
-//! One direction of a link at work: packets go in with the time, and say when they come out.
+//! One direction of a link at work: packets go in, and it tells when they come out.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -12,25 +12,24 @@ use super::queue::{Queue, Verdict};
 use super::{Conditions, LinkModel, LinkTally, Rate};
 use crate::random::Random;
 
-/// One direction of a link. Sans-IO: whoever owns it keeps the time, calls it when it asks to be, and does
-/// what [`Pipe::next_action`] says.
+/// One direction of a link. Sans-IO: its owner keeps the time, and carries out the actions of
+/// [`Pipe::next_action`].
 ///
-/// A packet waits in the queue, is sent at the link's rate, and is then on its way. What befalls it there
-/// (loss, damage, a copy, a detour) befalls it after it has been sent, so that a lost packet has taken its
-/// time on the line.
+/// A packet waits in the queue, is sent at the link's rate, and then propagates. Impairments (loss,
+/// corruption, duplication, reordering) apply after sending, so a lost packet has taken its time on the line.
 #[derive(Debug)]
 pub struct Pipe<P> {
     model: LinkModel,
     queue: Queue<Parcel<P>>,
     actions: VecDeque<Action<P>>,
     tally: LinkTally,
-    /// A wake-up was asked for, at the time when the line is free.
+    /// A wake-up is scheduled for when the line is free.
     waking: bool,
     busy_until: Instant,
-    /// What the sending times since the line was last idle lack to be exact: bits times 10^9, less than the
+    /// The rounding error of the sending times since the line was last idle: bits times 10^9, less than the
     /// rate.
     residue: u64,
-    /// When the latest packet arrives: none overtakes it unless it may.
+    /// The latest arrival so far. No packet overtakes it unless the link reorders.
     last_arrival: Instant,
     loss_process: LossProcess,
     variation: Variation,
@@ -38,7 +37,7 @@ pub struct Pipe<P> {
 }
 
 impl<P: Clone> Pipe<P> {
-    /// A link that is idle. Each `seed` has its own fortunes.
+    /// An idle link. Each `seed` gives an independent random stream.
     #[must_use]
     pub fn new(model: LinkModel, seed: u64) -> Self {
         let start = Instant::from_nanos(0);
@@ -57,24 +56,24 @@ impl<P: Clone> Pipe<P> {
         }
     }
 
-    /// What became of all packets so far.
+    /// The tally of all packets so far.
     #[must_use]
     pub const fn tally(&self) -> &LinkTally {
         &self.tally
     }
 
-    /// What the link is like.
+    /// The link's model.
     #[must_use]
     pub const fn model(&self) -> &LinkModel {
         &self.model
     }
 
-    /// What is to be done next.
+    /// The next action to carry out.
     pub fn next_action(&mut self) -> Option<Action<P>> {
         self.actions.pop_front()
     }
 
-    /// A packet is to be sent.
+    /// Offers a packet to the link.
     pub fn offer(&mut self, now: Instant, parcel: Parcel<P>) {
         let bytes = self.frame_bytes(&parcel);
         self.tally.offered += bytes;
@@ -96,13 +95,13 @@ impl<P: Clone> Pipe<P> {
         }
     }
 
-    /// The line is free again: the time has come that [`Action::Wake`] named.
+    /// The line is free again: the time of [`Action::Wake`] has come.
     pub fn free(&mut self, now: Instant) {
         self.waking = false;
         self.send_next(now);
     }
 
-    /// A packet has come out, and its receiver gets it.
+    /// A packet has come out and goes to its receiver.
     pub fn arrived(&mut self, parcel: &Parcel<P>) {
         let bytes = self.frame_bytes(parcel);
         self.tally.flying -= bytes;
@@ -182,9 +181,8 @@ impl<P: Clone> Pipe<P> {
         self.actions.push_back(Action::Arrive(arrival, parcel));
     }
 
-    /// How long so many bytes take. Each time is rounded up to a nanosecond, and what that is too long is
-    /// taken off the next one as long as the line stays busy: so many packets in a row take exactly as
-    /// long as their bits.
+    /// The sending time of so many bytes, rounded up to a nanosecond. While the line stays busy the rounding
+    /// is taken off the next time, so many packets in a row take exactly as long as their bits.
     fn sending_time(&mut self, now: Instant, rate: Rate, line_bytes: u32) -> Duration {
         if now > self.busy_until {
             self.residue = 0;
@@ -226,7 +224,7 @@ mod tests {
         Offer(u32),
     }
 
-    /// What came out of a link, and when; and when senders were rid of their packets.
+    /// Packets that came out of a link with their times, and the times at which packets left their senders.
     struct Outcome {
         pipe: Pipe<usize>,
         arrived: Vec<(u64, usize)>,
@@ -380,8 +378,7 @@ mod tests {
         let longest = |discipline| {
             let mut model = megabits(10, 0);
             model.queue.discipline = discipline;
-            // A seventh more than the link takes, for 22 seconds: controlled delay needs some to find the
-            // pace.
+            // A seventh above the link's rate for 22 seconds: controlled delay takes some to settle.
             let out = run(model, 9, (0..20_000_u64).map(|n| (n * 1_076_600, 1500)), FOREVER);
             let waits: Vec<u64> = out.arrived.iter().map(|(at, n)| at - *n as u64 * 1_076_600).collect();
             (waits[waits.len() / 2..].iter().sum::<u64>() / (waits.len() / 2) as u64, *out.pipe.tally())

@@ -1,4 +1,4 @@
-//! The queue before a link: how much fits, and what is dropped to keep it short.
+//! The queue before a link: its limits, and its discipline.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Deserialize;
 use trimaran_net::Instant;
 
-/// What waits before a link.
+/// The queue before a link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct QueueModel {
@@ -14,31 +14,31 @@ pub struct QueueModel {
     pub packets: u32,
     /// How many bytes may wait. Default unlimited.
     pub bytes: u64,
-    /// How it is kept short.
+    /// The queue discipline.
     pub discipline: Discipline,
 }
 
-/// How a queue is kept short.
+/// Queue disciplines.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Discipline {
-    /// It is not: what does not fit is dropped.
+    /// Drops packets that do not fit.
     #[default]
     DropTail,
-    /// By the time that packets have waited.
+    /// Drops packets by the time that they have waited.
     #[serde(rename = "codel")]
     CoDel(CoDel),
 }
 
 /// Controlled delay (RFC 8289): when packets have waited longer than `target` for an `interval`, some are
-/// dropped, the more the longer it goes on.
+/// dropped, ever more often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CoDel {
     /// How long packets may wait. Default 5 ms.
     #[serde(deserialize_with = "crate::text::duration")]
     pub target: Duration,
-    /// For how long that may be exceeded. Default 100 ms.
+    /// How long the target may be exceeded. Default 100 ms.
     #[serde(deserialize_with = "crate::text::duration")]
     pub interval: Duration,
     /// Mark packets that can be marked rather than drop them (RFC 3168). Default true.
@@ -57,7 +57,7 @@ impl Default for CoDel {
     }
 }
 
-/// What waits: `T` and its bytes.
+/// Waiting items: `T` and its bytes.
 #[derive(Debug)]
 pub(super) struct Queue<T> {
     model: QueueModel,
@@ -73,7 +73,7 @@ struct Entry<T> {
     item: T,
 }
 
-/// What the management of the queue wants with the packet at its head.
+/// The decision of the queue management on the packet at the head.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Verdict<T> {
     /// Send it.
@@ -103,7 +103,7 @@ impl<T> Queue<T> {
         self.waiting.is_empty()
     }
 
-    /// Puts an item at the end, or gives it back when there is no room.
+    /// Appends an item, or gives it back when there is no room.
     pub(super) fn push(&mut self, now: Instant, bytes: u32, item: T) -> Result<(), T> {
         let room = self.model.bytes.saturating_sub(self.bytes);
         let fits = self.waiting.len() < self.model.packets as usize && u64::from(bytes) <= room;
@@ -115,7 +115,7 @@ impl<T> Queue<T> {
         Ok(())
     }
 
-    /// What is to become of the packet at the head, which is taken out. `markable` says which can be marked.
+    /// Takes out the packet at the head, with the decision on it. `markable` says which can be marked.
     pub(super) fn next(
         &mut self,
         now: Instant,
@@ -155,7 +155,7 @@ impl Control {
             }
         } else {
             self.dropping = true;
-            // Back soon after the last time: go on at the pace that helped then.
+            // Soon after the last dropping state: resume at the rate that helped then.
             let recent = self.drop_next.is_some_and(|at| now.since(at) < 16 * codel.interval);
             let delta = self.count - self.last_count;
             self.count = if recent && delta > 1 { delta } else { 1 };
@@ -211,7 +211,7 @@ mod tests {
         assert_eq!(queue.push(at(1), 200, 'd'), Ok(()), "whoever leaves makes room for as many bytes");
     }
 
-    /// The times at which packets are dropped when each has waited `waited` and there is one a millisecond.
+    /// The times of drops when each packet has waited `waited` and one comes each millisecond.
     fn drops(waited: u64, until: u64) -> Vec<u64> {
         let discipline = Discipline::CoDel(CoDel::default());
         let mut queue = Queue::new(QueueModel { discipline, ..QueueModel::default() });

@@ -1,4 +1,4 @@
-//! What became of the packets of a link.
+//! Delivery counts of a link's packets.
 
 use std::ops::{Add, AddAssign, SubAssign};
 
@@ -23,7 +23,7 @@ impl AddAssign<u32> for Count {
 }
 
 impl SubAssign<u32> for Count {
-    /// Takes one packet of so many bytes away.
+    /// Subtracts one packet of so many bytes.
     fn sub_assign(&mut self, bytes: u32) {
         self.packets -= 1;
         self.bytes -= u64::from(bytes);
@@ -41,7 +41,7 @@ impl Add for Count {
 /// Packets that did not arrive, by cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Drops {
-    /// Larger than the link takes.
+    /// Larger than the link's MTU.
     pub mtu: Count,
     /// The queue was full.
     pub queue: Count,
@@ -49,7 +49,7 @@ pub struct Drops {
     pub managed: Count,
     /// Lost on the way.
     pub lost: Count,
-    /// Arrived damaged and were thrown away for their checksum.
+    /// Arrived damaged and failed the checksum.
     pub corrupted: Count,
 }
 
@@ -61,7 +61,7 @@ impl Drops {
     }
 }
 
-/// What became of the packets of one direction of a link.
+/// Delivery counts of one direction of a link.
 ///
 /// At any time `offered + duplicated = delivered + dropped + queued + flying`, in packets and in bytes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -72,13 +72,13 @@ pub struct LinkTally {
     pub duplicated: Count,
     /// Came out at the other end.
     pub delivered: Count,
-    /// Did not, by cause.
+    /// Dropped, by cause.
     pub dropped: Drops,
-    /// Wait for their turn.
+    /// Waiting in the queue.
     pub queued: Count,
-    /// Are being sent, or are on their way.
+    /// Being sent or in flight.
     pub flying: Count,
-    /// Marked "congestion experienced" rather than dropped; counted under what became of them as well.
+    /// Marked "congestion experienced" rather than dropped; also counted under their outcome.
     pub marked: Count,
 }
 

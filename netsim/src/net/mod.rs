@@ -1,4 +1,4 @@
-//! What a machine of a simulation offers to programs: the transports' [`Net`].
+//! The transports' [`Net`] as a simulated machine offers it to programs.
 
 pub(crate) mod tcp;
 mod timer;
@@ -32,18 +32,17 @@ impl fmt::Debug for SimNet {
 }
 
 impl SimNet {
-    /// This machine with timers as a runtime has them that counts time in ticks of `grain`, as tokio does
-    /// with its milliseconds: they ring at a multiple of it, not before their time, and there only if the
-    /// runtime is awake. It sleeps for whole ticks, so that it wakes as long after that multiple as it
-    /// went to sleep after another one, unless a packet wakes it. Without this timers ring to
-    /// the nanosecond.
+    /// This machine with the timers of a runtime that counts time in ticks of `grain`, as tokio counts
+    /// milliseconds. Timers ring at a tick, not before their time, and only while the runtime is awake. It
+    /// sleeps for whole ticks from the moment it fell asleep, so it may wake late after a tick, unless a
+    /// packet wakes it. Without a grain timers ring to the nanosecond.
     #[must_use]
     pub fn with_timer_grain(self, grain: Duration) -> Self {
         let nanos = u64::try_from(grain.as_nanos()).unwrap_or(u64::MAX);
         Self { timer_grain: nanos.max(1), ..self }
     }
 
-    /// Where a socket asked for `at` is bound, if that is an address of this machine.
+    /// Checks that a socket can be bound to `at`: an address of this machine.
     fn own(&self, at: IpAddr) -> io::Result<()> {
         if self.host.of(at) == Some(self.host) { Ok(()) } else { Err(io::ErrorKind::AddrNotAvailable.into()) }
     }
@@ -66,7 +65,7 @@ impl Net for SimNet {
         Ok(self.world.core().random.bits())
     }
 
-    /// Host names are those of the topology.
+    /// Resolves host names of the topology.
     fn resolve<'a>(&'a self, address: &'a str) -> BoxFuture<'a, io::Result<Vec<SocketAddr>>> {
         Box::pin(std::future::ready(self.lookup(address)))
     }

@@ -16,7 +16,7 @@ mod program;
 
 pub(super) use program::{connect, listen};
 
-/// The MTU of a machine's way to itself, as Linux's loopback has it.
+/// The MTU of a machine's loopback, as in Linux.
 const LOOPBACK_MTU: u32 = 65_535;
 
 /// One end of a connection.
@@ -29,11 +29,11 @@ pub(crate) struct TcpState {
     peer: SocketAddr,
     reader: Option<Waker>,
     writer: Option<Waker>,
-    /// Whoever waits for the connection to be made.
+    /// The task that waits for the connection.
     connector: Option<Waker>,
-    /// The port of the listener that hands it out once it is made.
+    /// The port of the listener that accepts it.
     listener: Option<u16>,
-    /// When the earliest event for its timers comes.
+    /// The earliest queued event for its timers.
     queued: Option<Instant>,
 }
 
@@ -68,7 +68,7 @@ impl Core {
             && segment.ack.is_none()
             && let Some(listener) = listener
         {
-            // Without room the segment is dropped, as Linux does it: the peer tries again.
+            // Without room the segment is dropped, as in Linux: the peer tries again.
             if (listener.made.len() as i64) < i64::from(listener.options.backlog) {
                 let options = listener.options;
                 if let Some(config) = self.tcp_config(host, from, peer, options) {
@@ -100,7 +100,7 @@ impl Core {
         }
     }
 
-    /// A connection's timers may have come.
+    /// A connection's timers may be due.
     pub(crate) fn tcp_timer(&mut self, number: u32) {
         let now = self.now;
         let Some(state) = self.tcp.get_mut(&number) else { return };
@@ -114,7 +114,7 @@ impl Core {
         self.pump_tcp(number);
     }
 
-    /// Sends what a connection has to send, wakes whom it has news for, and sets its timer.
+    /// Sends a connection's segments, wakes waiting tasks, and sets its timer.
     fn pump_tcp(&mut self, number: u32) {
         let now = self.now;
         while let Some(state) = self.tcp.get_mut(&number)
@@ -174,7 +174,7 @@ impl Core {
         }
     }
 
-    /// The program is gone.
+    /// The program has dropped the connection.
     fn close_tcp(&mut self, number: u32) {
         if let Some(state) = self.tcp.get_mut(&number) {
             state.socket.close();

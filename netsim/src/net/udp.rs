@@ -17,8 +17,7 @@ use crate::topology::HostId;
 
 /// The first port that the system hands out itself (RFC 6335, section 6).
 pub(super) const FIRST_FREE_PORT: u16 = 49_152;
-/// The most that a program may ask for as a buffer, and what it has without asking: Linux's
-/// `net.core.rmem_max` and `wmem_max`.
+/// The largest and the default buffer of a socket: Linux's `net.core.rmem_max` and `wmem_max`.
 const LARGEST_BUFFER: usize = 212_992;
 
 /// A bound socket.
@@ -29,7 +28,7 @@ pub(crate) struct UdpState {
     inbox_cost: usize,
     inbox_limit: usize,
     reader: Option<Waker>,
-    /// What waits in the machine to be sent, and how much of that there may be.
+    /// The data queued in the machine to be sent, and its limit.
     outgoing: usize,
     outgoing_limit: usize,
     writers: Vec<Waker>,
@@ -51,7 +50,7 @@ fn cost(bytes: usize) -> usize {
 
 impl UdpState {
     fn new(host: HostId, options: UdpSocketOptions) -> Self {
-        // Linux doubles what is asked for, to pay for its bookkeeping.
+        // Linux doubles the requested size to pay for its bookkeeping.
         let limit =
             |asked: Option<usize>| asked.map_or(LARGEST_BUFFER, |bytes| 2 * bytes.min(LARGEST_BUFFER));
         Self {
@@ -66,7 +65,7 @@ impl UdpState {
         }
     }
 
-    /// A datagram has arrived; without room it is lost. Says whether somebody waited for it.
+    /// Takes a datagram; without room it is lost. Returns whether a task waited for it.
     pub(crate) fn receive(&mut self, from: SocketAddr, to: SocketAddr, ecn: Ecn, data: Bytes) -> bool {
         let cost = cost(data.len());
         if self.inbox_cost + cost > self.inbox_limit {
@@ -80,7 +79,7 @@ impl UdpState {
         awaited
     }
 
-    /// A packet of so many bytes has left the machine. Gives the machine if somebody waited for that.
+    /// A packet of so many bytes has left the machine. Returns the machine if a task waited for that.
     pub(crate) fn left(&mut self, ip_bytes: u32) -> Option<HostId> {
         self.outgoing = self.outgoing.saturating_sub(cost(ip_bytes as usize));
         let awaited = !self.writers.is_empty();
@@ -197,7 +196,7 @@ impl UdpSocket for SimUdp {
         Ok(self.local)
     }
 
-    /// One: then a loss on a link is the loss of one datagram.
+    /// One, so that a loss on a link loses one datagram.
     fn max_transmit_segments(&self) -> usize {
         1
     }

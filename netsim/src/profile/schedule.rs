@@ -1,4 +1,4 @@
-//! What a link is like over time, from a file of columns: what was measured on a network is played again.
+//! A link's conditions over time from a file of columns, to replay measurements of a network.
 
 use std::fs;
 use std::io;
@@ -11,7 +11,7 @@ use toml::{Table, Value};
 
 use crate::link::{Conditions, Jitter, Loss, Phase, Probability, Rate, Reorder};
 
-/// What changes at a time; what is not said stays as the link has it at first.
+/// The changes at one time; missing values stay as at first.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(test, derive(PartialEq))]
 #[serde(deny_unknown_fields, expecting = "a table of a phase's keys, such as `at` and `rate`")]
@@ -39,21 +39,21 @@ pub enum ScheduleFault {
     /// It cannot be read.
     #[error("cannot be read: {0}")]
     Read(#[from] io::Error),
-    /// It has no line that says what its columns are.
+    /// It has no header line.
     #[error("has no line: begin with the names of the columns, such as `at,rate,delay,loss`")]
     Empty,
-    /// A line does not say what a phase is.
+    /// A line is not a valid phase.
     #[error("line {line}: {problem}")]
     Line {
-        /// Which, from 1.
+        /// The line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The problem.
         problem: String,
     },
 }
 
 impl WrittenPhase {
-    /// What holds from then on, where `first` holds at first.
+    /// The conditions from then on, where `first` are those at first.
     pub(super) fn over(self, first: &Conditions) -> Phase {
         let conditions = Conditions {
             rate: self.rate.or(first.rate),
@@ -68,9 +68,9 @@ impl WrittenPhase {
     }
 }
 
-/// Reads a file of comma-separated values, a line a phase: first the names of the columns, which are those of
-/// a phase's keys, then values as they stand in a profile but without quotes. `loss` is that of each packet
-/// by itself. A value that is not there is the link's own. Lines that begin with `#` say nothing.
+/// Reads a file of comma-separated values, one phase per line. The header line names the columns by the keys
+/// of a phase. Values are written as in a profile, without quotes. `loss` is independent for each packet. A
+/// missing value is the link's own. Lines that begin with `#` are comments.
 pub(super) fn read(path: &Path) -> Result<Vec<WrittenPhase>, ScheduleFault> {
     parse(&fs::read_to_string(path)?)
 }
@@ -95,7 +95,7 @@ fn phase(columns: &[&str], text: &str) -> Result<WrittenPhase, String> {
     Value::Table(table).try_into().map_err(|e: toml::de::Error| e.message().to_owned())
 }
 
-/// A cell as a profile would have it; what is none is refused where it is read.
+/// A cell as a profile would have it; an invalid one is refused when it is read.
 fn value(column: &str, cell: &str) -> Value {
     let number = cell.parse().map_or_else(|_| Value::String(cell.to_owned()), Value::Float);
     match column {

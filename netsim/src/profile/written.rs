@@ -1,4 +1,4 @@
-//! A link as a profile has it.
+//! Links as written in a profile.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -9,7 +9,7 @@ use super::ProfileError;
 use super::schedule::{self, WrittenDuration, WrittenPhase};
 use crate::link::{Conditions, Framing, Jitter, LinkModel, Loss, Probability, QueueModel, Rate, Reorder};
 
-/// A link as it is written.
+/// A link as written in TOML.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields, expecting = "a table of a link's keys, such as `rate` and `delay`")]
 pub(super) struct WrittenLink {
@@ -32,7 +32,7 @@ pub(super) struct WrittenLink {
     framing: Framing,
     #[serde(default)]
     phases: Vec<WrittenPhase>,
-    /// A file of them, beside the profile's.
+    /// A file of phases, beside the profile.
     phases_from: Option<PathBuf>,
     repeat: Option<WrittenDuration>,
 }
@@ -45,7 +45,7 @@ const fn ethernet_mtu() -> u32 {
 const LEAST_MTU: u32 = 576;
 
 impl WrittenLink {
-    /// The link that is written at `key` in a profile, which lies in `folder` if it lies anywhere.
+    /// Reads the link at `key` in a profile; `folder` is that of the profile, if it has one.
     pub(super) fn read(
         mut self,
         profile: &str,
@@ -74,7 +74,7 @@ impl WrittenLink {
         self.model().map_err(wrong)
     }
 
-    /// The link, or the key that is wrong and what is wrong with it.
+    /// The link, or the invalid key and its problem.
     fn model(self) -> Result<LinkModel, (&'static str, &'static str)> {
         let Self {
             rate,

@@ -1,18 +1,18 @@
-//! How many packets may be on their way: CUBIC (RFC 9438) with HyStart, in Linux's constants.
+//! The congestion window: CUBIC (RFC 9438) with HyStart, in Linux's constants.
 
 use std::time::Duration;
 
 use trimaran_net::Instant;
 
-/// What the window is multiplied with after a loss, and the steepness of the cubic, in packets and seconds.
+/// The window's factor after a loss, and the steepness of the cubic, in packets and seconds.
 const BETA: f64 = 717.0 / 1024.0;
 const STEEPNESS: f64 = 410.0 / 1024.0;
-/// HyStart: from so many packets on; acknowledgements closer than this are a train; so many samples make a
-/// round's delay.
+/// HyStart: the smallest window in packets; the largest gap within a train of acknowledgements; the samples
+/// for a round's delay.
 const LOW_WINDOW: u32 = 16;
 const TRAIN_GAP: Duration = Duration::from_millis(2);
 const SAMPLES: u32 = 8;
-/// So long Linux takes its last word for how fast the same window grows: a 32nd of a second.
+/// Linux recomputes the growth of an unchanged window only after this time: a 32nd of a second.
 const PACE_HOLDS: Duration = Duration::from_micros(31_250);
 
 #[derive(Debug)]
@@ -23,12 +23,12 @@ pub(super) struct Cubic {
     epoch: Option<Instant>,
     origin: f64,
     until_origin: f64,
-    /// What Reno would have by now, and packets acknowledged towards its next one.
+    /// Reno's window by now, and packets acknowledged towards its next increase.
     reno: f64,
     acked: f64,
-    /// Packets acknowledged towards our next one.
+    /// Packets acknowledged towards our next increase.
     credit: f64,
-    /// How many acknowledgements a further packet takes, as it was found last: when, and for which window.
+    /// Acknowledgements per further packet as last computed, when, and for which window.
     each: f64,
     found: Option<(Instant, u32)>,
     round: Round,
@@ -70,20 +70,19 @@ impl Cubic {
         ((cwnd * BETA) as u32).max(2)
     }
 
-    /// After a timeout everything is learnt anew.
+    /// Forgets everything after a timeout.
     pub(super) const fn reset(&mut self) {
         self.last_max = 0.0;
         self.epoch = None;
         self.credit = 0.0;
     }
 
-    /// Nothing was on its way for so long: that time does not count, so that a program that pauses finds the
-    /// window no larger.
+    /// Nothing was in flight for so long. That time does not count, so a pause does not enlarge the window.
     pub(super) fn skip(&mut self, idle: Duration) {
         self.epoch = self.epoch.map(|epoch| epoch.after(idle));
     }
 
-    /// Whether slow start should end, although nothing is lost: the queue grows, or the way is full.
+    /// Whether slow start should end without a loss: the queue grows, or the path is full.
     pub(super) fn leaves_slow_start(&mut self, now: Instant, ack: Ack, cwnd: u32) -> bool {
         let round = &mut self.round;
         if ack.acknowledged > round.end {
@@ -95,8 +94,7 @@ impl Cubic {
         let mut leaves = false;
         if now.since(round.last_ack) <= TRAIN_GAP {
             round.last_ack = now;
-            // Half the round trip, since Linux does not pace here: what comes as a train fills the way once
-            // and back.
+            // Half the round trip, since Linux does not pace here: a train fills the path once and back.
             leaves |= now.since(round.start) > ack.min_rtt / 2;
         }
         if round.samples < SAMPLES {
@@ -118,7 +116,7 @@ impl Cubic {
             self.each = self.pace(now, f64::from(cwnd), f64::from(acked), min_rtt);
         }
         let mut more = 0.0;
-        // What was gathered while a slower pace held is worth one packet, however much it is.
+        // Credit gathered at a slower pace counts for one packet at most.
         if self.credit >= self.each {
             (more, self.credit) = (1.0, 0.0);
         }
@@ -128,7 +126,7 @@ impl Cubic {
         cwnd.saturating_add((more + full) as u32)
     }
 
-    /// How many acknowledgements a further packet takes.
+    /// The number of acknowledgements per further packet.
     fn pace(&mut self, now: Instant, window: f64, acked: f64, min_rtt: Duration) -> f64 {
         let epoch = *self.epoch.get_or_insert_with(|| {
             self.acked = acked;
@@ -160,7 +158,7 @@ impl Cubic {
     }
 }
 
-/// What an acknowledgement says to HyStart.
+/// An acknowledgement as HyStart sees it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ack {
     pub(super) acknowledged: u64,
@@ -175,7 +173,7 @@ mod tests {
 
     const RTT: Duration = Duration::from_millis(100);
 
-    /// Grows a window for some round trips after a loss at `max`, and gives it after each.
+    /// Grows a window for some round trips after a loss at `max`, and returns it after each.
     fn growth(max: u32, rounds: u64) -> Vec<u32> {
         let mut cubic = Cubic::new();
         let mut cwnd = cubic.after_loss(max);
@@ -239,7 +237,7 @@ mod tests {
         let mut cubic = Cubic::new();
         let window = cubic.after_loss(20);
         assert_eq!(cubic.grow(ms(0), window, 1, Duration::ZERO), window);
-        // Reno would have grown long ago, but nobody looks yet.
+        // Reno would have grown long ago, but growth is not recomputed yet.
         assert_eq!(cubic.grow(ms(20), window, 200, Duration::ZERO), window);
         assert_eq!(
             cubic.grow(ms(40), window, 1, Duration::ZERO),
@@ -263,7 +261,7 @@ mod tests {
             cubic.skip(Duration::from_secs(idle));
             cubic.grow(at(8), window, 20, RTT) - window
         };
-        // The old window is reached after 4.2 s; from then on it is left behind ever faster.
+        // The old window is reached after 4.2 s; from then on growth speeds up.
         assert_eq!((after(0), after(8)), (10, 0));
     }
 }

@@ -7,23 +7,23 @@ use trimaran_net::Instant;
 /// Linux's `TCP_DELACK_MIN` and `TCP_ATO_MIN`, and the most that an acknowledgement is delayed.
 const DELAY_MIN: Duration = Duration::from_millis(40);
 const DELAY_MAX: Duration = Duration::from_millis(200);
-/// The most acknowledgements sent at once at a stretch.
+/// The most immediate acknowledgements in a row.
 const QUICK_MAX: u32 = 16;
 
 #[derive(Debug)]
 pub(super) struct DelayedAck {
-    /// The receiver's guess of the sender's pace; none before the first data.
+    /// The estimated pace of the sender; none before the first data.
     pace: Option<Duration>,
     last_data: Instant,
-    /// So many more acknowledgements are sent at once.
+    /// The number of acknowledgements still to be sent immediately.
     quick: u32,
-    /// Both sides talk in turns: an acknowledgement can ride on the answer.
+    /// Both sides talk in turns, so an acknowledgement can be piggybacked on the answer.
     dialogue: bool,
     /// Until when an acknowledgement may wait.
     due: Option<Instant>,
-    /// A message ended in what was received last, and in what came before it, unacknowledged.
+    /// How many messages, up to two, have ended in unacknowledged data.
     pushed: u8,
-    /// The largest segment, as far as seen.
+    /// The largest segment seen.
     pub(super) segment: u32,
 }
 
@@ -44,7 +44,7 @@ impl DelayedAck {
         self.due
     }
 
-    /// Data came. `window` is what was promised; `rto` this side's timeout.
+    /// Data came. `window` is the advertised window; `rto` this side's timeout.
     pub(super) fn received(&mut self, now: Instant, bytes: u32, push: bool, window: u32, rto: Duration) {
         if bytes >= self.segment {
             self.segment = bytes;
@@ -60,20 +60,20 @@ impl DelayedAck {
             }
             Some(pace) if gap <= DELAY_MIN / 2 => self.pace = Some(pace / 2 + DELAY_MIN / 2),
             Some(pace) if gap < pace => self.pace = Some((pace / 2 + gap).min(rto)),
-            // The sender starts anew and needs acknowledgements.
+            // The sender starts over and needs acknowledgements.
             Some(_) if gap > rto => self.be_quick(window),
             Some(_) => {}
         }
         self.last_data = now;
     }
 
-    /// Acknowledges at once for a while: so that a sender in slow start gets going.
+    /// Acknowledges immediately for a while, so that a sender in slow start can grow.
     fn be_quick(&mut self, window: u32) {
         let packets = window / (2 * self.segment.max(1));
         self.quick = self.quick.max(packets.clamp(2, QUICK_MAX));
     }
 
-    /// Something came out of order, or twice: the sender must know at once, for a while.
+    /// Data came out of order or twice: acknowledges immediately for a while.
     pub(super) fn out_of_order(&mut self, window: u32) {
         self.dialogue = false;
         self.be_quick(window);
@@ -86,7 +86,7 @@ impl DelayedAck {
         }
     }
 
-    /// Whether to acknowledge now, with so many bytes unacknowledged; if not, the time until when is noted.
+    /// Whether to acknowledge now, with so many bytes unacknowledged. If not, notes the time.
     pub(super) fn wants_now(
         &mut self,
         now: Instant,
@@ -116,7 +116,7 @@ impl DelayedAck {
                 || (self.pushed > 0 && !self.dialogue))
     }
 
-    /// The acknowledgement's time came without an answer to ride on: no dialogue.
+    /// The delay ended without an answer to carry the acknowledgement: no dialogue.
     pub(super) fn expired(&mut self) {
         self.due = None;
         if self.dialogue {

@@ -9,7 +9,7 @@ use trimaran_net::Instant;
 use super::delayed_ack::DelayedAck;
 use super::segment::{MOST_SACKS, Range, Segment};
 
-/// Linux's `tcp_rmem`: the buffer at first, and at most.
+/// Linux's `tcp_rmem`: the initial and the largest buffer.
 const BUFFER: u32 = 131_072;
 const BUFFER_MAX: u32 = 6_291_456;
 /// The first window that Linux offers with that buffer.
@@ -17,32 +17,32 @@ const FIRST_WINDOW: u32 = 64_240;
 
 #[derive(Debug)]
 pub(super) struct Receiver {
-    /// What is expected next.
+    /// The next expected sequence number.
     pub(super) next: u64,
     ready: VecDeque<Bytes>,
     ready_bytes: u32,
-    /// What came ahead of its turn, by sequence number; no two overlap.
+    /// Data out of order, by sequence number; no two pieces overlap.
     ahead: BTreeMap<u64, Bytes>,
     ahead_bytes: u32,
-    /// Where the newest of those are, the latest first.
+    /// The ranges of the newest of those, the latest first.
     recent: Vec<Range>,
-    /// What came twice, to be reported once (RFC 2883).
+    /// A duplicate range, to be reported once (RFC 2883).
     duplicate: Option<Range>,
     /// Where the peer's stream ends.
     fin: Option<u64>,
-    /// How far the peer may send; this is never taken back.
+    /// How far the peer may send. This never shrinks.
     promised: u64,
     acknowledged: u64,
     /// Half of the buffer: the other half pays for the bookkeeping.
     space: u32,
     /// The window grows up to here as data comes.
     threshold: u32,
-    /// Whether the buffer grows with what the program reads.
+    /// Whether the buffer grows with the program's reads.
     grows: bool,
     measure: Measure,
     segment: u32,
     pub(super) acks: DelayedAck,
-    /// An acknowledgement is to be sent.
+    /// An acknowledgement must be sent.
     pub(super) ack_now: bool,
 }
 
@@ -57,7 +57,7 @@ struct Measure {
 impl Receiver {
     /// A receiver that waits for byte `next`. `buffer` fixes the buffer; without it, it grows.
     pub(super) fn new(next: u64, segment: u32, buffer: Option<usize>) -> Self {
-        // Linux doubles what is asked for, and offers half of what it has.
+        // Linux doubles the requested size, and offers half of its buffer.
         let asked = buffer.map(|bytes| u32::try_from(bytes).unwrap_or(u32::MAX).min(BUFFER_MAX));
         let space = asked.unwrap_or(BUFFER / 2);
         let threshold = space.min(FIRST_WINDOW);
@@ -82,7 +82,7 @@ impl Receiver {
         }
     }
 
-    /// Whether a read would give something: data, or the end.
+    /// Whether a read would return data or the end.
     pub(super) fn is_readable(&self) -> bool {
         self.ready_bytes > 0 || self.has_ended()
     }
@@ -188,7 +188,7 @@ impl Receiver {
         self.recent.insert(0, range);
     }
 
-    /// Reads into `buffer`, and says how many bytes; `rtt` is what a round trip takes.
+    /// Reads into `buffer` and returns the number of bytes; `rtt` is the round-trip time.
     pub(super) fn read(&mut self, now: Instant, buffer: &mut [u8], rtt: Option<Duration>) -> usize {
         let mut filled = 0;
         while let Some(chunk) = self.ready.front_mut() {
@@ -212,8 +212,8 @@ impl Receiver {
         filled
     }
 
-    /// Lets the buffer grow to twice what the program reads in a round trip, so that the window never is what
-    /// limits a sender.
+    /// Grows the buffer to twice the program's reads in a round trip, so that the window never limits a
+    /// sender.
     fn adjust(&mut self, now: Instant, bytes: u64, rtt: Option<Duration>) {
         self.measure.read += bytes;
         let Some(rtt) = rtt.filter(|rtt| now.since(self.measure.since) >= *rtt) else { return };
@@ -227,12 +227,12 @@ impl Receiver {
         self.measure = Measure { since: now, read: 0, largest: largest.max(read) };
     }
 
-    /// What the peer may still send.
+    /// The bytes that the peer may still send.
     fn window(&self) -> u32 {
         self.promised.saturating_sub(self.next) as u32
     }
 
-    /// What there is room for.
+    /// The bytes that there is room for.
     fn room(&self) -> u32 {
         let free = self.space.saturating_sub(self.ready_bytes + self.ahead_bytes);
         let room = free.min(self.threshold);
@@ -240,7 +240,7 @@ impl Receiver {
         if room < self.segment.min(self.space / 2) { 0 } else { room }
     }
 
-    /// Fills in what a segment says of what was received.
+    /// Fills in the acknowledgement fields of a segment.
     pub(super) fn acknowledge(&mut self, segment: &mut Segment) {
         self.promised = self.promised.max(self.next + u64::from(self.room()));
         self.acknowledged = self.next;

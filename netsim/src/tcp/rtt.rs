@@ -1,4 +1,4 @@
-//! How long a round trip takes, and how long to wait for an acknowledgement at most (RFC 6298, as in Linux).
+//! The round-trip time, and the retransmission timeout (RFC 6298, as in Linux).
 
 use std::time::Duration;
 
@@ -12,13 +12,13 @@ pub(super) const RTO_MAX: Duration = Duration::from_secs(120);
 /// Before anything is measured (RFC 6298, section 2.1).
 const RTO_INITIAL: Duration = Duration::from_secs(1);
 
-/// For how long a smallest round trip is remembered: Linux's `tcp_min_rtt_wlen`.
+/// How long a smallest round trip is remembered: Linux's `tcp_min_rtt_wlen`.
 const MIN_WINDOW: Duration = Duration::from_secs(300);
 
 #[derive(Debug)]
 pub(super) struct Rtt {
     smoothed: Option<Duration>,
-    /// Four times the mean deviation, its largest value of this round trip, and what the timeout uses.
+    /// Four times the mean deviation, its largest value of this round trip, and the timeout's value.
     deviation: Duration,
     largest: Duration,
     variance: Duration,
@@ -41,7 +41,7 @@ impl Rtt {
         }
     }
 
-    /// A round trip was measured. `acknowledged` is what the peer has, `next` what will be sent next.
+    /// A round trip was measured. `acknowledged` ends the peer's data, `next` is the next byte to send.
     pub(super) fn measure(&mut self, now: Instant, sample: Duration, acknowledged: u64, next: u64) {
         match self.min {
             Some((min, since)) if sample > min && now.since(since) < MIN_WINDOW => {}
@@ -61,8 +61,7 @@ impl Rtt {
         if error < quarter {
             self.deviation -= quarter - error;
         } else if sample < smoothed {
-            // A shorter round trip is no reason to wait longer: it counts an eighth of what a longer one
-            // does.
+            // A shorter round trip is no reason to wait longer, so it counts only an eighth.
             self.deviation += (error - quarter) / 8;
         } else {
             self.deviation += error - quarter;
@@ -80,7 +79,7 @@ impl Rtt {
         self.smoothed
     }
 
-    /// The smallest round trip of late.
+    /// The smallest recent round trip.
     pub(super) fn min(&self) -> Option<Duration> {
         self.min.map(|(min, _)| min)
     }

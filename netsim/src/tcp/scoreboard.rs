@@ -1,4 +1,4 @@
-//! What was sent and is not acknowledged, and which of it is lost (RACK, RFC 8985).
+//! Packets sent and not acknowledged, and which of them are lost (RACK, RFC 8985).
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use trimaran_net::Instant;
 
 use super::segment::Range;
 
-/// So many selective acknowledgements make a loss certain, unless packets are known to overtake each other.
+/// This many selective acknowledgements mean a loss, unless the path is known to reorder packets.
 const DUPLICATES: u32 = 3;
 
 /// A packet that is not acknowledged yet.
@@ -21,7 +21,7 @@ pub(super) struct Sent {
     pub(super) at: Instant,
     /// It was sent more than once.
     pub(super) again: bool,
-    /// One of those repetitions is still under way.
+    /// A retransmission of it is still in flight.
     repeated: bool,
     sacked: bool,
     lost: bool,
@@ -33,10 +33,10 @@ impl Sent {
     }
 }
 
-/// What an acknowledgement changed.
+/// The effects of an acknowledgement.
 #[derive(Debug, Default)]
 pub(super) struct News {
-    /// Packets that are known to have arrived, and were not before.
+    /// Packets newly known to have arrived.
     pub(super) delivered: u32,
     /// Of these, those acknowledged in order.
     pub(super) acknowledged: u32,
@@ -54,11 +54,11 @@ pub(super) struct Scoreboard {
     sacked: u32,
     lost: u32,
     repeated: u32,
-    /// The end of what is known to have arrived.
+    /// The end of the data known to have arrived.
     highest: u64,
     /// The packet sent last of those that have arrived: when it was sent, its end, and its round trip.
     newest: Option<(Instant, u64, Duration)>,
-    /// Packets have overtaken each other on this way.
+    /// The path has reordered packets.
     reorders: bool,
     /// Quarters of a round trip that a packet may be late.
     reordering_steps: u32,
@@ -90,12 +90,12 @@ impl Scoreboard {
         self.lost > 0
     }
 
-    /// How many repetitions are under way.
+    /// The number of retransmissions in flight.
     pub(super) const fn repeated(&self) -> u32 {
         self.repeated
     }
 
-    /// How many packets are on their way.
+    /// The number of packets in flight.
     pub(super) fn in_flight(&self) -> u32 {
         (self.packets() + self.repeated).saturating_sub(self.sacked + self.lost)
     }
@@ -109,7 +109,7 @@ impl Scoreboard {
         self.sent.push_back(Sent { seq, data, fin, at: now, again, repeated, sacked, lost });
     }
 
-    /// The next packet that is lost and was not repeated since; it counts as repeated now.
+    /// The next lost packet that was not retransmitted since; it now counts as retransmitted.
     pub(super) fn repeat_lost(&mut self, now: Instant) -> Option<&Sent> {
         if self.lost <= self.repeated {
             return None;
@@ -131,7 +131,7 @@ impl Scoreboard {
         Some(packet)
     }
 
-    /// An acknowledgement came: everything before `ack` has arrived, and what is in the ranges.
+    /// An acknowledgement came: everything before `ack` and in the ranges has arrived.
     pub(super) fn acknowledge(
         &mut self,
         now: Instant,
@@ -190,7 +190,7 @@ impl Scoreboard {
         rtt: Duration,
         min_rtt: Option<Duration>,
     ) {
-        // The acknowledgement of a repetition that comes too soon is the first one's.
+        // An acknowledgement too soon after a retransmission is for the original.
         if packet.again && min_rtt.is_some_and(|min| rtt < min) {
             return;
         }
@@ -199,14 +199,14 @@ impl Scoreboard {
         }
     }
 
-    /// The peer got something twice: what was repeated was only late.
+    /// The peer got a duplicate: the packet was only late.
     pub(super) fn be_more_patient(&mut self) {
         self.reordering_steps = (self.reordering_steps + 1).min(255);
         self.reorders = true;
     }
 
-    /// Marks as lost what was sent long enough before something that has arrived. Says how long it takes
-    /// until more is lost, if nothing else comes.
+    /// Marks packets as lost that were sent long enough before one that arrived. Returns the time until more
+    /// are lost, if nothing else comes.
     pub(super) fn find_lost(
         &mut self,
         now: Instant,
@@ -249,7 +249,7 @@ impl Scoreboard {
         wait
     }
 
-    /// Nothing came for a timeout: the oldest packet is lost, and all that were not sent within a round trip.
+    /// The timeout expired: the oldest packet is lost, and all that were not sent within a round trip.
     pub(super) fn give_up(&mut self, now: Instant) {
         let recent = self.newest.map(|(_, _, rtt)| rtt);
         for (index, packet) in self.sent.iter_mut().enumerate() {
@@ -267,7 +267,7 @@ impl Scoreboard {
         }
     }
 
-    /// What seemed lost was not.
+    /// Takes all loss marks back.
     pub(super) fn nothing_is_lost(&mut self) {
         for packet in &mut self.sent {
             packet.lost = false;
@@ -343,7 +343,7 @@ mod tests {
     fn where_packets_overtake_each_other_patience_is_kept() {
         let mut scoreboard = sent(6);
         scoreboard.acknowledge(at(20), 0, &[range(1, 2)], None);
-        // Packet 0 arrives after packet 1 without having been repeated.
+        // Packet 0 arrives after packet 1 without a retransmission.
         scoreboard.acknowledge(at(21), 200, &[], None);
         scoreboard.acknowledge(at(25), 200, &[range(3, 6)], Some(ms(20)));
         assert_eq!(scoreboard.find_lost(at(25), false, Some(ms(20)), Some(ms(20))), Some(ms(2)));

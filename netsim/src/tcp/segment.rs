@@ -8,48 +8,48 @@ use trimaran_net::Instant;
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Segment {
     pub(crate) seq: u64,
-    /// What is expected next from the other side; none in the very first segment.
+    /// The next byte expected from the other side; none in the very first segment.
     pub(crate) ack: Option<u64>,
     pub(crate) syn: bool,
     pub(crate) fin: bool,
     pub(crate) rst: bool,
-    /// How many bytes the sender takes.
+    /// The receive window, bytes.
     pub(crate) window: u32,
-    /// When it was sent, in milliseconds, and the newest such time that the sender has seen (RFC 7323).
+    /// Its sending time in milliseconds, and the newest timestamp that the sender has seen (RFC 7323).
     pub(crate) timestamp: u64,
     pub(crate) echo: u64,
-    /// What has arrived out of order, or twice, the latest first.
+    /// Ranges that arrived out of order or twice, the latest first.
     pub(crate) sacks: Vec<Range>,
     pub(crate) data: Bytes,
     pub(crate) class: Class,
 }
 
-/// Bytes from a sequence number to before another.
+/// A range of sequence numbers; the end is excluded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Range {
     pub(crate) from: u64,
     pub(crate) to: u64,
 }
 
-/// What a packet is for.
+/// The purpose of a packet.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
     /// A datagram of UDP.
     Datagram,
-    /// A datagram of at most 64 bytes: in protocols whose headers and seal are half of that, as QUIC's and
-    /// this project's, an acknowledgement, a keep-alive, or very little else.
+    /// A datagram of at most 64 bytes. In QUIC and this project's protocol headers and seal are half of that,
+    /// so it is an acknowledgement, a keep-alive, or very little else.
     SmallDatagram,
     /// Data sent for the first time.
     #[default]
     Data,
     /// Data sent again.
     Retransmission,
-    /// Nothing but an acknowledgement, or a window.
+    /// Only an acknowledgement, or a window.
     Acknowledgement,
     /// The beginning or the end of a connection.
     Handshake,
-    /// A question whether the peer is still there, or has room again.
+    /// A probe: is the peer still there, or has it room again.
     Probe,
 }
 
@@ -83,12 +83,12 @@ impl Segment {
     }
 }
 
-/// The data of a full segment where IP packets may have so many bytes.
+/// The data of a full segment for this MTU.
 pub(super) const fn full_size(mtu: u32, ip_header: u32) -> u32 {
     mtu.saturating_sub(ip_header + 20 + 12)
 }
 
-/// The earlier one of two times that may never come.
+/// The earlier of two optional times.
 pub(super) fn earlier(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
     match (one, other) {
         (Some(one), Some(other)) => Some(one.min(other)),

@@ -1,4 +1,4 @@
-//! The sending half: what may be sent, when it is sent again, and how fast.
+//! The sending half: transmission, retransmission and congestion control.
 
 use std::time::Duration;
 
@@ -18,17 +18,17 @@ mod window;
 use recovery::{Reduction, Undo};
 use window::Usage;
 
-/// Packets at first (RFC 6928).
+/// The initial window in packets (RFC 6928).
 const FIRST_WINDOW: u32 = 10;
-/// A probe for a lost tail waits two round trips and so much more: two of Linux's clock ticks.
+/// A tail loss probe waits two round trips and this: two of Linux's clock ticks.
 const PROBE_SLACK: Duration = Duration::from_millis(2);
-/// What Linux charges a socket for a full packet, and at most for all (`tcp_wmem`).
+/// Linux's charge for a full packet, and the limit of a socket (`tcp_wmem`).
 const PACKET_COST: u64 = 4352;
 const BUFFER_MAX: u64 = 4_194_304;
 
 #[derive(Debug)]
 pub(super) struct Sender {
-    /// The first byte that is not acknowledged; the next one to be sent; how far the peer takes them.
+    /// The first unacknowledged byte; the next one to be sent; the end of the peer's window.
     pub(super) acknowledged: u64,
     pub(super) next: u64,
     window_end: u64,
@@ -48,22 +48,22 @@ pub(super) struct Sender {
     recovery_end: u64,
     reduction: Reduction,
     undo: Option<Undo>,
-    /// When the first of the repetitions under way left, milliseconds.
+    /// When the first retransmission in flight was sent, milliseconds.
     repeating_since: Option<u64>,
     usage: Usage,
     timers: Timers,
-    /// A probe for a lost tail is out: what was next then, and whether it was data sent again.
+    /// A tail loss probe is in flight: the next byte at that time, and whether it was a retransmission.
     tail_probe: Option<(u64, bool)>,
-    /// Send that probe now, whatever the window.
+    /// Send that probe now, regardless of the window.
     probe_tail: bool,
-    /// Ask for room now.
+    /// Send a window probe now.
     probe_window: bool,
     last_sent: Instant,
-    /// When something was acknowledged last, or began to wait for that.
+    /// When data was last acknowledged, or began to wait for that.
     progress: Instant,
     /// Bytes of this connection in the machine's own queue.
     outgoing: u64,
-    /// Something waits for those to leave.
+    /// Data waits for those to leave.
     held_back: bool,
     nodelay: bool,
 }
@@ -71,9 +71,9 @@ pub(super) struct Sender {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     Open,
-    /// Something is lost, and what arrives makes room to repeat it.
+    /// Data is lost, and arrivals make room to retransmit it.
     Recovery,
-    /// Nothing came for a timeout: starts anew.
+    /// The timeout expired: starts over.
     Loss,
 }
 
@@ -130,13 +130,13 @@ impl Sender {
 
     /// How many bytes the program may write now.
     pub(super) fn room(&self) -> usize {
-        // Linux's buffer grows with the window: twice what a window of packets costs.
+        // Linux's buffer grows with the window: twice the cost of a window of packets.
         let grown = 2 * PACKET_COST * u64::from(self.cwnd.max(FIRST_WINDOW));
         let limit = self.buffer.unwrap_or_else(|| grown.min(BUFFER_MAX));
         usize::try_from(limit.saturating_sub(self.held())).unwrap_or(usize::MAX)
     }
 
-    /// Whether a program that waits for room should be told: when a third is free, as Linux has it.
+    /// Whether to wake a program that waits for room: when a third is free, as in Linux.
     pub(super) fn has_much_room(&self) -> bool {
         self.room() as u64 >= self.held() / 2
     }
@@ -158,7 +158,7 @@ impl Sender {
         self.fin_sent && self.scoreboard.is_empty()
     }
 
-    /// Since when what is to be sent makes no progress: it is not acknowledged, or the peer has no room.
+    /// Since when sending makes no progress: no acknowledgement comes, or the peer has no room.
     pub(super) fn waiting_since(&self) -> Option<Instant> {
         (!self.scoreboard.is_empty() || self.timers.persist.is_some()).then_some(self.progress)
     }
@@ -170,7 +170,7 @@ impl Sender {
         }
     }
 
-    /// So many bytes of this connection have left the machine. Says whether something waited for that.
+    /// So many bytes of this connection have left the machine. Returns whether data waited for that.
     pub(super) const fn left(&mut self, bytes: u64) -> bool {
         self.outgoing = self.outgoing.saturating_sub(bytes);
         std::mem::replace(&mut self.held_back, false)
@@ -185,7 +185,7 @@ impl Sender {
         earlier(earlier(retransmit, tail), earlier(reorder, persist))
     }
 
-    /// The time has come that [`Sender::next_timeout`] named.
+    /// The time of [`Sender::next_timeout`] has come.
     pub(super) fn expire(&mut self, now: Instant) {
         let due = |timer: &mut Option<Instant>| timer.take_if(|at| *at <= now).is_some();
         if due(&mut self.timers.reorder) {

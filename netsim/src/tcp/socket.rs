@@ -15,11 +15,11 @@ mod transmit;
 /// How long the first segment waits for its answer; doubled each time (RFC 6298).
 const FIRST_WAIT: Duration = Duration::from_secs(1);
 
-/// What a connection is set up with.
+/// The configuration of a connection.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Config {
     pub(crate) options: TcpOptions,
-    /// The largest IP packet of the way, and the bytes of its IP header.
+    /// The path MTU, and the bytes of the IP header.
     pub(crate) mtu: u32,
     pub(crate) ip_header: u32,
 }
@@ -31,10 +31,10 @@ pub(crate) struct Socket {
     state: State,
     sender: Sender,
     receiver: Receiver,
-    /// The newest timestamp of the peer's, to be sent back.
+    /// The newest timestamp of the peer, to be echoed.
     echo: u64,
     last_heard: Instant,
-    /// The program is gone: whatever comes finds nobody.
+    /// The program is gone: arriving data has no reader.
     orphan: bool,
     reset: Reset,
     probes: u32,
@@ -44,8 +44,7 @@ pub(crate) struct Socket {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
-    /// The first segment, or the answer to one, is out; since when, how often, and whether it is to be sent
-    /// now.
+    /// The first segment or the answer to it was sent: when, how often, and whether to send it now.
     Opening {
         answering: bool,
         due: Instant,
@@ -57,7 +56,7 @@ enum State {
     Closed,
 }
 
-/// Whether the peer is told that the connection is no more.
+/// Whether the peer is told that the connection is gone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Reset {
     No,
@@ -106,7 +105,7 @@ impl Socket {
         )
     }
 
-    /// Whether the connection is made; not, or with what end, if it has ended.
+    /// Whether the connection is open.
     pub(crate) const fn is_open(&self) -> bool {
         matches!(self.state, State::Open)
     }
@@ -145,7 +144,7 @@ impl Socket {
         self.failure.is_some() || self.sender.has_much_room()
     }
 
-    /// Reads; nothing is the end of the stream.
+    /// Reads; 0 bytes are the end of the stream.
     pub(crate) fn read(&mut self, now: Instant, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.receiver.read(now, buffer, self.sender.rtt.smoothed());
         match self.failure {
@@ -157,7 +156,7 @@ impl Socket {
     /// Writes as much as there is room for.
     pub(crate) fn write(&mut self, data: &[u8]) -> io::Result<usize> {
         if let Some(kind) = self.failure {
-            // A connection that the peer reset is a broken pipe to whoever writes on.
+            // Writing to a connection that the peer reset is a broken pipe.
             let kind = if kind == io::ErrorKind::ConnectionReset { io::ErrorKind::BrokenPipe } else { kind };
             return Err(kind.into());
         }
@@ -171,7 +170,7 @@ impl Socket {
         self.sender.close();
     }
 
-    /// The program is gone. What it did not read is refused, which tells the peer.
+    /// The program is gone. Unread data is refused with a reset.
     pub(crate) fn close(&mut self) {
         self.orphan = true;
         if self.receiver.unread() > 0 {
@@ -250,7 +249,7 @@ impl Socket {
         }
     }
 
-    /// So many bytes of this connection have left the machine. Says whether something waited for that.
+    /// So many bytes of this connection have left the machine. Returns whether data waited for that.
     pub(crate) const fn left(&mut self, bytes: u64) -> bool {
         self.sender.left(bytes)
     }

@@ -1,14 +1,14 @@
-//! What a program wrote and was not sent yet.
+//! Data written by a program and not sent yet.
 
 use std::collections::VecDeque;
 
 use bytes::{Bytes, BytesMut};
 
-/// Bytes in order, in the pieces in which they were written: what is taken is not copied unless it spans
-/// several of them.
+/// Bytes in order, in the pieces in which they were written. Taking bytes copies them only if they span
+/// several pieces.
 #[derive(Debug, Default)]
 pub(super) struct Unsent {
-    /// None is empty.
+    /// No piece is empty.
     pieces: VecDeque<Bytes>,
     bytes: usize,
 }

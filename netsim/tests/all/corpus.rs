@@ -1,5 +1,4 @@
-//! What the fuzz targets of hellos and answers look for, on what they have found so far, and a little
-//! further.
+//! Runs the checks of the fuzz targets of hellos and answers on their corpus, and on broken copies of it.
 
 #[allow(unreachable_pub, reason = "the fuzz targets use it too")]
 #[path = "../../../fuzz/src/hellos.rs"]
@@ -10,7 +9,7 @@ mod replay;
 
 type Check = fn(&[u8]) -> bool;
 
-/// Each with inputs of its corpus that make a link, unless the corpus is in a layout of the past.
+/// Each target with corpus inputs that make a link, unless the corpus has an old layout.
 const TARGETS: [(&str, Check, &[&str]); 2] = [
     (
         "hellos",

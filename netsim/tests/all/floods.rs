@@ -1,5 +1,4 @@
-//! Handshakes that strangers begin by the thousand, over each transport in virtual time: a peer gets in all
-//! the same.
+//! Floods of handshakes from strangers, over each transport in virtual time: a peer still gets in.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,7 +17,7 @@ use crate::virtual_time::{Listener, knowing, seen_from_elsewhere};
 const MS: Duration = Duration::from_millis(1);
 const SECOND: Duration = Duration::from_secs(1);
 
-/// Where the flood comes from.
+/// The source of the flood.
 #[derive(Clone, Copy)]
 enum Flood {
     OneAddress,
@@ -27,14 +26,14 @@ enum Flood {
     SameAddress,
 }
 
-/// A peer that knows the listener, the listener, and a stranger that knows it but not the other way round.
+/// A peer that knows the listener, the listener, and a stranger that the listener does not know.
 fn acquainted() -> [Options; 3] {
     let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
     let (peer, listener, stranger) = (keys("peer"), keys("listener"), keys("stranger"));
     [knowing(&peer, &listener), knowing(&listener, &peer), knowing(&stranger, &listener)]
 }
 
-/// Begins a handshake as a stranger, says nothing more for a quarter of a second, and is gone without a word.
+/// Begins a handshake as a stranger, is silent for a quarter of a second, and vanishes without a close.
 async fn begin(net: SimNet, at: Endpoint, options: Options) {
     let by = net.now().after(SECOND / 4);
     match &at {
@@ -62,8 +61,7 @@ async fn flood(clock: Arc<dyn Net>, nets: Vec<SimNet>, at: Endpoint, options: Op
     }
 }
 
-/// How long a peer takes to get in that comes half a second after the flood has begun, and what was turned
-/// away.
+/// How long a peer takes to connect half a second into the flood, and the refused handshakes.
 fn joins_during(flooded: Flood, scheme: &str) -> (Duration, TurnedAway) {
     let strangers: Vec<String> = (0..40).map(|number| format!("stranger {number}")).collect();
     let mut names = vec!["here", "there"];

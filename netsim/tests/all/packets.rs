@@ -12,8 +12,8 @@ use crate::virtual_time::{Link, Machines, acquainted, two_hosts};
 /// As many as the ids in the paper's model of bandwidth.
 const POINTS: u32 = 4000;
 
-/// What one frame of [`POINTS`] points took over `transport` in batches of `batch`, each packet of either
-/// direction counted: where all points are found at once, or, if not, where each batch is alone.
+/// Packets in both directions for one frame of [`POINTS`] points over `transport` in batches of `batch`. With
+/// `at_once` all points are found together, otherwise each batch alone.
 fn packets(transport: &'static str, batch: u32, at_once: bool) -> u64 {
     let gigabit = LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5));
     let (simulation, hosts) = two_hosts(&gigabit, &gigabit, 1);
@@ -27,7 +27,7 @@ fn packets(transport: &'static str, batch: u32, at_once: bool) -> u64 {
     simulation
         .run(async {
             let (mut arm, mut panel) = machines.pair(config).await;
-            // Frames before it open the window, and teach how large a datagram may be.
+            // Earlier frames open the window, and discover the size of datagrams.
             for frame in 0..10 {
                 send(&mut arm, frame, &points(POINTS)).await;
                 receive(&mut panel.frames_rx).await.unwrap();
@@ -60,22 +60,21 @@ async fn pause(net: &Arc<dyn Net>) {
     sleep_until(&**net, net.now().after(Duration::from_millis(100))).await;
 }
 
-/// Batches that are found at once share packets: there are about as many as the bytes need, and what
-/// acknowledges them.
+/// Batches found at once share packets: about as many as the bytes need, and acknowledgements.
 #[test]
 fn batches_that_are_found_at_once_share_packets() {
     for (transport, most) in [("tcp", 30), ("quic", 30), ("udp", 30)] {
         let counts = [1, 10, 100, 1000].map(|batch| packets(transport, batch, true));
         println!("{transport}: {counts:?}");
         for (batch, count) in [1, 10, 100, 1000].into_iter().zip(counts) {
-            // A message's header is 4 bytes, as much as a point; datagrams of our own have none.
+            // A message's header is 4 bytes, as much as a point; our own datagrams have none.
             let most = if batch == 1 && transport != "udp" { 2 * most } else { most };
             assert!(count <= most, "{count} packets over {transport} in batches of {batch}");
         }
     }
 }
 
-/// And a batch that is found alone waits for nobody.
+/// A batch that is found alone does not wait for others.
 #[test]
 fn a_batch_that_is_found_alone_is_a_packet() {
     for transport in ["tcp", "quic", "udp"] {

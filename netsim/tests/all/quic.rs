@@ -1,5 +1,4 @@
-//! QUIC, the very one that real links use, in virtual time: the conformance suite, exact times, and the same
-//! run each time.
+//! QUIC as real links use it, in virtual time: the conformance suite, exact times, and reproducible runs.
 
 use std::time::Duration;
 
@@ -29,7 +28,7 @@ fn a_handshake_takes_whole_round_trips() {
     for delay in [Duration::from_micros(5), Duration::from_micros(50), Duration::from_millis(20)] {
         let (simulation, machines) = machines(&LinkModel::clean(None, delay), 1);
         simulation.run(machines.pair(LinkConfig::default())).unwrap();
-        // The proof of the address there and back; the keys; the hello, and its answer.
+        // Three round trips: address validation; keys; the hello and its answer.
         assert_eq!(simulation.now().as_nanos(), 6 * delay.as_nanos() as u64);
     }
 }
@@ -61,7 +60,7 @@ fn who_leaves_waits_half_a_second_for_a_peer_that_has_left_and_cannot_tell_what_
         }
         machines.net().now().since(Instant::from_nanos(2_000_000_000))
     });
-    // Its word is 5 ms on its way; quinn's last packet leaves at once.
+    // Its close takes 5 ms; quinn's last packet leaves at once.
     let (least, most) = (Duration::from_millis(505), Duration::from_millis(510));
     let took = took.unwrap();
     assert!((least..most).contains(&took), "{took:?}");

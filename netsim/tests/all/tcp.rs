@@ -32,12 +32,12 @@ fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
 }
 
-/// A way without a rate: all time is delay.
+/// A path without a rate: all time is delay.
 fn way(delay: Duration) -> LinkModel {
     LinkModel::clean(None, delay)
 }
 
-/// The way, but in this time every packet is lost.
+/// The path, but every packet within this time is lost.
 fn losing(link: LinkModel, from: Duration, to: Duration) -> LinkModel {
     let certain = Loss::Independent(Probability::one());
     let phase = |at, loss| Phase { at, conditions: Conditions { loss, ..link.conditions } };
@@ -52,15 +52,15 @@ async fn dial(nets: &[SimNet; 2], options: TcpOptions) -> (Stream, Stream) {
     (ours.unwrap(), theirs.unwrap())
 }
 
-/// Nothing but what is tested.
+/// Options without timers that are not tested.
 fn plain() -> TcpOptions {
     TcpOptions { keepalive: None, user_timeout: None, ..TcpOptions::default() }
 }
 
 const FULL: usize = 1448;
 
-/// Sends `first` bytes, and after a second, when all is quiet, `second`, beginning at one second exactly.
-/// Gives when the last of it was read, counted from then.
+/// Sends `first` bytes, and at one second exactly, when all is quiet, `second`. Returns when the last of it
+/// was read, counted from then.
 fn delivery(
     there: &LinkModel,
     back: &LinkModel,
@@ -123,7 +123,7 @@ fn a_lost_packet_that_is_alone_waits_200_ms_and_a_round_trip() {
     assert_eq!(took, ms(10 + 200 + 5));
 }
 
-/// Sends ten packets in a millisecond, a tenth each, of which those in this range of tenths are lost.
+/// Sends ten packets in a millisecond, a tenth each, and loses those in this range of tenths.
 fn ten_packets(lost: std::ops::Range<u64>) -> (Duration, u64) {
     // 1538 bytes in a tenth of a millisecond.
     let link = LinkModel::clean(Rate::new(1538 * 8 * 10_000), ms(5));
@@ -142,7 +142,7 @@ fn a_loss_within_a_burst_is_repeated_as_soon_as_three_later_packets_are_acknowle
     assert_eq!(ten_packets(0..0), (ms(6), 0));
     let (took, again) = ten_packets(3..4);
     // The seventh packet's acknowledgement leaves at 0.7 + 5 ms and is there 5 ms and a short packet later;
-    // the repetition comes 5.1 ms after that.
+    // the retransmission comes 5.1 ms after that.
     let expected = 700 + 5000 + 5000 + 100 + 5000;
     assert_eq!(again, 1);
     assert!((took.as_micros() as i64 - expected).abs() < 50, "{took:?} {expected}");
@@ -178,10 +178,10 @@ fn a_way_that_is_dead_for_seconds_is_tried_at_doubling_times() {
     assert_eq!(took, ms(3360 + 5));
 }
 
-/// What Linux 6.18 took in these cases, over a way of 26 ms (its own measure of the round trip was 52 to 55
-/// ms), in milliseconds: medians of runs of `linux_tcp.py`, which is beside this test. The kernel's timers
-/// wait for its clock tick, and for eight of them beyond 256 ms: that is what it is late by where a timer
-/// ends the wait.
+/// Linux 6.18's times in these cases over a path of 26 ms, in milliseconds: medians of runs of
+/// `linux_tcp.py`, which is beside this test. It measured round trips of 52 to 55 ms. The kernel's timers
+/// wait for a clock tick, and beyond 256 ms for eight of them: it is late by that where a timer ends the
+/// wait.
 #[test]
 fn the_same_losses_cost_what_they_cost_in_linux() {
     let tenth = |tenths: u64| ms(10_000) + Duration::from_micros(100 * tenths);
@@ -202,7 +202,7 @@ fn the_same_losses_cost_what_they_cost_in_linux() {
     }
 }
 
-/// Sends `bytes` as fast as it goes; gives the bytes a second.
+/// Sends `bytes` as fast as possible; returns bytes a second.
 fn throughput(link: &LinkModel, bytes: usize) -> (f64, Simulation, [HostId; 2]) {
     let (simulation, nets, hosts) = machines(link, &way(link.conditions.delay));
     let took = simulation

@@ -35,7 +35,7 @@ async fn receive(socket: &dyn UdpSocket) -> (SocketAddr, Vec<u8>) {
     (meta[0].addr, buffer)
 }
 
-/// Sends back whatever comes.
+/// Echoes all datagrams.
 async fn echo(socket: Arc<dyn UdpSocket>) {
     loop {
         let (from, data) = receive(&*socket).await;
@@ -43,7 +43,7 @@ async fn echo(socket: Arc<dyn UdpSocket>) {
     }
 }
 
-/// Sends `count` datagrams `every` so often to an echo; gives the number and the time of each that came back.
+/// Sends `count` datagrams to an echo, one each `every`; returns the number and time of each that came back.
 fn pings(simulation: &Simulation, hosts: [HostId; 2], count: u64, every: Duration) -> Vec<(u64, u64)> {
     let [near, far] = hosts.map(|host| simulation.net(host));
     let bind =
@@ -91,7 +91,7 @@ fn a_switch_stores_and_forwards() {
     assert_eq!((sent.link_layer, sent.bytes()), (28, 64));
 }
 
-/// A link on which everything can happen.
+/// A link with every impairment.
 fn rough() -> LinkModel {
     let share = |value| Probability::new(value).unwrap();
     let mut link = LinkModel::clean(Rate::new(7_000_000), Duration::from_micros(3700));
@@ -189,7 +189,7 @@ fn a_socket_takes_no_more_than_its_send_buffer_until_packets_have_left() {
     while socket.try_send(&transmit).is_ok() {
         sent += 1;
     }
-    // Linux charges 2304 bytes each and allows twice what was asked for.
+    // Linux charges 2304 bytes each and allows twice the requested size.
     assert_eq!(sent, 20_000_usize.div_ceil(2304));
     simulation
         .run(async {
@@ -225,7 +225,7 @@ fn timers_with_a_grain_ring_when_a_runtime_that_sleeps_whole_ticks_wakes() {
     assert_eq!(rang(&coarse, 4_234_568), 5_234_567, "and two more");
     assert_eq!(rang(&other, 5_500_000), 5_500_000, "another machine's wake-ups are its own");
     assert_eq!(rang(&coarse, 5_900_000), 6_234_567);
-    // Whatever else wakes it, it looks at its timers.
+    // It looks at its timers, no matter what wakes it.
     let (woken, late) = simulation
         .run(async {
             tokio::join!(sleep_until(&exact, Instant::from_nanos(7_100_000)), async {

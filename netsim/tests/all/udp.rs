@@ -30,8 +30,8 @@ fn machines_between(way: &LinkModel, back: &LinkModel, seed: u64, udp: UdpOption
 
 connection_in_virtual_time!(machines);
 
-/// Whoever sends blocks without end keeps so few under way that a frame and a message hardly notice: each
-/// comes as soon as on an empty line, but for the packets that the round trips cannot tell from none.
+/// An endless sender of blocks keeps few packets in flight. A frame and a message come as soon as on an empty
+/// line, except for packets too few to show in the round trips.
 #[test]
 fn a_frame_and_a_message_come_beside_blocks_as_soon_as_without() {
     let longest = |blocks| {
@@ -45,7 +45,7 @@ fn a_frame_and_a_message_come_beside_blocks_as_soon_as_without() {
     }
 }
 
-/// The little that is under way of blocks is enough for most of the line, which takes 524 ms for these.
+/// The few blocks in flight still use most of the line, which takes 524 ms for these.
 #[test]
 fn blocks_alone_have_most_of_a_line() {
     let (simulation, machines) = machines(&narrow(), 1);
@@ -53,8 +53,8 @@ fn blocks_alone_have_most_of_a_line() {
     assert!(took < Duration::from_millis(700), "{took:?}");
 }
 
-/// A half of a link that closes sends what there is as often as it is asked. A driver that waits for its
-/// socket to have room is not woken by that: neither would leave the other one alone, and no time would pass.
+/// A closing half sends pending data whenever it is polled. That must not wake a driver that waits for room
+/// in its socket: the two would wake each other for ever, and no time would pass.
 #[test]
 fn links_close_while_their_sockets_are_full() {
     let socket = UdpSocketOptions { send_buffer: Some(2048), ..UdpSocketOptions::default() };
@@ -71,8 +71,7 @@ fn links_close_while_their_sockets_are_full() {
     simulation.run(talk).unwrap();
 }
 
-/// Over a way that loses many packets and leaves time to send them again once: whole or with gaps, but never
-/// what was not sent.
+/// On a lossy path with time for one retransmission frames arrive whole or with gaps, but never wrong.
 #[test]
 fn with_deadlines_a_lost_frame_spoils_no_later_one() {
     let mut way = LinkModel::clean(Rate::new(100_000_000), Duration::from_millis(3));
@@ -90,7 +89,7 @@ fn with_deadlines_a_lost_frame_spoils_no_later_one() {
         let (mut arm, mut panel) = machines.pair(link).await;
         let (mut whole, mut gaps, mut bytes) = (0, 0, u64::MAX);
         for frame in 0..500 {
-            // Until what has arrived of the last frame is known.
+            // Until the outcome of the last frame is known.
             sleep_until(&*machines.net(), machines.net().now().after(deadline)).await;
             let before = arm.stats.read();
             send_frame(&mut arm.frames_tx, frame, &visible(frame)).await.unwrap();
@@ -186,7 +185,7 @@ fn with_deadlines_and_heavy_loss_every_message_arrives() {
     assert!(gaps > 10, "only {gaps} frames with gaps");
 }
 
-/// A network that is cut one way only is no fault of the peer: it may come again.
+/// A network cut one way only is no fault of the peer: it may connect again.
 #[test]
 fn a_peer_that_hears_nothing_any_more_is_lost_though_it_can_be_heard() {
     let way = LinkModel::clean(None, Duration::from_millis(1));
@@ -196,7 +195,7 @@ fn a_peer_that_hears_nothing_any_more_is_lost_though_it_can_be_heard() {
     let (simulation, machines) = machines_between(&until_then, &way, 1, UdpOptions::default());
     let talk = async {
         let net = machines.net();
-        // The other side is more patient, and does not close the connection first.
+        // The other side has a longer timeout, and does not close the connection first.
         let patient = LinkConfig { idle_timeout: Duration::from_secs(100), ..LinkConfig::default() };
         let (mut here, mut there) = machines.join([LinkConfig::default(), patient]).await;
         sleep_until(&*net, net.now().after(cut)).await;

@@ -1,4 +1,4 @@
-//! The same seed gives the same run, whatever is encrypted at random.
+//! The same seed gives the same run, even with random encryption.
 
 use std::time::Duration;
 
@@ -9,8 +9,8 @@ use trimaran_transport::conformance::{Pairs, points, pose, receive, send_frame};
 
 use super::Machines;
 
-/// Sends 50 frames of 4,000 points over a link that loses a hundredth of all packets. Gives the hash of the
-/// trace, when it was done, and how many packets were lost.
+/// Sends 50 frames of 4,000 points over a link that loses a hundredth of all packets. Returns the hash of the
+/// trace, the end time, and the number of lost packets.
 fn session((simulation, machines): (Simulation, Machines)) -> (u64, u64, u64) {
     simulation
         .run(async {

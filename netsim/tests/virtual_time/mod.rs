@@ -17,8 +17,8 @@ use trimaran_transport::{Endpoint, Host, LinkConfig, Net, Options, connect};
 pub(crate) type Link = trimaran_transport::Link<Robot>;
 pub(crate) type Listener = trimaran_transport::Listener<Robot>;
 
-/// Makes a test of each case of the conformance suite but those in which threads take part: there are none
-/// here. `$machines` gives a simulation, and what makes pairs of links on it.
+/// Makes a test of each case of the conformance suite, except those with threads: there are none here.
+/// `$machines` gives a simulation, and pairs of links on it.
 #[macro_export]
 macro_rules! conformance_in_virtual_time {
     (@each $machines:expr; tasks: $($case:ident),+; threads: $($thread:ident),+;) => {
@@ -35,8 +35,8 @@ macro_rules! conformance_in_virtual_time {
     };
 }
 
-/// The suite's cases over a connection that `$machines` makes on a link by a seed; what it sends first, and
-/// that a seed decides the run.
+/// The suite's cases over a connection that `$machines` makes from a link and a seed; the order of sending,
+/// and that a seed decides the run.
 #[macro_export]
 macro_rules! connection_in_virtual_time {
     ($machines:path) => {
@@ -83,7 +83,7 @@ pub(crate) fn two_hosts(way: &LinkModel, back: &LinkModel, seed: u64) -> (Simula
     (Simulation::new(&topology, seed), hosts)
 }
 
-/// The two machines, and what their links are like. The machine `here` listens.
+/// The two machines, and the options of their links. The machine `here` listens.
 pub(crate) struct Machines {
     pub(crate) scheme: &'static str,
     pub(crate) overhead: Overhead,
@@ -122,7 +122,7 @@ impl Pairs for Machines {
     }
 }
 
-/// Where other machines find a listener on the machine `here`.
+/// The address of a listener on the machine `here` for other machines.
 pub(crate) fn seen_from_elsewhere(listener: &Listener) -> Endpoint {
     let mut at = listener.local_endpoint().clone();
     match &mut at {

@@ -1,4 +1,4 @@
-//! Which of two things is sent first: it takes exact times to see.
+//! The order of sending between lanes, which needs exact times to see.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ pub(crate) fn narrow() -> LinkModel {
     LinkModel::clean(Rate::new(10_000_000), Duration::from_millis(2))
 }
 
-/// Of two frames that are sent at once, the older one has the line for itself.
+/// Of two frames sent at once, the older one has the line for itself.
 pub(crate) async fn an_older_frame_is_complete_first(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
     let net = pairs.net();
@@ -32,7 +32,7 @@ pub(crate) async fn an_older_frame_is_complete_first(pairs: &impl Pairs) {
     assert!(ends[0] * 3 < ends[1] * 2, "{ends:?}");
 }
 
-/// A value and a message that are sent behind a frame are there long before all of the frame is.
+/// A value and a message sent behind a frame arrive long before all of the frame.
 pub(crate) async fn a_value_and_a_message_go_before_a_frame(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
     let net = pairs.net();
@@ -62,7 +62,7 @@ pub(crate) async fn a_value_and_a_message_go_before_a_frame(pairs: &impl Pairs) 
 /// So many blocks take half a second over the [narrow line](narrow).
 const BLOCKS: u32 = 40;
 
-/// How long so many blocks take where nothing else is sent.
+/// How long so many blocks take when nothing else is sent.
 pub(crate) async fn blocks_alone(pairs: &impl Pairs) -> Duration {
     let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
     let begun = pairs.net().now();
@@ -85,7 +85,7 @@ async fn take_blocks(rx: &mut BulkReceiver, count: u32) {
     }
 }
 
-/// A frame, a value and a message that are sent behind blocks are there long before all of these are.
+/// A frame, a value and a message sent behind blocks arrive long before all of the blocks.
 pub(crate) async fn everything_goes_before_blocks(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
     let net = pairs.net();
@@ -111,8 +111,7 @@ pub(crate) async fn everything_goes_before_blocks(pairs: &impl Pairs) {
     assert!(there * 4 < complete, "the others after {there:?}, the blocks after {complete:?}");
 }
 
-/// How long a frame and a message take that are sent at once, one each 20 ms, while so many blocks are sent
-/// as fast as they are taken; the longest times.
+/// The longest times of a frame and a message, sent together each 20 ms beside so many blocks at full speed.
 pub(crate) async fn beside_blocks(pairs: &impl Pairs, blocks: u32) -> [Duration; 2] {
     let (arm, panel) = pairs.pair(LinkConfig::default()).await;
     let Link { bulk: blocks_out, mut frames_tx, mut messages_tx, latest_tx: _latest_tx, .. }: Link<Robot> =

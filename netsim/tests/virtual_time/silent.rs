@@ -11,7 +11,7 @@ use trimaran_net::{BoxFuture, Listen, RecvMeta, Stream, Timer, Transmit, UdpPoll
 use trimaran_netsim::SimNet;
 use trimaran_transport::{Instant, Net, TcpOptions, UdpSocketOptions};
 
-/// A machine whose datagram sockets hear nothing but a Retry: what it begins stays begun.
+/// A machine whose datagram sockets receive nothing but a Retry, so its handshakes stay open.
 #[derive(Debug)]
 pub(crate) struct SilentNet {
     net: SimNet,
@@ -23,7 +23,7 @@ impl SilentNet {
         Self { net, has_left: Arc::default() }
     }
 
-    /// From now on its sockets send nothing: nobody is told that it is gone.
+    /// From now on its sockets send nothing: it vanishes without a close.
     pub(crate) fn leave(&self) {
         self.has_left.store(true, Ordering::Relaxed);
     }

@@ -7,8 +7,8 @@ use trimaran_wire::{BatchDecoder, BatchEncoder, CodingError, Delivery, FrameEnd}
 use super::{CodingFault, References, Room, read, shortest};
 use crate::{DrawableId, FrameNumber, IdBatch};
 
-/// Writes batches of ids as changes where these are shorter: against the last frame where frames arrive in
-/// order, else against the newest that was confirmed, if any.
+/// Writes batches of ids as changes where these are shorter. The reference is the last frame where frames
+/// arrive in order, otherwise the newest confirmed one, if any.
 #[derive(Debug)]
 pub struct IdEncoder {
     delivery: Delivery,
@@ -25,14 +25,14 @@ pub struct IdDecoder {
     references: References,
 }
 
-/// The frame under way.
+/// The current frame.
 #[derive(Debug, Clone, Copy)]
 struct Open {
     frame: FrameNumber,
     ids: u64,
 }
 
-/// A peer whose changes make no sense. It cannot be trusted after that.
+/// Invalid changes from a peer. It cannot be trusted after that.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum CodedViolation {
@@ -69,17 +69,17 @@ impl IdEncoder {
 }
 
 impl IdDecoder {
-    /// A decoder for a lane that has received no frame yet. No frame may have more than `most` ids: a few
-    /// bytes of changes can stand for many.
+    /// A decoder for a lane that has received no frame yet. A frame of more than `most` ids is refused,
+    /// because a few bytes of changes can stand for many.
     #[must_use]
     pub fn new(most: u32) -> Self {
         Self { most, open: None, references: References::default() }
     }
 
-    /// The batch that came as changes.
+    /// Decodes a batch of changes.
     ///
     /// # Errors
-    /// Outside of a frame, if they cannot be read, or if the frame would have more ids than it may.
+    /// Outside of a frame, if they cannot be read, or if the frame would exceed its limit of ids.
     pub fn read(&mut self, bytes: &[u8]) -> Result<IdBatch, CodedViolation> {
         let Open { frame, ids } = self.open.ok_or(CodedViolation::OutsideFrame)?;
         let room = Room { ids: u64::from(self.most).saturating_sub(ids), most: self.most };
@@ -131,8 +131,8 @@ impl BatchDecoder<DrawableId> for IdDecoder {
         self.read(bytes).map_err(|e| CodingError(e.into()))
     }
 
-    /// A frame that lacks ids is no reference. Whether they are the right ones, the frame's hash says to who
-    /// assembles it.
+    /// A frame with missing ids is no reference. The frame's hash shows the assembler whether the ids are
+    /// right.
     fn end(&mut self, end: &FrameEnd) {
         if let Some(open) = self.open.take()
             && open.ids == u64::from(end.items)

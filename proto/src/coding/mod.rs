@@ -1,9 +1,8 @@
-//! Ids written as what changed against an earlier frame.
+//! Ids coded as changes against an earlier frame.
 //!
-//! What is visible in a frame is mostly what was visible in the frame before. A batch of rising ids is
-//! written as runs over a *reference*, the ids of a frame that the receiver has complete: keep so many, skip
-//! so many, put these in between. Each such batch names its reference and its place in it, so that it reads
-//! without the batches before it.
+//! Most ids of a frame were also visible in the frame before. A batch of rising ids is written as runs over a
+//! *reference*: the ids of a frame that the receiver holds completely. Runs keep, skip or insert ids. Each
+//! such batch names its reference and its position in it, so it can be read without the batches before it.
 
 mod coder;
 mod reference;
@@ -27,8 +26,8 @@ pub enum IdCoding {
     /// 4 bytes an id, as the paper's bandwidth formula counts them.
     #[default]
     Plain,
-    /// As changes against an earlier frame, in order and as soon as they are known; batches that would be no
-    /// smaller travel plain.
+    /// As changes against an earlier frame, in order and as soon as they are known. Batches that would not
+    /// shrink travel plain.
     Changes,
 }
 
@@ -63,14 +62,14 @@ impl FromStr for IdCoding {
     }
 }
 
-/// Bytes that are no batch of changes.
+/// Bytes that are not a batch of changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum CodingFault {
-    /// The reference is a frame that the receiver does not hold complete.
+    /// The receiver does not hold the reference completely.
     #[error("they refer to a frame {back} before, which is not held complete")]
     UnknownReference {
-        /// How many frame numbers before.
+        /// How many frames before this one.
         back: u32,
     },
     /// A number is cut short or above 32 bits.
@@ -85,10 +84,10 @@ pub enum CodingFault {
     /// An id is not above the one before it, or above 32 bits.
     #[error("the ids do not rise")]
     NotRising,
-    /// The frame would have more ids than it may.
+    /// The frame would exceed its limit of ids.
     #[error("with them the frame has more than {most} ids, the most that a frame may have here")]
     TooMany {
-        /// The most that it may have.
+        /// The limit.
         most: u32,
     },
     /// No id, or more than a batch may have.
@@ -96,14 +95,14 @@ pub enum CodingFault {
     Count(usize),
 }
 
-/// How many ids of a frame may still come, of the most that it may have.
+/// How many more ids a frame may have, and its limit.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Room {
     ids: u64,
     most: u32,
 }
 
-/// What follows a run of kept ids: the lower two bits of its first number.
+/// The operation after a run of kept ids: the low two bits of the run's first number.
 mod op {
     pub(super) const SKIP_ONE: u32 = 0;
     pub(super) const PUT_ONE: u32 = 1;
@@ -112,8 +111,8 @@ mod op {
     pub(super) const BITS: u32 = 2;
 }
 
-/// The shortest way to write `batch` that is shorter than plain; `None` where there is none or the ids do
-/// not rise. `reference` is a frame `back` before this one, with its ids, rising.
+/// The shortest coding of `batch`; `None` if none is shorter than plain or the ids do not rise. `reference`
+/// is a frame `back` before this one, with its ids, rising.
 pub(crate) fn shortest(batch: &IdBatch, reference: Option<(u32, &[u32])>) -> Option<Bytes> {
     let ids: Vec<u32> = batch.iter().map(|id| id.0).collect();
     if !ids.is_sorted_by(|a, b| a < b) {
@@ -130,11 +129,11 @@ pub(crate) fn shortest(batch: &IdBatch, reference: Option<(u32, &[u32])>) -> Opt
     (shorter.len() < batch.as_bytes().len()).then(|| shorter.freeze())
 }
 
-/// How many ids they stand for, as they say themselves: read without the reference, so that only an
-/// [`IdDecoder`] knows whether it is true.
+/// The number of ids that the bytes claim. It is read without the reference, so only an [`IdDecoder`] can
+/// verify it.
 ///
 /// # Errors
-/// When they cannot be read, or stand for no id or for more than a batch may have.
+/// If the bytes cannot be read, or the number is 0 or more than a batch may have.
 pub(crate) fn count(mut bytes: &[u8]) -> Result<usize, CodingFault> {
     let bytes = &mut bytes;
     if number(bytes)? != 0 {
@@ -153,7 +152,7 @@ pub(crate) fn count(mut bytes: &[u8]) -> Result<usize, CodingFault> {
             op::PUT_ONE => 1,
             _ => number(bytes)?,
         };
-        // Each takes a byte at least, so that a large count is soon at the end of the bytes.
+        // Each id takes at least a byte, so a false large count soon runs out of bytes.
         (0..put).try_for_each(|_| number(bytes).map(drop))?;
         count += put as usize;
         if count > BatchSize::MAX.items() {
@@ -163,8 +162,7 @@ pub(crate) fn count(mut bytes: &[u8]) -> Result<usize, CodingFault> {
     if count == 0 { Err(CodingFault::Count(0)) } else { Ok(count) }
 }
 
-/// The ids, where `references` are the complete frames before `frame`. What there is no room for is not
-/// even written down.
+/// Decodes ids; `references` are the complete frames before `frame`. Ids beyond the limit are not stored.
 pub(crate) fn read(
     mut bytes: &[u8],
     frame: FrameNumber,
@@ -188,7 +186,7 @@ pub(crate) fn read(
     IdBatch::new(reader.ids.freeze()).map_err(|_| CodingFault::Count(count))
 }
 
-/// The rising `ids` as runs over `held`; over nothing, `back` is 0.
+/// Writes the rising `ids` as runs over `held`; without a reference, `back` is 0.
 fn write(ids: &[u32], back: u32, held: &[u32]) -> BytesMut {
     let mut out = BytesMut::with_capacity(16 + 2 * ids.len());
     put_varint(&mut out, back);
@@ -228,13 +226,12 @@ fn write(ids: &[u32], back: u32, held: &[u32]) -> BytesMut {
     out
 }
 
-/// The least that the id after `id` can be. After the largest id none can come, so what it wraps to is not
-/// looked at.
+/// The least possible id after `id`. No id follows the largest one, so the wrapped result is not used.
 const fn above(id: u32) -> u32 {
     id.wrapping_add(1)
 }
 
-/// A run of kept ids, and that so many are skipped or put after it.
+/// Writes a run of kept ids and the number of ids skipped or inserted after it.
 fn put_run(out: &mut impl BufMut, kept: usize, count: usize, [one, many]: [u32; 2]) {
     let op = if count == 1 { one } else { many };
     put_varint(out, (kept as u32) << op::BITS | op);
@@ -247,7 +244,7 @@ fn put_run(out: &mut impl BufMut, kept: usize, count: usize, [one, many]: [u32; 
 struct Reader<'r> {
     held: &'r [u32],
     place: usize,
-    /// The least that the next id can be; `None` after the largest.
+    /// The least possible next id; `None` after the largest.
     next: Option<u32>,
     ids: BytesMut,
     room: Room,
@@ -273,13 +270,13 @@ impl<'r> Reader<'r> {
             op::SKIP => self.skip(number(bytes)?),
             op::PUT_ONE => self.put(bytes),
             _ => {
-                // Each takes a byte at least, so that a large count is soon at the end of the bytes.
+                // Each id takes at least a byte, so a false large count soon runs out of bytes.
                 (0..number(bytes)?).try_for_each(|_| self.put(bytes))
             }
         }
     }
 
-    /// The next `count` ids of the reference; they are behind then.
+    /// Takes the next `count` ids of the reference.
     fn pass(&mut self, count: u32) -> Result<&'r [u32], CodingFault> {
         let beyond = CodingFault::Beyond { held: self.held.len() };
         let end = self.place.checked_add(count as usize).ok_or(beyond)?;
@@ -310,7 +307,7 @@ impl<'r> Reader<'r> {
         Ok(())
     }
 
-    /// So that a few bytes cannot name more ids than a batch or its frame may have.
+    /// Keeps a few bytes from naming more ids than a batch or its frame may have.
     fn room_for(&self, more: usize) -> Result<(), CodingFault> {
         let count = self.ids.len() / ID_BYTES + more;
         if count > BatchSize::MAX.items() {
@@ -338,7 +335,7 @@ mod tests {
         IdBatch::new(Bytes::from(ids.iter().flat_map(|id| id.to_le_bytes()).collect::<Vec<_>>())).unwrap()
     }
 
-    /// That hold `ids` as frame 7.
+    /// References that hold `ids` as frame 7.
     fn holding(ids: &[u32]) -> References {
         let mut references = References::default();
         references.begin();
@@ -353,7 +350,7 @@ mod tests {
         super::read(bytes, FRAME, &mut holding(held), ANY).map(|batch| batch.iter().map(|id| id.0).collect())
     }
 
-    /// How many bytes `ids` take against `held`, after reading them back; `None` if they travel plain.
+    /// The coded size of `ids` against `held`, after reading them back; `None` if they travel plain.
     fn size(ids: &[u32], held: &[u32]) -> Option<usize> {
         let coded = shortest(&batch(ids), Some((2, held)))?;
         assert_eq!(read(&coded, held).as_deref(), Ok(ids));
@@ -420,7 +417,7 @@ mod tests {
             (&[2, 0, 3 << 2], CodingFault::Beyond { held: 3 }),
             (&[2, 4, 1 << 2], CodingFault::Beyond { held: 3 }),
             (&[0, 1 << 2], CodingFault::Beyond { held: 0 }),
-            // 40 is put in before 10 is kept.
+            // Inserts 40 before it keeps 10.
             (&[2, 0, 1, 40, 1 << 2 | 2, 0], CodingFault::NotRising),
             (&[0, 3, 2, 0xff, 0xff, 0xff, 0xff, 0x0f, 0], CodingFault::NotRising),
             (&[0, 3, 0xff, 0xff, 0xff, 0xff, 0x0f], CodingFault::Number),

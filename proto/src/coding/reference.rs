@@ -14,7 +14,7 @@ const IDS: usize = 1 << 18;
 #[derive(Debug, Default)]
 pub(crate) struct References {
     frames: VecDeque<Held>,
-    /// The ids of the frame under way.
+    /// The ids of the current frame.
     pending: Vec<u32>,
 }
 
@@ -22,36 +22,36 @@ pub(crate) struct References {
 struct Held {
     frame: FrameNumber,
     ids: Vec<u32>,
-    /// Whether the ids rise; they are put in order when they are first asked for.
+    /// Whether the ids rise. If not, they are sorted on first use.
     rising: bool,
 }
 
 impl References {
-    /// A frame begins.
+    /// Begins a frame.
     pub(crate) fn begin(&mut self) {
         self.pending.clear();
     }
 
-    /// Ids of the frame under way.
+    /// Adds ids to the current frame.
     pub(crate) fn add(&mut self, batch: &IdBatch) {
         if self.pending.len() <= IDS {
             self.pending.extend(batch.iter().map(|id| id.0));
         }
     }
 
-    /// The frame under way is complete.
+    /// Keeps the current frame as complete.
     pub(crate) fn complete(&mut self, frame: FrameNumber) {
         if self.pending.len() > IDS {
             return;
         }
-        // The oldest frame's memory holds the next frame's ids.
+        // Reuses the oldest frame's memory for the next frame's ids.
         let oldest = if self.frames.len() < FRAMES { None } else { self.frames.pop_front() };
         let room = oldest.map_or_else(Vec::new, |held| held.ids);
         let ids = std::mem::replace(&mut self.pending, room);
         self.frames.push_back(Held { frame, ids, rising: false });
     }
 
-    /// The ids of `frame`, rising and each once.
+    /// The ids of `frame`, rising, without duplicates.
     pub(crate) fn get(&mut self, frame: FrameNumber) -> Option<&[u32]> {
         self.frames.iter_mut().find(|held| held.frame == frame).map(Held::rising)
     }

@@ -1,4 +1,4 @@
-//! Cameras and ids as bytes: whatever is written is read; whatever is read does no harm.
+//! Cameras and ids as bytes: written data reads back, and invalid data does no harm.
 
 #[allow(unreachable_pub, reason = "the fuzz targets share the file, and see it as public")]
 #[path = "../../../fuzz/src/walkthrough.rs"]
@@ -30,7 +30,7 @@ prop_compose! {
     }
 }
 
-/// What is visible in a frame: mostly rising, often the same as in other frames.
+/// The visible ids of a frame: mostly rising, often the same as in other frames.
 fn visible() -> impl Strategy<Value = Vec<u32>> {
     let scattered = prop::collection::btree_set(prop_oneof![0..400u32, any::<u32>()], 0..300)
         .prop_map(|ids| ids.into_iter().collect::<Vec<_>>());
@@ -150,7 +150,7 @@ proptest! {
         walkthrough::changes(&bytes);
     }
 
-    /// Of each kind that holds something of Trimaran's: what stands in it is read or refused.
+    /// Every kind of message with contents of Trimaran's is read or refused.
     #[test]
     fn garbage_in_a_message_does_no_harm(
         kind in prop::sample::select(vec![0x01_u8, 0x02, 0x10, 0x20, 0x23, 0x24]),

@@ -1,5 +1,5 @@
-//! What Wireshark's command line reads out of the examples of WIRE.md and out of each refusal, with the
-//! dissector beside this crate. Sessions are read in the tests of the program.
+//! Runs this crate's Wireshark dissector over the examples of WIRE.md and over each refusal. Whole sessions
+//! are in the program's tests.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -22,7 +22,7 @@ fn encoded(message: Message) -> Vec<u8> {
     out.to_vec()
 }
 
-/// A capture of a TCP connection over IPv4, without checksums: each packet with the end that it is from.
+/// A capture of a TCP connection over IPv4, without checksums: each packet with its sending end.
 fn capture(packets: &[(usize, Vec<u8>)]) -> Vec<u8> {
     // The head of a file of IPv4 packets (link type 228), with times in microseconds.
     let mut file = [0xa1b2_c3d4_u32, 4 << 16 | 2, 0, 0, 65_535, 228].map(u32::to_le_bytes).concat();
@@ -44,8 +44,8 @@ fn capture(packets: &[(usize, Vec<u8>)]) -> Vec<u8> {
     file
 }
 
-/// What tshark shows of each packet: these fields, separated by `|`. `None`, which skips the test, where
-/// tshark is missing and `TRIMARAN_REQUIRE_TSHARK` is not set.
+/// These fields of each packet as tshark shows them, separated by `|`. `None` skips the test: tshark is
+/// missing and `TRIMARAN_REQUIRE_TSHARK` is not set.
 fn read(packets: &[(usize, Vec<u8>)], fields: &[&str]) -> Option<Vec<String>> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("examples.pcap");
@@ -138,7 +138,7 @@ fn the_examples_are_read_field_by_field() {
     }
 }
 
-/// What a block holds depends on who sends it, which the hellos have said.
+/// A block's contents depend on its sender, which the hellos name.
 #[test]
 fn blocks_are_read_item_by_item() {
     let examples = examples();
@@ -249,7 +249,7 @@ fn each_refusal_is_read_with_its_values() {
     assert_eq!(shown, ["65535||Trimaran: close: the listener is not taken"]);
 }
 
-/// Its values have other sizes: they are shown as bytes, and nothing is made of them.
+/// Its values have other sizes, so they are shown as raw bytes.
 #[test]
 fn of_another_application_only_kinds_are_read() {
     let robot = crate::examples::examples_of(include_str!("../../../transport/wire/WIRE.md"));

@@ -1,7 +1,6 @@
-//! Blocks of the bulk lane and what they hold: the fuzz target's inputs, what they are and how they are made,
-//! and the layout that WIRE.md gives.
+//! Blocks of the bulk lane: the fuzz target's inputs, how they are made, and the layout in WIRE.md.
 //!
-//! A change of what blocks hold makes the inputs anew:
+//! After a change of the format, make the inputs anew:
 //! `cargo test -p trimaran-proto --test all supply:: -- --ignored`.
 
 #[path = "../../../fuzz/replay.rs"]
@@ -35,8 +34,8 @@ fn broken_inputs_of_the_corpus_do_no_harm() {
     replay::replay_broken(&TARGETS, 500, 3);
 }
 
-/// What becomes of a block. What a culler sends is taken or in part refused; and drawables can be drawn then,
-/// also in the place of others, or do not go with their geometry; or pieces are known to come ahead.
+/// The outcome of a block. A culler's items are accepted or partly refused. Drawables can be drawn, stand in
+/// for others or mismatch their geometry; or prefetched pieces become known.
 fn outcome(block: &[u8]) -> &'static str {
     let Ok(items) = items::<Supply>(block) else {
         return if items::<Demand>(block).is_ok() { "demands" } else { "unread" };
@@ -59,7 +58,7 @@ fn outcome(block: &[u8]) -> &'static str {
 /// Makes a block.
 type Make = fn() -> Vec<u8>;
 
-/// Each input, and what becomes of it.
+/// Each input and its outcome.
 const FILES: [(&str, &str, Make); 64] = [
     ("nothing", "taken", Vec::new),
     ("begin-and-holds", "demands", || block(&[begin(false, 0), holds()])),
@@ -296,7 +295,7 @@ fn a_record_has_its_numbers_where_the_page_says() {
     assert!(wire.contains(&format!("how many records, u16, {MOST_ENTRIES} at most")));
 }
 
-/// By the three steps of WIRE.md, with a frame of zstd that leaves the columns as they are.
+/// Follows the three steps of WIRE.md, with a zstd frame that leaves the columns as they are.
 #[test]
 fn records_are_packed_as_the_page_says() {
     let records = [entry(2), entry(7), DrawableEntry { object: 0, ..entry(1) }, entry(4)];
@@ -405,18 +404,18 @@ fn whole_piece() -> Vec<u8> {
     block(&[piece(0, &square(1))])
 }
 
-/// The head of a frame of zstd that says how long its content is (RFC 8878).
+/// The header of a zstd frame that says how long its content is (RFC 8878).
 fn head(length: u32) -> Vec<u8> {
     [&[0x28, 0xb5, 0x2f, 0xfd, 0xa0][..], &length.to_le_bytes()].concat()
 }
 
-/// The head of a block: of the bytes as they are (kind 0), or of one byte that is repeated (1).
+/// The header of a zstd block: raw bytes (kind 0), or one repeated byte (kind 1).
 fn block_head(last: bool, kind: u32, length: u32) -> [u8; 3] {
     let [a, b, c, _] = (u32::from(last) | kind << 1 | length << 3).to_le_bytes();
     [a, b, c]
 }
 
-/// Packed records, so many as it says: of a frame that says how long it is, of bytes repeated so often.
+/// Packed records with this count, in a zstd frame of this stated length, made of repeated bytes.
 fn frame(count: u16, length: u32, blocks: &[(u32, u8)]) -> Bytes {
     let mut packed = [&count.to_le_bytes()[..], &head(length)].concat();
     for (index, (times, byte)) in blocks.iter().enumerate() {

@@ -41,7 +41,7 @@ fn ends(delivery: Delivery, max_items: u32) -> (Encoder, Decoder) {
     (Walkthrough::encoder(delivery).unwrap(), Walkthrough::decoder(max_items).unwrap())
 }
 
-/// Sends a frame of one batch, all of which arrives; says how many bytes it took.
+/// Sends a frame of one batch without loss. Returns the number of bytes.
 fn send((encoder, decoder): &mut (Encoder, Decoder), frame: u32, ids: &IdBatch) -> usize {
     let number = FrameNumber(frame);
     encoder.begin(number);
@@ -183,7 +183,7 @@ fn a_peer_is_told_the_first_thing_that_does_not_fit() {
     assert_eq!(code(&identity(Role::Culler, None)), Ok(()));
 }
 
-/// Only the display decides whom a culler meets.
+/// Only the display decides which cullers meet.
 #[test]
 fn a_culler_takes_displays_and_those_cullers_that_name_a_meeting() {
     let culler = identity(Role::Culler, None);
@@ -203,7 +203,7 @@ fn a_peer_without_a_scene_is_taken_by_one_that_has_it() {
     assert!(RejectionCode::Role.is_of(&refused), "{refused}");
 }
 
-/// A fingerprint alone does not make what is sent safe to take.
+/// Equal fingerprints alone do not make received data valid.
 #[test]
 fn scenes_of_one_fingerprint_and_other_counts_are_not_the_same() {
     let (culler, display) = (identity(Role::Culler, None), identity(Role::Display, Some(settings())));
@@ -264,7 +264,7 @@ fn the_longest_identity_fits_a_hello() {
     assert!(postcard::to_stdvec(&longest).unwrap().len() <= MAX_HELLO);
 }
 
-/// What goes wrong between peers that do not go together is told in full.
+/// The reason for a mismatch between peers is told in full.
 #[test]
 fn the_longest_rejection_is_not_cut() {
     let display = identity(Role::Display, Some(settings()));

@@ -1,4 +1,4 @@
-//! The worked examples of WIRE.md are what this crate writes and reads.
+//! This crate writes and reads the worked examples of WIRE.md.
 
 use std::collections::BTreeMap;
 
@@ -69,8 +69,7 @@ fn postcard(value: &impl serde::Serialize) -> Bytes {
     postcard::to_stdvec(value).unwrap().into()
 }
 
-/// 100 to 149 without 110 and 120 to 122, and with 200 and 1000: what frame 9 has where frame 7 had 100 to
-/// 149.
+/// The ids of frame 9: 100 to 149 without 110 and 120 to 122, and 200 and 1000. Frame 7 had 100 to 149.
 fn now() -> Bytes {
     ids((100..110).chain(111..120).chain(123..150).chain([200, 1000]))
 }
@@ -113,7 +112,7 @@ fn numbers<const N: usize>(numbers: [u32; N]) -> NumberList {
     NumberList::of(numbers.into())
 }
 
-/// Blocks of what a display says.
+/// Blocks of a display.
 fn demanded() -> [(&'static str, Vec<Demand>); 3] {
     let holds = Demand::Holds { drawables: numbers([4, 5, 134]), geometries: numbers([7]) };
     let lacks = Demand::Lacks { frame: FrameNumber(9), taken: 300, drawables: numbers([2, 258]) };
@@ -126,7 +125,7 @@ fn demanded() -> [(&'static str, Vec<Demand>); 3] {
     ]
 }
 
-/// Blocks of what a culler sends.
+/// Blocks of a culler.
 fn supplied() -> [(&'static str, Vec<Supply>); 3] {
     let part = Bytes::from_static(&[0xde, 0xad, 0xbe, 0xef]);
     let stand_in = Supply::StandIn { id: DrawableId(300), drawables: numbers([2, 258]) };

@@ -1,8 +1,8 @@
-//! The one clock that roles measure their own work with.
+//! The clock with which roles measure their own work.
 
 use std::time::{Duration, Instant};
 
-/// Time since the role started. It measures; nothing waits by it.
+/// Time since the role started. Only for measuring; nothing waits by it.
 #[derive(Debug, Clone, Copy)]
 pub struct Stopwatch {
     start: Instant,

@@ -1,4 +1,4 @@
-//! What a role needs of its GPU, so that the drivers run on Vulkan or on the f64 reference alike.
+//! The GPU interface of the roles: drivers run on Vulkan or on the f64 reference alike.
 
 use std::time::Duration;
 
@@ -8,23 +8,22 @@ use trimaran_proto::{DrawableId, OcclusionTestKind};
 use crate::stop::Stop;
 
 /// The device of a culler: it draws occluders and culls against their depth, which stays on it (paper,
-/// section 3.2). As an [`OcclusionTest`] it tests against the occluders finished last.
+/// section 3.2). As an [`OcclusionTest`] it tests against the most recently finished occluders.
 pub trait CullerDevice: OcclusionTest {
-    /// Whether after this error no role can do anything more with the device. Any other error ends the
-    /// session that met it, and no other one: see [`RoleError::of_device`](crate::RoleError::of_device).
+    /// Whether this error makes the device unusable for all roles. Any other error ends only its own session:
+    /// see [`RoleError::of_device`](crate::RoleError::of_device).
     fn is_lost(error: &Self::Error) -> bool {
         let _ = error;
         true
     }
 
-    /// Told before the role begins: once `stop` is requested, what waits for the device ends soon, with an
-    /// error. A device that never waits long need not look at it.
+    /// Called before the role begins: once `stop` is requested, waits for the device end soon, with an error.
+    /// A device that never waits long may ignore it.
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
     }
 
-    /// From the next frame on boxes are tested in this way. A device that knows one way only need not look
-    /// at it.
+    /// Uses this occlusion test from the next frame on. A device with only one test may ignore it.
     fn change_occlusion_test(&mut self, kind: OcclusionTestKind) {
         let _ = kind;
     }
@@ -32,40 +31,40 @@ pub trait CullerDevice: OcclusionTest {
     /// Starts the occluders of a frame: clears the depth and sets the camera.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn begin_occluders(&mut self, view: &View) -> Result<(), Self::Error>;
 
     /// Draws some more occluders. The result does not depend on their order or grouping.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error>;
 
-    /// Completes the depth and returns the time in which the device was busy with it. More occluders may be
-    /// drawn over it, and it be completed again.
+    /// Completes the depth and returns the device's busy time. More occluders may be drawn over it
+    /// afterwards, and it be completed again.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn finish_occluders(&mut self) -> Result<Duration, Self::Error>;
 
     /// Draws some more occluders, and completes the depth.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn add_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error> {
         self.draw_occluders(ids)?;
         self.finish_occluders()?;
         Ok(())
     }
 
-    /// The depth of the occluders finished last. Sessions leave it where it is; an audit looks at it.
+    /// The depth of the most recently finished occluders, for audits. Sessions leave it on the device.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn read_depth(&mut self) -> Result<DepthImage<'_>, Self::Error>;
 }
 
-/// The display's device: it draws what is visible.
+/// The display's device: it draws the visible drawables.
 pub trait PictureDevice {
     /// Why the device failed.
     type Error: std::error::Error + Send + Sync + 'static;
@@ -75,7 +74,7 @@ pub trait PictureDevice {
         let _ = stop;
     }
 
-    /// Draws what is solid and over it what is seen through, each in the order given, to the end.
+    /// Draws `solid`, then `see_through` over it, each in the given order, and waits for the end.
     ///
     /// # Errors
     /// As the device says.
@@ -86,9 +85,9 @@ pub trait PictureDevice {
         see_through: &[DrawableId],
     ) -> Result<(), Self::Error>;
 
-    /// Reads back the picture drawn last, into `picture`, whose memory is used again.
+    /// Reads the last picture back into `picture`, reusing its memory.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn read(&mut self, picture: &mut Image) -> Result<(), Self::Error>;
 }

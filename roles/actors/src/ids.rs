@@ -1,4 +1,4 @@
-//! The ids of a frame as they come from a peer: each is one of the scene's drawables, and comes once.
+//! Checks the ids of a frame from a peer: each is one of the scene's drawables, and occurs once.
 
 use thiserror::Error;
 use trimaran_proto::{DrawableId, IdBatch};
@@ -11,11 +11,11 @@ pub fn max_frame(scene: &Scene) -> u32 {
     u32::try_from(scene.drawables().len()).unwrap_or(u32::MAX)
 }
 
-/// An id that no frame of the scene can have there.
+/// An id that is invalid in a frame of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum IdError {
-    /// It is none of the scene's.
+    /// The scene has no such drawable.
     #[error("{id} is not in this scene, which has {count} drawables: do all roles hold the same scene?")]
     Unknown {
         /// The id.
@@ -23,7 +23,7 @@ pub enum IdError {
         /// How many drawables the scene has.
         count: usize,
     },
-    /// It has come before in the same frame.
+    /// It has occurred before in the same frame.
     #[error("{id} came twice in one frame")]
     Twice {
         /// The id.
@@ -31,7 +31,7 @@ pub enum IdError {
     },
 }
 
-/// The ids of one frame after the other.
+/// Collects the ids of one frame after the other.
 #[derive(Debug)]
 pub(crate) struct FrameIds {
     /// Those of this frame.
@@ -41,7 +41,7 @@ pub(crate) struct FrameIds {
 }
 
 impl FrameIds {
-    /// Of frames that show a scene of so many drawables.
+    /// For frames of a scene with this many drawables.
     pub(crate) fn of(drawables: u32) -> Self {
         Self { ids: Vec::new(), came: vec![false; drawables as usize] }
     }
@@ -51,7 +51,7 @@ impl FrameIds {
         u32::try_from(self.ids.len()).unwrap_or(u32::MAX)
     }
 
-    /// The frame is over: gives its ids, and the next one can begin.
+    /// Ends the frame: returns its ids, and the next one can begin.
     pub(crate) fn finish(&mut self) -> Vec<DrawableId> {
         for id in &self.ids {
             if let Some(came) = self.came.get_mut(id.index()) {
@@ -61,10 +61,10 @@ impl FrameIds {
         std::mem::take(&mut self.ids)
     }
 
-    /// Adds a batch; gives its ids.
+    /// Adds a batch; returns its ids.
     ///
     /// # Errors
-    /// At the first that cannot be; those before it are added.
+    /// At the first invalid id; those before it are added.
     pub(crate) fn take(&mut self, batch: &IdBatch) -> Result<&[DrawableId], IdError> {
         let first = self.ids.len();
         let count = self.came.len();

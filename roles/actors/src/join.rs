@@ -1,4 +1,4 @@
-//! How roles find each other. Start order does not matter: whoever connects tries again.
+//! How roles find each other. Start order does not matter: the connecting side retries.
 
 use std::{sync::Arc, time::Duration};
 
@@ -23,23 +23,23 @@ pub enum JoinError {
     Connect {
         /// The peer.
         peer: Role,
-        /// Why.
+        /// The cause.
         #[source]
         cause: Box<ConnectError>,
     },
     /// Another role is at the address of a peer.
     #[error("a {came} is where a {due} was due; check the roles and addresses in the configurations")]
     Stranger {
-        /// Who is there.
+        /// The role found.
         came: Role,
-        /// Who should be.
+        /// The expected role.
         due: Role,
     },
 }
 
 impl JoinError {
-    /// Whether it may work another time though nothing is changed here: time or another machine may mend it.
-    /// Any other failure is about what this role was given.
+    /// Whether another try may succeed with time or a repair of another machine. Any other failure is due to
+    /// this role's own settings.
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {
@@ -49,17 +49,17 @@ impl JoinError {
     }
 }
 
-/// Where a role meets a peer, and what holds for their link.
+/// The endpoint of a peer, with the options of the link.
 #[derive(Debug, Clone)]
 pub struct PeerEndpoint {
-    /// Where.
+    /// The endpoint.
     pub endpoint: Endpoint,
-    /// How, and whom it expects there.
+    /// The options, with the peer's expected key.
     pub options: Options,
 }
 
-/// What `attempt` gives in the end: it is made again, after a growing pause, until it works, the deadline has
-/// come, or it fails with what cannot pass. A line in the log says why, whenever the reason is a new one.
+/// Repeats `attempt`, after growing pauses, until it succeeds, the deadline has come, or its error cannot
+/// pass. Each new reason is logged.
 ///
 /// Cancel safe if `attempt` is.
 ///
@@ -87,7 +87,7 @@ pub async fn again<T, E: std::error::Error + 'static, F: Future<Output = Result<
     }
 }
 
-/// That the peer of `link` is what it should be.
+/// Checks that the peer of `link` has the expected role.
 pub(crate) fn expect_role(link: &Link, due: Role) -> Result<(), JoinError> {
     let came = link.peer.hello.role;
     if came == due { Ok(()) } else { Err(JoinError::Stranger { came, due }) }

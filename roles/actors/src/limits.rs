@@ -1,4 +1,4 @@
-//! What a session of a service may cost: the size of its picture, and memory for depth over all sessions.
+//! The limits of a service's sessions: the size of a picture, and depth memory over all sessions.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use trimaran_proto::Viewport;
 /// Bytes of memory for a pixel of a session: its depth, a copy of it, and a pyramid over it (a third more).
 const PIXEL: u64 = 14;
 
-/// What each session of a service may ask for, and all of them together. Clones share one budget.
+/// The limits of each session of a service, and of all together. Clones share one budget.
 #[derive(Debug, Clone, Default)]
 pub struct SessionLimits(Option<Arc<Limits>>);
 
@@ -21,7 +21,7 @@ struct Limits {
     taken: Mutex<u64>,
 }
 
-/// Why a session is not served as it asks to be.
+/// Why a session is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum LimitError {
@@ -43,9 +43,9 @@ pub enum LimitError {
     DepthMemory {
         /// The size asked for.
         asked: Viewport,
-        /// What it takes, in bytes.
+        /// The bytes that it takes.
         needed: u64,
-        /// What is free of the budget, in bytes.
+        /// The free bytes of the budget.
         free: u64,
         /// The budget, in bytes.
         most: u64,
@@ -53,22 +53,22 @@ pub enum LimitError {
 }
 
 impl SessionLimits {
-    /// Pictures no wider and no higher than `picture`, and so many bytes for the depth of all sessions.
+    /// Pictures no wider and no higher than `picture`, and this many bytes for the depth of all sessions.
     #[must_use]
     pub fn new(picture: Viewport, depth: u64) -> Self {
         Self(Some(Arc::new(Limits { picture, depth, taken: Mutex::new(0) })))
     }
 
-    /// Whatever a session asks for: its peer is of the same process.
+    /// No limits: the peers are of the same process.
     #[must_use]
     pub fn none() -> Self {
         Self(None)
     }
 
-    /// Takes what a session needs for pictures of this size, until the lease is dropped.
+    /// Reserves a session's memory for pictures of this size, until the lease is dropped.
     ///
     /// # Errors
-    /// When that is more than a session may have, or than is left.
+    /// When the session's limit or the budget is exceeded.
     pub fn lease(&self, size: Viewport) -> Result<Lease, LimitError> {
         let mut lease = Lease { limits: self.clone(), bytes: 0 };
         lease.change(size)?;
@@ -76,7 +76,7 @@ impl SessionLimits {
     }
 }
 
-/// What a session has taken of its service's budget. It goes back when this is dropped.
+/// A session's part of its service's budget, returned on drop.
 #[derive(Debug)]
 pub struct Lease {
     limits: SessionLimits,
@@ -84,7 +84,7 @@ pub struct Lease {
 }
 
 impl Lease {
-    /// The session goes on with pictures of another size. On an error it keeps what it has.
+    /// Changes the size of the session's pictures. On an error it keeps its old part.
     ///
     /// # Errors
     /// As [`SessionLimits::lease`].
@@ -152,7 +152,7 @@ mod tests {
     }
 
     proptest! {
-        /// However sessions come, change and go, what is taken is what those that are there need.
+        /// However sessions come, change and go, the used budget is the sum of the present sessions' needs.
         #[test]
         fn the_budget_is_kept(steps in prop::collection::vec((0_usize..4, 0_u32..40, 1_u32..40), 1..100)) {
             let limits = SessionLimits::new(size(32, 32), 2000 * PIXEL);

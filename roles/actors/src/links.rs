@@ -1,4 +1,4 @@
-//! Links that carry what Trimaran says: those of `trimaran-transport` over [`Walkthrough`].
+//! Links with Trimaran's messages: those of `trimaran-transport` over [`Walkthrough`].
 
 use trimaran_proto::{Camera, SentBytes, Walkthrough};
 use trimaran_transport::{self as transport, Traffic};
@@ -17,12 +17,12 @@ pub type FrameSender = transport::FrameSender<Walkthrough>;
 pub type FrameReceiver = transport::FrameReceiver<Walkthrough>;
 /// Sends messages.
 pub(crate) type MessageSender = transport::MessageSender<Walkthrough>;
-/// What a receiver of frames learns.
+/// An event of a frame receiver.
 pub type FrameEvent = transport::FrameEvent<Walkthrough>;
-/// How a frame begins: its number, and the camera that its ids were culled for.
+/// The beginning of a frame: its number, and the camera for which its ids were culled.
 pub type FrameStart = transport::FrameStart<Camera>;
 
-/// What a link carried, by kind.
+/// The traffic of a link, by kind.
 #[must_use]
 pub const fn sent_bytes(traffic: Traffic) -> SentBytes {
     SentBytes {

@@ -26,16 +26,16 @@ use crate::{
 pub struct LocalCullers {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// Where each listens.
+    /// The endpoint of each.
     pub endpoints: Vec<Endpoint>,
-    /// What holds for all links.
+    /// The options of all links.
     pub options: Options,
-    /// What all roles of the process measure by, and whether they compute one after another.
+    /// The roles' common clock, and whether they compute one after another.
     pub turns: Turns,
 }
 
 impl LocalCullers {
-    /// So many, for links within this process.
+    /// This many, for links within this process.
     #[must_use]
     pub fn new(scene: &Arc<Scene>, count: usize, turns: &Turns) -> Self {
         let mut options = Options::default();
@@ -44,18 +44,18 @@ impl LocalCullers {
         Self { scene: Arc::clone(scene), endpoints, options, turns: turns.clone() }
     }
 
-    /// Where a display finds them.
+    /// Their endpoints for a display.
     pub fn peers(&self) -> impl Iterator<Item = PeerEndpoint> + '_ {
         let peer =
             |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: self.options.clone() };
         self.endpoints.iter().map(peer)
     }
 
-    /// Plays them on threads of their own, each at what `work` gives it for a session, while `display` plays
-    /// on this one. A culler that fails ends nothing: the display knows.
+    /// Plays them on threads of their own, each with the `work` of its session, while `display` plays on this
+    /// one. A culler's failure ends nothing else: the display notices it.
     ///
     /// # Errors
-    /// As `display`, and when the system gives no thread.
+    /// Those of `display`, and when the system gives no thread.
     pub fn beside<W, T, X>(
         &self,
         work: impl Fn(CullerId, &Settings) -> Result<W, RoleError> + Sync,
@@ -128,22 +128,22 @@ impl LocalCullers {
 pub struct LocalSession {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// What the display decides.
+    /// The display's settings.
     pub settings: Settings,
-    /// Which frames there are.
+    /// The frames.
     pub pace: Pace,
     /// How many cullers; without any the display culls for itself.
     pub cullers: usize,
-    /// How frames are dealt.
+    /// How frames are distributed.
     pub schedule: Schedule,
     /// Whether the roles compute one after another.
     pub turns: Turns,
-    /// Where the display is to begin without the scene.
+    /// The supplied scene, if the display begins without its own.
     pub supplied: Option<Supplied>,
 }
 
 impl LocalSession {
-    /// A session of two cullers, each for itself, in lockstep through `frames` frames.
+    /// A session of two independent cullers, in lockstep through `frames` frames.
     #[must_use]
     pub fn new(scene: &Arc<Scene>, settings: Settings, frames: u32) -> Self {
         Self {
@@ -158,7 +158,7 @@ impl LocalSession {
     }
 
     /// Runs it: the cullers, whose devices `device` opens, on threads of their own, the display on this one.
-    /// Without a culler's number it opens the one by which the display culls itself.
+    /// Without a culler's number `device` opens the one with which the display culls itself.
     ///
     /// # Errors
     /// When the display fails.
@@ -179,7 +179,7 @@ impl LocalSession {
         self.run_with(cull, display, cameras, observer, runtime, stop)
     }
 
-    /// The same with cullers that work as `cull` gives it.
+    /// The same with cullers whose work `cull` makes.
     ///
     /// # Errors
     /// When the display fails.

@@ -1,7 +1,7 @@
 //! How two cullers get a link to each other, for the schedule `switch`: the display introduces them.
 //!
-//! A display may be a stranger, so it names no address: it picks one of the endpoints that the culler was
-//! configured with. A culler takes links of others only while a display of its own waits for one.
+//! Displays are not trusted, so they give no address: they choose one of the culler's configured endpoints. A
+//! culler accepts links of others only while its own display waits for one.
 
 use std::{collections::HashMap, sync::Arc, time::Duration};
 
@@ -13,29 +13,29 @@ use trimaran_transport::{ConnectError, Endpoint, Instant, Net, Options, connect,
 
 use crate::links::Link;
 
-/// How long two cullers may take to meet.
+/// The timeout for connecting two cullers.
 const LIMIT: Duration = Duration::from_secs(10);
-/// A session connects to other cullers once in so long at most.
+/// The least time between a session's connections to other cullers.
 const PACE: Duration = Duration::from_secs(1);
 
-/// How a culler in a session meets another one.
+/// How a culler in a session connects to another one.
 #[derive(Debug, Clone)]
 pub struct Meeting {
-    /// The time it waits by.
+    /// The clock.
     pub net: Arc<dyn Net>,
     /// The scene.
     pub scene: SceneOutline,
-    /// What the display has decided.
+    /// The display's settings.
     pub settings: Settings,
-    /// What holds for the link, and which cullers are known.
+    /// The options of the link, with the known cullers' keys.
     pub options: Options,
-    /// Where other cullers listen that it may connect to: no other endpoint is.
+    /// The configured endpoints of other cullers: it connects to no others.
     pub cullers: Arc<[Endpoint]>,
-    /// Cullers that come to this one.
+    /// Expected cullers.
     pub expected: Expected,
 }
 
-/// What comes of a meeting. It is called off when this is dropped.
+/// The result of a meeting. Dropping it cancels the meeting.
 pub(crate) type Met = oneshot::Receiver<Result<Link, MeetError>>;
 
 /// Why a culler has no link to another one.
@@ -47,7 +47,7 @@ pub(crate) enum MeetError {
          if the two are to meet, add it there or with --cullers"
     )]
     Unknown {
-        /// As much of it as a person can read.
+        /// The readable part of it.
         at: String,
     },
     /// The other culler cannot be reached.
@@ -59,7 +59,7 @@ pub(crate) enum MeetError {
 }
 
 impl Meeting {
-    /// Connects to the other culler at one of the endpoints that are configured, and not before `earliest`.
+    /// Connects to the other culler at one of the configured endpoints, and not before `earliest`.
     pub(crate) fn connect(&self, key: SessionKey, at: &str, earliest: Instant) -> Met {
         let (said, met) = oneshot::channel();
         let Some(endpoint) = self.cullers.iter().find(|culler| culler.to_string() == at).cloned() else {
@@ -76,7 +76,7 @@ impl Meeting {
         self.expected.wait(key)
     }
 
-    /// When a session may connect the next time.
+    /// When a session may connect again.
     pub(crate) fn next_at(&self, earliest: Instant) -> Instant {
         self.net.now().max(earliest).after(PACE)
     }
@@ -107,7 +107,7 @@ async fn connect_unless_dropped(
     }
 }
 
-/// Cullers that come to a culler because a display has sent them. There are as many at most as sessions.
+/// Cullers expected by a culler because a display has announced them. At most one per session.
 #[derive(Debug, Clone, Default)]
 pub struct Expected(Arc<Mutex<HashMap<SessionKey, Said>>>);
 
@@ -120,7 +120,7 @@ impl Expected {
         met
     }
 
-    /// A culler has come. One that nobody waits for is gone when this returns.
+    /// A culler has come. If it is not expected, its link is closed.
     pub(crate) fn came(&self, key: SessionKey, link: Link) {
         match self.0.lock().remove(&key) {
             Some(said) => {
@@ -149,7 +149,7 @@ mod tests {
         }
     }
 
-    /// What is configured has to be named as it is: nothing of what a display says becomes an address.
+    /// Endpoints must be named exactly as configured: no text of a display becomes an address.
     #[tokio::test]
     async fn a_display_names_no_address() {
         let meeting = meeting(&["tcp://127.0.0.1:7400".parse().unwrap()]);
@@ -168,7 +168,7 @@ mod tests {
         }
     }
 
-    /// Nothing is left of meetings that nobody waits for.
+    /// Cancelled meetings leave nothing.
     #[tokio::test]
     async fn those_who_have_stopped_waiting_are_forgotten() {
         let expected = Expected::default();
@@ -177,12 +177,12 @@ mod tests {
         drop(met);
         let mut one = expected.wait(SessionKey(7));
         assert_eq!(expected.0.lock().len(), 1);
-        // A display that was started again has the key of the one before.
+        // A restarted display has the key of its predecessor.
         let _again = expected.wait(SessionKey(7));
         assert!(one.try_recv().is_err() && expected.0.lock().len() == 1);
     }
 
-    /// A meeting ends with the session that asked for it, also before it has begun.
+    /// A meeting ends with its session, also before it has begun.
     #[tokio::test(start_paused = true)]
     async fn a_meeting_that_is_dropped_is_called_off() {
         let meeting = meeting(&[Endpoint::Inproc(Name::unique())]);

@@ -1,8 +1,7 @@
-//! The peers of a role, as they come and come again: a display's cullers, a culler's displays.
+//! The peers of a role, as they come and reconnect: a display's cullers, a culler's displays.
 //!
-//! Each peer has a place. Who connects and who listens is configuration: a role looks for the peers whose
-//! endpoints it is told, and takes those that come to its listener. A place is filled again after its peer
-//! was lost.
+//! Each peer has a slot. The configuration decides who connects: a role connects to the peers whose endpoints
+//! it is given, and accepts others at its listener. The slot of a lost peer is filled again.
 
 use std::{collections::VecDeque, future::pending, sync::Arc, time::Duration};
 
@@ -16,7 +15,7 @@ use crate::{
     meeting::Expected,
 };
 
-/// How long a role tries to reach a peer before the log says why it does not. It goes on trying.
+/// How long a role tries to reach a peer before it logs the reason. It keeps trying.
 const ATTEMPT: Duration = Duration::from_secs(15);
 /// How long a listener waits before it waits again.
 const WAIT: Duration = Duration::from_secs(3600);
@@ -24,24 +23,24 @@ const WAIT: Duration = Duration::from_secs(3600);
 /// A peer that has come.
 #[derive(Debug)]
 pub struct Arrival {
-    /// The number of its place, from 0: first those that are connected to, in the order given.
+    /// The number of its slot, from 0: first those that are connected to, in the order given.
     pub place: usize,
     /// The link to it.
     pub link: Link,
-    /// Where it listens, if this role connects to it.
+    /// Its endpoint, if this role connects to it.
     pub at: Option<Endpoint>,
-    /// Its place.
+    /// Its slot.
     pub seat: Seat,
 }
 
-/// A peer's place: free when this is dropped, and then another link is looked for.
+/// A peer's slot: dropping it frees the slot, and another link is made.
 #[derive(Debug)]
 pub struct Seat {
     _held: oneshot::Sender<()>,
 }
 
 impl Seat {
-    /// The place of a peer that is not looked for again.
+    /// The slot of a peer that is not replaced.
     #[must_use]
     pub fn once() -> Self {
         Self { _held: oneshot::channel().0 }
@@ -52,40 +51,40 @@ impl Seat {
 #[derive(Debug)]
 pub struct Peers {
     arrivals: mpsc::Receiver<Result<Arrival, JoinError>>,
-    /// Those that come first.
+    /// Peers put back, which come first.
     early: VecDeque<Arrival>,
     expected: usize,
 }
 
-/// Whom a role looks for.
+/// The peers of a role.
 #[derive(Debug)]
 pub struct Sought {
-    /// How the role introduces itself.
+    /// The role's introduction.
     pub identity: Identity,
-    /// What its peers are.
+    /// The expected role of its peers.
     pub role: Role,
     /// Where it connects to some.
     pub endpoints: Vec<PeerEndpoint>,
-    /// Where others come to.
+    /// Where others connect to it.
     pub listener: Option<Listener>,
-    /// The most that it has at once.
+    /// The most peers at once.
     pub most: usize,
 }
 
 impl Peers {
-    /// Nobody.
+    /// No peers.
     #[must_use]
     pub fn none() -> Self {
         Self { arrivals: mpsc::channel(1).1, early: VecDeque::new(), expected: 0 }
     }
 
-    /// Looks for peers until this is dropped.
+    /// Connects to and accepts peers until this is dropped.
     #[must_use]
     pub fn seek(net: &Arc<dyn Net>, sought: Sought) -> Self {
         Self::seek_and_expect(net, sought, Expected::default())
     }
 
-    /// The same for a culler, which meets others that come with a key that it expects.
+    /// The same for a culler, which also accepts other cullers with an expected key.
     pub(crate) fn seek_and_expect(net: &Arc<dyn Net>, sought: Sought, met: Expected) -> Self {
         let Sought { identity, role, endpoints, listener, most } = sought;
         let (arrived, arrivals) = mpsc::channel(1);
@@ -101,22 +100,21 @@ impl Peers {
         Self { arrivals, early: VecDeque::new(), expected }
     }
 
-    /// How many the role connects to.
+    /// How many peers the role connects to.
     #[must_use]
     pub const fn expected(&self) -> usize {
         self.expected
     }
 
-    /// Lets this one come next, before others.
+    /// Returns this one first from the next call.
     pub fn put_back(&mut self, arrival: Arrival) {
         self.early.push_back(arrival);
     }
 
-    /// The next one that comes. Never ends where nobody can come any more. Dropping the future loses nobody.
+    /// The next peer. Pending for ever if no more can come. Dropping the future loses none.
     ///
     /// # Errors
-    /// When no link to one of them can ever be made with what this role was given. It is not looked for any
-    /// more.
+    /// When this role's settings rule out a link to one of them. That one is not tried again.
     pub async fn next(&mut self) -> Result<Arrival, JoinError> {
         if let Some(early) = self.early.pop_front() {
             return Ok(early);
@@ -175,7 +173,7 @@ async fn connector(
     }
 }
 
-/// What stood in the way of the last attempt.
+/// The obstacle of the last attempt.
 fn obstacle(error: &JoinError) -> String {
     match error {
         JoinError::Connect { cause, .. } => match &**cause {
@@ -186,10 +184,10 @@ fn obstacle(error: &JoinError) -> String {
     }
 }
 
-/// A place for peers that come.
+/// A slot for a peer that connects.
 struct Place {
     number: usize,
-    /// Whose it is or was.
+    /// Its present or past session.
     session: Option<SessionKey>,
     seat: Option<oneshot::Receiver<()>>,
 }
@@ -201,7 +199,7 @@ impl Place {
     }
 }
 
-/// Takes peers that come, as many as there are places for. Who comes again for its session has its old place.
+/// Accepts as many peers as there are slots. A peer that reconnects for its session gets its old slot.
 async fn acceptor(
     net: Arc<dyn Net>,
     places: Vec<usize>,

@@ -29,13 +29,13 @@ pub enum SessionError {
     /// The system gave it no thread.
     #[error("cannot start a thread for a role")]
     Thread(#[source] io::Error),
-    /// The system gave it no random number to know the session by.
+    /// The system gave no random number for the session's key.
     #[error("the system gives no random number for the session")]
     Random(#[source] io::Error),
     /// It cannot listen.
     #[error(transparent)]
     Listen(#[from] ListenError),
-    /// It can never reach a peer with what it was given.
+    /// Its settings rule out a link to a peer.
     #[error(transparent)]
     Join(#[from] JoinError),
     /// It ended early.
@@ -49,7 +49,7 @@ pub struct CullerService {
     net: Arc<dyn Net>,
     scene: SceneOutline,
     displays: Peers,
-    /// Where other cullers listen that a display may let it meet, and what holds for links to them.
+    /// Where other cullers listen to which a display may introduce it, and the options of links to them.
     cullers: Arc<[Endpoint]>,
     others: Options,
     expected: Expected,
@@ -59,34 +59,34 @@ pub struct CullerService {
 /// Where a culler finds its displays.
 #[derive(Debug, Clone)]
 pub struct ServiceEndpoints {
-    /// Where it listens, for displays and for cullers that it is to meet.
+    /// Where it listens, for displays and for other cullers.
     pub listen: Option<Endpoints>,
     /// Displays that it connects to.
     pub displays: Vec<PeerEndpoint>,
-    /// Where other cullers listen that a display may let it meet, for the schedule `switch`: it connects to
-    /// no others.
+    /// Endpoints of other cullers to which a display may introduce it, for the schedule `switch`: it connects
+    /// to no others.
     pub cullers: Vec<Endpoint>,
-    /// What holds for links of those that come, and which keys are known.
+    /// The options of accepted links, with the known keys.
     pub options: Options,
 }
 
 /// A display has come to a culler.
 #[derive(Debug)]
 pub struct NewSession {
-    /// The session, by which a display that was started again is known.
+    /// The session, which identifies a restarted display.
     pub key: SessionKey,
-    /// What the display has decided.
+    /// The display's settings.
     pub settings: Settings,
     /// The link to it.
     pub display: Link,
-    /// How the culler meets another one for it.
+    /// How the culler connects to another one for it.
     pub meeting: Meeting,
-    /// The display's place at this culler, free when this is dropped.
+    /// The display's slot at this culler, free on drop.
     pub seat: Seat,
 }
 
 impl CullerService {
-    /// Listens and looks for displays, as a culler that holds `scene`.
+    /// Listens for displays and connects to others, as a culler that holds `scene`.
     ///
     /// # Errors
     /// When it cannot listen.
@@ -109,7 +109,7 @@ impl CullerService {
         Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints })
     }
 
-    /// Where it listens, with the ports that the system chose.
+    /// Its endpoints, with the ports that the system chose.
     #[must_use]
     pub const fn endpoints(&self) -> Option<&Endpoints> {
         self.endpoints.as_ref()
@@ -118,7 +118,7 @@ impl CullerService {
     /// The next display that comes. Dropping the future loses none.
     ///
     /// # Errors
-    /// When a display that it is to connect to can never be reached with what it was given.
+    /// When its settings rule out a link to a display.
     pub async fn next(&mut self) -> Result<NewSession, JoinError> {
         loop {
             let Arrival { link, seat, .. } = self.displays.next().await?;
@@ -138,13 +138,13 @@ impl CullerService {
 }
 
 impl NewSession {
-    /// Plays the culler in it, with the `work` that what the display has decided asks for, until the display
-    /// leaves or `stop` asks. `drawables` is how many the scene has. With the `scene` itself it can serve a
-    /// display that holds none.
+    /// Plays the culler in it, with the `work` for the display's settings, until the display leaves or `stop`
+    /// asks. `drawables` is how many the scene has. With the `scene` itself it can serve a display that holds
+    /// none.
     ///
     /// # Errors
-    /// When the session asks for more than `limits` allow, `work` cannot be had, the display dies, or the
-    /// device fails. The display is told.
+    /// When the session exceeds `limits`, making `work` fails, the display dies, or the device fails. The
+    /// display is told.
     pub async fn play<W: CullerWork>(
         self,
         work: impl FnOnce(&Settings) -> Result<W, RoleError>,
@@ -156,7 +156,7 @@ impl NewSession {
     ) -> Result<(), RoleError> {
         let opened = async {
             let lease = limits.lease(self.settings.viewport)?;
-            // What a session begins with takes the device as long as some frames do.
+            // Starting a session takes the device as long as some frames do.
             let turn = turns.of_a_role();
             turn.take().await;
             let work = panic::catch_unwind(AssertUnwindSafe(|| work(&self.settings)));
@@ -172,10 +172,10 @@ impl NewSession {
         }
     }
 
-    /// Tells the display that this session is not played, and why. It gives that error.
+    /// Tells the display why this session is not played. Returns that error.
     ///
     /// # Errors
-    /// Always but where `stop` asked for it.
+    /// Always, unless `stop` asked for it.
     pub async fn turn_away(self, error: RoleError, stop: &Stop) -> Result<(), RoleError> {
         let _unheard = stop.unless_insisted(leave_unable(self.display, &error)).await;
         if error.is_clean_end() { Ok(()) } else { Err(error) }

@@ -1,38 +1,38 @@
-//! Whose turn is next of roles that share a device: each gets the same time, whatever its frames cost.
+//! The next turn among roles that share a device: each gets the same time, whatever its frames cost.
 //!
-//! Fair queueing by virtual time (Goyal, Vin and Cheng, 1996). A piece of work starts at the start of what
-//! runs when it is asked for, or where the role's work before it ends, whichever is later. The one that is
-//! likely to end first is next, if it takes as long as the last of its role. So a role that uses less than
-//! its share waits for one piece of another, and of two that always ask neither gets ahead by more than a
-//! piece of each. A role that comes anew begins behind all that are there: otherwise displays that come and
-//! go would always be first.
+//! Fair queueing by virtual time (Goyal, Vin and Cheng, 1996). A piece of work starts at the start of the
+//! running piece when it is requested, or at the end of the role's previous work, whichever is later. The
+//! next piece is the one with the earliest expected end, if it takes as long as the last of its role. So a
+//! role that uses less than its share waits for one piece of another. Of two busy roles neither gets ahead by
+//! more than a piece of each. A new role begins behind all present ones: otherwise displays that come and go
+//! would always be first.
 
 use std::{collections::BTreeMap, time::Duration};
 
-/// A role among those that share.
+/// A role that shares the device.
 pub(crate) type Number = u64;
 
 /// The turns of all roles.
 #[derive(Debug)]
 pub(crate) struct Shares {
-    /// Otherwise whoever waits longest is next.
+    /// Otherwise the one that waits longest is next.
     by_time: bool,
     accounts: BTreeMap<Number, Account>,
     joined: Number,
-    /// Virtual time: where the work begins that runs, or ran last.
+    /// Virtual time: the start of the running piece, or of the last one.
     now: Duration,
     holder: Option<Number>,
-    /// In the order in which they have asked.
+    /// In the order of their requests.
     waiting: Vec<Number>,
 }
 
-/// What a role has used.
+/// A role's use of the device.
 #[derive(Debug, Clone, Copy, Default)]
 struct Account {
-    /// Where its next or present piece of work begins, and where the last one ended: virtual time.
+    /// The start of its next or present piece, and the end of the last one: virtual time.
     start: Duration,
     end: Duration,
-    /// What the last piece took.
+    /// The time of the last piece.
     took: Duration,
 }
 
@@ -44,7 +44,7 @@ impl Shares {
 
     /// One more role.
     pub(crate) fn join(&mut self) -> Number {
-        // Nobody gains by coming anew: its first piece may be as long as any, and others have had theirs.
+        // Reconnecting gains nothing: the first piece may be as long as any, and others have had theirs.
         let took = self.accounts.values().map(|account| account.took).max().unwrap_or_default();
         let end = self.accounts.values().map(|account| account.end).max().unwrap_or_default().max(self.now);
         self.joined += 1;
@@ -52,7 +52,7 @@ impl Shares {
         self.joined
     }
 
-    /// A role that wants nothing more.
+    /// Removes a role.
     pub(crate) fn leave(&mut self, role: Number) {
         self.accounts.remove(&role);
         self.waiting.retain(|waiting| *waiting != role);
@@ -77,7 +77,7 @@ impl Shares {
         self.by_time && !self.waiting.is_empty()
     }
 
-    /// Gives the turn to whose it is next, if nobody has it.
+    /// Gives the free turn to the next role.
     pub(crate) fn next(&mut self) -> Option<Number> {
         if self.holder.is_some() {
             return None;
@@ -96,7 +96,7 @@ impl Shares {
         self.holder
     }
 
-    /// The role that has the turn gives it back after this time.
+    /// The role gives its turn back after this time.
     pub(crate) fn give_back(&mut self, role: Number, took: Duration) {
         self.holder = None;
         if let Some(account) = self.accounts.get_mut(&role) {
@@ -113,20 +113,20 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// A display: what a frame of it takes, and how long it then wants none.
+    /// A display: the time of its frame, and its pause after one.
     #[derive(Debug, Clone, Copy)]
     struct Display {
         frame: Duration,
         pause: Duration,
     }
 
-    /// Lets displays share a device for so long; gives the frames and the time that each has had, and its
-    /// longest wait. The last is one frame of each at most behind the end.
+    /// Lets displays share a device for this long. Returns the frames, the time and the longest wait of each.
+    /// The last frames end at most one frame of each after that.
     fn share(by_time: bool, displays: &[Display], long: Duration) -> Vec<(u32, Duration, Duration)> {
         let mut shares = Shares::new(by_time);
         let roles: Vec<_> = displays.iter().map(|_| shares.join()).collect();
         let mut had = vec![(0, Duration::ZERO, Duration::ZERO); displays.len()];
-        // When each asks next; none while it waits.
+        // When each requests next; none while it waits.
         let mut asks: Vec<_> = displays.iter().map(|_| Some(Duration::ZERO)).collect();
         let mut asked = vec![Duration::ZERO; displays.len()];
         let mut now = Duration::ZERO;
@@ -164,10 +164,10 @@ mod tests {
             let all = [&[honest][..], &[greedy; 15]].concat();
             let (frames, _, longest) = share(true, &all, minute)[0];
             assert!(frames * 20 >= alone, "{honest:?}: {alone} frames alone, {frames} beside");
-            // At first all are equals.
+            // At first all are equal.
             assert!(longest <= 16 * greedy.frame, "{honest:?}: {longest:?}");
         }
-        // A frame each in turn is what it was, and is what a twentieth is not.
+        // A frame each in turn was the old rule; it is not a twentieth of the time.
         let honest = Display { frame: 10 * MS, pause: 20 * MS };
         let greedy = Display { frame: 150 * MS, pause: Duration::ZERO };
         let all = [&[honest][..], &[greedy; 15]].concat();
@@ -176,7 +176,7 @@ mod tests {
         assert!(frames(true) > 10 * frames(false), "{} and {}", frames(true), frames(false));
     }
 
-    /// As displays do that connect, ask for a frame and are gone.
+    /// Like displays that connect, request a frame and go.
     #[test]
     fn roles_that_always_come_anew_have_no_more_than_those_that_stay() {
         for (rivals, piece) in [(1, 1), (1, 30), (8, 3), (8, 30)] {
@@ -224,8 +224,8 @@ mod tests {
     }
 
     proptest! {
-        /// Of roles that always ask none gets ahead of another by more than a frame of each: the bound of
-        /// start-time fair queueing.
+        /// Of busy roles none gets ahead of another by more than a frame of each: the bound of start-time
+        /// fair queueing.
         #[test]
         fn who_always_asks_has_the_same_time(frames in prop::collection::vec(1_u32..200, 2..20)) {
             let displays: Vec<_> =

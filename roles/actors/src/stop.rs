@@ -1,4 +1,4 @@
-//! Asking a role to stop.
+//! Stop requests to roles.
 
 use std::future::{Future, pending};
 
@@ -26,20 +26,20 @@ impl Stop {
         *self.0.borrow() > 0
     }
 
-    /// Whether it has been asked more than once: whoever asks wants it to leave what it is finishing.
+    /// Whether it has been requested more than once: the role is to leave even unfinished work.
     #[must_use]
     pub fn insisted(&self) -> bool {
         *self.0.borrow() > 1
     }
 
-    /// What `future` gives; `None` if the role is asked to stop first.
+    /// The result of `future`; `None` if the role is asked to stop first.
     ///
-    /// Dropping the future drops `future`.
+    /// Dropping this drops `future`.
     pub async fn unless_requested<T>(&self, future: impl Future<Output = T>) -> Option<T> {
         self.unless_asked(1, future).await
     }
 
-    /// What `future` gives; `None` if whoever stops the role insists first.
+    /// The result of `future`; `None` if the stop is enforced first.
     pub(crate) async fn unless_insisted<T>(&self, future: impl Future<Output = T>) -> Option<T> {
         self.unless_asked(2, future).await
     }
@@ -48,7 +48,7 @@ impl Stop {
         let mut requests = self.0.clone();
         let asked = async {
             if requests.wait_for(|requests| *requests >= times).await.is_err() {
-                // Nobody is left who could ask.
+                // The stopper is gone.
                 pending::<()>().await;
             }
         };
@@ -61,12 +61,12 @@ impl Stop {
 }
 
 impl Stopper {
-    /// Asks, or asks again.
+    /// Requests a stop, or repeats the request.
     pub fn stop(&self) {
         self.0.send_modify(|requests| *requests = requests.saturating_add(1));
     }
 
-    /// Asks, and insists: the role does not wait until its peers have heard that it leaves.
+    /// Requests and enforces a stop: the role does not wait for its peers to receive its close.
     pub fn insist(&self) {
         self.stop();
         self.stop();

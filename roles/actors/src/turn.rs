@@ -20,16 +20,16 @@ use crate::{
     shares::{Number, Shares},
 };
 
-/// What the roles of a process measure by, and whether they compute at once or one after another.
+/// The clock of a process's roles, and whether they compute at once or one after another.
 ///
-/// What a frame shows does not depend on it. Roles that take turns say what each of them takes by itself,
-/// which is what a model of three machines needs; roles that compute at once share the machine's cores.
-/// Clones are one and the same: their roles' times can be compared.
+/// It does not change the content of frames. Roles in turn report the time of each by itself, which a model
+/// of three machines needs; roles at once share the machine's cores. Clones are the same object: their roles'
+/// times are comparable.
 #[derive(Debug, Clone)]
 pub struct Turns {
     clock: Stopwatch,
     lock: Option<Arc<Lock>>,
-    /// Whether a device is to be idle while its role waits.
+    /// Whether a device is idle while its role waits.
     idle_devices: bool,
 }
 
@@ -59,30 +59,30 @@ impl Turns {
         Self { lock: Some(Arc::new(Lock { clock: turns.clock, waiting })), ..turns }
     }
 
-    /// Whether a role's device is to be idle while the role waits for something, so that no other role's
-    /// time holds its work.
+    /// Whether a role's device is idle while the role waits for something, so that no other role's time
+    /// contains its work.
     #[must_use]
     pub const fn idle_devices(&self) -> bool {
         self.idle_devices
     }
 
-    /// What the roles measure by.
+    /// The roles' clock.
     #[must_use]
     pub const fn clock(&self) -> Stopwatch {
         self.clock
     }
 
-    /// A role's part in it.
+    /// A role's handle.
     pub(crate) fn of_a_role(&self) -> Turn {
         let role = self.lock.as_ref().map_or(0, |lock| lock.waiting.lock().shares.join());
         Turn { turns: self.clone(), role, held: Cell::new(None), away: Cell::default() }
     }
 }
 
-/// A role that shares a device by time rests after so long, if another one waits.
+/// A role that shares a device by time lets others have it after this long.
 const SLICE: Duration = Duration::from_millis(20);
 
-/// What one role has at a time.
+/// State of a lock that one role holds at a time.
 #[derive(Debug)]
 struct Lock {
     clock: Stopwatch,
@@ -92,7 +92,7 @@ struct Lock {
 #[derive(Debug)]
 struct Waiting {
     shares: Shares,
-    /// How those that wait are told that it is their turn.
+    /// How waiting roles are told of their turn.
     told: HashMap<Number, oneshot::Sender<Held>>,
 }
 
@@ -120,12 +120,12 @@ impl Lock {
             (role, waiting.told.remove(&role))
         };
         let held = Held { lock: Arc::clone(self), role, since: self.clock.elapsed() };
-        // Where nobody waits any more the turn is dropped here, and is the next one's.
+        // If the role no longer waits, the turn is dropped here, and passes to the next one.
         let _unheard = tell.map(|tell| tell.send(held));
     }
 }
 
-/// The turn. Another role has it once this is dropped.
+/// The turn. Another role gets it on drop.
 #[derive(Debug)]
 struct Held {
     lock: Arc<Lock>,
@@ -141,10 +141,10 @@ impl Drop for Held {
     }
 }
 
-/// A role's turn to compute. It takes it before it begins, gives it back when it is done, and in between
-/// while it waits: whom it waits for may have to compute first.
+/// A role's turn to compute. The role takes it before it begins, and returns it when done and while it waits:
+/// another role may have to compute first.
 pub(crate) struct Turn {
-    /// Without a lock, taking and giving back do nothing.
+    /// Without a lock, taking and returning do nothing.
     turns: Turns,
     role: Number,
     held: Cell<Option<Held>>,
@@ -164,7 +164,7 @@ impl Drop for Turn {
             let mut waiting = lock.waiting.lock();
             waiting.shares.leave(self.role);
             let told = waiting.told.remove(&self.role);
-            // It may hold the turn, which takes the lock when it goes.
+            // It may hold the turn, which takes the lock on drop.
             drop((waiting, told));
         }
     }
@@ -188,13 +188,13 @@ impl Turn {
         self.held.take();
     }
 
-    /// Whether others have the device in the midst of what this role does with it.
+    /// Whether others get the device in the midst of this role's work.
     pub(crate) fn is_shared(&self) -> bool {
         self.turns.lock.as_ref().is_some_and(|lock| lock.waiting.lock().shares.is_by_time())
     }
 
-    /// Lets others have a device that is shared by time, where this role has had it for long, and waits until
-    /// it has it again. It blocks its thread: it may be called in the midst of a frame.
+    /// If this role has had a time-shared device for long, lets others have it, and waits to get it back. It
+    /// blocks its thread, and may be called in the midst of a frame.
     pub(crate) fn rest(&self) {
         let (Some(lock), Some(held)) = (&self.turns.lock, self.held.take()) else { return };
         let since = self.turns.clock.elapsed();
@@ -203,15 +203,15 @@ impl Turn {
             return;
         }
         drop(held);
-        // The task that this blocks may have used up what tokio lets it do at a time, and it cannot yield.
+        // The blocked task may have used up its tokio budget, and cannot yield.
         self.held.set(Some(block_on(unconstrained(Arc::clone(lock).take(self.role)))));
         self.away.set(self.away.get() + self.turns.clock.elapsed().saturating_sub(since));
     }
 
-    /// What `work` gives. While `work` waits for something, the turn is another role's.
+    /// The result of `work`. While `work` waits for something, other roles have the turn.
     pub(crate) async fn given_back_while_waiting<T>(&self, work: impl Future<Output = T>) -> T {
         let mut work = pin!(work);
-        // Since when others have had the turn in the midst of this role's, and the way to get it again.
+        // Since when others have had the turn in the midst of this role's, and the request to get it back.
         let mut gave_back: Option<(Duration, Taking)> = None;
         poll_fn(|context| {
             if let Some((since, again)) = &mut gave_back {
@@ -223,7 +223,7 @@ impl Turn {
             if polled.is_pending()
                 && let (Some(held), Some(lock)) = (self.held.take(), &self.turns.lock)
             {
-                // Before another role can begin: its time and this one's are not to overlap.
+                // Before another role can begin, so that their times do not overlap.
                 let since = self.turns.clock.elapsed();
                 drop(held);
                 gave_back = Some((since, Box::pin(Arc::clone(lock).take(self.role))));
@@ -233,14 +233,13 @@ impl Turn {
         .await
     }
 
-    /// How long others had the turn while this role waited in the midst of its own, since this was last
-    /// asked.
+    /// How long others had the turn while this role waited in the midst of its own, since the last call.
     pub(crate) fn away(&self) -> Duration {
         self.away.take()
     }
 }
 
-/// Waits on this thread, whatever runs on it: a runtime's own way of waiting may not be used within it.
+/// Blocks this thread on a future, also within a runtime, where the runtime's own `block_on` is forbidden.
 fn block_on<T>(future: impl Future<Output = T>) -> T {
     struct Unpark(Thread);
     impl Wake for Unpark {
@@ -288,7 +287,7 @@ mod tests {
         });
     }
 
-    /// Within a runtime, as a session's thread is.
+    /// Within a runtime, like a session's thread.
     #[test]
     fn a_role_that_has_had_the_device_for_long_rests_while_another_one_waits() {
         let turns = Turns::fair();
@@ -313,7 +312,7 @@ mod tests {
                 drop(held);
             });
             assert!(!has_asked.await.unwrap(), "it must wait");
-            // What tokio lets a task do at a time is used up.
+            // The task's tokio budget is used up.
             poll_fn(|context| {
                 for _ in 0..1000 {
                     let (send, mut sent) = oneshot::channel();
@@ -341,7 +340,7 @@ mod tests {
         assert_eq!(one.away(), Duration::ZERO);
     }
 
-    /// Another role computes between two moments of the clock that this one's waiting time has to contain.
+    /// Another role computes between two readings of the clock that bracket this one's waiting time.
     #[test]
     fn who_waits_gives_the_turn_back_and_what_others_take_is_not_its_own_time() {
         let turns = Turns::alone();

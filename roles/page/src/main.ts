@@ -1,4 +1,4 @@
-/** The page: a canvas that shows the scene from where a person walks, and panels beside it. */
+/** The page: a canvas that shows the scene from a person's eye, and panels beside it. */
 
 import "./page.css";
 import { drive } from "./drive/drive.ts";
@@ -35,7 +35,7 @@ async function begin(): Promise<void> {
       viewer.said.value = `The service shows another model now: ${scene.name}.`;
     }
     followLink(viewer, new URL(location.href));
-    // A link that is put into the address of this page does not load it again.
+    // Entering a link with another fragment does not reload the page.
     addEventListener("hashchange", ({ newURL }) => followLink(viewer, new URL(newURL)));
     if (isDriven) {
       await drive(viewer, service);

@@ -1,4 +1,4 @@
-/** Of a walk of any length so many pictures are kept to be audited. */
+/** A bounded number of pictures is kept for audits, however long the walk. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";

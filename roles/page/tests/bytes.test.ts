@@ -1,4 +1,4 @@
-/** Numbers, texts and options as they travel. */
+/** Numbers, texts and options on the wire. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -121,7 +121,7 @@ test("a writer grows and what was taken stays", () => {
     range(0, 1000).map(() => reader.u32()),
     range(0, 1000),
   );
-  // At each place where it grows, whatever is written there.
+  // At each place where the buffer grows, for every kind of value.
   for (const before of range(56, 64)) {
     const bytes = new Writer().bytes(new Uint8Array(before)).f64(1).take();
     assert.equal(new Reader(bytes.subarray(before)).f64(), 1);

@@ -4,7 +4,7 @@ import { takesKey, type Within } from "../src/navigate/typing.ts";
 import { messageOf, withoutSecrets } from "../src/wire/errors.ts";
 import { openWebSocket, type Socket } from "../src/wire/websocket.ts";
 
-/** An element that a selector with `kind` in its list fits. */
+/** An element that matches selectors with `kind` in their list. */
 function control(kind: string): Within {
   const closest = (selector: string) => (selector.split(", ").includes(kind) ? {} : null);
   return { closest } as unknown as Within;

@@ -45,7 +45,7 @@ test("in turn no frame is left out, and a camera waits until its culler is free"
   assert.equal(dealing.deal(), undefined);
 });
 
-/** An introduction, what was said and what has come of it. */
+/** An introduction with its messages and its outcome. */
 function introduced() {
   const said: [number, RoleMessage][] = [];
   const outcomes: boolean[] = [];
@@ -87,7 +87,7 @@ test("two cullers meet, hear from which frame on they take turns, and say that t
 
 test("cullers that do not meet, or not in time, go on by themselves", (context) => {
   let timeUp = () => {};
-  // Not by mocked timers: how they are asked for differs between Node 18 and 20.
+  // Without mocked timers: their use differs between Node 18 and 20.
   context.mock.method(globalThis, "setTimeout", (call: () => void, after: number) => {
     assert.equal(after, 12_000);
     timeUp = call;

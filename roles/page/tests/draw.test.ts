@@ -1,4 +1,4 @@
-/** What of drawing needs no browser: places in buffers, cameras, boxes, normals, which sides show. */
+/** The parts of drawing that need no browser: allocation, cameras, boxes, normals, visible sides. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -22,7 +22,7 @@ test("places never overlap, and what is given back can be taken again", () => {
     const random = randomOf(seed);
     const capacity = 1 + random(1000);
     const allocator = new Allocator(capacity);
-    /** Who has each unit; 0 is nobody. */
+    /** The owner of each unit; 0 is free. */
     const owners = new Uint32Array(capacity);
     const taken = new Map<number, Place>();
     for (let step = 1; step <= 500; step += 1) {
@@ -134,7 +134,7 @@ test("a normal is folded as the wire says", () => {
   assert.deepEqual(folded([0, 0, 1]), [0, 0]);
   assert.deepEqual(folded([1, 0, 0]), [32767, 0]);
   assert.deepEqual(folded([0, -1, 0]), [0, -32767]);
-  // Straight down is every corner of the square, this is one of them.
+  // Straight down is every corner of the square; this is one of them.
   assert.deepEqual(folded([0, 0, -1]), [32767, 32767]);
   // (0.25, -0.25) is mirrored in the line |x| + |y| = 1 to (0.75, -0.75).
   assert.deepEqual(folded([1, -1, -2]), [Math.round(0.75 * 32767), Math.round(-0.75 * 32767)]);
@@ -186,7 +186,7 @@ test("the linear part goes column by column", () => {
 
 test("what moves with the camera has the same matrix to the last bit", () => {
   const random = randomOf(5);
-  // Multiples of a millimetre's power of two, so that the sums have no rounding of their own.
+  // Multiples of a power of two near a millimetre, so that sums are exact.
   const coordinate = () => (random(1 << 20) - (1 << 19)) / 1024;
   const matrices = [0, 500_000].map(() => [] as number[]);
   for (let round = 0; round < 50; round += 1) {
@@ -213,7 +213,7 @@ function unit([x, y, z, w]: readonly [number, number, number, number]): Camera["
 
 test("a box is around its vertices", () => {
   assert.deepEqual([...boundsOf(box([2, 4, 8]).vertices)], [0, 0, 0, 1, 2, 4]);
-  // At an odd place in its memory as well.
+  // At an odd offset in its memory as well.
   const { vertices } = box([2, 4, 8]);
   const odd = new Uint8Array(vertices.length + 1);
   odd.set(vertices, 1);
@@ -294,7 +294,7 @@ test("a solid shows its front alone, unless it is flat or the near plane cuts it
   assert.equal(facing(5, FRONT_SIDE, [-1, 0, 0, 0, 1, 0, 0, 0, 1]), MIRRORED);
   assert.equal(facing(5, FRONT_SIDE, [-1, 0, 0, 0, 1, 0, 0, 0, -1]), FRONT);
   assert.equal(facing(5, FRONT_SIDE, [1, 0, 0, 0, 1, 0, 0, 0, 0]), BOTH);
-  // Two axes that change places are a mirror, and three that go around are none.
+  // Swapping two axes mirrors, rotating three does not.
   assert.equal(facing(5, FRONT_SIDE, [0, 1, 0, 1, 0, 0, 0, 0, 1]), MIRRORED);
   assert.equal(facing(5, FRONT_SIDE, [1, 0, 0, 0, 0, 1, 0, 1, 0]), MIRRORED);
   assert.equal(facing(5, FRONT_SIDE, [0, 0, 1, 0, 1, 0, 1, 0, 0]), MIRRORED);

@@ -1,4 +1,4 @@
-/** How long pictures take, drawn by the processor; only where TRIMARAN_DRAW_BENCH=1. */
+/** Measures the time of pictures on a software renderer; only with TRIMARAN_DRAW_BENCH=1. */
 
 import { test } from "node:test";
 
@@ -6,9 +6,9 @@ import { DrawBrowser } from "./drawBrowser.ts";
 
 const isWanted = process.env.TRIMARAN_DRAW_BENCH === "1";
 
-/** So many drawables of so many triangles: 2 for each side and part, and 2 more for each side. */
+/** Numbers of drawables and triangles: 2 triangles for each side and part, and 2 more for each side. */
 const SCENES = [
-  // One drawable of as many triangles is the floor: what drawables cost is what is above it.
+  // One drawable of as many triangles is the baseline: the excess is the cost of drawables.
   { drawables: 1, sides: 1000, parts: 719 },
   { drawables: 10_000, sides: 12, parts: 5 },
   { drawables: 10_000, sides: 12, parts: 5, samples: 4 },
@@ -27,7 +27,7 @@ test("pictures of 1024 by 1024 pixels", { skip: !isWanted, timeout: 600_000 }, a
   await browser?.close();
 });
 
-/** Milliseconds of the fastest of some pictures, and of the one in the middle. Runs in the page. */
+/** Milliseconds of the fastest picture, and the median. Runs in the page. */
 function measure(wanted: (typeof SCENES)[number]): unknown {
   const { cameraAt, pipes, Stage } = window.draw;
   const { samples = 1, extensions = true } = wanted;

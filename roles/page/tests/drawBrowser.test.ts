@@ -1,4 +1,4 @@
-/** Draws in a real browser, and looks at which drawable shows at each pixel. */
+/** Draws in a real browser, and checks the drawable at each pixel. */
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -13,7 +13,7 @@ before(async () => {
 });
 after(() => browser?.close());
 
-/** A test that runs `look` in the page, and `check` on what it found. Nothing must go wrong in the page. */
+/** A test that runs `look` in the page, and `check` on its result. Fails on any error in the page. */
 function drawn<A, T>(
   name: string,
   argument: A,
@@ -27,14 +27,14 @@ function drawn<A, T>(
     }
     const { page, faults } = browser;
     faults.length = 0;
-    // The types of what goes to the page and back are those of JSON.
+    // Values to and from the page must be JSON.
     const found = (await page.evaluate(look as never, argument as never)) as Awaited<T>;
     check(found);
     assert.deepEqual(faults, []);
   });
 }
 
-/** With what extensions the browser has, and without. */
+/** With all extensions of the browser, and without. */
 for (const extensions of [true, false]) {
   const how = extensions ? "" : ", without extensions";
 
@@ -118,7 +118,7 @@ for (const extensions of [true, false]) {
       return found;
     },
     (found) => {
-      // Both sides, and the front alone.
+      // Both sides, and only the front.
       assert.deepEqual(found, [
         [1, 1],
         [1, 0],
@@ -165,7 +165,7 @@ for (const extensions of [true, false]) {
     (extensions) => {
       const { cameraAt, drawableAt, plate, Stage } = window.draw;
       const stage = new Stage(80, 50, { extensions });
-      // A plate that is smaller than a pixel, before the centre of pixels far apart.
+      // A plate smaller than a pixel, before the centres of pixels far apart.
       stage.set(plate(0.6, 0.6));
       const found: [number, number, number[]][] = [];
       for (const [x, y] of [
@@ -223,7 +223,7 @@ for (const extensions of [true, false]) {
         ...turns.map((turn) => ({ vertices: bytes, indices: indices.map((_, at) => turn[at] ?? 0) })),
       );
       const found = turns.map((_, id) =>
-        // The winding is kept: all three are seen from the front.
+        // The winding is kept: all three show their fronts.
         stage.colour(
           cameraAt([0, 0, 0]),
           [drawableAt(id, [0, 0, -5], { sides: window.draw.FRONT_SIDE })],
@@ -256,7 +256,7 @@ for (const extensions of [true, false]) {
       const there = [seen(), renderer.hasPiece(0)];
       renderer.dropPiece(0);
       const gone = [seen(), renderer.hasPiece(0), renderer.bytes];
-      // Ten pieces at a time, out of a thousand, and the plate amid them.
+      // Ten pieces at a time, out of a thousand, with the plate among them.
       const room = renderer.capacity;
       for (let piece = 1; piece <= 1000; piece += 1) {
         renderer.setPiece(piece, pipe(1, 1, 3 + (piece % 50), 1 + (piece % 7), [0, 0, 0]));
@@ -264,7 +264,7 @@ for (const extensions of [true, false]) {
       }
       renderer.setPiece(0, plate(9, 9));
       const again = [seen(), renderer.capacity - room];
-      // Another mesh under the same number takes its place.
+      // Another mesh under the same number replaces it.
       renderer.setPiece(0, plate(0.01, 0.01));
       const replaced = stage
         .items(camera, [shown])
@@ -289,7 +289,7 @@ for (const extensions of [true, false]) {
       const { cameraAt, drawableAt, plate, Stage } = window.draw;
       const stage = new Stage(64, 64, { extensions });
       const { renderer } = stage;
-      // Plates with so many vertices that nothing uses that the first page has room for two.
+      // Plates with so many unused vertices that the first page has room for two.
       const count = 12;
       for (let piece = 0; piece < count; piece += 1) {
         const { vertices, indices } = plate(0.2 + 0.05 * piece, 0.5);
@@ -390,7 +390,7 @@ for (const extensions of [true, false]) {
       const loss = gl.getExtension("WEBGL_lose_context");
       loss?.loseContext();
       await waitFor("lost");
-      // What comes meanwhile is neither drawn nor kept, and nothing breaks.
+      // Pieces set meanwhile are neither drawn nor kept, and nothing breaks.
       stage.set(plate(9, 9));
       renderer.draw(camera, [shown]);
       const meanwhile = [stage.seen(camera, [shown]).length, renderer.isLost, renderer.bytes];
@@ -547,7 +547,7 @@ drawn(
     };
     const found = {
       whole: at([]),
-      // All that is nearer than the middle of the first box.
+      // Cuts away everything nearer than the middle of the first box.
       opened: at([plane(0, 1)]),
       gone: at([{ kind: "box", lower: [-5, -5, -20], upper: [5, 5, -6] }]),
       through: at([], [drawables[0]?.object ?? 0]),
@@ -562,7 +562,7 @@ drawn(
     assert.ok((opened.red ?? 0) > (opened.blue ?? 0), "its inside is painted");
     assert.ok((whole.blue ?? 0) > (whole.red ?? 0));
     assert.deepEqual([gone.item, gone.drawable], [8, 8]);
-    // What is see-through lets clicks through, and the one behind it shines through.
+    // Clicks pass through see-through objects, and the one behind is visible.
     assert.deepEqual([through.item, through.drawable], [7, 8]);
   },
 );
@@ -576,7 +576,7 @@ drawn(
       const stage = new Stage(16, 16, { samples });
       stage.set(box([900, 900, 1], [255, 0, 0]), box([900, 900, 1], [0, 255, 0]));
       const drawables = [
-        // Its box begins at the eye: so it is drawn first.
+        // Its box begins at the eye, so it is drawn first.
         drawableAt(1, [0, 0, -2002], { geometry: 0, worldMin: [0, 0, -2002], worldMax: [0, 0, 0] }),
         drawableAt(2, [0, 0, -2000], { geometry: 1 }),
       ];
@@ -624,7 +624,7 @@ drawn(
     assert.ok((red[0] ?? 0) > 2 * (red[1] ?? 0), `${red}`);
     assert.ok((green[1] ?? 0) > 2 * (green[0] ?? 0), `${green}`);
     assert.ok((sky[2] ?? 0) > 200, `${sky}`);
-    // One call for both, and none for what is beside the picture: 12 triangles and 48 + 24.
+    // One call for both, and none for drawables outside the picture: 12 triangles and 48 + 24.
     assert.deepEqual(took, { calls: 1, shown: 2, triangles: 84 });
   },
 );

@@ -1,4 +1,4 @@
-/** A page in headless Chromium with the renderer in it, drawn by the processor. */
+/** A page in headless Chromium with the renderer in it, on a software renderer. */
 
 import { existsSync } from "node:fs";
 import { createServer, type Server } from "node:http";
@@ -9,7 +9,7 @@ import { type Browser, chromium, type Page } from "playwright-core";
 
 export class DrawBrowser {
   readonly page: Page;
-  /** What went wrong in the page. */
+  /** Errors in the page. */
   readonly faults: string[];
   readonly #browser: Browser;
   readonly #server: Server;
@@ -18,7 +18,7 @@ export class DrawBrowser {
     [this.page, this.faults, this.#browser, this.#server] = [page, faults, browser, server];
   }
 
-  /** Nothing, with a word, where there is no Chromium; throws where one is required. */
+  /** Undefined, with a message, without Chromium; throws if it is required. */
   static async open(): Promise<DrawBrowser | undefined> {
     const executablePath = process.env.TRIMARAN_CHROMIUM ?? "/usr/bin/chromium";
     if (!existsSync(executablePath)) {
@@ -42,7 +42,7 @@ export class DrawBrowser {
     const faults: string[] = [];
     page.on("pageerror", (error) => faults.push(String(error.stack ?? error)));
     page.on("console", (message) => {
-      // Drivers warn of reads that wait for them: tests do nothing else.
+      // Drivers warn of blocking reads: tests do nothing else.
       if (["error", "warning"].includes(message.type()) && !/GPU stall/.test(message.text())) {
         faults.push(message.text());
       }

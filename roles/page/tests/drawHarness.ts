@@ -12,7 +12,7 @@ export class Stage {
   readonly canvas: HTMLCanvasElement;
   readonly renderer: Renderer;
   readonly gl: WebGL2RenderingContext;
-  /** What the renderer has said. */
+  /** The renderer's events. */
   readonly said: string[] = [];
 
   constructor(width: number, height: number, options: RendererOptions = {}) {
@@ -48,7 +48,7 @@ export class Stage {
     });
   }
 
-  /** Which drawables show at any pixel, in order. */
+  /** The drawables visible at any pixel, in order. */
   seen(camera: Camera, drawables: readonly Drawable[]): number[] {
     return [...new Set(this.items(camera, drawables).flat())].filter((id) => id >= 0).sort((a, b) => a - b);
   }
@@ -68,7 +68,7 @@ export class Stage {
     return [...this.picture(camera, drawables).slice(at, at + 3)];
   }
 
-  /** Fails where the device has refused a call. */
+  /** Fails if the device has reported an error. */
   end(): void {
     const error = this.gl.getError();
     this.canvas.remove();
@@ -80,8 +80,8 @@ export class Stage {
 }
 
 /**
- * The share of the pixels of a rectangle (left, top, width, height) of the picture at rest that are darker than
- * nine tenths of their median: those that lines are on.
+ * The share of the pixels of a rectangle (left, top, width, height) of the picture at rest that are darker
+ * than nine tenths of their median: those covered by lines.
  */
 function darkness(
   stage: Stage,
@@ -100,7 +100,7 @@ function darkness(
   return tones.filter((tone) => tone < 0.9 * median).length / tones.length;
 }
 
-/** What the shaders make of folded normals, three numbers each. */
+/** The shaders' decoding of folded normals, three numbers each. */
 function unfolded(normals: readonly (readonly [number, number])[]): Float32Array {
   const gl = document.createElement("canvas").getContext("webgl2");
   if (gl === null) {
@@ -142,7 +142,7 @@ void main() { normal = unfolded(folded); }`;
   return numbers;
 }
 
-/** What the tests find in the page. */
+/** Made available to tests in the page. */
 const harness = { Stage, NOTHING, darkness, unfolded, ObjectSet, FRONT_SIDE, BOTH_SIDES, ...scene };
 
 declare global {

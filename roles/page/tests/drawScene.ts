@@ -1,4 +1,4 @@
-/** Meshes and poses that the tests of drawing are made of. */
+/** Meshes and poses for tests of drawing. */
 
 import type { Camera, Drawable, Mesh } from "../src/draw/model.ts";
 import { VERTEX_BYTES } from "../src/proto/piece.ts";
@@ -9,7 +9,7 @@ type Point = readonly [number, number, number];
 
 /** No rotation. */
 export const AHEAD = [0, 0, 0, 1] as const;
-/** The linear part of a drawable that stands as it was made. */
+/** The linear part of a drawable without rotation or scale. */
 export const UPRIGHT: readonly number[] = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 
 /** A camera at the world's origin that looks along -z. */
@@ -33,7 +33,7 @@ export function drawableAt(id: number, origin: Point, more: Partial<Drawable> = 
   };
 }
 
-/** A normal as it travels: the wire's page says how it is folded. */
+/** An encoded normal: the wire's page describes the folding. */
 export function folded([x, y, z]: Point): [number, number] {
   const sum = Math.abs(x) + Math.abs(y) + Math.abs(z);
   let [u, v] = [x / sum, y / sum];
@@ -95,7 +95,7 @@ export function box(size: Point, colour: Colour = [200, 200, 200]): Mesh {
   for (const axis of [0, 1, 2]) {
     for (const side of [-1, 1]) {
       const normal = at3(axis, side, 0, 0);
-      // Seen from the front the corners turn left.
+      // Counter-clockwise as seen from the front.
       const corners = [0, 1, 2, 3].map((corner) => {
         const [u, v] = [corner === 1 || corner === 2 ? 1 : -1, corner > 1 ? 1 : -1];
         const [x, y, z] = at3(axis, side, u * side, v);
@@ -153,13 +153,13 @@ export function pipe(radius: number, length: number, sides: number, parts: numbe
 
 const PRIMES = [2, 3, 5, 7, 11, 13, 17, 19, 23];
 
-/** A share from 0 to 1 that has no pattern: the same one for the same numbers. */
+/** A pseudo-random share from 0 to 1: the same for the same numbers. */
 function share(number: number, kind: number): number {
   const product = (number + 1) * Math.sqrt(PRIMES[kind] ?? 2);
   return product - Math.floor(product);
 }
 
-/** What lies pipe by pipe before a camera at the origin: all of it in view, and much of it hidden. */
+/** Pipes before a camera at the origin: all in view, and many hidden. */
 export function pipes(count: number, sides = 12, parts = 5): { meshes: Mesh[]; drawables: Drawable[] } {
   const ways = [UPRIGHT, [0, 1, 0, -1, 0, 0, 0, 0, 1], [1, 0, 0, 0, 0, 1, 0, -1, 0]];
   const meshes: Mesh[] = [];

@@ -1,6 +1,6 @@
 /**
- * Drives the page in Chromium for a test program: a command a line on standard input, as JSON, and an answer
- * a line on standard output.
+ * Drives the page in Chromium for a test program: one JSON command per line on standard input, one answer per
+ * line on standard output.
  */
 
 import { createInterface } from "node:readline";
@@ -20,43 +20,43 @@ type Command =
   | { readonly do: "hold"; readonly key: string; readonly milliseconds: number }
   | { readonly do: "down" | "up" | "press"; readonly key: string }
   | { readonly do: "wait"; readonly milliseconds: number }
-  /** The eye goes there, and walks from there on. */
+  /** Moves the eye there, in walk mode. */
   | { readonly do: "stand"; readonly eye: Point; readonly forward: Point }
   | { readonly do: "type"; readonly text: string }
   | { readonly do: "click"; readonly x: number; readonly y: number; readonly keys?: readonly string[] }
   | { readonly do: "move"; readonly x: number; readonly y: number }
-  /** Where a point of the world shows, in CSS pixels. */
+  /** The projection of a world point, in CSS pixels. */
   | { readonly do: "point"; readonly point: Point }
   /** The button with this label. */
   | { readonly do: "label"; readonly name: string }
-  /** The button of this name, which downloads: under which name. */
+  /** Clicks the download button of this name; returns the file's name. */
   | { readonly do: "download"; readonly name: string }
   | { readonly do: "file"; readonly selector: string; readonly name: string; readonly text: string }
-  /** What each of these elements says. */
+  /** The text of each of these elements. */
   | { readonly do: "text"; readonly selector: string }
-  /** Whether each of these elements can be seen: it lies within the element around it that scrolls. */
+  /** Whether each of these elements is visible: it lies within the scrolling element around it. */
   | { readonly do: "visible"; readonly selector: string; readonly within: string }
   | { readonly do: "clipboard" }
-  /** The first button whose text begins so. */
+  /** Clicks the first button whose text begins with this. */
   | { readonly do: "button"; readonly name: string }
   | { readonly do: "choose"; readonly label: string; readonly value: string }
-  /** The eye goes to where it began, nothing is cut, and the bound on the error is as it was. */
+  /** Resets the eye, the sections and the error bound. */
   | { readonly do: "home" }
   | { readonly do: "drag"; readonly right: number; readonly down: number }
-  /** The first handle in the picture. */
+  /** Drags the first handle in the picture. */
   | { readonly do: "handle"; readonly right: number; readonly down: number }
   | { readonly do: "resize"; readonly width: number; readonly height: number }
-  /** The graphics device loses everything, and comes back. */
+  /** The graphics device loses its context, and gets it back. */
   | { readonly do: "lose" }
   | { readonly do: "look" }
   | { readonly do: "status" }
   | { readonly do: "figures" }
-  /** What has the keyboard: its name, and what it is. */
+  /** The focused element: its name and kind. */
   | { readonly do: "focused" }
-  /** Presses Tab until something of that name has the keyboard. */
+  /** Presses Tab until an element of that name has the focus. */
   | { readonly do: "tab"; readonly name: string }
   | { readonly do: "wheel"; readonly x: number; readonly y: number; readonly down: number }
-  /** From one place of the canvas on, with the left button. */
+  /** Drags from one place of the canvas, with the left button. */
   | {
       readonly do: "pull";
       readonly x: number;
@@ -64,28 +64,28 @@ type Command =
       readonly right: number;
       readonly down: number;
     }
-  /** A finger at a place for so long. */
+  /** Touches a place for this long. */
   | { readonly do: "touch"; readonly x: number; readonly y: number; readonly milliseconds: number }
-  /** The page says something to the person. */
+  /** Shows the person a message. */
   | { readonly do: "say"; readonly text: string }
   | { readonly do: "title" }
   | { readonly do: "reload" }
-  /** Where a finger meets an object, CSS pixels. */
+  /** A place where a finger meets an object, CSS pixels. */
   | { readonly do: "place"; readonly object: number }
-  /** Where the eye is, and what is picked and hidden: what `look` tells, without pixels. */
+  /** The eye, and the picked and hidden objects: the result of `look` without pixels. */
   | { readonly do: "state" }
-  /** All that can be used now, and where it is. */
+  /** All usable controls, with their places. */
   | { readonly do: "targets" }
-  /** A finger on what has that name, for so long. */
+  /** Touches the control of that name for this long. */
   | { readonly do: "tap"; readonly name: string; readonly milliseconds: number }
-  /** Which part of the picture shows what is picked; where nothing is, all that is no background. */
+  /** The extent of the picked objects in the picture; without any, of all but the background. */
   | { readonly do: "extent" }
-  /** What the files of the page took to come. */
+  /** The transfer times of the page's files. */
   | { readonly do: "files" }
   | { readonly do: "memory" }
   | { readonly do: "screenshot"; readonly file: string };
 
-/** How long a picture may take to be exact, milliseconds. */
+/** The timeout for an exact picture, milliseconds. */
 const PATIENCE = 60_000;
 
 const [width = 512, height = 512] = process.argv.slice(2, 4).map(Number);
@@ -201,7 +201,7 @@ async function run(command: Command, page: Page): Promise<unknown> {
         const { eye, forward } = viewer?.scene.start ?? { eye: [0, 0, 0], forward: [0, 0, -1] };
         viewer?.navigator.goTo([...eye], [...forward]);
         if (viewer !== undefined) {
-          // A click may have added a section, or chosen another bound on the error.
+          // A click may have added a section, or chosen another error bound.
           viewer.view.change({ sections: [] });
           viewer.epsilon.value = 2;
         }
@@ -326,7 +326,7 @@ function state(): unknown {
   };
 }
 
-/** A finger comes down and goes up. However busy the page is, it is down for about so long. */
+/** A touch of about this duration, however busy the page is. */
 async function touch(page: Page, x: number, y: number, milliseconds: number): Promise<true> {
   const devtools = await page.context().newCDPSession(page);
   const touchPoints = [{ x, y }];
@@ -337,7 +337,7 @@ async function touch(page: Page, x: number, y: number, milliseconds: number): Pr
   return true;
 }
 
-/** What has the keyboard: its name, what it is, and whether it shows that. Runs in the page. */
+/** The focused element: its name, its kind, and whether it shows the focus. Runs in the page. */
 function focused(): { name: string; tag: string; shows: boolean } {
   const element = document.activeElement;
   const name = element?.getAttribute("aria-label") ?? element?.textContent ?? "";
@@ -346,7 +346,7 @@ function focused(): { name: string; tag: string; shows: boolean } {
   return { name: name.trim(), tag: element?.tagName.toLowerCase() ?? "", shows };
 }
 
-/** What can be used now: its name, its place, the size of its letters, and whether a finger there meets it. */
+/** Usable controls: name, place, size of letters, and whether a finger there meets it. Runs in the page. */
 function targets(wanted: string): unknown {
   const controls = document.querySelectorAll<HTMLElement>(
     "button, input, select, label.file, [role=treeitem] > .link",
@@ -356,7 +356,7 @@ function targets(wanted: string): unknown {
     if (wanted !== "" && wanted !== name) {
       return [];
     }
-    // What lists and bars have scrolled away can be scrolled to.
+    // Controls scrolled out of lists and bars can be scrolled into view.
     control.scrollIntoView({ block: "nearest", inline: "nearest" });
     const { left, top, width, height } = control.getBoundingClientRect();
     const isSeen = control.checkVisibility({ checkOpacity: true, checkVisibilityCSS: true });
@@ -412,7 +412,7 @@ function extent(): Record<string, number> {
   return { pixels, across, down, x: (left + right + 1) / 2 / width, y: (top + bottom + 1) / 2 / height };
 }
 
-/** Bytes on the way and behind it, by the name of the file. Runs in the page. */
+/** Transferred and decoded bytes, by the name of the file. Runs in the page. */
 function files(): unknown {
   const all = performance.getEntriesByType("resource") as PerformanceResourceTiming[];
   return Object.fromEntries(
@@ -422,7 +422,7 @@ function files(): unknown {
   );
 }
 
-/** What the panel "Status" says, by name. */
+/** The figures of the panel "Status", by name. */
 function figures(): Record<string, string> {
   const rows = [...document.querySelectorAll<HTMLTableRowElement>(".status tr")];
   return Object.fromEntries(
@@ -430,7 +430,7 @@ function figures(): Record<string, string> {
   );
 }
 
-/** Waits until `holds`. The page's policy forbids what playwright waits by. */
+/** Waits until `holds`. The page's policy forbids playwright's own way to wait. */
 async function until(holds: () => Promise<boolean>, what = "it"): Promise<true> {
   for (const began = performance.now(); performance.now() - began < PATIENCE; ) {
     if (await holds()) {
@@ -449,12 +449,12 @@ async function lose(): Promise<void> {
   const [lost, restored] = [heard("webglcontextlost"), heard("webglcontextrestored")];
   losing?.loseContext();
   await lost;
-  // The browser gives it back once whoever hears of the loss is done.
+  // The browser restores it once the listeners of the loss are done.
   setTimeout(() => losing?.restoreContext());
   await restored;
 }
 
-/** Where the eye is, and which drawable each pixel shows. Runs in the page. */
+/** The eye, and the drawable at each pixel. Runs in the page. */
 function look(): unknown {
   const seen = window.trimaran;
   if (seen === undefined) {
@@ -486,10 +486,10 @@ function look(): unknown {
   };
 }
 
-/** What Chromium says where the document that was asked is no more. */
+/** Chromium's error when the document has gone. */
 const IS_GONE = /context was destroyed|Cannot find context|a different document|because of a navigation/;
 
-/** A page may load itself anew while it is asked, as for another scene. Then it is asked again. */
+/** The page may reload during a command, as for another scene. Then the command is repeated. */
 async function answered(command: Command): Promise<unknown> {
   for (const begun = performance.now(); ; ) {
     try {

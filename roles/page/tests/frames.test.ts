@@ -1,4 +1,4 @@
-/** Frames are put together, and a peer that breaks their order or lies about them is found. */
+/** Frames are assembled, and violations of their order, count or hash are detected. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -31,7 +31,7 @@ function takeAll(assembler: FrameAssembler, messages: readonly Message[]): Frame
   return messages.map((message) => assembler.take(message)).filter((outcome) => outcome !== undefined);
 }
 
-/** Reads each byte as an id, and notes what it was told. */
+/** Reads each byte as an id, and records its calls. */
 class Bytes implements BatchDecoder {
   told: unknown[] = [];
 

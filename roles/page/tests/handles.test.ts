@@ -27,7 +27,7 @@ test("a handle of a box follows the pointer along its axis, and the other sides 
   );
   const handle = handles[1];
   assert.ok(handle);
-  // 9.75 m away a pixel is 0.0975 m. What goes across the axis counts for nothing.
+  // 9.75 m away a pixel is 0.0975 m. Motion across the axis is ignored.
   const metres = metresOf(handle, PROJECTION, 20, 7);
   assert.ok(Math.abs(metres - 1.95) < 1e-9, `${metres}`);
   assert.deepEqual(handle.drag(2), { ...box, upper: [5, 2, 0.5] });

@@ -8,7 +8,7 @@ import { WireError, Writer } from "../src/wire/bytes.ts";
 import { packPiece, packRecords } from "./packing.ts";
 
 const OUTLINE = { hash: 1n, nodes: 10, drawables: 10, geometries: 10, objects: 10 };
-/** Bytes of a triangle that is unpacked: three vertices of 20 bytes, three indices of 4. */
+/** Bytes of an unpacked triangle: three vertices of 20 bytes, three indices of 4. */
 const TRIANGLE = 72;
 
 before(loadCodecs);

@@ -1,4 +1,4 @@
-/** Ids as changes read back, and what is no changes is refused, whatever it is. */
+/** Ids coded as changes are decoded, and any invalid bytes are refused. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -17,7 +17,7 @@ function holding(ids: readonly number[]): IdDecoder {
   return decoder;
 }
 
-/** Rising ids: some of `near`, and others among and above these. */
+/** Ascending ids: some of `near`, and others among and above these. */
 function someIds(random: (below: number) => number, near: readonly number[]): number[] {
   const kept = near.filter(() => random(8) > 0);
   const put = range(0, random(20)).map(() => (random(2) === 0 ? random(400) : random(2 ** 32)));

@@ -1,8 +1,8 @@
-/** Writes ids as changes, as the page about it says: the other side of what the page's code reads. */
+/** Encodes ids as changes, as its page describes: the counterpart of the page's decoder. */
 
 import { Writer } from "../src/wire/bytes.ts";
 
-/** The rising `ids` as runs over `held`, the rising ids of a frame `back` before; with 0 over nothing. */
+/** Ascending `ids` as runs over `held`, the ids of a frame `back` before; with 0 over nothing. */
 export function encodeIds(
   ids: readonly number[],
   back: number,

@@ -1,4 +1,4 @@
-/** Lines of a picture at rest: where they are, and where they are not. */
+/** Lines of a picture at rest: their places, and places without lines. */
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -12,7 +12,7 @@ before(async () => {
 });
 after(() => browser?.close());
 
-/** Runs `draw` in the page, which gives darkness by name: see `darkness`. */
+/** Runs `draw` in the page, which returns darkness by name: see `darkness`. */
 function lines(name: string, draw: () => Darkness, check: (found: Darkness) => void) {
   test(name, async (context) => {
     if (browser === undefined) {
@@ -25,7 +25,7 @@ function lines(name: string, draw: () => Darkness, check: (found: Darkness) => v
   });
 }
 
-/** By name: the shares of pixels of a part of the picture that are darker than nine tenths of its median. */
+/** By name: the share of pixels of a part of the picture that are darker than nine tenths of its median. */
 type Darkness = Record<string, number>;
 
 test("lines come little by little, and in the mean they are as strong as they are", () => {
@@ -41,7 +41,7 @@ lines(
     const { cameraAt, darkness, drawableAt, plate, Stage } = window.draw;
     const found: Record<string, number> = {};
     for (const degrees of [89, 80, 60, 30, 5, 2, 1]) {
-      // A floor that is so far from facing the eye, of plates that are tenths of a pixel beside one plane.
+      // A floor at this angle to the view, of plates tenths of a pixel off one plane.
       const angle = ((90 - degrees) * Math.PI) / 180;
       const [sin, cos] = [Math.sin(angle), Math.cos(angle)];
       const linear = [1, 0, 0, 0, cos, -sin, 0, sin, cos];

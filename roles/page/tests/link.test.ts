@@ -1,4 +1,4 @@
-/** A link over fake connections, whose listener is the test. */
+/** A link over fake connections, with the test as listener. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -26,7 +26,7 @@ const US = Uint8Array.of(1, 0, 0);
 const THEM = Uint8Array.of(0, 0, 0);
 const NOTHING = new Uint8Array(0);
 
-/** A listener and what a link to it tells. */
+/** A listener, and the events of a link to it. */
 class Listener {
   readonly clock = new FakeClock();
   readonly channels = new Map<LaneName, FakeChannel>();
@@ -77,7 +77,7 @@ class Listener {
     this.channel(lane).onBytes?.(encodeMessage(kind, payload, TRIMARAN.format));
   }
 
-  /** What came on a lane since the last time. */
+  /** The messages on a lane since the last call. */
   heard(lane: LaneName): Message[] {
     const stream = new MessageStream(TRIMARAN.format);
     for (const bytes of this.channel(lane).sent.splice(0)) {
@@ -91,7 +91,7 @@ class Listener {
     return messages;
   }
 
-  /** Takes the peer on all lanes. */
+  /** Accepts the peer on all lanes. */
   accept(): void {
     for (const lane of LANES) {
       this.heard(lane);
@@ -104,7 +104,7 @@ class Listener {
   }
 }
 
-/** A link that is made, and its listener. */
+/** An established link, and its listener. */
 async function linked(change: (listener: Listener) => void = () => {}) {
   const listener = new Listener();
   change(listener);

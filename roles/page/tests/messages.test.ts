@@ -1,4 +1,4 @@
-/** Messages are found in a stream however it is split, and headers are judged at once. */
+/** Messages are found in a stream however it is split, and headers are checked at once. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -124,7 +124,7 @@ test("a length that is claimed sets no memory aside", () => {
   reader.push(new Writer().u8(Kind.batch).u24(65_536).take());
   assert.equal(reader.take(), undefined);
   assert(reader.capacity <= 16, `${reader.capacity} bytes`);
-  // Nor does it grow with what was taken.
+  // Taken messages do not make it grow either.
   const long = new MessageStream(format);
   for (let at = 0; at < 1000; at += 1) {
     long.push(stream);

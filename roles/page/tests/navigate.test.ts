@@ -13,7 +13,7 @@ import { Walk } from "../src/navigate/walk.ts";
 import type { SceneDescription } from "../src/service/service.ts";
 import { Projection } from "../src/tools/projection.ts";
 
-/** Boxes on the ground: what is solid at a place, by the lower and upper ends of spans. */
+/** Boxes on the ground: the solid spans at a place, by lower and upper ends. */
 function world(spans: (x: number, z: number) => readonly number[]): Solid {
   return { cell: 0.1, column: (x, z) => Float64Array.from(spans(x, z)) };
 }
@@ -21,7 +21,7 @@ function world(spans: (x: number, z: number) => readonly number[]): Solid {
 const FLOOR = [-0.2, 0];
 const isIn = (at: number, low: number, high: number) => at >= low && at < high;
 
-/** A person on a floor at the origin, who stands. */
+/** A person standing on a floor at the origin. */
 function person(solid: Solid): Walk {
   const walk = new Walk([0, 1.7, 0], 1.7);
   walk.step(0.1, 0, 0, solid);
@@ -29,7 +29,7 @@ function person(solid: Solid): Walk {
   return walk;
 }
 
-/** Walks towards +x at 1.4 m/s for so many seconds, at 20 pictures a second. */
+/** Walks towards +x at 1.4 m/s for this many seconds, at 20 pictures a second. */
 function ahead(walk: Walk, seconds: number, solid: Solid): void {
   for (let time = 0; time < seconds; time += 0.05) {
     walk.step(0.05, 1.4 * 0.05, 0, solid);
@@ -271,7 +271,7 @@ test("what was tapped before the eye goes to another place does not move it from
   walker.goTo([1, 2, 3], [0, 0, -1]);
   walker.step(0.1);
   assert.deepEqual(walker.eye, [1, 2, 3]);
-  // What is still held goes on.
+  // Keys that are still held continue to act.
   walker.press("KeyD", true);
   walker.goTo([1, 2, 3], [0, 0, -1]);
   walker.step(0.1);

@@ -6,7 +6,7 @@ import { around } from "../src/objects/selection.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
 import { ViewHistory, WHOLE } from "../src/viewer/viewHistory.ts";
 
-/** Numbers below 12, each in or not. */
+/** All sets of some numbers below 12. */
 function* sets(): Generator<ObjectSet> {
   for (let bits = 0; bits < 1 << 12; bits += 37) {
     yield ObjectSet.of(
@@ -107,7 +107,7 @@ test("what a length may be off is said, where it is half of the last digit or mo
   assert.equal(measuredText(12.345, 0.0371, "m"), "12.345 m ± 0.038 m");
   assert.equal(measuredText(12.345, 0.0371, "mm"), "12345 mm ± 38 mm");
   assert.equal(measuredText(12.345, undefined, "m"), "about 12.345 m");
-  // In the digits of the length, and never less than it may be.
+  // With the digits of the length, rounded up.
   assert.equal(measuredText(9.157, 0.0052, "m"), "9.157 m ± 0.006 m");
   assert.equal(measuredText(9.157, 0.006, "m"), "9.157 m ± 0.006 m");
   assert.equal(measuredText(9.157, 0.0005, "mm"), "9157 mm ± 1 mm");

@@ -1,4 +1,4 @@
-/** Packs records and pieces as a culler does: the other side of what the page's code reads. */
+/** Packs records and pieces like a culler: the counterpart of the page's decoder. */
 
 import { MeshoptEncoder } from "meshoptimizer/encoder";
 
@@ -32,7 +32,7 @@ export function columnsOf(records: readonly DrawableRecord[]): Uint8Array<ArrayB
   return Uint8Array.from(columns);
 }
 
-/** Records as they travel, in a frame of zstd that holds them as they are. */
+/** Records in the wire format, in a zstd frame that stores them uncompressed. */
 export function packRecords(records: readonly DrawableRecord[]): Uint8Array<ArrayBuffer> {
   return new Writer()
     .u16(records.length)
@@ -49,7 +49,7 @@ export function rawFrame(content: Uint8Array): Uint8Array<ArrayBuffer> {
     .take();
 }
 
-/** A piece of these vertices and triangles, as it travels. */
+/** A piece of these vertices and triangles in the wire format. */
 export async function packPiece(
   vertices: Uint8Array,
   indices: Uint32Array,
@@ -63,7 +63,7 @@ export async function packPiece(
   return writer.bytes(packedVertices).bytes(turns).bytes(packedIndices).take();
 }
 
-/** How far the first corner of each triangle has moved on by packing. */
+/** How far packing has rotated the first corner of each triangle. */
 async function turnsOf(indices: Uint32Array, packed: Uint8Array): Promise<Uint8Array> {
   const { MeshoptDecoder } = await import("meshoptimizer/decoder");
   await MeshoptDecoder.ready;

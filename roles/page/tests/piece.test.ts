@@ -1,4 +1,4 @@
-/** Parts make pieces, and pieces unpack to what was packed. */
+/** Parts make pieces, and pieces unpack to the original. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -118,7 +118,7 @@ test("positions that are not finite and indices without a vertex are refused", a
   );
   const beyond = await packPiece(someVertices(randomOf(8), 2), corners);
   assert.throws(() => unpackPiece(beyond), new WireError("an index of a piece has no vertex"));
-  // Colour and normal may be anything, also what is no number as a float.
+  // Colour and normal may have any bits, also those of a NaN float.
   const odd = someVertices(randomOf(8), 3);
   odd.fill(0xff, 12, 20);
   assert.deepEqual(unpackPiece(await packPiece(odd, corners)).vertices, odd);

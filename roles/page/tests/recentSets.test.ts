@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { RecentSets } from "../src/display/recentSets.ts";
 import type { DrawableRecord } from "../src/proto/records.ts";
 
-/** A drawable of a node. Nothing else of it counts here. */
+/** A drawable of a node. Its other fields do not matter. */
 function drawable(id: number, node: number): DrawableRecord {
   return { id, node } as DrawableRecord;
 }

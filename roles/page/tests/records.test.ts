@@ -1,4 +1,4 @@
-/** Records of drawables unpack, and what cannot be of the scene is refused. */
+/** Records of drawables unpack, and invalid ones are refused. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -29,7 +29,7 @@ function record(id: number, change: Partial<DrawableRecord> = {}): DrawableRecor
   };
 }
 
-/** 40 records as zstd packs them at level 3, with a checksum. */
+/** 40 records, packed by zstd at level 3, with a checksum. */
 const PACKED = `
 28 00 28 b5 2f fd 64 40 14 9d 08 00 e4 08 00 00 80 80 40 00 c0 08 18 22 28 2e 32 35 38 3b 3e 40 42 43
 45 46 48 49 4b 4c 4e 4f 50 51 52 52 53 54 55 55 56 57 58 58 59 5a 5b 5b 5c 5d 00 40 00 40 00 08 c0 00
@@ -185,7 +185,7 @@ test("a drawable or node that came before as another one is refused", () => {
     { geometry: 8 },
     { triangles: 8 },
     { sides: 1 },
-    // The same node, as another drawable.
+    // The same node in another drawable, but moved.
     { id: 7, worldMin: [5, 2, -3] },
     { id: 7, worldMax: [8, 2, 3.5] },
     { id: 7, origin: [0, 0, 0] },

@@ -1,4 +1,4 @@
-/** What a display says of itself, its camera and its view, and what no peer says. */
+/** A display's identity, camera and view state, and invalid messages. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";

@@ -10,7 +10,7 @@ test("pixels of an eye at rest are as large as those of the picture, and those o
     pictureSize: { width: 150, height: 47 },
     levelRule: { epsilon: 2, fewPixels: false },
   });
-  // A silhouette may be off by as much of the picture as before.
+  // The silhouette error is the same share of the picture as before.
   assert.deepEqual(sampling(picture, 3, true, MOST), {
     pictureSize: { width: 100, height: 31 },
     levelRule: { epsilon: 2, fewPixels: false },
@@ -23,7 +23,7 @@ test("no picture is larger than the service takes, and silhouettes are as fine a
   const screen = { width: 3840, height: 2160 };
   const { pictureSize, levelRule } = sampling(screen, 2, false, MOST);
   assert.deepEqual(pictureSize, { width: 4096, height: 2304 });
-  // Pixels that are culled for are wider by as much as the error in them is less.
+  // Culling pixels grow in proportion as their error shrinks.
   assert.equal(levelRule.epsilon, (2 * 4096) / (1.5 * 3840));
   for (const [width, height] of [
     [3840, 2160],

@@ -5,10 +5,10 @@ import type { AddressInfo } from "node:net";
 import { test } from "node:test";
 import { Service } from "../src/service/service.ts";
 
-// Node 18 does not have it as browsers do.
+// Node 18 lacks the browsers' global.
 globalThis.crypto ??= webcrypto as Crypto;
 
-/** What a service answers, one after the other: a status, and after how many seconds to ask again. */
+/** Answers of a service, in order: a status, and after how many seconds to ask again. */
 async function asked(answers: readonly (readonly [status: number, after?: string])[]) {
   let count = 0;
   const server = createServer((_, response) => {

@@ -1,4 +1,4 @@
-/** Items of blocks, lists of numbers, and how these are parted. */
+/** Items of blocks, lists of numbers, and splitting these. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -23,7 +23,7 @@ const written = (numbers: Iterable<number>) => {
   return writer.take();
 };
 
-/** Numbers so far apart that each takes as many bytes as it can. */
+/** Numbers so far apart that each takes the most bytes. */
 const far = (count: number) => numberList(range(0, count).map((at) => 0xffff_ffff - at * 1_400_000));
 
 test("lists of numbers rise, hold each once, and read back", () => {

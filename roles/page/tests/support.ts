@@ -1,4 +1,4 @@
-/** What several tests use. */
+/** Shared by several tests. */
 
 import { readFileSync } from "node:fs";
 import { resolve } from "node:path";
@@ -33,7 +33,7 @@ export function range(first: number, end: number): number[] {
   return Array.from({ length: Math.max(0, end - first) }, (_, at) => first + at);
 }
 
-/** Numbers of at least 0 and below `below`, the same ones for the same seed (mulberry32). */
+/** Pseudo-random numbers from 0 to below `below`, by seed (mulberry32). */
 export function randomOf(seed: number): (below: number) => number {
   let state = seed;
   return (below) => {
@@ -44,7 +44,7 @@ export function randomOf(seed: number): (below: number) => number {
   };
 }
 
-/** A clock that goes on when it is told to. */
+/** A clock that advances on request. */
 export class FakeClock implements Clock {
   #now = 0;
   #waiting = new Set<{ when: number; call: () => void }>();
@@ -59,7 +59,7 @@ export class FakeClock implements Clock {
     return () => this.#waiting.delete(waiting);
   }
 
-  /** How many calls are due some time. */
+  /** How many calls are pending. */
   get waiting(): number {
     return this.#waiting.size;
   }
@@ -80,7 +80,7 @@ export class FakeClock implements Clock {
   }
 }
 
-/** A connection whose other end is the test. */
+/** A connection with the test as other end. */
 export class FakeChannel implements Channel {
   onBytes: ((bytes: Uint8Array) => void) | undefined;
   onEnd: ((why: string) => void) | undefined;
@@ -101,7 +101,7 @@ export class FakeChannel implements Channel {
   }
 }
 
-/** Waits until everything has happened that waits for nothing else. */
+/** Waits until all pending tasks have run. */
 export function settled(): Promise<void> {
   return new Promise((resolve) => setImmediate(resolve));
 }

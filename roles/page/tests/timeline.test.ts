@@ -1,4 +1,4 @@
-/** What is kept and shown of the times of frames. */
+/** Times of frames, as kept and shown. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -7,7 +7,7 @@ import { Timeline } from "../src/display/timeline.ts";
 import { lanesOf, median } from "../src/panels/timelineChart.tsx";
 import type { Stats } from "../src/proto/stats.ts";
 
-/** What a culler says of a frame that took so many milliseconds. */
+/** A culler's report of a frame that took this many milliseconds. */
 function said(frame: number, or: number, hc: number): Stats {
   const start = 5_000_000_000n;
   const hcStart = start + BigInt(or * 2e6);
@@ -20,7 +20,7 @@ test("work is of the frame that it names, and ends when its ids are there", () =
   timeline.came(7, 100, 130);
   timeline.came(8, 120, 150);
   timeline.said(said(7, 12, 3));
-  // Of a frame that gave way to another one nothing is kept.
+  // A replaced frame leaves nothing.
   timeline.said(said(6, 99, 99));
   assert.deepEqual(
     timeline.frames.map(({ frame, work }) => [frame, work]),

@@ -101,7 +101,7 @@ test("a viewpoint is the same behind its text, which needs no quoting in an addr
   for (const wrong of ["", "x", "äö", text.slice(0, -4), `${text}AAAA`, `AQ${text.slice(2)}`]) {
     assert.equal(decodeViewpoint(wrong), undefined, wrong);
   }
-  // A count of distances that no memory holds.
+  // A count of distances too large for any memory.
   const bytes = [
     ...Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) => letter.charCodeAt(0)),
   ];
@@ -117,7 +117,7 @@ test("a viewpoint is the same behind its text, which needs no quoting in an addr
 });
 
 test("a viewpoint may hide any number of objects", () => {
-  // Every other one of a million: they make no runs.
+  // Every other one of a million: no two are adjacent.
   const hidden = ObjectSet.of(Array.from({ length: 500_000 }, (_, index) => 2 * index));
   const large = { ...VIEWPOINT, view: { ...VIEWPOINT.view, hidden } };
   assert.deepEqual(decodeViewpoint(encodeViewpoint(large)), large);

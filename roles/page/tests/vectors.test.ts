@@ -1,4 +1,4 @@
-/** The worked examples of both pages about the wire are what this page's code writes and reads. */
+/** The worked examples of both wire pages match this page's encoder and decoder. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
@@ -39,7 +39,7 @@ import { encodeMessage, type Format, Kind, type Message, MessageStream } from ".
 import { encodeIds } from "./idEncoder.ts";
 import { examplesOf, range, toHex } from "./support.ts";
 
-/** Checks the values of an example, and gives the payload that stands for them, where this side says it. */
+/** Checks the values of an example, and returns their encoding, if this side can send it. */
 interface Check {
   readonly kind: Kind;
   readonly check: (payload: Uint8Array) => Uint8Array | undefined;
@@ -106,7 +106,7 @@ const readPose = (reader: Reader) => [reader.f32(), reader.f32(), reader.f32()];
 const writePose = (writer: Writer, pose: number[]) =>
   pose.reduce((writer, number) => writer.f32(number), writer);
 
-/** What a decoder of the robot reads: the first cell, and how many. */
+/** The robot's decoder: reads the first cell, and how many. */
 const cells = {
   decode: (batch: Uint8Array) => {
     const reader = new Reader(batch);
@@ -116,7 +116,7 @@ const cells = {
   complete: () => {},
 };
 
-/** What a frame of these examples comes to. */
+/** The outcome of a frame of these examples. */
 function frameOf(names: readonly string[]): FrameOutcome | undefined {
   const assembler = new FrameAssembler(hasher, 1000, cells);
   let outcome: FrameOutcome | undefined;
@@ -230,7 +230,7 @@ testPage(ROBOT, ROBOT_FORMAT, {
   ),
 });
 
-// What Trimaran says over its links.
+// Trimaran's messages over its links.
 
 const PROTO = "proto/WIRE.md";
 

@@ -1,4 +1,4 @@
-/** Gives tests the `crypto` that browsers have: Node 18, which Debian 12 has, keeps it in a module alone. */
+/** Gives tests the browsers' global `crypto`: Node 18, the one of Debian 12, has it only in a module. */
 
 import { webcrypto } from "node:crypto";
 

@@ -1,4 +1,4 @@
-/** A channel over something that behaves like a WebSocket. */
+/** A channel over a fake WebSocket. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";

@@ -1,4 +1,4 @@
-//! What the frames of a comparison are held against.
+//! The exact references of a comparison's frames.
 
 use trimaran::{
     report::{Frame, comparison::ComparedPicture},
@@ -10,7 +10,7 @@ use trimaran_proto::FrameNumber;
 use super::walks::{Comparing, Mode, plan};
 use crate::cli::{Failure, progress};
 
-/// The truth of each audited frame at each error bound, and what draws it.
+/// The exact references of each audited frame at each error bound, and the device that draws them.
 pub(super) struct References {
     pub(super) auditor: Auditor,
     /// By error bound, each with the references by frame.
@@ -18,7 +18,7 @@ pub(super) struct References {
 }
 
 impl References {
-    /// Draws all of them, a frame at each error bound before the next frame: they share its full detail.
+    /// Draws all of them. Each frame is drawn at all error bounds in turn, which share its full detail.
     pub(super) fn find(comparing: &Comparing<'_>, bounds: &[f64]) -> Result<Self, Failure> {
         let Comparing { args, file, drawn, path, first_plan, .. } = comparing;
         let auditor = Auditor::new(&file.scene, drawn, path.views().clone()).map_err(Failure::broken)?;
@@ -27,7 +27,7 @@ impl References {
         if every == 0 {
             return Ok(references);
         }
-        // Nothing is known before the first frame, which says little of the others.
+        // The first frame has no history, so it says little about the others.
         let first = if path.frames() > every { every } else { 0 };
         let frames = (first..path.frames()).step_by(every as usize);
         let bar = progress::bar("references", frames.len() as u64 * bounds.len() as u64);
@@ -50,7 +50,7 @@ impl References {
         Ok(references)
     }
 
-    /// From now on frames are drawn by this plan.
+    /// Sets the plan by which frames are drawn from now on.
     pub(super) fn see(&mut self, plan: &Plan) {
         self.auditor.see(plan.settings());
     }
@@ -80,7 +80,7 @@ impl References {
         of.flat_map(|(_, found)| found).map(|(frame, reference)| (*frame, reference))
     }
 
-    /// Holds a frame against its reference, if it has one, and enters what it finds.
+    /// Compares a frame with its reference, if it has one, and enters the result.
     pub(super) fn enter(
         &mut self,
         epsilon: f64,

@@ -1,4 +1,4 @@
-//! Walks by the clock: how old a picture is when it is shown, and how wrong that makes it.
+//! Live walks: the age of a picture when it is shown, and the error due to it.
 
 use trimaran::{
     report::schema::{LagPoint, Stat},
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::cli::Failure;
 
-/// Of how many pictures of a walk the error is measured.
+/// The number of pictures of a walk whose error is measured.
 const SAMPLES: usize = 8;
 
 impl Comparing<'_> {
@@ -51,12 +51,12 @@ impl Comparing<'_> {
     }
 }
 
-/// How many poses the path has gone on between a picture's camera and the picture.
+/// How many poses the path has advanced between a picture's camera and the picture.
 fn poses_since(record: &FrameRecord, hz: f64) -> f64 {
     (hz * record.shown.saturating_sub(record.published).as_secs_f64()).round()
 }
 
-/// Mean FLIP of pictures of a walk, spread over it, against what was due when they were shown.
+/// Mean FLIP error of pictures spread over a walk, against the picture that was due when they were shown.
 fn errors(
     references: &mut References,
     path: &CameraPath,

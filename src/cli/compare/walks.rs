@@ -28,11 +28,11 @@ use crate::cli::{
 pub(super) enum Mode {
     /// Its roles one after another, as threads.
     Alone,
-    /// The same, and pictures are read back, to be held against the truth.
+    /// The same, with pictures read back for comparison with the exact ones.
     Audited,
     /// All at once, as they are measured.
     Measured,
-    /// Likewise, by the clock: so many poses a second.
+    /// Likewise, live: this many poses a second.
     Live(f64),
 }
 
@@ -40,13 +40,13 @@ pub(super) enum Mode {
 pub(super) struct Comparing<'c> {
     pub(super) args: &'c CompareArgs,
     pub(super) file: SceneFile,
-    /// The scene on the display's device, and where roles are one after another on all of them.
+    /// The scene on the display's device, and on that of all roles if they run one after another.
     pub(super) drawn: Arc<GpuScene>,
     /// The same on a second device, for cullers that are threads of this process.
     other: OnceCell<Arc<GpuScene>>,
-    /// The walk, as many poses as it has frames.
+    /// The walk, with one pose per frame.
     pub(super) poses: PosePath,
-    /// The walk at the first error bound, and how.
+    /// The walk at the first error bound.
     pub(super) path: CameraPath,
     pub(super) first_plan: Plan,
     pub(super) bar: ProgressBar,
@@ -86,13 +86,13 @@ impl<'c> Comparing<'c> {
         })
     }
 
-    /// One of the systems asked for of each kind of work: those that only differ in what joins them walk
-    /// alike when their roles are one after another.
+    /// One of the requested systems for each kind of work. Systems that differ only in their links walk alike
+    /// when their roles run one after another.
     pub(super) fn by_work(&self) -> impl Iterator<Item = System> + '_ {
         by_work(&self.args.systems)
     }
 
-    /// The systems asked for that do the work of this one.
+    /// The requested systems that do the same work as this one.
     pub(super) fn all_of(&self, system: System) -> impl Iterator<Item = System> + '_ {
         self.args.systems.iter().copied().filter(move |other| other.same_work(system))
     }
@@ -102,7 +102,7 @@ impl<'c> Comparing<'c> {
         format!("{:?}", self.args.link).to_lowercase()
     }
 
-    /// The walk at an error bound, or another path.
+    /// The walk, or another path, at an error bound.
     pub(super) fn path_of(
         &self,
         system: System,
@@ -131,7 +131,7 @@ impl<'c> Comparing<'c> {
         Ok(self.recorded(system, &plan, mode, path, |_, _| Ok(()))?.0)
     }
 
-    /// Walks the path with the roles one after another, and holds its frames against the truth.
+    /// Walks the path with the roles one after another, and compares its frames with the exact ones.
     pub(super) fn audited(
         &self,
         system: System,
@@ -145,7 +145,7 @@ impl<'c> Comparing<'c> {
         Ok(self.recorded(system, &plan, Mode::Audited, &path, audit)?.0)
     }
 
-    /// Walks; gives the report, into whose frames `audit` enters what it finds, and what was recorded.
+    /// Walks; returns the report, with the results of `audit` in its frames, and the recording.
     pub(super) fn recorded(
         &self,
         system: System,

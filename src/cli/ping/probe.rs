@@ -1,7 +1,7 @@
 //! Round trips over a link: one side sends, the other [answers](answer).
 //!
-//! What goes there and back is what a session sends: a camera on the latest lane, or a whole frame of ids on
-//! the frames lane.
+//! The messages are those of a session: a camera on the latest lane, or a whole frame of ids on the frames
+//! lane.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,24 +11,23 @@ use trimaran_actors::{FrameEvent, FrameReceiver, FrameSender, FrameStart, Link};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_transport::{CloseReason, FrameOutcome, Instant, Net, RecvError, SendError, sleep_until};
 
-/// What to send, and how long to wait.
+/// The messages to send, and the timeout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Probe {
     /// How many round trips.
     pub(super) count: u32,
-    /// From one sending to the next; a round trip that takes longer delays the next one.
+    /// The time between sends; a round trip that takes longer delays the next one.
     pub(super) interval: Duration,
     /// How many ids there and back as a frame; 0 sends a camera.
     pub(super) ids: u32,
-    /// After how long an answer that has not come is taken as lost. A frame is waited for as long as the
-    /// link's timeout lasts.
+    /// The timeout after which an answer counts as lost. For a frame it is the link's own timeout.
     pub(super) timeout: Duration,
 }
 
-/// What became of one round trip.
+/// The result of one round trip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reply {
-    /// All of it came back, so long after it was sent.
+    /// All of it came back after this time.
     Whole(Duration),
     /// A frame came back in part.
     Incomplete(Duration),
@@ -45,12 +44,12 @@ pub(super) enum ProbeError {
     /// Receiving failed.
     #[error(transparent)]
     Receive(#[from] RecvError),
-    /// The other side sends what was not asked for: it does not answer probes.
+    /// The other side sends unrequested messages: it does not answer probes.
     #[error("the peer does not send back what it gets: is `trimaran ping --answer` running there?")]
     NoEcho,
 }
 
-/// Sends and waits for what comes back, `probe.count` times; tells `each` what became of every one.
+/// Sends and waits for the answer, `probe.count` times; passes each result to `each`.
 ///
 /// # Errors
 /// When the link fails, or its peer does not answer.
@@ -60,7 +59,7 @@ pub(super) async fn probe(
     probe: Probe,
     mut each: impl FnMut(Reply),
 ) -> Result<(), ProbeError> {
-    // As a walk's ids: rising, most of them the same each time.
+    // Like a walk's ids: rising, and mostly the same each time.
     let ids: Vec<DrawableId> = (0..probe.ids).map(|i| DrawableId(3 * i)).collect();
     let mut due = net.now();
     for number in 0..probe.count {
@@ -72,7 +71,7 @@ pub(super) async fn probe(
             camera_back(link, net, sent, camera.frame(), probe.timeout).await?
         } else {
             let Link { frames_tx, frames_rx, .. } = link;
-            // Both at once: a frame may be larger than what the way holds.
+            // Both at once: a frame may be larger than the path's buffers.
             let (there, back) = tokio::join!(send(frames_tx, camera, &ids), whole_frame(frames_rx, &ids));
             there?;
             let took = net.now().since(sent);
@@ -84,7 +83,7 @@ pub(super) async fn probe(
     Ok(())
 }
 
-/// Sends every camera and every frame back, until the peer leaves; says how it left.
+/// Sends every camera and every frame back until the peer leaves; returns its reason.
 ///
 /// # Errors
 /// When the link fails before that.
@@ -95,7 +94,7 @@ pub(super) async fn answer(link: Link) -> Result<CloseReason, ProbeError> {
             match latest_rx.latest().await {
                 Ok(camera) => latest_tx.publish(camera)?,
                 Err(RecvError::Closed { reason, .. }) => return Ok(reason),
-                // Only frames are sent, or nothing for a while.
+                // The peer sends only frames, or is quiet for a while.
                 Err(RecvError::Silent { .. }) => {}
                 Err(e) => return Err(e.into()),
             }

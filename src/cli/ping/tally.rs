@@ -1,4 +1,4 @@
-//! What round trips came to.
+//! Statistics of round trips.
 
 use std::{fmt::Write as _, time::Duration};
 
@@ -21,11 +21,11 @@ pub(super) struct Tally {
     incomplete: u32,
     lost: u32,
     last: Option<Duration>,
-    /// Sum of the differences between neighbours, and how many.
+    /// Sum of the differences between neighbours, and their number.
     differences: (Duration, u32),
 }
 
-/// What a ping took.
+/// The cost of a ping.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Cost {
     /// The bytes of a round trip.
@@ -33,7 +33,7 @@ pub(super) struct Cost {
     pub(super) path: Option<PathReading>,
 }
 
-/// What came of it; times are round trips in microseconds.
+/// The result; times are round trips in microseconds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct Summary {
     endpoint: String,
@@ -44,7 +44,7 @@ pub(super) struct Summary {
     /// Frames that came back in part.
     incomplete: u32,
     lost: u32,
-    /// Over the lost and the incomplete.
+    /// Lost and incomplete round trips.
     loss_percent: f64,
     min_us: f64,
     mean_us: f64,
@@ -53,17 +53,17 @@ pub(super) struct Summary {
     p99_us: f64,
     p999_us: f64,
     max_us: f64,
-    /// Mean difference between two round trips that follow each other.
+    /// Mean difference between consecutive round trips.
     jitter_us: f64,
-    /// The bytes that a round trip took, both ways, this protocol's headers included and those below it not.
+    /// The bytes of a round trip, both ways, with this protocol's headers, without those of lower layers.
     bytes: f64,
-    /// Packets and the path, where the transport tells.
+    /// Packets and the path, if the transport reports them.
     #[serde(skip_serializing_if = "Option::is_none")]
     path: Option<PathReading>,
 }
 
 impl Tally {
-    /// Of none yet.
+    /// Without any round trip yet.
     pub(super) fn new() -> Result<Self, hdrhistogram::CreationError> {
         let times = Histogram::new_with_bounds(1, LONGEST_NS, 3)?;
         Ok(Self { times, incomplete: 0, lost: 0, last: None, differences: (Duration::ZERO, 0) })
@@ -91,7 +91,7 @@ impl Tally {
         self.last = Some(took);
     }
 
-    /// What all of them came to.
+    /// The statistics of all of them.
     pub(super) fn summary(&self, endpoint: &Endpoint, ids: u32, Cost { bytes, path }: Cost) -> Summary {
         let answered = u32::try_from(self.times.len()).unwrap_or(u32::MAX);
         let sent = answered + self.lost;
@@ -138,7 +138,7 @@ impl Tally {
 }
 
 impl Summary {
-    /// In two lines, or three where the transport tells of its packets.
+    /// In two lines, or three if the transport reports its packets.
     pub(super) fn text(&self) -> String {
         let Self { sent, answered, incomplete, lost, loss_percent, .. } = self;
         let what =

@@ -14,9 +14,9 @@ use crate::report::schema::{
 pub(in crate::report) struct Figure {
     /// The name of its file.
     pub(in crate::report) name: String,
-    /// What it shows.
+    /// Its title.
     pub(in crate::report) title: String,
-    /// How it was found.
+    /// How it was measured.
     pub(in crate::report) caption: &'static str,
     pub(in crate::report) chart: Chart,
 }
@@ -28,7 +28,7 @@ impl Figure {
     }
 }
 
-/// All figures of a comparison that show something.
+/// All figures of a comparison that are not empty.
 pub(in crate::report) fn figures(comparison: &Comparison) -> Vec<Figure> {
     let over_frames = comparison.tables.iter().flat_map(over_frames);
     let others = curves(&comparison.curve)
@@ -59,7 +59,7 @@ fn over_frames(table: &ComparisonTable) -> Vec<Figure> {
             mark: Mark::Line,
             points: figures.frames.iter().filter_map(|f| Some((f64::from(f.frame), of(f)?))).collect(),
         };
-        // What only differs in what joins its machines draws the same.
+        // Systems that differ only in their links draw the same.
         let first = |place: usize, figures: &SystemFigures| {
             table.systems.iter().position(|other| other.system.same_work(figures.system)) == Some(place)
         };
@@ -105,7 +105,7 @@ fn over_frames(table: &ComparisonTable) -> Vec<Figure> {
     ]
 }
 
-/// A line a system; `of` gives a point where both figures are known.
+/// One line per system; `of` returns a point if both figures are known.
 fn by_system<P>(
     points: &[P],
     system: fn(&P) -> System,
@@ -119,7 +119,7 @@ fn by_system<P>(
     System::ALL.into_iter().map(line).filter(|series| !series.points.is_empty()).collect()
 }
 
-/// What a point of a curve is placed by.
+/// The x quantity of a curve's points.
 #[derive(Clone, Copy)]
 struct Quantity {
     /// In the name of a file.
@@ -155,7 +155,7 @@ const ERRORS: [Quantity; 2] = [
     },
 ];
 
-/// Speed against error, a line a system.
+/// Speed against error, one line per system.
 fn curves(points: &[CurvePoint]) -> Vec<Figure> {
     let figure = |(cost, error): (Quantity, Quantity)| Figure {
         name: format!("{}-{}", cost.name, error.name),

@@ -14,14 +14,14 @@ use super::{ReportError, error::io_error, html, schema::Comparison};
 pub(super) use figures::{Figure, figures};
 pub(super) use tables::{Table, ratio, tables};
 
-/// A frame as every system shows it whose pictures have no wrong pixel.
+/// A frame, identical for all systems whose pictures have no wrong pixel.
 #[derive(Debug, Clone)]
 pub struct ComparedPicture {
     /// The error bound, pixels.
     pub epsilon_px: f64,
     /// The frame.
     pub frame: u32,
-    /// Why this one.
+    /// Why it was chosen.
     pub which: &'static str,
     /// Mean FLIP against full detail.
     pub flip_mean: f64,
@@ -31,10 +31,10 @@ pub struct ComparedPicture {
     pub full: Image,
 }
 
-/// Writes a comparison into `dir`, whose folder is there: first the figures, then the page. Gives the page.
+/// Writes a comparison into the existing folder `dir`: first the figures, then the page. Returns the page.
 ///
 /// # Errors
-/// Says which file could not be written.
+/// The file that could not be written.
 pub fn write(
     dir: &Path,
     comparison: &Comparison,

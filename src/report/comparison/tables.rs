@@ -9,9 +9,9 @@ use crate::report::schema::{
 /// A table.
 #[derive(Debug, Clone, PartialEq)]
 pub(in crate::report) struct Table {
-    /// What it is called by scripts.
+    /// Its name for scripts.
     pub(in crate::report) name: String,
-    /// What it shows, and how its figures were found.
+    /// Its content, and how its figures were measured.
     pub(in crate::report) caption: String,
     pub(in crate::report) head: Vec<&'static str>,
     pub(in crate::report) rows: Vec<Vec<String>>,
@@ -77,7 +77,7 @@ fn speed(comparison: &Comparison, table: &ComparisonTable) -> Table {
     }
 }
 
-/// What the others are compared with: Distributed GigaWalk, or what comes nearest to it.
+/// The reference system: Distributed GigaWalk, or the one nearest to it.
 fn base(table: &ComparisonTable) -> Option<&SystemFigures> {
     let named = |name: System| table.systems.iter().find(|figures| figures.system == name);
     named(System::DistributedGigaWalk).or_else(|| named(System::GigaWalk)).or_else(|| table.systems.first())
@@ -142,7 +142,7 @@ fn drawn(table: &ComparisonTable) -> Table {
     }
 }
 
-/// What the paper has.
+/// The paper's figures.
 fn paper() -> Table {
     let rows = PAPER.iter().flat_map(|model: &PaperModel| {
         let base = model.systems.iter().find(|of| of.system == System::DistributedGigaWalk);
@@ -221,7 +221,7 @@ fn curve(points: &[CurvePoint]) -> Table {
     }
 }
 
-/// Speed against coherence: a row a system.
+/// Speed against coherence: one row per system.
 fn coherence(comparison: &Comparison) -> Table {
     let points = &comparison.coherence;
     let mut systems: Vec<System> = points.iter().map(|point| point.system).collect();
@@ -328,7 +328,7 @@ pub(in crate::report) fn ratio(of: &[f64], over: &[f64]) -> String {
 }
 
 impl Table {
-    /// As a document has it.
+    /// As Markdown, for a document.
     pub(in crate::report) fn markdown(&self) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | ")).replace('\u{202f}', ",");
         let head = line(self.head.iter().map(|title| (*title).to_owned()).collect());
@@ -345,7 +345,7 @@ mod tests {
 
     #[test]
     fn ratios_are_of_the_same_round() {
-        // The machine was twice as slow in the second round; each round says 3.
+        // The machine was twice as slow in the second round; the ratio is 3 in each.
         assert_eq!(ratio(&[30.0, 15.0], &[10.0, 5.0]), "3");
         assert_eq!(range(&[10.0, 12.0, 11.0]), "11 (10 to 12)");
         assert_eq!((range(&[]), range(&[7.5])), ("–".to_owned(), "7.5".to_owned()));

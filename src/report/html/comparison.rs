@@ -1,4 +1,4 @@
-//! `compare.html`: systems held against each other.
+//! `compare.html`: systems compared with each other.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -76,7 +76,7 @@ fn whole(rows: &Table) -> Markup {
     table("all", &rows.caption, &rows.head, &rows.rows)
 }
 
-/// What all systems show.
+/// The pictures of all systems.
 fn pictures(comparison: &Comparison, shown: &[ComparedPicture]) -> Markup {
     let wrong: u64 = systems_of(comparison).map(|figures| figures.drawn.wrong_pixels).sum();
     html! {
@@ -129,7 +129,7 @@ fn header(comparison: &Comparison) -> Markup {
     }
 }
 
-/// What an error bound's figures come to.
+/// A summary of an error bound's figures.
 fn verdict(table: &ComparisonTable) -> Markup {
     let named = |system: System| table.systems.iter().find(|figures| figures.system == system);
     let Some(ours) = named(System::Independent2).or_else(|| table.systems.first()) else {
@@ -162,7 +162,7 @@ fn verdict(table: &ComparisonTable) -> Markup {
     }
 }
 
-/// Whose pictures have wrong pixels.
+/// The systems whose pictures have wrong pixels.
 fn checked(table: &ComparisonTable, frames: u32) -> String {
     let wrong = table.systems.iter().filter(|figures| figures.drawn.wrong_pixels > 0);
     let wrong: Vec<_> = wrong
@@ -176,7 +176,7 @@ fn checked(table: &ComparisonTable, frames: u32) -> String {
     format!("{frames} checked against the picture without culling: {found}.")
 }
 
-/// Which machine a system waits for.
+/// The bottleneck of a system.
 fn bounds(figures: &SystemFigures) -> String {
     let alone = &figures.alone;
     let (Some(or), Some(hc), Some(rvg)) = (alone.or_ms, alone.hc_ms, alone.rvg_ms) else {

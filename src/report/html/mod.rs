@@ -1,8 +1,8 @@
-//! Pages, such as `report.html` of a walk. Each opens offline: it embeds its data, pictures, style and
+//! Pages, such as `report.html` of a walk. Each works offline: it embeds its data, pictures, style and
 //! script, and refers to nothing outside.
 //!
-//! `maud` writes them, and escapes every text and attribute. Only the style, the script and the JSON that it
-//! reads go in as they are (`PreEscaped`).
+//! `maud` writes them, and escapes every text and attribute. Only the style, the script and the script's JSON
+//! are inserted verbatim (`PreEscaped`).
 
 pub(crate) mod chart;
 mod comparison;

@@ -1,4 +1,4 @@
-//! Puts a report on disk: what is recorded as it comes, and the report itself whole or not at all.
+//! Writes a report to disk: its records as they come, and the report itself whole or not at all.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -16,7 +16,7 @@ use super::png::Rgb;
 use super::schema::{Frame, FramePictures, Report};
 use super::unfinished::Unfinished;
 
-/// Where a report lies.
+/// The paths of a report.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Paths {
     /// `report.json`.
@@ -31,7 +31,7 @@ pub struct Paths {
 /// there is replaced.
 ///
 /// # Errors
-/// Says which file could not be written; then nothing of the new report is left.
+/// The file that could not be written; then nothing of the new report is left.
 pub fn write<'a>(
     dir: &Path,
     report: Report,
@@ -44,13 +44,12 @@ pub fn write<'a>(
     writer.finish(report)
 }
 
-/// Takes a run's frames and pictures as they come, and puts the report beside them at the end.
+/// Takes a run's frames and pictures as they come, and writes the report beside them at the end.
 ///
-/// All goes to a folder `unfinished` within the target first, and is moved into place by
-/// [`finish`](Self::finish). A writer that is dropped before leaves what was recorded there: `walk.jsonl`,
-/// whose first line says what was run and whose other lines are frames and remarks, and `frames/`. Where
-/// nothing was recorded it leaves nothing. While it takes frames it keeps room for the report, so that a full
-/// disk has room for that.
+/// All goes to a folder `unfinished` within the target first, and [`finish`](Self::finish) moves it into
+/// place. A writer dropped before that leaves its records there: `frames/`, and `walk.jsonl`, whose first
+/// line describes the run and whose other lines are frames and remarks. Without records it leaves nothing.
+/// While it takes frames it reserves room for the report, in case the disk fills up.
 #[derive(Debug)]
 pub struct Writer {
     out: PathBuf,
@@ -60,11 +59,11 @@ pub struct Writer {
     is_unchecked: bool,
 }
 
-/// What it takes to add later what a report lacks.
+/// The data needed to complete a report later.
 pub const UNCHECKED: &str = "unchecked.json";
 
 impl Writer {
-    /// Prepares to write into `dir`, which is created if need be. What a killed process left is moved aside.
+    /// Prepares to write into `dir`, which is created if need be. A killed process's records are moved aside.
     ///
     /// # Errors
     /// If the folder cannot be created or written to, is full, or another process writes a report there.
@@ -74,8 +73,8 @@ impl Writer {
         Ok(writer)
     }
 
-    /// As [`create`](Self::create), but what a killed process left stays until [`begin`](Self::begin) moves
-    /// it aside, or [`go_on`](Self::go_on) takes it up.
+    /// As [`create`](Self::create), but a killed process's records stay until [`begin`](Self::begin) moves
+    /// them aside, or [`go_on`](Self::go_on) resumes them.
     ///
     /// # Errors
     /// As [`create`](Self::create).
@@ -90,7 +89,7 @@ impl Writer {
         })
     }
 
-    /// What a killed process recorded here; `None` if it recorded nothing, or something else.
+    /// The records of a killed process; `None` if there are none, or they are invalid.
     ///
     /// # Errors
     /// If it cannot be read.
@@ -99,8 +98,7 @@ impl Writer {
         left::read(&path).map_err(io_error("reading", &path))
     }
 
-    /// Goes on with what a killed process recorded, which has the pictures of these `frames` as they were
-    /// shown.
+    /// Resumes the records of a killed process, which has the shown pictures of these `frames`.
     ///
     /// # Errors
     /// If it cannot be written to.
@@ -124,8 +122,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Begins to record frames: notes what is run, as `report` says, which has no frames yet; and in `state`
-    /// what it takes to [go on](Self::go_on) if this process is killed.
+    /// Begins to record frames. Notes the run as described by `report`, which has no frames yet, and the
+    /// `state` needed to [resume](Self::go_on) if this process is killed.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -140,7 +138,7 @@ impl Writer {
         self.line(&head, state)
     }
 
-    /// Records a frame, and in `state` what the report does not say of it.
+    /// Records a frame, and in `state` its data that the report lacks.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -158,14 +156,14 @@ impl Writer {
         self.line(&serde_json::json!({ "note": note }), None::<&()>)
     }
 
-    /// A line of the journal, and room for what becomes of `value`: it stands indented in the report and once
-    /// more in the page.
+    /// Writes a line of the journal, and reserves room for `value`, which occurs indented in the report and
+    /// once more in the page.
     fn line(&mut self, value: &impl Serialize, state: Option<&impl Serialize>) -> Result<(), ReportError> {
         let Some(journal) = &mut self.journal else { return Ok(()) };
         let mut line = serde_json::to_vec(value)?;
         let reserved = self.unfinished.reserve(4 * line.len());
         if let Some(state) = state {
-            // One key more.
+            // Appends one more key.
             line.pop();
             line.extend(b",\"state\":");
             serde_json::to_writer(&mut line, state)?;
@@ -193,7 +191,7 @@ impl Writer {
             .encode(png::Compression::Fast)
             .map_err(|source| ReportError::Encode { path: self.out.join(&name), source })?;
         if let Err(cause) = fs::write(&path, file) {
-            // Half a picture is of no use, and its room may be needed.
+            // Half a picture is useless, and its room may be needed.
             let _left = fs::remove_file(&path);
             return Err(io_error("writing", &self.out.join(&name))(cause));
         }
@@ -201,8 +199,8 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes what it takes to add later what the report lacks: it will lie beside the report, until one that
-    /// lacks nothing takes its place.
+    /// Writes the data needed to complete the report later. It stays beside the report until a complete one
+    /// replaces it.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -222,11 +220,11 @@ impl Writer {
     }
 
     /// Writes `report.json` and `report.html`, and moves everything into place. The pictures written are
-    /// entered into the report's frames. On a full disk the page goes without pictures.
+    /// entered into the report's frames. On a full disk the page has no pictures.
     ///
     /// # Errors
-    /// Says which file could not be written; then the older report is still there, and what was recorded is
-    /// in `unfinished`.
+    /// The file that could not be written; then the older report is still there, and the records are in
+    /// `unfinished`.
     pub fn finish(mut self, mut report: Report) -> Result<Paths, ReportError> {
         self.unfinished.release();
         for frame in &mut report.frames {
@@ -248,8 +246,7 @@ impl Writer {
         self.publish()
     }
 
-    /// Writes a file of the report proper, to the disk and not only to the cache: a full disk may show no
-    /// earlier.
+    /// Writes a file of the report proper and syncs it to the disk: a full disk may show no earlier.
     fn save(&self, name: &str, content: &[u8]) -> Result<(), ReportError> {
         File::create(self.unfinished.path().join(name))
             .and_then(|mut file| file.write_all(content).and_then(|()| file.sync_all()))
@@ -269,7 +266,7 @@ impl Writer {
         Ok(comparisons)
     }
 
-    /// A picture that was written; `None` if it was not.
+    /// A written picture; `None` if it was not written.
     fn read_back(&self, frame: u32, kind: PictureKind) -> Result<Option<Rgb>, ReportError> {
         if !self.has(frame, kind) {
             return Ok(None);
@@ -279,8 +276,8 @@ impl Writer {
         Rgb::decode(&file).map(Some).map_err(|source| ReportError::Decode { path, source })
     }
 
-    /// Moves everything into place, `report.json` last, and removes the pictures of the report that was there
-    /// before and has no successor.
+    /// Moves everything into place, `report.json` last, and removes pictures of the old report that have no
+    /// successor.
     fn publish(self) -> Result<Paths, ReportError> {
         let paths = Paths {
             json: self.out.join("report.json"),

@@ -141,7 +141,7 @@ struct Head {
     state: String,
 }
 
-/// Frames and remarks of a process that is killed, and what the next one finds.
+/// Frames and remarks of a process that is killed, and the next process's view of them.
 #[test]
 fn a_journal_is_taken_up_without_the_line_that_was_being_written() {
     let dir = tempfile::tempdir().unwrap();
@@ -175,7 +175,7 @@ fn a_journal_is_taken_up_without_the_line_that_was_being_written() {
         let now = fs::read(&journal).unwrap();
         assert_eq!(now, [&whole[..], b"{\"note\":\"went on\"}\n"].concat(), "{torn:?}");
     }
-    // What cannot be read, and what is of somebody else, is nobody's; it is moved aside, and not lost.
+    // An invalid or foreign journal is not resumed; it is moved aside, and not lost.
     fs::write(&journal, [&whole[..], b"?\n"].concat()).unwrap();
     let mut writer = Writer::open(dir.path()).unwrap();
     assert!(writer.left::<Head, Said>().unwrap().is_none());
@@ -186,7 +186,7 @@ fn a_journal_is_taken_up_without_the_line_that_was_being_written() {
     assert!(fs::read(dir.path().join("unfinished.before/walk.jsonl")).unwrap().starts_with(&whole));
 }
 
-/// A process that is killed again and again before it records a frame spoils nothing.
+/// Processes killed before they record a frame do not damage earlier records.
 #[test]
 fn what_was_recorded_stays_until_something_else_is_recorded() {
     let dir = tempfile::tempdir().unwrap();
@@ -201,7 +201,7 @@ fn what_was_recorded_stays_until_something_else_is_recorded() {
     }
     drop(Writer::create(dir.path()).unwrap());
     for _ in 0..3 {
-        // As if it were killed after the head: nothing removes the folder.
+        // As if killed after the head: nothing removes the folder.
         fs::create_dir(dir.path().join("unfinished")).unwrap();
         fs::write(dir.path().join("unfinished/walk.jsonl"), "{}\n").unwrap();
         drop(Writer::create(dir.path()).unwrap());
@@ -236,7 +236,7 @@ fn a_failed_write_leaves_the_older_report_whole() {
     let paths = write(dir.path(), sample::bare(), []).unwrap();
     let before = fs::read(&paths.json).unwrap();
     let writer = Writer::create(dir.path()).unwrap();
-    // What a full disk would do: the page's file cannot be created.
+    // Acts like a full disk: the page's file cannot be created.
     fs::create_dir(writer.unfinished.path().join("report.html")).unwrap();
     let error = writer.finish(sample::report()).unwrap_err();
     assert!(error.to_string().contains("report.html"), "{error}");

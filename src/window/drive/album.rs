@@ -1,10 +1,10 @@
-//! The pictures of a walk. However long it is, what was drawn is kept of a bounded number of them.
+//! The pictures of a walk. However long it is, the drawables of only a bounded number are kept.
 
 use std::time::Duration;
 
 use trimaran_proto::{Camera, DrawableId};
 
-/// Of longer walks only so many pictures are audited, or half as many, evenly over the walk.
+/// At most this many pictures of longer walks are audited, and at least half as many, evenly over the walk.
 const MOST: usize = 500;
 
 /// A picture of a walk.
@@ -12,7 +12,7 @@ const MOST: usize = 500;
 pub(super) struct Taken {
     pub(super) at: Duration,
     pub(super) camera: Camera,
-    /// What was drawn; nothing where that is not audited.
+    /// Its drawables; none if it is not audited.
     pub(super) ids: Option<Vec<DrawableId>>,
     /// The eye has jumped, and since then no set has come.
     pub(super) has_jumped: bool,
@@ -21,7 +21,7 @@ pub(super) struct Taken {
 #[derive(Debug, Default)]
 pub(super) struct Album {
     pictures: Vec<Taken>,
-    /// Of so many pictures one is audited, as a power of two.
+    /// One picture in this many is audited, a power of two.
     sparse: u32,
 }
 

@@ -1,4 +1,4 @@
-//! What a moving eye did not see yet: pictures of a walk are held against the exact ones of the same poses.
+//! The errors of a moving eye's pictures, against the exact pictures of the same poses.
 
 use std::{collections::HashMap, sync::Arc, time::Duration};
 
@@ -10,15 +10,15 @@ use trimaran_scene::{Node, NodeId, Scene};
 use super::album::Taken;
 use crate::{page::WrongPixels, report::schema::Stat};
 
-/// A picture is as good as right where it shows another object at this percentage of pixels at most.
+/// A picture counts as right if at most this percentage of pixels shows another object.
 const FEW: f64 = 0.1;
 
-/// What the exact pictures are made of.
+/// The inputs of exact pictures.
 pub(in crate::window) struct Exact<'e, W> {
     pub(in crate::window) scene: &'e Arc<Scene>,
     pub(in crate::window) drawn: &'e Arc<GpuScene>,
     pub(in crate::window) rule: &'e CutRule,
-    /// The view that is culled for where a picture is seen from this one.
+    /// The view to cull for a picture of a view.
     pub(in crate::window) wider: W,
 }
 
@@ -36,7 +36,7 @@ impl<W: Fn(&View) -> View> Exact<'_, W> {
             let mut exact = lod_cut(scene, &wider(&view), *rule);
             retain_in_sight(scene, &view, &mut exact);
             draw_order(scene, &view, &mut exact);
-            // What is see-through covers nothing.
+            // See-through drawables cover nothing.
             let mut ids = ids.clone();
             rule.retain_solid(scene, &mut ids);
             rule.retain_solid(scene, &mut exact);
@@ -80,7 +80,7 @@ fn wrong_share(scene: &Scene, shown: &[u32], due: &[u32]) -> f64 {
     shown.iter().zip(due).filter(different).count() as f64 / due.len().max(1) as f64
 }
 
-/// Whether two drawables show the same object, or one a group of objects and the other one of these.
+/// Whether two drawables show the same object, or one shows a group with the other's.
 fn show_the_same(scene: &Scene, a: u32, b: u32) -> bool {
     let node = |drawable: u32| {
         let drawable =
@@ -95,7 +95,7 @@ fn show_the_same(scene: &Scene, a: u32, b: u32) -> bool {
     is_one(of_a) && is_one(of_b) && of_a.object == of_b.object || is_within(a, b) || is_within(b, a)
 }
 
-/// How long something held without a break.
+/// How long a condition held without a break.
 #[derive(Debug, Default)]
 struct Spans {
     longest: Duration,
@@ -103,7 +103,7 @@ struct Spans {
 }
 
 impl Spans {
-    /// At this time it holds or not. Until the next time that stays so.
+    /// The condition holds or not from this time until the next call.
     fn add(&mut self, at: Duration, holds: bool) {
         if let Some(since) = self.since {
             self.longest = self.longest.max(at.saturating_sub(since));

@@ -1,4 +1,4 @@
-//! A walk that the window repeats by itself, and how that went.
+//! A walk that the window repeats by itself, and its report.
 
 mod album;
 mod audit;
@@ -18,19 +18,19 @@ use album::{Album, Taken};
 pub(super) use audit::Exact;
 use way::{Step, Way};
 
-/// How a window fared on its walk.
+/// The report of a window's walk.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct WindowReport {
-    /// What draws.
+    /// The device.
     pub device: String,
-    /// When a picture took the place of the one before.
+    /// How presentation was synchronized with the screen.
     pub present_mode: &'static str,
     /// The picture's size in pixels.
     pub width: u32,
     /// Its height.
     pub height: u32,
-    /// Seconds from when the window was there until it showed all that is to be seen from the first pose.
+    /// Seconds from the window's opening to the first exact picture at the first pose.
     pub exact_picture_s: f64,
     /// How long the walk took, seconds.
     pub walk_s: f64,
@@ -38,24 +38,24 @@ pub struct WindowReport {
     pub pictures: u32,
     /// Milliseconds between two pictures.
     pub picture_ms: Option<Stat>,
-    /// How old the poses are for which the sets that are drawn were culled, milliseconds.
+    /// Age of the poses for which the drawn sets were culled, milliseconds.
     pub set_age_ms: Option<Stat>,
-    /// Milliseconds from the last pose until its exact picture: the eye stands still.
+    /// Milliseconds from the last pose to its exact picture, with the eye at rest.
     pub rest_ms: f64,
-    /// How far its pictures were from the exact ones.
+    /// The differences between its pictures and the exact ones.
     pub wrong: WrongPixels,
 }
 
-/// Where a walk is.
+/// The phase of a walk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Phase {
-    /// At the first pose, until all is there that is seen from it.
+    /// At the first pose, until its exact picture.
     Waits,
     /// On its way since then.
     Walks { begun: Duration, before: Duration },
     /// At the last pose since then.
     Rests { begun: Duration, ended: Duration },
-    /// All of that is over.
+    /// Finished.
     Done { begun: Duration, ended: Duration, rested: Duration },
 }
 
@@ -64,9 +64,9 @@ enum Phase {
 pub(super) struct Drive {
     way: Way,
     phase: Phase,
-    /// When the first exact picture was there.
+    /// When the first exact picture was shown.
     exact: Duration,
-    /// Where the eye is elsewhere without having gone there, and when that was.
+    /// When the eye last jumped, until a set from behind the jump has come.
     jumped: Option<Duration>,
     album: Album,
     ages: Vec<f64>,
@@ -79,9 +79,9 @@ pub(super) struct Drawn<'d> {
     pub(super) camera: Camera,
     pub(super) size: Viewport,
     pub(super) ids: &'d [DrawableId],
-    /// When the pose of the newest set was handed out.
+    /// When the pose of the newest set was published.
     pub(super) posed: Option<Duration>,
-    /// That set is of where the eye is.
+    /// That set is from the eye's pose.
     pub(super) is_exact: bool,
 }
 
@@ -98,7 +98,7 @@ impl Drive {
         }
     }
 
-    /// Puts the eye where it is at this time.
+    /// Puts the eye at its pose for this time.
     pub(super) fn step(&mut self, navigator: &mut Navigator, now: Duration) -> Moved {
         let (time, before) = match &mut self.phase {
             Phase::Waits => (Duration::ZERO, Duration::ZERO),
@@ -129,7 +129,7 @@ impl Drive {
         self.way.vfov_deg()
     }
 
-    /// Notes a picture, and goes on where that has shown what was waited for.
+    /// Notes a picture, and enters the next phase if it was the awaited one.
     pub(super) fn note(&mut self, drawn: &Drawn<'_>) {
         let &Drawn { at, camera, size, ids, posed, is_exact } = drawn;
         match self.phase {
@@ -162,8 +162,7 @@ impl Drive {
         matches!(self.phase, Phase::Done { .. })
     }
 
-    /// What is to be told of it, once it is done. Its pictures are held against the exact ones, which takes
-    /// a while.
+    /// The report, once it is done. Comparing its pictures with the exact ones takes a while.
     pub(super) fn report<W: Fn(&View) -> View>(
         &self,
         exact: &Exact<'_, W>,

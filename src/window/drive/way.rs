@@ -1,4 +1,4 @@
-//! A walk whose poses lie between those that are written down.
+//! A walk with poses interpolated between written ones.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use trimaran_scene::path::PosePath;
 
 /// Poses a second of a written path.
 const RATE: f64 = 30.0;
-/// A step that is so many times as long as the usual one is a jump.
+/// A step this many times as long as the median one is a jump.
 const JUMP: f64 = 10.0;
 
 /// A pose of a walk.
@@ -16,7 +16,7 @@ pub(super) struct Step {
     pub(super) eye: DVec3,
     /// Of any length.
     pub(super) forward: DVec3,
-    /// Nobody has gone here: the eye was elsewhere before.
+    /// The eye has jumped here.
     pub(super) is_jump: bool,
 }
 
@@ -25,7 +25,7 @@ pub(super) struct Step {
 pub(super) struct Way {
     vfov_deg: f64,
     poses: Vec<(DVec3, DVec3)>,
-    /// No step is as long but a jump.
+    /// Steps at least this long are jumps.
     jump: f64,
 }
 
@@ -43,7 +43,7 @@ impl Way {
         self.vfov_deg
     }
 
-    /// The pose after this time, where the last one was asked for at `before`; nothing behind the end.
+    /// The pose after this time, if the last one was requested at `before`; nothing behind the end.
     pub(super) fn at(&self, time: Duration, before: Duration) -> Option<Step> {
         let place = time.as_secs_f64() * RATE;
         let at = place as usize;
@@ -61,7 +61,7 @@ impl Way {
         self.length(at) > self.jump
     }
 
-    /// How far it is to a pose from the one before.
+    /// The distance from the previous pose.
     fn length(&self, at: usize) -> f64 {
         let before = at.checked_sub(1).and_then(|before| self.poses.get(before));
         before.zip(self.poses.get(at)).map_or(0.0, |(from, to)| from.0.distance(to.0))

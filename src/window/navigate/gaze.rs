@@ -1,4 +1,4 @@
-//! Which way a person looks, and moves that keep it in view.
+//! The viewing direction, and moves relative to it.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -7,10 +7,10 @@ use glam::{DQuat, DVec2, DVec3};
 /// The eye never looks straight up or down: there it has no heading.
 const STEEPEST: f64 = FRAC_PI_2 - 0.01;
 
-/// Which way an eye looks. Radians.
+/// A viewing direction. Radians.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaze {
-    /// 0 looks along -z, and rises to the left.
+    /// 0 looks along -z; increases to the left.
     pub heading: f64,
     /// Above the horizon.
     pub pitch: f64,
@@ -36,20 +36,20 @@ impl Gaze {
         DQuat::from_rotation_y(self.heading) * DQuat::from_rotation_x(self.pitch)
     }
 
-    /// Which way the eye looks, a unit vector of the world.
+    /// The viewing direction, a unit vector of the world.
     #[must_use]
     pub fn forward(&self) -> DVec3 {
         self.orientation() * DVec3::NEG_Z
     }
 
-    /// Where on the ground one goes who goes so far ahead and to the right: x and z.
+    /// Converts forward and right steps to world x, z.
     #[must_use]
     pub fn on_ground(&self, ahead: f64, right: f64) -> DVec2 {
         let (sin, cos) = self.heading.sin_cos();
         DVec2::new(-sin * ahead + cos * right, -cos * ahead - sin * right)
     }
 
-    /// Turns, and gives where `eye` is then: `pivot` shows at the same place as before.
+    /// Turns, and returns the new eye for which `pivot` stays at the same place of the picture.
     #[must_use]
     pub fn turn_about(&mut self, pivot: DVec3, eye: DVec3, left: f64, up: f64) -> DVec3 {
         let seen = self.orientation().inverse() * (eye - pivot);
@@ -57,7 +57,7 @@ impl Gaze {
         pivot + self.orientation() * seen
     }
 
-    /// Where `eye` is when it has gone so many metres to the right and upwards, across the gaze.
+    /// Moves `eye` this many metres to the right and upwards, across the viewing direction.
     #[must_use]
     pub fn pan(&self, eye: DVec3, right: f64, up: f64) -> DVec3 {
         eye + self.orientation() * DVec3::new(right, up, 0.0)

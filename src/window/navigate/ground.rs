@@ -1,4 +1,4 @@
-//! What is solid around a person, worked out ahead of need on a thread of its own.
+//! The solid spans around a person, computed ahead of need on a thread of its own.
 
 use std::{
     collections::HashMap,
@@ -14,32 +14,32 @@ use trimaran_scene::{
     heightfield::{Heightfield, Tile},
 };
 
-/// What is solid at a place.
+/// The solid spans at places.
 pub trait Solid {
-    /// The distance between places that may differ, metres.
+    /// The grid spacing, metres.
     fn cell(&self) -> f64;
 
-    /// Lower and upper ends of spans, ascending, in metres; nothing where it is not known yet.
+    /// Lower and upper ends of spans, ascending, in metres; none if not known yet.
     fn spans(&self, x: f64, z: f64) -> Option<impl Iterator<Item = [f64; 2]>>;
 }
 
-/// Tiles that are kept.
+/// The most tiles that are kept.
 const MOST: usize = 100;
-/// The pause after one that could not be had.
+/// The pause after a failed tile.
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// The tiles around a person.
 pub struct Ground {
     /// Side of a tile, metres.
     side: f64,
-    /// Those that are there, and those that were asked for.
+    /// Known tiles, and requested ones.
     tiles: HashMap<(i32, i32), Option<Tile>>,
     asked: mpsc::Sender<(i32, i32)>,
     made: mpsc::Receiver<((i32, i32), Option<Tile>)>,
 }
 
 impl Ground {
-    /// That of a scene in which eyes are so high above floors.
+    /// The ground of a scene, for eyes this high above floors.
     ///
     /// # Errors
     /// When the system gives no thread.
@@ -48,8 +48,8 @@ impl Ground {
         Self::of(field.tile_side(), move |x, z| field.tile(&scene, x, z))
     }
 
-    /// Of tiles with sides of so many metres, which `tile` gives by their numbers, along x and z. It is asked
-    /// on a thread of its own, and once more later for what it does not give.
+    /// Tiles with sides of this many metres; `tile` makes them by their numbers along x and z. It is called
+    /// on a thread of its own, and again later for tiles that failed.
     ///
     /// # Errors
     /// When the system gives no thread.
@@ -59,7 +59,7 @@ impl Ground {
     ) -> io::Result<Self> {
         let (asked, questions) = mpsc::channel::<(i32, i32)>();
         let (answers, made) = mpsc::channel();
-        // It ends with the questions.
+        // The thread ends when its channel closes.
         thread::Builder::new().name("ground".to_owned()).spawn(move || {
             while let Ok((x, z)) = questions.recv() {
                 let made = tile(x, z);
@@ -82,7 +82,7 @@ impl Ground {
         (along(x), along(z))
     }
 
-    /// Takes what is there by now, and asks for all tiles around a place that are not.
+    /// Takes finished tiles, and requests the missing ones around a place.
     pub fn look_around(&mut self, x: f64, z: f64) {
         for (place, tile) in self.made.try_iter() {
             match tile {
@@ -95,7 +95,7 @@ impl Ground {
             for back in [0, -1, 1] {
                 let place = (here.0.saturating_add(right), here.1.saturating_add(back));
                 self.tiles.entry(place).or_insert_with(|| {
-                    // Without the thread nothing comes, and nobody goes there.
+                    // Without the thread no tiles come, so the person cannot go there.
                     let _ended = self.asked.send(place);
                     None
                 });

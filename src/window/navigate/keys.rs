@@ -1,10 +1,10 @@
-//! What a person wants to do, as their keys say it.
+//! A person's motion, by keys.
 
 use std::collections::HashSet;
 
 use winit::keyboard::KeyCode;
 
-/// From -1 to 1 each, or more where several say the same.
+/// From -1 to 1 each, or more if several keys add up.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Motion {
     /// Forwards.
@@ -15,20 +15,20 @@ pub struct Motion {
     pub up: f64,
     /// To the left.
     pub turn: f64,
-    /// The gaze upwards.
+    /// Upward tilt of the view.
     pub tilt: f64,
 }
 
-/// The keys that are down, by their place on the keyboard.
+/// The held keys, by their position on the keyboard.
 #[derive(Debug, Default)]
 pub struct Keys {
     held: HashSet<KeyCode>,
-    /// Keys that went down since they were asked for: who taps one between two pictures moves as well.
+    /// Keys pressed since the last read: a tap between two pictures moves as well.
     tapped: HashSet<KeyCode>,
 }
 
 impl Keys {
-    /// A key went down or up. Gives whether it moves the eye.
+    /// A key went down or up. Returns whether it moves the eye.
     pub fn press(&mut self, key: KeyCode, is_down: bool) -> bool {
         if motion_of(key).is_none() && !FASTER.contains(&key) {
             return false;
@@ -60,7 +60,7 @@ impl Keys {
         self.held.iter().any(|key| !FASTER.contains(key))
     }
 
-    /// What the keys have said since the last time.
+    /// The keys' motion since the last call.
     pub fn motion(&mut self) -> Motion {
         let keys = self.held.union(&self.tapped).filter_map(|&key| motion_of(key));
         let motion = keys.fold(Motion::default(), |sum, one| Motion {
@@ -77,7 +77,7 @@ impl Keys {
 
 const FASTER: [KeyCode; 2] = [KeyCode::ShiftLeft, KeyCode::ShiftRight];
 
-/// What a key says while it is held.
+/// The motion of a held key.
 fn motion_of(key: KeyCode) -> Option<Motion> {
     let still = Motion::default();
     Some(match key {

@@ -1,4 +1,4 @@
-//! Where a person is in the scene, and what moves them there: the same rules as in the page
+//! A person's position in the scene, and how it moves: the same rules as in the page
 //! (`roles/page/src/navigate`).
 
 mod gaze;

@@ -1,4 +1,4 @@
-//! Where a person is, and how what they do moves them.
+//! A person's pose, and how input changes it.
 
 use std::time::Duration;
 
@@ -13,12 +13,12 @@ pub enum Mode {
     Walk,
     /// Freely through everything.
     Fly,
-    /// Round what is pointed at.
+    /// Around the point under the pointer.
     Orbit,
 }
 
 impl Mode {
-    /// What a person in it does.
+    /// The name of the mode, as a verb.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -31,16 +31,16 @@ impl Mode {
 
 /// How fast the eye turns with the keys, radians a second.
 const TURN: f64 = 1.6;
-/// Radians a pixel of the mouse: where the eye looks about, and where it goes round a point.
+/// Radians a pixel of the mouse, for looking around and for orbiting.
 const LOOK: f64 = 0.003;
 const ORBIT: f64 = 0.006;
-/// Pixels of a drag that push a walking person by the height of the eye.
+/// Pixels of a drag that move a walking person by the height of the eye.
 const PUSH: f64 = 150.0;
-/// The share of the way that a step of the wheel goes.
+/// The share of the distance that a wheel step covers.
 const DOLLY: f64 = 0.15;
-/// A window that was not drawn for a while does not jump.
+/// The longest time step: the eye does not jump after a pause in drawing.
 const LONGEST: Duration = Duration::from_millis(100);
-/// Who runs is so much faster.
+/// Running speed factor.
 const FASTER: f64 = 4.0;
 /// Metres a second, of a person whose eye is at 1.7 m.
 const STROLL: f64 = 1.4 / 1.7;
@@ -53,9 +53,9 @@ const WIDEST: f64 = 100.0;
 pub struct Start {
     /// Metres in the world.
     pub eye: DVec3,
-    /// Which way it looks, of any length.
+    /// The viewing direction, of any length.
     pub forward: DVec3,
-    /// Height of the eye above floors: how large things are here.
+    /// Height of the eye above floors, which sets the scale of the scene.
     pub eye_height: f64,
     /// Whether there are floors to walk on.
     pub has_floors: bool,
@@ -63,18 +63,18 @@ pub struct Start {
     pub vfov_deg: f64,
 }
 
-/// What a pointer was dragged, in pixels of a screen that is not scaled.
+/// A drag of the pointer, in logical pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drag {
     /// To the right.
     pub right: f64,
     /// Downwards.
     pub down: f64,
-    /// Across, and not round.
+    /// Pans instead of orbiting.
     pub is_pan: bool,
 }
 
-/// A person's place, and what moves them.
+/// A person's pose, and the state of its motion.
 #[derive(Debug)]
 pub struct Navigator {
     eye: DVec3,
@@ -85,16 +85,16 @@ pub struct Navigator {
     vfov_deg: f64,
     /// Metres a second.
     speed: f64,
-    /// What is dragged round, and gone to.
+    /// The point to orbit and to approach.
     pivot: Option<DVec3>,
-    /// How far a drag has pushed the person since the last step: ahead and to the right, metres.
+    /// How far a drag has moved the person since the last step: forward and right, metres.
     pushed: DVec2,
-    /// Something has moved the eye since the last step.
+    /// Whether the eye was moved since the last step.
     has_moved: bool,
 }
 
 impl Navigator {
-    /// A person at the start, who walks where there are floors.
+    /// A person at the start; walks if there are floors.
     #[must_use]
     pub fn new(start: &Start) -> Self {
         let Start { eye, forward, eye_height, has_floors, vfov_deg } = *start;
@@ -112,7 +112,7 @@ impl Navigator {
         }
     }
 
-    /// Where the eye is, and which way it looks.
+    /// The eye and the viewing direction.
     #[must_use]
     pub const fn pose(&self) -> Pose {
         Pose { eye: self.eye, gaze: self.gaze }
@@ -136,26 +136,26 @@ impl Navigator {
         self.speed
     }
 
-    /// Moves in this way from here on.
+    /// Switches to this mode.
     pub fn set_mode(&mut self, mode: Mode) {
         self.mode = mode;
         self.walk.place(self.eye);
         self.has_moved = true;
     }
 
-    /// Sees so many degrees, from bottom to top, as far as that makes sense.
+    /// Sets the vertical field of view, degrees, within limits.
     pub fn set_vfov(&mut self, degrees: f64) {
         self.vfov_deg = degrees.clamp(NARROWEST, WIDEST);
         self.has_moved = true;
     }
 
-    /// Puts the eye at a place, and lets it look along `forward`.
+    /// Puts the eye at a place, looking along `forward`.
     pub fn go_to(&mut self, eye: DVec3, forward: DVec3) {
         (self.eye, self.gaze, self.has_moved) = (eye, Gaze::along(forward), true);
         self.walk.place(eye);
     }
 
-    /// Moves for so long. Gives whether the eye has moved since the last step.
+    /// Moves for this long. Returns whether the eye has moved since the last step.
     pub fn step(&mut self, time: Duration, motion: Motion, is_fast: bool, solid: &impl Solid) -> bool {
         let seconds = time.min(LONGEST).as_secs_f64();
         if motion.turn != 0.0 || motion.tilt != 0.0 {
@@ -179,17 +179,17 @@ impl Navigator {
         std::mem::take(&mut self.has_moved) || self.eye != before
     }
 
-    /// A drag begins over this point of the world; over none where nothing is there.
+    /// A drag begins over this point of the world; none over the background.
     pub const fn begin_drag(&mut self, pivot: Option<DVec3>) {
         self.pivot = pivot;
     }
 
-    /// Looks about, goes round the pivot, or across: in a window of so many pixels from top to bottom.
+    /// Looks around, orbits or pans, in a window of this height in pixels.
     pub fn drag(&mut self, Drag { right, down, is_pan }: Drag, height: f64) {
         self.has_moved = true;
         match (self.mode, is_pan, self.pivot) {
             (Mode::Walk, true, _) => {
-                // The ground is pushed away, as hands on a rail would.
+                // The drag pushes the ground away, like hands on a rail.
                 self.pushed += DVec2::new(down, -right) * (self.scale / PUSH);
             }
             (_, true, pivot) => {
@@ -204,8 +204,8 @@ impl Navigator {
         }
     }
 
-    /// The wheel was turned away from the person by so many steps: who orbits goes to the pivot, others are
-    /// faster from here on.
+    /// The wheel was turned away from the person by this many steps: approaches the pivot in orbit mode, else
+    /// increases the speed.
     pub fn wheel(&mut self, steps: f64) {
         if self.mode == Mode::Orbit {
             let ahead = self.eye + self.gaze.forward() * (4.0 * self.scale);
@@ -217,7 +217,7 @@ impl Navigator {
         }
     }
 
-    /// Metres along the gaze.
+    /// Metres along the viewing direction.
     fn depth_of(&self, point: DVec3) -> f64 {
         (point - self.eye).dot(self.gaze.forward()).max(0.1 * self.scale)
     }
@@ -263,7 +263,7 @@ mod tests {
         let DVec3 { x, y, z } = navigator.pose().eye;
         assert!((z + 1.4).abs() < 1e-9 && x.abs() < 1e-9 && y == 1.7, "{x} {y} {z}");
         assert!(!step(&mut navigator, STILL));
-        // A pause of the machine is no leap.
+        // A pause of the machine causes no jump.
         navigator.step(Duration::from_secs(9), Motion { right: 1.0, ..STILL }, true, &Floor);
         assert!((navigator.pose().eye.x - 0.56).abs() < 1e-9, "{}", navigator.pose().eye);
     }
@@ -298,7 +298,7 @@ mod tests {
         assert!(
             ((pivot - navigator.pose().eye).normalize() - navigator.pose().gaze.forward()).length() < 1e-9
         );
-        // What is 5 m away follows the pointer.
+        // A point 5 m away follows the pointer.
         let mut navigator = Navigator::new(&start());
         navigator.set_mode(Mode::Fly);
         navigator.begin_drag(Some(pivot));

@@ -1,4 +1,4 @@
-//! Where an eye will be that goes on as it went.
+//! Predicts the eye's pose from its recent motion.
 
 use std::{collections::VecDeque, f64::consts::TAU, time::Duration};
 
@@ -6,9 +6,9 @@ use glam::DVec3;
 
 use super::gaze::Gaze;
 
-/// The past that tells the future.
+/// The past from which the future is predicted.
 const PAST: Duration = Duration::from_millis(100);
-/// Nobody is foreseen further: by then the hand has done something else.
+/// The limit of prediction: by then the hand has done something else.
 const FURTHEST: Duration = Duration::from_millis(250);
 
 /// A place and a direction.
@@ -16,7 +16,7 @@ const FURTHEST: Duration = Duration::from_millis(250);
 pub struct Pose {
     /// Metres in the world.
     pub eye: DVec3,
-    /// Which way it looks.
+    /// The viewing direction.
     pub gaze: Gaze,
 }
 
@@ -35,19 +35,19 @@ impl Prediction {
         }
     }
 
-    /// The eye has jumped: what was before says nothing.
+    /// The eye has jumped, so the past is discarded.
     pub fn forget(&mut self) {
         self.past.clear();
     }
 
-    /// Where it will be so long after it was followed last; nothing before it was.
+    /// The pose this long after the last one; none if there is no past.
     #[must_use]
     pub fn after(&self, ahead: Duration) -> Option<Pose> {
         let ((before, from), (now, here)) = (self.past.front()?, self.past.back()?);
         let past = now.saturating_sub(*before).as_secs_f64();
         let share = if past > 0.0 { ahead.min(FURTHEST).as_secs_f64() / past } else { 0.0 };
         let turned = here.gaze.heading - from.gaze.heading;
-        // The short way round.
+        // The shorter way round.
         let turned = turned - TAU * (turned / TAU).round();
         let gaze = Gaze {
             heading: here.gaze.heading + turned * share,
@@ -76,7 +76,7 @@ mod tests {
         prediction.add(ms(0), pose(0.0, 0.0));
         assert_eq!(prediction.after(ms(50)), Some(pose(0.0, 0.0)), "nothing is known of its way");
         for step in 1..=20 {
-            // It stands for half of a second, and then goes at 1 m/s.
+            // It rests for half a second, and then moves at 1 m/s.
             prediction.add(ms(50 * step), pose((step as f64 - 10.0).max(0.0) * 0.05, 0.0));
         }
         let ahead = prediction.after(ms(100)).unwrap().eye.x;

@@ -1,10 +1,10 @@
-//! A body that walks: it falls, climbs stairs, and does not go through walls.
+//! A walking body: it falls, climbs stairs, and does not pass through walls.
 
 use glam::{DVec2, DVec3};
 
 use super::ground::Solid;
 
-/// Metres, of a person whose eye is at 1.7 m. Others are as much larger or smaller.
+/// Metres, of a person whose eye is at 1.7 m. Others scale with the eye.
 const EYE: f64 = 1.7;
 const RADIUS: f64 = 0.22;
 const HEIGHT: f64 = 1.78;
@@ -13,7 +13,7 @@ const STEP: f64 = 0.45;
 const JUMP: f64 = 0.4;
 const GRAVITY: f64 = 9.81;
 const FASTEST_FALL: f64 = 30.0;
-/// Seconds in which the eye makes up for most of a step.
+/// The time constant with which the eye follows a step, seconds.
 const SMOOTH: f64 = 0.09;
 
 /// A body.
@@ -23,14 +23,14 @@ pub struct Walk {
     /// Metres a second upwards.
     rise: f64,
     is_standing: bool,
-    /// How far the eye is above where it would be if it had followed the feet at once.
+    /// How far the eye is above its place over the feet.
     lag: f64,
-    /// How large the body is, in persons.
+    /// The body's size, relative to a person.
     scale: f64,
 }
 
 impl Walk {
-    /// A body whose eye is so high above its feet, metres, and now at `eye`.
+    /// A body with this eye height, metres, whose eye is now at `eye`.
     #[must_use]
     pub fn new(eye: DVec3, eye_height: f64) -> Self {
         let mut walk = Self { feet: eye, rise: 0.0, is_standing: false, lag: 0.0, scale: eye_height / EYE };
@@ -38,7 +38,7 @@ impl Walk {
         walk
     }
 
-    /// Where its eye is.
+    /// The eye's position.
     #[must_use]
     pub fn eye(&self) -> DVec3 {
         self.feet + DVec3::new(0.0, EYE * self.scale + self.lag, 0.0)
@@ -58,10 +58,10 @@ impl Walk {
         }
     }
 
-    /// Goes so far along x and z, in so many seconds. Gives whether it has moved.
+    /// Moves this far along x and z, in this many seconds. Returns whether it has moved.
     pub fn step(&mut self, seconds: f64, way: DVec2, solid: &impl Solid) -> bool {
         let before = self.eye();
-        // No part of a way is longer than a column is wide, so nothing is stepped over.
+        // No part of a move is longer than half a column, so nothing is stepped over.
         let parts = (way.length() / (0.5 * solid.cell())).max(seconds / 0.02).ceil().clamp(1.0, 1e4);
         for _ in 0..parts as u32 {
             self.go(way / parts, solid);
@@ -74,12 +74,12 @@ impl Walk {
         self.eye() != before
     }
 
-    /// Goes there, or along the wall that is in the way.
+    /// Moves there, or along a wall in the way.
     fn go(&mut self, way: DVec2, solid: &impl Solid) {
         if way == DVec2::ZERO {
             return;
         }
-        // Whoever is within something gets out of it by any way.
+        // A body within something may leave it in any direction.
         let is_within = !self.fits(self.feet, solid);
         for way in [way, DVec2::new(way.x, 0.0), DVec2::new(0.0, way.y)] {
             let there = self.feet + DVec3::new(way.x, 0.0, way.y);
@@ -101,7 +101,7 @@ impl Walk {
     /// Falls, or stands, or steps down.
     fn fall(&mut self, seconds: f64, solid: &impl Solid) {
         let known = self.ground_below(self.feet, solid);
-        // Where there is no ground at all nobody falls for ever.
+        // Without any ground nobody falls for ever.
         let Some(ground) = known.filter(|ground| ground.is_finite()) else {
             (self.rise, self.is_standing) = (0.0, known.is_some());
             return;
@@ -122,14 +122,14 @@ impl Walk {
         }
     }
 
-    /// Whether the body has room at a place: what it could step on is in nobody's way.
+    /// Whether the body has room at a place: low steps are no obstacle.
     fn fits(&self, feet: DVec3, solid: &impl Solid) -> bool {
         let (low, high) = (feet.y + STEP * self.scale, feet.y + HEIGHT * self.scale);
         self.columns(feet, solid, |[bottom, top]| !(bottom < high && top > low))
     }
 
-    /// The highest surface under the body that it can step on; minus infinity where there is none, and
-    /// nothing where that is not known yet.
+    /// The highest surface under the body that it can step on; minus infinity if there is none, `None` if not
+    /// known yet.
     fn ground_below(&self, feet: DVec3, solid: &impl Solid) -> Option<f64> {
         let reach = feet.y + STEP * self.scale;
         let mut ground = f64::NEG_INFINITY;
@@ -150,7 +150,7 @@ impl Walk {
         while z * cell < feet.z + radius {
             let mut x = first(feet.x);
             while x * cell < feet.x + radius {
-                // The place of the column that is nearest to the axis of the body.
+                // The point of the column nearest to the axis of the body.
                 let near = |low: f64, at: f64| at.clamp(low * cell, (low + 1.0) * cell) - at;
                 let off = DVec2::new(near(x, feet.x), near(z, feet.z));
                 if off.length_squared() < radius * radius {
@@ -173,7 +173,7 @@ mod tests {
 
     use super::*;
 
-    /// What is solid at a place, by the lower and upper ends of spans.
+    /// The solid spans at places, by their lower and upper ends.
     struct World<F> {
         cell: f64,
         spans: F,
@@ -195,7 +195,7 @@ mod tests {
 
     const FLOOR: [f64; 2] = [-0.2, 0.0];
 
-    /// A person on a floor at the origin, who stands.
+    /// A person standing on a floor at the origin.
     fn person(solid: &impl Solid) -> Walk {
         let mut walk = Walk::new(DVec3::new(0.0, 1.7, 0.0), 1.7);
         walk.step(0.1, DVec2::ZERO, solid);
@@ -203,7 +203,7 @@ mod tests {
         walk
     }
 
-    /// Walks along x at so many metres a second, at 20 pictures a second.
+    /// Walks along x at this speed in metres a second, at 20 pictures a second.
     fn ahead(walk: &mut Walk, seconds: f64, speed: f64, solid: &impl Solid) {
         for _ in 0..(seconds / 0.05).round() as u32 {
             walk.step(0.05, DVec2::new(speed * 0.05, 0.0), solid);

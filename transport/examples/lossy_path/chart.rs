@@ -1,4 +1,4 @@
-//! The table as a picture: how long frames take, a line for each link over each path.
+//! The table as a picture: the latency of frames, a line for each link over each path.
 
 use std::fmt::{self, Write as _};
 
@@ -22,7 +22,7 @@ const STYLE: &str = "<style>\
     @media(prefers-color-scheme:dark){text{fill:#e7edf3;stroke:#182029}.soft{fill:#9aa8b6}.card{fill:#182029}.grid{stroke:#2b3743}\
     .frame{stroke:#ff7fae}.frametext{fill:#ff7fae}.tcp{color:#ff9d5c}.quic{color:#64b5ff}.udp{color:#46d0a0}}</style>";
 
-/// How long the frames of a link over a path took.
+/// The latencies of a link's frames over a path.
 pub(crate) struct Row {
     pub(crate) loss: &'static str,
     pub(crate) link: &'static str,
@@ -30,7 +30,7 @@ pub(crate) struct Row {
     pub(crate) latencies: [f64; 3],
 }
 
-/// The rows on a logarithmic axis of milliseconds; those of one loss stand together.
+/// The rows on a logarithmic axis of milliseconds, grouped by loss.
 pub(crate) fn svg(rows: &[Row]) -> Result<String, fmt::Error> {
     let titles = rows.chunk_by(|a, b| a.loss == b.loss).count();
     let bottom = rows.len() as f64 * LINE + titles as f64 * TITLE + 30.0;

@@ -1,15 +1,15 @@
-//! What a frame costs in time where packets are lost: TCP, QUIC and the project's own datagrams, on real
-//! kernel sockets.
+//! The latency of frames where packets are lost: TCP, QUIC and the project's own datagrams, on real kernel
+//! sockets.
 //!
 //! ```sh
 //! cargo run --release -p trimaran-transport --example lossy_path -- [SECONDS] [LOSS..] [LINK..] [FILE.svg]
 //! ```
 //!
-//! Two network namespaces, each with a TUN device whose packets this program carries to the other one: 5 ms
-//! later, or, where the path loses them, never. A sender in one sends 60 frames of 4,000 points a second to a
-//! receiver in the other. Prints a table in Markdown: all rows, or those of the losses and links that are
-//! named; draws it, where a file is named. A row takes 60 s, or `SECONDS`; of fewer than 1,000 frames the
-//! p99.9 is the slowest. Needs Linux, root and `ip` (iproute2); says what is missing otherwise.
+//! Two network namespaces, each with a TUN device. This program carries packets to the other one 5 ms later,
+//! or drops them. A sender in one sends 60 frames of 4,000 points a second to a receiver in the other. Prints
+//! a table in Markdown: all rows, or those of the losses and links that are named; draws it, where a file is
+//! named. A row takes 60 s, or `SECONDS`; of fewer than 1,000 frames the p99.9 is the slowest. Needs Linux,
+//! root and `ip` (iproute2), and says if one is missing.
 
 #[cfg(target_os = "linux")]
 mod chart;

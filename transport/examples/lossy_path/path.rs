@@ -12,7 +12,7 @@ use tun_rs::{DeviceBuilder, SyncDevice};
 /// The addresses of the sender and of the receiver.
 pub(crate) const ADDRESSES: [&str; 2] = ["10.99.0.1", "10.99.0.2"];
 
-/// Why this machine cannot do it, if it cannot.
+/// Why this machine cannot do it, if so.
 pub(crate) fn possible() -> Result<(), String> {
     if !rustix::process::geteuid().is_root() {
         return Err("network namespaces need root".to_owned());
@@ -23,7 +23,7 @@ pub(crate) fn possible() -> Result<(), String> {
     ip(&["-V"]).map_err(|e| format!("the program `ip` (package iproute2) does not run: {e}"))
 }
 
-/// Two namespaces and the devices in them. They have no names, so that they end with this, or with the
+/// Two namespaces and the devices in them. They have no names, so that they end with this value, or with the
 /// process, however that ends.
 pub(crate) struct Path {
     places: [File; 2],
@@ -31,12 +31,12 @@ pub(crate) struct Path {
 }
 
 impl Path {
-    /// Lays it; TCP at both ends controls congestion as is said, or as the system does.
+    /// Sets it up; `congestion` names TCP's congestion control at both ends, otherwise the system chooses.
     pub(crate) fn lay(congestion: Option<&str>) -> io::Result<Self> {
         let end = |index: usize| {
-            // iproute2 enters a namespace by its name; what keeps it is that it is open.
+            // iproute2 enters a namespace by its name; the open file keeps it.
             let name = format!("trimaran-{}-{index}", std::process::id());
-            // A run that was killed may have left one of that number.
+            // A killed run may have left one of that number.
             let _none = ip(&["netns", "delete", &name]);
             ip(&["netns", "add", &name])?;
             let device = File::open(format!("/run/netns/{name}"))
@@ -62,7 +62,7 @@ fn furnish(name: &str, index: usize, congestion: Option<&str>) -> io::Result<Arc
     ip(&["link", "set", &device_name, "netns", name])?;
     ip(&["-n", name, "address", "add", here, "peer", there, "dev", &device_name])?;
     ip(&["-n", name, "link", "set", &device_name, "mtu", "1500", "up"])?;
-    // Linux lets a route say so.
+    // Linux sets congestion control by route.
     if let Some(congestion) = congestion {
         ip(&["-n", name, "route", "replace", there, "dev", &device_name, "congctl", congestion])?;
     }

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 
 use tun_rs::SyncDevice;
 
-/// How long a packet is on its way.
+/// The one-way delay.
 const ONE_WAY: Duration = Duration::from_millis(5);
 
-/// How packets are lost: in two states (Gilbert and Elliott), the chances in 1/1000.
+/// A loss model: two states (Gilbert and Elliott), the chances in 1/1000.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Loss {
     pub(crate) word: &'static str,
@@ -44,7 +44,7 @@ impl Loss {
     }
 }
 
-/// What was carried.
+/// Packets and bytes carried.
 #[derive(Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) packets: AtomicU64,
@@ -68,7 +68,7 @@ pub(crate) fn carry(from: Arc<SyncDevice>, to: Arc<SyncDevice>, loss: Loss, seed
         loop {
             let length = from.recv(&mut packet)?;
             let bytes = packet.get(..length).unwrap_or_default();
-            // Only IPv4 is the experiment's; the system looks for routers over IPv6.
+            // Only IPv4 belongs to the experiment; the system looks for routers over IPv6.
             if bytes.first().is_none_or(|byte| byte >> 4 != 4) {
                 continue;
             }
@@ -83,7 +83,7 @@ pub(crate) fn carry(from: Arc<SyncDevice>, to: Arc<SyncDevice>, loss: Loss, seed
     });
 }
 
-/// Decides packet by packet.
+/// Decides the loss of each packet.
 struct Fate {
     loss: Loss,
     bad: bool,

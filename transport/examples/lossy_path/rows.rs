@@ -1,4 +1,4 @@
-//! Which rows of the table are asked for.
+//! The requested rows of the table.
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -9,18 +9,18 @@ use crate::session::{KINDS, Kind};
 /// So many seconds make 3,600 frames, of which three or four are beyond p99.9.
 const SECONDS: u32 = 60;
 
-/// Each of the links over each of the paths.
+/// Each link over each path.
 pub(crate) struct Rows {
     pub(crate) seconds: u32,
     pub(crate) losses: Vec<Loss>,
     pub(crate) kinds: Vec<&'static Kind>,
-    /// Where the table is to be drawn.
+    /// The file for the chart.
     pub(crate) chart: Option<PathBuf>,
 }
 
 impl Rows {
-    /// Reads how long a row takes, words that name losses and links, of which all are meant where none is
-    /// named, and the file of a chart.
+    /// Parses the seconds a row takes, words that name losses and links (none means all), and the file of a
+    /// chart.
     pub(crate) fn parse(args: impl Iterator<Item = String>) -> Result<Self, Box<dyn Error>> {
         let (mut seconds, mut names, mut chart) = (SECONDS, Vec::new(), None);
         for arg in args {

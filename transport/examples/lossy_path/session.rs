@@ -1,4 +1,4 @@
-//! One link over one path, and what became of its frames.
+//! One link over one path, and the latencies of its frames.
 
 use std::error::Error;
 use std::fmt;
@@ -22,22 +22,22 @@ const FRAMES_A_SECOND: u32 = 60;
 const POINTS: u32 = 4000;
 const PORT: u16 = 7400;
 
-/// A way to link.
+/// A kind of link.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Kind {
     pub(crate) word: &'static str,
     pub(crate) name: &'static str,
     endpoint: &'static str,
-    /// Behind the port.
+    /// The query behind the port.
     query: &'static str,
     repair_percent: u8,
-    /// The congestion control of the kernel's TCP; its own choice where none is named.
+    /// The congestion control of the kernel's TCP; `None` is its own choice.
     congestion: Option<&'static str>,
 }
 
 const PLAIN: Kind = Kind { word: "", name: "", endpoint: "", query: "", repair_percent: 0, congestion: None };
 
-/// The ways.
+/// All kinds.
 pub(crate) const KINDS: &[Kind] = &[
     Kind { word: "tcp-cubic", name: "tcp, CUBIC", endpoint: "tcp", congestion: Some("cubic"), ..PLAIN },
     Kind { word: "tcp-bbr", name: "tcp, BBR", endpoint: "tcp", congestion: Some("bbr"), ..PLAIN },
@@ -62,7 +62,7 @@ pub(crate) const KINDS: &[Kind] = &[
 
 const UDP: Kind = Kind { endpoint: "udp", ..PLAIN };
 
-/// What became of the frames.
+/// The outcome for the frames.
 pub(crate) struct Outcome {
     arrived: Arrived,
     sent: u32,
@@ -71,12 +71,12 @@ pub(crate) struct Outcome {
     lost: u64,
 }
 
-/// What a receiver saw.
+/// The frames that a receiver saw.
 struct Arrived {
-    /// How long each frame took from its beginning to its end's arrival, rising; and the first one.
+    /// The latency of each frame from its beginning to its end's arrival, rising; and the first one.
     latencies: Vec<Duration>,
     first: Duration,
-    /// How many were whole.
+    /// The number of complete frames.
     complete: u32,
 }
 
@@ -86,7 +86,7 @@ impl Outcome {
         self.bytes as f64 / 1e3 / f64::from(self.sent.max(1))
     }
 
-    /// How long this share of the frames took at most, milliseconds.
+    /// The largest latency of this share of the frames, milliseconds.
     pub(crate) fn milliseconds(&self, share: f64) -> f64 {
         let latencies = &self.arrived.latencies;
         let last = latencies.len().saturating_sub(1);
@@ -113,7 +113,7 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// When each frame was begun; one clock for both ends.
+/// When each frame began; one clock for both ends.
 type Begun = Arc<Mutex<Vec<Instant>>>;
 
 /// Runs a link of `kind` for so many seconds.
@@ -156,7 +156,7 @@ pub(crate) fn run(kind: &Kind, loss: Loss, seconds: u32) -> Result<Outcome, Box<
     })
 }
 
-/// A runtime whose sockets are in the namespace of an end: it has this thread only.
+/// A runtime with only this thread, whose sockets are in the namespace of an end.
 fn runtime_in(path: &Path, end: usize) -> std::io::Result<Runtime> {
     path.enter(end)?;
     Builder::new_current_thread().enable_all().build()
@@ -225,8 +225,7 @@ async fn receive(
     Ok(Arrived { latencies, first, complete })
 }
 
-/// Says close, and stays a moment: the runtime goes with this thread, and a lost close may have to be
-/// said again.
+/// Closes, and stays a moment: the runtime ends with this thread, and a lost close may have to be sent again.
 async fn leave(link: Link<Robot>, net: &dyn Net) {
     let _gone = link.close(finished()).await;
     sleep_until(net, net.now().after(Duration::from_millis(500))).await;

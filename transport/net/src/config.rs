@@ -1,11 +1,11 @@
-//! How times stand in a configuration file: as numbers of seconds.
+//! Times in a configuration file: numbers of seconds.
 
 use std::time::Duration;
 
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// The longest time that may be given: a day.
+/// The longest time allowed: a day.
 const LONGEST_S: f64 = 86_400.0;
 
 /// A time in seconds, 0 to 86,400.
@@ -15,7 +15,7 @@ pub mod seconds {
     /// Writes `time`.
     ///
     /// # Errors
-    /// As the serializer says.
+    /// If the serializer fails.
     pub fn serialize<S: Serializer>(time: &Duration, serializer: S) -> Result<S::Ok, S::Error> {
         time.as_secs_f64().serialize(serializer)
     }
@@ -23,7 +23,7 @@ pub mod seconds {
     /// Reads a time.
     ///
     /// # Errors
-    /// When it is no number, or outside the range.
+    /// If it is not a number, or outside the range.
     pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
         let seconds = f64::deserialize(deserializer)?;
         if (0.0..=LONGEST_S).contains(&seconds) {
@@ -41,7 +41,7 @@ pub mod seconds_or_off {
     /// Writes `time`, none as 0.
     ///
     /// # Errors
-    /// As the serializer says.
+    /// If the serializer fails.
     pub fn serialize<S: Serializer>(time: &Option<Duration>, serializer: S) -> Result<S::Ok, S::Error> {
         seconds::serialize(&time.unwrap_or_default(), serializer)
     }

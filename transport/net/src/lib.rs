@@ -1,8 +1,7 @@
 //! Time, tasks and sockets behind one trait, [`Net`].
 //!
-//! Code that asks a [`Net`] for the time, for a timer, a task or a socket runs on any network. [`TokioNet`]
-//! is the real one. A simulator implements the same trait in virtual time, so that what runs in it is the
-//! very same code.
+//! Code that asks a [`Net`] for the time, a timer, a task or a socket runs on any network. [`TokioNet`] is
+//! the real one. A simulator implements the same trait in virtual time and runs the same code.
 //!
 //! ```
 //! use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! The one seam to time, tasks and sockets.
+//! The interface to time, tasks and sockets.
 
 use std::fmt;
 use std::future::poll_fn;
@@ -13,25 +13,24 @@ use tokio::io::{AsyncRead, AsyncWrite};
 
 use crate::{Credentials, Instant, TcpOptions, UdpSocket, UdpSocketOptions, UnixSocketOptions};
 
-/// A future on the heap. The seam uses it where connections are made, never per message.
+/// A future on the heap. It is used where connections are made, never per message.
 pub type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 
-/// The end of a stream that is read from. A read end that is dropped is closed.
+/// The reading end of a stream. Dropping it closes it.
 pub type BoxReader = Box<dyn AsyncRead + Send + Unpin>;
 
-/// The end of a stream that is written to. A write end that is dropped is closed: the peer reads the end of
-/// the stream.
+/// The writing end of a stream. Dropping it closes it: the peer reads the end of the stream.
 pub type BoxWriter = Box<dyn AsyncWrite + Send + Unpin>;
 
 /// Time, tasks and sockets. `TokioNet` is the real one; a simulator implements the same trait over virtual
-/// time, so that the very same code runs on it.
+/// time and runs the same code.
 ///
-/// Object-safe on purpose: whatever uses a link does not depend on what is below it.
+/// Object-safe on purpose: users of a link do not depend on the network below it.
 pub trait Net: fmt::Debug + Send + Sync + 'static {
     /// The time now.
     fn now(&self) -> Instant;
 
-    /// A timer that rings at no time until it is set.
+    /// A timer that is not set.
     fn timer(&self) -> Box<dyn Timer>;
 
     /// Runs `task` beside the caller.
@@ -46,7 +45,7 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
     /// 64 random bits, for session ids and the like. A simulated network draws them from its seed.
     ///
     /// # Errors
-    /// When the system has no randomness to give.
+    /// If the system gives no random bits.
     fn random(&self) -> io::Result<u64>;
 
     /// The addresses of `host:port`; host is a name, an IPv4 address or an IPv6 address in brackets.
@@ -55,25 +54,25 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
     /// Connects to a TCP listener. Dropping the future ends the attempt.
     fn connect_tcp(&self, to: SocketAddr, options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>>;
 
-    /// Listens for TCP connections, and says where; port 0 takes a free one.
+    /// Listens for TCP connections, and returns the address; port 0 takes a free one.
     ///
     /// # Errors
-    /// When the address cannot be listened on, for instance because the port is in use.
+    /// If the address cannot be listened on, for instance because the port is in use.
     fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<(Box<dyn Listen>, SocketAddr)>;
 
     /// Binds a UDP socket; port 0 takes a free one.
     ///
     /// # Errors
-    /// When the address cannot be bound.
+    /// If the address cannot be bound.
     fn bind_udp(&self, at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>>;
 
-    /// Connects to a Unix socket. A network without them says [`io::ErrorKind::Unsupported`].
+    /// Connects to a Unix socket. A network without them fails with [`io::ErrorKind::Unsupported`].
     fn connect_unix<'a>(&'a self, _path: &'a Path) -> BoxFuture<'a, io::Result<Stream>> {
         Box::pin(std::future::ready(Err(io::ErrorKind::Unsupported.into())))
     }
 
-    /// Listens on a Unix socket. The file of a listener that is dead is replaced, a live one's not. A network
-    /// without Unix sockets says [`io::ErrorKind::Unsupported`].
+    /// Listens on a Unix socket. The file of a dead listener is replaced, that of a live one is not. A
+    /// network without Unix sockets fails with [`io::ErrorKind::Unsupported`].
     fn listen_unix<'a>(
         &'a self,
         _path: &'a Path,
@@ -83,12 +82,12 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
     }
 }
 
-/// A timer that can be set again and again without allocating.
+/// A timer that can be reset without allocating.
 pub trait Timer: Send {
-    /// Sets the timer to ring at `at`, whatever it was set to before.
+    /// Sets the timer to ring at `at`, in place of any earlier setting.
     fn reset(&mut self, at: Instant);
 
-    /// Ready once the time that was set has come.
+    /// Ready once the set time has come.
     fn poll(&mut self, cx: &mut Context<'_>) -> Poll<()>;
 }
 
@@ -100,18 +99,18 @@ pub trait Listen: Send {
 
 /// A connected byte stream.
 pub struct Stream {
-    /// What the peer sends.
+    /// Reads from the peer.
     pub reader: BoxReader,
-    /// What is sent to the peer.
+    /// Writes to the peer.
     pub writer: BoxWriter,
-    /// Who is at the other end, as far as the system knows.
+    /// The other end, as far as the system knows it.
     pub peer: StreamPeer,
 }
 
-/// Who is at the other end of a byte stream.
+/// The other end of a byte stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StreamPeer {
-    /// Whoever has this address and port.
+    /// The peer with this address and port.
     Tcp(SocketAddr),
     /// A process of this machine.
     Unix(Credentials),
@@ -126,7 +125,7 @@ impl fmt::Debug for Stream {
 /// 32 random bytes, for a secret.
 ///
 /// # Errors
-/// When the system has no randomness to give.
+/// If the system gives no random bits.
 pub fn random_bytes(net: &dyn Net) -> io::Result<[u8; 32]> {
     let mut bytes = [0; 32];
     for word in bytes.as_chunks_mut::<8>().0 {
@@ -144,7 +143,7 @@ pub async fn sleep_until(net: &dyn Net, at: Instant) {
     poll_fn(|cx| timer.poll(cx)).await;
 }
 
-/// What `future` gives, or `None` when `at` comes first: `future` is dropped then.
+/// The output of `future`, or `None` if `at` comes first; `future` is dropped then.
 ///
 /// Dropping the future drops `future`.
 pub async fn until<F: Future>(net: &dyn Net, at: Instant, future: F) -> Option<F::Output> {

@@ -1,4 +1,4 @@
-//! How TCP connections are set up.
+//! Options of TCP connections.
 
 use std::time::Duration;
 
@@ -13,8 +13,8 @@ pub struct TcpOptions {
     pub send_buffer: Option<usize>,
     /// The system's receive buffer, bytes; `None` leaves it to the system, which adapts it.
     pub recv_buffer: Option<usize>,
-    /// How long a connection is idle before the system asks the peer's system whether it is there. Default
-    /// 5 s. `None` (in a file 0) never asks.
+    /// How long a connection is idle before the system probes the peer's system. Default 5 s. `None` (in a
+    /// file 0) never probes.
     #[cfg_attr(
         feature = "config",
         serde(rename = "keepalive_s", with = "crate::config::seconds_or_off"),

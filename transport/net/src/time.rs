@@ -1,4 +1,4 @@
-//! Time as state machines see it.
+//! Time for state machines.
 
 use std::time::Duration;
 
@@ -21,13 +21,13 @@ impl Instant {
         self.0
     }
 
-    /// `duration` later, or the last instant there is (584 years after the origin).
+    /// `duration` later, or the last possible instant (584 years after the origin).
     #[must_use]
     pub fn after(self, duration: Duration) -> Self {
         Self(self.0.saturating_add(u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)))
     }
 
-    /// How long ago `earlier` was; zero when it was not.
+    /// How long ago `earlier` was; zero if it lies ahead.
     #[must_use]
     pub const fn since(self, earlier: Self) -> Duration {
         Duration::from_nanos(self.0.saturating_sub(earlier.0))

@@ -24,7 +24,7 @@ mod unix;
 /// Sockets, time and tasks of a tokio runtime.
 ///
 /// The runtime needs IO and time enabled. Its sockets may be used from any thread, also through
-/// `Handle::block_on`; a multi-threaded runtime keeps them going while those threads are busy elsewhere.
+/// `Handle::block_on`; a multi-threaded runtime drives them while those threads are busy.
 #[derive(Debug, Clone)]
 pub struct TokioNet {
     runtime: Handle,
@@ -38,19 +38,19 @@ impl TokioNet {
         Self { runtime, origin: tokio::time::Instant::now() }
     }
 
-    /// The network of the runtime that the caller runs on.
+    /// The network of the caller's runtime.
     ///
     /// # Errors
-    /// When the caller does not run on one.
+    /// If the caller does not run on one.
     pub fn current() -> Result<Self, tokio::runtime::TryCurrentError> {
         Handle::try_current().map(Self::new)
     }
 
     fn tokio_instant(&self, at: Instant) -> tokio::time::Instant {
-        // tokio cannot wait longer than about two years; a year is as good as for ever here.
+        // tokio cannot wait longer than about two years; a year is long enough here.
         const FAR: Duration = Duration::from_secs(365 * 24 * 3600);
         let offset = Duration::from_nanos(at.as_nanos());
-        // Timers are set for each datagram: the clock is asked only where it matters.
+        // Timers are set for each datagram, so the clock is read only if needed.
         let offset = if offset > FAR { offset.min(self.origin.elapsed() + FAR) } else { offset };
         self.origin + offset
     }
@@ -125,8 +125,8 @@ impl Net for TokioNet {
     }
 }
 
-/// Buffers must be set before the handshake, because it fixes the window scale; a listener passes them on to
-/// what it accepts.
+/// Buffers must be set before the handshake, because it fixes the window scale. Accepted connections inherit
+/// them from the listener.
 fn apply(socket: &SockRef<'_>, options: &TcpOptions) -> io::Result<()> {
     socket.set_tcp_nodelay(options.nodelay)?;
     if let Some(bytes) = options.send_buffer {

@@ -1,4 +1,4 @@
-//! Datagrams through the seam: in batches, with what the kernel knows about each.
+//! Datagrams: in batches, with the kernel's metadata for each.
 
 use std::fmt;
 use std::io::{self, IoSliceMut};
@@ -7,53 +7,53 @@ use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
-/// The most buffers that one [`UdpSocket::poll_recv`] need fill.
+/// The most buffers that one [`UdpSocket::poll_recv`] fills.
 pub const BATCH_SIZE: usize = 32;
 
-/// One datagram to send, or several of one size to one place.
+/// One datagram to send, or several of one size to one address.
 #[derive(Debug, Clone, Copy)]
 pub struct Transmit<'a> {
-    /// Where it goes.
+    /// The destination.
     pub destination: SocketAddr,
-    /// How routers may mark it, if at all (RFC 3168).
+    /// The ECN codepoint, if any (RFC 3168).
     pub ecn: Option<EcnCodepoint>,
-    /// What is in it, or in all of them one after the other.
+    /// The bytes of the datagram, or of all of them one after the other.
     pub contents: &'a [u8],
-    /// How many bytes each of several has; the last one may have fewer. `None` where there is only one.
+    /// The bytes of each of several datagrams; the last one may have fewer. `None` for a single one.
     pub segment_size: Option<usize>,
-    /// The address here that it leaves from, where there are several; else the system chooses.
+    /// The source address, where there are several; otherwise the system chooses.
     pub src_ip: Option<IpAddr>,
 }
 
-/// What is known of what came into one buffer.
+/// The metadata of one received buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RecvMeta {
-    /// Where it comes from.
+    /// The source address.
     pub addr: SocketAddr,
-    /// How many bytes of the buffer are filled.
+    /// The filled bytes of the buffer.
     pub len: usize,
-    /// How many bytes each datagram in the buffer has; the last one may have fewer.
+    /// The bytes of each datagram in the buffer; the last one may have fewer.
     pub stride: usize,
-    /// How it was marked on the way (RFC 3168).
+    /// The ECN codepoint on arrival (RFC 3168).
     pub ecn: Option<EcnCodepoint>,
-    /// The address here that it was sent to, where the system tells.
+    /// The destination address, where the system tells.
     pub dst_ip: Option<IpAddr>,
 }
 
 impl Default for RecvMeta {
-    /// Of an empty buffer.
+    /// The metadata of an empty buffer.
     fn default() -> Self {
         let addr = SocketAddr::new(Ipv6Addr::UNSPECIFIED.into(), 0);
         Self { addr, len: 0, stride: 0, ecn: None, dst_ip: None }
     }
 }
 
-/// The two bits of explicit congestion notification (RFC 3168, section 5), where they are not zero.
+/// The two bits of explicit congestion notification (RFC 3168, section 5), if they are not zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EcnCodepoint {
     /// ECT(0): its sender slows down when it is marked.
     Ect0,
-    /// ECT(1): the same (RFC 9331 gives it a meaning of its own).
+    /// ECT(1): the same (RFC 9331 gives it another meaning).
     Ect1,
     /// CE: it met congestion.
     Ce,
@@ -79,21 +79,21 @@ impl Default for UdpSocketOptions {
 
 /// A UDP socket. Any number of senders may share it; one task receives.
 pub trait UdpSocket: fmt::Debug + Send + Sync + 'static {
-    /// Sends a datagram, or several of one size where `segment_size` is given and at most
-    /// [`UdpSocket::max_transmit_segments`] of them are in it. Never waits.
+    /// Sends a datagram, or several of one size if `segment_size` is given, at most
+    /// [`UdpSocket::max_transmit_segments`]. Never waits.
     ///
     /// # Errors
     /// [`io::ErrorKind::WouldBlock`] when there is no room now: wait with a [`UdpSocket::poller`]. Any other
-    /// error is about this datagram or its destination; a sender may take the datagram for lost.
+    /// error concerns this datagram or its destination; a sender may take the datagram for lost.
     fn try_send(&self, transmit: &Transmit<'_>) -> io::Result<()>;
 
-    /// Tells one waiter when there may be room to send. Each waiter has its own, so that none takes another's
-    /// wake-up.
+    /// Wakes one waiter when there may be room to send. Each waiter has its own poller, so that none takes
+    /// another's wake-up.
     fn poller(self: Arc<Self>) -> Pin<Box<dyn UdpPoller>>;
 
-    /// Receives into as many buffers as there are both datagrams and buffers, and says how many it filled. A
-    /// buffer may get several datagrams of [`RecvMeta::stride`] bytes each, at most
-    /// [`UdpSocket::max_receive_segments`]; what does not fit is lost.
+    /// Receives into as many buffers as there are both datagrams and buffers, and returns how many it filled.
+    /// A buffer may get several datagrams of [`RecvMeta::stride`] bytes each, at most
+    /// [`UdpSocket::max_receive_segments`]; excess bytes are lost.
     fn poll_recv(
         &self,
         cx: &mut Context<'_>,
@@ -101,10 +101,10 @@ pub trait UdpSocket: fmt::Debug + Send + Sync + 'static {
         meta: &mut [RecvMeta],
     ) -> Poll<io::Result<usize>>;
 
-    /// Where it is bound.
+    /// The bound address.
     ///
     /// # Errors
-    /// When the system does not say.
+    /// If the system does not tell.
     fn local_addr(&self) -> io::Result<SocketAddr>;
 
     /// How many datagrams one [`Transmit`] may hold; at least 1.
@@ -113,11 +113,11 @@ pub trait UdpSocket: fmt::Debug + Send + Sync + 'static {
     /// How many datagrams one buffer may receive; at least 1.
     fn max_receive_segments(&self) -> usize;
 
-    /// Whether a datagram larger than the path takes may be cut up on the way rather than dropped.
+    /// Whether a datagram larger than the path MTU may be fragmented rather than dropped.
     fn may_fragment(&self) -> bool;
 }
 
-/// Tells one waiter when a [`UdpSocket`] may have room to send.
+/// Wakes one waiter when a [`UdpSocket`] may have room to send.
 pub trait UdpPoller: fmt::Debug + Send + Sync + 'static {
     /// Ready once there may be room.
     fn poll_writable(self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>>;

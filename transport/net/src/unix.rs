@@ -1,9 +1,9 @@
-//! How Unix sockets are set up, and who is at their other end.
+//! Options of Unix sockets, and the credentials of their peers.
 
 /// Options of a listening Unix socket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct UnixSocketOptions {
-    /// The permissions of the socket's file. Default `0o600`: only the own user may connect.
+    /// The permissions of the socket's file. Default `0o600`: only the same user may connect.
     pub mode: u32,
     /// How many connections may wait to be accepted. Default 128.
     pub backlog: i32,
@@ -15,13 +15,13 @@ impl Default for UnixSocketOptions {
     }
 }
 
-/// Whose process holds the other end of a Unix socket, as the kernel says.
+/// The owner of the process at the other end of a Unix socket, as the kernel says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Credentials {
     /// The process's effective user id.
     pub uid: u32,
     /// Its effective group id.
     pub gid: u32,
-    /// The process, where the system tells.
+    /// The process id, where the system tells.
     pub pid: Option<i32>,
 }

@@ -1,6 +1,6 @@
-//! How batches of [`Robot`](super::Robot) travel coded: as runs of like differences to what is expected.
+//! The coded form of batches of [`Robot`](super::Robot): runs of equal differences to a prediction.
 //!
-//! Expected is what stands at the same place of an earlier frame, or else the number before.
+//! The prediction is the item at the same place of an earlier frame, or else the number before.
 
 use std::collections::VecDeque;
 
@@ -11,21 +11,21 @@ use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, CodingError, Delivery, FrameEnd, FrameNumber,
 };
 
-/// How many frames either side remembers: the sender never refers to one that the receiver has forgotten.
+/// How many frames either side remembers: the sender refers only to frames that the receiver still has.
 const KEPT: usize = 8;
 
-/// A batch as it travels.
+/// A batch in coded form.
 #[derive(Debug, Serialize, Deserialize)]
 struct Coded {
     /// The frame that it refers to.
     against: Option<FrameNumber>,
-    /// Where in its own frame it begins.
+    /// The place in its own frame where it begins.
     at: u32,
-    /// Differences, wrapping, and how many points in a row have each.
+    /// Wrapping differences, and the length of each run.
     runs: Vec<(i32, u32)>,
 }
 
-/// What is wrong with a coded batch.
+/// Why a coded batch is invalid.
 #[derive(Debug, Error)]
 enum Fault {
     #[error("it is malformed")]
@@ -38,7 +38,7 @@ enum Fault {
     Batch(#[from] BatchError),
 }
 
-/// How many points a coded batch stands for.
+/// The number of points in a coded batch.
 pub(super) fn count(bytes: &[u8]) -> Option<usize> {
     postcard::from_bytes::<Coded>(bytes).ok().map(|coded| coded.count() as usize)
 }
@@ -49,7 +49,7 @@ impl Coded {
     }
 }
 
-/// Frames that are over, and the open one.
+/// Past frames, and the open one.
 #[derive(Debug, Default)]
 struct Frames {
     kept: VecDeque<(FrameNumber, Vec<u32>)>,
@@ -61,7 +61,7 @@ impl Frames {
         self.kept.iter().find(|(kept, _)| *kept == number).map(|(_, points)| points.as_slice())
     }
 
-    /// Keeps the open frame if all of it is there, in place of the oldest.
+    /// Keeps the open frame if it is complete, in place of the oldest.
     fn end(&mut self, end: &FrameEnd) {
         if self.open.len() == end.items as usize {
             let oldest = if self.kept.len() == KEPT { self.kept.pop_back() } else { None };
@@ -75,7 +75,7 @@ impl Frames {
 pub(super) struct Encoder {
     delivery: Delivery,
     frames: Frames,
-    /// The newest frame that the receiver has for certain.
+    /// The newest frame that the receiver is known to have.
     reference: Option<FrameNumber>,
 }
 
@@ -165,7 +165,7 @@ impl BatchDecoder<u32> for Decoder {
     }
 
     fn plain(&mut self, batch: &Batch<u32>) {
-        // More than a frame may have is found out by the link.
+        // The link itself checks the limit of a frame.
         let room = (self.max_items as usize).saturating_sub(self.frames.open.len());
         self.frames.open.extend(batch.iter().take(room));
     }

@@ -10,8 +10,7 @@ use crate::{
     CloseReason, FrameEvent, FrameNumber, Link, LinkConfig, Loss, RecvError, SendError, sleep_until, until,
 };
 
-/// What was sent before a close arrives before it, and the close on each lane, as often as it is asked
-/// for.
+/// Everything sent before a close arrives before it, and the close on each lane, on every call.
 pub async fn close_comes_after_everything(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     arm.latest_tx.publish(pose(1)).unwrap();
@@ -36,11 +35,11 @@ pub async fn close_comes_after_everything(pairs: &impl Pairs) {
         said(panel.bulk.as_mut().unwrap().rx.recv().await.unwrap_err()),
         CloseReason::new(2, "out of memory")
     );
-    // Who leaves second finds nobody, and that is no error.
+    // The second close finds nobody, and that is no error.
     panel.close(finished()).await.unwrap();
 }
 
-/// What was sent before a link is dropped arrives: more than may be under way at once.
+/// Everything sent before a link is dropped arrives, even more than may be in flight at once.
 pub async fn what_was_sent_before_a_link_is_dropped_arrives(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     let send = async {
@@ -53,7 +52,7 @@ pub async fn what_was_sent_before_a_link_is_dropped_arrives(pairs: &impl Pairs) 
     assert_eq!(panel.latest_rx.latest().await.unwrap(), pose(1));
 }
 
-/// Who drops its link within a frame is lost, and the frame stays open.
+/// A peer that drops its link within a frame is lost, and the frame stays open.
 pub async fn death_within_a_frame_is_no_close(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
     arm.frames_tx.begin(start(0)).await.unwrap();
@@ -85,7 +84,7 @@ pub async fn death_within_a_frame_is_no_close(pairs: &impl Pairs) {
     assert!(matches!(blocks, Err(RecvError::Lost { ref peer, .. }) if peer.as_str() == ARM), "{blocks:?}");
 }
 
-/// Who sends to a peer that has dropped its link learns it, on either lane.
+/// Sending to a peer that has dropped its link fails, on either lane.
 pub async fn a_dead_receiver_fails_the_sender(pairs: &impl Pairs) {
     let (arm, mut panel) = pairs.pair(patient()).await;
     panel.frames_tx.begin(start(0)).await.unwrap();
@@ -109,7 +108,7 @@ pub async fn a_dead_receiver_fails_the_sender(pairs: &impl Pairs) {
     assert!(matches!(error, SendError::Lost { ref peer, .. } if peer.as_str() == ARM), "{error:?}");
 }
 
-/// Whoever dies behind whichever step of a frame, the other gets all that was before it, and then knows.
+/// A peer may die after any step of a frame: the other gets everything before it, and then an error.
 pub async fn death_behind_every_step_of_a_frame_is_a_loss(pairs: &impl Pairs) {
     const STEPS: usize = 4;
     for steps in 0..=STEPS {
@@ -150,11 +149,11 @@ pub async fn death_behind_every_step_of_a_frame_is_a_loss(pairs: &impl Pairs) {
     }
 }
 
-/// Whatever a peer leaves unread when it goes, everything that can be asked of the link goes on to give
-/// answers, however often it is asked: errors, and no panic.
+/// A peer may leave anything unread when it goes. Every call on the link still returns, however often:
+/// errors, and no panic.
 pub async fn a_link_whose_peer_is_gone_can_still_be_used(pairs: &impl Pairs) {
     for unread in [0, 200, 20_000] {
-        // Keep-alives are among what is sent to nobody.
+        // Keep-alives are sent to nobody, too.
         let config = LinkConfig { idle_timeout: Duration::from_millis(400), ..batches_of(10) };
         let (arm, mut panel) = pairs.pair(config).await;
         let net = pairs.net();
@@ -200,7 +199,7 @@ pub async fn a_link_whose_peer_is_gone_can_still_be_used(pairs: &impl Pairs) {
     }
 }
 
-/// The first steps of a frame and what belongs to it.
+/// The first steps of a frame and of its lane.
 async fn walk(arm: &mut Link<Robot>, steps: usize) -> Result<(), SendError> {
     for step in 0..steps {
         match step {

@@ -8,7 +8,7 @@ use crate::{
     Fixed, FrameEvent, FrameNumber, FrameOrderError, Link, LinkConfig, LinkStats, SendError, Tally, Traffic,
 };
 
-/// Frames of no points and of many arrive as they were sent, whatever fits into a batch, plain and coded.
+/// Frames of no points and of many arrive as they were sent, in any batch size, plain and coded.
 pub async fn frames_of_every_size_arrive_in_order(pairs: &impl Pairs) {
     let configs = |batch| [(batch, batches_of(batch)), (batch, coded(batch))];
     for (batch, config) in [1, 10, 256, 16_384].into_iter().flat_map(configs) {
@@ -35,7 +35,7 @@ pub async fn frames_of_every_size_arrive_in_order(pairs: &impl Pairs) {
     }
 }
 
-/// How points were pushed does not tell how they travel.
+/// The batches do not depend on how points were pushed.
 pub async fn batches_are_full_but_the_last(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
     arm.frames_tx.begin(start(0)).await.unwrap();
@@ -47,7 +47,7 @@ pub async fn batches_are_full_but_the_last(pairs: &impl Pairs) {
     assert_eq!(got.batches, [10, 10, 10, 10, 7]);
 }
 
-/// What waits for a full batch leaves when it is asked to.
+/// Points that wait for a full batch leave on a flush.
 pub async fn flush_sends_a_part_of_a_batch(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
     arm.frames_tx.begin(start(0)).await.unwrap();
@@ -62,7 +62,7 @@ pub async fn flush_sends_a_part_of_a_batch(pairs: &impl Pairs) {
     assert_eq!(arm.frames_tx.finish().await.unwrap().items, 4);
 }
 
-/// A sender that makes no frame learns it, and the link is as good as before.
+/// A wrong order of calls is an error, and the link stays usable.
 pub async fn frames_in_the_wrong_order_are_refused(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     let order = |result: Result<(), SendError>| match result {
@@ -101,7 +101,7 @@ pub async fn both_directions_at_once(pairs: &impl Pairs) {
     let _ends = tokio::join!(talk(arm), talk(panel));
 }
 
-/// Both sides count the same messages and bytes, and no others than were sent.
+/// Both sides count the same messages and bytes, exactly those sent.
 pub async fn every_byte_is_counted(pairs: &impl Pairs) {
     const POSE: u64 = Pose::SIZE as u64;
     let Overhead { header_bytes, handshake, .. } = pairs.overhead();
@@ -137,7 +137,7 @@ pub async fn every_byte_is_counted(pairs: &impl Pairs) {
     assert_eq!(received.control, arm.stats.read().sent.control);
 }
 
-/// Where batches travel coded, both sides count the bytes that travelled and the points they stand for.
+/// For coded batches both sides count the coded bytes and the points they stand for.
 pub async fn frames_alike_cost_little_when_coded(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(coded(256)).await;
     // Of 4,000 points, others are hidden in each frame.

@@ -1,4 +1,4 @@
-//! The latest lane: the newest counts.
+//! The latest lane: only the newest value counts.
 
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ pub async fn the_newest_value_wins(pairs: &impl Pairs) {
     assert_eq!(arm.latest_rx.try_latest().unwrap(), None);
 }
 
-/// Values for nobody replace each other: a sender neither waits nor sends all of them.
+/// Unread values replace each other: a sender neither waits nor sends all of them.
 pub async fn publishing_never_waits(pairs: &impl Pairs) {
     // 8 MB, more than a connection buffers.
     const LAST: u32 = 200_000;
@@ -44,7 +44,7 @@ pub async fn publishing_never_waits(pairs: &impl Pairs) {
     assert!(sent <= u64::from(LAST) + 1, "{sent} sent");
 }
 
-/// A value that was read is not read again, unless it is published again.
+/// A value is read once, unless it is published again.
 pub async fn a_value_is_read_once(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     assert_eq!(arm.latest_rx.try_latest().unwrap(), None);

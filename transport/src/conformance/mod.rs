@@ -1,6 +1,6 @@
-//! What every transport must do, whatever is below it: a suite of tests for whoever adds one.
+//! The requirements on every transport: a suite of tests for authors of new ones.
 //!
-//! A transport joins by making pairs of links of the protocol [`Robot`]. Where an endpoint leads to it,
+//! A transport joins by making pairs of links of the protocol [`Robot`]. If an endpoint leads to it,
 //! [`Joined`] does that, and one line makes all the tests:
 //!
 //! ```
@@ -38,8 +38,8 @@
 //! block_on(conformance::a_value_is_read_once(&InProcess));
 //! ```
 //!
-//! A case that fails panics, and says what it found. Whose tests run in another way, in virtual time say,
-//! gives [`conformance_cases!`](crate::conformance_cases) a macro of its own.
+//! A case that fails panics with its finding. To run tests in another way, such as in virtual time, give
+//! [`conformance_cases!`](crate::conformance_cases) a macro of your own.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -79,7 +79,7 @@ pub fn block_on(case: impl Future<Output = ()>) {
     runtime.worker_threads(2).enable_all().build().unwrap().block_on(case);
 }
 
-/// Makes a test of each case for the [`Pairs`] that the expression gives.
+/// Makes a test of each case for the [`Pairs`] that the expression returns.
 #[macro_export]
 macro_rules! conformance {
     (@each $pairs:expr; tasks: $($task:ident),+; threads: $($thread:ident),+;) => {
@@ -98,8 +98,8 @@ macro_rules! conformance {
     };
 }
 
-/// Hands all cases to a macro, behind what it is given already: first those that need nothing but tasks, then
-/// those in which threads take part.
+/// Passes all cases to a macro, behind its own arguments: first those that need only tasks, then those with
+/// threads.
 ///
 /// ```
 /// macro_rules! names {

@@ -1,4 +1,4 @@
-//! How the peers of the suite meet.
+//! How the suite makes pairs of links.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,32 +9,32 @@ use crate::{Endpoint, Link, LinkConfig, Listener, Net, Options, TokioNet, connec
 
 /// Makes pairs of joined links over one transport.
 pub trait Pairs {
-    /// What the transport adds to what the peers say.
+    /// The bytes and messages that the transport adds.
     fn overhead(&self) -> Overhead;
 
     /// Two links, each the other's peer: that of [`ARM`] first, which listened, then that of [`PANEL`].
     ///
-    /// They have this configuration. What they buffer on their way is less than 64 MiB.
+    /// They have this configuration. They buffer less than 64 MiB in flight.
     fn pair(&self, config: LinkConfig) -> impl Future<Output = (Link<Robot>, Link<Robot>)>;
 
-    /// The network whose time the links keep. By default that of the runtime under which this is called.
+    /// The network whose time the links use. By default that of the runtime under which this is called.
     fn net(&self) -> Arc<dyn Net> {
         Arc::new(TokioNet::current().unwrap())
     }
 }
 
-/// What a transport adds to what the peers say, as [`LinkStats`](crate::LinkStats) counts it.
+/// The bytes and messages that a transport adds, as [`LinkStats`](crate::LinkStats) counts them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Overhead {
     /// The bytes of a message's header.
     pub header_bytes: u64,
-    /// How many messages a handshake takes in each direction.
+    /// The messages of a handshake in each direction.
     pub handshake: u64,
-    /// Whether batches travel coded where the link is configured so.
+    /// Whether batches are coded where the link is configured so.
     pub coded: bool,
 }
 
-/// Pairs by way of a listener at an endpoint, both sides with the same options.
+/// Pairs through a listener at an endpoint, both sides with the same options.
 #[derive(Debug, Clone)]
 pub struct Joined {
     endpoint: Endpoint,
@@ -43,17 +43,17 @@ pub struct Joined {
 }
 
 impl Joined {
-    /// Pairs over the transport that `endpoint` names. A port of 0 is best: cases run at the same time.
+    /// Pairs over the transport of `endpoint`. Use port 0: cases run at the same time.
     ///
     /// # Panics
-    /// When `endpoint` is none.
+    /// If `endpoint` is invalid.
     #[must_use]
     pub fn at(endpoint: &str, options: Options, overhead: Overhead) -> Self {
         let endpoint = endpoint.parse().unwrap_or_else(|e| panic!("{endpoint}: {e}"));
         Self::over(endpoint, options, overhead)
     }
 
-    /// The same for an endpoint that is no text, as that of a transport from outside.
+    /// The same for an endpoint that cannot be written as text, such as that of a transport from outside.
     #[must_use]
     pub const fn over(endpoint: Endpoint, options: Options, overhead: Overhead) -> Self {
         Self { endpoint, options, overhead }

@@ -1,4 +1,4 @@
-//! The two lanes of records as the cases use them, so that each case is one for both.
+//! The two lanes of records behind one trait, so that each case covers both.
 
 use std::fmt;
 
@@ -23,10 +23,10 @@ pub(super) trait Lane: Sized {
     /// The most bytes of a record.
     const MOST: usize;
 
-    /// The lane's halves, and those beside it.
+    /// The lane's halves, and those of the other lane.
     fn halves(link: &mut Link<Robot>) -> Halves<'_, Self>;
 
-    /// Drops the lane's halves, and gives the rest.
+    /// Drops the lane's halves, and returns the rest.
     fn without(link: Link<Robot>) -> impl Sized;
 
     /// A record of this number: some are long.
@@ -76,7 +76,7 @@ impl Lane for Messages {
     }
 
     fn of_length(number: u32, bytes: usize) -> Command {
-        // A number of a byte, and a length of two.
+        // A number of one byte, and a length of two.
         Command { number, program: "x".repeat(bytes - 3) }
     }
 

@@ -1,5 +1,5 @@
-//! The lanes of records, messages and blocks: order, completeness, backpressure, and that they and the other
-//! lanes leave each other alone.
+//! The lanes of records, messages and blocks: order, completeness, backpressure, and independence from other
+//! lanes.
 
 use std::ops::Range;
 use std::pin::pin;
@@ -11,7 +11,7 @@ use super::talk::{ARM, PANEL, finished, points, pose, receive, send_frame, start
 use super::talk::{batches_of, patient};
 use crate::{LinkConfig, Loss, RecvError, SendError, sleep_until, until};
 
-/// Makes cases of each: one of the messages lane, one of the bulk lane.
+/// Makes two cases of each: one of the messages lane, one of the bulk lane.
 macro_rules! of_both_lanes {
     ($($case:ident: $(#[$doc:meta])* $messages:ident, $bulk:ident;)+) => {
         $(
@@ -30,38 +30,38 @@ macro_rules! of_both_lanes {
 
 of_both_lanes! {
     beside_a_frame_that_nobody_reads:
-        /// Records arrive, all of them and in order, in both directions, while a frame is open that nobody
-        /// reads, and values are read beside them.
+        /// All records arrive in order, in both directions, while a frame is open that nobody reads, and
+        /// values are read beside them.
         messages_arrive_in_order_beside_a_frame_that_nobody_reads,
         blocks_arrive_in_order_beside_a_frame_that_nobody_reads;
     a_sender_waits:
-        /// Who sends more than its peer takes waits, and goes on when that reads: nothing is lost, and of the
-        /// record that was waited with in vain nothing is sent. Other lanes go on meanwhile.
+        /// A sender of more than its peer takes waits, and goes on when the peer reads. Nothing is lost, and
+        /// nothing is sent of the record whose wait ended in vain. Other lanes go on meanwhile.
         a_sender_of_messages_waits_for_its_receiver,
         a_sender_of_blocks_waits_for_its_receiver;
     a_sender_gives_up:
-        /// Who takes no records at all is given up by their sender when its timeout ends.
+        /// A sender gives up a peer that takes no records when its timeout ends.
         a_sender_of_messages_waits_no_longer_than_its_timeout,
         a_sender_of_blocks_waits_no_longer_than_its_timeout;
     before_the_close:
-        /// What was sent before a close arrives before it, and the close as often as it is asked for.
+        /// Everything sent before a close arrives before it, and the close on every call.
         messages_arrive_before_the_close,
         blocks_arrive_before_the_close;
     before_a_drop:
-        /// What was sent before a link is dropped arrives, and then that the peer is lost.
+        /// Everything sent before a link is dropped arrives, and then the loss of the peer.
         messages_arrive_before_a_link_is_dropped,
         blocks_arrive_before_a_link_is_dropped;
     a_dead_receiver:
-        /// Who sends records to a peer that does not receive them any more learns it.
+        /// Sending records to a peer that no longer receives them fails.
         a_dead_receiver_of_messages_fails_the_sender,
         a_dead_receiver_of_blocks_fails_the_sender;
     too_long:
-        /// A record that is too long is refused before anything of it travels, and the longest one arrives.
+        /// A record that is too long is refused before any of it is sent, and the longest one arrives.
         a_message_that_is_too_long_is_refused,
         a_block_that_is_too_long_is_refused;
     nothing_to_say:
-        /// A peer with nothing to say is no silent one: who waits for its records waits on, beside frames,
-        /// and gets the first one.
+        /// A peer without records is not silent: a wait for its records goes on, beside frames, and gets the
+        /// first one.
         a_peer_without_a_message_fails_nobody,
         a_peer_without_a_block_fails_nobody;
     dropped_waits:
@@ -69,8 +69,8 @@ of_both_lanes! {
         dropping_a_wait_for_messages_loses_none,
         dropping_a_wait_for_blocks_loses_none;
     in_the_middle:
-        /// Links close while both sides have sent more than their peers have taken: what was sent arrives
-        /// before the close with whoever reads, and nobody waits for one that does not.
+        /// Links close while both sides have sent more than their peers have taken. Data arrives before the
+        /// close at a peer that reads, and nobody waits for one that does not.
         links_close_in_the_middle_of_messages,
         links_close_in_the_middle_of_blocks;
 }
@@ -87,12 +87,12 @@ async fn hear<L: Lane>(rx: &mut L::Rx, numbers: Range<u32>) {
     }
 }
 
-/// A record of this number among many. They are alike long, so that no shorter one finds the last room.
+/// A record of this number among many. All are equally long, so that no shorter one fits the last room.
 fn one_of_many<L: Lane>(number: u32) -> L::Record {
     L::of_length(number, 10_000)
 }
 
-/// Sends until that has to wait; says how many there were.
+/// Sends until that has to wait; returns how many it sent.
 async fn fill<L: Lane>(tx: &mut L::Tx, pairs: &impl Pairs) -> u32 {
     let net = pairs.net();
     for sent in 0..6400 {

@@ -1,4 +1,4 @@
-//! The protocol that the suite speaks: a robot that is told poses, and tells which points it sees.
+//! The protocol of the suite: a robot receives poses, and sends the points it sees.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -12,20 +12,20 @@ use super::coding::{Decoder, Encoder, count};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Robot;
 
-/// How a peer of [`Robot`] introduces itself.
+/// The hello of a peer of [`Robot`].
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Greeting {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// The role that it claims, if any.
     pub role: Option<String>,
-    /// The map that it has: peers with different maps do not go together.
+    /// Its map: peers with different maps refuse each other.
     pub map: u64,
-    /// How many points it wants in a batch, if it wants any number.
+    /// The number of points that it wants in a batch, if any.
     pub batch: Option<BatchSize>,
 }
 
-/// Where a robot shall be: 36 bytes, little-endian.
+/// The target of a robot: 36 bytes, little-endian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Counts poses.
@@ -41,12 +41,12 @@ pub struct Pose {
 #[error("a coordinate of the pose is not finite")]
 pub struct PoseError;
 
-/// What a robot and its panel say to each other beside poses and points.
+/// Messages between a robot and its panel, beside poses and points.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Command {
     /// Counts commands.
     pub number: u32,
-    /// What shall be done.
+    /// The program to run.
     pub program: String,
 }
 
@@ -58,7 +58,7 @@ pub enum RejectionCode {
     Map = 1,
     /// The listener has the role itself.
     Role = 2,
-    /// Both want a batch size, and not the same.
+    /// Both want a batch size, and they differ.
     Batch = 3,
 }
 

@@ -1,4 +1,4 @@
-//! What the peers of the suite say to each other.
+//! The values and messages of the suite's peers.
 
 use std::time::Duration;
 
@@ -10,16 +10,16 @@ use crate::{
     FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LinkConfig, RecvError, SendError,
 };
 
-/// The role of a robot: it listens, sends frames of points, and is told poses.
+/// The role of a robot: it listens, sends frames of points, and receives poses.
 pub const ARM: &str = "arm";
 /// The role of another robot.
 pub const GRIPPER: &str = "gripper";
-/// The role of a person's panel: it connects, publishes poses, and is sent points.
+/// The role of a person's panel: it connects, publishes poses, and receives points.
 pub const PANEL: &str = "panel";
-/// The map that all have who go together.
+/// The map of all peers that fit together.
 pub const MAP: u64 = 0x5ce7e;
 
-/// How the peer in this role introduces itself.
+/// The hello of the peer in this role.
 #[must_use]
 pub fn greeting(role: &str) -> Greeting {
     Greeting { name: role.to_owned(), role: Some(role.to_owned()), map: MAP, batch: None }
@@ -38,14 +38,14 @@ pub fn command(number: u32) -> Command {
     Command { number, program: "go ".chars().cycle().take(length).collect() }
 }
 
-/// A block of this number: some are as long as any may be, some empty.
+/// A block of this number: some have the largest size, some are empty.
 #[must_use]
 pub fn block(number: u32) -> Bytes {
     let length = if number % 50 == 10 { MAX_BLOCK } else { number as usize % 100 };
     number.to_le_bytes().into_iter().cycle().take(length).collect()
 }
 
-/// How a frame of this number begins.
+/// The start of a frame of this number.
 #[must_use]
 pub fn start(frame: u32) -> FrameStart<Pose> {
     FrameStart { frame: FrameNumber(frame), header: pose(frame + 100) }
@@ -57,7 +57,7 @@ pub fn points(count: u32) -> Vec<u32> {
     (0..count).map(|n| (n ^ (n >> 3)).wrapping_mul(2_654_435_761)).collect()
 }
 
-/// How a peer leaves that has done all it had to do.
+/// The reason of a peer that has finished.
 #[must_use]
 pub fn finished() -> CloseReason {
     CloseReason::new(0, "all is done")
@@ -80,23 +80,23 @@ pub async fn send_frame(
 /// One frame as it was received.
 #[derive(Debug)]
 pub struct Received {
-    /// How it began.
+    /// Its start.
     pub start: FrameStart<Pose>,
-    /// How many points each batch had.
+    /// The number of points in each batch.
     pub batches: Vec<usize>,
     /// All points.
     pub points: Vec<u32>,
-    /// How it ended.
+    /// Its end.
     pub end: FrameEnd,
 }
 
-/// Reads one frame that must be complete, however often the link's timeout ends before it is.
+/// Reads one frame that must be complete, through any number of timeouts.
 ///
 /// # Errors
 /// Those of [`FrameReceiver::recv`].
 ///
 /// # Panics
-/// When what comes is no complete frame.
+/// If the frame is not complete.
 pub async fn receive(rx: &mut FrameReceiver<Robot>) -> Result<Received, RecvError> {
     let first = next_event(rx).await?;
     let FrameEvent::Begin(start) = first else { panic!("{first:?} before a frame") };
@@ -115,7 +115,7 @@ pub async fn receive(rx: &mut FrameReceiver<Robot>) -> Result<Received, RecvErro
     }
 }
 
-/// The next event of a frame, however often the link's timeout ends before it comes.
+/// The next event of a frame, through any number of timeouts.
 ///
 /// # Errors
 /// Those of [`FrameReceiver::recv`].
@@ -128,7 +128,7 @@ pub async fn next_event(rx: &mut FrameReceiver<Robot>) -> Result<FrameEvent<Robo
     }
 }
 
-/// The next pose, however often the link's timeout ends before it comes.
+/// The next pose, through any number of timeouts.
 ///
 /// # Errors
 /// Those of [`LatestReceiver::latest`].
@@ -141,7 +141,7 @@ pub async fn next_pose(rx: &mut LatestReceiver<Robot>) -> Result<Pose, RecvError
     }
 }
 
-/// A configuration whose waits are long enough for a busy machine.
+/// A configuration whose timeouts are long enough for a busy machine.
 pub(super) fn patient() -> LinkConfig {
     LinkConfig { timeout: Duration::from_secs(60), ..LinkConfig::default() }
 }

@@ -7,7 +7,7 @@ use super::talk::{ARM, PANEL, finished, next_pose, points, pose, receive, send_f
 use super::talk::{batches_of, patient};
 use crate::{FrameEvent, LinkConfig, RecvError, SendError, sleep_until, until};
 
-/// A sender to whom nobody listens waits for room before it has sent 64 MiB, and no longer than its timeout.
+/// A sender without a reader waits for room before it has sent 64 MiB, and no longer than its timeout.
 pub async fn a_slow_receiver_holds_the_sender_back(pairs: &impl Pairs) {
     let config = LinkConfig { timeout: Duration::from_millis(200), ..batches_of(16_384) };
     let (mut arm, panel) = pairs.pair(config).await;
@@ -25,7 +25,7 @@ pub async fn a_slow_receiver_holds_the_sender_back(pairs: &impl Pairs) {
     drop(panel);
 }
 
-/// A frame larger than all that may be under way arrives once somebody reads it.
+/// A frame larger than may be in flight at once arrives once it is read.
 pub async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig { max_frame: 16 << 20, ..batches_of(16_384) }).await;
     let all = points(16 << 20);
@@ -41,7 +41,7 @@ pub async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pairs) {
     assert!(got.points == all, "64 MiB of points");
 }
 
-/// A reader's thread may be busy elsewhere for longer than the timeout of the link.
+/// A reader's thread may be busy for longer than the timeout of the link.
 pub async fn a_busy_receiver_is_no_dead_peer(pairs: &impl Pairs) {
     let config = LinkConfig { timeout: Duration::from_millis(100), ..LinkConfig::default() };
     let (mut arm, mut panel) = pairs.pair(config).await;
@@ -54,7 +54,7 @@ pub async fn a_busy_receiver_is_no_dead_peer(pairs: &impl Pairs) {
         (got, panel)
     });
     arm.frames_tx.begin(start(0)).await.unwrap();
-    // Few enough that nobody waits for room.
+    // Few enough that no send waits for room.
     arm.frames_tx.push(&points(1000)).await.unwrap();
     arm.frames_tx.finish().await.unwrap();
     assert_eq!(next_pose(&mut arm.latest_rx).await.unwrap(), pose(1));
@@ -62,7 +62,7 @@ pub async fn a_busy_receiver_is_no_dead_peer(pairs: &impl Pairs) {
     assert_eq!(got.points, points(1000));
 }
 
-/// Who waits in vain for its timeout learns it, and may go on waiting.
+/// A wait in vain ends in a timeout, and may be repeated.
 pub async fn silence_ends_in_an_error(pairs: &impl Pairs) {
     let timeout = Duration::from_millis(50);
     let (mut arm, mut panel) = pairs.pair(LinkConfig { timeout, ..LinkConfig::default() }).await;
@@ -94,9 +94,9 @@ pub async fn a_deadline_leaves_the_link_usable(pairs: &impl Pairs) {
     }
 }
 
-/// Who polls gets all that comes, and the end.
+/// Polling returns everything that arrives, and the end.
 pub async fn polling_takes_what_is_there(pairs: &impl Pairs) {
-    // More batches than a runtime lets a task take in one go.
+    // More batches than a runtime lets a task take at once.
     let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
     let net = pairs.net();
     assert!(matches!(panel.frames_rx.try_recv(), Ok(None)));
@@ -123,11 +123,10 @@ pub async fn polling_takes_what_is_there(pairs: &impl Pairs) {
     assert!(matches!(ended, Err(RecvError::Closed { .. })), "{ended:?}");
 }
 
-/// Who polls without ever yielding is shown all that comes, however much: the runtime's budget of a task is
-/// not for it.
+/// Polling without ever yielding sees everything that arrives: the runtime's budget of a task does not limit
+/// it.
 pub async fn polling_without_a_pause_sees_everything(pairs: &impl Pairs) {
-    // More reads than a runtime lets a task make in one go, each of a frame that is sent when the one before
-    // it was read.
+    // More reads than a runtime lets a task make at once. Each frame is sent when the one before was read.
     const FRAMES: u32 = 300;
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     let (next, wanted) = std::sync::mpsc::channel();
@@ -154,7 +153,7 @@ pub async fn polling_without_a_pause_sees_everything(pairs: &impl Pairs) {
     sender.join().unwrap();
 }
 
-/// Futures that are dropped while they wait lose nothing of what arrives.
+/// Dropping a future while it waits loses nothing that arrives.
 pub async fn dropping_a_wait_loses_nothing(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(batches_of(100)).await;
     let all = points(50_000);

@@ -30,8 +30,8 @@ pub enum Host {
     V6(Ipv6Addr),
 }
 
-/// A host name: letters, digits, dots, hyphens and underscores, 1 to 253 of them, neither first nor last a
-/// hyphen or a dot.
+/// A host name: letters, digits, dots, hyphens and underscores, 1 to 253 of them, without a hyphen or a dot
+/// at either end.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct HostName(String);
 
@@ -48,7 +48,7 @@ impl FromStr for HostPort {
             None if host.contains(':') => return Err(EndpointFault::NoPort),
             None => host.parse().map(Host::V4).or_else(|_| host.parse().map(Host::Name))?,
         };
-        // `u16` alone would take a sign.
+        // `u16` alone would accept a sign.
         let digits = !port.is_empty() && port.bytes().all(|b| b.is_ascii_digit());
         let port = port.parse().ok().filter(|_| digits).ok_or(EndpointFault::Port)?;
         Ok(Self { host, port })
@@ -95,7 +95,7 @@ impl FromStr for HostName {
 
     fn from_str(text: &str) -> Result<Self, EndpointFault> {
         let edge = |c: Option<char>| matches!(c, Some('-' | '.') | None);
-        // Only digits and dots is an IPv4 address gone wrong, not a name.
+        // Only digits and dots are a malformed IPv4 address, not a name.
         let numeric = text.chars().all(|c| c.is_ascii_digit() || c == '.');
         let odd = edge(text.chars().next()) || edge(text.chars().next_back()) || numeric;
         if odd || text.len() > LONGEST || !is_plain(text) {

@@ -1,4 +1,4 @@
-//! Peers on this machine: the path of a socket, and a name within the process.
+//! Peers on this machine: paths of sockets, and names within the process.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -36,7 +36,7 @@ impl SocketPath {
     /// The endpoint's path for `path`.
     ///
     /// # Errors
-    /// When it is not absolute, not UTF-8, or too long for a socket.
+    /// If it is not absolute, not UTF-8, or too long for a socket.
     pub fn new(path: impl Into<PathBuf>) -> Result<Self, EndpointFault> {
         path.into().to_str().ok_or(EndpointFault::Path)?.parse()
     }
@@ -61,7 +61,7 @@ impl fmt::Display for SocketPath {
 }
 
 impl Name {
-    /// A name that this gives once in a process.
+    /// A name that is unique in the process.
     #[must_use]
     pub fn unique() -> Self {
         static GIVEN: AtomicU64 = AtomicU64::new(0);

@@ -1,21 +1,19 @@
-//! A host and a port for datagrams, and how frames are sent there.
+//! A host and a port for datagrams, and the mode of sending frames there.
 
 use std::fmt;
 
 use super::{EndpointFault, HostPort, authority};
 
-/// A host and a port, and how frames are sent there.
+/// A host and a port, and the mode of sending frames there.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct UdpEndpoint {
-    /// Where.
+    /// The host and port.
     pub at: HostPort,
-    /// What becomes of frames that do not arrive in time; as the [options](crate::udp::UdpOptions) say, if
-    /// not given.
+    /// The mode for late frames; by default that of the [options](crate::udp::UdpOptions).
     pub mode: Option<UdpMode>,
 }
 
-/// What becomes of frames that this side sends over datagrams when packets are lost. Each side has its own
-/// mode.
+/// The mode for frames that this side sends over datagrams when packets are lost. Each side has its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
@@ -24,13 +22,13 @@ pub enum UdpMode {
     /// Every frame arrives complete, or the link ends.
     #[default]
     Reliable,
-    /// What cannot arrive within the options' deadline is given up: the receiver gets the frame with gaps,
-    /// and knows it.
+    /// Data that cannot arrive within the options' deadline is given up: the receiver gets a frame with gaps
+    /// that is marked so.
     Deadline,
 }
 
 impl UdpEndpoint {
-    /// What follows the scheme of an address for datagrams.
+    /// Parses the part behind the scheme.
     pub(super) fn behind_scheme(rest: &str) -> Result<Self, EndpointFault> {
         let (at, mode) = match rest.split_once('?') {
             None => (rest, None),

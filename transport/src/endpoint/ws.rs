@@ -8,12 +8,12 @@ use super::{EndpointFault, HostPort};
 /// The longest path, bytes.
 pub(super) const LONGEST_PATH: usize = 255;
 
-/// Where WebSockets are opened: a host, a port, and a path there.
+/// A WebSocket address: a host, a port, and a path.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct WsEndpoint {
-    /// Where.
+    /// The host and port.
     pub at: HostPort,
-    /// The path there.
+    /// The path.
     pub path: WsPath,
 }
 
@@ -23,7 +23,7 @@ pub struct WsEndpoint {
 pub struct WsPath(String);
 
 impl WsPath {
-    /// The path as a request has it: `/` where there is none.
+    /// The path as in a request: `/` if it is empty.
     #[must_use]
     pub fn as_str(&self) -> &str {
         if self.0.is_empty() { "/" } else { &self.0 }
@@ -46,7 +46,7 @@ impl FromStr for WsPath {
 impl FromStr for WsEndpoint {
     type Err = EndpointFault;
 
-    /// What follows `ws://`.
+    /// Parses the part behind `ws://`.
     fn from_str(text: &str) -> Result<Self, EndpointFault> {
         let (at, path) = text.split_at(text.find(['/', '?']).unwrap_or(text.len()));
         Ok(Self { at: at.parse()?, path: path.parse()? })

@@ -1,4 +1,4 @@
-//! The lanes: values travel as they are.
+//! The lanes: values are passed on without encoding.
 
 use std::collections::VecDeque;
 
@@ -15,7 +15,7 @@ use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 
 /// The most messages of the frames lane that may wait for their reader, and that it may have taken at once:
-/// of items of 4 bytes 32 MiB in all at the largest batch size.
+/// for items of 4 bytes 32 MiB in all at the largest batch size.
 const QUEUE: usize = 256;
 
 /// One end of the lanes.
@@ -64,11 +64,11 @@ fn frames<P: Protocol>() -> (FrameTx<P>, FrameRx<P>) {
     (FrameTx { queue, staged: VecDeque::new() }, FrameRx { messages, closed: None })
 }
 
-/// What the latest lane holds.
+/// The cell of the latest lane.
 #[derive(Debug)]
 struct Cell<P: Protocol> {
     value: Option<P::Latest>,
-    /// How many values were published: tells the reader whether it has seen this one.
+    /// The number of published values: it tells the reader whether it has seen this one.
     number: u64,
     closed: Option<CloseReason>,
 }
@@ -109,7 +109,7 @@ pub(crate) struct LatestRx<P: Protocol> {
 
 impl<P: Protocol> LatestRx<P> {
     pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<P::Latest>, LaneError> {
-        // Asked before the look into the cell: what was published before the end must not be missed.
+        // Asked before the look into the cell, so that a value published before the end is not missed.
         let ended = self.view.has_changed().is_err();
         let cell = self.view.borrow_and_update();
         if cell.number != self.seen {
@@ -134,13 +134,13 @@ impl<P: Protocol> LatestRx<P> {
             if let Some(value) = self.try_latest(shared)? {
                 return Ok(value);
             }
-            // An end is found out by the next look.
+            // The next look finds an end.
             let _changed = timeouts.wait(by, self.view.changed()).await.map_err(LaneError::Expired)?;
         }
     }
 }
 
-/// What travels on the frames lane.
+/// The messages of the frames lane.
 #[derive(Debug)]
 enum Message<P: Protocol> {
     Event(FrameEvent<P>),
@@ -206,7 +206,7 @@ impl<P: Protocol> FrameRx<P> {
     }
 }
 
-/// The kind and payload size that an event would have as bytes.
+/// The kind and payload size of an event if it were encoded.
 fn weight<P: Protocol>(event: &FrameEvent<P>, shared: &Shared) -> (Kind, usize) {
     match event {
         FrameEvent::Begin(_) => (Kind::Begin, shared.format.begin()),

@@ -1,4 +1,4 @@
-//! Links within one process: values travel as they are, nothing is encoded.
+//! Links within one process: values are passed on without encoding.
 
 pub(crate) mod lanes;
 mod queue;

@@ -1,5 +1,5 @@
-//! The frames lane's queue. Messages move in bundles: whoever waits is woken once for all of a bundle, and
-//! waking is what costs.
+//! The frames lane's queue. Messages move in bundles, so a waiting task is woken once per bundle: waking is
+//! the main cost.
 
 use parking_lot::Mutex;
 use std::collections::VecDeque;
@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use tokio::sync::Notify;
 
-/// Makes a queue that holds at most `capacity` items, at least one; as many again may be with the receiver.
+/// Makes a queue that holds at most `capacity` items, at least one; the receiver may hold as many again.
 pub(super) fn queue<T>(capacity: usize) -> (Sender<T>, Receiver<T>) {
     let shared = Arc::new(Shared {
         state: Mutex::new(State { waiting: VecDeque::new(), ended: false }),
@@ -21,9 +21,9 @@ pub(super) fn queue<T>(capacity: usize) -> (Sender<T>, Receiver<T>) {
 #[derive(Debug)]
 struct Shared<T> {
     state: Mutex<State<T>>,
-    /// Tells the receiver of items, and of the sender's end.
+    /// Wakes the receiver for items, and for the sender's end.
     arrived: Notify,
-    /// Tells the sender of room, and of the receiver's end.
+    /// Wakes the sender for room, and for the receiver's end.
     taken: Notify,
     capacity: usize,
 }
@@ -31,7 +31,7 @@ struct Shared<T> {
 #[derive(Debug)]
 struct State<T> {
     waiting: VecDeque<T>,
-    /// One of both ends is gone.
+    /// One of the ends is gone.
     ended: bool,
 }
 
@@ -43,8 +43,8 @@ pub(super) struct Sender<T>(Arc<Shared<T>>);
 pub(super) struct Gone;
 
 impl<T> Sender<T> {
-    /// Sends as many `items` as there is room for, and waits where there is none at all. Dropping the future
-    /// leaves in `items` what was not sent.
+    /// Sends as many `items` as there is room for, and waits if there is none. Dropping the future leaves
+    /// unsent items in `items`.
     pub(super) async fn send(&self, items: &mut VecDeque<T>) -> Result<(), Gone> {
         while !items.is_empty() && !self.send_some(items)? {
             self.0.taken.notified().await;
@@ -79,7 +79,7 @@ impl<T> Drop for Sender<T> {
 #[derive(Debug)]
 pub(super) struct Receiver<T> {
     shared: Arc<Shared<T>>,
-    /// Taken from the queue at once, given out one by one.
+    /// Taken from the queue at once, returned one by one.
     bundle: VecDeque<T>,
 }
 
@@ -94,7 +94,7 @@ impl<T> Receiver<T> {
                 continue;
             }
             if self.shared.state.lock().ended {
-                // What came between the look and this one is still taken.
+                // Items that came between the look and this one are still taken.
                 self.take();
                 return self.bundle.pop_front();
             }
@@ -102,7 +102,7 @@ impl<T> Receiver<T> {
         }
     }
 
-    /// Takes all that waits; whether anything did.
+    /// Takes all waiting items; returns whether there were any.
     fn take(&mut self) -> bool {
         std::mem::swap(&mut self.shared.state.lock().waiting, &mut self.bundle);
         if self.bundle.is_empty() {

@@ -1,4 +1,4 @@
-//! A lane of records, messages or blocks: they move through a bounded queue as they are.
+//! A lane of records, messages or blocks, as a bounded queue without encoding.
 
 use tokio::sync::mpsc;
 use trimaran_wire::{CloseReason, Kind};
@@ -12,10 +12,10 @@ use trimaran_net::Instant;
 /// How many records may wait for their reader: of blocks 1 MiB at most.
 const QUEUE: usize = 64;
 
-/// What travels.
+/// Entries of the queue.
 #[derive(Debug)]
 enum Said<T> {
-    /// A record, and how many bytes it would have.
+    /// A record, and its size if it were encoded.
     Record(T, usize),
     Close(CloseReason),
 }
@@ -40,7 +40,7 @@ pub(super) fn records<T>(lane: RecordLane) -> (RecordTx<T>, RecordRx<T>) {
 }
 
 impl<T> RecordTx<T> {
-    /// Sends a record that would have so many bytes.
+    /// Sends a record of this encoded size.
     pub(crate) async fn send(
         &mut self,
         record: T,

@@ -1,4 +1,4 @@
-//! Names within this process, and the links that begin there.
+//! Names within this process, and the links to them.
 
 use std::any::Any;
 use std::collections::HashMap;
@@ -24,7 +24,7 @@ use crate::{Endpoint, LinkConfig, Name};
 const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, encrypted: false, local: true };
 
-/// Who listens in this process, by name.
+/// The listeners in this process, by name.
 static LISTENERS: LazyLock<Mutex<HashMap<Name, Weak<Acceptor>>>> = LazyLock::new(Mutex::default);
 
 /// A listener's name; free again when this is dropped.
@@ -67,7 +67,7 @@ fn listen(name: &Name, acceptor: &Arc<Acceptor>) -> io::Result<Registered> {
     Ok(Registered(name.clone()))
 }
 
-/// Makes a link with whoever listens as `name`.
+/// Makes a link with the listener `name`.
 async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, AttemptError> {
     let found = LISTENERS.lock().get(name).and_then(Weak::upgrade);
     let acceptor = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
@@ -88,7 +88,7 @@ async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, 
 /// Two links, each the other's peer: the first is `ours`, and has `theirs` at its other end.
 ///
 /// # Errors
-/// As a handshake would: when the two do not go together.
+/// As a handshake: if the two do not fit.
 pub fn pair<P: Protocol>(
     net: &Arc<dyn Net>,
     ours: P::Hello,

@@ -1,4 +1,4 @@
-//! Which role a peer may have, by its key.
+//! The roles of a peer, by its key.
 
 use std::fmt;
 
@@ -12,40 +12,40 @@ use crate::Name;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PeerKey {
-    /// That of its certificate, over QUIC.
+    /// The key of its certificate, over QUIC.
     Quic(Fingerprint),
     /// Its static key, over datagrams.
     Udp(NoiseKey),
 }
 
-/// A peer that claims a role which its key is not known for.
+/// A peer that claims a role for which its key is not known.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "key '{name}' ({key}) claims to be {claimed}; this configuration knows it as {known}: give each role the keys that its peers know \
      it by"
 )]
 pub struct WrongRole {
-    /// What people call the key.
+    /// The name of the key.
     pub name: Name,
     /// The key.
     pub key: PeerKey,
     /// The role that its holder claims.
     pub claimed: String,
-    /// The role that this side knows it for.
+    /// The role for which this side knows the key.
     pub known: String,
 }
 
-/// Why the holder of a key is not let in.
+/// Why the holder of a key is refused.
 #[derive(Debug, PartialEq)]
 pub(crate) enum KeyFault {
-    /// Nobody is known by it.
+    /// No peer has this key.
     Stranger,
     /// It is known for another role.
     WrongRole(Box<WrongRole>),
 }
 
 impl Security {
-    /// Whether who holds `key` may be `claimed`.
+    /// Whether the holder of `key` may be `claimed`.
     pub(crate) fn judge(&self, key: PeerKey, claimed: Option<&str>) -> Result<(), KeyFault> {
         let claimed = claimed.unwrap_or("a peer without a role");
         let mut wrong = Err(KeyFault::Stranger);
@@ -72,12 +72,12 @@ impl KnownPeer {
 }
 
 impl WrongRole {
-    /// What a listener tells the peer.
+    /// The refusal that a listener sends to the peer.
     pub(crate) fn refusal(&self) -> Refusal {
         Refusal::Key { claimed: Explanation::new(&self.claimed), known: Explanation::new(&self.known) }
     }
 
-    /// What a connecting peer tells the listener.
+    /// The close that a connecting peer sends to the listener.
     pub(crate) fn close(&self) -> CloseReason {
         let Self { claimed, known, .. } = self;
         let why = format!("its peer claims to be {claimed}, with a key that is known as that of {known}");

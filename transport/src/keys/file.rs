@@ -1,4 +1,4 @@
-//! Keys in files: TOML, a private one that only its owner may read, and a public one.
+//! Key files in TOML: a private one that only its owner may read, and a public one.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
@@ -18,10 +18,10 @@ const PRIVATE_REMARK: &str =
 const PUBLIC_REMARK: &str =
     "# Public keys of a Trimaran peer. Copy this file to the peers that are to know it.\n\n";
 
-/// A file of keys has less than a kilobyte. Room for so many bytes is made at once at most.
+/// A key file has less than a kilobyte. At most this many bytes are allocated at once.
 const LONGEST: usize = 64 << 10;
 
-/// Where a pair of files lies.
+/// The paths of a pair of files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct KeyFiles {
     /// `NAME.key`: for this machine only.
@@ -30,11 +30,11 @@ pub struct KeyFiles {
     pub public: PathBuf,
 }
 
-/// Why there are no keys.
+/// Why keys cannot be loaded or saved.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum KeysError {
-    /// The system has no randomness to give.
+    /// The system gives no random bits.
     #[error("the system gives no randomness for keys")]
     Random(#[source] io::Error),
     /// They could not be made.
@@ -45,7 +45,7 @@ pub enum KeysError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
@@ -60,27 +60,27 @@ pub enum KeysError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         #[source]
         cause: io::Error,
     },
-    /// A file is no key file. What it holds is not repeated: it may be a secret.
+    /// A file is not a key file. Its contents are not repeated: they may be secret.
     #[error("{}, line {line}: {why}; make keys with `trimaran keys new NAME`", .path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The problem.
         why: String,
     },
-    /// A public file came where a private one is needed.
+    /// A public file where a private one is needed.
     #[error("{} is public: a peer's own keys are in its private file, NAME.key", .path.display())]
     Public {
         /// The file.
         path: PathBuf,
     },
-    /// A private file came where a public one is needed.
+    /// A private file where a public one is needed.
     #[error("{} is private, and should not have left its machine: peers are known by their public file, NAME.pub", .path.display())]
     Private {
         /// The file.
@@ -99,16 +99,16 @@ pub enum KeysError {
     Unusable {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         #[source]
         cause: Box<Self>,
     },
-    /// The key is of no kind that can sign, or not the one of the certificate.
+    /// The key cannot sign, or does not belong to the certificate.
     #[error("the key and the certificate do not go together")]
     Mismatch(#[from] rustls::Error),
 }
 
-/// What a private file holds.
+/// The contents of a private file.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PrivateFile {
@@ -120,7 +120,7 @@ pub(super) struct PrivateFile {
     pub(super) udp_key: NoiseSecret,
 }
 
-/// Bytes that travel as base64, wiped from memory when they are dropped: they may be a secret.
+/// Bytes written as base64, wiped from memory when dropped: they may be secret.
 #[derive(Clone, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub(super) struct Der(Zeroizing<Vec<u8>>);
@@ -147,7 +147,7 @@ impl TryFrom<String> for Der {
 }
 
 impl Der {
-    /// The text that travels.
+    /// The base64 text.
     fn to_text(&self) -> Zeroizing<String> {
         STANDARD.encode(&*self.0).into()
     }
@@ -166,13 +166,13 @@ pub(super) fn save(private: &PrivateFile, public: &PublicKeys, folder: &Path) ->
     let files = KeyFiles { private: at("key"), public: at("pub") };
     write_new(&files.private, PRIVATE_REMARK, private, 0o600)?;
     write_new(&files.public, PUBLIC_REMARK, public, 0o644).inspect_err(|_| {
-        // Nobody has the other half: as if nothing had been made.
+        // The other file is missing: removes this one, as if nothing had been made.
         let _ = fs::remove_file(&files.private);
     })?;
     Ok(files)
 }
 
-/// Writes a file that must not be there, with its mode from the first moment on.
+/// Writes a new file, with its mode from the first moment on.
 fn write_new(path: &Path, remark: &str, content: &impl Serialize, mode: u32) -> Result<(), KeysError> {
     let failed = |cause: io::Error| match cause.kind() {
         io::ErrorKind::AlreadyExists => KeysError::Exists { path: path.to_owned() },
@@ -209,7 +209,7 @@ pub(super) fn read_private(path: &Path) -> Result<PrivateFile, KeysError> {
 }
 
 /// Whether systemd hands this file to this service. Since version 254 root owns such a file, and an access
-/// control list lets the service alone read it. The list's mask shows as a mode for the group.
+/// control list lets only the service read it. The list's mask shows as a mode for the group.
 fn is_credential(path: &Path) -> bool {
     let folder = std::env::var_os("CREDENTIALS_DIRECTORY").map(PathBuf::from);
     folder.is_some_and(|folder| folder.is_absolute() && path.starts_with(folder))
@@ -224,13 +224,13 @@ pub(super) fn read_public(path: &Path) -> Result<PublicKeys, KeysError> {
     })
 }
 
-/// The text of a file and its mode, where files have one; both of the same file, whatever becomes of its name
+/// The text of a file and its mode, where files have one. Both are of the same file, even if it is renamed
 /// meanwhile.
 fn read(path: &Path) -> Result<(Zeroizing<String>, Option<u32>), KeysError> {
     let failed = |cause| KeysError::Read { path: path.to_owned(), cause };
     let mut file = File::open(path).map_err(failed)?;
     let mode = mode(&file).map_err(failed)?;
-    // With room for all of it: text that grows leaves copies behind.
+    // Allocates room for all of it: text that grows leaves copies behind.
     let length = file.metadata().map_err(failed)?.len();
     let room = usize::try_from(length).unwrap_or(0).min(LONGEST);
     let mut text = Zeroizing::new(String::with_capacity(room + 1));
@@ -249,7 +249,7 @@ fn mode(_file: &File) -> io::Result<Option<u32>> {
     Ok(None)
 }
 
-/// Where and why; the error's own text would repeat the line.
+/// The place and the problem; the error's own text would repeat the line.
 fn malformed(path: &Path, text: &str, error: &toml::de::Error) -> KeysError {
     let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
     let line = before.matches('\n').count() + 1;

@@ -1,4 +1,4 @@
-//! What QUIC peers know each other by.
+//! Fingerprints, by which QUIC peers know each other.
 
 use std::fmt;
 use std::str::FromStr;
@@ -17,7 +17,7 @@ use super::hex;
 #[serde(try_from = "String", into = "String")]
 pub struct Fingerprint([u8; 32]);
 
-/// A text that is no fingerprint.
+/// A text that is not a fingerprint.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{0:?} is no fingerprint: give the 64 hexadecimal digits that `trimaran keys show` prints")]
 pub struct FingerprintError(String);

@@ -11,7 +11,7 @@ pub(super) fn write(bytes: &[u8; 32], f: &mut fmt::Formatter<'_>) -> fmt::Result
 
 /// Reads 64 digits, with or without colons between the bytes.
 pub(super) fn read(text: &str) -> Option<[u8; 32]> {
-    // They may be a secret's.
+    // The digits may be secret.
     let digits: Zeroizing<String> = Zeroizing::new(match text.len() {
         64 => text.to_owned(),
         95 => text

@@ -1,4 +1,4 @@
-//! What a peer proves itself with: made, kept in files, handed to others.
+//! Keys of peers: made, kept in files, handed to others.
 //!
 //! One pair of files serves every transport that encrypts: `NAME.key` is private and stays on its machine,
 //! `NAME.pub` goes to the peers.
@@ -29,11 +29,11 @@ pub use fingerprint::{Fingerprint, FingerprintError};
 pub(crate) use noise::NoiseSecret;
 pub use noise::{NoiseKey, NoiseKeyError};
 
-/// The name in a certificate. Nobody relies on it: peers know each other by fingerprint.
+/// The name in a certificate. It has no meaning: peers know each other by fingerprint.
 const COMMON_NAME: &str = "trimaran";
 
-/// The private keys of a peer, and the public ones that go with them: a self-signed certificate for QUIC, a
-/// static Noise key for UDP.
+/// The private keys of a peer, and the matching public ones: a self-signed certificate for QUIC, a static
+/// Noise key for UDP.
 ///
 /// The certificate is Ed25519: its signatures have one length, so that a simulated handshake has the same
 /// packets every time.
@@ -45,32 +45,32 @@ pub struct Keys {
     file: Arc<PrivateFile>,
 }
 
-/// What others know a peer by: its public file, `NAME.pub`.
+/// The public keys of a peer: its public file, `NAME.pub`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PublicKeys {
-    /// What people call the peer.
+    /// The name of the peer.
     pub name: Name,
-    /// Its certificate's fingerprint: who it is over QUIC.
+    /// Its certificate's fingerprint: its identity over QUIC.
     pub quic: Fingerprint,
-    /// Its public X25519 key: who it is over UDP.
+    /// Its public X25519 key: its identity over UDP.
     pub udp: NoiseKey,
 }
 
-/// Who this peer is and whom it knows.
+/// The keys of this peer and of the peers that it knows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Security {
     /// This peer's own keys.
     pub keys: Keys,
-    /// The peers that it talks to, each in its role: nobody else is let in, and nobody else is believed. A
-    /// key may be there more than once, with a role each.
+    /// The known peers, each in its role. All others are refused. A key may be there more than once, with a
+    /// role each.
     pub peers: Vec<KnownPeer>,
 }
 
 /// A peer that this one knows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct KnownPeer {
-    /// What it is known by.
+    /// Its public keys.
     pub keys: PublicKeys,
     /// The role that it may have; any if not given.
     pub role: Option<String>,
@@ -80,7 +80,7 @@ impl Keys {
     /// New keys that live as long as this process, unless they are [saved](Self::save).
     ///
     /// # Errors
-    /// When the system gives no randomness.
+    /// If the system gives no random bits.
     pub fn generate(name: Name) -> Result<Self, KeysError> {
         let mut key = KeyPair::generate_for(&PKCS_ED25519)?;
         let certificate = CertificateParams::new(vec![COMMON_NAME.to_owned()])?.self_signed(&key)?;
@@ -94,11 +94,11 @@ impl Keys {
         })
     }
 
-    /// Writes `NAME.key`, for its owner's eyes only, and `NAME.pub` into `folder`, which is created where it
-    /// is missing.
+    /// Writes `NAME.key`, readable only by its owner, and `NAME.pub` into `folder`, which is created if
+    /// missing.
     ///
     /// # Errors
-    /// When one of the two is there already, or cannot be written; then neither is left behind.
+    /// If one of the two exists already, or cannot be written; then neither is left behind.
     pub fn save(&self, folder: &Path) -> Result<KeyFiles, KeysError> {
         file::save(&self.file, &self.public, folder)
     }
@@ -106,13 +106,13 @@ impl Keys {
     /// Reads a private file.
     ///
     /// # Errors
-    /// When the file is missing, is no private file, or others may read it.
+    /// If the file is missing, is not a private file, or others may read it.
     pub fn read(path: &Path) -> Result<Self, KeysError> {
         let file = file::read_private(path)?;
         Self::assemble(file).map_err(|e| KeysError::Unusable { path: path.to_owned(), cause: Box::new(e) })
     }
 
-    /// What others know this peer by.
+    /// This peer's public keys.
     #[must_use]
     pub const fn public(&self) -> &PublicKeys {
         &self.public
@@ -136,14 +136,14 @@ impl Keys {
 }
 
 impl KnownPeer {
-    /// Who has these keys may have this role.
+    /// The holder of these keys may have this role.
     #[must_use]
     pub fn in_role(keys: PublicKeys, role: impl Into<String>) -> Self {
         Self { keys, role: Some(role.into()) }
     }
 }
 
-/// Who has these keys may have any role.
+/// The holder of these keys may have any role.
 impl From<PublicKeys> for KnownPeer {
     fn from(keys: PublicKeys) -> Self {
         Self { keys, role: None }
@@ -154,7 +154,7 @@ impl PublicKeys {
     /// Reads a public file.
     ///
     /// # Errors
-    /// When the file is missing or is no public file.
+    /// If the file is missing or is not a public file.
     pub fn read(path: &Path) -> Result<Self, KeysError> {
         file::read_public(path)
     }

@@ -1,5 +1,4 @@
-//! What UDP peers know each other by, and the secret behind it: static keys of the Noise handshake, X25519
-//! (RFC 7748).
+//! Static keys of the Noise handshake, X25519 (RFC 7748), by which UDP peers know each other.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,22 +10,22 @@ use zeroize::Zeroizing;
 
 use super::hex;
 
-/// The public key that a peer is known by over UDP. Written as 64 hexadecimal digits.
+/// The public key of a peer over UDP. Written as 64 hexadecimal digits.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct NoiseKey([u8; 32]);
 
-/// A text that is no public key.
+/// A text that is not a public key.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{0:?} is no public key: give the 64 hexadecimal digits that `trimaran keys show` prints")]
 pub struct NoiseKeyError(String);
 
-/// A private key. Nothing prints it, and it is wiped from memory when it is dropped.
+/// A private key. It is never printed, and it is wiped from memory when dropped.
 #[derive(Clone, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub(crate) struct NoiseSecret(Zeroizing<[u8; 32]>);
 
-/// A text that is no private key; the text is not repeated here.
+/// A text that is not a private key; it is not repeated here.
 #[derive(Debug, Error)]
 #[error("a private key has 64 hexadecimal digits")]
 pub(crate) struct NoiseSecretError;
@@ -46,7 +45,7 @@ impl NoiseKey {
 }
 
 impl NoiseSecret {
-    /// A new one from the system's randomness.
+    /// A new random secret from the system.
     pub(super) fn random() -> std::io::Result<Self> {
         let mut bytes = Zeroizing::new([0; 32]);
         getrandom::fill(&mut *bytes)?;
@@ -59,7 +58,7 @@ impl NoiseSecret {
         self.0.clone()
     }
 
-    /// The public key that belongs to it.
+    /// The matching public key.
     pub(super) fn public(&self) -> NoiseKey {
         NoiseKey(MontgomeryPoint::mul_base_clamped(*self.0).to_bytes())
     }

@@ -1,4 +1,4 @@
-//! The bulk lane: blocks of bytes, in order and without loss, behind everything else that travels.
+//! The bulk lane: blocks of bytes, in order and without loss, behind all other traffic.
 
 use bytes::Bytes;
 use trimaran_net::Instant;
@@ -9,38 +9,37 @@ use crate::lanes::records::{RecordReceiver, RecordSender};
 
 /// Sends blocks: each arrives once, whole, and in the order in which they were sent, or the link ends.
 ///
-/// Values, frames and messages go first, as far as the transport has a say in it.
+/// Values, frames and messages go first, as far as the transport can decide.
 #[derive(Debug)]
 pub struct BulkSender(pub(crate) RecordSender<Bytes>);
 
 /// Receives blocks.
 ///
-/// Nobody has to: what is not received holds up the peer's sender of blocks, once a bounded buffer is full,
-/// and no other lane.
+/// Receiving is optional: once a bounded buffer is full, unread blocks hold up only the peer's sender of
+/// blocks, and no other lane.
 #[derive(Debug)]
 pub struct BulkReceiver(pub(crate) RecordReceiver<Bytes>);
 
 impl BulkSender {
     /// Sends `block`, which may be empty. Waits while a bounded buffer is full (backpressure), within the
-    /// link's timeout. When this returns the block is on its way: whatever the caller does then, but for
-    /// ending the process, it is sent.
+    /// link's timeout. Once this returns the block is sent, unless the process ends.
     ///
     /// Dropping the future while it waits sends nothing: a block is sent whole, or not at all.
     ///
     /// # Errors
-    /// When the peer is gone or stalls, or the block has more than [`MAX_BLOCK`] bytes.
+    /// If the peer is gone or stalls, or the block has more than [`MAX_BLOCK`] bytes.
     pub async fn send(&mut self, block: Bytes) -> Result<(), SendError> {
         let block = Some(block).filter(|block| block.len() <= MAX_BLOCK);
         let local = || block.clone().map(|block| (block.clone(), block.len()));
         self.0.send(local, || block.clone()).await
     }
 
-    /// Closes this lane, behind all that was sent.
+    /// Closes this lane, behind everything sent.
     ///
-    /// Dropping the future may leave the close unsaid.
+    /// If the future is dropped, the close may not be sent.
     ///
     /// # Errors
-    /// When the peer is gone already, or takes nothing within the link's timeout.
+    /// If the peer is gone already, or takes nothing within the link's timeout.
     pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
         self.0.close(reason).await
     }
@@ -50,7 +49,7 @@ impl BulkReceiver {
     /// Waits for the next block, for as long as the peer lives. Dropping the future loses nothing.
     ///
     /// # Errors
-    /// When the peer closed the link, is lost, or broke the protocol. Blocks that came before are given
+    /// If the peer closed the link, is lost, or broke the protocol. Blocks that came before are returned
     /// first.
     pub async fn recv(&mut self) -> Result<Bytes, RecvError> {
         self.0.recv(None).await
@@ -67,7 +66,7 @@ impl BulkReceiver {
     /// The next block if it has arrived, without waiting. A peer that hangs is not noticed this way.
     ///
     /// # Errors
-    /// When the peer closed the link, is lost, or broke the protocol.
+    /// If the peer closed the link, is lost, or broke the protocol.
     pub fn try_recv(&mut self) -> Result<Option<Bytes>, RecvError> {
         self.0.try_recv()
     }

@@ -23,12 +23,12 @@ use trimaran_net::Instant;
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///
-/// Each call waits until the peer's side has room (backpressure), within the link's timeout. What a call was
-/// given counts as taken even when its future is dropped: the next call sends it.
+/// Each call waits until the peer has room (backpressure), within the link's timeout. A call's data counts as
+/// taken even if its future is dropped: the next call sends it.
 #[derive(Debug)]
 pub struct FrameSender<P: Protocol> {
     writer: FrameWriter<P::Item>,
-    /// Where items do not travel plain.
+    /// Set if items may travel coded.
     encoder: Option<Box<dyn BatchEncoder<P::Item>>>,
     lane: FrameTx<P>,
     shared: Shared,
@@ -40,7 +40,7 @@ pub struct FrameSender<P: Protocol> {
 #[derive(Debug)]
 pub struct FrameReceiver<P: Protocol> {
     assembler: FrameAssembler,
-    /// Where items need not travel plain.
+    /// Set if items may come coded.
     decoder: Option<Box<dyn BatchDecoder<P::Item>>>,
     lane: FrameRx<P>,
     shared: Shared,
@@ -83,12 +83,12 @@ impl<P: Protocol> FrameSender<P> {
         Self { writer, encoder, lane, shared, timeouts, span: FrameSpan::none() }
     }
 
-    /// Begins a frame; its header is on its way when this returns.
+    /// Begins a frame; its header has been sent when this returns.
     ///
-    /// Dropping the future takes nothing back: the next call sends it.
+    /// Dropping the future undoes nothing: the next call sends it.
     ///
     /// # Errors
-    /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
+    /// If the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
     pub async fn begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
         let frame = start.frame;
         self.writer.begin(frame).map_err(|e| self.order(e))?;
@@ -112,13 +112,13 @@ impl<P: Protocol> FrameSender<P> {
         self.send_staged().await
     }
 
-    /// Adds items to the open frame. All batches that this fills leave together, in one write where there is
-    /// room; a remainder waits for more items, [`FrameSender::flush`] or [`FrameSender::finish`].
+    /// Adds items to the open frame. All batches that this fills are sent together, in one write if there is
+    /// room. A remainder waits for more items, [`FrameSender::flush`] or [`FrameSender::finish`].
     ///
-    /// Dropping the future takes nothing back: the next call sends it.
+    /// Dropping the future undoes nothing: the next call sends it.
     ///
     /// # Errors
-    /// When the peer is gone or stalls, no frame is open, or the frame would have more items than it may.
+    /// If the peer is gone or stalls, no frame is open, or the frame would exceed its limit of items.
     pub async fn push(&mut self, items: &[P::Item]) -> Result<(), SendError> {
         let Self { writer, encoder, lane, shared, .. } = self;
         writer
@@ -128,9 +128,9 @@ impl<P: Protocol> FrameSender<P> {
         self.send_staged().await
     }
 
-    /// Sends what waits, without waiting for a full batch.
+    /// Sends waiting items without waiting for a full batch.
     ///
-    /// Dropping the future takes nothing back: the next call sends it.
+    /// Dropping the future undoes nothing: the next call sends it.
     ///
     /// # Errors
     /// As [`FrameSender::push`].
@@ -142,10 +142,9 @@ impl<P: Protocol> FrameSender<P> {
         self.send_staged().await
     }
 
-    /// Ends the open frame: sends what waits and the end (EOF). Says what the frame had.
+    /// Ends the open frame: sends waiting items and the end (EOF). Returns the frame's totals.
     ///
-    /// Dropping the future takes nothing back: the frame has ended, and the next call sends what is left of
-    /// it.
+    /// Dropping the future undoes nothing: the frame has ended, and the next call sends the rest.
     ///
     /// # Errors
     /// As [`FrameSender::push`].
@@ -161,10 +160,10 @@ impl<P: Protocol> FrameSender<P> {
 
     /// Closes this lane. A frame that is open stays unfinished.
     ///
-    /// Dropping the future may leave the close unsaid.
+    /// If the future is dropped, the close may not be sent.
     ///
     /// # Errors
-    /// When the peer is gone already, or takes nothing within the link's timeout.
+    /// If the peer is gone already, or takes nothing within the link's timeout.
     pub async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
             FrameTx::Local(lane) => lane.stage_close(reason, &self.shared),
@@ -199,7 +198,7 @@ impl<P: Protocol> FrameSender<P> {
     }
 }
 
-/// Puts what a frame writer gives into the queue of this side.
+/// Queues a message of the frame writer at this side.
 fn stage<P: Protocol>(
     encoder: Option<&mut (dyn BatchEncoder<P::Item> + 'static)>,
     lane: &mut FrameTx<P>,
@@ -209,7 +208,7 @@ fn stage<P: Protocol>(
     match lane {
         FrameTx::Local(lane) => match message {
             FrameMessage::Batch(bytes) => {
-                // A writer's batches are sound.
+                // A writer's batches are valid.
                 if let Ok(batch) = Batch::new(bytes) {
                     lane.stage(FrameEvent::Batch(batch), shared);
                 }
@@ -224,7 +223,7 @@ fn stage<P: Protocol>(
     }
 }
 
-/// What travels for a message of a frame.
+/// The wire message for a frame message.
 fn coded<I: Item>(
     encoder: Option<&mut (dyn BatchEncoder<I> + 'static)>,
     message: FrameMessage,
@@ -260,10 +259,10 @@ impl<P: Protocol> FrameReceiver<P> {
         Self { assembler, decoder, lane, shared, timeouts, rate, span: FrameSpan::none() }
     }
 
-    /// Waits for what comes next. Dropping the future loses nothing.
+    /// Waits for the next event. Dropping the future loses nothing.
     ///
     /// # Errors
-    /// When the peer closed the link, is lost, broke the protocol, or sent nothing within the link's timeout.
+    /// If the peer closed the link, is lost, broke the protocol, or sent nothing within the link's timeout.
     pub async fn recv(&mut self) -> Result<FrameEvent<P>, RecvError> {
         self.recv_until(None).await
     }
@@ -276,16 +275,16 @@ impl<P: Protocol> FrameReceiver<P> {
         self.recv_until(Some(deadline)).await
     }
 
-    /// What has arrived, if anything has, without waiting: for whoever polls rather than pay for being woken.
-    /// A peer that hangs is not noticed this way.
+    /// The next event if it has arrived, without waiting: for callers that poll to avoid the cost of being
+    /// woken. A peer that hangs is not noticed this way.
     ///
     /// # Errors
-    /// When the peer closed the link, is lost, or broke the protocol.
+    /// If the peer closed the link, is lost, or broke the protocol.
     pub fn try_recv(&mut self) -> Result<Option<FrameEvent<P>>, RecvError> {
         at_once(self.recv_until(None))
     }
 
-    /// Throws away what comes until the lane ends, and says how it ended.
+    /// Discards everything until the lane ends, and returns how it ended.
     pub(crate) async fn drain(&mut self) -> RecvError {
         loop {
             if let Err(end) = self.recv().await {
@@ -334,13 +333,13 @@ impl<P: Protocol> FrameReceiver<P> {
         Ok(event)
     }
 
-    /// The event, if it may come now. What became of a frame is found out here.
+    /// Checks that the event may come now. The outcome of a frame is decided here.
     fn judged(&mut self, event: FrameEvent<P>) -> Result<FrameEvent<P>, LaneError> {
         let step = match &event {
             FrameEvent::Begin(start) => FrameStep::Begin(start.frame),
             FrameEvent::Batch(batch) => FrameStep::Batch { items: batch.count(), bytes: batch.as_bytes() },
             FrameEvent::End(FrameOutcome::Complete(end)) => FrameStep::End(*end),
-            // Nobody sends it so.
+            // No peer sends it so.
             FrameEvent::End(FrameOutcome::Incomplete { .. }) => return Ok(event),
         };
         let outcome = self.assembler.take(step).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))?;
@@ -348,7 +347,7 @@ impl<P: Protocol> FrameReceiver<P> {
     }
 }
 
-/// The event that travelled as `message`. An end is taken for that of a complete frame until it is judged.
+/// The event in `message`. An end counts as that of a complete frame until it is checked.
 fn decoded<P: Protocol>(
     decoder: Option<&mut (dyn BatchDecoder<P::Item> + 'static)>,
     message: FrameMessage,
@@ -384,7 +383,7 @@ fn decoded<P: Protocol>(
     })
 }
 
-/// Bytes that came as a batch: whole items by the time that they are here.
+/// The bytes of a batch, already known to be whole items.
 fn batch<I: Item>(bytes: Bytes) -> Result<Batch<I>, LaneError> {
     Batch::new(bytes).map_err(|e| LaneError::Protocol(ProtocolError::Batch(e)))
 }

@@ -45,10 +45,10 @@ over_bytes!(WireLatestTx: LatestTx);
 over_bytes!(WireLatestRx: LatestRx);
 
 impl<P: Protocol> LatestSender<P> {
-    /// Publishes `value`. Never waits: when the peer is slow, only the newest value waits for it.
+    /// Publishes `value`. Never waits: if the peer is slow, only the newest value waits for it.
     ///
     /// # Errors
-    /// When the peer is gone.
+    /// If the peer is gone.
     pub fn publish(&mut self, value: P::Latest) -> Result<(), SendError> {
         match &mut self.lane {
             LatestTx::Local(lane) => lane.publish(value, &self.shared),
@@ -59,12 +59,12 @@ impl<P: Protocol> LatestSender<P> {
         .map_err(|e| self.error(e))
     }
 
-    /// Closes this lane, after the value that was published last.
+    /// Closes this lane, after the last published value.
     ///
-    /// Dropping the future may leave the close unsaid.
+    /// If the future is dropped, the close may not be sent.
     ///
     /// # Errors
-    /// When the peer is gone already, or takes nothing within the link's timeout.
+    /// If the peer is gone already, or takes nothing within the link's timeout.
     pub async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
             LatestTx::Local(lane) => lane.close(reason, &self.shared),
@@ -81,13 +81,13 @@ impl<P: Protocol> LatestSender<P> {
 }
 
 impl<P: Protocol> LatestReceiver<P> {
-    /// Waits for a value that was not read before, and gives the newest.
+    /// Waits for an unread value, and returns the newest.
     ///
     /// Dropping the future loses no value.
     ///
     /// # Errors
-    /// When the peer closed the link, is lost, broke the protocol, or published nothing within the link's
-    /// timeout. A value that came before such an end is given first.
+    /// If the peer closed the link, is lost, broke the protocol, or published nothing within the link's
+    /// timeout. A value that came before such an end is returned first.
     pub async fn latest(&mut self) -> Result<P::Latest, RecvError> {
         self.latest_until(None).await
     }
@@ -100,10 +100,10 @@ impl<P: Protocol> LatestReceiver<P> {
         self.latest_until(Some(deadline)).await
     }
 
-    /// The newest value that was not read before, or `None` when there is none now. Never waits.
+    /// The newest unread value, or `None` if there is none now. Never waits.
     ///
     /// # Errors
-    /// When the peer closed the link, is lost, or broke the protocol.
+    /// If the peer closed the link, is lost, or broke the protocol.
     pub fn try_latest(&mut self) -> Result<Option<P::Latest>, RecvError> {
         match &mut self.lane {
             LatestRx::Local(lane) => lane.try_latest(&self.shared),
@@ -115,7 +115,7 @@ impl<P: Protocol> LatestReceiver<P> {
         .map_err(|e| self.error(e))
     }
 
-    /// Throws away what comes until the lane ends, and says how it ended.
+    /// Discards everything until the lane ends, and returns how it ended.
     pub(crate) async fn drain(&mut self) -> RecvError {
         loop {
             if let Err(end) = self.latest().await {
@@ -124,8 +124,8 @@ impl<P: Protocol> LatestReceiver<P> {
         }
     }
 
-    /// Tells the peer's machine that this side is gone, where only a machine that lives can: after both have
-    /// closed the link.
+    /// Tells the peer's machine that this side is gone, on transports that need a live process for that:
+    /// after both have closed the link.
     pub(crate) async fn part(self) {
         #[cfg(feature = "quic")]
         if let LatestRx::Wire(lane) = self.lane
@@ -153,7 +153,7 @@ impl<P: Protocol> LatestReceiver<P> {
     }
 }
 
-/// The value that came as `bytes`, whose length is that of the value.
+/// The value in `bytes`, which have the length of a value.
 fn read<P: Protocol>(bytes: &[u8]) -> Result<P::Latest, LaneError> {
     P::Latest::read(bytes).map_err(|e| LaneError::Protocol(ProtocolError::Value(Box::new(e))))
 }

@@ -1,4 +1,4 @@
-//! The messages lane: what is said beside values and frames, in order and without loss.
+//! The messages lane: messages beside values and frames, in order and without loss.
 
 use trimaran_net::Instant;
 use trimaran_wire::{CloseReason, MAX_MESSAGE, Protocol};
@@ -12,23 +12,22 @@ pub struct MessageSender<P: Protocol>(pub(crate) RecordSender<P::Message>);
 
 /// Receives messages.
 ///
-/// Nobody has to: what is not received holds up the peer's sender of messages, once a bounded buffer is full,
-/// and no other lane.
+/// Receiving is optional: once a bounded buffer is full, unread messages hold up only the peer's sender of
+/// messages, and no other lane.
 #[derive(Debug)]
 pub struct MessageReceiver<P: Protocol>(pub(crate) RecordReceiver<P::Message>);
 
 impl<P: Protocol> MessageSender<P> {
     /// Sends `message`. Waits while the peer takes none and a bounded buffer is full (backpressure), within
-    /// the link's timeout. When this returns the message is on its way: whatever the caller does then, but
-    /// for ending the process, it is sent.
+    /// the link's timeout. Once this returns the message is sent, unless the process ends.
     ///
     /// Dropping the future while it waits sends nothing: a message is sent whole, or not at all.
     ///
     /// # Errors
-    /// When the peer is gone or stalls, or the message has more than [`MAX_MESSAGE`] bytes as postcard
-    /// writes it.
+    /// If the peer is gone or stalls, or the message has more than [`MAX_MESSAGE`] bytes, encoded by
+    /// postcard.
     pub async fn send(&mut self, message: &P::Message) -> Result<(), SendError> {
-        // Nothing is encoded within one process, and what it allows is the same.
+        // Nothing is encoded within one process, but the limit is the same.
         let local = || {
             let bytes = postcard::experimental::serialized_size(message).ok()?;
             (bytes <= MAX_MESSAGE).then(|| (message.clone(), bytes))
@@ -40,23 +39,23 @@ impl<P: Protocol> MessageSender<P> {
         self.0.send(local, wire).await
     }
 
-    /// Closes this lane, behind all that was sent.
+    /// Closes this lane, behind everything sent.
     ///
-    /// Dropping the future may leave the close unsaid.
+    /// If the future is dropped, the close may not be sent.
     ///
     /// # Errors
-    /// When the peer is gone already, or takes nothing within the link's timeout.
+    /// If the peer is gone already, or takes nothing within the link's timeout.
     pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
         self.0.close(reason).await
     }
 }
 
 impl<P: Protocol> MessageReceiver<P> {
-    /// Waits for the next message, for as long as the peer lives: one with nothing to say is none that is
-    /// lost. Dropping the future loses nothing.
+    /// Waits for the next message, for as long as the peer lives: a peer without messages is not lost.
+    /// Dropping the future loses nothing.
     ///
     /// # Errors
-    /// When the peer closed the link, is lost, or broke the protocol. Messages that came before are given
+    /// If the peer closed the link, is lost, or broke the protocol. Messages that came before are returned
     /// first.
     pub async fn recv(&mut self) -> Result<P::Message, RecvError> {
         self.0.recv(None).await
@@ -73,7 +72,7 @@ impl<P: Protocol> MessageReceiver<P> {
     /// The next message if it has arrived, without waiting. A peer that hangs is not noticed this way.
     ///
     /// # Errors
-    /// When the peer closed the link, is lost, or broke the protocol.
+    /// If the peer closed the link, is lost, or broke the protocol.
     pub fn try_recv(&mut self) -> Result<Option<P::Message>, RecvError> {
         self.0.try_recv()
     }

@@ -1,4 +1,4 @@
-//! The lanes of a link as the application uses them, whatever carries them.
+//! The lanes of a link as the application uses them, over any transport.
 
 /// Half a lane over one of the transports that carry bytes: `over_bytes!(Name: Half)`, where each of the
 /// modules `stream`, `quic` and `udp` has its `Half`.
@@ -16,7 +16,7 @@ macro_rules! over_bytes {
     };
 }
 
-/// Does the same with such a half, whichever transport it is of.
+/// Applies the same code to such a half of any transport.
 macro_rules! whichever {
     ($name:ident: $half:expr, $lane:ident => $act:expr) => {
         match $half {

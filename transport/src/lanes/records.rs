@@ -1,5 +1,5 @@
-//! What the messages lane and the bulk lane have in common: each carries records, strings of bytes that
-//! arrive once, whole, and in the order in which they were sent, or the link ends.
+//! The common part of the messages lane and the bulk lane. Each carries records: strings of bytes that arrive
+//! once, whole, and in the order in which they were sent, or the link ends.
 
 use bytes::Bytes;
 use trimaran_net::Instant;
@@ -16,7 +16,7 @@ use crate::timeouts::Timeouts;
 #[cfg(feature = "udp")]
 use crate::udp::records as udp;
 
-/// Which of the lanes of records.
+/// One of the lanes of records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum RecordLane {
     /// A record is a message.
@@ -26,7 +26,7 @@ pub(crate) enum RecordLane {
 }
 
 impl RecordLane {
-    /// What a record of the lane is.
+    /// The kind of the lane's records.
     pub(crate) const fn kind(self) -> Kind {
         match self {
             Self::Messages => Kind::Message,
@@ -34,7 +34,7 @@ impl RecordLane {
         }
     }
 
-    /// The message that a record travels as.
+    /// The message for a record.
     pub(crate) const fn message(self, record: Bytes) -> Message {
         match self {
             Self::Messages => Message::Message(record),
@@ -42,7 +42,7 @@ impl RecordLane {
         }
     }
 
-    /// The record that travelled as `message`.
+    /// The record in `message`.
     pub(crate) fn record(self, message: Message) -> Result<Bytes, LaneError> {
         match (self, message) {
             (Self::Messages, Message::Message(record)) | (Self::Bulk, Message::Block(record)) => Ok(record),
@@ -76,8 +76,8 @@ pub(crate) struct RecordSender<T> {
 }
 
 impl<T> RecordSender<T> {
-    /// Sends a record: within one process as `local` gives it, with the bytes that it would have, or else as
-    /// the bytes that `wire` gives. Either gives nothing for a record that is too long.
+    /// Sends a record. Within one process `local` gives it, with its encoded size; otherwise `wire` gives its
+    /// bytes. Either returns nothing for a record that is too long.
     pub(crate) async fn send(
         &mut self,
         local: impl FnOnce() -> Option<(T, usize)>,
@@ -119,11 +119,11 @@ impl<T> RecordSender<T> {
 pub(crate) struct RecordReceiver<T> {
     pub(crate) lane: RecordRx<T>,
     pub(crate) shared: Shared,
-    /// Of no limit to a wait.
+    /// Without a limit to a wait.
     pub(crate) timeouts: Timeouts,
-    /// How many may come, where they are counted.
+    /// The message rate limit, where messages are counted.
     pub(crate) rate: Option<Messages>,
-    /// What a record is that came as bytes.
+    /// Decodes a record.
     pub(crate) read: fn(Bytes) -> Result<T, ProtocolError>,
 }
 
@@ -155,7 +155,7 @@ impl<T> RecordReceiver<T> {
         at_once(self.recv(None))
     }
 
-    /// Throws away what comes until the lane ends, and says how it ended.
+    /// Discards everything until the lane ends, and returns how it ended.
     pub(crate) async fn drain(&mut self) -> RecvError {
         loop {
             if let Err(end) = self.recv(None).await {

@@ -1,4 +1,4 @@
-//! What the halves of a link have in common.
+//! State shared by the halves of a link.
 
 use std::fmt;
 use std::pin::pin;
@@ -10,7 +10,7 @@ use trimaran_wire::Format;
 use crate::peer::PeerName;
 use crate::stats::Counters;
 
-/// What the halves of a link have in common.
+/// State shared by the halves of a link.
 #[derive(Debug, Clone)]
 pub(crate) struct Shared {
     pub(crate) peer: PeerName,
@@ -20,8 +20,8 @@ pub(crate) struct Shared {
     pub(crate) _place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
 }
 
-/// What `next` gives without waiting, for whoever polls: not bound by the runtime's budget of a task, which
-/// would show a full queue as an empty one to a loop that never yields.
+/// The output of `next` if it needs no waiting, for callers that poll. It ignores the runtime's budget of a
+/// task, which would show a full queue as empty to a loop that never yields.
 pub(crate) fn at_once<T, E>(next: impl Future<Output = Result<T, E>>) -> Result<Option<T>, E> {
     match pin!(tokio::task::unconstrained(next)).poll(&mut Context::from_waker(Waker::noop())) {
         Poll::Ready(came) => came.map(Some),

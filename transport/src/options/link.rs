@@ -1,15 +1,15 @@
-//! What holds for a link, whatever its transport.
+//! Options of a link over any transport.
 
 use std::time::Duration;
 
 use trimaran_wire::{BatchSize, Batching};
 
-/// What holds for a link whatever its transport.
+/// Options of a link over any transport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct LinkConfig {
-    /// How long any one wait for the peer may last: longer than the peer's longest pause between two
+    /// How long a single wait for the peer may last: longer than the peer's longest pause between two
     /// messages, loading and first frame included. Default 30 s.
     #[cfg_attr(
         feature = "config",
@@ -17,9 +17,9 @@ pub struct LinkConfig {
         schemars(with = "f64")
     )]
     pub timeout: Duration,
-    /// The silence after which the peer counts as lost, whatever the transport: it shows keep-alives while
-    /// it has nothing to say, as long as its process runs. Time in which nobody waits for the peer does
-    /// not count. Both sides should have the same, or 20 s and more. Default 20 s.
+    /// The silence after which the peer counts as lost, on any transport: an idle peer sends keep-alives as
+    /// long as its process runs. Time in which nobody waits for the peer does not count. Both sides should
+    /// have the same, or 20 s and more. Default 20 s.
     #[cfg_attr(
         feature = "config",
         serde(rename = "idle_timeout_s", with = "crate::options::range::idle_timeout_s"),
@@ -33,17 +33,17 @@ pub struct LinkConfig {
         schemars(with = "f64")
     )]
     pub handshake_timeout: Duration,
-    /// How items travel, where the peers' hellos do not say so. Within one process they are not coded.
+    /// How items travel, if the peers' hellos do not decide it. Within one process they are not coded.
     /// Default batches of 256, plain.
     #[cfg_attr(feature = "config", serde(skip))]
     pub batching: Batching,
-    /// How many items a frame may have at most, sent or received: a peer that sends more breaks the protocol,
-    /// and is found out before room is made for them. Give what the application can have. Default 4,194,304.
+    /// How many items a frame may have at most, sent or received. A peer that sends more breaks the protocol,
+    /// and is detected before room is made for them. Give what the application can have. Default 4,194,304.
     #[cfg_attr(feature = "config", serde(skip))]
     pub max_frame: u32,
-    /// How many messages the peer may send on the frames lane in a second, measured over that many, and on
-    /// the messages lane: one that sends more is no peer but a flood, and the lane fails. Of latest values
-    /// only the newest is read anyway. Not within one process. Default 1,000,000.
+    /// How many messages the peer may send in a second on the frames lane, measured over that many, and on
+    /// the messages lane. A peer that sends more is a flood, and the lane fails. Of latest values only the
+    /// newest is read anyway. Not within one process. Default 1,000,000.
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::above_zero"))]
     pub messages_per_s: u32,
 }
@@ -62,8 +62,8 @@ impl Default for LinkConfig {
 }
 
 impl LinkConfig {
-    /// The pause after which a lane that has nothing to say shows a keep-alive: often enough for a peer of
-    /// the default idle timeout.
+    /// The pause after which an idle lane sends a keep-alive: often enough for a peer of the default idle
+    /// timeout.
     pub(crate) fn keepalive(&self) -> Duration {
         (self.idle_timeout / 4).min(Duration::from_secs(5))
     }

@@ -1,4 +1,4 @@
-//! How links are made and what they may cost: what all transports have in common, and each one's own.
+//! Options of links: those common to all transports, and those of each.
 
 pub(crate) mod limits;
 pub(crate) mod link;
@@ -22,32 +22,32 @@ use crate::udp::UdpOptions;
 use crate::ws::WsOptions;
 use crate::{TcpOptions, Transport};
 
-/// Options of links, whatever their transport.
+/// Options of links over any transport.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct Options {
-    /// What holds for a link once it is made.
+    /// Options of a link once it is made.
     pub link: LinkConfig,
-    /// What others may make this side spend.
+    /// Limits on the resources of this side that others may use.
     pub limits: Limits,
-    /// This peer's keys and the peers that it knows. What encrypts needs them: QUIC has no plaintext mode.
-    /// Default none.
+    /// This peer's keys and the peers that it knows. Encrypted transports need them: QUIC has no plaintext
+    /// mode. Default none.
     #[cfg(feature = "keys")]
     #[cfg_attr(feature = "config", serde(skip))]
     pub security: Option<Security>,
-    /// What holds for TCP connections.
+    /// Options of TCP connections.
     pub tcp: TcpOptions,
-    /// What holds for Unix sockets.
+    /// Options of Unix sockets.
     #[cfg(feature = "unix")]
     pub unix: UnixOptions,
-    /// What holds for QUIC connections.
+    /// Options of QUIC connections.
     #[cfg(feature = "quic")]
     pub quic: QuicOptions,
-    /// What holds for connections over datagrams.
+    /// Options of connections over datagrams.
     #[cfg(feature = "udp")]
     pub udp: UdpOptions,
-    /// What holds for WebSockets.
+    /// Options of WebSockets.
     #[cfg(feature = "ws")]
     pub ws: WsOptions,
     /// Transports beside those of this crate, for endpoints of their schemes. Default none.

@@ -1,4 +1,4 @@
-//! Values of options that have a range, as a configuration file gives them.
+//! Option values with a range, as in a configuration file.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -21,12 +21,12 @@ where
     Err(D::Error::custom(format_args!("{value} is out of range: give {least} to {most}")))
 }
 
-/// A count of one at least.
+/// A count of at least one.
 pub(crate) fn above_zero<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
     within(deserializer, &(1..=u32::MAX))
 }
 
-/// A count of handshakes with which a link can come about: over byte streams it takes four.
+/// A count of handshakes that is enough for a link: over byte streams it takes four.
 pub(crate) fn of_a_link<'de, D, T>(deserializer: D) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,

@@ -10,22 +10,22 @@ use quinn::{Connection, ConnectionError, ReadError, SendStream, VarInt, WriteErr
 use crate::error::Loss;
 use trimaran_net::{Net, sleep_until, until};
 
-/// How long what was sent may take to arrive after the last half of a link was dropped.
+/// How long sent data may take to arrive after the last half of a link was dropped.
 const LINGER: Duration = Duration::from_secs(2);
-/// How long the packet that tells of the close may take to leave.
+/// How long the close packet may take to leave.
 const TELL: Duration = Duration::from_millis(500);
 /// How often to look whether it has left.
 const LOOK: Duration = Duration::from_millis(1);
-/// The code that a connection is closed with: QUIC needs one, this protocol has its close.
+/// The code of QUIC's own close: it needs one, and this protocol has a close of its own.
 const CLOSED: VarInt = VarInt::from_u32(0);
 
-/// A connection that the halves of a link share. Dropping the last half closes it, once what was sent has
-/// arrived: closing at once would take back what QUIC has not delivered.
+/// A connection shared by the halves of a link. Dropping the last half closes it once everything has arrived:
+/// closing at once would discard data that QUIC has not delivered.
 #[derive(Debug)]
 pub(crate) struct Carrier {
     pub(crate) net: Arc<dyn Net>,
     pub(crate) connection: Connection,
-    /// Streams of halves that are gone, not all of which has arrived.
+    /// Streams of dropped halves, with data that has not arrived.
     leaving: Mutex<Vec<SendStream>>,
 }
 
@@ -34,20 +34,19 @@ impl Carrier {
         Arc::new(Self { net: Arc::clone(net), connection, leaving: Mutex::default() })
     }
 
-    /// Keeps the connection for the sake of `streams`, whose half is dropped.
+    /// Keeps the connection for `streams`, whose half is dropped.
     pub(crate) fn outlive(&self, streams: impl IntoIterator<Item = SendStream>) {
         self.leaving.lock().extend(streams);
     }
 
-    /// Closes the connection, and waits until the packet that says so has left. It also acknowledges what
-    /// came last: a process that ended without it would leave its peer waiting for that until the end of
-    /// the idle timeout.
+    /// Closes the connection, and waits until the close packet has left. It also acknowledges the last data:
+    /// without it the peer would wait for that until the idle timeout.
     pub(crate) async fn part(&self) {
         if self.connection.close_reason().is_some() {
             return;
         }
-        // quinn tells nobody when it has sent its last packet, but counts what it sends: after the close only
-        // that one.
+        // quinn does not report when it has sent its last packet, but counts packets: after the close only
+        // that one is sent.
         let sent = || self.connection.stats().udp_tx.datagrams;
         let before = sent();
         self.connection.close(CLOSED, b"");
@@ -76,7 +75,7 @@ pub(crate) async fn all_arrived(streams: impl IntoIterator<Item = &SendStream>) 
     }
 }
 
-/// How a connection was lost.
+/// The cause of a lost connection.
 pub(crate) fn loss(error: ConnectionError) -> Loss {
     match error {
         ConnectionError::ApplicationClosed(_) | ConnectionError::LocallyClosed => Loss::Closed,
@@ -115,7 +114,7 @@ mod tests {
 
     const SECONDS: Duration = Duration::from_secs(10);
 
-    /// A process that ends when it has closed the link: nothing of it sends anything any more.
+    /// A process may end once it has closed the link: nothing of it sends any more.
     #[test]
     fn the_close_has_left_when_a_close_is_over() {
         let [here, there] = ["near", "far"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
@@ -150,7 +149,7 @@ mod tests {
             messages_tx.close(finished()).await.unwrap();
             let Bulk { tx: bulk_tx, rx: _bulk_rx } = bulk.unwrap();
             bulk_tx.close(finished()).await.unwrap();
-            // Not that it was silent for the length of the idle timeout.
+            // Not a silence until the idle timeout.
             let end = lane.connection().closed().await;
             assert!(matches!(end, ConnectionError::ApplicationClosed(_)), "{end:?}");
         });

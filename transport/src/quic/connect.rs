@@ -23,7 +23,7 @@ use trimaran_net::{Net, random_bytes};
 /// TLS wants a name; peers know each other by fingerprint.
 const SERVER_NAME: &str = "trimaran";
 
-/// Tries once.
+/// One attempt.
 pub(super) async fn attempt(
     net: &Arc<dyn Net>,
     at: &HostPort,
@@ -32,7 +32,7 @@ pub(super) async fn attempt(
     each_address(net, at, |to| introduce(net, to, introduction)).await
 }
 
-/// Tries each address of a host once, until one is there: whoever answers has the last word.
+/// Tries each address of a host once, until one answers: that answer is final.
 async fn each_address<F: Future<Output = Result<Parts, AttemptError>>>(
     net: &Arc<dyn Net>,
     at: &HostPort,
@@ -81,7 +81,7 @@ async fn introduce(
         let theirs = application.recognize(&control.recv_answer().await?)?;
         Ok::<_, HandshakeError>((control, beside, theirs))
     };
-    // The listener judges our certificate after we have judged its own: a refusal comes on what seemed a
+    // The listener judges our certificate after we have judged its own, so a refusal comes on an apparent
     // connection.
     let (control, beside, theirs) = shake.await.map_err(|e| match (e, connection.close_reason()) {
         (HandshakeError::Io(_), Some(reason)) => explained(reason),
@@ -93,7 +93,7 @@ async fn introduce(
     Ok(Parts { doubt: judged.err(), ..parts })
 }
 
-/// quinn on a socket of `net`; says where it is bound.
+/// quinn on a socket of `net`; returns the bound address.
 pub(super) fn endpoint(
     net: &Arc<dyn Net>,
     at: SocketAddr,

@@ -1,4 +1,4 @@
-//! The control stream during the handshake, and the link that comes of it.
+//! The control stream during the handshake, and the link made from it.
 
 use std::fmt;
 use std::future::poll_fn;
@@ -32,7 +32,7 @@ use trimaran_net::Net;
 const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, encrypted: true, local: false };
 
-/// The connection's end says this when values of the latest lane do not fit.
+/// The code of a connection that ends because values of the latest lane do not fit.
 const NO_DATAGRAMS: VarInt = VarInt::from_u32(1);
 /// TLS alerts (RFC 8446, section 6.2).
 const CERTIFICATE_UNKNOWN: u8 = 46;
@@ -41,7 +41,7 @@ const NO_APPLICATION_PROTOCOL: u8 = 120;
 /// A stream in both directions.
 pub(super) type BothWays = (SendStream, RecvStream);
 
-/// The streams beside the control stream: that of messages, and that of blocks.
+/// The streams beside the control stream: one for messages, and one for blocks.
 pub(super) type Beside = [BothWays; 2];
 
 /// The stream on which the two sides introduce themselves.
@@ -72,12 +72,12 @@ impl Control {
         })
     }
 
-    /// Opens the streams beside this one, and has the other side know of them.
+    /// Opens the streams beside this one, and announces them to the other side.
     pub(super) async fn open_beside(&self) -> Result<Beside, HandshakeError> {
         Ok([self.open().await?, self.open().await?])
     }
 
-    /// Waits for those of the side that connects. They come in the order in which they were opened.
+    /// Waits for the streams of the connecting side. They come in the order in which they were opened.
     pub(super) async fn accept_beside(&self) -> Result<Beside, HandshakeError> {
         Ok([self.accept().await?, self.accept().await?])
     }
@@ -106,7 +106,7 @@ impl Control {
         let address = PeerAddress::Quic(connection.remote_address());
         let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
         let carrier = Carrier::new(net, connection);
-        // The lane that lives on in its task must not keep the peer's place.
+        // The lane in the task outlives the link, and must not keep the peer's place.
         let copier = Shared { _place: None, ..shared.clone() };
         let records = |lane, (send, recv): BothWays| {
             (
@@ -145,7 +145,7 @@ impl Handshake for Control {
         }
     }
 
-    /// Waits until that has arrived.
+    /// Waits until the refusal has arrived.
     async fn dismiss(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
         self.send(&Message::Refuse(refusal)).await?;
         // Fails only for a stream that is closed.
@@ -155,7 +155,7 @@ impl Handshake for Control {
     }
 }
 
-/// Checks that values of the latest lane fit into datagrams; where they do not, the peer is told why.
+/// Checks that values of the latest lane fit into datagrams; if not, tells the peer why.
 pub(super) fn check_datagrams(connection: &Connection, format: &Format) -> Result<(), HandshakeError> {
     let (needed, allowed) = (Numbered::NUMBER_BYTES + format.latest, connection.max_datagram_size());
     if allowed.is_some_and(|bytes| bytes >= needed) {
@@ -166,7 +166,7 @@ pub(super) fn check_datagrams(connection: &Connection, format: &Format) -> Resul
     Err(error)
 }
 
-/// What a failed connection means; `ours` is what this side showed, `protocol` what it speaks.
+/// The meaning of a failed connection; `ours` is this side's certificate, `protocol` its protocol.
 pub(super) fn explain(
     error: ConnectionError,
     verifier: &Verifier,
@@ -186,7 +186,7 @@ pub(super) fn explain(
         code if code == TransportErrorCode::CONNECTION_REFUSED => {
             Some(HandshakeError::Refused(Refusal::Busy))
         }
-        // Its handshake gave way to another, or its listener is gone.
+        // Its handshake gave way to another, or its listener has closed.
         code if code == TransportErrorCode::APPLICATION_ERROR => Some(HandshakeError::Closed),
         _ => None,
     };

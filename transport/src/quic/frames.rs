@@ -1,9 +1,8 @@
-//! The frames lane over QUIC: a stream for each frame, so that what is lost of one holds up only that one on
-//! the way.
+//! The frames lane over QUIC: a stream for each frame, so that a loss holds up only its own frame on the
+//! path.
 //!
-//! The lane is what its streams hold, one after the other in the order in which they were opened. Each holds
-//! one frame, or the close. Older streams go first where the connection
-//! cannot take all.
+//! The lane is the sequence of its streams, in the order in which they were opened. Each holds one frame, or
+//! the close. Older streams go first where the connection cannot take all.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -24,9 +23,9 @@ use trimaran_net::Instant;
 
 /// How much is read at once: whole frames, mostly.
 const ROOM: usize = 64 * 1024;
-/// How much is given to a stream at once.
+/// How much is written to a stream at once.
 const PART: usize = 64 * 1024;
-/// What a stream that nobody reads is stopped with.
+/// The code that stops a stream that nobody reads.
 const UNREAD: VarInt = VarInt::from_u32(0);
 
 #[derive(Debug)]
@@ -34,9 +33,9 @@ pub(crate) struct FrameTx {
     carrier: Arc<Carrier>,
     /// The stream of the open frame.
     stream: Option<SendStream>,
-    /// Streams that are finished and perhaps not all arrived.
+    /// Finished streams that may not have arrived completely.
     flying: VecDeque<SendStream>,
-    /// Falls with each stream; starts anew after two thousand million.
+    /// Falls with each stream; starts over after two thousand million.
     priority: i32,
     buffer: BytesMut,
     staged: VecDeque<Part>,
@@ -46,7 +45,7 @@ pub(crate) struct FrameTx {
 #[derive(Debug)]
 struct Part {
     bytes: Bytes,
-    /// Nothing follows them on their stream.
+    /// Nothing follows these bytes on their stream.
     last: bool,
 }
 
@@ -64,8 +63,7 @@ impl FrameTx {
 
     pub(crate) fn stage(&mut self, message: impl Into<Message>, shared: &Shared) {
         let message = message.into();
-        // What is cut off leaves the rest of the memory to what follows; once that is used up, as much is
-        // taken anew.
+        // The rest of the buffer serves the following reads; once it is used up, a new one is allocated.
         if self.buffer.capacity() == 0 {
             self.buffer.reserve(PART);
         }
@@ -82,7 +80,7 @@ impl FrameTx {
         self.staged.push_back(Part { bytes: self.buffer.split().freeze(), last });
     }
 
-    /// Gives what is staged to the connection. Whatever it takes starts the timeout anew.
+    /// Passes staged messages to the connection. Any progress restarts the timeout.
     pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         if !self.buffer.is_empty() {
             self.cut(false);
@@ -128,7 +126,7 @@ impl FrameTx {
             let _ = stream.finish();
             self.flying.push_back(stream);
         }
-        // A stream all of which has arrived is forgotten, and has no priority any more.
+        // A stream that has arrived completely is forgotten, and has no priority any more.
         while self.flying.front().is_some_and(|stream| stream.priority().is_err()) {
             self.flying.pop_front();
         }
@@ -212,7 +210,7 @@ impl FrameRx {
         Ok(message)
     }
 
-    /// A stream ends where its frame does. One that ends before was left by a sender that was dropped.
+    /// A stream ends with its frame. One that ends earlier was left by a dropped sender.
     fn end_of_stream(&mut self) -> Result<(), LaneError> {
         match self.decoder.pending() {
             0 if self.within => Err(LaneError::Lost(Loss::Closed)),
@@ -226,7 +224,7 @@ impl FrameRx {
 }
 
 impl Drop for FrameRx {
-    /// Tells the peer that nobody reads its frames any more: those that come later are stopped as well.
+    /// Tells the peer that its frames are no longer read: later ones are stopped as well.
     fn drop(&mut self) {
         self.stream = None;
         let connection = self.carrier.connection.clone();
@@ -252,8 +250,8 @@ pub(super) fn poll_fill(
     decoder: &mut Decoder,
     cx: &mut Context<'_>,
 ) -> Poll<Result<usize, LaneError>> {
-    // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on where the last
-    // one was.
+    // The future of `read_buf` holds no state of its own, so that a fresh one per poll continues the last
+    // one.
     let read = ready!(pin!(stream.read_buf(decoder.buffer(ROOM))).poll(cx));
     Poll::Ready(read.map_err(|e| LaneError::Lost(e.downcast().map_or_else(Loss::Io, read_loss))))
 }

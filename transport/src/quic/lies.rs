@@ -1,4 +1,4 @@
-//! A peer that is who it says, and lies in every length that it sends.
+//! An authenticated peer that lies in every length that it sends.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -24,12 +24,12 @@ use crate::{
 const HERE: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
 const MOST: [u8; 3] = [0xff; 3];
 
-/// The liar, as it introduces itself.
+/// The liar's side of the protocol.
 fn panel() -> Arc<dyn Application> {
     Side::<Robot>::of(greeting(PANEL)).unwrap()
 }
 
-/// A listener, and what a liar needs who is one of its peers.
+/// A listener, and the keys of a liar that is one of its peers.
 struct Setting {
     net: Arc<dyn Net>,
     listener: Listener<Robot>,

@@ -1,4 +1,4 @@
-//! Listening over QUIC: who is let in, and what strangers may cost.
+//! Listening over QUIC: admission of peers, and limits for strangers.
 
 use std::io;
 use std::net::SocketAddr;
@@ -18,10 +18,10 @@ use crate::keys::Security;
 use crate::pending::Slot;
 use trimaran_net::until;
 
-/// How many bytes an attempt may have waiting before it is looked at.
+/// How many bytes an attempt may buffer before it is looked at.
 const WAITING: u64 = 16 * 1024;
 
-/// Listens, and receives peers until nobody accepts them any more. Says where.
+/// Listens, and receives peers until nobody accepts any more. Returns the address.
 pub(super) fn listen(at: SocketAddr, acceptor: &Arc<Acceptor>) -> io::Result<SocketAddr> {
     let options = &acceptor.options;
     let security = options.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
@@ -31,7 +31,7 @@ pub(super) fn listen(at: SocketAddr, acceptor: &Arc<Acceptor>) -> io::Result<Soc
     Ok(address)
 }
 
-/// How one handshake is done, and who judges the certificate in it.
+/// The configuration of one handshake, and its certificate verifier.
 fn server(acceptor: &Acceptor, security: &Security) -> Result<(ServerConfig, Arc<Verifier>), HandshakeError> {
     let verifier = Verifier::new(&security.peers);
     let crypto = tls::server(&security.keys, &verifier, &acceptor.application.protocol())?;
@@ -56,9 +56,8 @@ async fn serve(acceptor: Arc<Acceptor>, security: Security, endpoint: Endpoint) 
             incoming = endpoint.accept() => incoming,
         };
         let Some(incoming) = incoming else { break };
-        // An address must prove that it is one, with nothing kept for it here (RFC 9000, section 8.1.2): so
-        // nobody takes slots in the name of another, and forged packets cost a token each. It costs a
-        // peer one round trip of its handshake.
+        // Addresses are validated without state (RFC 9000, section 8.1.2): so nobody takes slots with spoofed
+        // addresses, and forged packets cost a token each. It costs a peer one round trip of its handshake.
         if !incoming.remote_address_validated() {
             let _always_possible_then = incoming.retry();
             continue;
@@ -66,7 +65,7 @@ async fn serve(acceptor: Arc<Acceptor>, security: Security, endpoint: Endpoint) 
         let from = PeerAddress::Quic(incoming.remote_address());
         if let Err(e) = acceptor.begin(&from) {
             acceptor.failed(&from, e);
-            // Its first packet comes again: by then it may be its turn.
+            // Its first packet is sent again: it may be admitted then.
             incoming.ignore();
             continue;
         }
@@ -158,8 +157,8 @@ mod tests {
     use crate::{Limits, LinkConfig, Options, TokioNet};
     use trimaran_net::Net;
 
-    /// Nobody takes what comes in: as many wait as may shake hands, and one more gets in once another has
-    /// gone.
+    /// Links are not accepted here: at most the limit of handshakes wait, and one more gets in once another
+    /// has gone.
     #[tokio::test]
     async fn no_more_wait_than_may_shake_hands() {
         const ROOM: usize = 2;
@@ -191,7 +190,7 @@ mod tests {
         for _ in 0..ROOM {
             waiting.push(until(&*net, soon, there.accept()).await.expect("there is room"));
         }
-        // Its first packet is said again and again meanwhile.
+        // Its first packet is sent again and again meanwhile.
         let more = until(&*net, net.now().after(Duration::from_millis(500)), there.accept()).await;
         assert!(more.is_none(), "one more than may wait");
         drop(waiting.pop());

@@ -1,9 +1,9 @@
 //! Links over QUIC (RFC 9000): latest values as datagrams, a stream for each frame, TLS 1.3 with both sides'
 //! certificates pinned.
 //!
-//! The peer that connects opens three streams in both directions. The control stream: hello and its answer,
-//! then copies of values that no newer one has followed, then the close of the latest lane. And one stream for
-//! messages, one for blocks. See `transport/wire/WIRE.md`.
+//! The connecting peer opens three streams in both directions: one for control, one for messages, one for
+//! blocks. The control stream carries the hello and its answer, then copies of values that no newer one
+//! followed, then the close of the latest lane. See `transport/wire/WIRE.md`.
 
 mod carrier;
 mod connect;

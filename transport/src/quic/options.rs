@@ -1,4 +1,4 @@
-//! How QUIC connections are set up.
+//! Options of QUIC connections.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,9 +9,9 @@ use trimaran_wire::{Format, Numbered};
 
 use crate::{LinkConfig, UdpSocketOptions};
 
-/// How many values of the latest lane may wait for their reader; the oldest go first.
+/// How many values of the latest lane may wait for their reader; the oldest are dropped first.
 const VALUES: usize = 16;
-/// How many lanes may each have a whole window under way.
+/// How many lanes may each have a whole window in flight.
 const LANES: u32 = 4;
 /// The streams in both directions: control, messages, bulk.
 const STREAMS: u32 = 3;
@@ -21,40 +21,40 @@ const STREAMS: u32 = 3;
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct QuicOptions {
-    /// How the connection shares the way with others. Default cubic.
+    /// The congestion control. Default cubic.
     pub congestion: Congestion,
-    /// What the first packets take the round trip to be, before it is measured: a third of the pause after
-    /// which they are sent again. Default 100 ms.
+    /// The round trip assumed before it is measured: a third of the pause after which first packets are sent
+    /// again. Default 100 ms.
     #[cfg_attr(
         feature = "config",
         serde(rename = "initial_rtt_s", with = "trimaran_net::config::seconds"),
         schemars(with = "f64")
     )]
     pub initial_rtt: Duration,
-    /// How many bytes of a frame may be under way in each direction, sent and not read, and as many of
+    /// How many bytes of a frame may be in flight in each direction, sent and not read, and as many of
     /// messages and of blocks; four times as many on all lanes together. Default 8 MiB.
     pub window: u32,
-    /// How many frames may be under way in each direction. Default 64.
+    /// How many frames may be in flight in each direction. Default 64.
     pub frames: u32,
-    /// Hands the system several packets at once (GSO) where it can cut them up. A loss may then take
+    /// Hands the system several packets at once (GSO) where it can segment them. A loss may then take
     /// several. Default true.
     pub segmentation: bool,
-    /// Probes for the largest packets that the way takes. Default true.
+    /// Probes for the largest packets that the path carries. Default true.
     pub mtu_discovery: bool,
     /// The UDP socket.
     pub socket: UdpSocketOptions,
 }
 
-/// Which congestion control a connection has.
+/// The congestion control of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Congestion {
-    /// CUBIC (RFC 9438), as most TCP has it.
+    /// CUBIC (RFC 9438), as in most TCP.
     #[default]
     Cubic,
-    /// BBR: by measured bandwidth rather than by loss. Experimental in quinn.
+    /// BBR: based on measured bandwidth rather than on loss. Experimental in quinn.
     Bbr,
     /// New Reno (RFC 9002, section 7).
     NewReno,
@@ -76,18 +76,18 @@ impl Default for QuicOptions {
 
 impl QuicOptions {
     pub(crate) fn transport(&self, link: &LinkConfig, format: &Format) -> Arc<TransportConfig> {
-        // Room for the one value that waits to be sent: the next one takes its place. quinn counts 32 bytes
-        // of its own a datagram.
+        // Room for the one waiting value: the next one replaces it. quinn adds 32 bytes of its own a
+        // datagram.
         let datagram = Numbered::NUMBER_BYTES + format.latest + size_of::<bytes::Bytes>();
         let mut config = TransportConfig::default();
-        // A hundred years of silence are as good as for ever.
+        // A hundred years of silence are long enough.
         let idle = IdleTimeout::try_from(link.idle_timeout).ok();
         config
             .max_idle_timeout(idle)
             .keep_alive_interval(Some(link.keepalive()))
             .initial_rtt(self.initial_rtt)
             .stream_receive_window(VarInt::from_u32(self.window))
-            // Frames, messages and blocks that nobody reads, or that are on their way, leave room for the others.
+            // Unread frames, messages and blocks, or those in flight, leave room for the others.
             .receive_window(VarInt::from_u32(self.window.saturating_mul(LANES)))
             .send_window(u64::from(LANES) * u64::from(self.window))
             .max_concurrent_bidi_streams(VarInt::from_u32(STREAMS))
@@ -123,8 +123,7 @@ mod tests {
     use crate::quic::tls::{self, Verifier};
     use trimaran_net::{Net, sleep_until};
 
-    /// A connection between an end with `ours`, which connects, and one with `theirs`; the endpoints keep it
-    /// going.
+    /// A connection from an end with `ours` to one with `theirs`; the endpoints keep it alive.
     async fn connected(
         ours: QuicOptions,
         theirs: QuicOptions,
@@ -148,7 +147,7 @@ mod tests {
         [(ours.unwrap(), here), (theirs.unwrap(), there)]
     }
 
-    /// What `future` gives without waiting.
+    /// The output of `future` if it needs no waiting.
     fn at_once<F: Future>(future: F) -> Option<F::Output> {
         match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
             Poll::Ready(output) => Some(output),
@@ -161,8 +160,8 @@ mod tests {
         std::iter::from_fn(|| at_once(stream.write(&[7; 1000]))).map(Result::unwrap).sum()
     }
 
-    /// How many bytes streams take in all, though nobody reads them: as many as the peer has allowed, once
-    /// everything has arrived.
+    /// How many bytes streams take in all without a reader: as many as the peer allows, once everything has
+    /// arrived.
     async fn fill_all(streams: &mut [SendStream]) -> usize {
         let net = TokioNet::current().unwrap();
         let (mut all, mut idle) = (0, 0);
@@ -194,7 +193,7 @@ mod tests {
         const SMALL: u32 = 20_000;
         const LARGE: u32 = 4 << 20;
         let with = |window| QuicOptions { window, ..QuicOptions::default() };
-        // More than one stream may have by quinn's own defaults, and less.
+        // More than the default of one stream in quinn, and less.
         for (window, streams, all) in [(SMALL, 1, SMALL), (SMALL, 5, 4 * SMALL), (LARGE, 1, LARGE)] {
             let [(ours, _here), (_theirs, _there)] =
                 connected(with(LARGE), with(window), LinkConfig::default()).await;

@@ -1,5 +1,5 @@
-//! A lane of records, messages or blocks, over QUIC: a stream of its own in both directions. A task writes it,
-//! so that whoever sends may stop waiting at any time and leaves no half of a record.
+//! A lane of records, messages or blocks, over QUIC: a stream of its own in both directions. A task writes
+//! it, so that a sender may stop waiting at any time without leaving half a record.
 
 use std::future::poll_fn;
 use std::sync::Arc;
@@ -20,11 +20,11 @@ use trimaran_net::{Instant, sleep_until};
 
 /// How many records may wait for room on the stream.
 const QUEUE: usize = 8;
-/// How long what was sent may wait for room once the sending half was dropped.
+/// How long sent records may wait for room after the sending half was dropped.
 const LINGER: Duration = Duration::from_secs(2);
 
 impl RecordLane {
-    /// The precedence of its stream. Those of frames have negative ones.
+    /// The priority of its stream. Those of frames are negative.
     const fn priority(self) -> i32 {
         match self {
             Self::Messages => 1,
@@ -40,11 +40,11 @@ pub(crate) struct RecordTx {
     queue: mpsc::Sender<Said>,
     /// Dropped with this half.
     _open: oneshot::Sender<()>,
-    /// Resolves when all has arrived, or never will.
+    /// Resolves when everything has arrived, or never will.
     ended: oneshot::Receiver<()>,
 }
 
-/// A record or the close as it travels, and whether nothing follows it.
+/// An encoded record or close, and whether it is the last.
 type Said = (Bytes, bool);
 
 impl RecordTx {
@@ -97,7 +97,7 @@ impl RecordTx {
     }
 }
 
-/// Writes what is queued until nothing follows, and ends the stream.
+/// Writes the queue until its last entry, and ends the stream.
 async fn write(
     carrier: Arc<Carrier>,
     mut stream: SendStream,
@@ -137,7 +137,7 @@ async fn write(
 #[derive(Debug)]
 pub(crate) struct RecordRx {
     lane: RecordLane,
-    /// Kept as long as anybody reads.
+    /// Kept as long as the lane is read.
     _carrier: Arc<Carrier>,
     stream: RecvStream,
     decoder: Decoder,

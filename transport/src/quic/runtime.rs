@@ -1,5 +1,4 @@
-//! quinn over [`Net`]: its clock, timers, tasks and sockets, so that a simulated network runs the very same
-//! QUIC.
+//! quinn over [`Net`]: its clock, timers, tasks and sockets, so that a simulated network runs the same QUIC.
 
 use std::fmt;
 use std::io::{self, IoSliceMut};
@@ -14,7 +13,7 @@ use quinn::{AsyncTimer, AsyncUdpSocket, Runtime, UdpPoller as QuinnPoller};
 
 use trimaran_net::{BATCH_SIZE, EcnCodepoint, Instant, Net, RecvMeta, Timer, Transmit, UdpPoller, UdpSocket};
 
-/// A [`Net`] as quinn wants it.
+/// A [`Net`] as quinn's runtime.
 #[derive(Debug, Clone)]
 pub(crate) struct NetRuntime {
     net: Arc<dyn Net>,
@@ -75,7 +74,7 @@ impl AsyncTimer for NetTimer {
     }
 }
 
-/// A socket of the seam as quinn wants it.
+/// A socket of [`Net`] as quinn's socket.
 #[derive(Debug)]
 pub(crate) struct NetSocket(pub(crate) Arc<dyn UdpSocket>);
 
@@ -93,8 +92,8 @@ impl AsyncUdpSocket for NetSocket {
         });
         match self.0.try_send(&Transmit { destination, ecn, contents, segment_size, src_ip }) {
             Err(e) if e.kind() != io::ErrorKind::WouldBlock => {
-                // About this datagram only, and QUIC takes care of what is lost; quinn would give the
-                // connection up.
+                // This concerns one datagram, and QUIC retransmits lost ones; quinn would give the connection
+                // up.
                 tracing::debug!(error = &e as &dyn std::error::Error, "a datagram could not be sent");
                 Ok(())
             }

@@ -20,16 +20,16 @@ use trimaran_wire::ProtocolName;
 
 use crate::keys::{Fingerprint, Keys, KnownPeer, PeerKey};
 
-/// A peer whose certificate is none of those that this side knows.
+/// This side does not know the peer's certificate.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "the peer's certificate is {presented}, but {} expected: if it is the right peer, add its fingerprint to the peers",
     expectation(.expected)
 )]
 pub struct UnknownPeer {
-    /// Those that this side knows.
+    /// The certificates that this side knows.
     pub expected: Vec<Fingerprint>,
-    /// The one that was shown.
+    /// The certificate that was shown.
     pub presented: Fingerprint,
 }
 
@@ -41,10 +41,10 @@ fn expectation(expected: &[Fingerprint]) -> String {
     }
 }
 
-/// Lets in whoever shows one of these certificates and proves to hold its key; one for each handshake.
+/// Admits peers that show one of these certificates and prove to hold its key; one for each handshake.
 ///
-/// Names, issuers and dates in a certificate are not looked at: the fingerprint says more than all of them.
-/// The proof, the signature over the handshake, is checked by the provider, as for any certificate.
+/// Names, issuers and dates in a certificate are ignored: the fingerprint says more than all of them. The
+/// proof, the signature over the handshake, is checked by the provider, as for any certificate.
 #[derive(Debug)]
 pub(crate) struct Verifier {
     expected: Vec<Fingerprint>,
@@ -62,7 +62,7 @@ impl Verifier {
         })
     }
 
-    /// Whom it turned away.
+    /// The peer that it refused.
     pub(crate) fn turned_away(&self) -> Option<UnknownPeer> {
         self.turned_away.lock().clone()
     }
@@ -84,7 +84,7 @@ pub(super) fn key_of(connection: &quinn::Connection) -> Option<PeerKey> {
     shown.first().map(|certificate| PeerKey::Quic(Fingerprint::of(certificate)))
 }
 
-/// What both kinds of verifier do with a proof: TLS 1.3 signatures only, checked by the provider.
+/// The proof in both kinds of verifier: TLS 1.3 signatures only, checked by the provider.
 macro_rules! proofs {
     () => {
         fn verify_tls12_signature(
@@ -147,7 +147,7 @@ fn provider() -> Arc<CryptoProvider> {
     Arc::new(ring::default_provider())
 }
 
-/// How the peer that connects does its TLS. The application's protocol is its ALPN name (RFC 7301). No
+/// The TLS configuration of the connecting peer. The application's protocol is its ALPN name (RFC 7301). No
 /// session is resumed: each handshake shows and checks both certificates.
 pub(crate) fn client(
     keys: &Keys,
@@ -164,7 +164,7 @@ pub(crate) fn client(
     Ok(config)
 }
 
-/// How the peer that listens does its TLS.
+/// The TLS configuration of the listening peer.
 pub(crate) fn server(
     keys: &Keys,
     verifier: &Arc<Verifier>,
@@ -209,7 +209,7 @@ mod tests {
         Arc::new(TokioNet::current().unwrap())
     }
 
-    /// A peer of ours, and what another program needs to be taken for one of its acquaintances.
+    /// A peer of ours, and the keys of one that it knows, for another program.
     fn acquainted() -> (Options, Keys, Arc<Verifier>) {
         let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
         let (ours, theirs) = (keys("ours"), keys("theirs"));

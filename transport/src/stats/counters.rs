@@ -1,4 +1,4 @@
-//! The counters of a living link.
+//! The live counters of a link.
 
 #[cfg(feature = "udp")]
 use std::fmt;
@@ -17,7 +17,7 @@ use crate::rates::ListenerStats;
 pub struct StatsHandle(Arc<Counters>);
 
 impl StatsHandle {
-    /// A snapshot. Counters that change meanwhile may be one message apart from each other.
+    /// A snapshot. Counters that change meanwhile may differ by one message.
     #[must_use]
     pub fn read(&self) -> LinkStats {
         let Counters { sent, received, floods, header, .. } = &*self.0;
@@ -30,27 +30,27 @@ impl StatsHandle {
         }
     }
 
-    /// The listener that let the peer in; none at the end that connected.
+    /// The listener that admitted the peer; `None` at the connecting end.
     #[must_use]
     pub fn listener(&self) -> Option<ListenerStats> {
         self.0.listener.get().cloned()
     }
 
-    /// Says which listener let the peer in.
+    /// Sets the listener that admitted the peer.
     pub(crate) fn came_from(&self, listener: ListenerStats) {
         self.0.listener.get_or_init(|| listener);
     }
 }
 
-/// What counts packets.
+/// A source of packet counts.
 #[cfg(feature = "udp")]
 pub(crate) trait PathSource: fmt::Debug + Send + Sync {
-    /// The counts, and the last ones once the connection is over.
+    /// The counts, or the last ones once the connection has ended.
     fn path(&self) -> PathStats;
 }
 
-/// The counters that the halves of a link share. All of its atomics only add up, each by itself: nothing is
-/// decided by one, and nothing else is published with it, so that no order of memory could be wrong.
+/// Counters shared by the halves of a link. Its atomics only add up, each by itself: they decide nothing and
+/// publish nothing else, so any memory order is correct.
 #[derive(Debug)]
 pub(crate) struct Counters {
     pub(crate) sent: Direction,
@@ -58,19 +58,19 @@ pub(crate) struct Counters {
     floods: AtomicU64,
     /// The header bytes of a message on this transport.
     header: u64,
-    /// Who counts packets, where the transport tells.
+    /// The source of packet counts, if the transport has one.
     #[cfg(feature = "udp")]
     path: OnceLock<Box<dyn PathSource>>,
     listener: OnceLock<ListenerStats>,
 }
 
 impl Counters {
-    /// For a transport whose messages travel as bytes.
+    /// For a transport whose messages are encoded.
     pub(crate) fn framed() -> Arc<Self> {
         Self::with_header(HEADER_BYTES as u64)
     }
 
-    /// For a transport whose messages are passed on as they are.
+    /// For a transport whose messages are passed on without encoding.
     pub(crate) fn unframed() -> Arc<Self> {
         Self::with_header(0)
     }
@@ -88,18 +88,18 @@ impl Counters {
         })
     }
 
-    /// Counts that the peer sent more than it may.
+    /// Counts that the peer exceeded its message rate.
     pub(crate) fn flooded(&self) {
         self.floods.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Adds what `other` counted.
+    /// Adds the counts of `other`.
     pub(crate) fn absorb(&self, other: &Self) {
         self.sent.absorb(&other.sent);
         self.received.absorb(&other.received);
     }
 
-    /// Has `source` count the packets. The first call counts.
+    /// Uses `source` for packet counts. The first call counts.
     #[cfg(feature = "udp")]
     pub(crate) fn watch(&self, source: impl PathSource + 'static) {
         self.path.get_or_init(|| Box::new(source));
@@ -157,7 +157,7 @@ impl Direction {
         tally.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
     }
 
-    /// Counts items, however they travel.
+    /// Counts items, plain or coded.
     pub(crate) fn count_items(&self, items: usize) {
         self.items.fetch_add(items as u64, Ordering::Relaxed);
     }

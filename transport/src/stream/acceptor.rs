@@ -1,4 +1,4 @@
-//! Where the connections of links over byte streams are received, and those of a link joined.
+//! Accepting connections over byte streams, and joining those of a link.
 
 use parking_lot::Mutex;
 use std::collections::HashMap;
@@ -19,10 +19,10 @@ use crate::stats::Counters;
 use crate::transport::{Capabilities, Transport};
 use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
 
-/// The pause after the system could not accept, for instance for want of file descriptors.
+/// The pause after a failed accept, for instance for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// With so many lanes of a session there, the next one completes it.
+/// A session with so many lanes is completed by the next one.
 const LANES_BEFORE_THE_LAST: usize = 3;
 
 /// Accepts until nobody takes the links any more.
@@ -30,7 +30,7 @@ pub(crate) async fn serve(acceptor: Arc<Acceptor>, socket: Box<dyn Listen>, tran
     Arc::new(Reception { acceptor, transport, waiting: Mutex::default() }).serve(socket).await;
 }
 
-/// Receives connections, checks who they are, and joins those of a link.
+/// Receives connections, checks their peers, and joins those of a link.
 #[derive(Debug)]
 struct Reception {
     acceptor: Arc<Acceptor>,
@@ -39,10 +39,10 @@ struct Reception {
     waiting: Mutex<HashMap<SessionId, Waiting>>,
 }
 
-/// A session some of whose lanes have come.
+/// A session with some of its lanes.
 #[derive(Debug)]
 struct Waiting {
-    /// What each of them says of its peer.
+    /// The application's hello on each of them.
     application: Bytes,
     latest: Option<Arrived>,
     frames: Option<Arrived>,
@@ -54,7 +54,7 @@ struct Waiting {
 #[derive(Debug)]
 struct Arrived {
     connection: Connection,
-    /// Dropped when the others have come: tells the task that watches the time to stop.
+    /// Dropped when the others have come: stops the task that watches the time.
     _joined: oneshot::Sender<()>,
 }
 
@@ -77,14 +77,14 @@ impl Waiting {
     }
 }
 
-/// What becomes of a hello.
+/// The outcome of a hello.
 #[expect(clippy::large_enum_variant, reason = "none is kept")]
 enum Entry {
     /// All lanes are there, and there is a place.
     Complete(Lanes, Peer, Place),
     /// Another lane has to come.
     Wait(oneshot::Receiver<()>),
-    /// No.
+    /// Refused.
     Refused(Connection, Refusal),
 }
 
@@ -104,7 +104,7 @@ impl Reception {
                     }
                     Err(e) => {
                         self.acceptor.failed(&self.address(stream.peer), e);
-                        // Before an upgrade nothing can be said.
+                        // Before an upgrade nothing can be sent.
                         if self.transport.upgrade().is_none() {
                             turn_away(&mut self.connection(stream));
                         }
@@ -127,7 +127,7 @@ impl Reception {
         PeerAddress::over(self.transport.scheme(), peer)
     }
 
-    /// Whether a connection may shake hands: nobody who must not take part gets a slot.
+    /// Whether a connection may shake hands. Peers that the transport does not admit get no slot.
     fn admit(&self, peer: StreamPeer) -> Result<Slot, HandshakeError> {
         self.transport.admit(peer).map_err(HandshakeError::NotLetIn)?;
         let address = self.address(peer);
@@ -139,7 +139,7 @@ impl Reception {
     async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
         let address = self.address(stream.peer);
         let deadline = self.acceptor.net.now().after(self.acceptor.options.link.handshake_timeout);
-        // A lane that waits for another one watches the deadline itself, in order to refuse politely; the
+        // A lane that waits for another one watches the deadline itself, in order to refuse politely. The
         // limit is for a peer that does not even read the refusal.
         let limit = deadline.after(self.acceptor.options.link.handshake_timeout);
         let handshake = self.shake_hands(stream, deadline, &mut slot);
@@ -198,7 +198,7 @@ impl Reception {
         }
     }
 
-    /// Takes back the connection of a lane that waits in vain, unless it has been joined.
+    /// Takes back the connection of a lane whose wait has ended, unless it has been joined.
     fn withdraw(&self, session: SessionId, lane: Lane) -> Option<Connection> {
         let mut sessions = self.waiting.lock();
         let waiting = sessions.get_mut(&session)?;
@@ -268,7 +268,7 @@ impl Reception {
     }
 }
 
-/// Says that there is no room, if that can be said without waiting, and is why the handshake failed.
+/// Refuses for lack of room, if that needs no waiting, and returns the error of the handshake.
 fn turn_away(connection: &mut Connection) -> HandshakeError {
     let refusal = std::pin::pin!(connection.dismiss(Refusal::Busy));
     let _ignored = refusal.poll(&mut Context::from_waker(Waker::noop()));

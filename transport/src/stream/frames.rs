@@ -23,11 +23,11 @@ const ROOM: usize = 64 * 1024;
 #[derive(Debug)]
 pub(crate) struct FrameTx {
     outlet: Arc<Outlet>,
-    /// Where keep-alives come in while the peer takes nothing.
+    /// The inlet for keep-alives while the peer takes nothing.
     inlet: Arc<Inlet>,
 }
 
-/// What the lane's owner writes to, and its pulse while the owner has nothing to say.
+/// The writing side of the lane, with keep-alives while its owner is idle.
 #[derive(Debug)]
 pub(super) struct Outlet {
     state: Mutex<State>,
@@ -37,9 +37,9 @@ pub(super) struct Outlet {
 #[derive(Debug)]
 struct State {
     sink: Sink,
-    /// The owner waits for room. Nobody else may write then, because a stream wakes only who polled it last.
+    /// The owner waits for room. Nobody else may write then, because a stream wakes only its last poller.
     waiting: bool,
-    /// Something was said since the last beat.
+    /// Something was sent since the last beat.
     spoke: bool,
     closed: bool,
 }
@@ -59,8 +59,7 @@ impl FrameTx {
         self.outlet.state.lock().sink.stage(&message.into(), &shared.counters.sent);
     }
 
-    /// Writes what is staged. Whatever the peer takes starts the timeout anew, and a peer that hangs is not
-    /// waited for that long.
+    /// Writes staged messages. Any progress restarts the timeout, and a hanging peer is noticed earlier.
     pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         let turn = Turn::take(&self.outlet);
         while !turn.state.lock().sink.is_drained() {
@@ -87,7 +86,7 @@ impl FrameTx {
     }
 }
 
-/// The owner's turn to write, which ends when its future does, finished or not.
+/// The owner's turn to write. It ends with its future, finished or not.
 struct Turn<'o>(&'o Outlet);
 
 impl<'o> Turn<'o> {
@@ -126,7 +125,7 @@ impl Pulse for Outlet {
         if state.sink.is_drained() {
             state.sink.stage(&Message::KeepAlive, &self.counters.sent);
         }
-        // What the stream does not take now goes with what is said next; an error shows then.
+        // Bytes that the stream does not take now go with the next message; an error shows then.
         let _later = state.sink.poll_drain(&mut Context::from_waker(Waker::noop()));
         true
     }

@@ -1,4 +1,4 @@
-//! One connection of a link over byte streams during the handshake, and what it becomes.
+//! One connection of a link over byte streams, during and after the handshake.
 
 use std::future::poll_fn;
 use std::sync::Arc;
@@ -26,10 +26,10 @@ use crate::transport::Capabilities;
 use crate::transport::Transport;
 use trimaran_net::{Net, Stream};
 
-/// How much is read at once from someone who is not a peer yet.
+/// How much is read at once before the peer is known.
 const ROOM: usize = 512;
 
-/// A connection on which the two sides introduce themselves.
+/// A connection during the handshake.
 #[derive(Debug)]
 pub(super) struct Connection {
     source: Source,
@@ -58,7 +58,7 @@ impl Connection {
         poll_fn(|cx| self.sink.poll_drain(cx)).await.map_err(HandshakeError::Io)
     }
 
-    /// Says hello. One who is turned away at the listener may be too late for that, but can read why.
+    /// Sends the hello. If the listener refuses, the write may fail, but its reason can still be read.
     pub(super) async fn greet(&mut self, hello: Hello) -> Result<(), HandshakeError> {
         let Err(unsaid) = self.send(&Message::Hello(hello)).await else { return Ok(()) };
         match self.recv_answer().await {

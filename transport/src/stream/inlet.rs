@@ -1,5 +1,5 @@
-//! What comes in on a lane: read by the lane's owner, and looked at for keep-alives by a sender that waits
-//! for room.
+//! The receiving side of a lane: its owner reads it, and a sender that waits for room looks there for
+//! keep-alives.
 
 use parking_lot::Mutex;
 use std::future::poll_fn;
@@ -15,22 +15,22 @@ use crate::stats::Direction;
 use crate::timeouts::{Timeouts, Wait};
 use trimaran_net::Instant;
 
-/// A stream and what has come of it.
+/// A stream and the data read from it.
 #[derive(Debug)]
 pub(super) struct Inlet {
     state: Mutex<State>,
-    /// The most that a sender takes in while its owner does not read, bytes.
+    /// The most bytes that a sender buffers while the owner does not read.
     room: usize,
 }
 
 #[derive(Debug)]
 struct State {
     source: Source,
-    /// The owner waits for more. Nobody else may read then, because a stream wakes only who polled it last.
+    /// The owner waits for more. Nobody else may read then, because a stream wakes only its last poller.
     attended: bool,
     /// Something came since a sender last asked.
     heard: bool,
-    /// How the stream ended, where a sender found that out.
+    /// How the stream ended, if a sender noticed.
     ended: Option<LaneError>,
 }
 
@@ -51,8 +51,8 @@ impl Inlet {
         Attention(self)
     }
 
-    /// Whether anything came since the last time this was asked. Where more has come than is taken in for an
-    /// owner who does not read, nobody knows, and the peer has the benefit of the doubt.
+    /// Whether anything came since the last call. If more has come than is buffered for an idle owner, the
+    /// peer counts as alive.
     pub(super) fn heard(&self) -> bool {
         let mut state = self.state.lock();
         if !state.attended && state.ended.is_none() {
@@ -69,7 +69,7 @@ impl Inlet {
     }
 }
 
-/// The owner waits, until this is dropped.
+/// The owner waits until this is dropped.
 pub(super) struct Attention<'i>(&'i Inlet);
 
 impl Attention<'_> {
@@ -91,7 +91,7 @@ impl Drop for Attention<'_> {
     }
 }
 
-/// Reads what comes on a lane, up to its close.
+/// Reads the messages of a lane, up to its close.
 #[derive(Debug)]
 pub(super) struct Reader {
     inlet: Arc<Inlet>,
@@ -103,7 +103,7 @@ impl Reader {
         Self { inlet, closed: None }
     }
 
-    /// The next message that is no keep-alive.
+    /// The next message, without keep-alives.
     pub(super) async fn next(
         &mut self,
         by: Option<Instant>,

@@ -18,11 +18,11 @@ use trimaran_net::{Instant, Net};
 /// How much is read at once: many values.
 const ROOM: usize = 4 * 1024;
 
-/// How many reads are drained in search of the newest value before it is handed out, so that a flood cannot
+/// How many reads are drained in search of the newest value before it is returned, so that a flood cannot
 /// hold the reader.
 const READS: usize = 64;
 
-/// A cell of size one: where the stream takes no more, each value replaces the one that waits.
+/// A cell of size one: if the stream takes no more, each value replaces the waiting one.
 #[derive(Debug)]
 pub(crate) struct LatestTx(Writer);
 
@@ -52,9 +52,9 @@ impl LatestTx {
 pub(crate) struct LatestRx {
     source: Source,
     closed: Option<CloseReason>,
-    /// What ended the lane behind a value that was given first.
+    /// The end of the lane behind a value that was returned first.
     ended: Option<LaneError>,
-    /// Something has come that the timeouts do not know of.
+    /// Something has come that the timeouts have not counted.
     heard: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The lanes over byte streams: TCP, Unix sockets, and whatever else carries bytes in order.
+//! The lanes over byte streams: TCP, Unix sockets, and other ordered transports.
 
 mod acceptor;
 pub(crate) mod frames;

@@ -1,18 +1,18 @@
-//! Keep-alives on lanes that have nothing to say.
+//! Keep-alives on idle lanes.
 
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use trimaran_net::{Net, sleep_until};
 
-/// A lane that can show a keep-alive.
+/// A lane that can send a keep-alive.
 pub(super) trait Pulse: Send + Sync {
-    /// Shows one, unless something was said since the last call or waits to be written. False once the lane
-    /// is over.
+    /// Sends one, unless something was sent since the last call or waits to be written. False once the lane
+    /// has ended.
     fn beat(&self) -> bool;
 }
 
-/// Has each of `lanes` show a keep-alive every `interval` in which it says nothing, until all are over.
+/// Lets each of `lanes` send a keep-alive every `interval` in which it is idle, until all have ended.
 pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dyn Pulse>; 4]) {
     let clock = Arc::clone(net);
     net.spawn(Box::pin(async move {

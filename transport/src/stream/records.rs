@@ -22,7 +22,7 @@ const ROOM: usize = 16 * 1024;
 pub(crate) struct RecordTx {
     lane: RecordLane,
     writer: Writer,
-    /// Where keep-alives come in while the peer takes nothing.
+    /// The inlet for keep-alives while the peer takes nothing.
     inlet: Arc<Inlet>,
 }
 
@@ -50,7 +50,7 @@ impl RecordTx {
         self.writer.cell()
     }
 
-    /// Waits until all that was sent before is with the system: so one record waits here at most.
+    /// Waits until all earlier records are with the system, so at most one record waits here.
     pub(crate) async fn send(
         &mut self,
         record: Bytes,

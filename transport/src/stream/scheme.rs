@@ -1,4 +1,4 @@
-//! Links over whatever opens byte streams: a connection for each lane, with a hello and an answer.
+//! Links over byte streams of any transport: a connection for each lane, with a hello and an answer.
 
 use std::io;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::scheme::{Introduction, Listened, Scheme};
 use crate::stats::Counters;
 use crate::transport::{AttemptError, Capabilities, ListenFault, Listening, Transport};
 
-/// Makes links of a byte stream for each lane.
+/// Makes links with a byte stream for each lane.
 #[derive(Debug, Clone)]
 pub(crate) struct Streams {
     pub(crate) transport: Arc<dyn Transport>,
@@ -43,7 +43,7 @@ impl Scheme for Streams {
     }
 }
 
-/// Opens the connections to whoever listens there, says hello on each, and reads the answers.
+/// Opens the connections to the listener, sends a hello on each, and reads the answers.
 async fn introduce(
     net: &Arc<dyn Net>,
     Streams { transport, endpoint }: &Streams,
@@ -73,7 +73,7 @@ async fn introduce(
         latest.greet(application.introduce(session, Lane::Latest)).await?;
         messages.greet(application.introduce(session, Lane::Messages)).await?;
         bulk.greet(application.introduce(session, Lane::Bulk)).await?;
-        // Whichever lane is refused says why at once, and the others only when they have waited for it.
+        // The refused lane gets its reason at once, the others only after waiting for it.
         let (theirs, ..) = tokio::try_join!(
             frames.recv_answer(),
             latest.recv_answer(),

@@ -17,9 +17,9 @@ use trimaran_net::{BoxReader, BoxWriter};
 pub(crate) struct Source {
     reader: BoxReader,
     decoder: Decoder,
-    /// How much is read at once at least, bytes.
+    /// The least number of bytes read at once.
     room: usize,
-    /// The stream is at its end, and is asked for no more: many panic then.
+    /// The stream is at its end, and is not polled again: many panic then.
     end: Option<End>,
 }
 
@@ -41,12 +41,12 @@ impl Source {
         Self { reader, decoder: Decoder::new(format), room, end: None }
     }
 
-    /// Goes on with another appetite, for instance once a stranger has become a peer.
+    /// Changes the size of reads, for instance once a stranger has become a peer.
     pub(crate) fn with_room(self, room: usize) -> Self {
         Self { room, ..self }
     }
 
-    /// How many bytes have arrived and are no message yet.
+    /// How many bytes have arrived without forming a message yet.
     pub(super) fn pending(&self) -> usize {
         self.decoder.pending()
     }
@@ -63,15 +63,15 @@ impl Source {
         Ok(message)
     }
 
-    /// Reads what there is, at least one byte. At the end of the stream it says so as often as it is asked.
+    /// Reads what there is, at least one byte. Returns the end of the stream on every call.
     pub(crate) fn poll_fill(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), LaneError>> {
         let failed = match self.end {
             Some(End::Closed) => None,
             Some(End::Failed(kind)) => Some(kind.into()),
             None => {
                 let buffer = self.decoder.buffer(self.room);
-                // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on
-                // where the last one was.
+                // The future of `read_buf` holds no state of its own, so that a fresh one per poll continues
+                // the last one.
                 match ready!(pin!(self.reader.read_buf(buffer)).poll(cx)) {
                     Ok(0) => None,
                     Ok(_) => return Poll::Ready(Ok(())),
@@ -92,9 +92,9 @@ impl Source {
 pub(crate) struct Sink {
     writer: BoxWriter,
     out: BytesMut,
-    /// The stream was given bytes that it may still hold.
+    /// The stream may still hold bytes written to it.
     held: bool,
-    /// The stream has failed, or was told that nothing more comes: it is not asked again.
+    /// The stream has failed, or was shut down: it is not polled again.
     end: Option<End>,
 }
 
@@ -114,15 +114,15 @@ impl Sink {
         self.out.is_empty() && !self.held
     }
 
-    /// Adds a message to what is to be written.
+    /// Adds a message to the bytes to write.
     pub(crate) fn stage(&mut self, message: &Message, counts: &Direction) {
         let before = self.out.len();
         message.encode(&mut self.out);
         counts.count(message.kind(), self.out.len() - before - HEADER_BYTES);
     }
 
-    /// Writes as much as the stream takes now, at least one byte; where there is nothing to write, has the
-    /// stream pass on what it holds.
+    /// Writes as much as the stream takes now, at least one byte. With nothing to write it flushes the
+    /// stream.
     pub(crate) fn poll_write(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         self.check()?;
         let written = if self.out.is_empty() {
@@ -140,7 +140,7 @@ impl Sink {
         Poll::Ready(self.noted(written))
     }
 
-    /// Writes everything, and has the stream pass it on.
+    /// Writes everything, and flushes the stream.
     pub(crate) fn poll_drain(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         while !self.is_drained() {
             ready!(self.poll_write(cx))?;
@@ -160,7 +160,7 @@ impl Sink {
         Poll::Ready(shut)
     }
 
-    /// That the stream takes more.
+    /// Fails if the stream takes no more.
     fn check(&self) -> io::Result<()> {
         match self.end {
             None => Ok(()),

@@ -1,4 +1,4 @@
-//! Links over pipes whose other end lives or hangs.
+//! Links over pipes whose other end is alive or hangs.
 
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 
@@ -71,7 +71,7 @@ async fn a_peer_with_nothing_to_say_lives() {
     assert!(net.now().as_nanos() >= (IDLE_TIMEOUT * 20).as_nanos() as u64);
     // Four in each idle timeout, on each lane.
     assert!((280..=320).contains(&there.stats.read().sent.control.messages));
-    // Nobody has to say anything there, for however long.
+    // Nobody has to send anything there, for any time.
     let soon = net.now().after(IDLE_TIMEOUT * 100);
     let silent = here.messages_rx.recv_by(soon).await.unwrap_err();
     assert!(matches!(silent, RecvError::Deadline { .. }), "{silent:?}");
@@ -98,7 +98,7 @@ async fn a_peer_that_hangs_is_lost_when_the_idle_timeout_is_over() {
     }
 }
 
-/// Sends until that fails; says how, and when.
+/// Sends until that fails; returns the error and the time.
 async fn send_into(here: &mut Link, net: &Arc<dyn Net>) -> (SendError, Duration) {
     here.frames_tx.begin(start(0)).await.unwrap();
     let error = here.frames_tx.push(&points(100_000)).await.unwrap_err();
@@ -127,7 +127,7 @@ async fn a_peer_that_lives_and_takes_nothing_has_all_of_the_patience() {
 #[tokio::test(start_paused = true)]
 async fn two_that_send_to_each_other_and_do_not_read_have_all_of_the_patience() {
     let net = net();
-    // Each takes in something of what the other sends, to see whether it lives, and then no more.
+    // Each side buffers some of the other's data to see whether it is alive, and then no more.
     let (mut here, mut there) = pair(&net, 64 * 1024, IDLE_TIMEOUT * 10);
     let (one, other) = tokio::join!(send_into(&mut here, &net), send_into(&mut there, &net));
     for (error, at) in [one, other] {
@@ -153,7 +153,7 @@ async fn what_a_sender_found_in_its_wait_is_read_afterwards() {
 async fn a_beat_never_comes_between_what_a_sender_who_waits_has_to_say() {
     let net = net();
     let (mut here, mut there) = pair(&net, 64, IDLE_TIMEOUT * 10);
-    // In a task of its own: nobody else's wake-up is to be taken for the sender's.
+    // In a task of its own, so that no other wake-up is taken for the sender's.
     net.spawn(Box::pin(async move {
         send_frame(&mut here.frames_tx, 0, &points(5000)).await.unwrap();
     }));

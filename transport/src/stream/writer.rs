@@ -1,4 +1,4 @@
-//! Writing to a stream from whoever has something to say, and from a task where the stream takes no more.
+//! Writing to a stream from the sending thread, and from a task where the stream takes no more.
 
 use parking_lot::{Mutex, MutexGuard};
 use std::future::poll_fn;
@@ -17,8 +17,8 @@ use crate::stats::Counters;
 use crate::timeouts::Timeouts;
 use trimaran_net::Net;
 
-/// Writes each message straight from the thread that says it. Only when the stream takes no more does a task
-/// take over, and one message waits behind it.
+/// Writes each message straight from the sending thread. Only when the stream takes no more does a task take
+/// over, and one message waits behind it.
 #[derive(Debug)]
 pub(super) struct Writer {
     net: Arc<dyn Net>,
@@ -28,7 +28,7 @@ pub(super) struct Writer {
 #[derive(Debug)]
 pub(super) struct Cell {
     outgoing: Mutex<Outgoing>,
-    /// Rings when the task is done.
+    /// Notified when the task is done.
     idle: Notify,
     counters: Arc<Counters>,
 }
@@ -36,16 +36,16 @@ pub(super) struct Cell {
 #[derive(Debug)]
 struct Outgoing {
     sink: Sink,
-    /// What is said next, while older bytes are still being written.
+    /// The next message, while older bytes are still being written.
     next: Option<Message>,
     closed: Option<CloseReason>,
     /// A keep-alive is due.
     alive: bool,
-    /// Something was said since the last beat.
+    /// Something was sent since the last beat.
     spoke: bool,
-    /// Nothing follows the closed.
+    /// Nothing follows the close.
     left: bool,
-    /// A task writes; nobody else may, because a stream wakes only who polled it last.
+    /// A task writes. Nobody else may, because a stream wakes only its last poller.
     busy: bool,
     failed: Option<io::ErrorKind>,
 }
@@ -71,15 +71,15 @@ impl Writer {
         &self.cell
     }
 
-    /// Says `message`. It replaces one that waits.
+    /// Sends `message`. It replaces a waiting one.
     pub(super) fn send(&self, message: Message) -> Result<(), LaneSendError> {
         self.say(|outgoing| outgoing.next = Some(message))
     }
 
-    /// Waits until nothing waits.
+    /// Waits until no message waits.
     pub(super) async fn idle(&self) -> Result<(), LaneSendError> {
         loop {
-            // Made before the look, so that a task that ends in between is not missed.
+            // Created before the check, so that a task that ends in between is not missed.
             let idle = self.cell.idle.notified();
             {
                 let outgoing = self.cell.lock();
@@ -92,7 +92,7 @@ impl Writer {
         }
     }
 
-    /// Closes the lane behind all that was said.
+    /// Closes the lane behind everything sent.
     pub(super) async fn close(
         &self,
         reason: CloseReason,
@@ -126,7 +126,7 @@ impl Writer {
 
 impl Cell {
     fn lock(&self) -> MutexGuard<'_, Outgoing> {
-        // A panic elsewhere leaves whole messages in the sink: going on is sound.
+        // A panic elsewhere leaves whole messages in the sink, so it can be used on.
         self.outgoing.lock()
     }
 
@@ -170,7 +170,7 @@ impl Pulse for Cell {
         }
         if !outgoing.busy && !mem::take(&mut outgoing.spoke) {
             outgoing.alive = outgoing.sink.is_drained();
-            // What the stream does not take now goes with what is said next.
+            // Bytes that the stream does not take now go with the next message.
             let _later = self.poll_send(&mut outgoing, &mut Context::from_waker(Waker::noop()));
         }
         true

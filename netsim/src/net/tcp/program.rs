@@ -1,4 +1,4 @@
-//! What programs hold of TCP: connections and listeners.
+//! A program's handles of TCP: connections and listeners.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -90,7 +90,7 @@ impl Drop for SimListener {
     }
 }
 
-/// A program's hold on a connection; closes it when it is dropped.
+/// A program's handle of a connection; closes it when dropped.
 #[derive(Debug)]
 struct Connection {
     net: SimNet,
@@ -113,7 +113,7 @@ impl Connection {
         }
     }
 
-    /// Does something to the connection, and then what that leads to.
+    /// Applies `act` to the connection, then sends what follows from it.
     fn with<T>(
         &self,
         act: impl FnOnce(&mut TcpState, Instant) -> Poll<io::Result<T>>,
@@ -151,7 +151,7 @@ impl AsyncRead for Reader {
                 state.reader = Some(cx.waker().clone());
                 return Poll::Pending;
             }
-            // No more of the buffer is made ready than will be filled: it may be large.
+            // Initializes only the part of the buffer that will be filled: it may be large.
             let size = buffer.remaining().min(state.socket.unread());
             let count = state.socket.read(now, buffer.initialize_unfilled_to(size));
             Poll::Ready(count.map(|count| buffer.advance(count)))

@@ -1,4 +1,4 @@
-//! What acknowledgements tell: what is lost, and how the window shrinks for it and comes back.
+//! Loss recovery from acknowledgements: how the window shrinks and comes back.
 
 use trimaran_net::Instant;
 
@@ -14,12 +14,12 @@ pub(super) struct Reduction {
     pub(super) sent: u32,
 }
 
-/// What was before a recovery that may prove spurious.
+/// The state before a recovery that may prove spurious.
 #[derive(Debug)]
 pub(super) struct Undo {
     pub(super) cwnd: u32,
     pub(super) threshold: u32,
-    /// Repetitions that were not reported as duplicates.
+    /// Retransmissions that were not reported as duplicates.
     pub(super) repetitions: u32,
 }
 
@@ -70,17 +70,16 @@ impl Sender {
         self.timers.reorder = wait.map(|wait| now.after(wait + PROBE_SLACK));
     }
 
-    /// A probe for a lost tail that was data sent again repaired a loss, unless its acknowledgement says that
-    /// it came twice.
+    /// A tail loss probe that retransmitted data repaired a loss, unless it is reported as a duplicate.
     fn judge_tail_probe(&mut self, ack: u64, news: &News, advanced: bool, duplicate: bool) {
         let Some((end, again)) = self.tail_probe.filter(|(end, _)| ack >= *end) else { return };
         let repaired = again && !duplicate && ack > end;
         if repaired && self.state == State::Open {
-            // Congestion: less from now on, though nothing is left to repair.
+            // Congestion: reduces the window, though nothing is left to retransmit.
             self.threshold = self.cubic.after_loss(self.cwnd);
             self.cwnd = self.threshold;
         }
-        // Nothing new at all: the probe came twice, too.
+        // An acknowledgement without news: the probe was a duplicate, too.
         if repaired || !again || duplicate || (!advanced && !news.sacked) {
             self.tail_probe = None;
         }
@@ -103,8 +102,8 @@ impl Sender {
         self.undo = Some(Undo { cwnd: self.cwnd, threshold: self.threshold, repetitions });
     }
 
-    /// Makes the window as large as it was, when everything that was repeated had arrived: the peer says so,
-    /// or acknowledges what was sent before.
+    /// Restores the window if all retransmitted data had arrived: the peer reports duplicates, or
+    /// acknowledges the originals.
     fn undo_if_spurious(&mut self, segment: &Segment, advanced: bool, duplicate: bool) {
         let recovering = self.state != State::Open;
         let Some(undo) = &mut self.undo else { return };
@@ -161,7 +160,7 @@ impl Sender {
     }
 }
 
-/// Whether the first range reports something that came twice (RFC 2883, section 4).
+/// Whether the first range reports a duplicate (RFC 2883, section 4).
 fn duplicate(sacks: &[Range], ack: u64) -> bool {
     let Some(first) = sacks.first() else { return false };
     let within = sacks.get(1).is_some_and(|second| second.from <= first.from && first.to <= second.to);

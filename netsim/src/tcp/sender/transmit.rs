@@ -1,4 +1,4 @@
-//! What is sent next, and what may not be sent yet.
+//! Chooses the next segment, and holds back others.
 
 use bytes::Bytes;
 use trimaran_net::Instant;
@@ -8,7 +8,7 @@ use super::super::segment::Class;
 use super::{Outgoing, PROBE_SLACK, Sender, State};
 
 impl Sender {
-    /// The next segment to be sent, if there is one that may.
+    /// The next segment that may be sent, if any.
     pub(in crate::tcp) fn transmit(&mut self, now: Instant) -> Option<Outgoing> {
         let alone = self.scoreboard.in_flight() == 0;
         if self.scoreboard.in_flight() < self.cwnd
@@ -35,7 +35,7 @@ impl Sender {
             return Some(out);
         }
         if std::mem::take(&mut self.probe_window) {
-            // A byte that the peer has: it can but answer with its window.
+            // A byte that the peer has, so that it answers with its window.
             return Some(Outgoing {
                 seq: self.acknowledged - 1,
                 data: Bytes::new(),
@@ -58,8 +58,7 @@ impl Sender {
         })
     }
 
-    /// New data, as far as windows and the machine's own queue allow; a probe need not heed the congestion
-    /// window.
+    /// New data, as far as windows and the machine's own queue allow; a probe ignores the congestion window.
     fn transmit_new(&mut self, now: Instant, probing: bool) -> Option<Outgoing> {
         let fin_due = self.closing && !self.fin_sent;
         if self.unsent.is_empty() && !fin_due {
@@ -116,8 +115,8 @@ impl Sender {
         Some(out)
     }
 
-    /// Sets the timer after which a lost tail is probed for, at the retransmission timeout at most: that of
-    /// the oldest packet, or a fresh one where an acknowledgement has just come.
+    /// Sets the timer of the tail loss probe, at most the retransmission timeout. That is the oldest
+    /// packet's, or a fresh one if an acknowledgement has just come.
     pub(super) fn set_tail_timer(&mut self, now: Instant, heard: bool) {
         self.timers.tail = None;
         if self.state != State::Open || self.scoreboard.is_empty() || self.tail_probe.is_some() {

@@ -1,5 +1,4 @@
-//! How large the window is while nothing is lost: it grows where it is used, and is given back where it is
-//! not.
+//! The window while nothing is lost: it grows while it is used, and shrinks while it is not.
 
 use trimaran_net::Instant;
 
@@ -14,7 +13,7 @@ pub(super) struct Usage {
     /// The most packets in flight in this round trip, and where that ends.
     pub(super) most: u32,
     pub(super) round_end: u64,
-    /// The most used since the window last was the limit, and since when it is not.
+    /// The most used while the window is not the limit, and since when that is so.
     pub(super) unlimited_most: u32,
     pub(super) since: Instant,
 }
@@ -45,7 +44,7 @@ impl Sender {
         }
         usage.unlimited_most = usage.unlimited_most.max(packets);
         if now.since(usage.since) >= timeout {
-            // What is not used for so long is given back, half at a time.
+            // An unused window shrinks after so long, half at a time.
             let used = usage.unlimited_most.max(FIRST_WINDOW);
             if self.state == State::Open && used < self.cwnd {
                 self.threshold = remembered;
@@ -71,7 +70,7 @@ impl Sender {
         self.last_sent = now;
     }
 
-    /// The threshold after a window was given back that was not used: three quarters of it are known to work.
+    /// The threshold after an unused window shrank: three quarters of it are known to work.
     const fn remembered_threshold(&self) -> u32 {
         let most = self.cwnd - self.cwnd / 4;
         if self.threshold > most { self.threshold } else { most }

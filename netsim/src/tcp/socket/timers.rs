@@ -1,4 +1,4 @@
-//! What a connection does because time has passed.
+//! The timers of a connection.
 
 use std::io;
 use std::time::Duration;
@@ -32,7 +32,7 @@ impl Socket {
         }
     }
 
-    /// Time has passed.
+    /// Handles the timers that are due.
     pub(crate) fn expire(&mut self, now: Instant) {
         match &mut self.state {
             State::Closed => {}
@@ -75,7 +75,7 @@ impl Socket {
         }
     }
 
-    /// When an idle peer is asked whether it is still there.
+    /// When an idle peer is probed.
     fn next_probe(&self) -> Option<Instant> {
         let options = &self.config.options;
         let after = options.keepalive?;
@@ -83,8 +83,7 @@ impl Socket {
         idle.then(|| self.last_heard.after(after + options.keepalive_interval * self.probes))
     }
 
-    /// When a connection ends that the program has left and whose peer does not end it (Linux's
-    /// `tcp_fin_timeout`).
+    /// When a connection ends that the program has left and the peer keeps open (Linux's `tcp_fin_timeout`).
     fn deserted(&self) -> Option<Instant> {
         (self.orphan && self.sender.has_ended()).then(|| self.last_heard.after(FIN_TIMEOUT))
     }

@@ -1,4 +1,4 @@
-//! What a connection sends.
+//! The segments that a connection sends.
 
 use bytes::Bytes;
 use trimaran_net::Instant;
@@ -44,7 +44,7 @@ impl Socket {
         }
     }
 
-    /// What an open connection has to send next.
+    /// The next segment of an open connection.
     fn next_outgoing(&mut self, now: Instant) -> Option<Outgoing> {
         let empty = |seq, class| Outgoing { seq, data: Bytes::new(), fin: false, class };
         if let Some(out) = self.sender.transmit(now) {

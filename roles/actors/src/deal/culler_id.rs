@@ -1,8 +1,8 @@
-//! Which of a display's cullers.
+//! The number of a display's culler.
 
 use std::fmt;
 
-/// Which of a display's cullers, counted from 0.
+/// The number of a display's culler, counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CullerId(u8);
 
@@ -15,20 +15,20 @@ impl CullerId {
         (0..count.min(Self::MOST) as u8).map(Self)
     }
 
-    /// The one at this place; none beyond the last.
+    /// The one with this index; none beyond the last.
     #[must_use]
     pub fn of(place: usize) -> Option<Self> {
         u8::try_from(place).ok().filter(|_| place < Self::MOST).map(Self)
     }
 
-    /// The culler's index in lists of things that cullers have.
+    /// The culler's index in lists with one entry per culler.
     #[must_use]
     pub const fn index(self) -> usize {
         self.0 as usize
     }
 }
 
-/// People count from 1.
+/// Displayed counting from 1.
 impl fmt::Display for CullerId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "culler {}", self.0 + 1)

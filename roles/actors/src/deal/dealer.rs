@@ -11,21 +11,21 @@ use trimaran_transport::Instant;
 
 use super::{culler_id::CullerId, usual::Usual};
 
-/// Which frames there are.
+/// The frames of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
-    /// Every camera is one frame, and every frame is shown; so many of them, counted from 0. Cullers take
+    /// Every camera is one frame, and every frame is shown: as many as given, counted from 0. Cullers take
     /// turns, so that a run with the same cullers is the same each time.
     Lockstep {
-        /// With which frame it ends; never without.
+        /// The number of frames; unlimited without.
         frames: Option<u32>,
     },
-    /// The newest camera goes to whoever is free. What is older than what was shown is not shown any more.
+    /// The newest camera goes to a free culler. Frames older than the shown one are dropped.
     Live,
 }
 
 impl Pace {
-    /// How late a frame may always be, however fast cullers are. In lockstep nobody waits for the picture.
+    /// The least time before a frame counts as late. In lockstep the picture is not urgent.
     const fn least(self) -> Duration {
         match self {
             Self::Lockstep { .. } => Duration::from_secs(1),
@@ -38,10 +38,10 @@ impl Pace {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Disorder {
-    /// It began a frame whose camera it has not got.
+    /// It began a frame whose camera it was not sent.
     #[error("it began {0}, which it was not dealt")]
     NotDealt(FrameNumber),
-    /// It culled a frame from a camera that was not handed out for it.
+    /// It culled a frame from another camera than the one sent for it.
     #[error("it culled {0} from another camera than the display handed out")]
     ForeignCamera(FrameNumber),
     /// It began a frame while another was under way, or sent a part of one that had not begun.
@@ -49,16 +49,16 @@ pub enum Disorder {
     Unexpected(&'static str),
 }
 
-/// Who culls which frame, and which is shown next.
+/// Decides the culler of each frame, and the next frame to show.
 #[derive(Debug)]
 pub struct Dealer {
     pace: Pace,
-    /// Whether cullers take turns: always in lockstep, and live where each draws what the other one found.
+    /// Whether cullers take turns: always in lockstep, and live if each draws the other one's visible set.
     in_turn: bool,
     cullers: BTreeMap<CullerId, Hand>,
-    /// Frames of cullers that have left or are late, which are not dealt again yet.
+    /// Frames of lost or late cullers, not dealt again yet.
     orphans: BTreeSet<FrameNumber>,
-    /// Frames that are there and not shown.
+    /// Whole frames that are not shown yet.
     whole: BTreeSet<FrameNumber>,
     /// The first frame that is not shown.
     next: FrameNumber,
@@ -68,16 +68,16 @@ pub struct Dealer {
     held: bool,
 }
 
-/// What a culler has been dealt.
+/// The frames dealt to a culler.
 #[derive(Debug)]
 struct Hand {
-    /// Cameras it got and has not begun with, in order. In turn there is one at most; live, a newer one
-    /// replaces what waits in its one-camera cell.
+    /// Cameras sent to it that it has not begun, in order. In turn there is at most one; live, a newer one
+    /// replaces the one waiting in its cell.
     cell: VecDeque<FrameNumber>,
     begun: Option<FrameNumber>,
-    /// In turn: the frame that is its next.
+    /// In turn: its own next frame.
     own: FrameNumber,
-    /// Since when it works at the first frame it has.
+    /// When it began to work at its first frame.
     since: Instant,
     /// It is late, and is dealt nothing until it has answered.
     late: bool,
@@ -94,8 +94,8 @@ impl Hand {
 }
 
 impl Dealer {
-    /// For a session without cullers so far that goes on with the frame `first`. Where `in_turn`, cullers
-    /// take turns in a live session as well.
+    /// For a session that begins without cullers and with the frame `first`. If `in_turn`, cullers take turns
+    /// in a live session as well.
     #[must_use]
     pub fn new(pace: Pace, in_turn: bool, first: FrameNumber) -> Self {
         Self {
@@ -118,14 +118,14 @@ impl Dealer {
         self.share_out();
     }
 
-    /// A culler is gone: others are dealt its frames.
+    /// A culler is gone: its frames are dealt to others.
     pub fn leave(&mut self, id: CullerId) {
         if self.cullers.remove(&id).is_some() {
             self.share_out();
         }
     }
 
-    /// A culler is late: others are dealt its frames as well, and it gets no more until it answers.
+    /// A culler is late: its frames are dealt to others as well, and it gets no more until it answers.
     pub fn pass_over(&mut self, id: CullerId) {
         if let Some(hand) = self.cullers.get_mut(&id) {
             hand.late = true;
@@ -133,7 +133,7 @@ impl Dealer {
         }
     }
 
-    /// Deals nothing new for a while, or goes on.
+    /// Pauses or resumes dealing.
     pub const fn hold(&mut self, held: bool) {
         self.held = held;
     }
@@ -144,7 +144,7 @@ impl Dealer {
         self.next
     }
 
-    /// The frame that is dealt next, where nothing is dealt meanwhile.
+    /// The next frame to deal.
     #[must_use]
     pub const fn fresh(&self) -> FrameNumber {
         self.fresh
@@ -155,7 +155,7 @@ impl Dealer {
         self.cullers.iter().filter(|(_, hand)| !hand.late).map(|(id, _)| *id)
     }
 
-    /// In turn: who is dealt which frame now. Each has to get its camera at once.
+    /// In turn: deals frames to cullers now. The camera of each must be sent at once.
     pub fn deal(&mut self, now: Instant) -> Vec<(CullerId, FrameNumber)> {
         let mut dealt = Vec::new();
         if !self.in_turn || self.held {
@@ -165,7 +165,7 @@ impl Dealer {
         let window = self.next.0.saturating_add(2 * ids.len() as u32);
         for id in &ids {
             let Some(hand) = self.cullers.get_mut(id).filter(|hand| hand.cell.is_empty()) else { continue };
-            // Who is busy takes no frame that is waited for.
+            // A busy culler takes no frame that is waited for.
             let orphan = self.orphans.iter().copied().find(|frame| hand.is_idle() || *frame > self.next);
             let frame = match orphan {
                 Some(orphan) => {
@@ -189,9 +189,8 @@ impl Dealer {
         dealt
     }
 
-    /// Live: who gets the newest camera, if anybody is to. With a camera that nobody has got yet (`news`)
-    /// that is a culler which is free. If none is, it waits in the cell of the one that has been busy
-    /// longest.
+    /// Live: the culler for the newest camera, if any. A camera that no culler has yet (`news`) goes to a
+    /// free culler. If none is free, it waits in the cell of the one busy longest.
     #[must_use]
     pub fn wants_camera(&self, news: bool) -> Option<CullerId> {
         let all_idle = self.cullers.values().all(|hand| hand.late || hand.is_idle());
@@ -205,7 +204,7 @@ impl Dealer {
         idle.or_else(waiting).or_else(longest).map(|(id, _)| *id)
     }
 
-    /// Live: gives `id` a camera, in the place of one that waits in its cell; says the frame's number.
+    /// Live: sends `id` a camera, replacing one in its cell; returns the frame's number.
     pub fn hand_out(&mut self, id: CullerId, now: Instant) -> FrameNumber {
         let frame = self.fresh;
         self.fresh = FrameNumber(frame.0.saturating_add(1));
@@ -218,13 +217,13 @@ impl Dealer {
         frame
     }
 
-    /// In turn and live: frames whose cameras wait in a cell, so that a newer pose can take their place.
+    /// In turn and live: frames whose cameras wait in a cell, and may be replaced by a newer pose.
     pub fn refreshable(&self) -> impl Iterator<Item = (CullerId, FrameNumber)> + '_ {
         let live = self.in_turn && self.pace == Pace::Live;
         self.cullers.iter().filter(move |_| live).filter_map(|(id, hand)| Some((*id, *hand.cell.back()?)))
     }
 
-    /// A culler began to send a frame. Live, cameras that it got before have been replaced in its cell.
+    /// A culler began to send a frame. Live, its earlier cameras have been replaced in its cell.
     ///
     /// # Errors
     /// If it was not dealt the frame, or has begun another one.
@@ -239,7 +238,7 @@ impl Dealer {
         Ok(())
     }
 
-    /// A culler sent the end of its frame. Says which it is, if it is still to be shown.
+    /// A culler sent the end of its frame. Returns the frame's number if it is still to be shown.
     ///
     /// # Errors
     /// If none had begun.
@@ -274,8 +273,8 @@ impl Dealer {
         }
     }
 
-    /// The frame that the display has to cull itself, as nobody else does: no culler is there, or the one
-    /// that had it is gone and the others are busy.
+    /// The frame that the display must cull itself: there is no culler, or the frame's culler is gone and the
+    /// others are busy.
     #[must_use]
     pub fn to_cull_itself(&self) -> Option<FrameNumber> {
         let frame = match self.pace {
@@ -288,7 +287,7 @@ impl Dealer {
             .filter(|frame| nobody || self.orphans.contains(frame))
     }
 
-    /// A frame is shown; older ones are not any more. Says which of those that were there are not.
+    /// A frame is shown; older ones are dropped. Returns the dropped ones that had arrived.
     pub fn shown(&mut self, frame: FrameNumber) -> BTreeSet<FrameNumber> {
         self.next = FrameNumber(frame.0.saturating_add(1));
         let later = self.whole.split_off(&self.next);
@@ -304,7 +303,7 @@ impl Dealer {
         !in_session(self.pace, self.next)
     }
 
-    /// Who is late first, and when: the culler that has the oldest frame of all that are waited for.
+    /// The first culler to be late, and when: the one with the oldest awaited frame.
     #[must_use]
     pub fn late(&self) -> Option<(CullerId, Instant)> {
         let hands = self.cullers.iter().filter(|(_, hand)| !hand.late);
@@ -313,7 +312,7 @@ impl Dealer {
         Some((*id, since.after(self.usual.late(self.pace.least()))))
     }
 
-    /// Puts up again what was dealt to nobody that is there, and shares out the frames that are to come.
+    /// Deals the frames of missing cullers again, and distributes those to come.
     fn share_out(&mut self) {
         let hands = self.cullers.values().filter(|hand| !hand.late);
         let under_way: BTreeSet<_> =

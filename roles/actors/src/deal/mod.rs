@@ -1,6 +1,6 @@
-//! Which culler culls which frame, and which frame is shown next: no link, no clock of its own, no GPU.
+//! Assigns frames to cullers, and decides the next frame to show: no link, no clock of its own, no GPU.
 //!
-//! The display deals cameras to cullers, none of which waits for another one:
+//! The display deals cameras to cullers, which do not wait for each other:
 //!
 //! ```text
 //! frame        0      1      2      3

@@ -1,16 +1,16 @@
-//! Which visible set a culler draws its occluders from.
+//! The source of a culler's occluders.
 
 use std::{fmt, str::FromStr};
 
 use thiserror::Error;
 
-/// Which visible set a culler draws its occluders from (paper, section 3.2).
+/// The visible set from which a culler draws its occluders (paper, section 3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Schedule {
-    /// What it found itself in its last frame. No culler waits for another one.
+    /// Its own visible set of its last frame. No culler waits for another one.
     #[default]
     Independent,
-    /// The paper's SWITCH: of two cullers each draws what the other one finds, as it comes.
+    /// The paper's SWITCH: each of two cullers draws the other one's visible set, as it comes.
     Switch,
 }
 

@@ -1,15 +1,15 @@
-//! What is usual, so that what is late can be told.
+//! The usual time of a frame, to detect late ones.
 
 use std::{collections::VecDeque, time::Duration};
 
-/// How long the last frames took their cullers, whichever these were.
+/// The culling times of the last frames, over all cullers.
 #[derive(Debug, Default)]
 pub(super) struct Usual {
     times: VecDeque<Duration>,
 }
 
 impl Usual {
-    /// How many are kept.
+    /// How many times are kept.
     const KEPT: usize = 31;
     /// A frame is late at this multiple of the median.
     const MULTIPLE: u32 = 3;

@@ -1,4 +1,4 @@
-//! Leaving, and finding out that a peer has left.
+//! Closing links, and detecting that a peer has closed.
 
 use std::future::Future;
 
@@ -13,7 +13,7 @@ use crate::{
     turn::Turn,
 };
 
-/// What a role's work gives, unless the role is asked to stop.
+/// The result of a role's work, unless the role is asked to stop.
 pub(super) async fn worked(
     work: impl Future<Output = Result<(), RoleError>>,
     turn: &Turn,
@@ -23,7 +23,7 @@ pub(super) async fn worked(
     let result = stop.unless_requested(work).await.unwrap_or(Err(RoleError::Stopped));
     turn.give_back();
     match result {
-        // A device that gave up a wait because the role was asked to stop has not failed.
+        // A device that gave up a wait because of a stop request has not failed.
         Err(error) if error.is_of_a_device() && stop.requested() => {
             tracing::debug!(error = &error as &dyn std::error::Error, "the device's work was left");
             Err(RoleError::Stopped)
@@ -32,13 +32,13 @@ pub(super) async fn worked(
     }
 }
 
-/// Leaves all peers, and says how the role ended whose work gave `result`.
+/// Closes all links, and determines how the role with this `result` ended.
 pub(super) async fn part(
     mut links: Vec<Link>,
     mut result: Result<(), RoleError>,
     stop: &Stop,
 ) -> Result<(), RoleError> {
-    // What a peer said when it left says more than the failure to send to it afterwards.
+    // A peer's close says more than the later failure to send to it.
     if let Err(RoleError::Link { doing, cause: LinkError::Send(SendError::Lost { peer, .. }) }) = &result
         && let Some(link) = links.iter_mut().find(|link| link.peer.name == *peer)
         && let Some(cause @ RecvError::Closed { .. }) = stop.unless_requested(last_word(link)).await
@@ -48,13 +48,13 @@ pub(super) async fn part(
     let reason = result.as_ref().map_or_else(reason, |()| CloseCode::Finished.reason());
     let _unheard = stop.unless_insisted(leave(links, reason)).await;
     match result {
-        // Whoever was asked to stop does not ask why the others left: they may have been asked as well.
+        // After a stop request the other roles' ends do not matter: they may have been asked as well.
         Err(error) if error.is_clean_end() || stop.requested() && error.lost_a_peer() => Ok(()),
         result => result,
     }
 }
 
-/// What peers are told of how this role ended.
+/// The close reason for this role's end.
 pub(super) fn reason(error: &RoleError) -> CloseReason {
     match error {
         RoleError::Stopped => CloseCode::Interrupted.reason(),
@@ -66,7 +66,7 @@ pub(super) fn reason(error: &RoleError) -> CloseReason {
     }
 }
 
-/// Says close on all links at once. A peer that is gone already does not hear it, and need not.
+/// Sends a close on all links at once. A peer that is gone misses it.
 pub(crate) async fn leave(links: Vec<Link>, reason: CloseReason) {
     let each = links.into_iter().map(|link| async {
         if let Err(cause) = link.close(reason.clone()).await {
@@ -76,12 +76,12 @@ pub(crate) async fn leave(links: Vec<Link>, reason: CloseReason) {
     join_all(each).await;
 }
 
-/// Leaves a peer before the session has begun, because this role cannot play in it.
+/// Closes a link before the session has begun, because this role cannot play in it.
 pub(crate) async fn leave_unable(link: Link, error: &RoleError) {
     leave(vec![link], reason(error)).await;
 }
 
-/// How a culler left, which sends nothing on this lane.
+/// Waits for the close of a culler, which sends nothing on this lane.
 pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
     loop {
         match lane.latest().await {
@@ -91,8 +91,8 @@ pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
     }
 }
 
-/// How a link ended, whose peer is gone: behind cameras that nobody has read, and where its two lanes are two
-/// connections perhaps a little later than the other one.
+/// How the link of a lost peer ended: behind unread cameras. If its two lanes are two connections, its close
+/// may come a little later than the other one's.
 async fn last_word(link: &mut Link) -> RecvError {
     loop {
         if let Err(end) = link.latest_rx.latest().await {

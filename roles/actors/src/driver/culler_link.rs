@@ -1,4 +1,4 @@
-//! A culler's end at the display: what comes over its link, put together to frames.
+//! A culler's link at the display: assembles its messages to frames.
 
 use std::{
     collections::{HashSet, VecDeque},
@@ -29,23 +29,23 @@ use crate::{
 pub(super) struct CullerLink {
     pub(super) id: CullerId,
     pub(super) link: Link,
-    /// Where another culler can reach it, if the display knows.
+    /// Its endpoint for another culler, if the display knows one.
     pub(super) at: Option<String>,
-    /// The view state that it was told of last.
+    /// The last view state sent to it.
     pub(super) told: ViewVersion,
-    /// What it has no room for yet.
+    /// Messages waiting for room.
     unsaid: VecDeque<RoleMessage>,
     ids: FrameIds,
-    /// Where the display has no scene.
+    /// If the display has no scene.
     pub(super) supply: Option<DisplayEnd>,
     arriving: Option<Arriving>,
-    /// What the link had carried at the end of the last frame.
+    /// The link's traffic at the end of the last frame.
     carried: LinkStats,
-    /// Its place, which is free when this is dropped.
+    /// Its slot, free on drop.
     _seat: Seat,
 }
 
-/// What came of a frame so far.
+/// The received part of a frame.
 #[derive(Debug)]
 struct Arriving {
     camera: Camera,
@@ -57,32 +57,32 @@ struct Arriving {
 #[derive(Debug)]
 pub(super) struct Culled {
     pub(super) camera: Camera,
-    /// Who culled it; none if the display itself did.
+    /// Its culler; none if the display itself culled it.
     pub(super) by: Option<CullerId>,
     pub(super) ids: Vec<DrawableId>,
-    /// Which of them are not all there, where the display has no scene.
+    /// Those of them that are not complete, if the display has no scene.
     pub(super) lacking: Vec<DrawableId>,
-    /// What can be shown in the place of these meanwhile, if coarser drawables may be.
+    /// Stand-ins for these, if coarser drawables may be shown meanwhile.
     pub(super) stand_ins: Option<Vec<DrawableId>>,
-    /// From when on it may be shown so.
+    /// From when it may be shown with stand-ins.
     pub(super) may_lack_from: Option<Instant>,
-    /// How many more it should have: they were lost on a link with deadlines.
+    /// How many ids were lost on a link with deadlines.
     pub(super) missing: u32,
     /// When its begin arrived.
     pub(super) begun: Duration,
-    /// How many ids had come, and when, since the begin.
+    /// Pairs of an id count and the time since the begin.
     pub(super) arrivals: Vec<(u32, Duration)>,
-    /// What travelled over the culler's link since its last frame.
+    /// The traffic of the culler's link since its last frame.
     pub(super) traffic: SentBytes,
 }
 
 impl Culled {
-    /// From when on it may be shown with what stands in for the rest, where that is there.
+    /// From when it may be shown with stand-ins, if there are any.
     pub(super) fn has_stand_ins_from(&self) -> Option<Instant> {
         self.may_lack_from.filter(|_| !self.lacking.is_empty() && self.stand_ins.is_some())
     }
 
-    /// What can be drawn of it now, with what stands in for the rest.
+    /// The drawables to show now, with stand-ins for missing ones.
     pub(super) fn there(&self) -> Vec<DrawableId> {
         let lacking: HashSet<_> = self.lacking.iter().collect();
         let ids = self.ids.iter().filter(|id| !lacking.contains(id));
@@ -90,20 +90,20 @@ impl Culled {
     }
 }
 
-/// What a culler has to say.
+/// An event of a culler.
 #[derive(Debug)]
 pub(super) enum Heard {
     /// A frame begins, culled from this camera.
     Began(Camera),
-    /// All of it is there.
+    /// All of the frame has arrived.
     Whole(Box<Culled>),
-    /// Something beside frames.
+    /// Another message.
     Said(RoleMessage),
-    /// Nothing more: it left, or broke the rules.
+    /// It left, or broke the protocol.
     Gone(RoleError),
 }
 
-/// What the first of all cullers has to say. Never ends without any. Dropping the future loses nothing.
+/// The first event of any culler. Pending for ever without cullers. Dropping the future loses nothing.
 pub(super) async fn first_of(cullers: &mut [CullerLink], clock: &Stopwatch) -> (CullerId, Heard) {
     if cullers.is_empty() {
         pending::<()>().await;
@@ -145,17 +145,17 @@ impl CullerLink {
         link
     }
 
-    /// Tells it something as soon as it has room for that. Nobody waits for a culler that stalls.
+    /// Sends it a message once it has room. A stalled culler is not waited for.
     pub(super) fn say(&mut self, message: RoleMessage) {
         self.unsaid.push_back(message);
-        // Who is gone is noticed where it is listened to.
+        // A lost culler is noticed by its receiver.
         let _waits = say_all(&mut self.link.messages_tx, &mut self.unsaid).now_or_never();
     }
 
-    /// Waits for what it says next. Dropping the future loses nothing.
+    /// Waits for its next event. Dropping the future loses nothing.
     async fn hear(&mut self, clock: &Stopwatch) -> Heard {
         loop {
-            // What is there without waiting came with what was before it.
+            // A message available without waiting arrived together with the one before.
             let (event, at_once) = match self.link.frames_rx.try_recv() {
                 Ok(Some(event)) => (Ok(event), true),
                 Err(end) => (Err(end), true),
@@ -176,7 +176,7 @@ impl CullerLink {
             };
             let taken = match event {
                 Ok(event) => self.take(event, at_once, clock.elapsed()),
-                // It has nothing to say while it is dealt nothing.
+                // An idle culler is silent.
                 Err(RecvError::Silent { .. }) => Ok(None),
                 Err(end) => Err(link("receiving a frame")(end)),
             };
@@ -237,7 +237,7 @@ impl CullerLink {
     }
 }
 
-/// Why what it sends cannot be taken. Never ends where nothing is sent. Dropping the future loses nothing.
+/// Waits for an error in its geometry. Pending for ever if none is sent. Dropping the future loses nothing.
 async fn failed(supply: &mut Option<DisplayEnd>) -> SupplyError {
     match supply {
         Some(supply) => supply.failed().await,
@@ -245,8 +245,8 @@ async fn failed(supply: &mut Option<DisplayEnd>) -> SupplyError {
     }
 }
 
-/// Says all of it, in order. Never ends where nothing is to be said, or the peer is gone. Dropping the future
-/// says each whole, or later.
+/// Sends all messages, in order. Pending for ever if there are none, or the peer is gone. Dropping the future
+/// leaves whole messages for later.
 async fn say_all(lane: &mut MessageSender, unsaid: &mut VecDeque<RoleMessage>) {
     if unsaid.is_empty() {
         pending::<()>().await;

@@ -15,23 +15,23 @@ use crate::{
     turn::Turns,
 };
 
-/// What a display does with a frame: on a device, or as it was recorded.
+/// A display's work on a frame: on a device, or as recorded.
 pub trait DisplayWork {
     /// As [`CullerDevice::cancel_on`](crate::CullerDevice::cancel_on).
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
     }
 
-    /// From the next frame on, another view state holds.
+    /// Uses another view state from the next frame on.
     fn change_view(&mut self, state: &ViewState) {
         let _ = state;
     }
 
-    /// Draws a frame (RVG). Of its `ids` so many are `missing`, lost on a link with deadlines. They may be
-    /// put into another order, and others may be added for those that were lost: it says how many.
+    /// Draws a frame (RVG). `missing` is how many of its ids were lost on a link with deadlines. It may
+    /// reorder `ids`, and add others for the lost ones: returns how many.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn draw(
         &mut self,
         camera: Camera,
@@ -42,68 +42,67 @@ pub trait DisplayWork {
     /// The picture drawn last.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn picture(&mut self) -> Result<Option<&Image>, RoleError>;
 }
 
-/// What a live display that has no scene shows of a frame, while some of it is still to come. In lockstep it
-/// always waits.
+/// What a live display without a scene shows of an incomplete frame. In lockstep it always waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum WhileLoading {
-    /// Coarser drawables in the place of what is still to come, which are sent first.
+    /// Coarser drawables as stand-ins for missing ones. They are sent first.
     #[default]
     Coarser,
-    /// Nothing: it waits until all of the frame has come.
+    /// Waits until all of the frame has arrived.
     Wait,
 }
 
-/// A scene that a display is supplied by its cullers.
+/// A scene that its cullers supply to a display.
 #[derive(Debug, Clone)]
 pub struct Supplied {
     /// The scene, [empty](Scene::empty) at first.
     pub scene: Arc<Scene>,
-    /// The most bytes of packed geometry that are kept beside what the frame under way needs.
+    /// The size limit of packed geometry beside that of the current frame, bytes.
     pub memory: u64,
-    /// What is shown while some of a frame is still to come.
+    /// What is shown of an incomplete frame.
     pub while_loading: WhileLoading,
 }
 
 /// A display and its cullers.
 #[derive(Debug)]
 pub struct DisplayRole<W, A> {
-    /// What it does with a frame.
+    /// Its work on a frame.
     pub work: W,
-    /// How it culls a frame itself, where no culler does. Without it such a frame waits for a culler.
+    /// Its own culling, for frames without a culler. Without it such a frame waits for a culler.
     pub alone: Option<A>,
-    /// Where it holds no scene: what it is supplied.
+    /// The supplied scene, if it holds none.
     pub supplied: Option<Supplied>,
     /// The cullers.
     pub cullers: Peers,
-    /// How the session is known to cullers.
+    /// Identifies the session to cullers.
     pub session: SessionKey,
-    /// What the cullers were told in the handshake.
+    /// The settings from the handshake with the cullers.
     pub settings: Settings,
-    /// How frames are dealt.
+    /// How frames are distributed.
     pub schedule: Schedule,
-    /// Which frames there are.
+    /// The frames.
     pub pace: Pace,
-    /// The frame that comes first: above 0 where a walk goes on.
+    /// The first frame: above 0 if a walk is resumed.
     pub first: FrameNumber,
-    /// How long it waits at the start for all cullers that it connects to. Then it begins with those that
-    /// are there, and goes on looking for the others.
+    /// How long it waits at the start for the cullers that it connects to. Then it begins without the missing
+    /// ones, and keeps trying them.
     pub join_timeout: Duration,
     /// How many drawables the scene has.
     pub drawables: u32,
-    /// The time it waits by.
+    /// The network and clock.
     pub net: Arc<dyn Net>,
-    /// What it measures by, and whether it draws while other roles of the process compute.
+    /// Its clock, and whether it draws while other roles of the process compute.
     pub turns: Turns,
 }
 
 impl<W, A> DisplayRole<W, A> {
     /// A display that walks in lockstep as long as there are cameras, with independent cullers. It culls
-    /// nothing itself, waits for no culler at the start, and computes beside other roles. Name what is
-    /// different: `DisplayRole { pace, ..DisplayRole::new(..) }`.
+    /// nothing itself, waits for no culler at the start, and computes beside other roles. Set other fields
+    /// with `DisplayRole { pace, ..DisplayRole::new(..) }`.
     #[must_use]
     pub fn new(
         work: W,

@@ -14,7 +14,7 @@ use crate::{
     supply::{SupplyError, SupplyFault},
 };
 
-/// An error of a device or an observer, whatever these are.
+/// An error of a device or an observer.
 pub type BoxedError = Box<dyn Error + Send + Sync>;
 
 /// Why a role ended early.
@@ -24,12 +24,12 @@ pub enum RoleError {
     /// It was asked to stop.
     #[error("stopped")]
     Stopped,
-    /// A link failed: the peer died, fell silent or spoke nonsense.
+    /// A link failed: the peer died, fell silent or violated the protocol.
     #[error("{doing} failed")]
     Link {
-        /// What the role was doing.
+        /// The role's action.
         doing: &'static str,
-        /// Why.
+        /// The cause.
         #[source]
         cause: LinkError,
     },
@@ -38,50 +38,50 @@ pub enum RoleError {
     Order {
         /// The peer.
         peer: String,
-        /// How.
+        /// The violation.
         #[source]
         cause: Disorder,
     },
-    /// A peer sent an id that no frame of the scene can have.
+    /// A peer sent an id that is invalid in a frame of the scene.
     #[error("the {peer} sent ids that no frame can have")]
     Ids {
         /// The peer.
         peer: String,
-        /// Which, and why.
+        /// The id and the cause.
         #[source]
         cause: IdError,
     },
-    /// A peer sent geometry that the display cannot take.
+    /// A peer sent geometry that the display cannot use.
     #[error("the {peer} sent geometry that cannot be taken")]
     Supplied {
         /// The peer.
         peer: String,
-        /// Why.
+        /// The cause.
         #[source]
         cause: Box<SupplyError>,
     },
-    /// The display cannot be sent what it needs of the scene.
+    /// The display's geometry cannot be sent.
     #[error("the display cannot be supplied")]
     Supply(#[source] Box<SupplyFault>),
-    /// The device failed: nothing more can be done with it.
+    /// The device failed, and is unusable.
     #[error("the device failed while {doing}")]
     Device {
-        /// What the role was doing.
+        /// The role's action.
         doing: &'static str,
-        /// Why.
+        /// The cause.
         #[source]
         cause: BoxedError,
     },
-    /// The device does not do what this session asks of it, or has no memory for it. Other sessions go on.
+    /// The device lacks a feature or memory for this session. Other sessions go on.
     #[error("the device cannot serve this session: {doing} failed")]
     Session {
-        /// What the role was doing.
+        /// The role's action.
         doing: &'static str,
-        /// Why.
+        /// The cause.
         #[source]
         cause: BoxedError,
     },
-    /// The session asks for more than one may.
+    /// The session exceeds its limits.
     #[error(transparent)]
     Limit(#[from] LimitError),
     /// The system gives the session no thread.
@@ -93,29 +93,28 @@ pub enum RoleError {
     /// Culling failed.
     #[error("culling failed")]
     Cull(#[source] BoxedError),
-    /// A peer named a drawable that the scene does not have, although both hold the same scene.
+    /// A peer named a drawable that the scene lacks, although both hold the same scene.
     #[error("the peer named a drawable that the scene does not have")]
     Unknown(#[from] OccluderError),
-    /// A view state cannot be told or read.
+    /// A view state cannot be sent or read.
     #[error("a view state was not understood")]
     View(#[from] ViewStateError),
-    /// A camera names a view state that its source does not have.
+    /// A camera names an unknown view state.
     #[error("the source of cameras does not have the view state {version} that one of them names", version = .0.0)]
     UnknownView(ViewVersion),
-    /// The observer cannot note any more what is shown.
+    /// The observer failed to record a frame.
     #[error("what is shown cannot be recorded any more")]
     Observer(#[source] BoxedError),
 }
 
 impl RoleError {
-    /// What a failure of its device means to a role that was `doing` something with it, and that has the
-    /// device for itself.
+    /// Converts an error of a role's own device during `doing`.
     pub fn device<D: Error + Send + Sync + 'static>(doing: &'static str) -> impl FnOnce(D) -> Self {
         move |cause| Self::Device { doing, cause: cause.into() }
     }
 
-    /// What an error of a device means that sessions share: the end of all of them where the device is lost,
-    /// and else of the one that was `doing` something with it.
+    /// Converts an error of a shared device: it ends all sessions if the device is lost, else only the one
+    /// during whose `doing` it occurred.
     pub fn of_device<D: CullerDevice>(doing: &'static str) -> impl FnOnce(D::Error) -> Self {
         move |cause| match D::is_lost(&cause) {
             true => Self::Device { doing, cause: cause.into() },
@@ -123,7 +122,7 @@ impl RoleError {
         }
     }
 
-    /// What a failure to cull on such a device means.
+    /// Converts an error of culling on such a device.
     pub fn of_culling<D: CullerDevice>(error: CullError<D::Error>) -> Self {
         match error {
             CullError::Test(cause) => Self::of_device::<D>("testing boxes against the occluders")(cause),
@@ -131,7 +130,7 @@ impl RoleError {
         }
     }
 
-    /// What a panic means to the session in which it was caught.
+    /// Converts a caught panic of a session.
     #[must_use]
     pub fn panic(payload: &(dyn Any + Send)) -> Self {
         let text = payload.downcast_ref::<String>().map(String::as_str);
@@ -139,8 +138,7 @@ impl RoleError {
         Self::Panic(text.unwrap_or("no word of what it is").to_owned())
     }
 
-    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, or its device
-    /// failed.
+    /// Whether a lost peer may come again: its connection broke, it was interrupted, or its device failed.
     #[must_use]
     pub fn lost_a_peer(&self) -> bool {
         let passing = [CloseCode::Interrupted, CloseCode::DeviceFailed];
@@ -156,7 +154,7 @@ impl RoleError {
         }
     }
 
-    /// Why a peer left that said so, if that is what ended this role.
+    /// The close code of a peer, if its close ended this role.
     fn close(&self) -> Option<CloseCode> {
         match self {
             Self::Link { cause: LinkError::Receive(RecvError::Closed { reason, .. }), .. } => {
@@ -166,8 +164,8 @@ impl RoleError {
         }
     }
 
-    /// How this role's own device failed, if that is what happened: the one end of a session that is the end
-    /// of its process as well. It may be started again, for which its peers wait as for one that was lost.
+    /// The error of this role's own device, if that ended it: the only end of a session that ends its process
+    /// as well. It may be restarted, for which its peers wait as for a lost one.
     #[must_use]
     pub fn device_failure(&self) -> Option<&(dyn Error + Send + Sync + 'static)> {
         match self {
@@ -176,13 +174,12 @@ impl RoleError {
         }
     }
 
-    /// Whether a device gave up what the role was doing.
+    /// Whether a device gave up the role's work.
     pub(crate) const fn is_of_a_device(&self) -> bool {
         matches!(self, Self::Device { .. } | Self::Session { .. })
     }
 
-    /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is
-    /// over.
+    /// Whether this is an intended end: this role was asked to stop, or a peer ended the session.
     #[must_use]
     pub fn is_clean_end(&self) -> bool {
         let ends = [Some(CloseCode::Finished), Some(CloseCode::Replaced)];
@@ -194,10 +191,10 @@ impl RoleError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LinkError {
-    /// Nothing more comes.
+    /// Receiving failed.
     #[error(transparent)]
     Receive(#[from] RecvError),
-    /// Nothing more goes out.
+    /// Sending failed.
     #[error(transparent)]
     Send(#[from] SendError),
 }
@@ -208,7 +205,7 @@ impl From<SupplyFault> for RoleError {
     }
 }
 
-/// What a failure of a link means to a role that was `doing` something with it.
+/// Converts a failure of a link during `doing`.
 pub(super) fn link<E: Into<LinkError>>(doing: &'static str) -> impl FnOnce(E) -> RoleError {
     move |cause| RoleError::Link { doing, cause: cause.into() }
 }

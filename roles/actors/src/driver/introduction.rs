@@ -8,40 +8,40 @@ use trimaran_transport::Instant;
 use super::culler_link::CullerLink;
 use crate::deal::{CullerId, Dealer};
 
-/// How far the two are.
+/// The progress of the introduction.
 #[derive(Debug)]
 pub(super) struct Introduction {
-    /// The key of the next meeting, so that cullers can tell one from another.
+    /// The key of the next meeting, to distinguish meetings.
     next: u64,
     state: State,
-    /// Until when the two may take for what they have been asked.
+    /// The deadline of the current step.
     deadline: Option<Instant>,
 }
 
-/// How long two cullers may take to meet. They try for as long themselves.
+/// How long two cullers may take to connect. They try for as long themselves.
 const MEETING: Duration = Duration::from_secs(12);
-/// How long they may take to say that they are ready. Nothing is dealt meanwhile.
+/// How long they may take to get ready. Nothing is dealt meanwhile.
 const SWITCHING: Duration = Duration::from_secs(1);
 
 #[derive(Debug, Default)]
 enum State {
     #[default]
     Apart,
-    /// They are to meet; these have.
+    /// They are to connect; these have.
     Meeting {
         key: SessionKey,
         two: [CullerId; 2],
-        /// What is said as soon as one of them waits: it takes nobody before.
+        /// Sent once one of them waits: it accepts nobody before.
         then: Option<Box<Word>>,
         met: Vec<CullerId>,
     },
-    /// They are to draw what the other one finds, and know from which frame on; these do.
+    /// They are to take turns, and know the first frame; these are ready.
     Switching { key: SessionKey, two: [CullerId; 2], ready: Vec<CullerId> },
-    /// They do.
+    /// They take turns.
     Switched { key: SessionKey, two: [CullerId; 2] },
 }
 
-/// Something to say to a culler.
+/// A message to a culler.
 pub(super) type Word = (CullerId, RoleMessage);
 
 impl Introduction {
@@ -49,8 +49,8 @@ impl Introduction {
         Self { next: session.0, state: State::Apart, deadline: None }
     }
 
-    /// Says what cullers are to be told, now that these are `available`. Nothing is dealt before the first
-    /// two have met, if the session has not begun yet.
+    /// Messages for cullers, given the `available` ones. Nothing is dealt before the first two have
+    /// connected, if the session has not begun yet.
     pub(super) fn arrange(
         &mut self,
         dealer: &mut Dealer,
@@ -88,7 +88,7 @@ impl Introduction {
         words
     }
 
-    /// A culler has said something that may be about it.
+    /// A culler's message that may be about it.
     pub(super) fn hear(
         &mut self,
         from: CullerId,
@@ -106,7 +106,7 @@ impl Introduction {
                     return Vec::new();
                 }
                 let (key, two, first) = (*key, *two, dealer.fresh());
-                // What is dealt from now on the two cull in turn.
+                // The frames from now on are culled in turn.
                 dealer.hold(true);
                 self.deadline = Some(now.after(SWITCHING));
                 self.state = State::Switching { key, two, ready: Vec::new() };
@@ -130,12 +130,12 @@ impl Introduction {
         }
     }
 
-    /// When the two are late, if they have been asked for something.
+    /// When the two are late, if a step is under way.
     pub(super) const fn late(&self) -> Option<Instant> {
         self.deadline
     }
 
-    /// The two are late: they go on by themselves.
+    /// The two are late: they go on independently.
     pub(super) fn overdue(&mut self, dealer: &mut Dealer) -> Vec<Word> {
         tracing::warn!("the cullers are late to meet, and go on by themselves");
         let two = self.state.two();
@@ -143,7 +143,7 @@ impl Introduction {
         two.into_iter().flatten().map(|id| (id, RoleMessage::Part)).collect()
     }
 
-    /// They are not asked again until one of them comes anew.
+    /// They are not asked again until one of them reconnects.
     fn give_up(&mut self, dealer: &mut Dealer) {
         let two = self.state.two();
         self.state = two.map_or(State::Apart, |two| State::Switched { key: SessionKey(0), two });

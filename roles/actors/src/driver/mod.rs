@@ -1,6 +1,6 @@
-//! The drivers: loops that move messages between links, state machines and what a role does with a frame.
+//! The drivers: loops that move messages between links, state machines and a role's work on a frame.
 //!
-//! A driver is a future that knows of no runtime, device or clock. A real role is run by
+//! A driver is a future independent of any runtime, device or clock. A real role is run by
 //! [`block_on`](tokio::runtime::Handle::block_on) on a thread of its own, since its device blocks within the
 //! future; a simulated one runs on the simulation's executor.
 

@@ -1,4 +1,4 @@
-//! Which cameras the display has handed out, and which of them a frame was culled from.
+//! The published cameras, with those from which frames were culled.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -8,21 +8,20 @@ use std::{
 
 use trimaran_proto::{Camera, FrameNumber, ViewState, ViewVersion};
 
-/// Where cameras come from.
+/// A source of cameras.
 pub trait Cameras {
-    /// The pose for this frame. In a lockstep session it depends on the frame alone; in a live one it is the
-    /// newest there is.
+    /// The pose for this frame. In a lockstep session it depends only on the frame; in a live one it is the
+    /// newest.
     fn camera(&mut self, frame: FrameNumber) -> Camera;
 
-    /// A view state that one of its cameras named, of version 1 or later. It may be asked for as long as a
-    /// frame of it is not shown.
+    /// A view state named by one of its cameras, of version 1 or later. It may be requested until its frames
+    /// are shown.
     fn view_state(&mut self, version: ViewVersion) -> Option<Arc<ViewState>> {
         let _ = version;
         None
     }
 
-    /// Whether the walk is over. A live session ends then; one in lockstep has as many frames as it was
-    /// given.
+    /// Whether the walk is over, which ends a live session; one in lockstep has a given number of frames.
     fn is_over(&self) -> bool {
         false
     }
@@ -35,12 +34,12 @@ impl<F: FnMut(FrameNumber) -> Camera> Cameras for F {
     }
 }
 
-/// The cameras handed out for frames that are not shown yet, oldest first, and when.
+/// The published cameras of frames that are not shown yet, oldest first, with their times.
 #[derive(Debug, Default)]
 pub(super) struct Published(BTreeMap<FrameNumber, VecDeque<(Camera, Duration)>>);
 
 impl Published {
-    /// About a second of poses for a frame. Beyond, the oldest are forgotten.
+    /// About a second of poses for a frame. Beyond, the oldest are dropped.
     const KEPT: usize = 256;
 
     pub(super) fn note(&mut self, camera: Camera, at: Duration) {
@@ -51,7 +50,7 @@ impl Published {
         poses.push_back((camera, at));
     }
 
-    /// When this camera was handed out first; none if it was not.
+    /// When this camera was first published; none if it was not.
     pub(super) fn when(&self, camera: &Camera) -> Option<Duration> {
         let poses = self.0.get(&camera.frame())?;
         poses.iter().find(|(pose, _)| pose == camera).map(|(_, at)| *at)
@@ -62,7 +61,7 @@ impl Published {
         self.0.get(&frame)?.back().map(|(camera, _)| *camera)
     }
 
-    /// Forgets what frames up to `shown` were culled from.
+    /// Drops the cameras of frames up to `shown`.
     pub(super) fn shown(&mut self, shown: FrameNumber) {
         self.0 = self.0.split_off(&FrameNumber(shown.0.saturating_add(1)));
     }

@@ -1,30 +1,29 @@
-//! What cullers say of frames, until the frames are shown; and under which numbers these are.
+//! Keeps cullers' statistics of frames until the frames are shown, and maps frame numbers.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use trimaran_proto::{FrameNumber, FrameStats};
 
-/// Of how many frames it is kept.
+/// For how many frames they are kept.
 const KEPT: usize = 64;
 
-/// What cullers say of frames.
+/// Cullers' statistics of frames.
 ///
-/// A frame is dealt under one number and shown under another: in a live session some that were dealt are
-/// never shown.
+/// A frame is dealt under one number and shown under another: in a live session some are never shown.
 #[derive(Debug)]
 pub(super) struct Said {
     /// How many frames have been shown, with those of the walk before this session.
     count: FrameNumber,
-    /// The last frames as they were dealt and as they were shown.
+    /// The last frames, by dealt and by shown number.
     numbers: VecDeque<(FrameNumber, FrameNumber)>,
-    /// Of frames that are not shown yet.
+    /// For frames that are not shown yet.
     early: BTreeMap<FrameNumber, FrameStats>,
-    /// Frames that are shown, and of which nothing was said.
+    /// Shown frames without statistics yet.
     awaited: BTreeSet<FrameNumber>,
 }
 
 impl Said {
-    /// Nothing yet; the first frame that is shown has the number `first`.
+    /// Empty; the first shown frame gets the number `first`.
     pub(super) const fn from(first: FrameNumber) -> Self {
         Self { count: first, numbers: VecDeque::new(), early: BTreeMap::new(), awaited: BTreeSet::new() }
     }
@@ -34,19 +33,19 @@ impl Said {
         self.count
     }
 
-    /// The frame that was shown last, as it was dealt.
+    /// The last shown frame, by its dealt number.
     pub(super) fn last_shown(&self) -> Option<FrameNumber> {
         self.numbers.back().map(|(dealt, _)| *dealt)
     }
 
-    /// The frame that was dealt under this number is shown. Gives what was said of it.
+    /// The frame dealt under this number is shown. Returns its statistics, if known.
     pub(super) fn shown(&mut self, dealt: FrameNumber) -> Option<FrameStats> {
         self.numbers.push_back((dealt, self.count));
         if self.numbers.len() > KEPT {
             self.numbers.pop_front();
         }
         self.count = FrameNumber(self.count.0.saturating_add(1));
-        // What was said of earlier ones that are not shown is of no use.
+        // Statistics of earlier frames that are not shown are useless.
         let later = self.early.split_off(&FrameNumber(dealt.0.saturating_add(1)));
         let said = std::mem::replace(&mut self.early, later).remove(&dealt);
         if said.is_none() {
@@ -58,12 +57,12 @@ impl Said {
         said.and_then(|stats| self.as_shown(stats))
     }
 
-    /// The last frame is shown again: nothing new is said of it.
+    /// The last frame is shown again, without new statistics.
     pub(super) fn shown_again(&mut self) {
         self.count = FrameNumber(self.count.0.saturating_add(1));
     }
 
-    /// Takes what is said of a frame. Gives it if that is shown already.
+    /// Takes statistics of a frame. Returns them if it is shown already.
     pub(super) fn note(&mut self, stats: FrameStats) -> Option<FrameStats> {
         if self.last_shown().is_some_and(|last| stats.frame <= last) {
             self.awaited.remove(&stats.frame);
@@ -76,12 +75,12 @@ impl Said {
         None
     }
 
-    /// Whether something is still to be said of a frame that is shown.
+    /// Whether statistics of a shown frame are still to come.
     pub(super) fn awaits(&self) -> bool {
         !self.awaited.is_empty()
     }
 
-    /// The same under the numbers by which frames were shown; none if this one was not.
+    /// The same by shown numbers; none if this frame was not shown.
     fn as_shown(&self, stats: FrameStats) -> Option<FrameStats> {
         let number =
             |dealt| self.numbers.iter().find(|(known, _)| *known == dealt).map(|(_, number)| *number);

@@ -1,7 +1,7 @@
-//! Geometry that a moving camera is about to need, sent before a frame does.
+//! Geometry that a moving camera will soon need, sent before a frame does.
 //!
-//! Where the eye will be is worked out from its motion. There, what was found visible lately has other levels
-//! of detail, and what comes into the picture at its edge looks large.
+//! The eye's pose is predicted from its motion. There, recently visible nodes have other levels of detail,
+//! and nodes that enter the picture at its edge look large.
 
 use std::{
     collections::{HashMap, VecDeque},
@@ -15,37 +15,37 @@ use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::Scene;
 use trimaran_transport::Instant;
 
-/// How far it looks ahead.
+/// How far ahead the pose is predicted.
 const HORIZON: Duration = Duration::from_millis(500);
-/// How long a piece counts that no frame has used.
+/// How long an unused piece counts.
 const COUNTED: Duration = Duration::from_secs(10);
-/// A camera that has moved by so many times what it moved before has jumped.
+/// A camera that has moved this many times as far as before has jumped.
 const JUMP: f64 = 4.0;
-/// What looks large ahead is looked for in so many nodes of each level of the tree.
+/// The most nodes per level of the tree in the search for large ones ahead.
 const WIDEST: usize = 16;
 
-/// What is to be sent ahead, and what was sent and not used.
+/// The geometry to send ahead, and the unused part of it.
 #[derive(Debug)]
 pub(super) struct Ahead {
-    /// How many bytes may have been sent that no frame has used; with 0 nothing is sent.
+    /// How many unused bytes may have been sent; with 0 nothing is sent.
     budget: u64,
     mapper: Option<OccluderMapper>,
-    /// The frame that is being found, and since when its pose is known.
+    /// The frame being found, and since when its pose is known.
     frame: Option<(View, Instant)>,
     found: Vec<DrawableId>,
-    /// How the camera moved to the frame before.
+    /// The camera's previous motion.
     before: Option<Motion>,
-    /// The frame that was found last, as it looks after [`HORIZON`]: not looked at yet.
+    /// The last found frame, at its pose after [`HORIZON`]: not evaluated yet.
     next: Option<(View, Vec<DrawableId>)>,
-    /// To be sent, first what stands last.
+    /// To be sent, the last entry first.
     due: Vec<DrawableId>,
-    /// Pieces that were sent and not used, oldest first, and their bytes.
+    /// Sent and unused pieces, oldest first, and their bytes.
     sent: VecDeque<(Instant, u32)>,
     unused: HashMap<u32, u64>,
     unused_bytes: u64,
 }
 
-/// How a camera moved from a frame to the next.
+/// A camera's motion between two frames.
 #[derive(Debug, Clone, Copy)]
 struct Motion {
     way: DVec3,
@@ -54,7 +54,7 @@ struct Motion {
 }
 
 impl Ahead {
-    /// Sends at most so many bytes that no frame uses within ten seconds.
+    /// Sends at most this many bytes that no frame uses within ten seconds.
     pub(super) fn new(budget: u64) -> Self {
         Self {
             budget,
@@ -86,7 +86,7 @@ impl Ahead {
         }
     }
 
-    /// The next drawable to send ahead, as long as there is room for it.
+    /// The next drawable to send ahead, if there is room for it.
     pub(super) fn pop(&mut self, scene: &Arc<Scene>, rule: &CutRule, now: Instant) -> Option<DrawableId> {
         while let Some((_, number)) = self.sent.front().filter(|(at, _)| now.since(*at) > COUNTED) {
             let number = *number;
@@ -102,21 +102,21 @@ impl Ahead {
         self.due.pop()
     }
 
-    /// A piece of so many bytes was sent.
+    /// A piece of this many bytes was sent.
     pub(super) fn sent(&mut self, number: u32, bytes: u64, now: Instant) {
         self.sent.push_back((now, number));
         self.unused_bytes += bytes;
         self.unused.insert(number, bytes);
     }
 
-    /// A piece that was sent counts no more: it was used, or the display has thrown it away.
+    /// A sent piece no longer counts: it was used, or the display has evicted it.
     pub(super) fn count_off(&mut self, number: u32) {
         if let Some(bytes) = self.unused.remove(&number) {
             self.unused_bytes -= bytes;
         }
     }
 
-    /// Begins a frame: that before it has been found.
+    /// Begins a frame: the previous one is complete.
     fn begin(&mut self, view: &View, now: Instant) {
         let found = std::mem::take(&mut self.found);
         let Some((last, at)) = self.frame.replace((*view, now)) else { return };
@@ -137,14 +137,14 @@ impl Ahead {
         }
     }
 
-    /// Nothing is known of where the eye will be.
+    /// The eye's next pose is unknown.
     fn stay(&mut self) {
         self.before = None;
         self.next = None;
         self.due.clear();
     }
 
-    /// What the cut has from `view` in the place of what was found, and what looks large.
+    /// The cut's drawables from `view` for the found ones, and others that look large.
     fn plan(&mut self, scene: &Arc<Scene>, rule: &CutRule, view: View, found: &[DrawableId]) {
         match &mut self.mapper {
             Some(mapper) => mapper.begin(view, rule),
@@ -152,7 +152,7 @@ impl Ahead {
         }
         let mut due = Vec::new();
         if let Some(mapper) = &mut self.mapper {
-            // A scene that cannot be read is an error where frames are culled.
+            // Culling reports an unreadable scene as an error.
             let _unreadable = mapper.push(found, &mut due);
         }
         self.due = LodCut::new(scene, &view, rule).large_drawables(WIDEST);
@@ -180,11 +180,11 @@ impl Motion {
         self.way.length() <= room * before.way.length() && self.angle() <= room * before.angle() + 1e-3
     }
 
-    /// How `view` looks if the motion goes on for so long.
+    /// The view if the motion continues for this long.
     fn after(&self, view: &View, time: Duration) -> Option<View> {
         let times = time.as_secs_f64() / self.time.as_secs_f64().max(1e-3);
         let (axis, angle) = self.turn.to_axis_angle();
-        // Further than that nobody turns before they see something else.
+        // Beyond that the turn is limited: nobody turns further before seeing something else.
         let turn = DQuat::from_axis_angle(axis, (angle * times).clamp(-0.5, 0.5));
         let camera = view.camera();
         let eye = view.eye() + self.way * times;

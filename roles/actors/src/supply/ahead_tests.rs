@@ -24,7 +24,7 @@ fn at(frame: u32) -> Instant {
     Instant::from_nanos(0).after(STEP * frame)
 }
 
-/// Seen from so far from the middle, turned to the left by so many radians.
+/// A view from this distance to the middle, turned to the left by this many radians.
 fn view(frame: u32, distance: f64, turn: f64) -> View {
     let (min, max) = PLANT.nodes()[0].world_box();
     let eye = (min + max) * 0.5 + distance * DVec3::Z;
@@ -37,7 +37,7 @@ fn cut(view: &View) -> Vec<DrawableId> {
     lod_cut(&PLANT, view, rule())
 }
 
-/// Walks through the views, and gives all that is to be sent ahead then.
+/// Passes through the views, and returns all drawables to send ahead then.
 fn after(ahead: &mut Ahead, views: &[View]) -> Vec<DrawableId> {
     for (frame, view) in (0..).zip(views) {
         ahead.found(&PLANT, view, &cut(view), at(frame));

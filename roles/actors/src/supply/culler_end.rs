@@ -1,4 +1,4 @@
-//! A culler's end of the bulk lane: a task that sends what is due while the culler computes.
+//! A culler's end of the bulk lane: a task that sends geometry while the culler computes.
 
 use std::{
     collections::VecDeque,
@@ -20,10 +20,10 @@ use trimaran_transport::{Bulk, Instant, Net, RecvError};
 
 use super::supplier::{Supplier, SupplyFault};
 
-/// So many frames are kept at most until the task looks.
+/// The most frames kept for the task.
 const FRAMES: usize = 64;
 
-/// What a culler's session holds of the task. The task ends when this is dropped.
+/// A culler session's handle of the task. Dropping it ends the task.
 #[derive(Debug)]
 pub(crate) struct CullerEnd {
     net: Arc<dyn Net>,
@@ -35,28 +35,28 @@ pub(crate) struct CullerEnd {
 #[derive(Debug)]
 struct Shared {
     news: Mutex<News>,
-    /// There is news.
+    /// Signals news.
     told: Notify,
-    /// Whether the display has asked for anything. Until then the newest frame alone is kept.
+    /// Whether the display has requested anything. Until then only the newest frame is kept.
     has_begun: AtomicBool,
     /// Why the task ended early.
     fault: Mutex<Option<SupplyFault>>,
     failed: Notify,
-    /// So many ids are kept at most beside those of the newest frame.
+    /// The most ids kept beside those of the newest frame.
     most: usize,
 }
 
-/// What the culler has done since the task looked.
+/// Changes since the task last looked.
 #[derive(Debug, Default)]
 struct News {
-    /// The view state, where it is another one.
+    /// The view state, if it has changed.
     state: Option<Arc<ViewState>>,
     found: VecDeque<Found>,
     /// How many ids were found.
     ids: usize,
 }
 
-/// What was found visible from a view, the first of it at this time.
+/// Ids found from a view, with the time of the first.
 #[derive(Debug)]
 struct Found {
     view: View,
@@ -89,7 +89,7 @@ impl CullerEnd {
         Self { net: Arc::clone(net), shared, stop, over }
     }
 
-    /// Frames are culled in this view state from now on.
+    /// Uses this view state for frames from now on.
     pub(crate) fn change_view(&self, state: &Arc<ViewState>) {
         self.shared.news.lock().state = Some(Arc::clone(state));
     }
@@ -97,7 +97,7 @@ impl CullerEnd {
     /// These were found visible from `view`.
     ///
     /// # Errors
-    /// Why the task has ended, if it has failed.
+    /// The error of the task, if it has failed.
     pub(crate) fn found(&self, view: &View, ids: &[DrawableId]) -> Result<(), SupplyFault> {
         if let Some(fault) = self.shared.fault.lock().take() {
             return Err(fault);
@@ -121,7 +121,7 @@ impl CullerEnd {
         }
     }
 
-    /// Ends the task; gives the lane back.
+    /// Ends the task; returns the lane.
     pub(crate) async fn give_back(self) -> Option<Bulk> {
         drop(self.stop);
         self.over.await.ok()
@@ -129,7 +129,7 @@ impl CullerEnd {
 }
 
 impl News {
-    /// Of too much the oldest frames are left out: the display says itself what it lacks of those.
+    /// Beyond the limit the oldest frames are dropped: the display requests their missing geometry itself.
     fn add(&mut self, view: &View, ids: &[DrawableId], now: Instant, most: usize) {
         match self.found.back_mut().filter(|found| found.view == *view) {
             Some(found) => found.ids.extend_from_slice(ids),
@@ -145,8 +145,8 @@ impl News {
     }
 }
 
-/// What is done in one go, away from the runtime's threads: it reads the scene from its disk, unpacks it, and
-/// searches it for what stands in for what is missing.
+/// A piece of blocking work, off the runtime's threads: it reads the scene from disk, unpacks it, and
+/// searches it for stand-ins.
 struct Work {
     supplier: Supplier,
     news: News,
@@ -157,7 +157,7 @@ struct Work {
 }
 
 impl Work {
-    /// Gives the next block, if one is to be sent and the lane has room.
+    /// Returns the next block, if one is due and the lane has room.
     fn run(mut self) -> (Supplier, Result<Option<Bytes>, SupplyFault>) {
         let block = self.next_block();
         (self.supplier, block)
@@ -201,7 +201,7 @@ async fn serve(
         (supplier, block) = tokio::select! {
             biased;
             _ = &mut stopped => return Ok(()),
-            // It broke off where the program has a fault, or its runtime is at its end.
+            // It breaks off if it panics, or its runtime ends.
             done = done => done.map_err(|_| SupplyFault::BrokeOff)?,
         };
         unsent = block?.or(unsent);
@@ -218,7 +218,7 @@ async fn serve(
             heard = rx.recv() => match heard {
                 Ok(block) => demands = items(&block)?,
                 Err(RecvError::Silent { .. }) => {}
-                // Who is gone is noticed where cameras are waited for.
+                // A lost display is noticed by the receiver of cameras.
                 Err(_) => return Ok(()),
             },
             sent = send => {

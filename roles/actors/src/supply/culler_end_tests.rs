@@ -18,7 +18,7 @@ static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
     Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
 });
 
-/// A network on which work that may block waits until it is let go: its disk is slow.
+/// A network whose blocking work waits until released, as on a slow disk.
 #[derive(Debug)]
 struct SlowDisk {
     net: TokioNet,
@@ -107,8 +107,8 @@ async fn begin(display: &mut Bulk) {
     display.tx.send(block.into()).await.unwrap();
 }
 
-/// While the disk is read nobody waits but the display: neither who culls, nor a runtime's thread, nor the end
-/// of the session.
+/// During a slow read only the display waits: not culling, not a runtime's thread, and not the end of the
+/// session.
 #[tokio::test(start_paused = true)]
 async fn a_slow_disk_holds_up_neither_culling_nor_the_runtime() {
     let disk = Arc::new(SlowDisk { net: TokioNet::current().unwrap(), waiting: Mutex::default() });
@@ -120,7 +120,7 @@ async fn a_slow_disk_holds_up_neither_culling_nor_the_runtime() {
     }
     let soon = || net.now().after(Duration::from_secs(1));
     assert!(until(&*net, soon(), display.rx.recv()).await.is_none(), "the disk has given nothing yet");
-    // Its first look, and what it heard then: the scene is read within that.
+    // Its first look, with the requests until then, which reads the scene.
     let mut blocks = 0;
     while blocks == 0 {
         assert_eq!(disk.let_go(), 1, "one thing at a time");
@@ -130,7 +130,7 @@ async fn a_slow_disk_holds_up_neither_culling_nor_the_runtime() {
     assert!(lane.is_some_and(|lane| lane.is_some()), "the session ends while the disk is read");
 }
 
-/// What the display needs travels, though the task may see several frames at once.
+/// The display's geometry is sent, even if the task sees several frames at once.
 #[tokio::test]
 async fn what_was_found_before_and_after_the_display_asked_is_sent() {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
@@ -160,7 +160,7 @@ async fn what_was_found_before_and_after_the_display_asked_is_sent() {
     }
 }
 
-/// A display may ask for frame after frame while the disk is read.
+/// A display may request frame after frame while the disk is read.
 #[test]
 fn what_waits_for_the_task_is_bounded() {
     const MOST: usize = 1_000;

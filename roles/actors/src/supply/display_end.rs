@@ -1,4 +1,4 @@
-//! A display's end of the bulk lane: a task that takes what comes while the display draws.
+//! A display's end of the bulk lane: a task that receives geometry while the display draws.
 
 use std::{collections::VecDeque, sync::Arc};
 
@@ -11,22 +11,22 @@ use trimaran_transport::{Bulk, Net, RecvError};
 
 use super::holdings::{Arriving, Holdings, SupplyError};
 
-/// So many blocks wait at most for a culler that takes nothing: more than what a display can have at first.
+/// The most blocks that wait for a stalled culler: more than a display has at the start.
 const MOST_UNSAID: usize = 4_096;
 
-/// What a display holds of the task. The task ends when this is dropped.
+/// A display's handle of the task. Dropping it ends the task.
 #[derive(Debug)]
 pub(crate) struct DisplayEnd {
     demands: mpsc::UnboundedSender<Demand>,
-    /// Bytes of blocks that were taken.
+    /// Bytes of received blocks.
     taken: Arc<Mutex<u64>>,
     over: oneshot::Receiver<(Bulk, Option<SupplyError>)>,
-    /// What is left of a task that has ended by itself: the lane, unless it broke off.
+    /// The lane of a task that has ended by itself, unless it broke off.
     ended: Option<Option<Bulk>>,
 }
 
 impl DisplayEnd {
-    /// Takes what the culler at the other end of `bulk` sends.
+    /// Receives from the culler at the other end of `bulk`.
     pub(crate) fn start(net: &Arc<dyn Net>, bulk: Bulk, holdings: &Arc<Holdings>) -> Self {
         let (demands, due) = mpsc::unbounded_channel();
         let (gives, over) = oneshot::channel();
@@ -35,8 +35,8 @@ impl DisplayEnd {
         Self { demands, taken, over, ended: None }
     }
 
-    /// Asks for what becomes visible, but what is there; for coarser drawables first, if it is to, and for so
-    /// many bytes before a frame needs them.
+    /// Requests visible geometry that is not here yet: optionally coarser drawables first, and this many
+    /// bytes ahead of need.
     pub(crate) fn begin(&self, holdings: &Holdings, coarser_first: bool, ahead: u64) {
         let [drawables, geometries] = holdings.all();
         for drawables in drawables.parts() {
@@ -48,19 +48,19 @@ impl DisplayEnd {
         self.say(Demand::Begin { coarser_first, ahead });
     }
 
-    /// Asks for nothing more.
+    /// Stops requesting.
     pub(crate) fn end(&self) {
         self.say(Demand::End);
     }
 
-    /// A frame needs these, which are not all there. They were looked for after [`taken`](Self::taken).
+    /// A frame lacks these. They were looked up after [`taken`](Self::taken).
     pub(crate) fn lacks(&self, frame: FrameNumber, taken: u64, ids: &[DrawableId]) {
         for drawables in NumberList::of(ids.iter().map(|id| id.0).collect()).parts() {
             self.say(Demand::Lacks { frame, taken, drawables });
         }
     }
 
-    /// These were thrown away.
+    /// These were evicted.
     pub(crate) fn dropped(&self, geometries: &NumberList) {
         for geometries in geometries.parts() {
             self.say(Demand::Dropped { geometries });
@@ -72,12 +72,12 @@ impl DisplayEnd {
         self.say(Demand::Shown { frame });
     }
 
-    /// Bytes of blocks that were taken so far.
+    /// Bytes of blocks received so far.
     pub(crate) fn taken(&self) -> u64 {
         *self.taken.lock()
     }
 
-    /// Waits until what came cannot be taken. Dropping the future loses nothing.
+    /// Waits for an error in received data. Dropping the future loses nothing.
     pub(crate) async fn failed(&mut self) -> SupplyError {
         if self.ended.is_none() {
             let (bulk, error) =
@@ -87,11 +87,11 @@ impl DisplayEnd {
                 return error;
             }
         }
-        // That the culler is gone is noticed where its frames are waited for.
+        // A lost culler is noticed by the receiver of its frames.
         std::future::pending().await
     }
 
-    /// Ends the task; gives the lane back.
+    /// Ends the task; returns the lane.
     pub(crate) async fn give_back(self) -> Option<Bulk> {
         let Self { demands, over, ended, .. } = self;
         drop(demands);
@@ -102,7 +102,7 @@ impl DisplayEnd {
     }
 
     fn say(&self, demand: Demand) {
-        // Who is gone is noticed elsewhere.
+        // A lost task is noticed elsewhere.
         let _unheard = self.demands.send(demand);
     }
 }
@@ -140,7 +140,7 @@ async fn take(
             },
             demand = due.recv() => {
                 let Some(demand) = demand else { break None };
-                // All that is to be said goes together.
+                // Sends all pending demands together.
                 let more = std::iter::from_fn(|| due.recv().now_or_never().flatten());
                 unsaid.extend(blocks_of(std::iter::once(demand).chain(more)));
                 if unsaid.len() > MOST_UNSAID {
@@ -163,13 +163,13 @@ async fn take(
     let _nobody = gives.send((bulk, error));
 }
 
-/// Writes demands to as few blocks as they fit.
+/// Writes demands to as few blocks as possible.
 fn blocks_of(demands: impl IntoIterator<Item = Demand>) -> Vec<Bytes> {
     let (mut blocks, mut block) = (Vec::new(), Vec::new());
     for demand in demands {
         if !put_item(&mut block, &demand) {
             blocks.push(Bytes::from(std::mem::take(&mut block)));
-            // It fits into a block of its own: lists are parted.
+            // It fits into a block of its own: lists are split.
             let _fits = put_item(&mut block, &demand);
         }
     }

@@ -1,34 +1,34 @@
-//! What a display has of a scene's drawables, or of its pieces of geometry, as its culler knows it.
+//! A display's drawables, or its pieces of geometry, as known to its culler.
 
 use std::collections::HashMap;
 
 use fixedbitset::FixedBitSet;
 
-/// Of what is on its way nobody knows yet where it ends.
+/// The end of something being sent is not known yet.
 const NOT_YET: u64 = u64::MAX;
-/// A display says how much it had taken when it looked for something, which may be so many bytes ago.
+/// A display's requests may be this many bytes older than its last acknowledgement.
 const LATE: u64 = 16 << 20;
-/// How many ends are kept before it is looked which of them matter no more.
+/// How many ends are kept before outdated ones are removed.
 const FEW: usize = 4_096;
 
-/// A set of numbers of a scene. It takes a bit for each number, and more for what was sent lately.
+/// A set of a scene's numbers. It takes one bit per number, and more for recently sent ones.
 #[derive(Debug)]
 pub(super) struct Held {
-    /// What the display surely has.
+    /// The ones that the display surely has.
     there: FixedBitSet,
-    /// Where in all that was sent these end: what ends at or before what the display has taken is there.
+    /// The offset in the sent bytes where each ends. The display has those up to its acknowledged bytes.
     ends: HashMap<u32, u64>,
-    /// At so many ends it is looked which of them are there.
+    /// At this many ends outdated ones are removed.
     settles_at: usize,
 }
 
 impl Held {
-    /// Nothing, of numbers below `count`.
+    /// An empty set of numbers below `count`.
     pub(super) fn nothing_of(count: usize) -> Self {
         Self { there: FixedBitSet::with_capacity(count), ends: HashMap::new(), settles_at: FEW }
     }
 
-    /// The first of these that is no number here.
+    /// The first of these that is out of range.
     pub(super) fn stranger(&self, numbers: impl IntoIterator<Item = u32>) -> Option<u32> {
         numbers.into_iter().find(|number| *number as usize >= self.there.len())
     }
@@ -41,7 +41,7 @@ impl Held {
         }
     }
 
-    /// It is to be sent. Gives whether it was not before.
+    /// Marks it as being sent. Returns whether it was not before.
     pub(super) fn send(&mut self, number: u32) -> bool {
         let is_new = !self.contains(number) && (number as usize) < self.there.len();
         if is_new {
@@ -50,7 +50,7 @@ impl Held {
         is_new
     }
 
-    /// It was sent, and ends there in all that was sent. What was removed meanwhile stays away.
+    /// It was sent, and ends at this offset. Ignores it if it was removed meanwhile.
     pub(super) fn sent(&mut self, number: u32, end: u64) {
         if let Some(known) = self.ends.get_mut(&number) {
             *known = end;
@@ -64,17 +64,17 @@ impl Held {
         }
     }
 
-    /// Whether it is there, or on its way.
+    /// Whether the display has it, or it is on its way.
     pub(super) fn contains(&self, number: u32) -> bool {
         self.there.contains(number as usize) || self.ends.contains_key(&number)
     }
 
-    /// Whether it had ended when the display had taken so many bytes.
+    /// Whether it had ended when the display had taken this many bytes.
     pub(super) fn had_ended(&self, number: u32, taken: u64) -> bool {
         self.there.contains(number as usize) || self.ends.get(&number).is_some_and(|end| *end <= taken)
     }
 
-    /// Forgets where things end that a display which has taken so many bytes surely has.
+    /// Removes the ends of all that a display with this many taken bytes surely has.
     pub(super) fn settle(&mut self, taken: u64) {
         if self.ends.len() < self.settles_at {
             return;
@@ -134,7 +134,7 @@ mod tests {
         assert!(!held.had_ended(COUNT - 1, 0));
     }
 
-    /// Numbers that the scene lacks never count as there, and take nothing.
+    /// Numbers that the scene lacks are never contained, and take no memory.
     #[test]
     fn other_numbers_are_strangers() {
         let mut held = Held::nothing_of(3);

@@ -1,4 +1,4 @@
-//! What a display without a scene has of it, within a budget.
+//! The geometry of a display without a scene, within a budget.
 
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
@@ -14,26 +14,26 @@ use trimaran_scene::{EntriesError, GiveError, Scene, unpack_entries};
 const LARGEST_PIECE: u32 = 64 << 20;
 /// The most records: about a gigabyte of them.
 const MOST_RECORDS: usize = 4 << 20;
-/// So much more than the budget may come until there is time to look what can go.
+/// How far the budget may be exceeded before there is time to evict.
 const SLACK: u64 = 64 << 20;
 
-/// Why a display does not take what it is sent. It lets the culler go.
+/// Why a display rejects received data. It drops the culler.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SupplyError {
-    /// The bytes are none of the bulk lane's.
+    /// The block is invalid.
     #[error(transparent)]
     Block(#[from] BulkError),
     /// Records cannot be unpacked.
     #[error(transparent)]
     Entries(#[from] EntriesError),
-    /// What was sent is not of the scene.
+    /// The data does not belong to the scene.
     #[error(transparent)]
     Give(#[from] GiveError),
-    /// A part of a piece of geometry came where another one was due.
+    /// A part of a piece of geometry is out of order.
     #[error("a part of the geometry {0} came where that was not due")]
     Part(u32),
-    /// A piece of geometry is larger than any may be.
+    /// A piece of geometry is too large.
     #[error("the geometry {number} is said to have {length} bytes, and none has more than {LARGEST_PIECE}")]
     Large {
         /// Its number.
@@ -44,41 +44,41 @@ pub enum SupplyError {
     /// It sent more records than a display keeps.
     #[error("it sent more than {MOST_RECORDS} records of drawables")]
     Records,
-    /// It does not take what the display says.
+    /// It does not receive the display's requests.
     #[error("it sends geometry, and hears nothing of what the display has and lacks")]
     Unheard,
 }
 
 impl SupplyError {
-    /// Whether what came before may be what is wrong: then nothing can be shown any more.
+    /// Whether earlier data may be the wrong one: then nothing can be shown any more.
     #[must_use]
     pub const fn doubts_what_is_there(&self) -> bool {
         matches!(self, Self::Give(error) if error.doubts_what_is_there())
     }
 }
 
-/// Geometry that came before a frame needed it.
+/// Geometry sent before a frame needed it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct AheadUse {
     /// Pieces.
     pub pieces: u64,
     /// Their bytes, packed.
     pub bytes: u64,
-    /// Pieces of these that a frame has used since.
+    /// The pieces that a frame has used since.
     pub used_pieces: u64,
     /// Their bytes.
     pub used_bytes: u64,
 }
 
-/// What a display has of its scene. What comes is noted by tasks, and what frames use by the display.
+/// A display's geometry. Tasks add received data, and the display notes the use by frames.
 #[derive(Debug)]
 pub(crate) struct Holdings {
     scene: Arc<Scene>,
     budget: u64,
     inner: Mutex<Inner>,
-    /// Something came.
+    /// Signals new data.
     pub(crate) came: Notify,
-    /// There is room again.
+    /// Signals that there is room again.
     pub(super) room: Notify,
 }
 
@@ -87,25 +87,24 @@ struct Inner {
     records: Vec<u32>,
     /// When each piece of geometry was used last.
     pieces: HashMap<u32, u64>,
-    /// Pieces that were sent before a frame needed them, and that none has used; and their bytes once they
-    /// have come.
+    /// Unused pieces that were sent ahead; with their bytes once they have come.
     ahead: HashMap<u32, u64>,
     ahead_use: AheadUse,
-    /// What may be shown in the place of which drawables.
+    /// Stand-ins for drawables.
     stand_ins: HashMap<DrawableId, DrawableId>,
     bytes: u64,
-    /// What may be held before more is taken.
+    /// The limit for taking more.
     limit: u64,
     tick: u64,
 }
 
-/// A piece of geometry of which parts have come.
+/// A piece of geometry that is partly received.
 #[derive(Debug, Default)]
 pub(super) struct Arriving(Option<(u32, u32, BytesMut)>);
 
 impl Holdings {
-    /// Of a scene that is [empty](Scene::empty), within so many bytes of packed geometry. What one frame needs
-    /// is held whatever the budget is.
+    /// For a scene that is [empty](Scene::empty), within this many bytes of packed geometry. The geometry of
+    /// one frame is held even beyond the budget.
     pub(crate) fn new(scene: &Arc<Scene>, budget: u64) -> Self {
         let inner = Inner { limit: budget + SLACK, ..Inner::default() };
         Self {
@@ -148,7 +147,7 @@ impl Holdings {
                 }
                 Supply::Ahead { geometries } => {
                     let mut inner = self.inner.lock();
-                    // What it has it was not sent now.
+                    // Those that it already has were not sent now.
                     let new: Vec<_> =
                         geometries.iter().filter(|number| !inner.pieces.contains_key(number)).collect();
                     inner.ahead.extend(new.into_iter().map(|number| (number, 0)));
@@ -185,7 +184,7 @@ impl Holdings {
         inner.bytes <= inner.limit
     }
 
-    /// Which of these drawables are not all there.
+    /// Those of these drawables that are not complete.
     pub(crate) fn lacking(&self, ids: &[DrawableId]) -> Result<Vec<DrawableId>, GiveError> {
         let mut lacking = Vec::new();
         for id in ids {
@@ -196,8 +195,7 @@ impl Holdings {
         Ok(lacking)
     }
 
-    /// What may be shown in the place of drawables that are not all there, each once; nothing where something
-    /// is missing that could stand in for one of them.
+    /// Stand-ins for incomplete drawables, each once; none if one of them has no stand-in.
     pub(crate) fn stand_ins(&self, lacking: &[DrawableId]) -> Result<Option<Vec<DrawableId>>, GiveError> {
         let mut stand_ins = BTreeSet::new();
         let inner = self.inner.lock();
@@ -212,13 +210,13 @@ impl Holdings {
         Ok(Some(stand_ins.into_iter().collect()))
     }
 
-    /// Everything there is: records and pieces of geometry.
+    /// All records and pieces of geometry.
     pub(crate) fn all(&self) -> [NumberList; 2] {
         let inner = self.inner.lock();
         [inner.records.clone(), inner.pieces.keys().copied().collect()].map(NumberList::of)
     }
 
-    /// What came of what was sent ahead.
+    /// The use of geometry sent ahead.
     pub(crate) fn ahead_use(&self) -> AheadUse {
         self.inner.lock().ahead_use
     }
@@ -230,8 +228,8 @@ impl Holdings {
         inner.touch(&self.scene, ids);
     }
 
-    /// Where there is more than the budget, throws away what was not used for the longest time, but nothing
-    /// of the frame that is due, which is of all `these`. Gives what.
+    /// Beyond the budget, evicts the least recently used geometry, but none of the due frame, which consists
+    /// of all `these`. Returns the evicted pieces.
     pub(crate) fn trim(&self, these: &[&[DrawableId]]) -> NumberList {
         let mut inner = self.inner.lock();
         if inner.bytes <= self.budget {
@@ -276,7 +274,7 @@ impl Inner {
 }
 
 impl Arriving {
-    /// Adds a part; gives the piece if that was the last one.
+    /// Adds a part; returns the piece if that was the last one.
     fn take(
         &mut self,
         number: u32,
@@ -292,7 +290,7 @@ impl Arriving {
         if (known, whole, bytes.len()) != (number, length, offset as usize) || ends > length as usize {
             return Err(SupplyError::Part(number));
         }
-        // What comes in one part need not be copied.
+        // A piece in one part need not be copied.
         if ends == length as usize && bytes.is_empty() {
             return Ok(Some(part));
         }

@@ -29,7 +29,7 @@ fn packed(number: u32) -> Bytes {
     PLANT.packed_geometry(number).unwrap().into()
 }
 
-/// Drawables whose geometry no other one of them shares.
+/// Drawables that share no geometry among each other.
 fn unlike(count: usize) -> Vec<DrawableId> {
     let mut seen = BTreeSet::new();
     let all = (0..PLANT.drawables().len() as u32).map(DrawableId);
@@ -202,7 +202,7 @@ fn there_is_no_room_beyond_the_slack_until_it_is_trimmed() {
     assert!(holdings.has_room());
     holdings.inner.lock().bytes += SLACK;
     assert!(!holdings.has_room());
-    // What is due cannot go, and more is to come all the same.
+    // The due frame's geometry cannot be evicted, and more is accepted nevertheless.
     assert_eq!(holdings.trim(&[&[id]]), NumberList::default());
     assert!(holdings.has_room());
 }

@@ -1,10 +1,9 @@
-//! Geometry for displays that hold no scene: what becomes visible travels to them on the bulk lane.
+//! Geometry for displays that hold no scene: visible geometry is sent to them on the bulk lane.
 //!
-//! A display asks one of its cullers. That one sends what it finds visible itself at once, and what the
-//! display lacks of frames of other cullers when the display says so. So nothing is sent twice, whichever
-//! culler finds it. Coarser drawables may come first, to stand in for the rest; and while nothing is due,
-//! what a moving camera is about to need. How much is under way at once is bounded so that cameras and ids
-//! wait for none of it.
+//! A display asks one of its cullers. That one sends its own visible set's geometry at once, and on request
+//! that of frames of other cullers. So nothing is sent twice, whichever culler finds it. Coarser drawables
+//! may come first, as stand-ins for the rest; and while nothing is due, geometry that a moving camera will
+//! soon need. The amount in flight is bounded so that cameras and ids never wait for it.
 
 mod ahead;
 mod culler_end;

@@ -1,4 +1,4 @@
-//! Which drawables are to be sent, in which order.
+//! The order in which drawables are sent.
 
 use std::{
     cmp::Ordering,
@@ -7,7 +7,7 @@ use std::{
 
 use trimaran_proto::{DrawableId, FrameNumber};
 
-/// Why a drawable is to be sent. What comes later here is sent first.
+/// The purpose of sending a drawable. Later variants are sent first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Purpose {
     /// A frame shows it.
@@ -16,15 +16,15 @@ pub(super) enum Purpose {
     StandsIn,
 }
 
-/// So many entries more than are due may lie in the order before it is made anew.
+/// How many stale entries may be in the order before it is rebuilt.
 const STALE: usize = 1_024;
 
-/// Drawables that are to be sent: what stands in for others first, and of each purpose what looks largest.
+/// Drawables to be sent: stand-ins first, and for each purpose those that look largest.
 #[derive(Debug, Default)]
 pub(super) struct Queue {
-    /// For which frame each is needed last.
+    /// The last frame that needs each.
     due: HashMap<DrawableId, FrameNumber>,
-    /// May hold one more than once, and some that are not due any more.
+    /// May contain duplicates, and entries that are not due any more.
     order: BinaryHeap<Entry>,
     shown: Option<FrameNumber>,
 }
@@ -38,14 +38,14 @@ struct Entry {
 }
 
 impl Queue {
-    /// A frame needs it. Gives false, and changes no order, where it is due already.
+    /// A frame needs it. Returns false, and keeps the order, if it is due already.
     pub(super) fn renew(&mut self, id: DrawableId, frame: FrameNumber) -> bool {
         let Some(needed) = self.due.get_mut(&id) else { return false };
         *needed = frame.max(*needed);
         true
     }
 
-    /// Adds one that looks so large. One that is due already may come sooner by that.
+    /// Adds one of this apparent size. One that is due already may move forward.
     pub(super) fn push(&mut self, id: DrawableId, frame: FrameNumber, purpose: Purpose, size: f64) {
         if !self.renew(id, frame) {
             self.due.insert(id, frame);
@@ -64,7 +64,7 @@ impl Queue {
         Some(id)
     }
 
-    /// What the next one is for. What only frames that were shown needed is left out.
+    /// The purpose of the next one. Drops entries needed only by frames already shown.
     pub(super) fn purpose(&mut self) -> Option<Purpose> {
         while let Some(Entry { id, purpose, .. }) = self.order.peek() {
             if self.due.get(id).is_some_and(|frame| Some(*frame) > self.shown) {
@@ -81,7 +81,7 @@ impl Queue {
         self.shown = self.shown.max(Some(frame));
     }
 
-    /// Leaves out what is not due any more, and all but the first entry of each.
+    /// Drops entries that are not due any more, and all but the first entry of each drawable.
     fn forget_stale(&mut self) {
         let mut seen = HashSet::new();
         let sorted = std::mem::take(&mut self.order).into_sorted_vec();
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(order, [1, 2, 4, 3]);
     }
 
-    /// What a display asks for over and over lies there once or twice.
+    /// Repeated requests of a display make at most two entries.
     #[test]
     fn the_order_is_no_longer_than_what_is_due() {
         let mut queue = Queue::default();

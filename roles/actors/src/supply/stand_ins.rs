@@ -6,30 +6,30 @@ use trimaran_cull::{CutRule, LodCut, View};
 use trimaran_proto::{DrawableId, FrameNumber, NumberList, Supply};
 use trimaran_scene::Scene;
 
-/// How much larger than the bound of the view state the error of what stands in for others may be.
+/// The largest error of a stand-in, relative to the bound of the view state.
 const COARSER: f64 = 32.0;
-/// Where less than so many bytes are new, they come as soon as anything that stands in for them.
+/// If fewer new bytes than this are due, they arrive as soon as a stand-in would.
 const FEW: u64 = 64 << 10;
 
-/// What stands in for what is being sent, and whether the display knows.
+/// Stand-ins for drawables being sent, and whether the display knows them.
 #[derive(Debug, Default)]
 pub(super) struct StandIns {
-    /// Nothing stands in for these yet.
+    /// Drawables without a stand-in yet.
     bare: Vec<(DrawableId, FrameNumber)>,
-    /// What stands in for drawables, as the display was told or is to be told.
+    /// Stand-ins for drawables, as the display was told or will be.
     known: HashMap<DrawableId, DrawableId>,
-    /// By what stands in: what the display is to be told.
+    /// By stand-in: the drawables to tell the display.
     untold: BTreeMap<DrawableId, Vec<u32>>,
 }
 
 impl StandIns {
-    /// A frame needs this one, and it is to be sent.
+    /// A frame needs this one, and it will be sent.
     pub(super) fn add(&mut self, id: DrawableId, frame: FrameNumber) {
         self.bare.push((id, frame));
     }
 
-    /// Looks for what stands in for those that were added: another level that the display `has`, or else the
-    /// coarsest. Gives what is to be sent first, which is the drawable itself where nothing is coarser.
+    /// Finds stand-ins for the added drawables: another level that the display `has`, or else the coarsest.
+    /// Returns the ones to send first, which is the drawable itself if nothing is coarser.
     pub(super) fn find(
         &mut self,
         scene: &Scene,
@@ -56,7 +56,7 @@ impl StandIns {
         first
     }
 
-    /// What the display is to be told.
+    /// The messages for the display.
     pub(super) fn tell(&mut self) -> Vec<Supply> {
         let untold = std::mem::take(&mut self.untold).into_iter();
         let parts = untold.flat_map(|(id, drawables)| {

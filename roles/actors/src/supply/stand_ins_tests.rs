@@ -20,7 +20,7 @@ fn rule() -> CutRule {
     LodRule::new(EPSILON_PX).unwrap().into()
 }
 
-/// From outside, so that all of the plant is seen.
+/// From outside, so that all of the plant is visible.
 fn view() -> View {
     let (min, max) = PLANT.nodes()[0].world_box();
     let eye = (min + max) * 0.5 + (max - min).length() * glam::DVec3::Z;
@@ -32,7 +32,7 @@ fn cut() -> Vec<DrawableId> {
     lod_cut(&PLANT, &view(), rule())
 }
 
-/// What is sent first of these, and what the display is told.
+/// The drawables of these to send first, and the messages for the display.
 fn find(ids: &[DrawableId], has: &[DrawableId]) -> (BTreeSet<DrawableId>, Vec<(DrawableId, Vec<u32>)>) {
     let mut stand_ins = StandIns::default();
     ids.iter().for_each(|id| stand_ins.add(*id, FrameNumber(7)));
@@ -77,7 +77,7 @@ fn each_drawable_comes_first_or_has_something_coarser_that_does() {
     assert_eq!(covered.into_iter().chain(alone).collect::<BTreeSet<_>>(), cut.into_iter().collect());
 }
 
-/// One of the cut, and what can stand in for it.
+/// One of the cut, with its possible stand-ins.
 fn with_several_coarser() -> (DrawableId, Vec<DrawableId>) {
     let view = view();
     let lods = LodCut::new(&PLANT, &view, rule());

@@ -1,4 +1,4 @@
-//! What a culler has to send to a display that holds no scene: which, in which order, and how much at once.
+//! A culler's geometry for a display that holds no scene: the selection, its order, and the amount in flight.
 
 use std::{collections::VecDeque, sync::Arc};
 
@@ -17,13 +17,13 @@ use super::{
     window::{NotSent, Window},
 };
 
-/// How many drawables are made ready together: their records are packed as one.
+/// How many drawables are prepared together: their records are packed as one.
 const BATCH: usize = 64;
-/// How many pieces of geometry that no frame needs yet.
+/// How many pieces of geometry are prepared ahead of need.
 const AHEAD_BATCH: usize = 8;
-/// A block with fewer bytes left than this takes no part of a piece that does not end in it.
+/// A block with less room than this takes no part of a piece that does not end in it.
 const LEAST_PART: usize = 256;
-/// The bytes of a part beside its content, at most.
+/// The most bytes of a part beside its content.
 const PART_HEAD: usize = 24;
 
 /// Why a culler cannot supply a display.
@@ -33,21 +33,21 @@ pub enum SupplyFault {
     /// The scene cannot be read.
     #[error("the display's geometry cannot be read")]
     Scene(#[source] ReadError),
-    /// The display says that it has taken what it was not sent.
+    /// The display acknowledges something that was not sent.
     #[error("the display says that it has taken more geometry than it was sent")]
     NotSent,
-    /// The display names what the scene lacks.
+    /// The display names something that the scene lacks.
     #[error("the display names {what} {number}, which is not in this scene")]
     Unknown {
-        /// Of what.
+        /// Its kind.
         what: &'static str,
         /// Its number.
         number: u32,
     },
-    /// A fault of the program.
+    /// A bug.
     #[error("serving the display's geometry broke off: this is a fault of the program, and its log has more")]
     BrokeOff,
-    /// What the display says cannot be read.
+    /// The display's block cannot be read.
     #[error(transparent)]
     Block(#[from] BulkError),
     /// The display takes nothing.
@@ -55,32 +55,32 @@ pub enum SupplyFault {
     Lane(#[source] SendError),
 }
 
-/// What of a scene a display has, lacks, and is being sent.
+/// The state of a display's geometry: present, missing and in flight.
 #[derive(Debug)]
 pub(crate) struct Supplier {
     scene: Arc<Scene>,
-    /// How drawables are chosen; none before the first view state came.
+    /// The rule for levels of detail; none before the first view state came.
     rule: Option<CutRule>,
-    /// Whether the display has asked for anything.
+    /// Whether the display has requested anything.
     has_begun: bool,
     /// Whether it wants coarser drawables first.
     coarser_first: bool,
-    /// What was found in the newest frame before that: the first camera may overtake the request.
+    /// The ids of the newest frame before that: the first camera may overtake the request.
     early: Vec<DrawableId>,
     view: Option<View>,
-    /// The records of drawables that the display has, and the pieces of geometry.
+    /// The display's records of drawables, and its pieces of geometry.
     records: Held,
     geometries: Held,
-    /// What is to be sent.
+    /// The drawables to send.
     queue: Queue,
     stand_ins: StandIns,
     ahead: Ahead,
     window: Window,
-    /// Made ready, and first to be sent: items and what ends with them, then pieces of geometry.
+    /// Prepared to be sent: first items with the records that end in them, then pieces of geometry.
     ready: VecDeque<(Supply, Vec<Ending>)>,
     pieces: VecDeque<u32>,
     piece: Option<Piece>,
-    /// What ends in the block that is being made.
+    /// The records and pieces that end in the block being made.
     ending: Vec<Ending>,
 }
 
@@ -120,12 +120,12 @@ impl Supplier {
         }
     }
 
-    /// Whether the display has asked for anything.
+    /// Whether the display has requested anything.
     pub(crate) const fn has_begun(&self) -> bool {
         self.has_begun
     }
 
-    /// Frames are culled in this view state from now on.
+    /// Uses this view state for frames from now on.
     pub(crate) fn change_view(&mut self, state: &ViewState) {
         self.rule = Some(CutRule::new(&self.scene, state));
     }
@@ -146,7 +146,7 @@ impl Supplier {
         self.ahead.found(&self.scene, view, ids, now);
     }
 
-    /// Takes what the display says.
+    /// Takes the display's demand.
     pub(crate) fn hear(&mut self, demand: Demand, now: Instant) -> Result<(), SupplyFault> {
         self.check(&demand)?;
         match demand {
@@ -210,7 +210,7 @@ impl Supplier {
         Ok(Some(block.into()))
     }
 
-    /// That what the display names is there, and was sent.
+    /// Checks that the named records and pieces exist, and were sent.
     fn check(&self, demand: &Demand) -> Result<(), SupplyFault> {
         let none = NumberList::default();
         let (drawables, geometries, taken) = match demand {
@@ -242,7 +242,7 @@ impl Supplier {
         }
     }
 
-    /// Sends no more than the rest of what was begun, and knows nothing of what the display has.
+    /// Sends only the rest of what was begun, and forgets the display's holdings.
     fn end(&mut self) {
         self.has_begun = false;
         self.records.clear();
@@ -283,7 +283,7 @@ impl Supplier {
         })
     }
 
-    /// Finds what stands in for what is new, which comes first, and tells the display.
+    /// Finds stand-ins for new drawables, which come first, and tells the display.
     fn find_stand_ins(&mut self) {
         let (Some(view), Some(rule)) = (self.view, self.rule.clone()) else { return };
         let mut stand_ins = std::mem::take(&mut self.stand_ins);
@@ -297,7 +297,7 @@ impl Supplier {
     fn lacks(&mut self, frame: FrameNumber, taken: u64, drawables: &NumberList) {
         for id in drawables.iter().map(DrawableId) {
             let Some(drawable) = self.scene.drawables().get(id.index()) else { continue };
-            // What ended later may still arrive.
+            // Drawables that ended later may still arrive.
             if self.records.had_ended(id.0, taken) && self.geometries.had_ended(drawable.geometry, taken) {
                 self.records.remove(id.0);
                 self.geometries.remove(drawable.geometry);
@@ -306,7 +306,7 @@ impl Supplier {
         }
     }
 
-    /// Takes the next drawables, where nothing else is ready.
+    /// Prepares the next drawables, if nothing else is ready.
     fn make_ready(&mut self, now: Instant) -> Result<(), SupplyFault> {
         if !self.ready.is_empty() || self.piece.is_some() {
             return Ok(());
@@ -327,7 +327,7 @@ impl Supplier {
         Ok(())
     }
 
-    /// What stands in for others and what does not are no batch together.
+    /// Stand-ins and other drawables are not mixed in a batch.
     fn take_batch(&mut self) {
         let mut entries = Vec::new();
         let mut taken = 0;
@@ -342,7 +342,7 @@ impl Supplier {
         self.pack_in_order(entries);
     }
 
-    /// Takes what no frame needs yet, while next to nothing is under way.
+    /// Prepares geometry ahead of need, while next to nothing is in flight.
     fn take_ahead(&mut self, now: Instant) {
         let Some(rule) = self.rule.clone().filter(|_| self.window.is_quiet()) else { return };
         let (mut entries, mut numbers) = (Vec::new(), Vec::new());
@@ -362,7 +362,7 @@ impl Supplier {
         self.pack_in_order(entries);
     }
 
-    /// Takes what the display lacks of a drawable. Gives the piece of geometry, if that is to be sent.
+    /// Prepares the missing parts of a drawable. Returns the piece of geometry, if that is to be sent.
     fn take(&mut self, id: DrawableId, entries: &mut Vec<DrawableEntry>) -> Option<u32> {
         let drawable = self.scene.drawables().get(id.index())?;
         if !self.records.contains(id.0)
@@ -379,7 +379,7 @@ impl Supplier {
     }
 
     fn pack_in_order(&mut self, mut entries: Vec<DrawableEntry>) {
-        // In their order they pack better.
+        // Sorted records pack better.
         entries.sort_unstable_by_key(|entry| entry.id);
         self.pack(&entries);
     }
@@ -400,7 +400,7 @@ impl Supplier {
         }
     }
 
-    /// Puts as much of the piece into the block as it has room for. Gives false if it has none.
+    /// Puts as much of the piece into the block as fits. Returns false if nothing does.
     fn put_part(&mut self, block: &mut Vec<u8>) -> bool {
         let Some(piece) = &mut self.piece else { return false };
         let room = MAX_BLOCK.saturating_sub(block.len() + PART_HEAD);

@@ -20,7 +20,7 @@ static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
     Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
 });
 
-/// Two leaves whose triangles lie at random: each piece is larger than a few blocks.
+/// Two leaves of random triangles: each piece is larger than a few blocks.
 static LARGE: LazyLock<Arc<Scene>> = LazyLock::new(|| {
     let mut random = Random::new(1);
     let mut noise = || {
@@ -70,7 +70,7 @@ fn geometries_of(scene: &Scene, ids: &[DrawableId]) -> BTreeSet<u32> {
     ids.iter().map(|id| geometry_of(scene, *id)).collect()
 }
 
-/// Drawables whose geometry no other one of them shares.
+/// Drawables that share no geometry among each other.
 fn unlike(scene: &Scene, count: usize) -> Vec<DrawableId> {
     let mut seen = BTreeSet::new();
     let all = ids(0..scene.drawables().len() as u32);
@@ -83,7 +83,7 @@ struct Pair {
     taken: u64,
 }
 
-/// What came: the numbers of records and of pieces, in their order.
+/// The received numbers of records and of pieces, in their order.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Came {
     records: Vec<u32>,
@@ -108,7 +108,7 @@ impl Pair {
         Some(items(&block).unwrap())
     }
 
-    /// All that it sends.
+    /// All items that it sends.
     fn items(&mut self) -> Vec<Supply> {
         let mut all = Vec::new();
         while let Some(block) = self.block() {
@@ -159,7 +159,7 @@ fn what_was_found_is_sent_once_and_records_come_before_their_geometry() {
     let all = came(&items);
     assert_eq!(sorted(all.records.clone()), (0..300).collect::<Vec<_>>());
     assert_eq!(sorted(all.pieces.clone()), Vec::from_iter(geometries_of(&PLANT, &ids)));
-    // A piece is known to be of use when it comes.
+    // A piece's purpose is known when it comes.
     for (end, item) in items.iter().enumerate() {
         if let Supply::Geometry { number, .. } = item {
             let before = came(&items[..end]).records;
@@ -215,7 +215,7 @@ fn what_stands_in_comes_before_what_it_stands_in_for() {
     assert!(cut.iter().all(|id| came.records.contains(&id.0)), "all of it comes in the end");
 }
 
-/// A camera that moves on evenly.
+/// A camera in steady motion.
 #[test]
 fn what_a_moving_camera_is_about_to_need_comes_when_nothing_else_is_due_and_within_the_budget() {
     let rule = LodRule::new(0.3).unwrap();
@@ -225,7 +225,7 @@ fn what_a_moving_camera_is_about_to_need_comes_when_nothing_else_is_due_and_with
         let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
         View::new(camera, Viewport::new(512, 512).unwrap())
     };
-    // Nobody would think of these.
+    // Drawables outside the cuts.
     let cuts: BTreeSet<_> =
         (20..=40).flat_map(|distance| lod_cut(&PLANT, &seen(0, distance.into()), rule)).collect();
     let all = (0..PLANT.drawables().len() as u32).map(DrawableId);
@@ -268,7 +268,7 @@ fn what_a_moving_camera_is_about_to_need_comes_when_nothing_else_is_due_and_with
     assert_eq!(bytes(&sent_ahead(0)), 0);
 }
 
-/// Which pieces are said to come before they are needed.
+/// The pieces announced as sent ahead of need.
 fn ahead(item: &Supply) -> Option<Vec<u32>> {
     match item {
         Supply::Ahead { geometries } => Some(geometries.iter().collect()),
@@ -276,7 +276,7 @@ fn ahead(item: &Supply) -> Option<Vec<u32>> {
     }
 }
 
-/// Which drawables it stands in for.
+/// The drawables for which it stands in.
 fn stands_in(item: &Supply) -> Option<Vec<(u32, DrawableId)>> {
     match item {
         Supply::StandIn { id, drawables } => Some(drawables.iter().map(|finer| (finer, *id)).collect()),
@@ -404,7 +404,7 @@ fn what_only_frames_that_were_shown_needed_is_not_sent() {
     assert_eq!(pair.came().records.len(), 10);
 }
 
-/// Of pieces in parts each comes whole before the next one begins.
+/// The parts of a piece come together, in order.
 fn assert_parts_are_in_order(items: &[Supply]) {
     let mut open: Option<(u32, u32)> = None;
     for item in items {
@@ -498,8 +498,8 @@ fn a_culler_passes_over_drawables_that_no_scene_has() {
     assert_eq!(pair.came(), Came::default());
 }
 
-/// What a display says of numbers that the scene lacks, or of bytes that it was not sent, is an error, and
-/// leaves nothing behind.
+/// A display's message about numbers that the scene lacks, or bytes that it was not sent, is an error, and
+/// changes nothing.
 #[test]
 fn a_display_names_nothing_that_the_scene_lacks() {
     let (drawables, geometries) = (PLANT.drawables().len() as u32, PLANT.places().len() as u32);
@@ -524,14 +524,14 @@ fn a_display_names_nothing_that_the_scene_lacks() {
     assert!(matches!(refused, Err(SupplyFault::NotSent)), "{refused:?}");
 }
 
-/// What may happen while a display is supplied.
+/// A step of supplying a display.
 #[derive(Debug, Clone)]
 enum Step {
     /// The culler finds these in the next frame.
     Finds(Vec<u32>),
     /// A frame of another culler is whole at the display.
     Whole(Vec<u32>),
-    /// The display throws away what its first frame does not need.
+    /// The display evicts geometry that its first frame does not need.
     Trims,
     /// The display shows its first frame, if all of it is there.
     Shows,
@@ -539,7 +539,7 @@ enum Step {
     Sends,
     /// A block arrives.
     Arrives,
-    /// What the display said arrives.
+    /// The display's message arrives.
     Heard,
 }
 
@@ -556,7 +556,7 @@ fn any_step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// A display with a budget of a byte, a culler, and what travels between them.
+/// A display with a budget of one byte, a culler, and the messages in flight between them.
 struct World {
     supplier: Supplier,
     empty: Arc<Scene>,
@@ -566,7 +566,7 @@ struct World {
     demands: VecDeque<Demand>,
     taken: u64,
     next: u32,
-    /// Frames that were not shown, and what each needs. Those that were found are not whole yet.
+    /// Frames that were not shown, and the drawables of each. Found ones are not whole yet.
     frames: BTreeMap<u32, (Vec<DrawableId>, bool)>,
     has_trimmed: bool,
 }
@@ -594,7 +594,7 @@ impl World {
         self.holdings.lacking(ids).unwrap()
     }
 
-    /// As a session does when a frame is whole, and when it has thrown something away.
+    /// Like a session when a frame is whole, and after an eviction.
     fn ask(&mut self, frame: u32) {
         let lacking = self.lacking(&self.frames[&frame].0);
         if !lacking.is_empty() {
@@ -657,7 +657,7 @@ impl World {
         }
     }
 
-    /// Until nothing moves any more.
+    /// Until nothing is in flight any more.
     fn drain(&mut self) {
         loop {
             self.step(Step::Sends);
@@ -691,7 +691,7 @@ proptest! {
         let mut world = World::new(coarser_first);
         steps.into_iter().for_each(|step| world.step(step));
         if world.has_trimmed {
-            // What was thrown away before a frame was whole is asked for then.
+            // Geometry evicted before a frame was whole is requested then.
             for frame in world.frames.keys().copied().collect::<Vec<_>>() {
                 world.ask(frame);
             }

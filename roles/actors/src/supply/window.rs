@@ -1,52 +1,51 @@
-//! How many bytes of blocks may be under way, so that cameras and ids do not wait behind them.
+//! The window of bytes in flight, so that cameras and ids do not wait behind blocks.
 
 use std::{collections::VecDeque, time::Duration};
 
 use trimaran_transport::Instant;
 
-/// How long blocks may wait in queues on the way: so long, or a quarter of the way there and back.
+/// The target queueing delay of blocks: this long, or a quarter of the round trip.
 const TARGET: Duration = Duration::from_millis(10);
-/// The least that may be under way: two blocks.
+/// The smallest window: two blocks.
 const LEAST: u64 = 32 << 10;
-/// What may be under way at first.
+/// The initial window.
 const FIRST: u64 = 64 << 10;
-/// The most.
+/// The largest window.
 const MOST: u64 = 8 << 20;
-/// A queue is one that stands for so long, and for so many blocks. A block alone may also have waited for a
-/// display that drew a picture meanwhile.
+/// A queue must persist for this long, and for this many blocks. A single block may have waited for a display
+/// that was drawing.
 const STANDS: Duration = Duration::from_millis(100);
 const FEWEST: u32 = 4;
-/// The share of its size to which a window must shrink before that tells whether the queue is its own.
+/// The share of its size to which a window must shrink to tell whether the queue is its own.
 const TELLING: f64 = 0.75;
-/// How long the shortest time that a block took is remembered, twice over: paths change.
+/// The lifetime of the minimum delay, in two stretches: paths change.
 const REMEMBERED: Duration = Duration::from_secs(30);
 
-/// A window after LEDBAT (RFC 6817) and CoDel (RFC 8289): what blocks take longer than the fastest one did,
-/// they spent in queues. It grows with each block that waited less than the target: there is room. It shrinks
-/// where all blocks of [`STANDS`] waited longer.
+/// A window after LEDBAT (RFC 6817) and CoDel (RFC 8289): delay above the minimum is queueing delay. It grows
+/// with each block below the target. It shrinks if all blocks of [`STANDS`] were above it.
 ///
-/// A queue of its own becomes shorter when the window does. What does not is something else, such as a peer
-/// whose processor is busy: then the window becomes twice as large as it was, and that wait counts as the
-/// way. So does what blocks wait for where the window is the least.
+/// Its own queue gets shorter when the window does. Other delay stays, such as that of a peer with a busy
+/// processor: then the window doubles its former size, and that delay counts as part of the path. So does the
+/// delay at the smallest window.
 #[derive(Debug)]
 pub(super) struct Window {
     size: u64,
-    /// Whether nothing has ever waited: the window doubles each round trip until then.
+    /// Slow start: the window doubles each round trip until a block has waited.
     is_starting: bool,
-    /// Bytes sent, and of these taken by the peer.
+    /// Bytes sent, and of these acknowledged by the peer.
     sent: u64,
     taken: u64,
-    /// Where blocks that are under way end, and when they were sent.
+    /// The ends of blocks in flight, and when they were sent.
     under_way: VecDeque<(u64, Instant)>,
-    /// The shortest time a block took, in this stretch of time and the one before.
+    /// The minimum delay of a block, in this stretch of time and the one before.
     shortest: [Duration; 2],
     stretch_began: Option<Instant>,
     standing: Standing,
-    /// Where the window shrinks: its size before, and the shortest time that a block took then.
+    /// While the window shrinks: its size before, and the minimum delay then.
     shrunk: Option<(u64, Duration)>,
 }
 
-/// The blocks sent since a time: how many of them were taken, and the shortest time that one took.
+/// The blocks sent since a time: how many were acknowledged, and their minimum delay.
 #[derive(Debug, Clone, Copy)]
 struct Standing {
     since: Instant,
@@ -54,7 +53,7 @@ struct Standing {
     shortest: Duration,
 }
 
-/// The peer says that it has taken what was not sent.
+/// The peer acknowledges bytes that were not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct NotSent;
 
@@ -78,7 +77,7 @@ impl Window {
         self.sent
     }
 
-    /// Bytes that the peer has taken.
+    /// Bytes that the peer has acknowledged.
     pub(super) const fn taken(&self) -> u64 {
         self.taken
     }
@@ -87,7 +86,7 @@ impl Window {
         self.sent - self.taken < self.size
     }
 
-    /// Whether next to nothing is under way.
+    /// Whether next to nothing is in flight.
     pub(super) const fn is_quiet(&self) -> bool {
         self.sent - self.taken < LEAST
     }
@@ -97,7 +96,7 @@ impl Window {
         self.under_way.push_back((self.sent, now));
     }
 
-    /// The peer has taken so many bytes in all.
+    /// The peer acknowledges this many bytes in all.
     pub(super) fn take(&mut self, taken: u64, now: Instant) -> Result<(), NotSent> {
         if taken > self.sent {
             return Err(NotSent);
@@ -142,12 +141,12 @@ impl Window {
         self.shortest[0] = self.shortest[0].min(took);
     }
 
-    /// A block has waited so long, and brought so many bytes.
+    /// A block was delayed for this long, and brought this many bytes.
     fn grow(&mut self, waited: Duration, fresh: u64) {
         let (waited, target) = (waited.as_secs_f64(), self.target().as_secs_f64());
         let fresh = fresh as f64;
         let change = if !self.is_starting {
-            // By a quarter a round trip at most.
+            // By at most a quarter per round trip.
             (1.0 - waited / target).max(0.0) * fresh / 4.0
         } else if waited <= target / 2.0 {
             fresh
@@ -157,7 +156,7 @@ impl Window {
         self.size = (self.size + change as u64).min(MOST);
     }
 
-    /// Every block has lately taken so long.
+    /// Every recent block took at least this long.
     fn judge(&mut self, took: Duration) {
         let waited = took.saturating_sub(self.least());
         let over = waited.as_secs_f64() / self.target().as_secs_f64() - 1.0;
@@ -170,19 +169,19 @@ impl Window {
         let share = self.size as f64 / size as f64;
         if share <= TELLING {
             self.shrunk = None;
-            // A full line takes as much less time as less is under way.
+            // On a saturated line the delay falls in proportion to the bytes in flight.
             if took > before.mul_f64(f64::midpoint(1.0, share)) {
                 self.size = (2 * size).min(MOST);
                 self.shortest = [took; 2];
                 return;
             }
         } else if self.size == LEAST {
-            // It cannot shrink until that tells, and makes no long queue.
+            // At the minimum it cannot shrink to tell, and makes no long queue.
             self.shrunk = None;
             self.shortest = [took; 2];
             return;
         }
-        // By half at most.
+        // By at most half.
         let kept = 1.0 - (0.5 * over).min(0.5);
         self.size = ((self.size as f64 * kept) as u64).max(LEAST);
     }
@@ -193,7 +192,7 @@ impl Standing {
         Self { since, blocks: 0, shortest: Duration::MAX }
     }
 
-    /// A block that was sent then has taken so long.
+    /// A block sent at that time took this long.
     fn note(&mut self, sent: Instant, took: Duration) {
         if sent >= self.since {
             self.blocks += 1;
@@ -212,8 +211,8 @@ mod tests {
 
     const BLOCK: u64 = 16 << 10;
 
-    /// Sends for so long over a line of so many bytes a second, a round trip of `rtt` and a queue without
-    /// bounds. Gives bytes taken, and how long blocks waited at last.
+    /// Sends for this long over a line of this many bytes a second, with a round trip of `rtt` and an
+    /// unbounded queue. Returns the acknowledged bytes, and the final delay of blocks.
     fn over(line: f64, rtt: f64, seconds: f64) -> (u64, f64) {
         let at = |seconds: f64| Instant::from_nanos((seconds * 1e9) as u64);
         let (mut window, mut now, mut free, mut taken, mut waited) =
@@ -239,14 +238,14 @@ mod tests {
             let line = megabits * 1e6 / 8.0;
             let (taken, waited) = over(line, rtt, 20.0);
             assert!(taken as f64 > 0.8 * line * 20.0, "{megabits} Mbit/s, {rtt} s: {taken} bytes");
-            // The least window may take longer than the target on a slow line.
+            // The smallest window may exceed the target delay on a slow line.
             let least = LEAST as f64 / line;
             assert!(waited < 0.02 + least, "{megabits} Mbit/s, {rtt} s: a block waited {waited} s");
         }
     }
 
-    /// Sends for so many milliseconds to a display that draws pictures of so many each, and takes what came
-    /// meanwhile all at once. The way there and back takes `rtt`. Gives the bytes that it took.
+    /// Sends for this many milliseconds to a display that draws pictures of the given duration, and receives
+    /// between them all that has come. The round trip is `rtt`. Returns the bytes received.
     fn to_drawing(window: &mut Window, begin: u64, end: u64, rtt: u64, pictures: &[u64]) -> u64 {
         let at = |millis: u64| Instant::from_nanos(millis * 1_000_000);
         let (mut sent, before) = (VecDeque::new(), window.taken);
@@ -264,7 +263,7 @@ mod tests {
                 window.take(window.taken + BLOCK * there as u64, at(now)).unwrap();
             }
         }
-        // What is under way is taken at last.
+        // Finally all bytes in flight are acknowledged.
         window.take(window.sent, at(end)).unwrap();
         window.taken - before
     }
@@ -275,7 +274,7 @@ mod tests {
         assert!(taken as f64 > 20e6, "{taken} bytes in 5 s");
     }
 
-    /// Its processor is busy from a jump on: no block is taken as soon as it comes any more.
+    /// From a jump on its processor is busy: no block is received as soon as it comes any more.
     #[test]
     fn a_display_that_slows_down_is_no_queue() {
         let mut window = Window::new();
@@ -284,7 +283,7 @@ mod tests {
         assert!(taken as f64 > 20e6, "{taken} bytes in 5 s");
     }
 
-    /// It cannot shrink until that tells.
+    /// At the minimum it cannot shrink to tell.
     #[test]
     fn the_least_window_grows_again_where_a_display_is_slow() {
         let mut window = Window::new();
@@ -294,7 +293,7 @@ mod tests {
         assert!(taken as f64 > 10e6, "{taken} bytes in 5 s");
     }
 
-    /// What blocks wait for becomes shorter with a window whose own queue it is, and else does not.
+    /// The delay falls with the window if the queue is its own, and else does not.
     #[test]
     fn a_window_whose_queue_is_not_its_own_becomes_twice_as_large_as_it_was() {
         let ms = Duration::from_millis;

@@ -29,31 +29,31 @@ pub struct SceneCulling<D> {
     mapper: Option<OccluderMapper>,
     state: ViewState,
     rule: CutRule,
-    /// Of the frame under way.
+    /// Of the current frame.
     view: View,
     clock: Stopwatch,
     policy: OccluderPolicy,
     pieces: Pieces,
-    /// Whether the device is to be idle while further ids are waited for.
+    /// Whether the device is to be idle while the role waits for further ids.
     takes_turns: bool,
     /// Whether the occluders of this frame are chosen and drawn as they come.
     as_they_come: bool,
-    /// How many triangles may still be drawn then.
+    /// The remaining triangle budget in that case.
     left: u64,
     stats: FrameStats,
-    /// Time the host spent on the occluders of this frame.
+    /// The host's time for the occluders of this frame.
     host: Duration,
     /// When the occluders of this frame were complete.
     or_end: Duration,
-    /// How many ids of an earlier frame have come for this one, and the occluders they map to.
+    /// How many ids of an earlier frame have come for this one, and the occluders mapped from them.
     received: usize,
     due: Vec<DrawableId>,
     order: DrawOrder,
 }
 
 impl<D: CullerDevice> SceneCulling<D> {
-    /// Culls `scene` as the display has decided in `settings`, and measures by the clock of `turns`. A role
-    /// that takes turns lets others compute while it waits, and then its device is to be idle.
+    /// Culls `scene` with the display's `settings`, and measures by the clock of `turns`. A role in turn lets
+    /// others compute while it waits, and its device must be idle then.
     pub fn new(scene: &Arc<Scene>, device: D, settings: &Settings, turns: &Turns) -> Self {
         Self {
             device,
@@ -120,8 +120,8 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         Ok(())
     }
 
-    /// Maps ids onto this frame's LOD cut. Where they come bit by bit, each time what hides most is drawn,
-    /// within half of the budget that is left: the first ids are of what is large or far, and more may come.
+    /// Maps ids onto this frame's LOD cut. If they come bit by bit, draws the best occluders of each part,
+    /// within half of the remaining budget: the first ids are of large or distant nodes, and more may come.
     fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
         self.received += ids.len();
@@ -142,7 +142,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         Ok(())
     }
 
-    /// Chooses among the ids, and makes up for those that a jump has made useless.
+    /// Chooses among the ids, and replaces those that a jump has made useless.
     async fn complete_occluders(&mut self, _: Camera) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
         let drawn = if self.as_they_come { self.due.len() } else { 0 };
@@ -157,8 +157,8 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             self.device.finish_occluders().map_err(RoleError::of_device::<D>("completing the depth"))?;
         self.or_end = self.clock.elapsed();
         let waited = self.or_end.saturating_sub(start);
-        // What is drawn as it comes may have been drawn before this. What is drawn at once was drawn while
-        // the host still worked at it, and that time is counted already.
+        // Occluders drawn as they come may have been drawn before this. Otherwise they were drawn while the
+        // host still worked on them, and that time is counted already.
         let finishing = if self.as_they_come { drawing.max(waited) } else { waited };
         self.stats.or_busy_ns = nanoseconds(self.host + finishing);
         self.stats.or_end_ns = nanoseconds(self.or_end);
@@ -170,7 +170,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let scene = Arc::clone(self.culler.scene());
         let traversal = self.culler.traverse(&self.view, &self.rule, &self.device);
         let traversal = traversal.map_err(RoleError::of_culling::<D>)?;
-        // The paper's schedule has one round, as the paper has.
+        // The paper's schedule has one round, like the paper.
         let rule = if self.as_they_come { RoundRule::ONE } else { self.policy.rule() };
         let mut rounds = Rounds::new(traversal, last, &self.due, rule);
         let (clock, mut drawing) = (self.clock, Duration::ZERO);
@@ -203,7 +203,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
 
     fn frame_stats(&mut self, away: Duration) -> FrameStats {
         self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
-        // Work that was interrupted counts as done in one piece, at its end.
+        // Interrupted work counts as one piece at its end.
         self.stats.hc_start_ns = nanoseconds(self.or_end + away);
         self.stats
     }

@@ -1,4 +1,4 @@
-//! What the display draws when ids of a frame were lost (a link with deadlines): loss means visible.
+//! The display's handling of lost ids (a link with deadlines): lost counts as visible.
 
 use std::sync::Arc;
 
@@ -6,12 +6,12 @@ use trimaran_cull::{CutRule, OccluderError, OccluderMapper, View};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-/// The last frame's set, from which a frame with gaps is made up.
+/// The last frame's set, with which a frame with gaps is filled.
 #[derive(Debug)]
 pub struct Gaps {
     scene: Arc<Scene>,
     last: Vec<DrawableId>,
-    /// Made with the first gap: most sessions have none.
+    /// Made for the first gap: most sessions have none.
     mapper: Option<OccluderMapper>,
 }
 
@@ -22,14 +22,14 @@ impl Gaps {
         Self { scene: Arc::clone(scene), last: Vec::new(), mapper: None }
     }
 
-    /// Adds to the `ids` that came what the frame's LOD cut by `rule` has in place of the last frame's set.
-    /// Says how many that are.
+    /// Adds to the received `ids` the last frame's set, mapped to the frame's LOD cut by `rule`. Returns how
+    /// many were added.
     ///
-    /// What is lost is in most cases what was visible a moment ago. What has just come into sight may be
-    /// missing until the next frame, and its absence is known: the frame counts as one with gaps.
+    /// Lost ids were mostly visible a moment ago. Newly visible ones may be missing until the next frame,
+    /// which is known: the frame counts as one with gaps.
     ///
     /// # Errors
-    /// When an id is none of the scene's.
+    /// When the scene has no such id.
     pub fn fill(
         &mut self,
         view: View,
@@ -52,7 +52,7 @@ impl Gaps {
         Ok(ids.len() - came)
     }
 
-    /// Notes what was drawn.
+    /// Notes the drawn set.
     pub fn drawn(&mut self, ids: &[DrawableId]) {
         self.last.clear();
         self.last.extend_from_slice(ids);

@@ -1,4 +1,4 @@
-//! What roles do with a frame of a scene, each on its device.
+//! The roles' work on a frame of a scene, each on its device.
 
 mod culling;
 mod gaps;

@@ -1,4 +1,4 @@
-//! Which occluders a culler draws, and in how many rounds.
+//! A culler's occluder selection, and its rounds.
 
 use std::sync::Arc;
 
@@ -11,19 +11,19 @@ use trimaran_scene::Scene;
 
 use crate::{CullerDevice, RoleError};
 
-/// Which occluders a culler draws. Any subset of the LOD cut is a valid set: fewer are drawn sooner and
+/// The occluder selection of a culler. Any subset of the LOD cut is a valid set: fewer are drawn sooner and
 /// hide less, and never too much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OccluderPolicy {
     /// Select occluders from an earlier frame's visible set within this budget and a quarter of the set's
     /// triangles.
     pub budget: TriangleBudget,
-    /// Rounds at most: see [`Rounds`](trimaran_cull::Rounds).
+    /// The most rounds: see [`Rounds`](trimaran_cull::Rounds).
     pub rounds: u32,
 }
 
-/// Where occluders are chosen among the LOD cut, so many nodes of each level of the tree are refined at most.
-/// Small things hide little, and to look at all of them takes long in a large scene.
+/// The most nodes refined per level of the tree when occluders are chosen among the LOD cut. Small nodes hide
+/// little, and a large scene has too many of them.
 const WIDEST: usize = 2048;
 
 impl Default for OccluderPolicy {
@@ -35,22 +35,22 @@ impl Default for OccluderPolicy {
 /// A frame culled by [`OccluderPolicy::cull`].
 #[derive(Debug, Clone, Default)]
 pub struct CulledFrame {
-    /// What shows, in the order found.
+    /// The visible drawables, in the order found.
     pub visible: Vec<DrawableId>,
-    /// What was drawn as occluders, in all rounds.
+    /// The drawn occluders of all rounds.
     pub occluders: Vec<DrawableId>,
     /// The rounds.
     pub rounds: u32,
-    /// What the traversal did.
+    /// Counters of the traversal.
     pub stats: CullStats,
 }
 
 impl OccluderPolicy {
-    /// Culls a frame seen from `view` on `device`, where `last` was found visible in the frame before: just
-    /// as a session does, in whatever order `last` comes.
+    /// Culls a frame with `view` on `device`, given the set `last` of the previous frame, like a session. The
+    /// order of `last` does not matter.
     ///
     /// # Errors
-    /// If an id is not of this scene, or as the device says.
+    /// If the scene has no such id, and those of the device.
     pub fn cull<D: CullerDevice>(
         self,
         culler: &mut Culler,
@@ -75,8 +75,8 @@ impl OccluderPolicy {
         Ok(CulledFrame { visible, occluders, rounds: rounds.rounds(), stats: rounds.stats() })
     }
 
-    /// Chooses among all that is `due` for the `received` ids of the last frame. Where they say little of
-    /// this frame (the first one, or one after a jump), among what looks large of the LOD cut.
+    /// Selects occluders among all that are `due` for the `received` ids of the last frame. If these say
+    /// little of this frame (the first one, or after a jump), among the large nodes of the LOD cut.
     pub(super) fn choose(
         self,
         scene: &Scene,
@@ -95,7 +95,7 @@ impl OccluderPolicy {
         }
     }
 
-    /// When a frame goes on in further rounds.
+    /// The rule for further rounds of a frame.
     pub(super) fn rule(self) -> RoundRule {
         RoundRule { most: self.rounds, budget: self.budget }
     }

@@ -23,15 +23,15 @@ pub struct ScenePictures<D> {
     state: ViewState,
     rule: CutRule,
     order: DrawOrder,
-    /// What was drawn before stands in for ids that were lost.
+    /// The previous set, which stands in for lost ids.
     gaps: Gaps,
     picture: Image,
-    /// Of the frame under way: what is seen through, farthest first.
+    /// The see-through drawables of the current frame, farthest first.
     see_through: Vec<DrawableId>,
 }
 
 impl<D: PictureDevice> ScenePictures<D> {
-    /// Draws `scene` as `settings` have it.
+    /// Draws `scene` with these `settings`.
     pub fn new(scene: &Arc<Scene>, device: D, settings: &Settings) -> Self {
         Self {
             scene: Arc::clone(scene),
@@ -56,7 +56,7 @@ impl<D: PictureDevice> DisplayWork for ScenePictures<D> {
         self.state = state.clone();
     }
 
-    /// Draws what is solid front to back, and what is seen through over it from back to front.
+    /// Draws solid drawables front to back, then see-through ones over them from back to front.
     async fn draw(
         &mut self,
         camera: Camera,

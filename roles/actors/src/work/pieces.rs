@@ -1,4 +1,4 @@
-//! A device that is shared by time tests boxes a piece at a time, so that no frame keeps it for long.
+//! Splits the box tests of a time-shared device into pieces, so that no frame keeps it for long.
 
 use std::time::Duration;
 
@@ -8,11 +8,11 @@ use crate::{clock::Stopwatch, device::CullerDevice, turn::Turn};
 
 /// Boxes of the first piece of a session. A test may draw each of them over the whole picture.
 const FIRST: usize = 16;
-/// A piece that took less is followed by a longer one, and one that took more by a shorter one.
+/// A piece below this time is followed by a longer one, and one above it by a shorter one.
 const SHORT: Duration = Duration::from_millis(5);
 const LONG: Duration = Duration::from_millis(20);
 
-/// How many boxes the next piece has. What is found does not depend on it: each box is tested by itself.
+/// How many boxes the next piece has. The result does not depend on it: each box is tested by itself.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pieces(usize);
 
@@ -32,12 +32,12 @@ impl Pieces {
     }
 }
 
-/// The device of a role with the turn of that role.
+/// The device of a role, with the role's turn.
 pub(super) struct InPieces<'d, D> {
     pub(super) device: &'d mut D,
     pub(super) pieces: &'d mut Pieces,
     pub(super) clock: Stopwatch,
-    /// Without one all boxes are a piece.
+    /// Without one all boxes are one piece.
     pub(super) turn: Option<&'d Turn>,
 }
 

@@ -1,4 +1,4 @@
-//! A display's dealer and cullers that come, go, stall and answer in random interleavings: every frame is
+//! A display's dealer with cullers that come, go, stall and answer in random interleavings. Every frame is
 //! shown once and in order, and nobody waits for ever.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -28,7 +28,7 @@ fn dealt(dealer: &mut Dealer, now: Instant) -> Vec<(usize, u32)> {
     dealer.deal(now).into_iter().map(|(id, frame)| (id.index(), frame.0)).collect()
 }
 
-/// A dealer with so many cullers, which have been dealt their first frames.
+/// A dealer with this many cullers, which have been dealt their first frames.
 fn started(count: usize) -> (Dealer, Vec<CullerId>) {
     let (mut dealer, ids) = (Dealer::new(LOCKSTEP, false, FrameNumber(0)), cullers(count));
     ids.iter().for_each(|id| dealer.join(*id, at(0)));
@@ -147,7 +147,7 @@ fn who_begins_what_it_was_not_dealt_breaks_the_order() {
     assert_eq!(dealer.ended(ids[0], at(1)), Err(Disorder::Unexpected("the end of a frame")));
 }
 
-/// What happens next in a random session.
+/// A step of a random session.
 #[derive(Debug, Clone)]
 enum Move {
     Begin(usize),
@@ -158,7 +158,7 @@ enum Move {
     PassOver(usize),
 }
 
-/// A culler at the other end of a link: what it was dealt, what it has begun.
+/// A culler at the other end of a link: its cameras and its begun frame.
 #[derive(Debug, Default)]
 struct Far {
     /// Cameras published; the newest one is in the cell.
@@ -186,7 +186,7 @@ proptest! {
         let mut dealer = Dealer::new(Pace::Lockstep { frames: Some(end) }, false, FrameNumber(first));
         let (ids, mut far) = (cullers(4), BTreeMap::<CullerId, Far>::new());
         let mut shown = Vec::new();
-        // After the random moves, everybody does what it can.
+        // After the random steps, each culler does all that it can.
         let orderly = (0..4).flat_map(|id| [Move::Begin(id), Move::End(id), Move::Show]);
         let all = moves.into_iter().chain(orderly.collect::<Vec<_>>().into_iter().cycle().take(8000));
         for (step, next) in all.enumerate() {
@@ -199,7 +199,7 @@ proptest! {
                 Move::Leave(id) if far.remove(&ids[id]).is_some() => dealer.leave(ids[id]),
                 Move::PassOver(id) => dealer.pass_over(ids[id]),
                 Move::Begin(id) => {
-                    // It takes what is in the cell: the newest.
+                    // It takes the newest camera from the cell.
                     if let Some(far) = far.get_mut(&ids[id]).filter(|far| far.begun.is_none())
                         && let Some(newest) = far.cell.pop_back()
                     {

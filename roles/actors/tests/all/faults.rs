@@ -1,5 +1,5 @@
-//! Cullers that die, stall, lie or fail: the display shows every frame all the same, in order and whole, and
-//! says who did what.
+//! Cullers that die, stall, lie or fail: the display still shows every frame, in order and whole, and reports
+//! each culler's fault.
 
 use std::{collections::BTreeSet, sync::Arc, thread, time::Duration};
 
@@ -33,7 +33,7 @@ struct Setting {
     scene: Arc<Scene>,
 }
 
-/// What a display showed, and what became of its cullers.
+/// The frames that a display showed, and the events of its cullers.
 #[derive(Debug, Default)]
 struct Seen {
     frames: Vec<(u32, Option<CullerId>, BTreeSet<DrawableId>)>,
@@ -57,22 +57,22 @@ impl Observer for Seen {
     }
 }
 
-/// What a culler does with the frames that it is dealt.
+/// The behaviour of a culler.
 #[derive(Debug, Clone)]
 enum Culler {
     /// Culls each of them.
     Sound,
-    /// The same until this frame, then it goes without a word.
+    /// The same until this frame, then it goes without a close.
     DiesAt(u32),
-    /// The same until this frame, then it says nothing for ever.
+    /// The same until this frame, then it is silent for ever.
     StallsAt(u32),
-    /// The same, but this frame takes so long.
+    /// The same, but this frame takes this long.
     SlowAt(u32, Duration),
     /// The same, but in this frame it sends one more id.
     LiesAt(u32, DrawableId),
     /// The same, but this frame it begins from another camera.
     LooksElsewhereAt(u32),
-    /// The same, but it begins a frame that nobody asked for instead of this one.
+    /// The same, but it begins an unrequested frame instead of this one.
     RunsAheadAt(u32),
 }
 
@@ -84,13 +84,13 @@ impl Setting {
         Self { runtime, net, scene }
     }
 
-    /// What shows in a frame, where nothing is hidden.
+    /// The visible set of a frame if nothing is hidden.
     fn visible(&self, camera: Camera) -> Vec<DrawableId> {
         let view = View::new(camera, Viewport::new(SIDE, SIDE).unwrap());
         lod_cut(&self.scene, &view, LodRule::new(EPSILON_PX).unwrap())
     }
 
-    /// What a display shows whose cullers do this, and what each culler is told in the end, if it listens.
+    /// A display's record with such cullers, and the close that each culler receives, if it listens.
     fn play(
         &self,
         cullers: &[Culler],
@@ -123,7 +123,7 @@ impl Setting {
         })
     }
 
-    /// Plays a culler; gives what it is told in the end.
+    /// Plays a culler; returns the close that it receives.
     async fn cull(&self, culler: &Culler, mut link: Link) -> Option<CloseReason> {
         for sent in 0.. {
             let mut camera = match next(&mut link.latest_rx).await {
@@ -267,7 +267,7 @@ fn a_culler_that_breaks_the_rules_is_let_go_and_the_log_says_why() {
     }
 }
 
-/// Only what the display cannot do without ends the session.
+/// Only failures of essentials end the session.
 #[test]
 fn a_display_whose_own_device_fails_tells_its_cullers() {
     let setting = Setting::new();
@@ -280,7 +280,7 @@ fn a_display_whose_own_device_fails_tells_its_cullers() {
 
 #[test]
 fn waiting_for_ever_is_not_needed_to_notice_a_stall() {
-    // The floor of a lockstep session, one second, and not the link's timeout of thirty.
+    // The least time of a lockstep session, one second, and not the link's timeout of thirty.
     let setting = Setting::new();
     let began: Instant = setting.net.now();
     let (played, ..) = setting.play(&[Culler::StallsAt(6)], Device::default());

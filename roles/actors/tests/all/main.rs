@@ -1,4 +1,4 @@
-//! Roles that meet, walk and part, over links in this process.
+//! Roles that connect, walk and close, over links in this process.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../common/mod.rs"]

@@ -1,4 +1,4 @@
-//! What displays and other cullers can make a culler do by way of meetings, which the schedule `switch` needs.
+//! The limits of what displays and other cullers can make a culler do by meetings, for the schedule `switch`.
 
 use std::{
     net::TcpListener,
@@ -24,7 +24,7 @@ static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
     Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
 });
 
-/// A culler, as whoever comes to it sees it.
+/// A culler, as seen by its peers.
 struct Guest<'g> {
     net: Arc<dyn Net>,
     culler: &'g LocalCullers,
@@ -43,7 +43,7 @@ impl Guest<'_> {
         connect::<Walkthrough>(&self.net, at, Identity { role, scene, session }, options, soon).await.unwrap()
     }
 
-    /// What the culler says next.
+    /// The culler's next message.
     async fn hears(&self, link: &mut Link) -> RoleMessage {
         let soon = self.net.now().after(Duration::from_secs(60));
         until(&*self.net, soon, link.messages_rx.recv()).await.unwrap().unwrap()
@@ -57,7 +57,7 @@ impl Guest<'_> {
     }
 }
 
-/// Plays a culler beside what `guests` do with it.
+/// Plays a culler, while `guests` connect to it.
 fn with_a_culler(guests: impl AsyncFnOnce(Guest<'_>)) {
     let runtime: Runtime =
         tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
@@ -81,7 +81,7 @@ fn camera(frame: u32) -> Camera {
     Camera::new(middle, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, FrameNumber(frame)).unwrap()
 }
 
-/// An address that a display names is not connected to, whatever it is; the display hears no, and not why.
+/// A culler never connects to an address given by a display; the display learns that it failed, but not why.
 #[test]
 fn a_culler_connects_to_no_address_that_a_display_names() {
     with_a_culler(async |guest| {
@@ -101,13 +101,13 @@ fn a_culler_connects_to_no_address_that_a_display_names() {
             }
         }
         assert!(victim.accept().is_err(), "the culler has connected to it");
-        // It goes on to serve.
+        // It continues to serve.
         display.latest_tx.publish(camera(1)).unwrap();
         assert!(matches!(guest.hears(&mut display).await, RoleMessage::Stats(_)));
     });
 }
 
-/// Cullers that nobody waits for are let go at once, and keep nobody from meeting.
+/// Unexpected cullers are closed at once, and do not keep others from meeting.
 #[test]
 fn cullers_that_nobody_waits_for_are_turned_away() {
     with_a_culler(async |guest| {
@@ -129,7 +129,7 @@ fn memory() -> usize {
     4096 * statm.split_whitespace().nth(1).unwrap().parse::<usize>().unwrap()
 }
 
-/// Another culler may send what it likes while the display sends no camera: two of its frames are kept.
+/// Another culler may send any amount while the display sends no camera: two of its frames are kept.
 #[test]
 fn frames_of_another_culler_do_not_pile_up() {
     with_a_culler(async |guest| {
@@ -159,8 +159,8 @@ fn frames_of_another_culler_do_not_pile_up() {
     });
 }
 
-/// A view state may name every object of the scene, and no other one: sets of objects are as large as a display
-/// makes them.
+/// A view state may name every object of the scene, and no other one: displays choose the size of object
+/// sets.
 #[test]
 fn a_view_state_names_objects_of_the_scene() {
     with_a_culler(async |guest| {

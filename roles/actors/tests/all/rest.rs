@@ -1,4 +1,4 @@
-//! A live display whose eye rests.
+//! A live display with an eye at rest.
 
 use std::sync::Arc;
 
@@ -13,10 +13,10 @@ use trimaran_scene::Scene;
 
 use crate::common::{Device, Frames};
 
-/// How often each pose is asked for. The display asks every few milliseconds.
+/// How often each pose is requested. The display asks every few milliseconds.
 const ASKED: u32 = 200;
 
-/// An eye that rests at one place after the other.
+/// An eye that rests at several places in turn.
 struct Resting {
     middle: [f64; 3],
     asked: u32,

@@ -1,5 +1,5 @@
-//! What a session of a service may cost and how it may fail: it ends, its display hears why, and the others go
-//! on.
+//! The limits and failures of a service's sessions: a failing one ends, its display hears why, and the others
+//! go on.
 
 use std::{
     sync::{Arc, OnceLock},
@@ -22,13 +22,13 @@ use trimaran_transport::{Net, Options, RecvError, TokioNet};
 use crate::common::{Broken, Device, Fault, Task};
 
 const SIDE: u32 = 64;
-/// Bytes of depth that a session of such a picture takes.
+/// Bytes of depth of a session with such a picture.
 const DEPTH: u64 = 14 * (SIDE * SIDE) as u64;
 
-/// Where displays look from, along -z.
+/// The eye of displays, looking along -z.
 static EYE: OnceLock<[f64; 3]> = OnceLock::new();
 
-/// A service whose sessions a test plays, and the displays at their other ends.
+/// A service, with the test playing its sessions and displays.
 struct Service {
     runtime: Runtime,
     net: Arc<dyn Net>,
@@ -37,17 +37,17 @@ struct Service {
     limits: SessionLimits,
 }
 
-/// What a test's display asks for.
+/// The requests of a test's display.
 struct Wish {
     side: u32,
-    /// In a view state that it tells after its first frame.
+    /// In a view state sent after its first frame.
     later: u32,
 }
 
 const HONEST: Wish = Wish { side: SIDE, later: SIDE };
 
 impl Service {
-    /// Of pictures of `SIDE`, with memory for so many sessions.
+    /// Of pictures of `SIDE`, with memory for this many sessions.
     fn of(sessions: u64) -> Self {
         let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
@@ -75,14 +75,14 @@ impl Service {
         (NewSession { key: SessionKey(1), settings, display, meeting, seat: Seat::once() }, far)
     }
 
-    /// Plays a session on such a device; how it ends.
+    /// Plays a session on such a device; returns its end.
     fn play(&self, session: NewSession, device: Device, stop: &Stop) -> Result<(), RoleError> {
         let work = |settings: &Settings| Ok(SceneCulling::new(&self.scene, device, settings, &self.turns));
         let drawables = max_frame(&self.scene);
         self.runtime.block_on(session.play(work, &self.turns, drawables, None, &self.limits, stop))
     }
 
-    /// How a session ends whose display wants this, and what the display is told and has seen.
+    /// How a session with these requests ends, with the close and the frames that its display received.
     fn ends(&self, wish: &Wish, device: Device) -> (RoleError, String, u32) {
         let (session, far) = self.session(wish.side);
         let (_stopper, stop) = Stop::new();
@@ -119,13 +119,13 @@ fn camera(frame: u32, version: u32) -> Camera {
     camera.in_view(ViewVersion(version))
 }
 
-/// Asks for a frame and waits for it.
+/// Requests a frame and waits for it.
 async fn sees(link: &mut Link, frame: u32) {
     link.latest_tx.publish(camera(frame, 0)).unwrap();
     while !matches!(next(link).await.unwrap(), FrameEvent::End(_)) {}
 }
 
-/// What comes next of frames. What the culler says beside is read as well.
+/// The next event of frames. Other messages are read as well.
 async fn next(link: &mut Link) -> Result<FrameEvent, RecvError> {
     loop {
         tokio::select! {
@@ -138,8 +138,8 @@ async fn next(link: &mut Link) -> Result<FrameEvent, RecvError> {
     }
 }
 
-/// Asks for one frame, and for a next one in another view state; what it is told in the end, and how many
-/// frames have come whole.
+/// Requests one frame, and a second one in another view state. Returns the close, and how many whole frames
+/// have come.
 async fn walks(mut link: Link, state: &ViewState) -> (String, u32) {
     let _gone = link.latest_tx.publish(camera(0, 0));
     let mut seen = 0;
@@ -185,7 +185,7 @@ fn memory_for_depth_is_bounded_over_all_sessions_and_free_once_one_ends() {
     let (error, told, _) = service.honest(|| service.ends(&HONEST, Device::default()));
     assert!(matches!(error, RoleError::Limit(LimitError::DepthMemory { free: 0, .. })), "{error:?}");
     assert!(told.starts_with("Failed") && told.contains("--depth-memory"), "{told}");
-    // What the one before has had is there again, also where it ends by a fault.
+    // Its predecessor's memory is free again, even if that ended with a fault.
     let fails = || Device::failing(Task::Test, 0, Fault::Fails(Broken::NoMemory));
     for _ in 0..3 {
         let (error, ..) = service.ends(&HONEST, fails());

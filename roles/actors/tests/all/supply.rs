@@ -1,5 +1,5 @@
-//! A display that begins without the scene shows what one that holds it shows, whichever culler supplies it,
-//! however little it keeps, and whoever dies or lies meanwhile.
+//! A display without the scene shows the same as one with it: with any culler as supplier, any small memory,
+//! and cullers that die or lie.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -58,7 +58,7 @@ fn supplied(memory: u64, while_loading: WhileLoading) -> Supplied {
     Supplied { scene: Arc::new(Scene::empty(PLANT.outline())), memory, while_loading }
 }
 
-/// A device on the CPU, of a culler that fails at a frame, if it is to.
+/// A device on the CPU, which may fail at a frame.
 struct Cpu {
     scene: Arc<Scene>,
     view: View,
@@ -110,7 +110,7 @@ impl CullerDevice for Cpu {
     }
 }
 
-/// What shows: solids, and over them pixel by pixel what is seen through.
+/// A picture: solid drawables, and over them pixel by pixel the see-through ones.
 #[derive(Debug, Clone, PartialEq)]
 struct Picture {
     camera: Camera,
@@ -144,7 +144,7 @@ impl Picture {
     }
 }
 
-/// A display's device, which draws what is in its scene.
+/// A display's device, which draws the geometry in its scene.
 struct Screen {
     scene: Arc<Scene>,
     pictures: Arc<Mutex<Vec<Picture>>>,
@@ -165,11 +165,11 @@ impl PictureDevice for Screen {
     }
 }
 
-/// Cameras on a way through the scene with jumps, and view states that change with them.
+/// Cameras on a path through the scene with jumps, and their changing view states.
 struct Way {
     poses: Vec<(DVec3, [f64; 4])>,
     states: Vec<Arc<ViewState>>,
-    /// How many frames were shown, where that ends the walk.
+    /// How many frames were shown, if that ends the walk.
     shown: Option<Arc<AtomicU32>>,
     asked: usize,
 }
@@ -190,7 +190,7 @@ impl Way {
         Self { poses, states: vec![Arc::new(settings().into())], shown: None, asked: 0 }
     }
 
-    /// Another view state every second frame: objects hidden, seen through and isolated, and sections.
+    /// Another view state every second frame: hidden, see-through and isolated objects, and sections.
     fn with_states(self, seed: u64) -> Self {
         let mut random = Random::new(seed);
         let objects = u32::try_from(PLANT.objects().len()).unwrap();
@@ -216,7 +216,7 @@ impl Way {
         Self { states: [self.states, states].concat(), ..self }
     }
 
-    /// Live: another pose each fifth time it is asked, until so many frames were shown.
+    /// Live: another pose every fifth request, until this many frames were shown.
     fn live(self) -> Self {
         Self { shown: Some(Arc::default()), ..self }
     }
@@ -245,11 +245,11 @@ impl Cameras for Way {
     }
 }
 
-/// What a display showed, and what became of its cullers.
+/// The frames that a display showed, and the events of its cullers.
 #[derive(Debug, Default)]
 struct Seen {
     by: Vec<Option<usize>>,
-    /// Of each picture: how many drawables it lacked, and whether it showed a frame again.
+    /// For each picture: how many drawables it lacked, and whether it showed a frame again.
     lacking: Vec<(u32, bool)>,
     left: Vec<(usize, String)>,
     count: Arc<AtomicU32>,
@@ -276,7 +276,7 @@ impl Observer for Seen {
 struct Walk {
     cullers: usize,
     schedule: Schedule,
-    /// Where the display begins without the scene: what it keeps.
+    /// The display's memory, if it begins without the scene.
     memory: Option<u64>,
     while_loading: WhileLoading,
     /// The frame at which the first culler's device fails.
@@ -411,7 +411,7 @@ fn a_live_display_shows_exact_pictures_where_nothing_is_lacking() {
     }
 }
 
-/// The culler sends what stands in for the rest, and more whenever a picture was shown.
+/// The culler sends stand-ins, and more whenever a picture was shown.
 #[test]
 fn what_stands_in_is_shown_until_the_rest_has_come() {
     let mut random = Random::new(3);
@@ -453,7 +453,7 @@ fn what_stands_in_is_shown_until_the_rest_has_come() {
     assert_alike(&pictures, &expected, "while loading");
 }
 
-/// A pose that stays, until so many pictures were shown.
+/// A fixed pose, until this many pictures were shown.
 struct Still {
     view: View,
     shown: Arc<AtomicU32>,
@@ -470,7 +470,7 @@ impl Cameras for Still {
     }
 }
 
-/// Blocks of all that drawing these needs, of which the last one alone makes them be there.
+/// Blocks with all data for drawing these; only the last one completes any of them.
 fn whole<'i>(ids: impl IntoIterator<Item = &'i DrawableId>) -> Vec<Bytes> {
     let entries: Vec<_> = ids.into_iter().map(|id| DrawableEntry::of(&PLANT, *id).unwrap()).collect();
     let numbers: BTreeSet<_> = entries.iter().map(|entry| entry.geometry).collect();
@@ -485,20 +485,20 @@ fn whole<'i>(ids: impl IntoIterator<Item = &'i DrawableId>) -> Vec<Bytes> {
     pieces.chain([block(&[records(&entries)])]).collect()
 }
 
-/// What a culler does that a test plays itself.
+/// The behaviour of a culler played by the test.
 enum Far {
-    /// What a culler should.
+    /// A correct culler.
     Sound,
-    /// It culls soundly, and sends these blocks once it is asked for geometry, and nothing behind them.
+    /// It culls correctly, and on the request for geometry sends these blocks and nothing else.
     Sends(Vec<Bytes>),
-    /// It culls one frame, and sends the first of these once it is asked for geometry, and the next ones as
+    /// It culls one frame. On the request for geometry it sends the first of these, and the next ones as
     /// pictures are shown.
     SendsAsShown(Vec<Vec<Bytes>>, Arc<AtomicU32>),
-    /// It culls soundly, and holds another scene.
+    /// It culls correctly, and holds another scene.
     Foreign,
 }
 
-/// What a display without the scene shows whose cullers do this: the first of them supplies it at first.
+/// The pictures of a display without the scene, with these cullers; the first one is the first supplier.
 fn play(cullers: &[Far], way: &mut Way) -> (Vec<Picture>, Seen) {
     let pace = Pace::Lockstep { frames: Some(u32::try_from(way.poses.len()).unwrap()) };
     let (played, pictures, seen) = try_play(cullers, pace, way, Seen::default());
@@ -586,7 +586,7 @@ async fn sound(net: &Arc<dyn Net>, display: Link, stop: &Stop) {
     let _ended = role.run(stop).await;
 }
 
-/// Sends the parts one after the other, each once so many pictures were shown as there are before it.
+/// Sends the parts in order, each after as many shown pictures as there are parts before it.
 async fn sends(net: &Arc<dyn Net>, mut link: Link, parts: &[Vec<Bytes>], shown: Option<&AtomicU32>) {
     let Bulk { mut tx, mut rx } = link.bulk.take().unwrap();
     let supply = async {
@@ -611,7 +611,7 @@ async fn sends(net: &Arc<dyn Net>, mut link: Link, parts: &[Vec<Bytes>], shown: 
     }
 }
 
-/// Finds all visible in so many frames, until the display ends it.
+/// Finds everything visible in this many frames, until the display ends it.
 async fn culls(mut link: Link, frames: u32) {
     let rule = settings().lod;
     for sent in 0..frames {
@@ -705,7 +705,7 @@ fn a_culler_of_another_scene_is_let_go() {
     assert_eq!(seen.by, [Some(1)].repeat(8));
 }
 
-/// Of an empty scene that was given all, drawing asks nothing that the whole one answers otherwise.
+/// Drawing an empty scene that was given everything equals drawing the whole one.
 #[test]
 fn a_scene_that_was_given_all_is_drawn_as_the_whole_one() {
     let empty = Scene::empty(PLANT.outline());
@@ -731,7 +731,7 @@ fn a_scene_that_was_given_all_is_drawn_as_the_whole_one() {
     let merged = |id: &DrawableId| PLANT.nodes()[PLANT.drawables()[id.index()].node as usize].objects > 1;
     let (mut levels, mut through) = (0, 0);
     let mut way = Way::new(9, 40).with_states(4);
-    // Of these all but a few are seen through, so that coarse levels are.
+    // All but a few of these are see-through, so that coarse levels are.
     let objects = u32::try_from(PLANT.objects().len()).unwrap();
     for state in way.states.iter_mut().skip(1).step_by(2) {
         let (lod, see_through) = (LodRule::new(30.0).unwrap(), Some((5..objects).collect()));

@@ -1,4 +1,4 @@
-//! The paper's SWITCH, step by step: two cullers, each of which draws what the other one finds, as it comes
+//! The paper's SWITCH, step by step: two cullers, each drawing the other one's visible set, as it comes
 //! (paper, section 3.2, algorithms 4.1 to 4.3).
 
 use std::{
@@ -25,11 +25,11 @@ use trimaran_scene::Scene;
 const FRAMES: u32 = 10;
 const SIDE: u32 = 64;
 const EPSILON_PX: f64 = 0.5;
-/// At which level of the tree HC waits for OR: some are visible above it in every frame, and most frames have
-/// some below.
+/// The level of the tree at which HC waits for OR: every frame has visible nodes above it, and most have some
+/// below.
 const MIDST: u32 = 5;
 
-/// What the two cullers' devices do, in the order in which they do it.
+/// The steps of both cullers' devices, in order.
 #[derive(Default)]
 struct Log {
     steps: Mutex<Vec<Step>>,
@@ -54,7 +54,7 @@ impl Log {
         self.more.notify_all();
     }
 
-    /// Waits for a step. Who never sees it fails.
+    /// Waits for a step. Fails if it does not come.
     fn wait_for(&self, what: impl Fn(&Step) -> bool) {
         let steps = self.steps.lock().unwrap();
         let missing = |steps: &mut Vec<Step>| !steps.iter().any(&what);
@@ -65,7 +65,7 @@ impl Log {
 
 struct Logged {
     log: Arc<Log>,
-    /// None is the display's own, which has nothing to do here.
+    /// None for the display's own device, which is unused here.
     culler: Option<CullerId>,
     frame: u32,
     tests: u32,
@@ -80,8 +80,8 @@ impl Logged {
 impl OcclusionTest for Logged {
     type Error = Infallible;
 
-    /// Nothing is hidden. HC of a frame waits in its midst until OR of the next one draws what HC has found
-    /// by then: it would wait for ever if OR began when HC is complete.
+    /// Nothing is hidden. HC of a frame pauses until OR of the next one draws the ids found so far. It would
+    /// wait for ever if OR began only after HC.
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
         self.tests += 1;
         let next = self.frame + 1;
@@ -131,7 +131,7 @@ impl PictureDevice for Canvas {
     }
 }
 
-/// What RVG showed: from which camera, culled by whom.
+/// The frames that RVG showed, with camera and culler.
 #[derive(Default)]
 struct Shown {
     frames: Vec<(Camera, Option<CullerId>, Vec<DrawableId>)>,
@@ -200,20 +200,20 @@ fn the_schedule_is_that_of_the_paper() {
         let complete = all.iter().position(|step| matches!(step, Step::Complete(..))).unwrap();
         let drawing = &all[1..complete];
         assert!(drawing.iter().all(|step| matches!(step, Step::Draw(..))), "{drawing:?}");
-        // Algorithm 4.1, HC: the tree is tested level by level against that depth, which stays where it is.
+        // Algorithm 4.1, HC: the tree is tested level by level against that depth, which stays on the device.
         let culling = &all[complete + 1..];
         assert!(
             culling.len() > 3 && culling.iter().all(|step| matches!(step, Step::Test(..))),
             "{culling:?}"
         );
 
-        // Algorithm 4.3, RVG: what HC found is shown from the camera of the frame.
+        // Algorithm 4.3, RVG: HC's visible set is shown from the camera of the frame.
         let (camera, by, ids) = &shown.frames[frame as usize];
         assert_eq!((camera.frame().0, *by), (frame, Some(culler)));
         assert_eq!(u32::try_from(ids.len()).unwrap(), shown.stats[&frame].culling.emitted);
 
         let Some(before) = frame.checked_sub(1) else { continue };
-        // The occluders are what HC of the frame before found, at the levels of this frame's camera.
+        // The occluders are the visible set of the previous frame's HC, at the levels of this frame's camera.
         assert_eq!(shown.stats[&frame].occluders_of, Some(FrameNumber(before)));
         let view = View::new(*camera, Viewport::new(SIDE, SIDE).unwrap());
         let found = &shown.frames[before as usize].2;
@@ -224,7 +224,7 @@ fn the_schedule_is_that_of_the_paper() {
         });
         let drawn: Vec<_> = drawn.collect();
         assert!(!drawn.is_empty() && drawn.iter().all(|id| due.contains(id)));
-        // They come in several batches, and OR of this frame is at work while HC of the one before is.
+        // They come in several batches, and OR of this frame works during HC of the previous one.
         let levels = steps.iter().filter(|step| matches!(step, Step::Test(_, of) if *of == before)).count();
         if levels < MIDST as usize {
             continue;
@@ -236,7 +236,7 @@ fn the_schedule_is_that_of_the_paper() {
         let last_test =
             steps.iter().rposition(|step| matches!(step, Step::Test(_, of) if *of == before)).unwrap();
         assert!(first_drawn < last_test, "OR of frame {frame} began when HC of frame {before} was complete");
-        // HC of this frame begins when that of the one before is complete.
+        // HC of this frame begins when that of the previous one is complete.
         assert!(place(&Step::Complete(culler, frame)) > last_test);
     }
     assert!(overlapped > FRAMES / 2, "only {overlapped} frames are deep enough");
@@ -267,7 +267,7 @@ fn where_cullers_are_independent_nothing_travels_between_them() {
     assert_eq!(shown.stats.len(), FRAMES as usize);
 }
 
-/// A camera that never stands still, until so many frames were asked for.
+/// A camera that never rests, until this many frames were requested.
 struct Restless {
     asked: u32,
     middle: [f64; 3],
@@ -285,7 +285,7 @@ impl Cameras for Restless {
     }
 }
 
-/// Who was lost, and how many frames were shown.
+/// The lost cullers, and the number of shown frames.
 #[derive(Default)]
 struct Losses {
     lost: Vec<String>,
@@ -305,8 +305,8 @@ impl Observer for Losses {
     }
 }
 
-/// Live, a frame that waits for its culler gets newer and newer poses. One that comes when the culler has
-/// begun the frame is too late: it must not be culled as a frame of its own.
+/// Live, a frame that waits for its culler gets newer poses. One that arrives after the culler has begun is
+/// too late: it must not be culled as another frame.
 #[test]
 fn a_pose_that_comes_when_its_frame_has_begun_is_no_other_frame() {
     let scene = scene();

@@ -1,4 +1,4 @@
-//! Roles of one process that compute one after another: what each says it took holds no other role's work.
+//! Roles of one process that compute in turn: no role's reported time contains another role's work.
 
 use std::{
     convert::Infallible,
@@ -22,10 +22,10 @@ use trimaran_scene::Scene;
 
 const FRAMES: u32 = 30;
 const SIZE: u32 = 8;
-/// What each call of a device takes.
+/// The duration of each call of a device.
 const WORK: Duration = Duration::from_micros(200);
 
-/// A device that is busy for a while each time it is called, and notes how many devices are busy at once.
+/// A device that is busy for a while in each call, and counts how many devices are busy at once.
 struct Busy {
     devices: Arc<Count>,
     depth: Vec<f32>,
@@ -73,7 +73,7 @@ impl CullerDevice for Busy {
         Ok(())
     }
 
-    /// Its device drew for no time; the rest is what else completes a depth, such as reading it back.
+    /// Drawing took no time; the rest is other work on the depth, such as reading it back.
     fn finish_occluders(&mut self) -> Result<Duration, Infallible> {
         self.work();
         Ok(Duration::ZERO)
@@ -97,8 +97,7 @@ impl PictureDevice for Busy {
     }
 }
 
-/// What a session did: begin and end of each role's work on each frame, on the session's one clock, and the
-/// ids shown.
+/// The record of a session: begin and end of each role's work on each frame, on one clock, and the ids shown.
 #[derive(Default)]
 struct Record {
     occluders: Vec<[u64; 2]>,
@@ -175,7 +174,7 @@ fn no_two_busy_times_of_roles_that_take_turns_overlap() {
 #[test]
 fn a_busy_time_holds_all_that_a_role_does_for_a_frame() {
     let (record, _) = session(&scene(), 1024, &Turns::alone());
-    // Clearing, drawing and completing; a test at least; a picture.
+    // Clearing, drawing and completing; at least one test; a picture.
     for (work, calls) in [(&record.occluders, 3), (&record.culling, 1), (&record.drawing, 1)] {
         for [start, end] in work {
             assert!(u128::from(end - start) >= calls * WORK.as_nanos(), "{} ns", end - start);
@@ -191,8 +190,7 @@ fn a_session_shows_the_same_whether_its_roles_take_turns_or_not() {
     assert_eq!(alone.ids, at_once.ids);
 }
 
-/// An id a message: far more of them than a link within a process holds, so that who culls waits for who
-/// takes them.
+/// One id per message: far more than a link within a process holds, so the culler waits for the receiver.
 #[test]
 fn who_has_the_turn_lets_others_go_on_where_it_has_to_wait_for_them() {
     let scene = scene();
@@ -200,7 +198,7 @@ fn who_has_the_turn_lets_others_go_on_where_it_has_to_wait_for_them() {
     assert_eq!(most, 1);
     let ids = record.ids.iter().map(Vec::len);
     assert!(ids.clone().min().unwrap() > 512, "{:?}", ids.collect::<Vec<_>>());
-    // What others did meanwhile is in no time of this role: all together took no longer than the session.
+    // The time of others is in no time of this role: all together took no longer than the session.
     let work = record.work();
     let busy: u64 = work.iter().map(|[start, end]| end - start).sum();
     let whole = work.iter().map(|[_, end]| end).max().unwrap() - work[0][0];

@@ -1,5 +1,5 @@
-//! View states that change while a session runs: whoever culls a frame and whoever draws it obey the one that
-//! its camera names.
+//! View states that change during a session: the roles that cull and draw a frame use the one that its camera
+//! names.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -82,7 +82,7 @@ impl Cameras for Changing {
     }
 }
 
-/// What devices were asked to draw and test.
+/// The requests to devices for drawing and testing.
 #[derive(Debug, Default)]
 struct Log {
     occluders: Vec<(View, OcclusionTestKind, Vec<DrawableId>)>,

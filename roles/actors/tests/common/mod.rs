@@ -1,4 +1,4 @@
-//! What the tests of roles share: a device that may fail, an observer, links, settings.
+//! Shared by the tests of roles: a device that may fail, an observer, links, settings.
 #![allow(dead_code, reason = "each test file uses its part of this")]
 
 use std::{
@@ -14,7 +14,7 @@ use trimaran_proto::{DrawableId, Identity, Role, Settings, Walkthrough};
 use trimaran_scene::Scene;
 use trimaran_transport::{LinkConfig, Net, inproc};
 
-/// What a display decides about a picture so many pixels high and wide.
+/// A display's settings for a picture this many pixels high and wide.
 pub(crate) fn settings(side: u32, epsilon_px: f64) -> Settings {
     Settings::new(Viewport::new(side, side).unwrap(), LodRule::new(epsilon_px).unwrap())
 }
@@ -26,14 +26,14 @@ pub(crate) fn link(net: &Arc<dyn Net>, scene: &Scene, ours: Role, theirs: Role) 
     inproc::pair::<Walkthrough>(net, identity(ours), identity(theirs), &config).unwrap()
 }
 
-/// What a device does with the piece of work that it is to fail at.
+/// A device's behaviour at the task that it is to fail at.
 #[derive(Debug, Clone)]
 pub(crate) enum Fault {
-    /// It says so.
+    /// It returns an error.
     Fails(Broken),
     /// A bug.
     Panics,
-    /// It never ends, unless the role is asked to stop. Says that it has begun.
+    /// It hangs unless the role is asked to stop. Signals that it has begun.
     Hangs(Sender<()>),
 }
 
@@ -49,7 +49,7 @@ pub(crate) enum Broken {
     NoMemory,
 }
 
-/// What a device is asked to do.
+/// A task of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Task {
     Begin,
@@ -58,11 +58,11 @@ pub(crate) enum Task {
     Test,
 }
 
-/// A device that finds all visible, until it fails at a task of this kind.
+/// A device that finds everything visible, until it fails at a task of this kind.
 #[derive(Debug, Default)]
 pub(crate) struct Device {
     fault: Option<(Task, Fault)>,
-    /// How many tasks of that kind go well.
+    /// How many tasks of that kind succeed.
     good: u32,
     stop: Option<Stop>,
 }

@@ -1,38 +1,38 @@
-/** Which culler gets the next camera, and as which frame. */
+/** Distributes cameras: selects the culler and the frame number of each. */
 
-/** How cullers share frames: each for itself, or two in turn that draw what the other one finds. */
+/** How cullers share frames: each independently, or two in turn, each drawing the other one's visible set. */
 export type Schedule = "independent" | "switch";
 
-/** A camera's way: the number of its culler, counted from 0, and of its frame. */
+/** The destination of a camera: the numbers of its culler, counted from 0, and of its frame. */
 export interface Dealt {
   readonly culler: number;
   readonly frame: number;
 }
 
 export class Dealing {
-  /** Frames that each culler was dealt and has not answered. The second one waits in its cell. */
+  /** Frames sent to each culler and not answered yet. The second one waits in its cell. */
   readonly #hands: readonly number[][];
-  /** The frame that each was dealt last. */
+  /** The last frame sent to each. */
   readonly #given: number[];
   #last: number;
   /** Frames go to the cullers in turn, and none is left out. */
   isInTurn = false;
-  /** Nothing is dealt for a while. */
+  /** Nothing is sent for a while. */
   isHeld = false;
 
-  /** The first frame that is dealt comes after `last`. */
+  /** The first frame comes after `last`. */
   constructor(cullers: number, last: number) {
     this.#hands = Array.from({ length: cullers }, () => []);
     this.#given = this.#hands.map(() => last);
     this.#last = last;
   }
 
-  /** The frame dealt last. */
+  /** The last frame sent. */
   get last(): number {
     return this.#last;
   }
 
-  /** Deals a newer camera; nothing where it has to wait until a frame has come. */
+  /** Sends a newer camera; nothing if it has to wait until a frame has come. */
   deal(): Dealt | undefined {
     if (this.isHeld) {
       return undefined;
@@ -47,8 +47,8 @@ export class Dealing {
   }
 
   /**
-   * To who is free, or who has waited longest for a camera. If all are busy it waits in the cell of the one
-   * that has a camera there, or else of the one that has been busy longest.
+   * To a free culler, the one that has waited longest for a camera. If all are busy, the camera waits in the
+   * cell of the one that has a camera there, or else of the one busy longest.
    */
   #dealToFree(): Dealt {
     const rank = (hand: readonly number[]) => [0, 2, 1][hand.length] ?? 1;
@@ -64,7 +64,7 @@ export class Dealing {
     return { culler, frame };
   }
 
-  /** A culler gets a camera when its frame before has come: a newer one in its cell would replace it. */
+  /** A culler gets a camera when its previous frame has come: a newer one in its cell would replace it. */
   #dealInTurn(): Dealt | undefined {
     const frame = this.#last + 1;
     const culler = frame % this.#hands.length;

@@ -1,6 +1,6 @@
 /**
- * The display's part of a session: cameras go to a culler, and what is visible comes back, with the geometry
- * that is not here yet. Whatever is there is drawn at any time, from the newest pose.
+ * The display's part of a session: it sends cameras to a culler, and gets back visible sets and missing
+ * geometry. It can draw what has arrived at any time, from the newest pose.
  */
 
 import { type Camera, decodeCamera, encodeCamera } from "../proto/camera.ts";
@@ -22,25 +22,25 @@ import { Introduction } from "./introduction.ts";
 import { RecentSets } from "./recentSets.ts";
 import { Timeline } from "./timeline.ts";
 
-/** How many bytes may come that no frame needs yet. */
+/** How many bytes may come before a frame needs them. */
 const AHEAD = 256 << 10;
 /** How many frames wait for their geometry: the first ones and the newest. */
 const WAITING = 8;
 
 export interface DisplayOptions {
   readonly settings: Settings;
-  /** The most bytes of unpacked geometry that are kept. */
+  /** The size limit of unpacked geometry, bytes. */
   readonly memory: number;
   readonly store: Store;
   /** How many cullers, and how they share frames. */
   readonly cullers: number;
   readonly schedule: Schedule;
-  /** Where cullers of the service meet. */
+  /** Where cullers of the service connect to each other. */
   readonly meeting: string;
   readonly onEnd: (end: LinkEnd) => void;
 }
 
-/** A pose that is culled for. */
+/** A pose to cull for. */
 type Pose = Omit<Camera, "frame" | "viewState">;
 
 /** A set of drawables that a culler has found for a camera. */
@@ -53,16 +53,16 @@ interface FoundSet {
   lacking: Uint32Array;
 }
 
-/** What is to be drawn. */
+/** The set to draw. */
 export interface Shown {
-  /** The camera for which it was found. */
+  /** Its camera. */
   readonly camera: Camera;
   readonly drawables: readonly DrawableRecord[];
   /** The part of it that was found for this camera. */
   readonly found: readonly DrawableRecord[];
-  /** When that was published, by `performance.now()`. */
+  /** When the camera was published, by `performance.now()`. */
   readonly posed: number;
-  /** Nothing stands in for anything. */
+  /** Whether it has no stand-ins. */
   readonly isExact: boolean;
 }
 
@@ -71,19 +71,19 @@ export class Display {
   readonly #links: readonly Link[];
   readonly #dealing: Dealing;
   readonly #introduction: Introduction | undefined;
-  /** What nobody could be asked for yet. */
+  /** A request that could not be sent yet. */
   #owed: { readonly pose: Pose; readonly isForeseen: boolean } | undefined;
   readonly #holdings: Holdings;
   readonly #waiting: FoundSet[] = [];
-  /** Frames that were published, by number: when, and whether nobody has been there yet. */
+  /** Published frames by number: when, and whether the pose is a prediction. */
   readonly #asked = new Map<number, { readonly at: number; readonly isForeseen: boolean }>();
   #shown: Shown | undefined;
-  /** The newest set that was all there, or that something stood in for. */
+  /** The newest set that was complete, or with stand-ins for everything missing. */
   #whole: readonly number[] | Uint32Array | undefined;
   readonly #recent = new RecentSets();
   #due: DisplayItem[] = [];
   #isDue = false;
-  /** Bytes of blocks that were taken, and what the culler knows of that. */
+  /** Bytes of received blocks, and how many the culler knows of. */
   #taken = 0;
   #confirmed = 0;
   readonly #onEnd: (end: LinkEnd) => void;
@@ -93,7 +93,7 @@ export class Display {
   #newestFound = 0;
   #view: { version: number; state: ViewState };
   #latency = 0;
-  /** When the newest set came, and how long it took once the one before was there. */
+  /** When the newest set came, and the time since the one before. */
   #came = 0;
   #interval = 0;
   #geometryLatency = 0;
@@ -112,8 +112,8 @@ export class Display {
   }
 
   /**
-   * Finds its cullers at `url`, and begins a session with each. Of the same scene it keeps what the display
-   * `before` had, and shows that until something newer is there. It ends with the first link that does.
+   * Connects to its cullers at `url`, and begins a session with each. For the same scene it keeps the
+   * geometry of the display `before`, and shows that until newer arrives. It ends with its first link.
    */
   static async join(url: string, options: DisplayOptions, before?: Display): Promise<Display> {
     await loadCodecs();
@@ -121,7 +121,7 @@ export class Display {
     let outline: Outline | undefined;
     let display: Display | undefined;
     const links = await connectAll(options.cullers, (culler) => {
-      // A key of its own: it is no display that comes again.
+      // A fresh key: this is not a display that reconnects.
       const key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
       return connect(url, encodeIdentity({ role: "display", session: { key, settings } }), {
         application: TRIMARAN,
@@ -147,7 +147,7 @@ export class Display {
     const kept = before?.outline.hash === outline.hash ? before : undefined;
     const holdings = kept?.holdings ?? new Holdings(outline, options.store, options.memory);
     holdings.beginAnew();
-    // Frames of before are not taken for those of these links.
+    // Earlier frames are not mistaken for those of these links.
     display = new Display(links, holdings, options, kept === undefined ? 0 : kept.#frame + 1);
     if (kept !== undefined) {
       [display.#shown, display.#whole] = [kept.#shown, kept.#whole];
@@ -163,12 +163,12 @@ export class Display {
     return this.#holdings;
   }
 
-  /** It asks for nothing any more. */
+  /** It requests nothing any more. */
   get isOver(): boolean {
     return this.#isOver;
   }
 
-  /** What has travelled on each lane, of all links together. */
+  /** The traffic of each lane, over all links. */
   get bytes(): Readonly<Record<LaneName, Bytes>> {
     const sum = (lane: LaneName): Bytes => {
       const all = this.#links.map(({ bytes }) => bytes[lane]);
@@ -190,31 +190,31 @@ export class Display {
     return this.#latency;
   }
 
-  /** Milliseconds that the newest set took once the one before was there: a busy culler takes so long. */
+  /** Milliseconds between the newest set and the one before: a busy culler takes that long. */
   get interval(): number {
     return this.#interval;
   }
 
-  /** Milliseconds from a camera until all is there that its set lacked, of the newest that lacked some. */
+  /** Milliseconds from a camera until its missing geometry arrived, for the newest set that lacked some. */
   get geometryLatency(): number {
     return this.#geometryLatency;
   }
 
-  /** Whether what is shown was found for the newest camera, and is all there. */
+  /** Whether the shown set belongs to the newest camera, and is complete. */
   get isSettled(): boolean {
     const isNewest = this.#shown?.camera.frame === this.#frame && this.#owed === undefined;
     return isNewest && this.#shown?.isExact === true;
   }
 
-  /** What is to be drawn now; nothing before the first set is there. */
+  /** The set to draw now; nothing before the first one has come. */
   get shown(): Shown | undefined {
     return this.#shown;
   }
 
   /**
-   * Asks what is visible from here. A pose that was not culled yet gives way to it. Where the eye is not, but
-   * may soon be, what was visible lately is shown as well. Gives the number of the frame; nothing where it
-   * is asked for once another frame has come.
+   * Requests the visible set from here, replacing a pose not culled yet. For a predicted pose, recently
+   * visible drawables are shown as well. Returns the frame's number; nothing if it must wait for another
+   * frame.
    */
   publish(pose: Pose, isForeseen: boolean): number | undefined {
     const dealt = this.#dealing.deal();
@@ -230,7 +230,7 @@ export class Display {
     return frame;
   }
 
-  /** Changes what is seen; the next camera that is published is seen in it. */
+  /** Changes the view state, from the next published camera on. */
   change(change: Partial<ViewState>): void {
     this.#view = { version: this.#view.version + 1, state: { ...this.#view.state, ...change } };
     for (const message of viewMessages(this.#view.version, this.#view.state)) {
@@ -240,7 +240,7 @@ export class Display {
     }
   }
 
-  /** Whoever draws has lost all geometry: it comes again. The next camera that is published asks for it. */
+  /** The renderer has lost all geometry: it is requested again with the next published camera. */
   loseGeometry(): void {
     const gone = this.#holdings.loseAll();
     this.#waiting.length = 0;
@@ -264,7 +264,7 @@ export class Display {
     }
   }
 
-  /** Ends the link where the culler has broken the protocol, and says why. */
+  /** Ends the link with an error if the culler breaks the protocol. */
   guard(take: () => void): void {
     try {
       take();
@@ -331,7 +331,7 @@ export class Display {
     this.#look();
   }
 
-  /** Lets two cullers meet, and take turns from then on. Until then each culls for itself. */
+  /** Connects two cullers to each other, to take turns from then on. Until then each culls independently. */
   #introduce(meeting: string): Introduction {
     return new Introduction(
       meeting,
@@ -350,8 +350,8 @@ export class Display {
   }
 
   /**
-   * Shows the newest set. Where not even something stands in for what it lacks, the newest one before it that
-   * is whole is shown as well.
+   * Shows the newest set. If some of it has not even a stand-in, the newest whole set before it is shown as
+   * well.
    */
   #look(): void {
     let newest: { set: FoundSet; ids: readonly number[] | Uint32Array; isExact: boolean } | undefined;
@@ -372,7 +372,7 @@ export class Display {
       newest ??= { set, ids: shown, isExact };
       if (isWhole) {
         this.#whole = shown;
-        // A set that is not all there yet is shown again.
+        // A set that is not complete yet is shown again.
         this.#waiting.splice(0, isExact ? at + 1 : at);
         break;
       }
@@ -406,7 +406,7 @@ export class Display {
     }
   }
 
-  /** All that is to be said at once goes together. */
+  /** Sends all pending items together. */
   #say(items: readonly DisplayItem[]): void {
     if (!this.#isDue) {
       this.#isDue = true;
@@ -432,7 +432,7 @@ export class Display {
   }
 }
 
-/** Links to so many cullers, one after the other. Where one does not come about, none stays. */
+/** Opens this many links, one after the other. If one fails, all are closed. */
 async function connectAll(count: number, connect: (culler: number) => Promise<Link>): Promise<Link[]> {
   const links: Link[] = [];
   try {

@@ -1,4 +1,4 @@
-/** What the page has of its scene: records of drawables, and pieces of geometry within a budget. */
+/** The page's copy of its scene: records of drawables, and pieces of geometry within a budget. */
 
 import type { Outline } from "../proto/identity.ts";
 import { type Piece, PieceAssembler, unpackPiece } from "../proto/piece.ts";
@@ -6,29 +6,29 @@ import { type DrawableRecord, MOST_RECORDS, Records, unpackRecords } from "../pr
 import { decodeCullerBlock } from "../proto/supply.ts";
 import { WireError } from "../wire/bytes.ts";
 
-/** Who draws: it is told what comes and goes. */
+/** The renderer: it is told which pieces come and go. */
 export interface Store {
   setPiece(number: number, piece: Piece): void;
   dropPiece(number: number): void;
 }
 
-/** What each piece is known by. */
+/** The state of a piece. */
 interface Held {
   readonly bytes: number;
   readonly triangles: number;
-  /** The tick in which it was used last. */
+  /** The tick of its last use. */
   used: number;
 }
 
 export class Holdings {
   readonly outline: Outline;
   readonly #store: Store;
-  /** Bytes of unpacked geometry. What one picture needs is held whatever the budget is. */
+  /** Bytes of unpacked geometry. One picture's geometry is kept even beyond the budget. */
   budget: number;
   readonly #records: Records;
   readonly #pieces = new Map<number, Held>();
   readonly #standIns = new Map<number, number>();
-  /** How many triangles a piece has, as the records of its drawables say. */
+  /** How many triangles a piece has, by the records of its drawables. */
   readonly #triangles = new Map<number, number>();
   #assembler = new PieceAssembler();
   #bytes = 0;
@@ -57,7 +57,7 @@ export class Holdings {
     this.#assembler = new PieceAssembler();
   }
 
-  /** Takes a block of a culler. Throws a `WireError` where it cannot be of the scene. */
+  /** Takes a block of a culler. Throws a `WireError` if it cannot belong to the scene. */
   take(block: Uint8Array): void {
     for (const item of decodeCullerBlock(block)) {
       switch (item.item) {
@@ -108,12 +108,12 @@ export class Holdings {
     return record !== undefined && this.#pieces.has(record.geometry);
   }
 
-  /** Which of these are not all there. */
+  /** Returns those that are not complete here. */
   lacking(ids: Uint32Array): Uint32Array {
     return ids.filter((id) => !this.has(id));
   }
 
-  /** What can be shown of `ids`, with stand-ins for what is not there; whether none of these is missing. */
+  /** The drawables to show for `ids`, with stand-ins for missing ones; and whether everything has one. */
   standingIn(ids: Uint32Array): { shown: number[]; isWhole: boolean } {
     const shown: number[] = [];
     let isWhole = true;
@@ -136,12 +136,12 @@ export class Holdings {
     return { shown, isWhole };
   }
 
-  /** All that is there: drawables, and pieces. */
+  /** All drawables and pieces that are here. */
   all(): [Uint32Array, Uint32Array] {
     return [Uint32Array.from(this.#records.ids()).sort(), Uint32Array.from(this.#pieces.keys()).sort()];
   }
 
-  /** Notes that these are shown. Throws away what was not used for longest beyond the budget; says what. */
+  /** Notes that these are shown. Evicts the least recently used pieces over budget; returns them. */
   use(drawables: readonly DrawableRecord[]): Uint32Array {
     this.#tick += 1;
     for (const { geometry } of drawables) {
@@ -168,7 +168,7 @@ export class Holdings {
     return Uint32Array.from(dropped).sort();
   }
 
-  /** Whoever draws has lost everything. Says what that was. */
+  /** The renderer has lost everything. Returns the lost pieces. */
   loseAll(): Uint32Array {
     const gone = Uint32Array.from(this.#pieces.keys()).sort();
     this.#pieces.clear();

@@ -1,11 +1,11 @@
-/** Introduces two cullers of a service to each other, so that each draws what the other one finds. */
+/** Introduces two cullers of a service to each other, so that each draws the other one's visible set. */
 
 import type { RoleMessage } from "../proto/messages.ts";
 
-/** Milliseconds that the two may take to meet, and then to be ready. */
+/** Milliseconds for the two to connect, and then to be ready. */
 const TIMEOUT = 12_000;
 
-/** What comes of it: a frame from which on they take turns, or nothing. */
+/** The outcome: a frame from which they take turns, or nothing. */
 type Outcome = { readonly isSwitched: boolean };
 
 export class Introduction {
@@ -15,13 +15,13 @@ export class Introduction {
   readonly #key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
   readonly #endpoint: string;
   #state: "asking" | "meeting" | "switching" | "over" = "asking";
-  /** Who has said what is waited for. */
+  /** The cullers that have sent the awaited message. */
   readonly #heard = new Set<number>();
   readonly #timer: ReturnType<typeof setTimeout>;
 
   /**
-   * Asks the cullers 0 and 1 to meet at the endpoint of their service. Once they have, `onMet` says from
-   * which frame on they take turns, and deals none until `onOver` tells what came of it.
+   * Asks the cullers 0 and 1 to connect at the endpoint of their service. Once they have, `onMet` returns the
+   * frame from which they take turns, and sends no more frames until `onOver` is called with the outcome.
    */
   constructor(
     endpoint: string,
@@ -34,7 +34,7 @@ export class Introduction {
     this.#timer = setTimeout(() => this.#giveUp(), TIMEOUT);
   }
 
-  /** A culler has said something that may be about it. */
+  /** A culler has sent a message that may be about it. */
   hear(culler: number, message: RoleMessage): void {
     if (!("key" in message) || message.key !== this.#key || this.#state === "over") {
       return;
@@ -42,7 +42,7 @@ export class Introduction {
     if (message.what === "unmet") {
       this.#giveUp();
     } else if (this.#state === "asking") {
-      // A culler that nobody waits for is turned away.
+      // A waiting culler that is not needed is turned away.
       if (message.what === "waits") {
         this.#state = "meeting";
         this.#say(0, { what: "meet", key: this.#key, endpoint: this.#endpoint });
@@ -56,7 +56,7 @@ export class Introduction {
     }
   }
 
-  /** Nobody waits for them any more. */
+  /** Stops waiting for them. */
   stop(): void {
     clearTimeout(this.#timer);
     this.#state = "over";
@@ -75,7 +75,7 @@ export class Introduction {
     }
   }
 
-  /** They go on by themselves. */
+  /** They go on independently. */
   #giveUp(): void {
     this.stop();
     for (const culler of [0, 1]) {

@@ -1,8 +1,8 @@
-/** Sets that were shown lately: a moving eye may see what one of them has and the newest one has not. */
+/** Recent sets: a moving eye may see a drawable that one of them has and the newest lacks. */
 
 import type { DrawableRecord } from "../proto/records.ts";
 
-/** Milliseconds between the poses of two sets of which both still count. */
+/** The longest time between the poses of two sets that both still count, milliseconds. */
 const KEPT = 120;
 
 interface RecentSet {
@@ -15,13 +15,13 @@ export class RecentSets {
   /** The newest first. */
   #sets: readonly RecentSet[] = [];
 
-  /** Adds a set, in place of one of the same pose. */
+  /** Adds a set, replacing one of the same pose. */
   add(newest: RecentSet): void {
     const others = this.#sets.filter(({ posed }) => posed < newest.posed && newest.posed - posed <= KEPT);
     this.#sets = [newest, ...others];
   }
 
-  /** The newest set, and of those before it what shows nodes that no newer one does. */
+  /** The newest set, and from earlier ones the drawables of nodes that no newer one has. */
   union(): DrawableRecord[] {
     const nodes = new Set<number>();
     const drawables: DrawableRecord[] = [];

@@ -1,8 +1,8 @@
-/** Which part of a frame's time went into what, of the newest frames. */
+/** The division of a frame's time, for the newest frames. */
 
 import type { Stats } from "../proto/stats.ts";
 
-/** Frames that are kept. */
+/** The most frames that are kept. */
 const MOST = 64;
 
 /** Milliseconds, by `performance.now()`. */
@@ -10,9 +10,9 @@ export interface FrameTimes {
   readonly frame: number;
   /** When its camera was published. */
   readonly posed: number;
-  /** When its ids were all there. */
+  /** When all its ids had arrived. */
   readonly came: number;
-  /** How long the culler drew occluders, and how long it tested boxes; nothing before it has said so. */
+  /** How long the culler drew occluders and tested boxes; nothing until it has reported. */
   work: { readonly or: number; readonly hc: number } | undefined;
 }
 
@@ -24,13 +24,13 @@ export class Timeline {
     return this.#frames;
   }
 
-  /** A set is there. */
+  /** A set has arrived. */
   came(frame: number, posed: number, came: number): void {
     this.#frames.push({ frame, posed, came, work: undefined });
     this.#frames.splice(0, this.#frames.length - MOST);
   }
 
-  /** What a culler says of its work on a frame. It follows the frame. */
+  /** A culler's report of its work on a frame. It follows the frame. */
   said({ frame, orBusy, hcStart, hcEnd }: Stats): void {
     const times = this.#frames.find((one) => one.frame === frame);
     if (times !== undefined) {

@@ -1,4 +1,4 @@
-/** Places of varying length in a buffer: the free ones are known, and neighbours joined. */
+/** Allocates ranges of a buffer: keeps the free ranges, and joins neighbours. */
 
 export interface Place {
   readonly offset: number;
@@ -10,9 +10,9 @@ interface Gap {
   length: number;
 }
 
-/** Gives the smallest free place that is large enough, so that the large ones stay whole. */
+/** Best fit: takes the smallest free range that is large enough, so that large ones stay whole. */
 export class Allocator {
-  /** Free places by offset; between two of them something is taken. */
+  /** Free ranges by offset; between two of them something is allocated. */
   readonly #gaps: Gap[];
   readonly capacity: number;
   #used = 0;
@@ -22,17 +22,17 @@ export class Allocator {
     this.#gaps = capacity > 0 ? [{ offset: 0, length: capacity }] : [];
   }
 
-  /** What is taken, of the capacity. */
+  /** The allocated part of the capacity. */
   get used(): number {
     return this.#used;
   }
 
-  /** How many free places there are. */
+  /** How many free ranges there are. */
   get gaps(): number {
     return this.#gaps.length;
   }
 
-  /** A place of that length; nothing where no free one is large enough. */
+  /** A range of that length; nothing if no free one is large enough. */
   take(length: number): Place | undefined {
     if (length === 0) {
       return { offset: 0, length: 0 };
@@ -56,7 +56,7 @@ export class Allocator {
     return { offset, length };
   }
 
-  /** Gives back what `take` gave. */
+  /** Frees a range from `take`. */
   give({ offset, length }: Place): void {
     if (length === 0) {
       return;

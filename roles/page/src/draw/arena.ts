@@ -6,13 +6,13 @@ import type { Mesh } from "./model.ts";
 import { byteOffset, GeometryPage, type Spot } from "./page.ts";
 import type { Bounds } from "./view.ts";
 
-/** Vertices that the first page has room for, and that any page has for more than one piece. */
+/** The vertex capacity of the first page, and the least of a page for several pieces. */
 const FIRST_VERTICES = 1 << 16;
 const MOST_VERTICES = 1 << 20;
-/** Indices that a page has room for, for each of its vertices. */
+/** The index capacity of a page per vertex. */
 const INDICES_EACH = 6;
 
-/** Where a piece's triangles are. */
+/** The place of a piece's triangles. */
 export interface Range {
   readonly page: GeometryPage;
   /** The page's number, below `pages`, until the next piece comes or goes. */
@@ -45,7 +45,7 @@ export class GeometryArena {
     return this.#pages.reduce((sum, page) => sum + page.used, 0);
   }
 
-  /** Bytes on the device, taken or not. */
+  /** Bytes on the device, used or free. */
   get capacity(): number {
     return this.#pages.reduce((sum, page) => sum + page.capacity, 0);
   }
@@ -58,7 +58,7 @@ export class GeometryArena {
     return this.#pieces.has(piece);
   }
 
-  /** Where the triangles of a piece are, if it is there. */
+  /** The place of a piece's triangles, if it is here. */
   range(piece: number): Range | undefined {
     return this.#pieces.get(piece);
   }
@@ -70,9 +70,9 @@ export class GeometryArena {
   }
 
   /**
-   * Takes a piece, in place of the one of that number. One without triangles leaves nothing.
+   * Takes a piece, replacing the one of that number. A piece without triangles only removes it.
    *
-   * Throws where the device has no memory left.
+   * Throws if the device is out of memory.
    */
   set(piece: number, mesh: Mesh): void {
     this.drop(piece);
@@ -122,7 +122,7 @@ export class GeometryArena {
     return undefined;
   }
 
-  /** A new page, as large as all before together within bounds, and at least as large as the mesh. */
+  /** A new page, as large as all before together within bounds, and large enough for the mesh. */
   #grow({ vertices, indices }: Mesh): GeometryPage {
     const wanted = Math.max(FIRST_VERTICES, this.capacity / (VERTEX_BYTES + 4 * INDICES_EACH));
     const usual = Math.min(MOST_VERTICES, Math.ceil(wanted));

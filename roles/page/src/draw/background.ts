@@ -12,14 +12,14 @@ const GROUND: readonly [Colour, Colour] = [
   [0.8, 0.81, 0.8],
   [0.6, 0.61, 0.6],
 ];
-/** Sine of the angle over and under the horizon in which one passes into the other. */
+/** Sine of half the angle of the blend at the horizon. */
 const HAZE = 0.012;
 
 /**
- * Clears the picture to it.
+ * Clears the picture to the background.
  *
  * The eye does not roll, so the horizon is a row of pixels, and each row has one colour. Rows of one colour
- * are cleared at once. Where a processor draws, that takes a tenth of what a surface behind everything takes.
+ * are cleared at once. On a software renderer, that takes a tenth of the time of a surface behind everything.
  */
 export function clearToBackground(
   gl: WebGL2RenderingContext,

@@ -1,4 +1,4 @@
-/** All drawables of a picture as few calls: their matrices lie in a texture, by the number of the draw. */
+/** Draws all drawables of a picture in few calls: their matrices are in a texture, indexed by draw number. */
 
 import { isOfSolids } from "../proto/sides.ts";
 import type { GeometryArena } from "./arena.ts";
@@ -10,30 +10,27 @@ import type { Program } from "./program.ts";
 import { PER_ROW, TEXELS } from "./shaders.ts";
 import { at, MATRIX, type View } from "./view.ts";
 
-/** Drawables that there is room for at first. */
+/** The initial capacity for drawables. */
 const FIRST = 4096;
 const FLOATS = 4 * TEXELS;
 
-/** What a picture took. */
+/** The cost of a picture. */
 export interface Drawn {
-  /** Calls to draw. */
+  /** Draw calls. */
   calls: number;
-  /** Drawables that may be in the picture, and have their geometry here. */
+  /** Drawables in the frustum with geometry on the device. */
   drawables: number;
   triangles: number;
 }
 
-/** Takes no memory for a picture of no more drawables than one before. */
+/** Allocates no memory for a picture with no more drawables than an earlier one. */
 export class Batch {
   readonly #gl: WebGL2RenderingContext;
   readonly #multiDraw: WEBGL_multi_draw | null;
   readonly #texture: WebGLTexture;
   readonly #order = new DrawOrder();
   #capacity = 0;
-  /**
-   * Of each draw: its matrix, its number, whether it is highlighted, whether it is a solid, its object, its
-   * range of indices, and its kind.
-   */
+  /** For each draw: its matrix, number, highlight flag, solid flag, object, range of indices, and kind. */
   #matrices = new Float32Array(0);
   #numbers = new Uint32Array(0);
   #counts = new Int32Array(0);
@@ -48,8 +45,8 @@ export class Batch {
   }
 
   /**
-   * Draws by `program` what is in view and has its geometry in `arena`, in the order of all displays: of
-   * surfaces in one place the first one shows. Each run of draws of one kind is a call.
+   * Draws, with `program`, the drawables in view with geometry in `arena`, in the order of all displays: of
+   * coincident surfaces the first one is visible. Each run of draws of one kind is a call.
    */
   draw(view: View, drawables: readonly Drawable[], arena: GeometryArena, program: Program, look: Look): void {
     this.#reserve(drawables.length);
@@ -77,7 +74,7 @@ export class Batch {
     this.#gl.bindVertexArray(null);
   }
 
-  /** Finds what is in view. A kind is what one call can draw: a page, and which sides of triangles show. */
+  /** Finds the drawables in view. One call can draw one kind: a page, and the visible sides of triangles. */
   #find(view: View, drawables: readonly Drawable[], arena: GeometryArena, look: Look): number {
     let [count, triangles] = [0, 0];
     for (let before = 0; before < drawables.length; before += 1) {

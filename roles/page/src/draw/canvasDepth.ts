@@ -1,14 +1,14 @@
 /**
  * Whether pictures can be drawn onto the canvas itself, without a copy.
  *
- * A copy of a picture of 1024 by 1024 pixels takes the processor 17 ms. But most devices give a canvas a depth
- * of 24 bits in equal steps, which is too coarse far away.
+ * A copy of a picture of 1024 by 1024 pixels takes the processor 17 ms. But most devices give a canvas a
+ * 24-bit fixed-point depth buffer, which is too coarse far away.
  */
 
 import { featuresOf } from "./features.ts";
 import { Program } from "./program.ts";
 
-/** Depths that only numbers with an exponent of their own can tell apart. */
+/** Depths that only a floating-point depth buffer distinguishes. */
 const NEAR = 2e-12;
 const FAR = 1e-12;
 
@@ -25,8 +25,8 @@ out vec4 pixel;
 void main() { pixel = vec4(tone); }`;
 
 /**
- * Tries it with a canvas that is thrown away. With more than one sample a pixel, a picture is drawn elsewhere
- * first; by default only what has no graphics card draws one.
+ * Tests it on a temporary canvas. With several samples a pixel, pictures are drawn to a target first. By
+ * default only a software renderer draws one sample.
  */
 export function canDrawOnCanvas(samples: number | undefined, extensions: boolean | undefined): boolean {
   const canvas = document.createElement("canvas");
@@ -37,13 +37,13 @@ export function canDrawOnCanvas(samples: number | undefined, extensions: boolean
   }
   const { depth, isSoftware } = featuresOf(gl, extensions);
   const isSingle = samples === 1 || (samples === undefined && isSoftware);
-  // The usual depth is as coarse far away in a target of 32 bits.
+  // Standard depth is as coarse far away in a 32-bit target.
   const can = isSingle && (depth === "standard" || hasFineDepth(gl));
   gl.getExtension("WEBGL_lose_context")?.loseContext();
   return can;
 }
 
-/** Whether the nearer of two reversed depths shows, where it is drawn last. */
+/** Whether the nearer of two reversed depths wins if drawn last. */
 function hasFineDepth(gl: WebGL2RenderingContext): boolean {
   const program = new Program(gl, VERTEX, FRAGMENT);
   program.use();

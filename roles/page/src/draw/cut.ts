@@ -1,23 +1,23 @@
-/** What sections cut away, as planes in camera space. */
+/** The clipping planes of sections, in camera space. */
 
 import type { Section } from "../proto/viewState.ts";
 import type { Camera } from "./model.ts";
 import type { View } from "./view.ts";
 
-/** Six boxes have so many planes. */
+/** The planes of six boxes. */
 export const MOST_PLANES = 36;
 
 type Point = readonly [number, number, number];
 
-/** Beyond a plane nothing is drawn: a point of it, and the direction of what is cut away. World. */
+/** A clipping plane: a point of it, and the direction that is cut away. World. */
 interface Plane {
   readonly point: Point;
   readonly direction: Point;
 }
 
 /**
- * Four numbers a plane: a place of camera space is cut away where the first three times the place, and the
- * fourth, add up to more than zero. They are worked out in doubles relative to the eye, and rounded once.
+ * Four numbers per plane: a point of camera space is cut away if its dot product with the first three, plus
+ * the fourth, is positive. They are computed in doubles relative to the eye, and rounded once.
  */
 export function cutPlanes(sections: readonly Section[], view: View, { eye }: Camera): Float32Array {
   const planes = sections.flatMap(planesOf);

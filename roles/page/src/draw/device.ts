@@ -1,4 +1,4 @@
-/** All that a context of WebGL2 holds. It goes with the context, and is made anew with the next one. */
+/** All resources of a WebGL2 context. They are lost with the context, and made anew for the next one. */
 
 import type { ObjectSet } from "../proto/objectSet.ts";
 import { GeometryArena } from "./arena.ts";
@@ -20,7 +20,7 @@ import { Still, shiftOf } from "./still.ts";
 import { CanvasTarget, type PictureTarget, Target } from "./target.ts";
 import { View } from "./view.ts";
 
-/** How much of what is see-through shows. */
+/** The opacity of see-through objects. */
 const SEE_THROUGH = 0.25;
 /** No drawable has this number. */
 export const NOTHING = 0xffff_ffff;
@@ -36,7 +36,7 @@ export interface DeviceOptions {
 export class Device {
   readonly features: Features;
   readonly arena: GeometryArena;
-  /** What draws pictures, and what draws items: what the one took is not what the other did. */
+  /** For pictures, and for ID buffers: they allocate separately. */
   readonly batch: Batch;
   readonly samples: number;
   readonly #gl: WebGL2RenderingContext;
@@ -49,7 +49,7 @@ export class Device {
   #seeThroughBatch: Batch | undefined;
   readonly #programs = new Map<string, Program>();
   #still: Still | undefined;
-  /** By how much what is drawn is shifted: 2 is the width or height of the picture. */
+  /** The shift of the picture: 2 is its width or height. */
   #shift: [number, number] = [0, 0];
 
   constructor(gl: WebGL2RenderingContext, options: DeviceOptions) {
@@ -69,7 +69,7 @@ export class Device {
     this.#pictureTarget.show();
   }
 
-  /** Draws a step of the picture of an eye that rests, and shows the mean of the steps so far. */
+  /** Draws a step of the picture of an eye at rest, and shows the mean of the steps so far. */
   refine(camera: Camera, drawables: readonly Drawable[], look: Look, step: number): void {
     const gl = this.#gl;
     const { width, height } = gl.canvas;
@@ -82,7 +82,7 @@ export class Device {
     this.#still.beginObjects("opaque");
     this.#drawItems(camera, opaque, look, "object");
     if (seeThrough.length > 0) {
-      // What is see-through has lines of its own, and those of what it is before stay.
+      // See-through objects have lines of their own, and those of the opaque ones stay.
       this.#still.beginObjects("all");
       this.#drawItems(camera, drawables, look, "object");
     }
@@ -126,7 +126,7 @@ export class Device {
     const { width, height } = gl.canvas;
     this.#pickTarget ??= new Target(gl, gl.RG32UI);
     this.#pickTarget.begin(1, 1);
-    // The picture as it is, but for all that is beside the pixel.
+    // Moves the picture so that only the pixel is drawn.
     gl.viewport(-x, y + 1 - height, width, height);
     this.#drawItems(camera, drawables, look);
     const numbers = new Uint32Array(4);
@@ -136,8 +136,8 @@ export class Device {
   }
 
   /**
-   * The distances along the view of what shows at the pixels around one that is counted from the upper left:
-   * of a square with so many on each side of it, rows from below. 0 is background.
+   * The distances along the view at the pixels around one that is counted from the upper left: a square with
+   * this many on each side of it, rows from below. 0 is background.
    */
   depthsAround(
     camera: Camera,
@@ -176,7 +176,7 @@ export class Device {
     this.#itemBatch.draw(this.#view, drawables, this.arena, program, look);
   }
 
-  /** Over what is drawn already. None of them hides another one. */
+  /** Drawn over the opaque ones. They do not hide each other. */
   #drawSeeThrough(picture: Program, drawables: readonly Drawable[], look: Look): void {
     const gl = this.#gl;
     picture.use();
@@ -191,7 +191,7 @@ export class Device {
     gl.depthMask(true);
   }
 
-  /** What draws so, and cuts where there are sections. It is made when it is first asked for. */
+  /** A program of this kind, with clipping if there are sections. It is made on first use. */
   #program(what: "picture" | "item" | "object", { sections }: Look): Program {
     const isCut = sections.length > 0;
     const key = `${what}${isCut ? " cut" : ""}`;
@@ -225,7 +225,7 @@ export class Device {
     }
     const isReversed = this.features.depth === "reversed";
     gl.enable(gl.DEPTH_TEST);
-    // Of equal surfaces the one that is drawn first stays.
+    // Of equal depths the first drawn stays.
     gl.depthFunc(isReversed ? gl.GREATER : gl.LESS);
     gl.clearDepth(isReversed ? 0 : 1);
     gl.clear(gl.DEPTH_BUFFER_BIT);
@@ -234,7 +234,7 @@ export class Device {
     gl.uniform2f(program.at("shift"), ...this.#shift);
   }
 
-  /** Says where up is. */
+  /** Sets the upward direction. */
   #setUp(program: Program): void {
     const view = this.#view;
     this.#gl.uniform3f(
@@ -246,7 +246,7 @@ export class Device {
   }
 }
 
-/** Drawables of objects that are see-through, and all others. */
+/** Separates drawables of see-through objects from all others. */
 function apart(
   drawables: readonly Drawable[],
   objects: ObjectSet,

@@ -1,4 +1,4 @@
-/** Which sides of a drawable's triangles are drawn. */
+/** The sides of a drawable's triangles to draw. */
 
 import { BOTH_SIDES, FRONT_SIDE, reachOf } from "../proto/sides.ts";
 import type { Drawable } from "./model.ts";
@@ -6,20 +6,20 @@ import { at, type View } from "./view.ts";
 
 /** Both sides. */
 export const BOTH = 0;
-/** Those whose corners are counter-clockwise. */
+/** Triangles with counter-clockwise corners. */
 export const FRONT = 1;
-/** Those whose corners are clockwise, as a mirror makes of fronts. */
+/** Triangles with clockwise corners, as mirroring makes of fronts. */
 export const MIRRORED = 2;
 /** How many of these there are. */
 export const FACINGS = 3;
 
-/** How much farther than the corners of the near plane a solid must be: more than any rounding. */
+/** How far a solid must be, relative to the corners of the near plane: exceeds any rounding. */
 const CLEARANCE = 1.01;
 
 /**
- * The sides of a drawable that show.
+ * The visible sides of a drawable.
  *
- * A solid shows its front alone, unless the eye may see into it, or the near plane may cut it open.
+ * A solid shows only its front, unless the eye may see into it, or the near plane may cut it open.
  */
 export function facingOf(drawable: Drawable, view: View): number {
   const { near, tanX, tanY } = view;
@@ -34,11 +34,11 @@ export function facingOf(drawable: Drawable, view: View): number {
   if (volume > 0) {
     return FRONT;
   }
-  // What is flattened has no side that is its front.
+  // A flattened drawable has no front.
   return volume < 0 ? MIRRORED : BOTH;
 }
 
-/** From an eye to the box around the eyes to which both `sides` show, and 0 within it; square metres. */
+/** From an eye to the box around the eyes to which both `sides` are visible, 0 within it; square metres. */
 export function squaredDistance(
   eye: ArrayLike<number>,
   { worldMin, worldMax }: Drawable,

@@ -1,20 +1,20 @@
-/** What the browser and the device can do, beyond what all can that have WebGL2. */
+/** Features of the browser and the device beyond the minimum of WebGL2. */
 
-/** What depth is: near over distance, from 0 to 1; or the usual, 1 at infinity and coarse there. */
+/** Depth values: near over distance, from 0 to 1; or the standard, 1 at infinity and coarse there. */
 export type Depth = "reversed" | "standard";
-/** How a shader knows which draw it works on. */
+/** How a shader gets its draw number. */
 export type DrawNumber = "multi-draw" | "uniform";
-/** Which corner of a triangle decides what is flat in it. */
+/** The provoking vertex of a triangle, whose flat attributes apply. */
 export type Provoking = "first" | "last";
 
-/** EXT_clip_control, which the library of types does not have. */
+/** EXT_clip_control, which the DOM type library lacks. */
 interface ClipControl {
   clipControlEXT(origin: number, depth: number): void;
   readonly LOWER_LEFT_EXT: number;
   readonly ZERO_TO_ONE_EXT: number;
 }
 
-/** WEBGL_provoking_vertex, which it does not have either. */
+/** WEBGL_provoking_vertex, which it lacks as well. */
 interface ProvokingVertex {
   provokingVertexWEBGL(convention: number): void;
   readonly FIRST_VERTEX_CONVENTION_WEBGL: number;
@@ -23,11 +23,11 @@ interface ProvokingVertex {
 export interface Features {
   readonly depth: Depth;
   readonly provoking: Provoking;
-  /** Draws many ranges of indices by one call. */
+  /** Draws many ranges of indices in one call. */
   readonly multiDraw: WEBGL_multi_draw | null;
-  /** What draws, in the words of its driver. */
+  /** The device's name, by its driver. */
   readonly device: string;
-  /** The processor draws, not a graphics card. */
+  /** A software renderer, without a graphics card. */
   readonly isSoftware: boolean;
   /** The most samples a pixel can have. */
   readonly mostSamples: number;
@@ -36,8 +36,8 @@ export interface Features {
 }
 
 /**
- * Finds out what there is, and switches it on. With `extensions` all there is, without them the least that
- * any browser has; where that is left open, what makes it faster.
+ * Finds the available features, and enables them. With `extensions` all of them, without them the least that
+ * any browser has; by default those that make it faster.
  */
 export function featuresOf(gl: WebGL2RenderingContext, extensions: boolean | undefined): Features {
   const extension = (name: string): unknown => (extensions === false ? null : gl.getExtension(name));
@@ -48,7 +48,7 @@ export function featuresOf(gl: WebGL2RenderingContext, extensions: boolean | und
   const names = gl.getExtension("WEBGL_debug_renderer_info");
   const device = String(gl.getParameter(names?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER));
   const isSoftware = /swiftshader|llvmpipe|software|basic render/i.test(device);
-  // A processor has to find out for each vertex which draw it is of: that takes longer than a call.
+  // A software renderer would look up the draw number for each vertex, which takes longer than a call.
   const isFaster = extensions ?? !isSoftware;
   return {
     depth: clip === null ? "standard" : "reversed",

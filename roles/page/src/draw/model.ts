@@ -1,4 +1,4 @@
-/** What the renderer needs of what the wire brings. */
+/** The renderer's input, from the wire's types. */
 
 import type { Camera as WireCamera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
@@ -9,24 +9,24 @@ import type { Section } from "../proto/viewState.ts";
 /** The triangles of a piece of geometry. */
 export type Mesh = Pick<Piece, "vertices" | "indices">;
 
-/** A piece of geometry at its place in the world. It is drawn in the order of its box. */
+/** A piece of geometry at its place in the world. The drawing order follows its box. */
 export type Drawable = Pick<
   DrawableRecord,
   "id" | "object" | "objects" | "geometry" | "origin" | "linear" | "sides" | "worldMin" | "worldMax"
 >;
 
-/** What of the objects is drawn otherwise than it is. */
+/** How the picture differs from the plain model. */
 export interface Look {
-  /** What they cut away is not drawn. */
+  /** The parts outside these are not drawn. */
   readonly sections: readonly Section[];
-  /** They are drawn in another colour. */
+  /** Drawn in another colour. */
   readonly highlighted: ObjectSet;
-  /** The rest shines through them. */
+  /** Drawn see-through. */
   readonly seeThrough: ObjectSet;
 }
 
-/** All objects as they are. */
+/** The plain model. */
 export const PLAIN: Look = { sections: [], highlighted: ObjectSet.EMPTY, seeThrough: ObjectSet.EMPTY };
 
-/** Where the picture is seen from. */
+/** The viewpoint of a picture. */
 export type Camera = Pick<WireCamera, "eye" | "orientation" | "tanHalfFov" | "near">;

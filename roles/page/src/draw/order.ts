@@ -1,29 +1,29 @@
-/** In which order drawables are drawn: the nearest box first, as in all displays. */
+/** The drawing order: the nearest box first, as in all displays. */
 
 import { FRONT_SIDE } from "../proto/sides.ts";
 import { facingOf, squaredDistance } from "./facing.ts";
 import type { Drawable } from "./model.ts";
 import { at, type View } from "./view.ts";
 
-/** Bits of a number of 32 bits after its exponent. */
+/** Bits of a float32 after its exponent. */
 const MANTISSA = 23;
 
 export class DrawOrder {
-  /** Of each drawable its place, and above that what it is sorted by: words of one number to sort. */
+  /** The place of each drawable in the low word, and its sort key above it, to sort as single numbers. */
   #words = new Uint32Array(0);
   #distances = new Float32Array(0);
   #keys = new BigUint64Array(0);
-  /** Of each drawable the sides that show. */
+  /** The visible sides of each drawable. */
   #facings = new Uint8Array(0);
   #count = 0;
 
   /**
-   * Sorts `drawables` by the squared distance of the eye from their nodes' boxes (0 inside), first by its
-   * power of two, then by the sides that show, and then by all of it, rounded to 32 bits and by one bit more.
-   * Those that are as far away come in the order of their numbers.
+   * Sorts `drawables` by the squared distance of the eye from their nodes' boxes (0 inside): first by its
+   * power of two, then by the visible sides, and then by all of it, rounded to 32 bits and by one bit more.
+   * Equal ones are in the order of their numbers.
    *
-   * So a call draws many of them, and the nearest come first nevertheless. It takes no memory where there
-   * were as many before.
+   * So one call draws many of them, and the nearest still come first. It allocates nothing unless the count
+   * grows.
    */
   sort(view: View, drawables: readonly Drawable[]): void {
     this.#count = drawables.length;
@@ -38,7 +38,7 @@ export class DrawOrder {
       const facing = facingOf(drawable, view);
       this.#facings[place] = facing;
       this.#words[2 * place] = place;
-      // The bits of numbers that are not negative are in the order of the numbers.
+      // The bits of non-negative floats are in the order of the numbers.
       this.#distances[2 * place + 1] = squaredDistance(view.eye, drawable, FRONT_SIDE);
       const bits = at(this.#words, 2 * place + 1);
       const mantissa = bits & ((1 << MANTISSA) - 1);
@@ -54,12 +54,12 @@ export class DrawOrder {
     return at(this.#words, 2 * before);
   }
 
-  /** The sides that show of the drawable at a place. */
+  /** The visible sides of the drawable at a place. */
   facing(place: number): number {
     return at(this.#facings, place);
   }
 
-  /** Puts those that are as far away in the order of their numbers. */
+  /** Puts equally distant ones in the order of their numbers. */
   #sortEqual(drawables: readonly Drawable[]): void {
     const words = this.#words;
     const number = (place: number) => drawables[place]?.id ?? 0;

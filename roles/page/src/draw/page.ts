@@ -1,4 +1,4 @@
-/** A part of the device's memory for geometry: a buffer of vertices and one of indices, of fixed size. */
+/** A part of the device's memory for geometry: a vertex buffer and an index buffer of fixed size. */
 
 import { VERTEX_BYTES } from "../proto/piece.ts";
 import { Allocator, type Place } from "./allocator.ts";
@@ -12,13 +12,13 @@ export const POSITION = 0;
 export const COLOUR = 1;
 export const NORMAL = 2;
 
-/** Where a mesh is in a page. */
+/** The place of a mesh in a page. */
 export interface Spot {
   readonly vertices: Place;
   readonly indices: Place;
 }
 
-/** Indices on their way to the device, in memory that is used again. */
+/** Indices on their way to the device, in a reused buffer. */
 let scratch = new Uint32Array(1 << 12);
 
 export class GeometryPage {
@@ -30,7 +30,7 @@ export class GeometryPage {
   readonly #indexBuffer: WebGLBuffer;
   readonly #array: WebGLVertexArrayObject;
 
-  /** Throws where the device has no memory left. */
+  /** Throws if the device is out of memory. */
   constructor(gl: WebGL2RenderingContext, provoking: Provoking, vertices: number, indices: number) {
     [this.#gl, this.#provoking] = [gl, provoking];
     [this.#vertices, this.#indices] = [new Allocator(vertices), new Allocator(indices)];
@@ -55,7 +55,7 @@ export class GeometryPage {
     }
   }
 
-  /** Bytes on the device, taken or not. */
+  /** Bytes on the device, used or free. */
   get capacity(): number {
     return this.#vertices.capacity * VERTEX_BYTES + this.#indices.capacity * INDEX_BYTES;
   }
@@ -65,7 +65,7 @@ export class GeometryPage {
     return this.#vertices.used * VERTEX_BYTES + this.#indices.used * INDEX_BYTES;
   }
 
-  /** Takes a mesh in; nothing where there is no room. */
+  /** Adds a mesh; nothing if there is no room. */
   add({ vertices, indices }: Mesh): Spot | undefined {
     const ownVertices = this.#vertices.take(vertices.length / VERTEX_BYTES);
     if (ownVertices === undefined) {
@@ -77,7 +77,7 @@ export class GeometryPage {
       return undefined;
     }
     const gl = this.#gl;
-    // An array of vertices that is bound would take the buffer of indices for its own.
+    // A bound vertex array would capture the index buffer.
     gl.bindVertexArray(null);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.#vertexBuffer);
     gl.bufferSubData(gl.ARRAY_BUFFER, ownVertices.offset * VERTEX_BYTES, vertices);
@@ -92,7 +92,7 @@ export class GeometryPage {
     return { vertices: ownVertices, indices: ownIndices };
   }
 
-  /** The positions and indices of a mesh, read back from the device: it waits for what is being drawn. */
+  /** The positions and indices of a mesh, read back from the device: waits for pending drawing. */
   read({ vertices, indices }: Spot): { positions: Float32Array; indices: Uint32Array } {
     const gl = this.#gl;
     const words = new Float32Array((vertices.length * VERTEX_BYTES) / 4);
@@ -116,7 +116,7 @@ export class GeometryPage {
     this.#indices.give(indices);
   }
 
-  /** What is drawn is from here. */
+  /** Draws use this page from now on. */
   bind(): void {
     this.#gl.bindVertexArray(this.#array);
   }
@@ -136,8 +136,7 @@ export function byteOffset({ indices }: Spot): number {
 /**
  * Writes indices to `into` that count from the page's first vertex, `by` before the mesh's own.
  *
- * Where the last corner of a triangle decides what is flat in it, the first one is put there. The corners
- * still turn the same way.
+ * If the last corner is the provoking vertex, the first one is moved there. The winding stays.
  */
 export function moveIndices(indices: Uint32Array, by: number, provoking: Provoking, into: Uint32Array): void {
   const [first, second, third] = provoking === "first" ? [0, 1, 2] : [2, 0, 1];

@@ -1,11 +1,11 @@
-/** Shaders joined into a program, and the places of its uniforms. */
+/** A linked program of shaders, and the locations of its uniforms. */
 
 export class Program {
   readonly #gl: WebGL2RenderingContext;
   readonly #program: WebGLProgram;
   readonly #uniforms = new Map<string, WebGLUniformLocation | null>();
 
-  /** Throws what the driver says where a shader cannot be used. */
+  /** Throws the driver's message if a shader fails. */
   constructor(gl: WebGL2RenderingContext, vertex: string, fragment: string) {
     this.#gl = gl;
     this.#program = gl.createProgram();
@@ -14,7 +14,7 @@ export class Program {
       gl.attachShader(this.#program, shader);
     }
     gl.linkProgram(this.#program);
-    // A context that is lost knows of no success; the program is made anew with the context.
+    // A lost context reports no success; the program is made anew with the context.
     if (!gl.getProgramParameter(this.#program, gl.LINK_STATUS) && !gl.isContextLost()) {
       const logs = [gl.getProgramInfoLog(this.#program), ...shaders.map((one) => gl.getShaderInfoLog(one))];
       throw new Error(`a shader cannot be used: ${logs.join(" ")}`);
@@ -28,7 +28,7 @@ export class Program {
     this.#gl.useProgram(this.#program);
   }
 
-  /** Where a uniform is; `null` where the shaders do without it. */
+  /** The location of a uniform; `null` if the shaders do not use it. */
   at(name: string): WebGLUniformLocation | null {
     let place = this.#uniforms.get(name);
     if (place === undefined) {

@@ -20,22 +20,22 @@ export interface RendererOptions {
   readonly onRestored?: () => void;
 }
 
-/** What the last picture took. */
+/** The cost of the last picture. */
 export interface PictureStats extends Readonly<Drawn> {
-  /** Milliseconds of this thread. The device goes on for longer. */
+  /** Milliseconds of this thread. The device may take longer. */
   readonly milliseconds: number;
 }
 
-/** What shows at a pixel. */
+/** The object at a pixel. */
 export interface Picked {
   readonly drawable: number;
-  /** Nothing where it shows several. */
+  /** Nothing if the drawable shows several. */
   readonly object: number | undefined;
-  /** Metres from the eye, along the direction in which the camera looks. */
+  /** Metres from the eye, along the viewing direction. */
   readonly depth: number;
 }
 
-/** A pixel that shows something, counted from the upper left, and the metres to that along the view. */
+/** A covered pixel, counted from the upper left, and its distance along the view in metres. */
 export interface Met {
   readonly x: number;
   readonly y: number;
@@ -53,16 +53,16 @@ export class Renderer {
   #last:
     | { readonly camera: Camera; readonly drawables: readonly Drawable[]; readonly look: Look }
     | undefined;
-  /** Steps of refinement that the canvas shows. */
+  /** Refinement steps in the shown picture. */
   #steps = 0;
   readonly depth: Depth;
   readonly drawNumber: DrawNumber;
-  /** What draws, in the words of its driver. */
+  /** The device's name, by its driver. */
   readonly device: string;
   readonly samples: number;
   readonly #longestSide: number;
 
-  /** Throws where the browser has no WebGL2. */
+  /** Throws if the browser has no WebGL2. */
   constructor(canvas: HTMLCanvasElement, options: RendererOptions = {}) {
     this.#isOnCanvas = canDrawOnCanvas(options.samples, options.extensions);
     const gl = canvas.getContext("webgl2", {
@@ -82,7 +82,7 @@ export class Renderer {
     this.samples = device.samples;
     this.#longestSide = device.features.longestSide;
     canvas.addEventListener("webglcontextlost", (event) => {
-      // Without this the browser does not give it back.
+      // Without this the browser does not restore it.
       event.preventDefault();
       this.#device = undefined;
       options.onLost?.();
@@ -98,7 +98,7 @@ export class Renderer {
     return this.#device?.arena.bytes ?? 0;
   }
 
-  /** Bytes on the device that geometry has, or has room in. */
+  /** Bytes on the device for geometry, used or free. */
   get capacity(): number {
     return this.#device?.arena.capacity ?? 0;
   }
@@ -107,17 +107,17 @@ export class Renderer {
     return this.#device === undefined;
   }
 
-  /** What the last picture took. */
+  /** The cost of the last picture. */
   get drawn(): PictureStats {
     return this.#stats;
   }
 
-  /** Whether the canvas shows the last picture as finely as it gets: smooth, and with lines. */
+  /** Whether the canvas shows the last picture fully refined: smooth, and with lines. */
   get isFine(): boolean {
     return this.#steps === STEPS;
   }
 
-  /** Makes the picture so large, in pixels, or as large as the device can. */
+  /** Sets the picture's size in pixels, limited to the device's maximum. */
   resize(width: number, height: number): void {
     const side = (wanted: number) => Math.max(1, Math.min(Math.round(wanted), this.#longestSide));
     [this.#canvas.width, this.#canvas.height] = [side(width), side(height)];
@@ -127,7 +127,7 @@ export class Renderer {
     return this.#device?.arena.has(number) ?? false;
   }
 
-  /** Takes a piece of geometry, in place of the one of that number. A lost context takes none. */
+  /** Takes a piece of geometry, replacing the one of that number. A lost context ignores it. */
   setPiece(number: number, piece: Mesh): void {
     this.#device?.arena.set(number, piece);
   }
@@ -136,7 +136,7 @@ export class Renderer {
     this.#device?.arena.drop(number);
   }
 
-  /** Draws what of `drawables` has its geometry here, onto the canvas. */
+  /** Draws those `drawables` whose geometry is here, onto the canvas. */
   draw(camera: Camera, drawables: readonly Drawable[], look: Look = PLAIN): void {
     const begun = performance.now();
     this.#last = { camera, drawables, look };
@@ -146,10 +146,7 @@ export class Renderer {
     this.#stats.milliseconds = performance.now() - begun;
   }
 
-  /**
-   * Draws the last picture more finely: so many times, each a little finer than before. Gives whether there
-   * is more to do.
-   */
+  /** Draws the last picture one step finer. Returns whether there are more steps. */
   refine(): boolean {
     if (this.#device !== undefined && this.#last !== undefined && this.#steps < STEPS) {
       const { camera, drawables, look } = this.#last;
@@ -159,7 +156,7 @@ export class Renderer {
     return this.#steps < STEPS;
   }
 
-  /** What the last picture shows at a pixel, counted from the upper left; nothing for background. */
+  /** The object at a pixel of the last picture, counted from the upper left; nothing for background. */
   pick(x: number, y: number): Picked | undefined {
     const { width, height } = this.#canvas;
     const [column, row] = [Math.floor(x), Math.floor(y)];
@@ -168,7 +165,7 @@ export class Renderer {
       return undefined;
     }
     const { camera, drawables, look } = this.#last;
-    // What is see-through is picked where nothing else is.
+    // See-through objects are picked only if nothing else is there.
     const opaque = drawables.filter((one) => !look.seeThrough.has(one.object));
     for (const candidates of look.seeThrough.isEmpty ? [drawables] : [opaque, drawables]) {
       const [id, depth] = this.#device.pick(camera, candidates, look, column, row);
@@ -181,8 +178,8 @@ export class Renderer {
   }
 
   /**
-   * The pixel within so many of one, counted from the upper left, that shows what is nearest to the eye; nothing
-   * where all is background. What is see-through is not met.
+   * The pixel nearest to the eye within a radius of one that is counted from the upper left; nothing if all
+   * is background. See-through objects are ignored.
    */
   nearest(x: number, y: number, radius: number): Met | undefined {
     if (this.#device === undefined || this.#last === undefined) {
@@ -205,14 +202,12 @@ export class Renderer {
     return found;
   }
 
-  /**
-   * The triangles of a piece of geometry in its local frame: positions, and indices of three corners each.
-   */
+  /** The triangles of a piece of geometry in its local frame: positions, and three indices each. */
   triangles(number: number): { positions: Float32Array; indices: Uint32Array } | undefined {
     return this.#device?.arena.triangles(number);
   }
 
-  /** The number of the drawable at each pixel, rows from below; `NOTHING` where there is none. */
+  /** The number of the drawable at each pixel, rows from below; `NOTHING` for the background. */
   items(camera: Camera, drawables: readonly Drawable[], look: Look = PLAIN): Uint32Array {
     const { width, height } = this.#canvas;
     return this.#device?.items(camera, drawables, look) ?? new Uint32Array(width * height).fill(NOTHING);

@@ -4,17 +4,16 @@ import { MOST_PLANES } from "./cut.ts";
 import type { Depth, DrawNumber } from "./features.ts";
 import { COLOUR, NORMAL, POSITION } from "./page.ts";
 
-/** Texels of a drawable: three rows of its matrix, and one with its number, whether it is
- * highlighted, whether it is a solid, and the number of its object. */
+/** Texels per drawable: three matrix rows, and one with number, highlight, solid flag and object. */
 export const TEXELS = 4;
-/** Drawables in a row of the texture that holds them. */
+/** Drawables per row of their texture. */
 export const PER_ROW = 256;
 
-/** What all vertex shaders share, so that a triangle covers the same samples at the same depth in each. */
+/** Shared by all vertex shaders, so that a triangle covers the same samples at the same depth in each. */
 function head(number: DrawNumber, depth: Depth): string {
   const extension = number === "multi-draw" ? "#extension GL_ANGLE_multi_draw : require" : "";
   const draw = number === "multi-draw" ? "(first + gl_DrawID)" : "first";
-  // Depth is this over the distance.
+  // Depth is this divided by the distance.
   const z = depth === "reversed" ? "near" : "-view.z - 2.0 * near";
   return `#version 300 es
 ${extension}
@@ -26,7 +25,7 @@ uniform int first;
 uniform sampler2D drawables;
 uniform vec2 scale;
 uniform float near;
-// By how much the picture is shifted.
+// The shift of the picture.
 uniform vec2 shift;
 layout(location = ${POSITION}) in vec3 local;
 layout(location = ${COLOUR}) in vec4 colour;
@@ -44,13 +43,13 @@ vec4 clip(vec3 view) {
 }
 
 /**
- * What sections need of a vertex: where it is in camera space, and whether it shows the inside of a solid.
+ * Vertex outputs for sections: the position in camera space, and whether the inside of a solid is visible.
  */
 const CUT_OUT = `
 out vec3 place;
 flat out float isInside;`;
 
-/** Ends where a section cuts: see `cut.ts`. */
+/** Discards fragments that a section cuts away: see `cut.ts`. */
 const CUT = `
 uniform vec4 planes[${MOST_PLANES}];
 uniform int planeCount;
@@ -64,7 +63,7 @@ void cut() {
   }
 }`;
 
-/** A normal that is scaled until the sizes of its coordinates add up to 1, from two of these. */
+/** Decodes an octahedral normal, whose absolute coordinates add up to 1, from two of them. */
 export const UNFOLDED = `
 vec3 unfolded(vec2 f) {
   float z = 1.0 - abs(f.x) - abs(f.y);
@@ -78,16 +77,16 @@ ${UNFOLDED}
 
 vec3 normalOf(vec3 x, vec3 y, vec3 z) {
   vec3 n = unfolded(folded);
-  // Cofactors keep a normal at right angles to its plane under any scale.
+  // Cofactors keep a normal perpendicular to its plane under any scale.
   vec3 normal = vec3(dot(cross(y, z), n), dot(cross(z, x), n), dot(cross(x, y), n));
   return normal * inversesqrt(max(dot(normal, normal), 1e-36));
 }`;
 
 /**
- * Shades by a sky, which is brighter than the ground, and by a key light over the shoulder of who looks.
+ * Shades with a sky, which is brighter than the ground, and a key light over the viewer's shoulder.
  *
- * A triangle has one normal, and the lights are the same all over it. So what is flat looks flat, however it
- * was cut into triangles.
+ * A triangle has one normal, and the lights are directional. So flat surfaces look flat, however they were
+ * triangulated.
  */
 export function pictureVertex(number: DrawNumber, depth: Depth, isCut = false): string {
   return `${head(number, depth)}
@@ -104,13 +103,13 @@ void main() {
   vec3 view = vec3(dot(x, p), dot(y, p), dot(z, p));
   vec3 normal = normalOf(x.xyz, y.xyz, z.xyz);
   bool isBack = dot(normal, view) * dot(cross(x.xyz, y.xyz), z.xyz) > 0.0;
-  // Both sides of a triangle are lit alike, whatever the winding and even in a mirror.
+  // Both sides of a triangle are lit alike, for any winding and even in a mirror.
   normal = dot(normal, view) > 0.0 ? -normal : normal;
   float light = 0.17 + 0.27 * (0.5 + 0.5 * dot(normal, up)) + 0.56 * max(dot(normal, KEY), 0.0);
-  // Plants come in pure red and green: they shout less with a little grey in them.
+  // Plants come in pure red and green: a little grey makes them less garish.
   float grey = dot(colour.rgb, vec3(0.299, 0.587, 0.114));
   vec3 calm = mix(vec3(grey), colour.rgb, 0.82) * 0.93 + 0.03;
-  // sRGB is near a power law: the product of the encoded is the encoded product.
+  // sRGB is near a power law, so the product of encoded values is the encoded product.
   tone = mix(calm, HIGHLIGHT, 0.7 * texel(3).y) * sqrt(light);
   ${isCut ? "place = view; isInside = isBack && texel(3).z > 0.5 ? 1.0 : 0.0;" : ""}
   gl_Position = clip(view);
@@ -118,8 +117,8 @@ void main() {
 }
 
 /**
- * The inside of a solid is seen where it is cut open: it is painted flat and hatched, as if it were the face
- * of the cut.
+ * The inside of a solid is visible where it is cut open: it is painted flat and hatched, like the face of the
+ * cut.
  */
 export const CUT_PICTURE_FRAGMENT = `#version 300 es
 precision highp float;
@@ -196,11 +195,11 @@ void main() {
 }`;
 
 /**
- * Lines over a picture: on the nearer side of a step from one surface down to another, and on both sides of
- * where two that meet bend.
+ * Lines over a picture: on the nearer side of a depth step, and on both sides of a crease between two
+ * surfaces.
  *
- * Surfaces are compared as the planes that they are at each pixel. So a plane has no lines in it however flat
- * it is looked along, nor have several objects in one plane, or what stands in for them with a little error.
+ * Each pixel's surface is compared as a plane. So a plane has no lines at any viewing angle. Neither have
+ * several objects in one plane, nor stand-ins with a little error.
  */
 export const STILL_FRAGMENT = `#version 300 es
 precision highp float;
@@ -208,11 +207,11 @@ precision highp int;
 precision highp sampler2D;
 precision highp usampler2D;
 uniform sampler2D colours;
-// What is opaque, and all there is: of each pixel the object, its distance and its normal.
+// The opaque objects, and all of them: for each pixel the object, its distance and its normal.
 uniform usampler2D objects;
 uniform usampler2D allObjects;
 uniform bool hasSeeThrough;
-// Tangents of a pixel's width and height, and by how many pixels the picture is shifted.
+// Tangents of a pixel's width and height, and the shift of the picture in pixels.
 uniform vec2 each;
 uniform vec2 offset;
 // How strong lines are.
@@ -220,16 +219,16 @@ uniform float strength;
 out vec4 pixel;
 
 const uint NONE = 0xffffffffu;
-// Surfaces at a larger angle bend: the cosine. Sides of what stands in for something round do not.
+// The cosine of the smallest angle of a crease. The sides of stand-ins for round objects stay below it.
 const float BEND = 0.82;
-// A lower step is none, in widths of a pixel.
+// The lowest depth step that counts, in widths of a pixel.
 const float STEP = 1.0;
-// What is seen so flat that its distance changes by more from pixel to pixel is taken for steeper than it is.
+// Limits the slope of surfaces at grazing angles, by the change of distance from pixel to pixel.
 const float FLATTEST = 64.0;
 
 struct Surface {
   uint object;
-  // One over the distance along the view: it is linear across the picture of a plane.
+  // One over the distance along the view: linear across the picture of a plane.
   float near;
   vec3 normal;
   vec3 ray;
@@ -244,7 +243,7 @@ Surface surface(usampler2D of, ivec2 at) {
   return Surface(texel.x, near, normal, vec3(middle * each, -1.0));
 }
 
-// One over the distance at which the plane of a surface is met along another ray.
+// One over the distance at which another ray meets the plane of a surface.
 float extended(Surface of, vec3 ray) {
   float here = dot(of.normal, of.ray);
   float most = FLATTEST * each.y;
@@ -252,8 +251,8 @@ float extended(Surface of, vec3 ray) {
   return of.near * (1.0 + clamp(change, -most, most));
 }
 
-// How far a surface is before the plane of another one, in widths of a pixel: below 0 it is behind. What errors
-// of its place may make of a slope is left out.
+// How far a surface is before the plane of another one, in widths of a pixel: below 0 it is behind. Excludes
+// the effect of position errors on the slope.
 float before(Surface one, Surface plane) {
   float there = extended(plane, one.ray);
   float off = one.near - there;
@@ -261,7 +260,7 @@ float before(Surface one, Surface plane) {
   return sign(off) * more / (each.y * plane.near);
 }
 
-// Whether two pixels may be of one surface: objects in one plane make one.
+// Whether two pixels may be of one surface: coplanar objects count as one.
 bool isOne(Surface one, Surface other) {
   bool isFlat = abs(before(one, other)) < 2.0 * STEP && abs(dot(one.normal, other.normal)) > BEND;
   return one.object == NONE || other.object == NONE ? one.object == other.object : isFlat;
@@ -270,7 +269,7 @@ bool isOne(Surface one, Surface other) {
 float line(usampler2D of, ivec2 at) {
   Surface here = surface(of, at);
   float found = 0.0;
-  // A pixel through which something else shows, and what is around it, is a crack between two triangles.
+  // A pixel that shows something else than all around it is a crack between two triangles.
   int holes = 0;
   for (int axis = 0; axis < 2 && here.object != NONE; axis += 1) {
     ivec2 by = axis == 0 ? ivec2(1, 0) : ivec2(0, 1);

@@ -1,22 +1,22 @@
 /**
- * The picture of an eye that rests: smooth, and with lines where objects end and surfaces bend.
+ * The picture of an eye at rest: smooth, and with lines at the edges of objects and at creases.
  *
- * It is the mean of several pictures, each shifted by a part of a pixel. So it is worked out bit by bit, and
- * any of them can be shown. It changes nothing of what is drawn: lines are painted over it.
+ * It is the mean of several pictures, each shifted by a part of a pixel. It is refined step by step, and can
+ * be shown after any step. Lines are painted over the picture, which stays the same.
  */
 
 import { Program } from "./program.ts";
 import { STILL_FRAGMENT, WHOLE_VERTEX } from "./shaders.ts";
 
-/** Pictures of which the mean is shown. */
+/** The number of pictures in the mean. */
 export const STEPS = 8;
 
-/** How strong lines are in each of these: they come little by little, and in the mean they are as they are. */
+/** How strong lines are in each of these: they fade in, and have full strength in the mean. */
 export function strengthOf(step: number): number {
   return (2 * (step + 0.5)) / STEPS;
 }
 
-/** By how much of a pixel each picture is shifted, from -0.5 to 0.5: points of Halton's sequence. */
+/** The shift of each picture in pixels, from -0.5 to 0.5: points of Halton's sequence. */
 export function shiftOf(step: number): readonly [number, number] {
   return [halton(step + 1, 2) - 0.5, halton(step + 1, 3) - 0.5];
 }
@@ -37,7 +37,7 @@ export class Still {
   readonly #program: Program;
   readonly #colour: WebGLTexture;
   readonly #colourFrame: WebGLFramebuffer;
-  /** What is opaque, and all there is where something is see-through. */
+  /** The opaque objects, and all objects if some are see-through. */
   readonly #objects: readonly [WebGLTexture, WebGLTexture];
   readonly #objectFrames: readonly [WebGLFramebuffer, WebGLFramebuffer];
   readonly #depth: WebGLRenderbuffer;
@@ -64,7 +64,7 @@ export class Still {
     gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
   }
 
-  /** Objects that are opaque, or all of them, are drawn next, into this. */
+  /** The opaque objects, or all of them, are drawn next, into this. */
   beginObjects(which: "opaque" | "all"): void {
     const gl = this.#gl;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.#objectFrames[which === "opaque" ? 0 : 1]);
@@ -72,8 +72,8 @@ export class Still {
   }
 
   /**
-   * Adds it to the mean of the steps before, and shows that. Half of the picture's width and height at a distance
-   * of one are given, and by how many pixels it is shifted.
+   * Adds the picture to the mean of the steps before, and shows that. Takes half of the picture's width and
+   * height at distance one, and its shift in pixels.
    */
   add(
     step: number,

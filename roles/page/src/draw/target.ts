@@ -1,6 +1,6 @@
-/** What is drawn into: colour or numbers, with a depth of 32 bits. */
+/** Render targets: colour or numbers, with a 32-bit depth buffer. */
 
-/** What a picture is drawn into. */
+/** The render target of a picture. */
 export interface PictureTarget {
   /** Draws go here from now on. */
   begin(width: number, height: number): void;
@@ -8,7 +8,7 @@ export interface PictureTarget {
   show(): void;
 }
 
-/** The canvas itself. It needs a depth of its own: see `canvasDepth.ts`. */
+/** The canvas itself. It needs a suitable depth buffer: see `canvasDepth.ts`. */
 export class CanvasTarget implements PictureTarget {
   readonly #gl: WebGL2RenderingContext;
 
@@ -21,7 +21,7 @@ export class CanvasTarget implements PictureTarget {
     this.#gl.viewport(0, 0, width, height);
   }
 
-  /** It is there. */
+  /** Nothing to do. */
   show(): void {}
 }
 
@@ -35,7 +35,7 @@ export class Target implements PictureTarget {
   #width = 0;
   #height = 0;
 
-  /** `format` is one of renderbuffers. Only pictures have more than one sample a pixel. */
+  /** `format` is a renderbuffer format. Only pictures have more than one sample a pixel. */
   constructor(gl: WebGL2RenderingContext, format: number, samples = 1) {
     [this.#gl, this.#format, this.#samples] = [gl, format, samples];
     this.#frame = gl.createFramebuffer();
@@ -43,7 +43,7 @@ export class Target implements PictureTarget {
     this.#depth = gl.createRenderbuffer();
   }
 
-  /** What was here stays until it is cleared, unless the size is another one. */
+  /** The content stays until it is cleared, unless the size changes. */
   begin(width: number, height: number): void {
     const gl = this.#gl;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.#frame);
@@ -72,7 +72,7 @@ export class Target implements PictureTarget {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  /** Reads numbers, rows from below: so many for each pixel as `format` has in it. */
+  /** Reads numbers, rows from below: for each pixel as many as `format` has. */
   read(format: number, into: Uint32Array): void {
     const gl = this.#gl;
     gl.readPixels(0, 0, this.#width, this.#height, format, gl.UNSIGNED_INT, into);

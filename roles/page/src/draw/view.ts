@@ -1,40 +1,40 @@
-/** A camera as drawing needs it: what turns the world to camera space, and what is in the picture at all. */
+/** A camera for drawing: transforms the world to camera space, and culls by the frustum. */
 
 import type { Camera, Drawable } from "./model.ts";
 
-/** A box with its sides along the axes: its centre, and half of its sides. Six numbers. */
+/** An axis-aligned box: its centre, and half of its sides. Six numbers. */
 export type Bounds = Float64Array;
 
 /** Numbers of a matrix of three rows and four columns. */
 export const MATRIX = 12;
 
-/** What a test of a box may be off by, as a share of the numbers that go into it: far less than a pixel. */
+/** The error allowed in a test of a box, relative to its inputs: far less than a pixel. */
 const SLACK = 1e-5;
 
-/** A number of a list that is long enough. */
+/** An element of a list that is long enough. */
 export function at(list: ArrayLike<number>, index: number): number {
   return list[index] ?? 0;
 }
 
 /**
- * One camera at a time, and no memory taken for it.
+ * One camera at a time, without allocation.
  *
- * All is worked out in doubles relative to the eye, and rounded once. So nothing far from the world's origin
- * is coarse.
+ * All is computed in doubles relative to the eye, and rounded once. So precision does not suffer far from the
+ * world's origin.
  */
 export class View {
   /** The rows of the rotation from the world to camera space, one behind the other. */
   readonly #rows = new Float64Array(9);
-  /** The matrix that `place` has worked out last, row by row: from the local frame to camera space. */
+  /** The matrix from the last `place`, row by row: from the local frame to camera space. */
   readonly matrix = new Float64Array(MATRIX);
-  /** Where it looks from, in the world, metres. */
+  /** The eye, in the world, metres. */
   readonly eye: Float64Array = new Float64Array(3);
   /** Half of the picture's width and height at a distance of one. */
   tanX = 1;
   tanY = 1;
   near = 1;
 
-  /** Looks through `camera` at a picture of so many pixels. */
+  /** Looks through `camera` at a picture of this many pixels. */
   set({ eye, orientation, tanHalfFov, near }: Camera, width: number, height: number): void {
     const [x, y, z, w] = orientation;
     const rows = this.#rows;
@@ -59,7 +59,7 @@ export class View {
     return at(rows, 3 * axis) * x + at(rows, 3 * axis + 1) * y + at(rows, 3 * axis + 2) * z;
   }
 
-  /** Works out the matrix of a drawable. */
+  /** Computes the matrix of a drawable. */
   place({ origin, linear }: Drawable): void {
     const { matrix } = this;
     const x = origin[0] - at(this.eye, 0);
@@ -74,10 +74,10 @@ export class View {
     }
   }
 
-  /** Whether some of the box may be in the picture, where `place` has put it. */
+  /** Whether a box, at the last `place`, may be in the picture. */
   sees(bounds: Bounds): boolean {
     const { tanX, tanY } = this;
-    // The box is beyond a side of the picture where its outermost corner is.
+    // The box is outside a side of the picture if its outermost corner is.
     return (
       this.#reach(bounds, 1, 0, -tanX, 0) &&
       this.#reach(bounds, -1, 0, -tanX, 0) &&
@@ -87,7 +87,7 @@ export class View {
     );
   }
 
-  /** Whether the corner of the box that is farthest along (x, y, z) in camera space is so far along. */
+  /** Whether the farthest corner of the box along (x, y, z) in camera space is that far. */
   #reach(bounds: Bounds, x: number, y: number, z: number, far: number): boolean {
     const { matrix } = this;
     let reached = x * at(matrix, 3) + y * at(matrix, 7) + z * at(matrix, 11);

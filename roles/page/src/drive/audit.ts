@@ -1,7 +1,6 @@
 /**
- * What a moving eye does not see yet. A picture is drawn from the newest pose, out of the set that was found
- * for an earlier one. Afterwards an audit goes back to that pose, and holds the picture against the exact
- * one.
+ * Measures the errors of a moving eye's pictures. Each is drawn from the newest pose, with the set that was
+ * found for an earlier one. Afterwards an audit returns to that pose, and compares with the exact picture.
  */
 
 import type { Drawable } from "../draw/model.ts";
@@ -13,9 +12,9 @@ import { wrongShare } from "../viewer/wrongPixels.ts";
 import { Samples } from "./samples.ts";
 import { until } from "./time.ts";
 
-/** Of longer walks only so many pictures are audited, or half as many, evenly over the walk. */
+/** Of longer walks at most this many pictures are audited, and at least half as many. */
 const MOST = 500;
-/** A picture is as good as right where it shows another object at this percentage of pixels at most. */
+/** A picture counts as right if at most this percentage of pixels shows another object. */
 const FEW = 0.1;
 
 /** A picture of a walk. */
@@ -24,13 +23,13 @@ export interface Taken {
   readonly at: number;
   readonly camera: Camera;
   readonly forward: Point;
-  /** Nothing where it is not audited. */
+  /** Nothing if it is not audited. */
   readonly drawables: readonly Drawable[] | undefined;
-  /** The eye has jumped, and since then no set has come that is all there. */
+  /** The eye has jumped, and no complete set has come since. */
   readonly hasJumped: boolean;
 }
 
-/** The pictures of a walk. However long it is, drawables are kept of a bounded number of them. */
+/** The pictures of a walk. However long it is, the drawables of only a bounded number are kept. */
 export class Album {
   readonly #pictures: Taken[] = [];
   #stride = 1;
@@ -53,7 +52,7 @@ export class Album {
   }
 }
 
-/** Goes to where pictures were taken, over no network, and counts the pixels that were wrong. */
+/** Returns to the poses of pictures, without a simulated network, and counts the wrong pixels. */
 export async function audit(viewer: Viewer, pictures: readonly Taken[]): Promise<WrongPixels> {
   viewer.session.moveTo("");
   const percent = new Samples();
@@ -83,12 +82,12 @@ export async function audit(viewer: Viewer, pictures: readonly Taken[]): Promise
   };
 }
 
-/** How long something held without a break. */
+/** How long a condition held without a break. */
 export class Spans {
   longest = 0;
   #since: number | undefined;
 
-  /** At this time it holds or not. Until the next time that stays so. */
+  /** The condition holds or not from this time until the next call. */
   add(at: number, holds: boolean): void {
     if (this.#since !== undefined) {
       this.longest = Math.max(this.longest, at - this.#since);

@@ -1,4 +1,4 @@
-/** Repeats a walk by itself, and tells the service how that went: see `trimaran view --drive`. */
+/** Repeats a walk by itself, and reports to the service: see `trimaran view --drive`. */
 
 import type { Service } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
@@ -10,7 +10,7 @@ import { each, until } from "./time.ts";
 
 /**
  * Walks along the service's path from its first pose to its last, and reports. Then the page closes itself,
- * where the browser lets a page that nobody has navigated: one that stays open slows down the walk behind it.
+ * if the browser allows that: a page that stays open slows down the next walk.
  */
 export async function drive(viewer: Viewer, service: Service): Promise<void> {
   const written = await service.path();

@@ -1,11 +1,11 @@
-/** What the page has taken and holds, from time to time on a walk. */
+/** The page's traffic and memory, at several times of a walk. */
 
 import type { Moment } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 
-/** Seconds between two moments; of long walks more. */
+/** Seconds between two moments; more on long walks. */
 const PERIOD = 10;
-/** Moments of a walk at most, but for its end. */
+/** The most moments of a walk, without the one at its end. */
 const MOST = 60;
 
 export class Moments {
@@ -13,13 +13,13 @@ export class Moments {
   readonly #period: number;
   readonly list: Moment[] = [];
 
-  /** Of a walk that takes so many seconds. */
+  /** For a walk that takes this many seconds. */
   constructor(viewer: Viewer, seconds: number) {
     this.#viewer = viewer;
     this.#period = Math.max(PERIOD, seconds / MOST);
   }
 
-  /** The walk goes on for so many seconds. */
+  /** The walk goes on for this many seconds. */
   pass(seconds: number): void {
     if (this.list.length < MOST && seconds >= this.list.length * this.#period) {
       this.add(seconds);
@@ -40,7 +40,7 @@ export class Moments {
   }
 }
 
-/** Not every browser says so. */
+/** Not every browser reports it. */
 function scriptBytes(): number | null {
   const { memory } = performance as unknown as { readonly memory?: { readonly usedJSHeapSize: number } };
   return memory?.usedJSHeapSize ?? null;

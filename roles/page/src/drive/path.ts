@@ -1,4 +1,4 @@
-/** A walk whose poses lie between those that are written down. */
+/** A walk with poses interpolated between written ones. */
 
 import type { Point } from "../navigate/gaze.ts";
 import type { CameraPath } from "../service/service.ts";
@@ -6,13 +6,13 @@ import { lerp } from "../tools/projection.ts";
 
 /** Poses a second of a written path. */
 const RATE = 30;
-/** A step that is so many times as long as the usual one is a jump. */
+/** A step this many times as long as the median one is a jump. */
 const JUMP = 10;
 
 export interface Step {
   readonly eye: Point;
   readonly forward: Point;
-  /** Nobody has gone here: the eye was elsewhere before. */
+  /** The eye has jumped here. */
   readonly isJump: boolean;
 }
 
@@ -26,12 +26,12 @@ export class Path {
     this.#jump = JUMP * (steps[Math.floor(steps.length / 2)] ?? 0);
   }
 
-  /** How long the walk takes. */
+  /** The duration of the walk. */
   get seconds(): number {
     return this.#frames.length / RATE;
   }
 
-  /** The pose after so many seconds, where the last one was asked for at `before`; nothing behind the end. */
+  /** The pose after this many seconds, if the last one was requested at `before`; nothing behind the end. */
   at(seconds: number, before: number): Step | undefined {
     const place = seconds * RATE;
     const at = Math.floor(place);
@@ -53,7 +53,7 @@ export class Path {
     return this.#step(at) > this.#jump;
   }
 
-  /** How far it is to a pose from the one before. */
+  /** The distance from the previous pose. */
   #step(at: number): number {
     const [from, to] = [this.#frames[at - 1]?.eye, this.#frames[at]?.eye];
     return from && to ? Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]) : 0;

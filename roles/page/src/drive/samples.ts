@@ -1,4 +1,4 @@
-/** Numbers of which a few are told. */
+/** Samples, with their statistics. */
 export class Samples {
   readonly #all: number[] = [];
 
@@ -14,12 +14,12 @@ export class Samples {
     return this.#all.filter(counts).length;
   }
 
-  /** Zero where there are none. */
+  /** Zero without samples. */
   get mean(): number {
     return this.#all.reduce((sum, sample) => sum + sample, 0) / Math.max(1, this.count);
   }
 
-  /** The number that this share of all are not above: 0.5 gives the median. Zero where there are none. */
+  /** The smallest number not below this share of all: 0.5 gives the median. Zero without samples. */
   share(share: number): number {
     const sorted = [...this.#all].sort((a, b) => a - b);
     return sorted[Math.max(0, Math.ceil(share * sorted.length) - 1)] ?? 0;

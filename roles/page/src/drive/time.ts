@@ -5,7 +5,7 @@ export function until(holds: () => boolean): Promise<void> {
   return each(() => !holds());
 }
 
-/** Calls `step` before each picture, until it says no more. */
+/** Calls `step` before each picture, until it returns false. */
 export function each(step: (now: number) => boolean): Promise<void> {
   return new Promise((resolve) => {
     const next = () => {

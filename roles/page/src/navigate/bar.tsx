@@ -1,4 +1,4 @@
-/** How a person moves: the mode, the speed, the field of view, and which keys there are. */
+/** Controls of navigation: the mode, the speed, the field of view, and help on keys. */
 
 import { useRef } from "preact/hooks";
 import type { Mode, Navigator } from "./navigator.ts";
@@ -9,7 +9,7 @@ const MODES: readonly (readonly [Mode, string, string])[] = [
   ["orbit", "Orbit", "3"],
 ];
 
-/** What keys, mouse and fingers do. */
+/** The effects of keys, mouse and fingers. */
 const HELP: readonly (readonly [string, string])[] = [
   ["W A S D, arrows", "walk, and turn"],
   ["mouse or finger, dragged", "look around; in Orbit, turn the model"],
@@ -36,7 +36,7 @@ const HELP: readonly (readonly [string, string])[] = [
 export function NavigationBar({ navigator }: { readonly navigator: Navigator }) {
   const help = useRef<HTMLDialogElement>(null);
   const showHelp = () => {
-    // The dialog hears the keys from now on, also that they are let go.
+    // The dialog gets key events from now on, including their release.
     navigator.release();
     help.current?.showModal();
   };

@@ -1,4 +1,4 @@
-/** Where an eye stands that has all of something in its picture. */
+/** Places an eye so that a box fills its picture. */
 
 import type { Gaze, Point } from "./gaze.ts";
 import { along, axesOf, dot } from "./orbit.ts";
@@ -9,9 +9,9 @@ export interface Box {
   readonly max: Readonly<Point>;
 }
 
-/** The share of the picture's width or height that is filled. */
+/** The filled share of the picture's width or height. */
 const FILLED = 0.86;
-/** The nearest corner is at least so many sides of the box away, and a point so many metres. */
+/** The least distance to the nearest corner, in sides of the box; for a point, in metres. */
 const NEAREST = 0.01;
 const SMALLEST = 1e-3;
 
@@ -21,8 +21,8 @@ export function centreOf({ min, max }: Box): Point {
 }
 
 /**
- * The eye with this gaze to which a box fills as much of the picture as it can. Half of the picture's width and
- * height at a distance of one are `tanX` and `tanY`.
+ * The eye with this gaze to which a box fills as much of the picture as possible. Half of the picture's width
+ * and height at distance one are `tanX` and `tanY`.
  */
 export function framingEye(box: Box, gaze: Gaze, tanX: number, tanY: number): Point {
   const { min, max } = box;

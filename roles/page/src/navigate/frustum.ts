@@ -1,4 +1,4 @@
-/** What of the world is in the picture of an eye, and where. */
+/** The view frustum of an eye, and its projection. */
 
 import type { Gaze, Point } from "./gaze.ts";
 import { axesOf, dot } from "./orbit.ts";
@@ -12,7 +12,7 @@ export class Frustum {
   readonly #width: number;
   readonly #height: number;
 
-  /** On a canvas of so many CSS pixels. */
+  /** On a canvas of this size in CSS pixels. */
   constructor(eye: Readonly<Point>, gaze: Gaze, vfovDeg: number, width: number, height: number) {
     [this.#eye, this.#axes] = [eye, axesOf(gaze)];
     [this.#width, this.#height] = [Math.max(1, width), Math.max(1, height)];
@@ -20,7 +20,7 @@ export class Frustum {
     this.tanX = (this.tanY * this.#width) / this.#height;
   }
 
-  /** Metres from the eye along the gaze. */
+  /** Metres from the eye along the viewing direction. */
   depthOf(point: Readonly<Point>): number {
     return this.#place(point)[2];
   }
@@ -31,7 +31,7 @@ export class Frustum {
     return ahead > 0 && Math.abs(right) <= this.tanX * ahead && Math.abs(up) <= this.tanY * ahead;
   }
 
-  /** How far from a place of the canvas a point shows, CSS pixels; infinitely far where it does not. */
+  /** The distance of a point from a place of the canvas, CSS pixels; infinite if it is not in the picture. */
   offset(point: Readonly<Point>, x: number, y: number): number {
     const [right, up, ahead] = this.#place(point);
     const across = (1 + right / (this.tanX * ahead)) * 0.5 * this.#width;

@@ -1,4 +1,4 @@
-/** Which way a person looks. */
+/** The viewing direction. */
 
 export type Point = [number, number, number];
 
@@ -6,7 +6,7 @@ export type Point = [number, number, number];
 const STEEPEST = Math.PI / 2 - 0.01;
 
 export class Gaze {
-  /** Radians: 0 looks along -z, and rises to the left. */
+  /** Radians: 0 looks along -z; increases to the left. */
   heading = 0;
   /** Radians above the horizon. */
   pitch = 0;
@@ -23,7 +23,7 @@ export class Gaze {
     this.turn(0, Math.asin(Math.max(-1, Math.min(1, up))));
   }
 
-  /** Turns by so many radians to the left, and upwards. */
+  /** Turns by this many radians to the left, and upwards. */
   turn(left: number, up: number): void {
     this.heading += left;
     this.pitch = Math.min(STEEPEST, Math.max(-STEEPEST, this.pitch + up));
@@ -34,20 +34,20 @@ export class Gaze {
     return orientationOf(this.heading, this.pitch);
   }
 
-  /** Which way the eye looks, a unit vector of the world. */
+  /** The viewing direction, a unit vector of the world. */
   get forward(): Point {
     const level = Math.cos(this.pitch);
     return [-Math.sin(this.heading) * level, Math.sin(this.pitch), -Math.cos(this.heading) * level];
   }
 
-  /** Where on the ground one goes who goes so far ahead and to the right: x and z. */
+  /** Converts forward and right steps to world x, z. */
   onGround(ahead: number, right: number): [number, number] {
     const [sin, cos] = [Math.sin(this.heading), Math.cos(this.heading)];
     return [-sin * ahead + cos * right, -cos * ahead - sin * right];
   }
 }
 
-/** Camera to world of who looks there, a unit quaternion. */
+/** The camera-to-world rotation for a heading and pitch, a unit quaternion. */
 export function orientationOf(heading: number, pitch: number): [number, number, number, number] {
   const [sy, cy] = [Math.sin(heading / 2), Math.cos(heading / 2)];
   const [sx, cx] = [Math.sin(pitch / 2), Math.cos(pitch / 2)];

@@ -1,31 +1,31 @@
-/** What is solid around a person, fetched from the service ahead of need. */
+/** The solid spans around a person, fetched from the service ahead of need. */
 
 import type { Service } from "../service/service.ts";
 import { Tile } from "./tile.ts";
 
-/** What is solid at a place. */
+/** The solid spans at places. */
 export interface Solid {
-  /** The distance between places that may differ, metres. */
+  /** The grid spacing, metres. */
   readonly cell: number;
-  /** Lower and upper ends of spans, ascending, in metres; nothing where it is not known yet. */
+  /** Lower and upper ends of spans, ascending, in metres; nothing if not known yet. */
   column(x: number, z: number): Float64Array | undefined;
 }
 
 /** Columns along a side of a tile. */
 const COLUMNS = 64;
-/** Tiles that are kept. */
+/** The most tiles that are kept. */
 const MOST = 100;
-/** Milliseconds until a tile that did not come is asked for again. */
+/** Milliseconds until a failed tile is requested again. */
 const AGAIN = 2000;
 
 export class Ground implements Solid {
   readonly #service: Pick<Service, "tile">;
   readonly #side: number;
-  /** The tiles that are there or were asked for, the one that was needed last at the end. */
+  /** Known or requested tiles, the most recently used one last. */
   readonly #tiles = new Map<string, Tile | "asked">();
   readonly cell: number;
 
-  /** Tiles have sides of so many metres. */
+  /** Tiles have sides of this many metres. */
   constructor(service: Pick<Service, "tile">, side: number) {
     [this.#service, this.#side] = [service, side];
     this.cell = side / COLUMNS;
@@ -36,7 +36,7 @@ export class Ground implements Solid {
     return tile?.column(x, z);
   }
 
-  /** Asks for all tiles around a place. */
+  /** Requests all tiles around a place. */
   fetchAround(x: number, z: number): void {
     const [column, row] = [Math.floor(x / this.#side), Math.floor(z / this.#side)];
     for (const right of [0, -1, 1]) {

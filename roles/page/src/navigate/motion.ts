@@ -1,6 +1,6 @@
-/** What a person wants to do, whatever they say it by: keys, a gamepad. */
+/** A person's intended motion, from keys or a gamepad. */
 
-/** From -1 to 1 each, or more where several say the same. */
+/** From -1 to 1 each, or more if several inputs add up. */
 export interface Motion {
   ahead: number;
   right: number;
@@ -15,7 +15,7 @@ export function still(): Motion {
   return { ahead: 0, right: 0, up: 0, turn: 0, tilt: 0 };
 }
 
-/** What moves the eye while it is held, by the key's place on the keyboard. */
+/** The keys that move the eye while they are held, by their position on the keyboard. */
 const KEYS: Readonly<Record<string, readonly [keyof Motion, number]>> = {
   KeyW: ["ahead", 1],
   KeyS: ["ahead", -1],
@@ -36,10 +36,10 @@ const KEYS: Readonly<Record<string, readonly [keyof Motion, number]>> = {
 /** The keys that are down. */
 export class Keys {
   readonly #held = new Set<string>();
-  /** Keys that went down since they were asked for: who taps one between two pictures moves as well. */
+  /** Keys pressed since the last read: a tap between two pictures moves as well. */
   readonly #tapped = new Set<string>();
 
-  /** A key went down or up. Gives whether it moves the eye. */
+  /** A key went down or up. Returns whether it moves the eye. */
   press(code: string, isDown: boolean): boolean {
     if (!(code in KEYS) && !code.startsWith("Shift")) {
       return false;
@@ -59,7 +59,7 @@ export class Keys {
     this.forget();
   }
 
-  /** What was tapped since the keys were asked moves nothing. */
+  /** Discards taps since the last read. */
   forget(): void {
     this.#tapped.clear();
   }
@@ -69,7 +69,7 @@ export class Keys {
     return this.#held.has("ShiftLeft") || this.#held.has("ShiftRight");
   }
 
-  /** Adds what the keys have said since the last time. */
+  /** Adds the keys' motion since the last call. */
   add(motion: Motion): void {
     for (const code of new Set([...this.#held, ...this.#tapped])) {
       const [way, sign] = KEYS[code] ?? ["ahead", 0];
@@ -79,12 +79,10 @@ export class Keys {
   }
 }
 
-/** A stick of a gamepad that is nearer to its middle says nothing. */
+/** The dead zone of a gamepad's sticks. */
 const DEAD = 0.15;
 
-/**
- * Adds what the first gamepad says, by the standard mapping: sticks move and turn, triggers sink and rise.
- */
+/** Adds the first gamepad's motion, by the standard mapping: sticks move and turn, triggers sink and rise. */
 export function addGamepad(motion: Motion, gamepads: readonly (Gamepad | null)[]): void {
   const pad = gamepads.find((pad) => pad?.connected && pad.mapping === "standard");
   const stick = (axis: number) => {

@@ -1,4 +1,4 @@
-/** Where a person is in the scene, and what moves them there. */
+/** A person's pose in the scene, and how input changes it. */
 
 import { signal } from "@preact/signals";
 import type { SceneDescription, Service } from "../service/service.ts";
@@ -13,26 +13,26 @@ import { mostOpen, type Side } from "./sides.ts";
 import { isForControl } from "./typing.ts";
 import { Walk } from "./walk.ts";
 
-/** On the ground, freely through everything, or round what is pointed at. */
+/** On the ground, freely through everything, or around the point under the pointer. */
 export const MODES = ["walk", "fly", "orbit"] as const;
 export type Mode = (typeof MODES)[number];
 
 /** How fast the eye turns with the keys, radians a second. */
 const TURN = 1.6;
-/** Radians a pixel of the mouse: where the eye looks about, and where it goes round a point. */
+/** Radians a pixel of the mouse, for looking around and for orbiting. */
 const MOUSE = 0.003;
 const ORBIT = 0.006;
-/** Pixels by which two fingers push a person by the height of the eye. */
+/** Pixels of a two-finger drag that move a person by the height of the eye. */
 const PUSH = 150;
-/** The share of the way that a step of the wheel goes. */
+/** The share of the distance that a wheel step covers. */
 const DOLLY = 0.15;
-/** CSS pixels around the pointer within which something is meant, where nothing is right under it. */
+/** CSS pixels around the pointer to search if nothing is right under it. */
 const AROUND = 8;
-/** The eye comes no nearer to what it goes to than this share of the height of the eye. */
+/** The smallest distance to an approached point, as a share of the height of the eye. */
 const CLOSEST = 0.005;
 /** Longest step in time, seconds: a page that was in the background does not jump. */
 const LONGEST = 0.1;
-/** Who runs is so much faster. */
+/** Running speed factor. */
 const FASTER = 4;
 /** Metres a second, of a person whose eye is at 1.7 m. */
 const STROLL = 1.4 / 1.7;
@@ -46,18 +46,18 @@ export class Navigator {
   readonly #ground: Ground;
   readonly #walk: Walk;
   #eye: Point;
-  /** How far two fingers have pushed the person since the last step: ahead and to the right, metres. */
+  /** How far two fingers have moved the person since the last step: forward and right, metres. */
   #pushed: [number, number] = [0, 0];
-  /** What is turned round: what was pointed at or gone to last, at first the middle of the model. */
+  /** The point to orbit: the last one pointed at or framed, at first the middle of the model. */
   #pivot: Readonly<Point>;
-  /** What the wheel goes to, for as long as it shows at the pointer. */
+  /** The point that the wheel approaches, as long as it stays at the pointer. */
   #zoomed: Readonly<Point> | undefined;
   readonly #canvas: HTMLCanvasElement;
   /** The middle of the model. */
   readonly #middle: Readonly<Point>;
-  /** Height of the eye above floors: how large things are here. */
+  /** Height of the eye above floors, which sets the scale of the scene. */
   readonly #scale: number;
-  /** Tells which point shows at a place of the canvas, or within `around` of it. CSS pixels. */
+  /** The visible point at a place of the canvas, or within `around` of it. CSS pixels. */
   pointAt: (x: number, y: number, around: number) => Readonly<Point> | undefined = () => undefined;
   readonly mode = signal<Mode>("walk");
   /** Vertical field of view, degrees. */
@@ -66,7 +66,7 @@ export class Navigator {
   readonly speed = signal(0);
   /** Keys and mouse do nothing. */
   isHeld = false;
-  /** Something has moved the eye since the last step. */
+  /** Whether the eye was moved since the last step. */
   #hasMoved = true;
   #hasJumped = true;
 
@@ -95,17 +95,17 @@ export class Navigator {
     return this.#gaze.orientation;
   }
 
-  /** Which way the eye looks, a unit vector of the world. */
+  /** The viewing direction, a unit vector of the world. */
   get forward(): Point {
     return this.#gaze.forward;
   }
 
-  /** The eye, and which way it looks: see `Gaze`. */
+  /** The eye and the viewing direction: see `Gaze`. */
   get pose(): { eye: Readonly<Point>; heading: number; pitch: number } {
     return { eye: this.#eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
   }
 
-  /** Metres from the eye to what it turns round; where one walks nothing is turned. */
+  /** Metres from the eye to the orbited point; in walk mode there is none. */
   get reach(): number {
     return this.mode.peek() === "walk" ? Number.POSITIVE_INFINITY : this.#wayTo(this.#pivot);
   }
@@ -115,12 +115,12 @@ export class Navigator {
     return this.vfov.peek();
   }
 
-  /** Something has moved the eye since the last step. */
+  /** Whether the eye was moved since the last step. */
   get isMoved(): boolean {
     return this.#hasMoved;
   }
 
-  /** Moves for so many seconds. Gives whether the eye has moved since the last step. */
+  /** Moves for this many seconds. Returns whether the eye has moved since the last step. */
   step(seconds: number): boolean {
     const isMoved = !this.isHeld && this.#move(Math.min(seconds, LONGEST));
     const hasMoved = this.#hasMoved || isMoved;
@@ -138,29 +138,29 @@ export class Navigator {
     this.#hasMoved = true;
   }
 
-  /** No key is held any more, as far as this knows: others have the keyboard. */
+  /** Releases all keys: other elements have the keyboard. */
   release(): void {
     this.#keys.release();
   }
 
-  /** Presses or lets go what moves the eye, as the key of that code does. */
+  /** Presses or releases the key of that code, if it moves the eye. */
   press(code: string, isDown: boolean): void {
     this.#keys.press(code, isDown);
   }
 
-  /** Faster by so many steps. */
+  /** Increases the speed by this many steps. */
   hasten(steps: number): void {
     this.speed.value = Math.min(1000, Math.max(0.01, this.speed.peek() * 1.2 ** steps));
   }
 
-  /** Whether the eye is elsewhere without having gone there, since this was asked. */
+  /** Whether the eye has jumped since the last call. */
   hasJumped(): boolean {
     const hasJumped = this.#hasJumped;
     this.#hasJumped = false;
     return hasJumped;
   }
 
-  /** Puts the eye at a place, and lets it look along `forward`. Taps and pushes until now were of another place. */
+  /** Puts the eye at a place, looking along `forward`. Earlier taps and drags are discarded. */
   goTo(eye: Readonly<Point>, forward: Readonly<Point>): void {
     this.#hasJumped = true;
     this.#zoomed = undefined;
@@ -169,7 +169,7 @@ export class Navigator {
     this.follow(eye, forward);
   }
 
-  /** The same, but as a step of a way that goes on. */
+  /** The same, but as a step of a continuous motion. */
   follow(eye: Readonly<Point>, forward: Readonly<Point>): void {
     this.#eye = [...eye];
     this.#gaze.along(forward);
@@ -178,8 +178,8 @@ export class Navigator {
   }
 
   /**
-   * Flies to where a box fills the picture, and looks at it: from the side from which it is seen now and from a
-   * little above, or from another side that is more open.
+   * Flies to where a box fills the picture, and looks at it: from the present side and a little above, or
+   * from a more open side.
    */
   frame(box: Box, sides: readonly Side[] = []): void {
     const { forward } = this;
@@ -232,7 +232,7 @@ export class Navigator {
     this.#hasMoved = true;
     const isOrbit = this.mode.peek() === "orbit";
     if (isPan && this.mode.peek() === "walk") {
-      // Two fingers push the ground away, as hands on a rail would.
+      // Two fingers push the ground away, like hands on a rail.
       const each = this.#scale / PUSH;
       this.#pushed = [this.#pushed[0] + down * each, this.#pushed[1] - right * each];
     } else if (isPan) {
@@ -247,7 +247,7 @@ export class Navigator {
     }
   }
 
-  /** Something is taken hold of: it is turned round. Where nothing is, that stays what it was if it shows. */
+  /** Begins to orbit the point there. On the background the old pivot stays if it is visible. */
   #hold(x: number, y: number): void {
     this.#zoomed = undefined;
     const held = this.pointAt(x, y, AROUND);
@@ -257,7 +257,7 @@ export class Navigator {
     }
   }
 
-  /** The middle of the model where it shows, or else what is as far ahead. */
+  /** The middle of the model if it is visible, or else the point as far ahead. */
   #ahead(): Readonly<Point> {
     const middle = this.#middle;
     return this.#frustum.shows(middle)
@@ -266,8 +266,8 @@ export class Navigator {
   }
 
   /**
-   * Goes nearer to what shows at a place of the canvas, or away from it. It stays there meanwhile. Where nothing
-   * shows, what is turned round comes nearer.
+   * Approaches the visible point at a place of the canvas, or moves away from it. The point stays there. On
+   * the background, the orbited point is approached.
    */
   #zoom(x: number, y: number, share: number): void {
     const frustum = this.#frustum;
@@ -278,7 +278,7 @@ export class Navigator {
     this.#approach(share);
   }
 
-  /** Goes a share of the way to what is turned round. */
+  /** Covers a share of the distance to the orbited point. */
   #approach(share: number): void {
     this.#eye = approach(this.#pivot, this.#eye, share, CLOSEST * this.#scale);
     this.#hasMoved = true;
@@ -288,7 +288,7 @@ export class Navigator {
     return Math.hypot(x - this.#eye[0], y - this.#eye[1], z - this.#eye[2]);
   }
 
-  /** What is in the picture. */
+  /** The frustum of the picture. */
   get #frustum(): Frustum {
     const { clientWidth, clientHeight } = this.#canvas;
     return new Frustum(this.#eye, this.#gaze, this.vfovDeg, clientWidth, clientHeight);
@@ -326,7 +326,7 @@ export class Navigator {
     );
   }
 
-  /** What a key does once. Gives whether it does anything. */
+  /** Runs the command of a key. Returns whether it has one. */
   #command(code: string): boolean {
     switch (code) {
       case "Digit1":

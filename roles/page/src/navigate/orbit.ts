@@ -1,8 +1,8 @@
-/** Moves round a point, as if the model were turned in the hand. */
+/** Orbits a point, as if the model were turned in the hand. */
 
 import type { Gaze, Point } from "./gaze.ts";
 
-/** Which way is right, up and ahead for a gaze: unit vectors of the world. */
+/** The right, up and forward directions of a gaze: unit vectors of the world. */
 export function axesOf(gaze: Gaze): readonly [Point, Point, Point] {
   const forward = gaze.forward;
   const right: Point = [Math.cos(gaze.heading), 0, -Math.sin(gaze.heading)];
@@ -25,7 +25,7 @@ export function along(from: Readonly<Point>, axes: readonly Point[], steps: Read
   return [at(0), at(1), at(2)];
 }
 
-/** Turns the gaze, and gives where the eye is then: the pivot shows at the same place as before. */
+/** Turns the gaze, and returns the new eye for which the pivot stays at the same place of the picture. */
 export function turnAbout(
   pivot: Readonly<Point>,
   eye: Readonly<Point>,
@@ -39,14 +39,14 @@ export function turnAbout(
   return along(pivot, axesOf(gaze), [steps[0] ?? 0, steps[1] ?? 0, steps[2] ?? 0]);
 }
 
-/** Where the eye is when it has gone so many metres to the right and upwards, across the gaze. */
+/** Moves the eye this many metres to the right and upwards, across the viewing direction. */
 export function pan(eye: Readonly<Point>, gaze: Gaze, right: number, up: number): Point {
   return along(eye, axesOf(gaze), [right, up, 0]);
 }
 
 /**
- * Where the eye is when it has gone a share of the way to a point, and no nearer to it than `nearest` metres. It
- * never gets there, and never beyond.
+ * The eye after a share of the way to a point, at least `nearest` metres from it. It never reaches or passes
+ * the point.
  */
 export function approach(
   pivot: Readonly<Point>,

@@ -1,25 +1,25 @@
-/** What a mouse and fingers do on the canvas, as drags. */
+/** Drags of a mouse and of fingers on the canvas. */
 
 /** One movement, in CSS pixels. */
 export interface Drag {
   readonly right: number;
   readonly down: number;
-  /** Across, and not round: the right or middle button, Shift, or two fingers. */
+  /** Pans instead of orbiting: the right or middle button, Shift, or two fingers. */
   readonly isPan: boolean;
-  /** How much farther apart two fingers are: 1 is as before. */
+  /** The ratio of two fingers' distance to the one before. */
   readonly spread: number;
 }
 
 /** Where a drag began, in CSS pixels of the canvas. */
 export type Start = (x: number, y: number) => void;
 
-/** Tells `onStart` and `onDrag` what is dragged on the canvas. */
+/** Calls `onStart` and `onDrag` for drags on the canvas. */
 export function listenToPointers(
   canvas: HTMLCanvasElement,
   onStart: Start,
   onDrag: (drag: Drag) => void,
 ): void {
-  /** Pointers that are down, where they were last. */
+  /** Pressed pointers, with their last positions. */
   const down = new Map<number, { x: number; y: number }>();
   const spreadOf = () => {
     const [a, b] = [...down.values()];
@@ -42,7 +42,7 @@ export function listenToPointers(
     const [right, over] = [event.clientX - last.x, event.clientY - last.y];
     down.set(event.pointerId, { x: event.clientX, y: event.clientY });
     const isPan = down.size > 1 || event.shiftKey || (event.buttons & 6) !== 0;
-    // Of two fingers each moves the picture by its half.
+    // Each of two fingers moves the picture by its half.
     const share = 1 / down.size;
     const spread = before > 0 ? spreadOf() / before : 1;
     onDrag({ right: right * share, down: over * share, isPan, spread });

@@ -1,17 +1,17 @@
-/** What is solid in a square of the ground, as the service tells it: `Tile::to_bytes` of `roles/scene`. */
+/** The solid spans in a square of the ground, as sent by the service: `Tile::to_bytes` of `roles/scene`. */
 
-/** Columns with their spans: heights between which something is. Metres, world. */
+/** Columns with their solid spans. Heights in metres, world. */
 export class Tile {
   readonly #x: number;
   readonly #z: number;
   readonly #cell: number;
   readonly #side: number;
-  /** Where the heights of each column begin, and where they end behind the last. */
+  /** The index of each column's first height, and the end behind the last. */
   readonly #starts: Uint32Array;
-  /** Of each span its lower and its upper end. */
+  /** The lower and upper end of each span. */
   readonly #heights: Float64Array;
 
-  /** Throws where the bytes are no tile. */
+  /** Throws if the bytes are not a valid tile. */
   constructor(bytes: ArrayBuffer) {
     const view = new DataView(bytes);
     [this.#x, this.#z] = [view.getFloat64(0, true), view.getFloat64(8, true)];
@@ -20,7 +20,7 @@ export class Tile {
     const unit = view.getFloat32(28, true);
     this.#side = view.getUint32(32, true);
     const columns = this.#side * this.#side;
-    // Each has two bytes at least.
+    // Each column has two bytes at least.
     if (!(this.#cell > 0) || !(unit > 0) || columns > bytes.byteLength) {
       throw new RangeError("the service has sent something that is no tile");
     }

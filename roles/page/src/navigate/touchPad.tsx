@@ -1,8 +1,8 @@
-/** Buttons that move the eye up and down while they are held, for who has no keyboard. */
+/** Buttons that move the eye up and down while they are held, for people without a keyboard. */
 
 import type { Navigator } from "./navigator.ts";
 
-/** By mode: what is written on a button, and the code of the key that does the same. */
+/** By mode: the label of a button, and the code of the equivalent key. */
 const WALKING = [["Jump", "Space"]] as const;
 const FLYING = [
   ["Rise", "KeyE"],

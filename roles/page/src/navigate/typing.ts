@@ -1,10 +1,10 @@
-/** Which keys are for what has the keyboard, and so are no shortcuts. */
+/** Keys that belong to the focused control, and so are no shortcuts. */
 
 const ARROWS = ["ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight"];
 const PAGES = ["Home", "End", "PageUp", "PageDown"];
 const PRESS = [" ", "Enter"];
 
-/** Kinds of controls, and the keys that each takes: the first that fits counts. */
+/** Kinds of controls, and the keys that each takes: the first match counts. */
 const CONTROLS: readonly (readonly [selector: string, keys: readonly string[] | "all"])[] = [
   ["input[type=range], [role=slider]", [...ARROWS, ...PAGES]],
   ["input[type=checkbox], [role=switch]", [" "]],
@@ -16,16 +16,16 @@ const CONTROLS: readonly (readonly [selector: string, keys: readonly string[] | 
   ["a[href]", ["Enter"]],
 ];
 
-/** What is asked of an element: whether it is within something that a selector fits. */
+/** An element's test: whether it is within a match of a selector. */
 export type Within = Pick<Element, "closest">;
 
-/** Whether the control around `target` takes a key itself, as the platform has it. */
+/** Whether the control around `target` handles a key itself, by platform convention. */
 export function takesKey(target: Within, key: string): boolean {
   const control = CONTROLS.find(([selector]) => target.closest(selector) !== null);
   return control !== undefined && (control[1] === "all" || control[1].includes(key));
 }
 
-/** Whether a key is no shortcut: it is for the control that has the keyboard, or for a modal dialog. */
+/** Whether a key is no shortcut: it is for the focused control, or for a modal dialog. */
 export function isForControl({ target, key }: KeyboardEvent): boolean {
   const isTaken = target instanceof Element && takesKey(target, key);
   return isTaken || document.querySelector("dialog:modal") !== null;

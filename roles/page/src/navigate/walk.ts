@@ -1,9 +1,9 @@
-/** A body that walks: it falls, climbs stairs, and does not go through walls. */
+/** A walking body: it falls, climbs stairs, and does not pass through walls. */
 
 import type { Point } from "./gaze.ts";
 import type { Solid } from "./ground.ts";
 
-/** Metres, of a person whose eye is at 1.7 m. Others are as much larger or smaller. */
+/** Metres, of a person whose eye is at 1.7 m. Others scale with the eye. */
 const EYE = 1.7;
 const RADIUS = 0.22;
 const HEIGHT = 1.78;
@@ -12,7 +12,7 @@ const STEP = 0.45;
 const JUMP = 0.4;
 const GRAVITY = 9.81;
 const FASTEST_FALL = 30;
-/** Seconds in which the eye makes up for most of a step. */
+/** The time constant with which the eye follows a step, seconds. */
 const SMOOTH = 0.09;
 
 export class Walk {
@@ -21,12 +21,12 @@ export class Walk {
   /** Metres a second upwards. */
   #rise = 0;
   #isStanding = false;
-  /** How far the eye is above where it would be if it had followed the feet at once. */
+  /** How far the eye is above its place over the feet. */
   #lag = 0;
-  /** How large the body is, in persons. */
+  /** The body's size, relative to a person. */
   readonly #scale: number;
 
-  /** A body whose eye is so high above its feet, metres, and now at `eye`. */
+  /** A body with this eye height, metres, whose eye is now at `eye`. */
   constructor(eye: Readonly<Point>, eyeHeight: number) {
     this.#scale = eyeHeight / EYE;
     this.feet = [eye[0], eye[1] - eyeHeight, eye[2]];
@@ -54,10 +54,10 @@ export class Walk {
     }
   }
 
-  /** Goes so far along x and z, in so many seconds. Gives whether it has moved. */
+  /** Moves this far along x and z, in this many seconds. Returns whether it has moved. */
   step(seconds: number, x: number, z: number, solid: Solid): boolean {
     const before = this.eye;
-    // No part of a way is longer than a column is wide, so nothing is stepped over.
+    // No part of a move is longer than half a column, so nothing is stepped over.
     const parts = Math.max(1, Math.ceil(Math.hypot(x, z) / (0.5 * solid.cell)), Math.ceil(seconds / 0.02));
     for (let part = 0; part < parts; part += 1) {
       this.#go(x / parts, z / parts, solid);
@@ -70,12 +70,12 @@ export class Walk {
     return this.eye.some((coordinate, axis) => coordinate !== before[axis]);
   }
 
-  /** Goes there, or along the wall that is in the way. */
+  /** Moves there, or along a wall in the way. */
   #go(x: number, z: number, solid: Solid): void {
     if (x === 0 && z === 0) {
       return;
     }
-    // Whoever is within something gets out of it by any way.
+    // A body within something may leave it in any direction.
     const isWithin = !this.#fits(this.feet, solid);
     for (const [right, back] of [
       [x, z],
@@ -104,7 +104,7 @@ export class Walk {
   /** Falls, or stands, or steps down. */
   #fall(seconds: number, solid: Solid): void {
     const ground = this.#groundBelow(this.feet, solid);
-    // Where there is no ground at all nobody falls for ever.
+    // Without any ground nobody falls for ever.
     if (ground === undefined || ground === Number.NEGATIVE_INFINITY) {
       [this.#rise, this.#isStanding] = [0, ground !== undefined];
       return;
@@ -125,7 +125,7 @@ export class Walk {
     }
   }
 
-  /** Whether the body has room at a place: what it could step on is in nobody's way. */
+  /** Whether the body has room at a place: low steps are no obstacle. */
   #fits(feet: Readonly<Point>, solid: Solid): boolean {
     const [low, high] = [feet[1] + STEP * this.#scale, feet[1] + HEIGHT * this.#scale];
     return this.#columns(feet, solid, (spans) => {
@@ -139,8 +139,8 @@ export class Walk {
   }
 
   /**
-   * The highest surface under the body that it can step on; minus infinity where there is none, and nothing
-   * where that is not known yet.
+   * The highest surface under the body that it can step on; minus infinity if there is none, `undefined` if
+   * not known yet.
    */
   #groundBelow(feet: Readonly<Point>, solid: Solid): number | undefined {
     const reach = feet[1] + STEP * this.#scale;
@@ -163,7 +163,7 @@ export class Walk {
     const { cell } = solid;
     for (let z = Math.floor((feet[2] - radius) / cell); z * cell < feet[2] + radius; z += 1) {
       for (let x = Math.floor((feet[0] - radius) / cell); x * cell < feet[0] + radius; x += 1) {
-        // The place of the column that is nearest to the axis of the body.
+        // The point of the column nearest to the axis of the body.
         const right = Math.max(x * cell, Math.min(feet[0], (x + 1) * cell)) - feet[0];
         const back = Math.max(z * cell, Math.min(feet[2], (z + 1) * cell)) - feet[2];
         if (right * right + back * back < radius * radius) {

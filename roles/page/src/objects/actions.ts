@@ -1,19 +1,19 @@
-/** What a person does to objects, as changes of a view. */
+/** A person's actions on objects, as changes of a view. */
 
 import type { ObjectSet } from "../proto/objectSet.ts";
 import { ObjectSet as Objects } from "../proto/objectSet.ts";
 import type { UserView } from "../viewer/viewHistory.ts";
 
-/** A change of what is shown. */
+/** A change of the view. */
 export type Change = Partial<UserView>;
 
-/** These are not drawn any more. */
+/** Hides these. */
 export function hide(view: UserView, objects: ObjectSet): Change {
   const { isolated } = view;
   return { hidden: view.hidden.union(objects), isolated: isolated?.minus(objects) };
 }
 
-/** These are drawn, whatever was hidden or isolated before. */
+/** Draws these, even if they were hidden or not isolated. */
 export function show(view: UserView, objects: ObjectSet): Change {
   return { hidden: view.hidden.minus(objects), isolated: view.isolated?.union(objects) };
 }
@@ -23,25 +23,25 @@ export function isolate(view: UserView, objects: ObjectSet): Change {
   return { isolated: objects, hidden: view.hidden.minus(objects) };
 }
 
-/** The rest shines through these, or no longer if it does through all of them. */
+/** Makes these see-through, or opaque again if all of them are. */
 export function toggleSeeThrough(view: UserView, objects: ObjectSet): Change {
   const { seeThrough } = view;
   return { seeThrough: seeThrough.covers(objects) ? seeThrough.minus(objects) : seeThrough.union(objects) };
 }
 
-/** All objects are drawn as the model has them, and nothing is cut away. */
+/** Draws all objects as in the model, without sections. */
 export function showAll(modelSeeThrough = Objects.EMPTY): Change {
   return { hidden: Objects.EMPTY, isolated: undefined, seeThrough: modelSeeThrough, sections: [] };
 }
 
-/** How much of these is drawn. */
+/** How many of these are drawn. */
 export function visibility(view: UserView, objects: ObjectSet): "all" | "some" | "none" {
   const { isolated, hidden } = view;
   const drawn = (isolated === undefined ? objects : objects.minus(objects.minus(isolated))).minus(hidden);
   return drawn.isEmpty ? "none" : drawn.size === objects.size ? "all" : "some";
 }
 
-/** What of the model is not drawn as it is, in a few words; empty where all is. */
+/** Describes the changes of the view in a few words; empty without changes. */
 export function told({ sections, hidden, isolated, seeThrough }: UserView): string {
   const parts = [
     sections.length > 0 && `cut by ${sections.length} ${sections.length === 1 ? "section" : "sections"}`,

@@ -10,13 +10,13 @@ import { around, type Selection } from "./selection.ts";
 
 export interface Command {
   readonly label: string;
-  /** As it stands on a keyboard. */
+  /** Its label on a keyboard. */
   readonly key: string;
   readonly run: () => void;
   readonly isPossible: () => boolean;
 }
 
-/** What can be done to what is picked, and to the view. */
+/** The commands for picked objects, and for the view. */
 export function commandsOf(viewer: Viewer, selection: Selection, measuring: Measuring): readonly Command[] {
   const { view, selected } = viewer;
   const hasSelection = () => !selected.value.isEmpty;
@@ -70,7 +70,7 @@ export function commandsOf(viewer: Viewer, selection: Selection, measuring: Meas
   ];
 }
 
-/** Goes to where a part is seen. */
+/** Moves to a view of a part. */
 export function goTo(viewer: Viewer, part: PartDetails | undefined): void {
   if (part !== undefined) {
     viewer.navigator.frame(part.core, part.sides);
@@ -78,7 +78,7 @@ export function goTo(viewer: Viewer, part: PartDetails | undefined): void {
   }
 }
 
-/** Goes to where all of these are seen. */
+/** Moves to a view of all of these. */
 function goToAll(viewer: Viewer, parts: readonly PartDetails[]): void {
   const box = around(parts.map(({ core }) => core));
   if (box !== undefined && parts.length > 1) {
@@ -88,12 +88,12 @@ function goToAll(viewer: Viewer, parts: readonly PartDetails[]): void {
   }
 }
 
-/** Goes to where the whole model is seen. */
+/** Moves to a view of the whole model. */
 export function seeAll({ navigator, scene }: Viewer): void {
   navigator.frame(scene.core);
 }
 
-/** The key of an event as commands have it. */
+/** The key of an event in the notation of commands. */
 export function keyOf({ ctrlKey, metaKey, shiftKey, key }: KeyboardEvent): string {
   const shift = shiftKey ? "Shift+" : "";
   return `${ctrlKey || metaKey ? "Ctrl+" : ""}${shift}${key.length === 1 ? key.toUpperCase() : key}`;

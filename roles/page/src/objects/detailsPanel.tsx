@@ -1,4 +1,4 @@
-/** What is known of the part that is picked. */
+/** The details of the picked part. */
 
 import type { Part, PartDetails } from "../service/service.ts";
 import { lengthText, unit } from "./lengths.ts";

@@ -10,7 +10,7 @@ const SMALL = 0.01;
 const INCH = 0.0254;
 const STORED = "trimaran-unit";
 
-/** The unit that this person reads. */
+/** This person's unit. */
 export const unit = signal<Unit>(storedUnit());
 
 export function chooseUnit(chosen: Unit): void {
@@ -18,7 +18,7 @@ export function chooseUnit(chosen: Unit): void {
   try {
     localStorage.setItem(STORED, chosen);
   } catch {
-    // A browser that stores nothing keeps it as long as the page is open.
+    // Without storage the browser keeps it as long as the page is open.
   }
 }
 
@@ -40,7 +40,7 @@ function written(metres: number, unit: Unit, digits: number): string {
     case "mm":
       return `${sign}${(1000 * length).toFixed(digits)} mm`;
     case "ft-in": {
-      // Rounded before it is divided: there are no 12 inches.
+      // Rounded before it is divided, so that 12 inches never appear.
       const parts = 100 * 10 ** digits;
       const all = Math.round((parts * length) / INCH);
       const feet = Math.floor(all / (12 * parts));
@@ -51,8 +51,8 @@ function written(metres: number, unit: Unit, digits: number): string {
 }
 
 /**
- * The same, of a length that may be off by `error` metres; by how much is unknown where that is nothing. Less
- * than half of the last digit does not count.
+ * The same for a length with an error of `error` metres; undefined if unknown. An error below half of the
+ * last digit is not shown.
  */
 export function measuredText(metres: number, error: number | undefined, unit: Unit): string {
   const text = lengthText(metres, unit);
@@ -61,7 +61,7 @@ export function measuredText(metres: number, error: number | undefined, unit: Un
   }
   const digits = moreDigits(metres);
   const last = (unit === "ft-in" ? INCH / 100 : 0.001) / 10 ** digits;
-  // Up to the last digit of the length: it is a bound. What is but a rounding above a digit is that digit.
+  // The error is a bound, rounded up to the last digit. An excess by rounding alone does not count.
   const bound = last * Math.ceil(error / last - 1e-6);
   return error < last / 2 ? text : `${text} ± ${written(bound, unit, digits)}`;
 }

@@ -1,4 +1,4 @@
-/** Says why what was gone to does not show, and helps. */
+/** Explains why a part does not show after moving to it, and offers help. */
 
 import type { Drawable } from "../draw/model.ts";
 import { type Box, centreOf } from "../navigate/framing.ts";
@@ -11,14 +11,14 @@ import { show, visibility } from "./actions.ts";
 
 type Part = Pick<PartDetails, "first" | "end" | "core">;
 
-/** Less of a part than this share of its pixels is hidden. */
+/** A part counts as hidden if less than this share of its pixels is visible. */
 const SHOWN = 0.2;
-/** Layers that are seen through, one behind the other. */
+/** The most layers to make see-through, one behind the other. */
 const LAYERS = 8;
-/** Milliseconds that a picture may take to be exact. */
+/** The timeout for an exact picture, milliseconds. */
 const LONGEST = 10_000;
 
-/** Says why a part does not show, once the picture is exact, and offers help; not if the eye goes on. */
+/** Once the picture is exact, explains why a part does not show, and offers help; not if the eye moves. */
 export async function tellIfHidden(viewer: Viewer, part: Part): Promise<void> {
   const { view } = viewer;
   viewer.offer.value = undefined;
@@ -43,7 +43,7 @@ export async function tellIfHidden(viewer: Viewer, part: Part): Promise<void> {
   }
 }
 
-/** Makes all see-through that is in front of a part. It is one step of the history. */
+/** Makes everything in front of a part see-through, as one step of the history. */
 async function seeThroughTo(viewer: Viewer, part: Part): Promise<void> {
   const { view } = viewer;
   const { seeThrough: before } = view.current.peek();
@@ -57,7 +57,7 @@ async function seeThroughTo(viewer: Viewer, part: Part): Promise<void> {
     view.drag({ seeThrough });
     const isExact = await becomesExact(viewer);
     if (view.current.peek().seeThrough !== seeThrough) {
-      // It has been taken back meanwhile, or changed by hand.
+      // It was undone meanwhile, or changed by hand.
       return;
     }
     if (!isExact) {
@@ -69,11 +69,11 @@ async function seeThroughTo(viewer: Viewer, part: Part): Promise<void> {
   }
 }
 
-/** Waits until the picture is exact. Gives whether it is, with the eye where it was. */
+/** Waits until the picture is exact. Returns whether it is, with the eye unmoved. */
 async function becomesExact(viewer: Viewer): Promise<boolean> {
   const { eye, forward } = viewer.navigator;
   const pose = [...eye, ...forward].join();
-  // What has just changed is not asked for before the next picture.
+  // A change is only requested with the next picture.
   for (const begun = performance.now(); performance.now() - begun < LONGEST; ) {
     await new Promise((resolve) => setTimeout(resolve, 50));
     const { eye, forward } = viewer.navigator;
@@ -91,7 +91,7 @@ function isOf({ first, end }: Part, { object }: Pick<Drawable, "object">): boole
   return first <= object && object < end;
 }
 
-/** Whether little or nothing of a part shows. */
+/** Whether little or nothing of a part is visible. */
 function isHidden(viewer: Viewer, part: Part): boolean {
   const own = viewer.shown().filter((drawable) => isOf(part, drawable));
   const ids = new Set(own.map(({ id }) => id));
@@ -105,7 +105,7 @@ function isHidden(viewer: Viewer, part: Part): boolean {
   return (among ?? 0) <= SHOWN * (alone ?? 0);
 }
 
-/** The objects that show where a part is, and are not behind its middle. */
+/** The visible objects in a part's place that are not behind its middle. */
 function coverOf(viewer: Viewer, part: Part): ObjectSet {
   const { camera, canvas, renderer, navigator } = viewer;
   const { forward, eye } = navigator;

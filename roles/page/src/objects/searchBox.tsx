@@ -10,10 +10,10 @@ import { goTo } from "./commands.ts";
 import { nameOf } from "./detailsPanel.tsx";
 import type { Selection } from "./selection.ts";
 
-/** Milliseconds without a key until it is asked. */
+/** Milliseconds without a key before the search. */
 const PAUSE = 150;
 
-/** What was found, so far as it is shown. */
+/** The results shown so far. */
 interface Found extends Parts {
   readonly text: string;
 }
@@ -44,12 +44,12 @@ export function SearchBox({ viewer, selection }: Properties) {
     addEventListener("keydown", focus);
     return () => removeEventListener("keydown", focus);
   }, []);
-  // Before the browser paints: no picture shows the list without what is chosen.
+  // Before the browser paints, so that the selected row is always visible.
   useLayoutEffect(() => {
     list.current?.querySelector("[aria-selected=true]")?.scrollIntoView({ block: "nearest" });
   }, [at.value, isOpen.value]);
 
-  /** Asks what has a text, from a row on; the answer to what was asked before is not waited for any more. */
+  /** Searches for a text, from a row on; an earlier search is cancelled. */
   const ask = async (text: string, from: number, pause: number) => {
     asked.current?.abort();
     const asking = new AbortController();
@@ -82,7 +82,7 @@ export function SearchBox({ viewer, selection }: Properties) {
   const choose = async (index: number) => {
     const part = found.peek()?.parts[index];
     if (part !== undefined) {
-      // It stays chosen: who comes back goes on from there.
+      // It stays selected for when the person returns.
       at.value = index;
       close();
       viewer.canvas.focus();

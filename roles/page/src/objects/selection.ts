@@ -1,4 +1,4 @@
-/** What a person has picked, and what the service says of it. */
+/** The picked parts, and their details from the service. */
 
 import { computed, effect, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
@@ -6,35 +6,35 @@ import type { Part, PartDetails } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { messageOf } from "../wire/errors.ts";
 
-/** A click is no longer, and moves no farther: milliseconds and CSS pixels. */
+/** The longest time and motion of a click: milliseconds and CSS pixels. */
 const LONGEST = 400;
 const FARTHEST = 4;
 
-/** Which part is meant. */
+/** Identifies a part. */
 type PartKey = Pick<Part, "kind" | "id" | "first" | "end">;
 
-/** Where parts are. */
+/** The bounds of parts. */
 export type Bounds = Pick<PartDetails, "min" | "max">;
 
-/** A part that was picked, and what is known of it once the service has answered. */
+/** A picked part, with its details once the service has answered. */
 interface Picked {
   readonly part: PartKey;
   readonly details: PartDetails | undefined;
 }
 
 export class Selection {
-  /** What was picked, in order. Of each some object is still selected. */
+  /** The picked parts, in order. At least one object of each is still selected. */
   readonly #picked = signal<readonly Picked[]>([]);
   /** How many parts are picked. */
   readonly count = computed(() => this.#picked.value.length);
-  /** What is known of the part that was picked last, of those that still are. */
+  /** The details of the last picked part that is still selected. */
   readonly details = computed(() => this.#picked.value.at(-1)?.details);
-  /** What is known of each. */
+  /** The details of each. */
   readonly parts = computed(() => this.#picked.value.flatMap(({ details }) => details ?? []));
-  /** The box around all that is picked. */
+  /** The box around all picked parts. */
   readonly bounds = computed(() => around(this.parts.value));
   readonly #viewer: Viewer;
-  /** Takes clicks in place of the selection, and gives whether it does. */
+  /** Handles clicks instead of the selection, and returns whether it does. */
   readonly #clicks: (x: number, y: number) => boolean;
 
   constructor(viewer: Viewer, clicks: (x: number, y: number) => boolean) {
@@ -47,13 +47,13 @@ export class Selection {
     });
   }
 
-  /** Picks a part alone, and tells what it is. */
+  /** Picks only this part, and returns its details. */
   pick(part: PartKey): Promise<PartDetails | undefined> {
     this.#viewer.selected.value = objectsOf(part);
     return this.#add([], part);
   }
 
-  /** Picks one part more, or where it is picked, no longer. */
+  /** Toggles whether a part is picked. */
   toggle(part: PartKey): void {
     const { selected } = this.#viewer;
     const objects = objectsOf(part);
@@ -67,7 +67,7 @@ export class Selection {
     this.#picked.value = this.#picked.peek().filter(({ part }) => !left.isApartFrom(objectsOf(part)));
   }
 
-  /** Picks as a click with these keys does: alone, or with Ctrl or Shift beside what is picked. */
+  /** Picks like a click with these keys: only this part, or with Ctrl or Shift in addition. */
   click(part: PartKey, { ctrlKey, metaKey, shiftKey }: MouseEvent): void {
     const { selected, picksMore } = this.#viewer;
     const isPicked = selected.peek().covers(objectsOf(part));
@@ -107,7 +107,7 @@ export class Selection {
     const viewer = this.#viewer;
     const picked = viewer.pick(event.offsetX, event.offsetY);
     if (picked === undefined) {
-      // Who adds to what is picked, and misses, loses nothing.
+      // A missed click with a modifier keeps the picked parts.
       if (!(event.ctrlKey || event.metaKey || event.shiftKey)) {
         this.clear();
       }
@@ -121,7 +121,7 @@ export class Selection {
     this.click({ kind: "object", id: object, first: object, end: object + 1 }, event);
   }
 
-  /** Picks a part beside others, and asks what it is. */
+  /** Picks a part in addition to others, and gets its details. */
   async #add(others: readonly Picked[], part: PartKey): Promise<PartDetails | undefined> {
     this.#picked.value = [...others, { part, details: undefined }];
     const { service, said } = this.#viewer;
@@ -140,7 +140,7 @@ function objectsOf({ first, end }: PartKey): ObjectSet {
   return ObjectSet.run(first, end);
 }
 
-/** The box around parts; nothing where there is none. */
+/** The box around parts; nothing if there are none. */
 export function around(parts: readonly Bounds[]): Bounds | undefined {
   const side = (of: "min" | "max", axis: 0 | 1 | 2) => Math[of](...parts.map((part) => part[of][axis]));
   const corner = (of: "min" | "max") => [side(of, 0), side(of, 1), side(of, 2)] as const;

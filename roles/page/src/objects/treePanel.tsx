@@ -1,4 +1,4 @@
-/** The model's hierarchy, with what of it is drawn. One row has the keyboard: arrows go to others. */
+/** The model's hierarchy, with the visibility of its parts. One row has the focus: arrow keys move it. */
 
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
@@ -19,7 +19,7 @@ interface Properties {
 interface Place {
   /** From 1 on. */
   readonly level: number;
-  /** The row that Tab leads to, by its key; empty is the first one. */
+  /** The key of the row that Tab leads to; empty for the first one. */
   readonly current: Signal<string>;
 }
 
@@ -34,7 +34,7 @@ export function TreePanel(properties: Properties) {
   );
 }
 
-/** The parts of a group: some at first, more when they are asked for. */
+/** The parts of a group: some at first, more on request. */
 function Branch(properties: Properties & Place & { readonly group: number | undefined }) {
   const { viewer, group, level, current } = properties;
   const parts = useSignal<readonly Part[]>([]);
@@ -51,7 +51,7 @@ function Branch(properties: Properties & Place & { readonly group: number | unde
   };
   // Once, when the branch opens.
   useEffect(() => void more(), []);
-  /** The first of the new rows stands where the row that asks for more stood. */
+  /** The first of the new rows replaces the row that requested them. */
   const goOn = async () => {
     const shown = parts.value.length;
     await more();
@@ -108,7 +108,7 @@ function Row({
     viewer.view.change(drawn === "all" ? hide(view, objects) : show(view, objects));
   };
   const open = (isToBe: boolean) => {
-    // What is below the row goes, maybe with the row that Tab leads to.
+    // The rows below go, perhaps with the row that Tab leads to.
     [isOpen.value, current.value] = [isToBe, keyOf(part)];
   };
   const press = (event: KeyboardEvent) => {
@@ -193,7 +193,7 @@ function isCurrent(current: string, key: string, isFirst: boolean): boolean {
   return current === "" ? isFirst : current === key;
 }
 
-/** Goes to another row, as the keys of trees do. */
+/** Moves to another row, by the usual keys of trees. */
 function walk(event: KeyboardEvent): void {
   const { target, key } = event;
   const row = target instanceof Element ? target.closest(ROWS) : null;

@@ -1,4 +1,4 @@
-/** All that is beside the picture. */
+/** Everything beside the picture. */
 
 import { useSignal } from "@preact/signals";
 import { render } from "preact";
@@ -25,7 +25,7 @@ import { Messages } from "./messages.tsx";
 import { Panel } from "./panel.tsx";
 import { StatusPanel } from "./statusPanel.tsx";
 
-/** Panels of which one is open at a time, by the keys that open them. */
+/** Panels of which one is open at a time, with their keys. */
 const PANEL_KEYS = {
   T: "Model",
   B: "Cut",
@@ -66,11 +66,11 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       document.getElementById(`open-${panel}`)?.focus();
     }
   };
-  /** Takes back the point that was measured last, or leaves a panel, or ends measuring, or picks nothing. */
+  /** Undoes the last measured point, or leaves a panel, or ends measuring, or clears the selection. */
   const stepBack = () => {
     const isInPanel = document.activeElement?.closest(".frame") != null;
     viewer.canvas.focus({ preventScroll: true });
-    // Out of a panel first: what is picked there stays.
+    // Leaves a panel first; the selection stays.
     if (measuring.takeBack() || isInPanel) {
       return;
     }
@@ -146,7 +146,7 @@ function isPanelKey(key: string): key is keyof typeof PANEL_KEYS {
   return key in PANEL_KEYS;
 }
 
-/** What can be done to objects: shown where something is picked, or something is changed already. */
+/** The actions on objects, shown if something is picked or already changed. */
 function ViewBar({ viewer, commands }: { readonly viewer: Viewer; readonly commands: readonly Command[] }) {
   const changed = told(viewer.view.current.value);
   const { canUndo, canRedo } = viewer.view;

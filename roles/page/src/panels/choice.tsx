@@ -1,6 +1,6 @@
-/** One of several, to choose. */
+/** A choice of one among several options. */
 
-/** Something to choose. */
+/** An option to choose. */
 export interface Option<T> {
   readonly value: T;
   readonly text: string;

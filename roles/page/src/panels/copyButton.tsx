@@ -1,8 +1,8 @@
-/** A button that puts a text on the clipboard. */
+/** A button that copies a text to the clipboard. */
 
 import { useSignal } from "@preact/signals";
 
-/** Milliseconds for which it says that it did. */
+/** Milliseconds for which it confirms the copy. */
 const SHOWN = 1500;
 
 export function CopyButton({ text, label }: { readonly text: string; readonly label: string }) {
@@ -20,13 +20,13 @@ export function CopyButton({ text, label }: { readonly text: string; readonly la
   );
 }
 
-/** Puts a text on the clipboard. Gives whether the browser allowed it. */
+/** Copies a text to the clipboard. Returns whether the browser allowed it. */
 export async function copyText(text: string): Promise<boolean> {
   try {
     await navigator.clipboard.writeText(text);
     return true;
   } catch {
-    // Pages of other machines have no clipboard without TLS, but for what is selected.
+    // Without TLS, pages of other machines can only copy a selection.
     const field = document.createElement("textarea");
     field.value = text;
     document.body.append(field);

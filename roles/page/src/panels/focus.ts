@@ -1,8 +1,8 @@
-/** Where the keyboard goes when what had it is gone. */
+/** Keeps the keyboard focus when the focused element is removed. */
 
 /**
- * Gives the keyboard to `home` whenever something in `place` that had it is taken away: else the next key of
- * a person would begin at the top of the page.
+ * Focuses `home` whenever the focused element in `place` is removed: else the next key of a person would
+ * begin at the top of the page.
  */
 export function keepFocus(place: HTMLElement, home: HTMLElement): void {
   let last: Element | undefined;

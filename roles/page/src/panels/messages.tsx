@@ -1,20 +1,20 @@
-/** What has just happened, and why there is no link: said once, and gone after a while. */
+/** Messages on recent events and on a lost link: shown once, and removed after a while. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Viewer } from "../viewer/viewer.ts";
 import { withoutSecrets } from "../wire/errors.ts";
 
-/** Milliseconds that a message stays: at least, and for each letter. */
+/** How long a message stays, milliseconds: at least, and per letter. */
 const SHORTEST = 5000;
 const EACH = 60;
 
 export function Messages({ viewer }: { readonly viewer: Viewer }) {
   const { said, offer } = viewer;
   const trouble = viewer.session.trouble.value;
-  /** The trouble that a person has closed. Another one is shown again. */
+  /** The error that a person has closed. Another one is shown again. */
   const closed = useSignal("");
-  /** Somebody reads it, or is about to close it. */
+  /** The pointer or the focus is on it. */
   const isHeld = useSignal(false);
   useEffect(() => {
     const length = said.value.length + (offer.value?.text.length ?? 0);

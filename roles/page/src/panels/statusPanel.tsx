@@ -1,4 +1,4 @@
-/** What the page does, in numbers, and what can be changed of it while it goes on. */
+/** The page's figures, and settings that can be changed while it runs. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
@@ -8,7 +8,7 @@ import type { Cullers, Viewer } from "../viewer/viewer.ts";
 import { Choice, type Option } from "./choice.tsx";
 import { TimelineChart } from "./timelineChart.tsx";
 
-/** Milliseconds between two looks. */
+/** Milliseconds between two updates. */
 const PERIOD = 500;
 
 const EPSILONS = [0.5, 1, 2, 4, 8, 16].map((value) => ({ value, text: String(value) }));
@@ -142,7 +142,7 @@ function milliseconds(time = 0): string {
   return `${time.toFixed(0)} ms`;
 }
 
-/** Of the last picture that was audited. */
+/** The result of the last audited picture. */
 function wrong({ isSettled }: Viewer, audited: Audited | undefined): string {
   if (isSettled) {
     return "none: it is exact";

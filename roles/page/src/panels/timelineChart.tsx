@@ -1,4 +1,4 @@
-/** When which role worked, over the last second: what the culler did, and what the page did meanwhile. */
+/** A timeline of the last second: the culler's work, and the page's at the same time. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
@@ -6,7 +6,7 @@ import type { FrameTimes } from "../display/timeline.ts";
 import { Samples } from "../drive/samples.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 
-/** Milliseconds that are shown, and between two looks. */
+/** The shown span, and the time between two updates, milliseconds. */
 const SPAN = 1000;
 const PERIOD = 250;
 /** Units of the drawing. */
@@ -18,7 +18,7 @@ export interface Stretch {
   readonly to: number;
 }
 
-/** What is shown of frames: one lane below the other. */
+/** One lane of the chart. */
 export interface Lane {
   readonly name: string;
   readonly about: string;
@@ -27,7 +27,7 @@ export interface Lane {
 
 /**
  * The lanes of frames and of pictures. The clocks of culler and page are not compared: HC is drawn to end
- * when the ids are there, so it is late by their way.
+ * when the ids arrive, so it is late by their delay.
  */
 export function lanesOf(frames: readonly FrameTimes[], pictures: readonly Stretch[]): readonly Lane[] {
   const worked = frames.flatMap(({ came, work }) => (work === undefined ? [] : [{ came, ...work }]));
@@ -102,7 +102,7 @@ export function TimelineChart({ viewer }: { readonly viewer: Viewer }) {
   );
 }
 
-/** The median length; nothing of none. */
+/** The median length; empty without stretches. */
 export function median(stretches: readonly Stretch[]): string {
   const lengths = new Samples();
   for (const { from, to } of stretches) {

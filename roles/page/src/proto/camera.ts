@@ -1,4 +1,4 @@
-/** The camera: what the latest lane carries, and what a frame begins with. */
+/** The camera: the content of the latest lane, and the beginning of a frame. */
 
 import { Reader, WireError, Writer } from "../wire/bytes.ts";
 
@@ -8,17 +8,17 @@ export interface Camera {
   readonly eye: readonly [number, number, number];
   /** Camera to world: a unit quaternion x, y, z, w. */
   readonly orientation: readonly [number, number, number, number];
-  /** Tangent of half the vertical field of view. It travels as f32. */
+  /** Tangent of half the vertical field of view. Sent as f32. */
   readonly tanHalfFov: number;
-  /** The version of the view state that the frame is seen in. */
+  /** The version of the frame's view state. */
   readonly viewState: number;
-  /** Near distance in metres. It travels as f32. */
+  /** Near distance in metres. Sent as f32. */
   readonly near: number;
-  /** The frame it is meant for. */
+  /** Its frame. */
   readonly frame: number;
 }
 
-/** The 72 bytes that travel. */
+/** Encodes a camera as 72 bytes. */
 export function encodeCamera(camera: Camera): Uint8Array<ArrayBuffer> {
   const writer = new Writer();
   for (const coordinate of [...camera.eye, ...camera.orientation]) {
@@ -28,7 +28,7 @@ export function encodeCamera(camera: Camera): Uint8Array<ArrayBuffer> {
   return writer.f32(camera.near).u32(camera.frame).take();
 }
 
-/** Reads a camera. Numbers that are not a camera's throw a `WireError`. */
+/** Reads a camera. Throws a `WireError` if it is invalid. */
 export function decodeCamera(bytes: Uint8Array): Camera {
   const reader = new Reader(bytes);
   const camera: Camera = {

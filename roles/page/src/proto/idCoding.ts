@@ -1,7 +1,7 @@
 /**
- * Ids that travel as changes against a reference: the ids of an earlier frame, rising and each once.
+ * Ids coded as changes against a reference: the ids of an earlier frame, ascending and each once.
  *
- * A batch is runs over the reference: keep so many of its ids, skip so many, put these in between.
+ * A batch is runs over the reference: keep this many of its ids, skip this many, put these in between.
  */
 
 import { Reader, WireError } from "../wire/bytes.ts";
@@ -17,14 +17,14 @@ const MOST_IDS = 262_144;
 /** The largest id. */
 const LARGEST = 0xffff_ffff;
 
-/** What follows a run of kept ids: the lower two bits of its first number. */
+/** The step after a run of kept ids: the lower two bits of its first number. */
 const Step = { skipOne: 0, putOne: 1, skip: 2, put: 3 } as const;
 
 /** The ids of a frame that is kept. */
 interface Held {
   readonly frame: number;
   ids: Uint32Array;
-  /** Whether the ids rise. They are put in order when they are first asked for. */
+  /** Whether the ids ascend. They are sorted on first use. */
   isRising: boolean;
 }
 
@@ -67,7 +67,7 @@ export class IdDecoder implements BatchDecoder {
   }
 }
 
-/** The fault in the ids of a frame of a scene with so many drawables, if there is one. */
+/** The error in the ids of a frame of a scene with this many drawables, if there is one. */
 export function faultOfIds(ids: Uint32Array, drawables: number): string | undefined {
   const sorted = isRising(ids) ? ids : ids.slice().sort();
   const largest = sorted.at(-1);
@@ -85,7 +85,7 @@ class Runs {
   readonly #held: Uint32Array;
   readonly #room: number;
   #place: number;
-  /** The least that the next id can be; beyond the largest where none can come. */
+  /** The least that the next id can be; beyond the largest if none can come. */
   #next: number;
   #ids = new Uint32Array(256);
   #count = 0;
@@ -98,7 +98,7 @@ class Runs {
     this.#next = before === undefined ? 0 : before + 1;
   }
 
-  /** The ids that were read. A batch has one at least. */
+  /** The ids that were read. A batch has at least one. */
   ids(): Uint32Array<ArrayBuffer> {
     if (this.#count === 0) {
       throw new WireError("a batch of changes stands for no id");
@@ -139,7 +139,7 @@ class Runs {
     }
   }
 
-  /** Each takes a byte at least, so a large count is soon at the end of the bytes. */
+  /** Each takes at least a byte, so a false count soon runs out of bytes. */
   #putMany(count: number, reader: Reader): void {
     for (let left = count; left > 0; left -= 1) {
       this.#put(reader);
@@ -152,7 +152,7 @@ class Runs {
     this.#push(this.#next + gap);
   }
 
-  /** The next `count` ids of the reference; they are behind then. */
+  /** Consumes the next `count` ids of the reference. */
   #pass(count: number): Uint32Array {
     const end = this.#place + count;
     if (end > this.#held.length) {
@@ -172,7 +172,7 @@ class Runs {
     this.#count += 1;
   }
 
-  /** A few bytes can stand for many ids, so these are counted before they are written down. */
+  /** A few bytes can stand for many ids, so they are counted before memory is allocated. */
   #makeRoom(more: number): void {
     const count = this.#count + more;
     if (count > MOST_ITEMS) {
@@ -189,7 +189,7 @@ class Runs {
   }
 }
 
-/** The ids in order, each once. */
+/** The ids sorted, without duplicates. */
 function rising(ids: Uint32Array): Uint32Array {
   return isRising(ids)
     ? ids

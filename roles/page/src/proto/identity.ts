@@ -1,21 +1,21 @@
-/** Who a peer is: the application's hello. And how it leaves. */
+/** The identity of a peer: the application's hello. And its close codes. */
 
 import { Reader, Writer } from "../wire/bytes.ts";
 import type { Application } from "../wire/link.ts";
 import { readSettings, type Settings, writeSettings } from "./settings.ts";
 
-/** What peers of Trimaran's links must know beforehand. */
+/** The protocol that peers of Trimaran's links must agree on. */
 export const TRIMARAN: Application = {
   name: "trimaran/1",
   format: { latest: 72, header: 72, item: 4 },
 };
 
-/** What a peer does in a session. */
+/** The roles of peers in a session. */
 export const ROLES = ["culler", "display"] as const;
 
 export type Role = (typeof ROLES)[number];
 
-/** Which scene, and how many records of each kind it has. */
+/** The scene, and how many records of each kind it has. */
 export interface Outline {
   /** The scene's fingerprint. */
   readonly hash: bigint;
@@ -38,14 +38,14 @@ export interface Identity {
   readonly role: Role;
   /** The cooked scene that it holds. A display may hold none. */
   readonly scene?: Outline | undefined;
-  /** A culler that serves whoever comes has none. */
+  /** None for a culler that serves any display. */
   readonly session?: Session | undefined;
 }
 
-/** Why a listener's application does not take a peer. */
+/** Why a listener's application rejects a peer. */
 export const RejectionCode = { scene: 1, role: 3 } as const;
 
-/** How a peer leaves. */
+/** Why a peer closes a link. */
 export const CloseCode = { finished: 0, interrupted: 1, failed: 2, deviceFailed: 4, replaced: 5 } as const;
 
 export function encodeIdentity({ role, scene, session }: Identity): Uint8Array<ArrayBuffer> {

@@ -1,4 +1,4 @@
-/** What roles say to each other on the messages lane. */
+/** Messages between roles on the messages lane. */
 
 import { Reader, Writer } from "../wire/bytes.ts";
 import { readStats, type Stats, writeStats } from "./stats.ts";
@@ -75,5 +75,5 @@ function readMessage(reader: Reader): RoleMessage {
   }
 }
 
-/** What is said, in the order of the numbers. */
+/** The kinds of messages, in the order of their numbers. */
 const WHAT = ["stats", "meet", "met", "unmet", "switch", "switched", "part", "view", "waits"] as const;

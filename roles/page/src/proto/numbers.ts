@@ -1,17 +1,17 @@
-/** Lists of numbers that rise, each once: a varint each, counted from the least that it could be. */
+/** Ascending lists of numbers, each once: a varint each, relative to the least possible value. */
 
 import { Reader, WireError, Writer } from "../wire/bytes.ts";
 
-/** So many numbers always fit into an item. */
+/** This many numbers always fit into an item. */
 export const MOST_NUMBERS = 3_000;
 
-/** These numbers in order, each once. */
+/** These numbers sorted, without duplicates. */
 export function numberList(numbers: Iterable<number>): Uint32Array<ArrayBuffer> {
   const sorted = Uint32Array.from(numbers).sort();
   return sorted.filter((number, at) => sorted[at - 1] !== number);
 }
 
-/** The same list in lists that fit into an item each. */
+/** Splits a list into lists that fit into an item each. */
 export function partNumbers(list: Uint32Array): Uint32Array[] {
   const parts: Uint32Array[] = [];
   for (let from = 0; from < list.length; from += MOST_NUMBERS) {

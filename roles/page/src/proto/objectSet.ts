@@ -1,4 +1,4 @@
-/** Sets of a scene's objects. A run of numbers takes no more room than a single one. */
+/** Sets of a scene's objects. A run of numbers takes as much room as a single one. */
 
 import { type Reader, WireError, type Writer } from "../wire/bytes.ts";
 
@@ -8,7 +8,7 @@ export interface Run {
   readonly end: number;
 }
 
-/** The largest number that an end can be: an object has a smaller one. */
+/** The largest possible end: an object has a smaller number. */
 const LARGEST = 0xffff_ffff;
 
 export class ObjectSet {
@@ -38,7 +38,7 @@ export class ObjectSet {
     return new ObjectSet(runs);
   }
 
-  /** That of runs, each the gap before it and how many more than one it has, as the service codes them. */
+  /** The set of runs as the service codes them: the gap before each, and its length minus one. */
   static coded(runs: readonly (readonly [gap: number, more: number])[]): ObjectSet {
     let least = 0;
     return new ObjectSet(
@@ -107,7 +107,7 @@ export class ObjectSet {
     return other.minus(this).isEmpty;
   }
 
-  /** Goes through the places where one of two sets begins or ends. */
+  /** Visits the places where one of two sets begins or ends. */
   #combine(other: ObjectSet, isIn: (here: boolean, there: boolean) => boolean): ObjectSet {
     const edges = [this, other].flatMap((set) => set.runs.flatMap(({ first, end }) => [first, end]));
     const runs: { first: number; end: number }[] = [];

@@ -1,4 +1,4 @@
-/** Pieces of geometry: they come in parts, and are packed by meshoptimizer's codecs. */
+/** Pieces of geometry: they arrive in parts, and are packed by meshoptimizer's codecs. */
 
 import { MeshoptDecoder } from "meshoptimizer/decoder";
 
@@ -11,7 +11,7 @@ export const VERTEX_BYTES = 20;
 /** The most bytes of a piece, packed. */
 export const LARGEST_PIECE = 64 << 20;
 
-/** What a piece is once it is unpacked. */
+/** An unpacked piece. */
 export interface Piece {
   /** 20 bytes each. */
   readonly vertices: Uint8Array<ArrayBuffer>;
@@ -21,7 +21,7 @@ export interface Piece {
   readonly triangles: number;
 }
 
-/** A piece that is there, packed. */
+/** A complete piece, packed. */
 export interface WholePiece {
   readonly number: number;
   readonly bytes: Uint8Array<ArrayBuffer>;
@@ -31,7 +31,7 @@ export interface WholePiece {
 export class PieceAssembler {
   #arriving: { readonly number: number; readonly length: number; readonly bytes: Writer } | undefined;
 
-  /** Takes the next part. Gives the piece if that was the last one. */
+  /** Takes the next part. Returns the piece if that was the last one. */
   take({ number, length, offset, part }: PiecePart): WholePiece | undefined {
     if (length > LARGEST_PIECE) {
       throw new WireError(`the geometry ${number} has ${length} bytes: ${LARGEST_PIECE} is the most`);
@@ -54,7 +54,7 @@ export function loadCodecs(): Promise<void> {
   return MeshoptDecoder.ready;
 }
 
-/** Unpacks a piece. Anything else throws a `WireError`. Await `loadCodecs` before. */
+/** Unpacks a piece. Throws a `WireError` if it is invalid. Await `loadCodecs` before. */
 export function unpackPiece(bytes: Uint8Array): Piece {
   const reader = new Reader(bytes);
   const [count, triangles, packedLength] = [reader.u32(), reader.u32(), reader.u32()];
@@ -77,7 +77,7 @@ export function unpackPiece(bytes: Uint8Array): Piece {
 /** Bytes of a triangle's three indices. */
 const TRIANGLE_BYTES = 12;
 
-/** The most bytes of unpacked vertices or indices: so much there is room for in the codecs' memory. */
+/** The most bytes of unpacked vertices or indices: the limit of the codecs' memory. */
 const LARGEST_UNPACKED = 1 << 30;
 
 function decodeIndices(packed: Uint8Array, triangles: number): Uint32Array<ArrayBuffer> {
@@ -101,7 +101,7 @@ function decoding(what: string, decode: () => void): void {
   }
 }
 
-/** Turns each triangle so that the corner comes first which carries colour and normal. */
+/** Rotates each triangle so that the corner with colour and normal comes first. */
 function turn(indices: Uint32Array, turns: Uint8Array): void {
   for (let first = 0; first < indices.length; first += 3) {
     const triangle = first / 3;
@@ -115,7 +115,7 @@ function turn(indices: Uint32Array, turns: Uint8Array): void {
   }
 }
 
-/** Whether all positions are finite, and all indices have a vertex. */
+/** Checks that all positions are finite, and all indices have a vertex. */
 function check(vertices: Uint8Array<ArrayBuffer>, indices: Uint32Array, count: number): void {
   const words = new Float32Array(vertices.buffer);
   const wordsEach = VERTEX_BYTES / 4;

@@ -1,4 +1,4 @@
-/** Records of drawables: what drawing needs of a drawable and its node beside the triangles. */
+/** Records of drawables: the data for drawing a drawable and its node, except its triangles. */
 
 import { Reader, WireError } from "../wire/bytes.ts";
 import type { Outline } from "./identity.ts";
@@ -20,7 +20,7 @@ export interface DrawableRecord {
   readonly geometry: number;
   /** How many triangles that has. */
   readonly triangles: number;
-  /** To which eyes both sides of its triangles can show: see `sides.ts`. */
+  /** The eyes to which both sides of its triangles are visible: see `sides.ts`. */
   readonly sides: number;
   /** An object that it shows. */
   readonly object: number;
@@ -28,7 +28,7 @@ export interface DrawableRecord {
   readonly objects: number;
 }
 
-/** The most records that are packed together. */
+/** The most records packed together. */
 export const MOST_PACKED = 256;
 
 /** The most records that a display keeps. */
@@ -36,7 +36,7 @@ export const MOST_RECORDS = 4_194_304;
 
 const RECORD_BYTES = 136;
 
-/** Unpacks records that travelled together. */
+/** Unpacks records that were packed together. */
 export function unpackRecords(packed: Uint8Array): DrawableRecord[] {
   const reader = new Reader(packed);
   const count = reader.u16();
@@ -52,11 +52,11 @@ export function unpackRecords(packed: Uint8Array): DrawableRecord[] {
   return records;
 }
 
-/** Keeps the records of one scene, and refuses what cannot be of it. */
+/** Keeps the records of one scene, and refuses those that cannot belong to it. */
 export class Records {
   readonly #outline: Outline;
   readonly #byId = new Map<number, DrawableRecord>();
-  /** A record of each node: what they say of the node is the same. */
+  /** A record of each node: all of a node agree on the node's data. */
   readonly #byNode = new Map<number, DrawableRecord>();
   readonly #most: number;
 
@@ -78,7 +78,7 @@ export class Records {
     return this.#byId.keys();
   }
 
-  /** Takes a record. It may come again, but not as another one. Says whether it is new. */
+  /** Takes a record. It may be repeated, but not changed. Returns whether it is new. */
   take(record: DrawableRecord): boolean {
     const fault = faultOfRecord(record, this.#outline);
     if (fault !== undefined) {
@@ -103,7 +103,7 @@ export class Records {
   }
 }
 
-/** Why a record cannot be of the scene, if it cannot. */
+/** Why a record cannot belong to the scene, if so. */
 export function faultOfRecord(record: DrawableRecord, outline: Outline): string | undefined {
   const { worldMin, worldMax, origin, linear } = record;
   const numbers = [
@@ -129,7 +129,7 @@ export function faultOfRecord(record: DrawableRecord, outline: Outline): string 
   return record.triangles === 0 ? "it has no triangles" : undefined;
 }
 
-/** From column by column to one record behind the other. */
+/** Transposes columns to one record behind the other. */
 function rowsOf(columns: Uint8Array, count: number): Uint8Array {
   const rows = new Uint8Array(columns.length);
   for (let column = 0; column < RECORD_BYTES; column += 1) {
@@ -153,12 +153,12 @@ function readRecord(reader: Reader): DrawableRecord {
     triangles: reader.u32(),
     sides: reader.u32(),
     object: reader.u32(),
-    // The topmost bit says what the model has see-through: a page knows that already.
+    // The topmost bit marks see-through objects of the model: a page knows those already.
     objects: reader.u32() & 0x7fff_ffff,
   };
 }
 
-/** A record whose numbers are differences to the record before it, if there is one. */
+/** A record whose numbers are differences from the record before it, if there is one. */
 function addBefore(record: DrawableRecord, before: DrawableRecord | undefined): DrawableRecord {
   if (before === undefined) {
     return record;

@@ -1,4 +1,4 @@
-/** What the display decides for a session. */
+/** The display's settings of a session. */
 
 import { type Reader, WireError, type Writer } from "../wire/bytes.ts";
 import { MOST_ITEMS } from "../wire/messages.ts";
@@ -8,7 +8,7 @@ export const OCCLUSION_TESTS = ["query", "raster", "hzb"] as const;
 
 export type OcclusionTest = (typeof OCCLUSION_TESTS)[number];
 
-/** How ids may travel. */
+/** How ids may be coded. */
 export const CODINGS = ["plain", "changes"] as const;
 
 export type Coding = (typeof CODINGS)[number];
@@ -19,11 +19,11 @@ export interface Viewport {
   readonly height: number;
 }
 
-/** When a level of detail is good enough. */
+/** The rule for levels of detail. */
 export interface LevelRule {
   /** Error bound in pixels: finite, above 0. */
   readonly epsilon: number;
-  /** Culling stops at nodes that show at fewer pixels than that. */
+  /** Culling stops at nodes visible at fewer pixels than that. */
   readonly fewPixels: boolean;
 }
 

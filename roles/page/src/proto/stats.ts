@@ -1,4 +1,4 @@
-/** What a culler says of its own work on a frame. */
+/** A culler's report of its own work on a frame. */
 
 import type { Reader, Writer } from "../wire/bytes.ts";
 
@@ -20,10 +20,10 @@ export interface Stats {
   readonly toOtherCuller: SentBytes;
 }
 
-/** What the culling walk did. */
+/** Counters of the culling traversal. */
 export type Culling = Readonly<Record<(typeof CULLING)[number], number>>;
 
-/** What came after the first traversal. */
+/** The work after the first traversal. */
 export interface FurtherRounds {
   readonly count: number;
   readonly occluderTriangles: bigint;
@@ -33,7 +33,7 @@ export interface FurtherRounds {
   readonly hidden: number;
 }
 
-/** Bytes by what they were, and the number of messages. */
+/** Bytes by kind, and the number of messages. */
 export type SentBytes = Readonly<Record<(typeof SENT)[number], bigint>>;
 
 export function readStats(reader: Reader): Stats {

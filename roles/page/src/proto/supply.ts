@@ -1,14 +1,14 @@
 /**
- * What travels on the bulk lane for a display without the scene: blocks of items, one behind the other.
+ * The content of the bulk lane for a display without the scene: blocks of items, one behind the other.
  *
- * A display says what it needs and has. A culler sends geometry and what that says of it.
+ * A display sends its needs and holdings. A culler sends geometry and messages about it.
  */
 
 import { Reader, Writer } from "../wire/bytes.ts";
 import { MOST_BLOCK } from "../wire/messages.ts";
 import { partNumbers, readNumbers, writeNumbers } from "./numbers.ts";
 
-/** What a display says to a culler. Frames are those of the display's numbers. */
+/** A display's messages to a culler. Frame numbers are the display's. */
 export type DisplayItem =
   | { readonly item: "begin"; readonly coarserFirst: boolean; readonly ahead: number }
   | { readonly item: "end" }
@@ -23,7 +23,7 @@ export type DisplayItem =
   | { readonly item: "taken"; readonly bytes: number }
   | { readonly item: "shown"; readonly frame: number };
 
-/** What a culler says to a display. */
+/** A culler's messages to a display. */
 export type CullerItem =
   | { readonly item: "entries"; readonly packed: Uint8Array }
   | ({ readonly item: "geometry" } & PiecePart)
@@ -36,12 +36,12 @@ export interface PiecePart {
   readonly number: number;
   /** The bytes of the whole piece. */
   readonly length: number;
-  /** Where in it the part begins. */
+  /** The part's offset in it. */
   readonly offset: number;
   readonly part: Uint8Array;
 }
 
-/** What a display says that has these already. */
+/** Messages of a display that has these already. */
 export function holds(drawables: Uint32Array, geometries: Uint32Array): DisplayItem[] {
   const none = new Uint32Array(0);
   return [
@@ -50,17 +50,17 @@ export function holds(drawables: Uint32Array, geometries: Uint32Array): DisplayI
   ];
 }
 
-/** What a display says that lacks these drawables of a frame, and has taken so many bytes. */
+/** Messages of a display that lacks these drawables of a frame, and has taken this many bytes. */
 export function lacks(frame: number, taken: number, drawables: Uint32Array): DisplayItem[] {
   return partNumbers(drawables).map((part) => ({ item: "lacks", frame, taken, drawables: part }));
 }
 
-/** What a display says that has thrown these pieces away. */
+/** Messages of a display that has evicted these pieces. */
 export function dropped(geometries: Uint32Array): DisplayItem[] {
   return partNumbers(geometries).map((part) => ({ item: "dropped", geometries: part }));
 }
 
-/** The payloads of the blocks that hold what a display says, in order and as few as can be. */
+/** The payloads of the fewest blocks that hold a display's items, in order. */
 export function packBlocks(items: Iterable<DisplayItem>): Uint8Array<ArrayBuffer>[] {
   const blocks: Uint8Array<ArrayBuffer>[] = [];
   let block = new Writer();

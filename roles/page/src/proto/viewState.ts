@@ -1,4 +1,4 @@
-/** What a user changes while walking: the view state. */
+/** The view state: settings that a user changes while walking. */
 
 import { Reader, WireError, Writer } from "../wire/bytes.ts";
 import { ObjectSet } from "./objectSet.ts";
@@ -16,7 +16,7 @@ import {
 
 export type Point = readonly [number, number, number];
 
-/** Cuts a part of the scene away: one side of a plane, or what is outside of a box. Metres, world. */
+/** Cuts a part of the scene away: one side of a plane, or the outside of a box. Metres, world. */
 export type Section =
   | { readonly kind: "plane"; readonly point: Point; readonly direction: Point }
   | { readonly kind: "box"; readonly lower: Point; readonly upper: Point };
@@ -25,24 +25,24 @@ export interface ViewState {
   readonly pictureSize: Viewport;
   readonly levelRule: LevelRule;
   readonly occlusionTest: OcclusionTest;
-  /** At most six. The direction of a plane points to what it cuts away. */
+  /** At most six. The direction of a plane points to the removed side. */
   readonly sections: readonly Section[];
   /** Objects that are not drawn. */
   readonly hidden: ObjectSet;
-  /** If there is one: only these objects are drawn. */
+  /** If set: only these objects are drawn. */
   readonly isolated?: ObjectSet | undefined;
-  /** Objects of which the rest shines through. Without it: those that the model has so. */
+  /** Objects drawn see-through. By default those of the model. */
   readonly seeThrough?: ObjectSet | undefined;
 }
 
-/** A part of a view state, as it is told to a culler. */
+/** A part of a view state, as sent to a culler. */
 export interface ViewPart {
   readonly version: number;
   readonly part: Uint8Array;
   readonly isLast: boolean;
 }
 
-/** Version 0: what the settings of the handshake say, and see-through what the model has so. */
+/** Version 0: the settings of the handshake, and the model's see-through objects. */
 export function viewStateOf({ viewport, levelRule, occlusionTest }: Settings): ViewState {
   const none = { sections: [], hidden: ObjectSet.EMPTY, isolated: undefined, seeThrough: undefined };
   return { pictureSize: viewport, levelRule, occlusionTest, ...none };
@@ -79,7 +79,7 @@ export function decodeViewState(bytes: Uint8Array): ViewState {
   return { pictureSize, levelRule, occlusionTest, sections, hidden, isolated, seeThrough };
 }
 
-/** The parts in which a view state is told, in order. It throws where a culler would not take it. */
+/** The parts in which a view state is sent, in order. Throws if a culler would refuse it. */
 export function viewParts(version: number, state: ViewState): ViewPart[] {
   const bytes = encodeViewState(state);
   if (bytes.length > MOST_BYTES) {

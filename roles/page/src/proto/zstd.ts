@@ -1,4 +1,4 @@
-/** One frame of zstd (RFC 8878) whose length is known beforehand. */
+/** One frame of zstd (RFC 8878) of known length. */
 
 import { Decompress } from "fzstd";
 
@@ -7,7 +7,7 @@ import { Reader, WireError } from "../wire/bytes.ts";
 /**
  * Unpacks a frame that holds exactly `length` bytes. Anything else throws a `WireError`.
  *
- * The library believes what a frame says of its size, and so the frame's headers are judged before.
+ * The library trusts a frame's declared size, so the frame's headers are checked before.
  */
 export function unzstd(frame: Uint8Array, length: number): Uint8Array<ArrayBuffer> {
   checkFrame(frame, length);
@@ -31,12 +31,12 @@ export function unzstd(frame: Uint8Array, length: number): Uint8Array<ArrayBuffe
   return out;
 }
 
-/** The largest window that is taken: RFC 8878 asks for as much. */
+/** The largest window that is accepted: RFC 8878 recommends as much. */
 const LARGEST_WINDOW = 8 << 20;
 
 const MAGIC = 0xfd2fb528;
 
-/** Whether it is one frame, to the end, that claims nothing unreasonable. */
+/** Checks that it is one frame, to the end, with reasonable sizes. */
 function checkFrame(frame: Uint8Array, length: number): void {
   const reader = new Reader(frame);
   if (reader.u32() !== MAGIC) {
@@ -66,7 +66,7 @@ function windowOf(descriptor: number): number {
   return base + (base / 8) * (descriptor & 7);
 }
 
-/** What the frame claims to hold, if it claims anything. */
+/** The frame's declared content size, if it has one. */
 function readContentSize(reader: Reader, code: number, isSingleSegment: boolean): bigint | undefined {
   switch (code) {
     case 0:
@@ -80,7 +80,7 @@ function readContentSize(reader: Reader, code: number, isSingleSegment: boolean)
   }
 }
 
-/** Passes over the blocks of a frame. A block of one repeated byte holds just that byte. */
+/** Skips the blocks of a frame. A block of one repeated byte holds just that byte. */
 function passBlocks(reader: Reader): void {
   for (let isLast = false; !isLast; ) {
     const header = reader.u24();

@@ -1,11 +1,11 @@
-/** What the service says of the scene beside the link, by requests of HTTP. */
+/** The service's HTTP requests beside the link. */
 
 import type { Box } from "../navigate/framing.ts";
 import type { Side } from "../navigate/sides.ts";
 import type { Point } from "../proto/viewState.ts";
 import type { Aim, Snapped } from "../tools/snap.ts";
 
-/** What the service says of a scene. Lengths in metres. */
+/** The service's description of a scene. Lengths in metres. */
 export interface SceneDescription {
   readonly name: string;
   /** The scene's fingerprint, 32 hexadecimal digits. */
@@ -16,19 +16,19 @@ export interface SceneDescription {
   readonly max: Point;
   /** The box around it without the few objects that lie far from all others. */
   readonly core: Box;
-  /** What the model has see-through, as `ObjectSet.coded` reads it. */
+  /** The model's see-through objects, for `ObjectSet.coded`. */
   readonly seeThrough: readonly (readonly [gap: number, more: number])[];
   /** Whether there are floors to walk on. */
   readonly hasFloors: boolean;
   readonly eyeHeight: number;
-  /** Side of a tile of what is solid. */
+  /** Side of a tile of the heightfield. */
   readonly tileSide: number;
   readonly clearance: number;
   readonly vfovDeg: number;
   readonly start: { readonly eye: Point; readonly forward: Point };
-  /** The widest and the highest picture that the service culls for, pixels. */
+  /** The largest width and height that the service culls for, pixels. */
   readonly maxPicture: readonly [width: number, height: number];
-  /** Where cullers of the service meet each other. */
+  /** Where cullers of the service connect to each other. */
   readonly meeting: string;
   /** Networks that can be simulated between the page and its culler. */
   readonly networks: readonly { readonly name: string; readonly about: string }[];
@@ -39,12 +39,12 @@ export interface Part {
   readonly kind: "group" | "object";
   readonly id: number;
   readonly name: string;
-  /** The objects that it has: from `first` to before `end`. */
+  /** Its objects: from `first` to before `end`. */
   readonly first: number;
   readonly end: number;
 }
 
-/** A part, and where it is. */
+/** A part with its bounds and details. */
 export interface PartDetails extends Part {
   /** The groups that it is in, from the outermost. The first one is its file. */
   readonly path: readonly Part[];
@@ -58,11 +58,11 @@ export interface PartDetails extends Part {
   /** At full detail. */
   readonly triangles: number;
   readonly attributes: readonly (readonly [name: string, value: string])[];
-  /** How many attributes it has; an answer has only so many of them. */
+  /** How many attributes it has; an answer is limited to some of them. */
   readonly attributeCount: number;
 }
 
-/** Some of the parts that a question has for answer, in order. */
+/** Some of the parts in a question's answer, in order. */
 export interface Parts {
   readonly parts: readonly Part[];
   /** How many there are in all. */
@@ -75,7 +75,7 @@ export interface CameraPath {
   readonly frames: readonly { readonly eye: Point; readonly forward: Point }[];
 }
 
-/** How a walk went: `DriveReport` of `src/page/drive.rs` says what each number is. */
+/** The report of a walk: see `DriveReport` of `src/page/drive.rs`. */
 export interface DriveReport {
   readonly device: string;
   readonly width: number;
@@ -95,7 +95,7 @@ export interface DriveReport {
   readonly wrong: WrongPixels;
 }
 
-/** What the page had taken and held at a time: `Moment` of `src/page/drive.rs` says what each number is. */
+/** The page's traffic and memory at a time: see `Moment` of `src/page/drive.rs`. */
 export interface Moment {
   readonly seconds: number;
   readonly cameraBytes: number;
@@ -105,9 +105,7 @@ export interface Moment {
   readonly scriptBytes: number | null;
 }
 
-/**
- * What was wrong in the pictures of a walk: `WrongPixels` of `src/page/drive.rs` says what each number is.
- */
+/** The wrong pixels in the pictures of a walk: see `WrongPixels` of `src/page/drive.rs`. */
 export interface WrongPixels {
   readonly pictures: number;
   readonly right: number;
@@ -119,23 +117,23 @@ export interface WrongPixels {
   readonly jumpMs: number;
 }
 
-/** Where a person is, and what they see. */
+/** A person's position and view. */
 export interface PersonPose {
   readonly eye: Point;
   readonly forward: Point;
   readonly vfovDeg: number;
 }
 
-/** Who is on the same service. People are numbered as they come. */
+/** The people on the same service. They are numbered as they come. */
 export interface Company {
   readonly you: number;
   readonly others: readonly { readonly number: number; readonly pose: PersonPose }[];
 }
 
-/** How often the page asks again where the service is busy. */
+/** How often the page retries while the service is busy. */
 const MOST_TRIES = 5;
 
-/** The service has answered, and gives nothing. */
+/** The service has answered with a refusal. */
 export class RefusedError extends Error {}
 
 /** The status by which the service refuses a token. */
@@ -143,20 +141,20 @@ const FORBIDDEN = 403;
 const WRONG_TOKEN =
   "The token in the address is not valid any more. Open the address that the service printed at its start.";
 
-/** The service from which the page came. Every request throws where there is no answer, and says why. */
+/** The service from which the page came. Every request throws an explanation if there is no answer. */
 export class Service {
   readonly #base: string;
   readonly #token: string;
-  /** What the page calls itself: all of its connections share a simulated network. */
+  /** The page's name for itself: all of its connections share a simulated network. */
   readonly #page = String(crypto.getRandomValues(new BigUint64Array(1))[0]);
 
-  /** `page` is the address of the page, which has the token. */
+  /** `page` is the address of the page, with the token. */
   constructor(page: string) {
     this.#base = page;
     this.#token = new URL(page).searchParams.get("token") ?? "";
   }
 
-  /** Where a link begins, over a simulated network of that name if there is one. */
+  /** The address of a link, over a simulated network of that name if there is one. */
   link(network: string): string {
     const url = this.#url("link", network === "" ? {} : { network, page: this.#page });
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
@@ -171,38 +169,37 @@ export class Service {
     return this.#json("part", { [kind]: id });
   }
 
-  /** The parts of a group, or with none the files; from the one of number `from` on. */
+  /** The parts of a group, or without one the files; starting at number `from`. */
   children(group: number | undefined, from = 0): Promise<Parts> {
     return this.#json("children", group === undefined ? { from } : { group, from });
   }
 
   /**
-   * Parts with `text` in their name or an attribute, whatever its case and separators; from the one of number
-   * `from` on.
+   * Parts with `text` in their name or an attribute, ignoring case and separators; starting at number `from`.
    */
   search(text: string, from: number, signal?: AbortSignal): Promise<Parts> {
     return this.#json("search", { text, from }, signal);
   }
 
-  /** What a person means there, on full detail; nothing where too much is there, or nothing any more. */
+  /** Snaps to a point of full detail; nothing if too much is there, or nothing any more. */
   async snap({ drawable, eye, at, reach }: Aim): Promise<Snapped | undefined> {
     const query = { drawable, eye: eye.join(), at: at.join(), reach };
     return (await this.#json<Snapped | null>("snap", query)) ?? undefined;
   }
 
-  /** What is solid in a square of the ground: see `navigate/tile.ts`. */
+  /** The solid spans in a square of the ground: see `navigate/tile.ts`. */
   async tile(x: number, z: number): Promise<ArrayBuffer> {
     return (await this.#ask("tile", { x, z })).arrayBuffer();
   }
 
-  /** Tells where the person is, and gives where the others are. */
+  /** Sends the person's pose, and returns the others'. */
   async meet(pose: PersonPose): Promise<Company> {
     const body = JSON.stringify({ page: this.#page, pose });
     const answer = await this.#send(this.#url("people", {}), { method: "POST", body });
     return (await answer.json()) as Company;
   }
 
-  /** The walk that the page is to repeat. */
+  /** The walk for the page to repeat. */
   path(): Promise<CameraPath> {
     return this.#json("drive", {});
   }

@@ -1,19 +1,19 @@
-/** Handles by which sections are dragged: where they are, and what a drag does. */
+/** Handles for dragging sections: their places, and the effect of a drag. */
 
 import type { Point, Section } from "../proto/viewState.ts";
 import type { Projection } from "./projection.ts";
 import { moved, resized } from "./sections.ts";
 
-/** An axis that is seen from its end is as good as a point, in pixels by which a metre would be 100. */
+/** An axis seen end-on counts as a point, below this many pixels if a metre would be 100. */
 const END_ON = 20;
 
 /** A part of a section that can be dragged along a line. */
 export interface Handle {
   readonly name: string;
   readonly point: Point;
-  /** Along which it is dragged, a unit vector. */
+  /** The axis of the drag, a unit vector. */
   readonly axis: Point;
-  /** The section with the handle so many metres along its axis. */
+  /** The section with the handle moved this many metres along its axis. */
   readonly drag: (metres: number) => Section;
 }
 
@@ -47,8 +47,8 @@ export function handlesOf(section: Section): readonly Handle[] {
 }
 
 /**
- * Metres along the axis of a handle by which the hand drags it, where it has gone so many CSS pixels. Along
- * an axis that is seen from its end, up is away from the eye.
+ * The distance in metres along the axis of a handle for a drag in CSS pixels. On an axis seen end-on, up is
+ * away from the eye.
  */
 export function metresOf(
   { point, axis }: Handle,
@@ -62,7 +62,7 @@ export function metresOf(
   }
   const pixel = projection.metresEach(place.depth);
   const reach = 100 * pixel;
-  // Behind the eye nothing has a place: there the axis is taken the other way.
+  // Points behind the eye have no projection: there the axis is taken the other way.
   const ends = [1, -1].map((sign) => {
     const end = projection.place([
       point[0] + sign * reach * axis[0],

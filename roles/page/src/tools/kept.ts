@@ -1,17 +1,17 @@
-/** Viewpoints that are kept in this browser, by the scene. */
+/** Viewpoints saved in this browser, by scene. */
 
 import { signal } from "@preact/signals";
 import { decodeViewpoint, encodeViewpoint, foreign, type SceneName, type Viewpoint } from "./viewpoint.ts";
 
 export interface KeptViewpoint {
-  /** No two are called the same. */
+  /** Unique. */
   readonly name: string;
   /** A small picture, as a `data:` address. */
   readonly thumbnail: string;
   readonly viewpoint: Viewpoint;
 }
 
-/** What is stored of one. */
+/** The stored form of one. */
 interface Stored {
   readonly name: string;
   readonly thumbnail: string;
@@ -23,7 +23,7 @@ const MOST = 200;
 /** The most letters of a name. */
 const LONGEST_NAME = 80;
 
-/** A file of viewpoints is not what it should be. */
+/** A file of viewpoints is invalid. */
 export class ViewpointsError extends Error {}
 
 export class KeptViewpoints {
@@ -31,7 +31,7 @@ export class KeptViewpoints {
   readonly #scene: SceneName;
   readonly #key: string;
 
-  /** Those of a scene. What is stored and cannot be read is as if it were not there. */
+  /** The viewpoints of a scene. Stored ones that cannot be read are ignored. */
   constructor(scene: SceneName) {
     this.#scene = scene;
     this.#key = `trimaran-viewpoints-${scene.fingerprint}`;
@@ -42,7 +42,7 @@ export class KeptViewpoints {
     }
   }
 
-  /** Keeps one more: "View 3" is the name of one that has none, or another number that is free. */
+  /** Saves one more. Without a name it becomes "View 3", or another free number. */
   add({ name = "", thumbnail, viewpoint }: Omit<KeptViewpoint, "name"> & { readonly name?: string }): void {
     const list = this.list.peek();
     this.#set([
@@ -55,7 +55,7 @@ export class KeptViewpoints {
     this.#set(this.list.value.filter((one) => one !== viewpoint));
   }
 
-  /** Calls it otherwise; so that no two have a name, a number may be added. Without a name nothing changes. */
+  /** Renames it; a number may be added to keep names unique. An empty name changes nothing. */
   rename(viewpoint: KeptViewpoint, name: string): void {
     const list = this.list.peek();
     const others = list.filter((one) => one !== viewpoint);
@@ -72,7 +72,7 @@ export class KeptViewpoints {
     return JSON.stringify(stored, undefined, 1);
   }
 
-  /** Adds those of a file. Throws a `ViewpointsError` where it is none, and changes nothing then. */
+  /** Adds the viewpoints of a file. Throws a `ViewpointsError` and changes nothing if it is invalid. */
   addJson(text: string): void {
     const added = this.#parse(text);
     if (this.list.peek().length + added.length > MOST) {
@@ -121,12 +121,12 @@ export class KeptViewpoints {
     try {
       localStorage.setItem(this.#key, this.toJson());
     } catch {
-      // A browser that stores nothing keeps them as long as the page is open.
+      // Without storage the browser keeps them as long as the page is open.
     }
   }
 }
 
-/** The name, or with a number where one of the list has it. */
+/** The name, with a number if the list has it already. */
 function free(name: string, list: readonly KeptViewpoint[]): string {
   const taken = new Set(list.map(({ name }) => name));
   const wanted = name.trim().slice(0, LONGEST_NAME);
@@ -137,7 +137,7 @@ function free(name: string, list: readonly KeptViewpoint[]): string {
   return called;
 }
 
-/** "View 1", or the first of these behind the last that is taken. */
+/** "View 1", or the first free one behind the last. */
 function freeName(list: readonly KeptViewpoint[]): string {
   const numbers = list.map(({ name }) => Number(/^View (\d{1,6})$/.exec(name)?.[1] ?? 0));
   return `View ${Math.max(0, ...numbers) + 1}`;

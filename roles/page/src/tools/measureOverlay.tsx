@@ -1,4 +1,4 @@
-/** Distances over the picture, and the marker of what is meant at the pointer. */
+/** Distances over the picture, and the marker of the snapped point at the pointer. */
 
 import { measuredText, unit } from "../objects/lengths.ts";
 import type { Viewer } from "../viewer/viewer.ts";

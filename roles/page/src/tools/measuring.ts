@@ -5,29 +5,29 @@ import type { Viewer } from "../viewer/viewer.ts";
 import { isCutAway } from "./sections.ts";
 import { type Aim, type Distance, REACH, type Snapped, snap } from "./snap.ts";
 
-/** What is meant as the picture shows it, and what to ask for the same on full detail. */
+/** A snapped point of the shown geometry, and the question for the same on full detail. */
 interface Meant {
   readonly shown: Snapped;
   readonly aim: Aim;
 }
 
 export class Measuring {
-  /** Clicks pick points, and no objects. */
+  /** Whether clicks pick points instead of objects. */
   readonly isOn = signal(false);
-  /** The point that was picked first, until there is a second one. */
+  /** The first picked point, until there is a second one. */
   readonly start = signal<Snapped | undefined>(undefined);
-  /** What is meant where the pointer is. */
+  /** The snapped point at the pointer. */
   readonly hover = signal<Snapped | undefined>(undefined);
   readonly #viewer: Viewer;
   #isDue = false;
-  /** What is meant at the pointer, and was not asked yet; the service is asked one thing at a time. */
+  /** The next question for the point at the pointer; the service is asked one at a time. */
   #unasked: Meant | undefined;
   #isAsking = false;
 
   constructor(viewer: Viewer) {
     this.#viewer = viewer;
     viewer.canvas.addEventListener("pointermove", (event) => {
-      // A picture shows one marker: more need not be worked out.
+      // A picture shows one marker, so one computation per picture is enough.
       if (this.isOn.peek() && event.buttons === 0 && !this.#isDue) {
         this.#isDue = true;
         requestAnimationFrame(() => {
@@ -47,7 +47,7 @@ export class Measuring {
     [this.start.value, this.hover.value] = [undefined, undefined];
   }
 
-  /** Picks a point: every second one ends a distance. Where nothing shows there is none. */
+  /** Picks a point: every second one ends a distance. On the background it picks none. */
   pick(x: number, y: number): void {
     const meant = this.#at(x, y);
     if (meant === undefined) {
@@ -63,7 +63,7 @@ export class Measuring {
     void this.#settle(meant);
   }
 
-  /** Takes back the first point of a distance. Gives whether there was one. */
+  /** Undoes the first point of a distance. Returns whether there was one. */
   takeBack(): boolean {
     const hadOne = this.start.peek() !== undefined;
     this.start.value = undefined;
@@ -78,7 +78,7 @@ export class Measuring {
     this.#viewer.view.change({ distances });
   }
 
-  /** What is meant at a place of the canvas, in CSS pixels. */
+  /** The snapped point at a place of the canvas, in CSS pixels. */
   #at(x: number, y: number): Meant | undefined {
     const viewer = this.#viewer;
     const { canvas, pictured } = viewer;
@@ -90,7 +90,7 @@ export class Measuring {
     }
     const place = { x, y, depth: picked.depth };
     const metres = pictured.metresEach(picked.depth);
-    // So far a level of an exact picture may be off. Of what stands in for it nothing is known.
+    // The error of an exact picture's levels. That of stand-ins is unknown.
     const pixel = (metres * canvas.clientHeight) / canvas.height;
     const error = viewer.isExact ? viewer.epsilon.peek() * pixel : undefined;
     return {
@@ -104,7 +104,7 @@ export class Measuring {
     };
   }
 
-  /** Asks for the pointer's place, as long as it has moved on. */
+  /** Follows the pointer with questions, as long as it has moved. */
   async #follow(): Promise<void> {
     if (this.#isAsking) {
       return;
@@ -120,7 +120,7 @@ export class Measuring {
     this.#isAsking = false;
   }
 
-  /** Puts the point of full detail in the place of one that was picked. */
+  /** Replaces a picked point by the one of full detail. */
   async #settle({ shown, aim }: Meant): Promise<void> {
     const exact = await this.#exact(aim);
     if (exact === undefined) {
@@ -137,13 +137,13 @@ export class Measuring {
     }));
   }
 
-  /** What is meant on full detail; nothing where the service cannot tell. */
+  /** The snapped point on full detail; nothing if the service cannot tell. */
   async #exact(aim: Aim): Promise<Snapped | undefined> {
     const { service, view } = this.#viewer;
     const isHidden = ({ point }: Snapped) => isCutAway(view.current.peek().sections, point);
     try {
       const snapped = await service.snap(aim);
-      // Of what a section has cut away nothing attracts.
+      // Geometry that a section has cut away is ignored.
       return snapped && isHidden(snapped) ? await service.snap({ ...aim, reach: aim.reach / 1000 }) : snapped;
     } catch {
       return undefined;

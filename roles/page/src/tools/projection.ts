@@ -1,4 +1,4 @@
-/** From places in the world to places on the canvas, and back. */
+/** Projects points of the world to the canvas, and back. */
 
 import type { Camera } from "../draw/model.ts";
 import { View } from "../draw/view.ts";
@@ -17,14 +17,14 @@ const AXES = [
   [0, 0, 1],
 ] as const;
 
-/** All is worked out in doubles relative to the eye. */
+/** All is computed in doubles relative to the eye. */
 export class Projection {
   readonly #view = new View();
   readonly #camera: Camera;
   readonly #width: number;
   readonly #height: number;
 
-  /** Of a canvas of so many CSS pixels. */
+  /** For a canvas of this size in CSS pixels. */
   constructor(camera: Camera, width: number, height: number) {
     [this.#camera, this.#width, this.#height] = [camera, width, height];
     this.#view.set(camera, width, height);
@@ -34,7 +34,7 @@ export class Projection {
     return this.#camera.eye;
   }
 
-  /** Where a point shows; nothing where it is before the near plane. */
+  /** The projection of a point; nothing if it is before the near plane. */
   place(point: Point): Place | undefined {
     const inCamera = this.#inCamera(point);
     return -inCamera[2] < this.#camera.near ? undefined : this.#onCanvas(inCamera);
@@ -43,7 +43,7 @@ export class Projection {
   /** The part of a line between two points that is beyond the near plane. */
   line(from: Point, to: Point): readonly [Place, Place] | undefined {
     const [a, b] = [this.#inCamera(from), this.#inCamera(to)];
-    // A little beyond: there is no rounding that leads before it.
+    // A little beyond it, in case of rounding.
     const near = 1.001 * this.#camera.near;
     if (-a[2] < near && -b[2] < near) {
       return undefined;
@@ -55,7 +55,7 @@ export class Projection {
     return [this.#onCanvas(clipped(a, b)), this.#onCanvas(clipped(b, a))];
   }
 
-  /** The point of the world that shows at a place. */
+  /** The point of the world at a place. */
   point({ x, y, depth }: Place): Point {
     const right = ((2 * x) / this.#width - 1) * this.#view.tanX * depth;
     const up = (1 - (2 * y) / this.#height) * this.#view.tanY * depth;
@@ -91,7 +91,7 @@ export class Projection {
   }
 }
 
-/** The point that is so far from one to the other: 0 is the one, 1 the other. */
+/** Interpolates between two points: 0 is the first, 1 the second. */
 export function lerp(from: Point, to: Point, share: number): Point {
   const at = (axis: 0 | 1 | 2) => from[axis] + (to[axis] - from[axis]) * share;
   return [at(0), at(1), at(2)];

@@ -1,4 +1,4 @@
-/** A walk that is recorded: a camera path that `trimaran run --path` repeats. */
+/** Records a walk: a camera path for `trimaran run --path`. */
 
 import { signal } from "@preact/signals";
 import type { Point } from "../proto/viewState.ts";
@@ -37,7 +37,7 @@ export class Recording {
     }, 1000 / RATE);
   }
 
-  /** Ends it, and gives the path as JSON. */
+  /** Ends it, and returns the path as JSON. */
   stop(): string {
     clearInterval(this.#timer);
     this.isOn.value = false;
@@ -45,7 +45,7 @@ export class Recording {
   }
 }
 
-/** A camera path as a file has it: up is y everywhere. */
+/** A camera path in the format of a file: up is y everywhere. */
 export function pathJson(vfovDeg: number, poses: readonly RecordedPose[]): string {
   const frames = poses.map(({ eye, forward }) => ({ eye, forward, up: [0, 1, 0] }));
   return JSON.stringify({ vfov_deg: vfovDeg, frames }).replaceAll("},{", "},\n{");

@@ -4,10 +4,10 @@ import type { Point, Section } from "../proto/viewState.ts";
 
 /** The most sections that a view has. */
 export const MOST = 6;
-/** What is so near to a section is on it, metres. */
+/** A point this near to a section counts as on it, metres. */
 const ROUNDING = 1e-6;
 
-/** A plane through a point that cuts away what is before it: along the main axis of the view. */
+/** A plane through a point that cuts away everything before it, along the main axis of the view. */
 export function planeFacing(point: Point, forward: Point): Section {
   const sizes = forward.map(Math.abs);
   const axis = sizes.indexOf(Math.max(...sizes));
@@ -15,7 +15,7 @@ export function planeFacing(point: Point, forward: Point): Section {
   return { kind: "plane", point, direction: [direction[0] ?? 0, direction[1] ?? 0, direction[2] ?? 0] };
 }
 
-/** A box around what lies between two corners, and a little more. */
+/** A box around two corners, slightly larger. */
 export function boxAround(min: Point, max: Point): Section {
   const room = 0.02 * Math.hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]) + 1e-6;
   return {
@@ -25,7 +25,7 @@ export function boxAround(min: Point, max: Point): Section {
   };
 }
 
-/** The same plane, which cuts away the other side. */
+/** The same plane, cutting away the other side. */
 export function flipped(section: Section): Section {
   if (section.kind === "box") {
     return section;
@@ -34,7 +34,7 @@ export function flipped(section: Section): Section {
   return { ...section, direction: [0 - x, 0 - y, 0 - z] };
 }
 
-/** The section moved so far: a plane along what it cuts away. */
+/** The section moved this far: a plane towards its removed side. */
 export function moved(section: Section, metres: number): Section {
   if (section.kind === "box") {
     return section;
@@ -45,7 +45,7 @@ export function moved(section: Section, metres: number): Section {
   return { ...section, point: [at(0), at(1), at(2)] };
 }
 
-/** The box with one of its six sides elsewhere. It never turns inside out. */
+/** The box with one of its six sides moved. It never turns inside out. */
 export function resized(section: Section, side: "lower" | "upper", axis: 0 | 1 | 2, at: number): Section {
   if (section.kind === "plane" || !Number.isFinite(at)) {
     return section;
@@ -73,7 +73,7 @@ export function isCutAway(sections: readonly Section[], point: Point): boolean {
   });
 }
 
-/** The list with one section in the place of another; with nothing it is gone. */
+/** The list with one section replaced; without a replacement it is removed. */
 export function replaced(
   sections: readonly Section[],
   index: number,

@@ -1,11 +1,11 @@
-/** Handles over the picture, by which sections are dragged. */
+/** Handles over the picture for dragging sections. */
 
 import type { Viewer } from "../viewer/viewer.ts";
 import { type Handle, handlesOf, metresOf } from "./handles.ts";
 import { replaced } from "./sections.ts";
 import { useProjection } from "./useProjection.ts";
 
-/** Pixels of the line that shows which way a handle goes. */
+/** Length of a handle's direction line, pixels. */
 const REACH = 28;
 
 export function SectionsOverlay({ viewer }: { readonly viewer: Viewer }) {
@@ -44,7 +44,7 @@ export function SectionsOverlay({ viewer }: { readonly viewer: Viewer }) {
   );
 }
 
-/** Drags a handle until the pointer is let go. All of that is one step of the history. */
+/** Drags a handle until the pointer is released, as one step of the history. */
 function begin(event: PointerEvent, viewer: Viewer, index: number, handle: Handle): void {
   const { currentTarget: circle, clientX, clientY, pointerId } = event;
   if (!(circle instanceof Element)) {
@@ -62,7 +62,7 @@ function begin(event: PointerEvent, viewer: Viewer, index: number, handle: Handl
     over.abort();
     view.change({ sections: view.current.peek().sections });
   };
-  // The handle is drawn anew at each step: the window hears where the pointer goes.
+  // The handle is drawn anew at each step, so the window listens to the pointer.
   const of = (act: (event: PointerEvent) => void) => (event: PointerEvent) => {
     if (event.pointerId === pointerId) {
       act(event);

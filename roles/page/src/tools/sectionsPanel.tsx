@@ -1,4 +1,4 @@
-/** A list of the sections, and what makes them. */
+/** A list of the sections, and buttons to make them. */
 
 import { useSignal } from "@preact/signals";
 import type { Selection } from "../objects/selection.ts";
@@ -19,7 +19,7 @@ export function SectionsPanel({ viewer, selection }: Properties) {
   const set = (index: number, section: Section | undefined) =>
     view.change({ sections: replaced(sections, index, section) });
   const cutHere = () => {
-    // Into what is in the middle of the picture.
+    // Through the object in the middle of the picture.
     const picked = viewer.pick(viewer.canvas.clientWidth / 2, viewer.canvas.clientHeight / 2);
     const reach = picked === undefined ? 2 * scene.eyeHeight : picked.depth + scene.eyeHeight / 8;
     const [x, y, z] = navigator.forward;

@@ -1,4 +1,4 @@
-/** From where a person points to what they mean: a vertex, an edge, or a face. */
+/** Snaps the pointer to a vertex, an edge, or a face. */
 
 import type { Drawable } from "../draw/model.ts";
 import type { Point } from "../proto/viewState.ts";
@@ -6,16 +6,16 @@ import { lerp, type Place, type Projection } from "./projection.ts";
 
 /** The triangles of a piece of geometry, in its local frame. */
 export interface Triangles {
-  /** Three numbers a vertex. */
+  /** Three numbers per vertex. */
   readonly positions: Float32Array;
-  /** Three a triangle. */
+  /** Three indices per triangle. */
   readonly indices: Uint32Array;
 }
 
 /** A point of the model's surface. */
 export interface End {
   readonly point: Point;
-  /** How far it may be from the model's surface, metres; nothing where that is unknown. */
+  /** Its distance from the model's surface is at most this, metres; undefined if unknown. */
   readonly error: number | undefined;
 }
 
@@ -29,23 +29,23 @@ export interface Snapped extends End {
   readonly to: "vertex" | "edge" | "face";
 }
 
-/** Where a person points, as the service is asked for what is meant there on full detail. */
+/** A pointed-at place, for asking the service to snap on full detail. */
 export interface Aim {
-  /** The drawable that shows there. */
+  /** The visible drawable there. */
   readonly drawable: number;
   readonly eye: Point;
-  /** The point of it that shows there. */
+  /** Its visible point. */
   readonly at: Point;
-  /** What looks nearer than this attracts the pointer: metres at that point. */
+  /** The snapping distance as seen from the eye: metres at that point. */
   readonly reach: number;
 }
 
-/** What is nearer to the pointer draws it: CSS pixels. */
+/** The snapping distance, CSS pixels. */
 export const REACH = 10;
 
 /**
- * What is meant at a place where a drawable shows. A vertex goes before an edge, and an edge before a face.
- * Nothing counts that is farther from the surface there than it looks: it is hidden behind.
+ * Snaps at a place where a drawable is visible: to a vertex before an edge, and to an edge before a face.
+ * Points farther from the surface there than from the pointer are hidden behind it, and ignored.
  */
 export function snap(
   at: Place,
@@ -93,7 +93,7 @@ function nearestOnLine(from: Point, to: Point, point: Point): Point {
   return lerp(from, to, square > 0 ? Math.max(0, Math.min(1, along / square)) : 0);
 }
 
-/** The length of a distance, and how far that may be off. */
+/** The length of a distance, and its error. */
 export function measured({ from, to }: Distance): {
   readonly metres: number;
   readonly error: number | undefined;

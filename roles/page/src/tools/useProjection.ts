@@ -1,4 +1,4 @@
-/** What lies over the picture follows its camera. */
+/** Updates overlays with the picture's camera. */
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";

@@ -1,4 +1,4 @@
-/** A view that is kept: where the eye is, and what is changed. As text it stands in a link's address. */
+/** A viewpoint: the eye's pose, and the changes of the view. Its text form is part of a link's address. */
 
 import { MODES, type Mode } from "../navigate/navigator.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
@@ -8,7 +8,7 @@ import type { UserView } from "../viewer/viewHistory.ts";
 import { cutText, Reader, shownText, WireError, Writer } from "../wire/bytes.ts";
 import type { End } from "./snap.ts";
 
-/** What a viewpoint knows of its scene. */
+/** A viewpoint's reference to its scene. */
 export type SceneName = Pick<SceneDescription, "name" | "fingerprint">;
 
 export interface Viewpoint {
@@ -21,7 +21,7 @@ export interface Viewpoint {
   readonly view: UserView;
 }
 
-/** Which form of this text it is. */
+/** The version of this text form. */
 const VERSION = 3;
 
 /** The most distances that are read. */
@@ -46,7 +46,7 @@ export function encodeViewpoint({ scene, eye, forward, vfovDeg, mode, view }: Vi
     }
     writer.option(error, (error) => writer.f64(error));
   }
-  // The rest of a view state is each page's own.
+  // The rest of a view state belongs to each page.
   const state: ViewState = {
     ...seen,
     pictureSize: { width: 1, height: 1 },
@@ -58,7 +58,7 @@ export function encodeViewpoint({ scene, eye, forward, vfovDeg, mode, view }: Vi
   return text.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 }
 
-/** The reverse; nothing where the text is no viewpoint. */
+/** The reverse; nothing if the text is not a valid viewpoint. */
 export function decodeViewpoint(text: string): Viewpoint | undefined {
   try {
     const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) =>
@@ -101,7 +101,7 @@ export function decodeViewpoint(text: string): Viewpoint | undefined {
   }
 }
 
-/** Why a viewpoint cannot be shown in a scene, as the end of a sentence; nothing where it can. */
+/** Why a viewpoint cannot be shown in a scene, as the end of a sentence; nothing if it can. */
 export function foreign({ scene: own }: Viewpoint, scene: SceneName): string | undefined {
   if (own.fingerprint === scene.fingerprint) {
     return undefined;

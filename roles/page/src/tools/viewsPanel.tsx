@@ -80,7 +80,7 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
             accept="application/json,.json"
             onChange={(event) => {
               void take(event.currentTarget.files?.[0]);
-              // The same file can be chosen again.
+              // Allows choosing the same file again.
               event.currentTarget.value = "";
             }}
           />
@@ -91,7 +91,7 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
   );
 }
 
-/** A view that is kept: to go to, to call otherwise, to remove. */
+/** A saved viewpoint with its commands: move there, rename, remove. */
 function Row({
   viewer,
   kept,
@@ -103,7 +103,7 @@ function Row({
 }) {
   const isNaming = useSignal(false);
   const end = (name: string | undefined) => {
-    // A field that goes away loses the focus, and so ends once more.
+    // A removed field loses the focus, and so ends a second time.
     if (isNaming.peek()) {
       isNaming.value = false;
       if (name !== undefined) {
@@ -149,7 +149,7 @@ function Row({
   );
 }
 
-/** Who else is here. Nothing where nobody is. */
+/** The other people here. Empty if there are none. */
 function PeopleList({ people }: { readonly people: People }) {
   const { you, others } = people.company.value;
   const { followed } = people;
@@ -172,7 +172,7 @@ function PeopleList({ people }: { readonly people: People }) {
   );
 }
 
-/** Where a person is now, and what is changed. */
+/** A viewpoint of the present pose and changes. */
 export function viewpointOf({ scene, navigator, view }: Viewer): Viewpoint {
   const [x, y, z] = navigator.eye;
   const { forward, vfovDeg } = navigator;
@@ -181,7 +181,7 @@ export function viewpointOf({ scene, navigator, view }: Viewer): Viewpoint {
   return { scene: { name, fingerprint }, eye: [x, y, z], forward, vfovDeg, mode, view: view.current.peek() };
 }
 
-/** Goes to a viewpoint of this scene. What it changes can be taken back in one step. */
+/** Moves to a viewpoint of this scene. Its changes can be undone in one step. */
 export function goTo({ navigator, view }: Viewer, viewpoint: Viewpoint): void {
   const { eye, forward, vfovDeg, mode } = viewpoint;
   navigator.setMode(mode);
@@ -190,7 +190,7 @@ export function goTo({ navigator, view }: Viewer, viewpoint: Viewpoint): void {
   view.change(viewpoint.view);
 }
 
-/** Goes to the view of a link, if the address has one; says why where it cannot be shown. */
+/** Moves to the viewpoint in a link's address, if it has one; explains a failure. */
 export function followLink(viewer: Viewer, address: URL): void {
   if (!address.hash.startsWith("#v=")) {
     return;
@@ -215,7 +215,7 @@ function thumbnailOf(viewer: Viewer): string {
   return small.toDataURL("image/jpeg", 0.8);
 }
 
-/** The picture as a file, as large as it is on the screen. */
+/** The picture as a file, in its size on the screen. */
 async function picture(viewer: Viewer): Promise<void> {
   viewer.drawNow();
   const blob = await new Promise<Blob | null>((resolve) => viewer.canvas.toBlob(resolve));

@@ -1,11 +1,11 @@
-/** How long it takes from a move of the hand until it is drawn. */
+/** Measures the latency from input to picture. */
 
 const KINDS = ["keydown", "pointermove", "wheel"] as const;
 
 export class Hand {
-  /** When a hand has moved that no picture has followed yet. */
+  /** When the first input came that no picture has followed yet. */
   #since: number | undefined;
-  /** Milliseconds, of the last picture that followed a hand. */
+  /** The latency of the last picture that followed input, milliseconds. */
   latency = 0;
 
   constructor() {
@@ -17,7 +17,7 @@ export class Hand {
     }
   }
 
-  /** The eye was followed. A picture was drawn where it has moved. */
+  /** Called with each picture: ends the measurement if the eye has moved. */
   follow(hasMoved: boolean): void {
     if (hasMoved && this.#since !== undefined) {
       this.latency = performance.now() - this.#since;

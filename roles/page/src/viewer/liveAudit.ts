@@ -1,6 +1,6 @@
 /**
- * Now and then holds a picture of a moving eye against the exact one. The pose of the picture is culled for
- * as well, and both are compared when that set is there.
+ * Compares a picture of a moving eye with the exact one now and then. The pose of the picture is culled for
+ * as well, and both are compared once that set has arrived.
  */
 
 import { signal } from "@preact/signals";
@@ -10,16 +10,16 @@ import type { Camera } from "../proto/camera.ts";
 import type { Viewer } from "./viewer.ts";
 import { wrongShare } from "./wrongPixels.ts";
 
-/** Milliseconds between two pictures that are audited. */
+/** Milliseconds between two audited pictures. */
 const PERIOD = 1000;
-/** Milliseconds after which no set is waited for: a newer pose may have been culled in its place. */
+/** The timeout for a set, milliseconds: a newer pose may have been culled in its place. */
 const LONGEST = 1500;
 
-/** What was found of a picture. */
+/** The result for a picture. */
 export interface Audited {
   /** Pixels that show another object than the exact picture, percent. */
   readonly wrongPercent: number;
-  /** Drawables that were drawn, and those that the exact picture shows. */
+  /** Drawables of the picture, and those of the exact one. */
   readonly drawn: number;
   readonly visible: number;
 }
@@ -28,7 +28,7 @@ interface Sample {
   readonly at: number;
   readonly camera: Camera;
   readonly drawables: readonly Drawable[];
-  /** The frame of which the set is exact for it. */
+  /** The frame with the exact set for it. */
   readonly frame: number;
 }
 
@@ -36,14 +36,14 @@ export class LiveAudit {
   readonly #viewer: Viewer;
   #sample: Sample | undefined;
   #last = Number.NEGATIVE_INFINITY;
-  /** Of the last picture that was audited. */
+  /** The result of the last audit. */
   readonly found = signal<Audited | undefined>(undefined);
 
   constructor(viewer: Viewer) {
     this.#viewer = viewer;
   }
 
-  /** Audits pictures until the function that this gives is called. */
+  /** Audits pictures until the returned function is called. */
   start(): () => void {
     return this.#viewer.onPicture((camera, drawables) => this.#picture(camera, drawables));
   }

@@ -1,4 +1,4 @@
-/** The other people on the service, and going along with one of them. */
+/** The other people on the service, and following one of them. */
 
 import { signal } from "@preact/signals";
 import { isForControl } from "../navigate/typing.ts";
@@ -6,35 +6,35 @@ import type { Company, PersonPose } from "../service/service.ts";
 import { lerp } from "../tools/projection.ts";
 import type { Viewer } from "./viewer.ts";
 
-/** Milliseconds between two meetings, alone and in company. */
+/** Milliseconds between two exchanges of poses, alone and in company. */
 const ALONE = 2000;
 const TOGETHER = 200;
-/** Keys that go from one control to the next. */
+/** Keys that move the focus between controls. */
 const OF_FOCUS: ReadonlySet<string> = new Set(["Tab", "Shift"]);
-/** Who is so many heights of an eye away is not walked to. */
+/** A person farther away than this many heights of an eye is reached by a jump. */
 const JUMP = 10;
 
-/** Where the one who is followed was at the last two meetings. */
+/** Poses of the followed person at the last two exchanges. */
 interface Lead {
   readonly number: number;
   readonly from: PersonPose;
   readonly to: PersonPose;
   readonly at: number;
-  /** The eye is there. */
+  /** The eye has got there. */
   readonly isReached: boolean;
 }
 
 export class People {
   readonly #viewer: Viewer;
   readonly company = signal<Company>({ you: 0, others: [] });
-  /** The number of who is followed. */
+  /** The number of the followed person. */
   readonly followed = signal<number | undefined>(undefined);
   #lead: Lead | undefined;
 
   constructor(viewer: Viewer) {
     this.#viewer = viewer;
     void this.#meet();
-    // A hand on the controls has its own way.
+    // Input on the controls ends following.
     addEventListener("keydown", (event) => {
       if (!isForControl(event) && !OF_FOCUS.has(event.key)) {
         this.follow(undefined);
@@ -44,7 +44,7 @@ export class People {
     viewer.canvas.addEventListener("wheel", () => this.follow(undefined), { passive: true });
   }
 
-  /** Goes along with a person, or with nobody any more. */
+  /** Follows a person, or nobody any more. */
   follow(number: number | undefined): void {
     if (this.followed.peek() === number) {
       return;
@@ -72,7 +72,7 @@ export class People {
         this.company.value = await service.meet({ eye: [x, y, z], forward, vfovDeg });
         this.#lead = this.#leadAt(performance.now());
       } catch {
-        // The link says that the service is away.
+        // The link reports that the service is away.
         this.company.value = { ...this.company.peek(), others: [] };
       }
       const { others } = this.company.peek();
@@ -96,7 +96,7 @@ export class People {
     return { number, from: before?.to ?? to, to, at: now, isReached };
   }
 
-  /** Goes on to where the one who is followed was last, in the time until they are met again. */
+  /** Moves to the followed person's last pose, in the time until the next exchange. */
   #step(): void {
     if (this.followed.peek() === undefined) {
       return;

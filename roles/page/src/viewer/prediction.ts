@@ -1,17 +1,17 @@
-/** Where an eye will be that goes on as it went. */
+/** Predicts the eye's pose from its recent motion. */
 
 import type { Point } from "../navigate/gaze.ts";
 
-/** A place and a direction: what a gaze is made of. */
+/** A place and a direction, as of a gaze. */
 export interface Pose {
   readonly eye: Readonly<Point>;
   readonly heading: number;
   readonly pitch: number;
 }
 
-/** Milliseconds of the past that tell the future. */
+/** The past from which the future is predicted, milliseconds. */
 const PAST = 100;
-/** Nobody is foreseen further, milliseconds: by then the hand has done something else. */
+/** The limit of prediction, milliseconds: by then the hand has done something else. */
 const FURTHEST = 250;
 
 /** Follows an eye. Times are milliseconds. */
@@ -26,12 +26,12 @@ export class Prediction {
     }
   }
 
-  /** The eye has jumped: what was before says nothing. */
+  /** The eye has jumped, so the past is discarded. */
   forget(): void {
     this.#past.length = 0;
   }
 
-  /** Where it will be so many milliseconds after it was followed last; nothing before it was. */
+  /** The pose this many milliseconds after the last one; nothing if there is no past. */
   after(ahead: number): Pose | undefined {
     const [first, last] = [this.#past[0], this.#past.at(-1)];
     if (first === undefined || last === undefined) {
@@ -43,7 +43,7 @@ export class Prediction {
     const [a, b] = [first.pose, last.pose];
     return {
       eye: [on(a.eye[0], b.eye[0]), on(a.eye[1], b.eye[1]), on(a.eye[2], b.eye[2])],
-      // The short way round.
+      // The shorter way round.
       heading: b.heading + wrapped(b.heading - a.heading) * share,
       pitch: on(a.pitch, b.pitch),
     };

@@ -1,12 +1,12 @@
-/** How finely is culled for what a canvas shows. */
+/** The resolution of culling for a canvas. */
 
 import type { ViewState } from "../proto/viewState.ts";
 
-/** The picture that is culled for is so much wider and higher: what a turn uncovers is there already. */
+/** The culled view is this much wider and higher than the picture, so that a turn uncovers nothing new. */
 const WIDER = 1.5;
 /**
- * While the eye moves, pixels that are culled for are so much wider: its sets come sooner. Silhouettes are as
- * fine as ever.
+ * While the eye moves, culling pixels are this much wider, so that sets come sooner. Silhouettes stay as
+ * fine.
  */
 const COARSER = 1.5;
 
@@ -17,8 +17,8 @@ export interface Size {
 }
 
 /**
- * What is culled for where a picture of this size is shown, in which silhouettes are off by `epsilon` pixels
- * at most. Where the service takes no picture so large, pixels are wider until it does.
+ * The culling resolution for a picture of this size, with silhouette errors of at most `epsilon` pixels. If
+ * the service takes no picture so large, pixels are made wider.
  */
 export function sampling(
   { width, height }: Size,
@@ -36,8 +36,8 @@ export function sampling(
 }
 
 /**
- * By how much what is culled for is wider than a picture of this size. The pixels of an eye at rest are as
- * large as those of the picture, where the service takes that.
+ * How much wider the culled view is than a picture of this size. The culling pixels of an eye at rest are as
+ * large as the picture's, if the service allows it.
  */
 export function widerBy({ height }: Size): number {
   return Math.ceil(WIDER * height) / height;

@@ -1,4 +1,4 @@
-/** Keeps a link to a culler: begins a session with it, and another one when that has ended. */
+/** Keeps a link to a culler: begins a session, and a new one when it has ended. */
 
 import { type Signal, signal } from "@preact/signals";
 import { Display, type DisplayOptions } from "../display/display.ts";
@@ -10,34 +10,34 @@ import { troubleJoining, troubleOfEnd } from "./trouble.ts";
 /** Milliseconds between attempts: at first, and at most. */
 const SOONEST = 250;
 const LATEST = 5000;
-/** A link that has held for so many milliseconds is one. */
+/** A link counts as established after this many milliseconds. */
 const STANDS = 1000;
 
-/** What a session asks of the page. */
+/** A session's requests to the page. */
 export interface Service {
-  /** Where a link begins, over a simulated network of that name if there is one. */
+  /** The address of a link, over a simulated network of that name if there is one. */
   link(network: string): string;
-  /** Which scene the service has now. Throws why it does not tell. */
+  /** The scene that the service has now. Throws the reason if it does not answer. */
   scene(): Promise<{ readonly fingerprint: string }>;
 }
 
 export class Session {
   readonly #display = signal<Display | undefined>(undefined);
-  /** Why there is no link; empty where there is one. */
+  /** Why there is no link; empty if there is one. */
   readonly trouble = signal("");
-  /** The simulated network between the page and its culler; none where it is empty. */
+  /** The simulated network between the page and its culler; empty for none. */
   readonly network: Signal<string>;
   readonly #service: Service;
   /** The fingerprint of the scene that the page shows. */
   readonly #fingerprint: string;
-  /** Ends the wait for the next attempt, which is not waited for at all where it is called before. */
+  /** Ends the wait for the next attempt, or skips it if called before. */
   #hurry: () => void = () => {};
   #isHurried = false;
   readonly #options: () => Omit<DisplayOptions, "onEnd">;
-  /** Is called once, when the service turns out to have another scene. No link is looked for any more. */
+  /** Called once, when the service turns out to have another scene. No more links are made then. */
   readonly #onOtherScene: () => void;
 
-  /** `options` are asked for anew for each link. */
+  /** `options` is called for each link. */
   constructor(
     service: Service,
     fingerprint: string,
@@ -50,14 +50,12 @@ export class Session {
     void this.#keep();
   }
 
-  /**
-   * The display, which a signal of the page follows; also while it has no link: it goes on with what it has.
-   */
+  /** The display, which a signal of the page follows. It stays without a link, with its geometry. */
   get display(): Display | undefined {
     return this.#display.value;
   }
 
-  /** Goes on over another simulated network, with what is there. */
+  /** Reconnects over another simulated network, keeping the geometry. */
   moveTo(network: string): void {
     this.network.value = network;
     this.#isHurried = true;
@@ -85,7 +83,7 @@ export class Session {
           return;
         }
         this.#display.value = display;
-        // A service may end a link at once, and say why.
+        // A service may end a link at once, with a reason.
         const stands = setTimeout(() => {
           this.trouble.value = "";
           pause = SOONEST;
@@ -109,13 +107,13 @@ export class Session {
     }
   }
 
-  /** Why there was no link, in words for a person; nothing where the service has another scene. */
+  /** Why there was no link, for a person; nothing if the service has another scene. */
   async #why(error: unknown): Promise<string | undefined> {
     try {
       const { fingerprint } = await this.#service.scene();
       return fingerprint === this.#fingerprint ? troubleJoining(error) : undefined;
     } catch (refused) {
-      // A browser does not tell why a WebSocket has failed. The answer to a request says more.
+      // Browsers hide why a WebSocket has failed. The answer to an HTTP request says more.
       return refused instanceof RefusedError
         ? messageOf(refused)
         : "The service does not answer. The page goes on with what it has, and tries again.";

@@ -1,9 +1,9 @@
-/** What a person is told where there is no link to the service. */
+/** Messages for a person when there is no link to the service. */
 
 import type { LinkEnd } from "../wire/link.ts";
 import { LinkError } from "../wire/meeting.ts";
 
-/** Why no link came about. */
+/** Why no link could be made. */
 export function troubleJoining(error: unknown): string {
   if (error instanceof LinkError && error.refusal?.reason === "busy") {
     return "The service is full: there are as many people as it takes. This page goes on trying. Whoever runs \
@@ -15,7 +15,7 @@ the service can let in more (--people).";
   return `The service does not answer: ${error instanceof Error ? error.message : error}`;
 }
 
-/** Why a link has ended that this page did not leave. */
+/** Why a link has ended other than by this page. */
 export function troubleOfEnd(end: LinkEnd): string {
   switch (end.why) {
     case "left":

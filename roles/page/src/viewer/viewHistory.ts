@@ -1,18 +1,18 @@
-/** What a person has changed of the view, and how to take that back. */
+/** A person's changes of the view, with undo. */
 
 import { computed, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { ViewState } from "../proto/viewState.ts";
 import type { Distance } from "../tools/snap.ts";
 
-/** What of a view state a person changes by hand. */
+/** The part of a view state that a person changes. */
 export interface SeenView extends Pick<ViewState, "sections" | "hidden" | "isolated"> {
   readonly seeThrough: ObjectSet;
 }
 
-/** What a person changes by hand. */
+/** All that a person changes. */
 export interface UserView extends SeenView {
-  /** What they have measured. */
+  /** The measured distances. */
   readonly distances: readonly Distance[];
 }
 
@@ -24,24 +24,24 @@ export const WHOLE: UserView = {
   distances: [],
 };
 
-/** Steps that can be taken back. */
+/** The most steps of undo. */
 const MOST = 100;
 
 /** A view, and those before it. */
 export class ViewHistory {
   readonly #views;
-  /** What the model has see-through. */
+  /** The model's see-through objects. */
   readonly modelSeeThrough: ObjectSet;
   readonly current;
   readonly canUndo;
   readonly canRedo;
-  /** What of it a culler is told: another one only where that is. */
+  /** The part of it for cullers: a new object only if that changes. */
   readonly seen;
   #seen: SeenView | undefined;
-  /** A change that is not a step yet: something is being dragged. */
+  /** Whether a drag is under way, whose change is not a step yet. */
   #isOpen = false;
 
-  /** Of a model in which these objects are see-through. */
+  /** For a model with these see-through objects. */
   constructor(modelSeeThrough = ObjectSet.EMPTY) {
     this.modelSeeThrough = modelSeeThrough;
     const whole: UserView = { ...WHOLE, seeThrough: modelSeeThrough };
@@ -65,19 +65,19 @@ export class ViewHistory {
     });
   }
 
-  /** Makes a step. What was taken back before it is gone. */
+  /** Makes a step. Undone steps are discarded. */
   change(change: Partial<UserView>): void {
     this.#set(change, this.#isOpen);
     this.#isOpen = false;
   }
 
-  /** Changes while something is dragged: all of it, and the `change` that ends it, is one step. */
+  /** Changes during a drag: the whole drag, with the `change` that ends it, is one step. */
   drag(change: Partial<UserView>): void {
     this.#set(change, this.#isOpen);
     this.#isOpen = true;
   }
 
-  /** Corrects what is known of all views, which is no step. */
+  /** Corrects all views, without making a step. */
   amend(correct: (view: UserView) => Partial<UserView>): void {
     const { list, at } = this.#views.peek();
     this.#views.value = { list: list.map((view) => ({ ...view, ...correct(view) })), at };

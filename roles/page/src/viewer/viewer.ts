@@ -1,4 +1,4 @@
-/** A canvas that shows the scene from where a person is. */
+/** A canvas that shows the scene from a person's eye. */
 
 import { computed, effect, signal } from "@preact/signals";
 import type { Display } from "../display/display.ts";
@@ -20,36 +20,34 @@ import { Session } from "./session.ts";
 import { ViewHistory } from "./viewHistory.ts";
 
 /**
- * An eye is foreseen for the time until its set is there, and in turn a little short of that and beyond: it
- * may slow down, or go around a corner.
+ * The eye is predicted for the time when its set arrives, and in turn for somewhat earlier and later: it may
+ * slow down, or go around a corner.
  */
 const SPREAD = [0.6, 1.2, 1.8];
-/** Milliseconds between cameras at least. */
+/** The least time between cameras, milliseconds. */
 const PERIOD = 30;
-/** Milliseconds without another picture until the last one is drawn more finely. */
+/** How long after the last picture it is redrawn more finely, if none follows, milliseconds. */
 const REST = 150;
-/**
- * Bytes of geometry on a machine of four GiB or more, or of which the browser does not say how much it has.
- */
+/** Bytes of geometry on a machine of four GiB or more, or of unknown memory. */
 const MEMORY = 512 << 20;
 
-/** Where the page keeps that it has begun anew with another scene. */
+/** Where the page stores that it has restarted with another scene. */
 export const OTHER_SCENE = "trimaran.otherScene";
 
-/** How many cullers; `switch` are two that take turns, and draw what the other one finds. */
+/** How many cullers; `switch` are two in turn, each drawing the other one's visible set. */
 export type Cullers = "1" | "2" | "3" | "4" | "switch";
 
-/** What is so many times as far away as what is beside it shows through a gap. */
+/** A pixel this many times as far away as its neighbours is seen through a gap. */
 const GAP = 3;
 
-/** Something that a person may want to be done. */
+/** An offered action. */
 export interface Offer {
   readonly text: string;
   readonly label: string;
   readonly run: () => void;
 }
 
-/** Is told from where a picture was drawn, and of what. */
+/** Called with the camera and drawables of a picture. */
 export type Overlay = (camera: Camera, drawables: readonly Drawable[]) => void;
 
 export class Viewer {
@@ -62,41 +60,41 @@ export class Viewer {
   readonly view: ViewHistory;
   /** The objects that a person has picked. */
   readonly selected = signal(ObjectSet.EMPTY);
-  /** Clicks pick one object more, or one less. */
+  /** Clicks add one object to the selection, or remove it. */
   readonly picksMore = signal(false);
-  /** What a person has measured. */
+  /** The measured distances. */
   readonly distances = computed<readonly Distance[]>(() => this.view.current.value.distances);
-  /** The most pixels by which a silhouette may be off, and how a culler finds out what is hidden. */
+  /** The largest silhouette error in pixels, and the occlusion test of cullers. */
   readonly epsilon = signal(2);
   readonly occlusionTest = signal<OcclusionTest>("hzb");
   /** How many cullers, and how they share frames. */
   readonly cullers = signal<Cullers>("1");
-  /** Bytes of unpacked geometry that are kept here. */
+  /** The size limit of unpacked geometry here, bytes. */
   readonly memory = signal(ownMemory());
-  /** A word to the person: what has just happened. */
+  /** A message to the person about a recent event. */
   readonly said = signal("");
-  /** What can be done about something, and why. */
+  /** An offered action, with its reason. */
   readonly offer = signal<Offer | undefined>(undefined);
   pictures = 0;
   readonly hand = new Hand();
   readonly #prediction = new Prediction();
-  /** Which place of the spread is next. */
+  /** The next index into the spread. */
   #turn = 0;
   readonly #overlays = new Set<Overlay>();
   #published = 0;
-  /** When the picture has changed last. */
+  /** When the picture last changed. */
   #rested = 0;
   #last = 0;
-  /** The newest pose was not published yet: another one was that was foreseen, or none. */
+  /** The newest pose was not published yet: a predicted one was, or none. */
   #isMoved = true;
-  /** Pixels that are culled for are wider than those of the picture. */
+  /** Whether culling pixels are wider than those of the picture. */
   #isCoarse = false;
-  /** The set that the canvas shows; nothing where it is to be drawn again. */
+  /** The set in the shown picture; nothing if it must be redrawn. */
   #drawn: unknown;
-  /** The camera of what the canvas shows: the eye may have been put elsewhere since. */
+  /** The camera of the shown picture: the eye may have been moved since. */
   #pictured: Camera | undefined;
 
-  /** `network` is the simulated one between the page and its culler; none where it is empty. */
+  /** `network` is the simulated one between the page and its culler; empty for none. */
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Service, network: string) {
     [this.canvas, this.scene, this.service] = [canvas, scene, service];
     this.view = new ViewHistory(ObjectSet.coded(scene.seeThrough));
@@ -136,7 +134,7 @@ export class Viewer {
       this.redraw();
     });
     new ResizeObserver(() => this.#resize()).observe(canvas);
-    // A link that is closed is no lost one.
+    // Leaving the page is no lost link.
     addEventListener("pagehide", () => this.session.leave());
     requestAnimationFrame((now) => this.#picture(now));
   }
@@ -145,24 +143,24 @@ export class Viewer {
     return this.session.display;
   }
 
-  /** The picture is exact, and of where the eye is now. */
+  /** Whether the picture is exact, and from the present eye. */
   get isSettled(): boolean {
     return this.isExact && this.display?.isOver === false;
   }
 
-  /** The same, also where the link is over since. */
+  /** The same, also if the link has ended since. */
   get isExact(): boolean {
     const { display } = this;
     const isMoved = this.#isMoved || this.navigator.isMoved;
     return !isMoved && display?.isSettled === true && this.#drawn === display.shown;
   }
 
-  /** The camera of where the eye is now. */
+  /** The camera of the present eye. */
   get camera(): Camera {
     return this.#camera(1);
   }
 
-  /** How old the pose is for which the set was culled that is drawn now, milliseconds. */
+  /** The age of the pose for which the drawn set was culled, milliseconds. */
   get setAge(): number {
     const { display } = this;
     return display?.shown === undefined ? 0 : performance.now() - display.shown.posed;
@@ -173,15 +171,15 @@ export class Viewer {
     return this.renderer.items(this.camera, this.shown(), this.look());
   }
 
-  /** What shows at a place of the canvas, in CSS pixels from its upper left; nothing for background. */
+  /** The object at a place of the canvas, in CSS pixels from its upper left; nothing for background. */
   pick(x: number, y: number): Picked | undefined {
     const scale = this.canvas.width / Math.max(1, this.canvas.clientWidth);
     return this.renderer.pick(x * scale, y * scale);
   }
 
   /**
-   * The point of the world that shows at a place of the canvas, or where there is background or a gap within
-   * `around` of it, CSS pixels; nothing where all of that is background.
+   * The visible point of the world at a place of the canvas. At the background or a gap it is searched for
+   * within `around` CSS pixels; nothing if all of that is background.
    */
   pointAt(x: number, y: number, around = 0): Point | undefined {
     const picked = this.pick(x, y);
@@ -193,37 +191,37 @@ export class Viewer {
     return picked && this.pictured.point({ x, y, depth: picked.depth });
   }
 
-  /** From places in the world to places on the canvas, and back, with the eye where it is now. */
+  /** The projection of the present eye. */
   get projection(): Projection {
     return this.#through(this.camera);
   }
 
-  /** The same with the eye where it was for the last picture. What `pick` gives is of that picture. */
+  /** The projection of the last picture, to which results of `pick` belong. */
   get pictured(): Projection {
     return this.#through(this.#pictured ?? this.camera);
   }
 
-  /** Goes on with other cullers. */
+  /** Continues with other cullers. */
   share(cullers: Cullers): void {
     this.cullers.value = cullers;
     this.session.moveTo(this.session.network.peek());
   }
 
-  /** The picture is drawn again, though neither eye nor set has changed. */
+  /** Redraws the picture, though neither eye nor set has changed. */
   redraw(): void {
     this.#drawn = undefined;
   }
 
   /**
-   * Asks for what is visible from `camera`, though the eye may have left it. Gives the number of the frame;
-   * nothing where there is no link.
+   * Requests the visible set of `camera`, even if the eye has left it. Returns the frame's number; nothing
+   * without a link.
    */
   ask(camera: Camera): number | undefined {
     const { display } = this;
     if (display === undefined || display.isOver) {
       return undefined;
     }
-    // No newer camera takes its place before the culler is free for it.
+    // No newer camera replaces it before the culler is free for it.
     this.#published = performance.now() + display.interval;
     this.#isMoved = true;
     this.#coarsen(false);
@@ -231,21 +229,21 @@ export class Viewer {
     return display.publish({ ...camera, tanHalfFov }, true);
   }
 
-  /** Draws at once, and finely. Until this task ends the canvas can be read. */
+  /** Draws at once, and finely. The canvas can be read until this task ends. */
   drawNow(): void {
     this.#pictured = this.camera;
     this.renderer.draw(this.#pictured, this.shown(), this.look());
     while (this.renderer.refine()) {}
   }
 
-  /** Calls `overlay` behind each picture, until the function that it gives is called. */
+  /** Calls `overlay` after each picture, until the returned function is called. */
   onPicture(overlay: Overlay): () => void {
     this.#overlays.add(overlay);
     this.redraw();
     return () => this.#overlays.delete(overlay);
   }
 
-  /** What is drawn: what is shown may have been found before something was hidden. */
+  /** The drawables to draw: the set may have been found before something was hidden. */
   shown(): readonly Drawable[] {
     const { hidden, isolated } = this.view.current.peek();
     const shown = this.display?.shown?.drawables ?? [];
@@ -257,7 +255,7 @@ export class Viewer {
     );
   }
 
-  /** How what is drawn looks. */
+  /** How the picture differs from the plain model. */
   look(): Look {
     const { sections, seeThrough } = this.view.current.peek();
     return { sections, seeThrough, highlighted: this.selected.peek() };
@@ -281,7 +279,7 @@ export class Viewer {
     return { width, height };
   }
 
-  /** How finely is culled. */
+  /** The resolution of culling. */
   #sampling(): Pick<ViewState, "pictureSize" | "levelRule"> {
     return sampling(this.canvas, this.epsilon.value, this.#isCoarse, this.#most);
   }
@@ -294,7 +292,7 @@ export class Viewer {
   #camera(wider: number): Camera {
     const { eye, orientation, vfovDeg } = this.navigator;
     const tanHalfFov = Math.tan((vfovDeg * Math.PI) / 360) * wider;
-    // Nothing is nearer to an eye that walks. Another eye may go up to a bolt.
+    // Nothing is nearer to a walking eye. In other modes the eye may approach a bolt.
     const { clearance } = this.scene;
     const near = Math.min(clearance / 2, Math.max(clearance / 200, this.navigator.reach / 8));
     return { eye, orientation, tanHalfFov, near, frame: 0, viewState: 0 };
@@ -314,7 +312,7 @@ export class Viewer {
     }
     this.#prediction.add(now, this.navigator.pose);
     if (this.#isMoved && !display.isOver && now - this.#published >= PERIOD) {
-      // What is visible from there comes when the eye is there. Once it rests, its own pose follows.
+      // The set arrives when the eye has reached the predicted pose. Once it rests, its own pose follows.
       const foreseen = hasMoved ? this.#foreseen(display.latency + PERIOD / 2) : undefined;
       this.#coarsen(foreseen !== undefined);
       const camera = this.#camera(widerBy(this.canvas));
@@ -342,7 +340,7 @@ export class Viewer {
     this.hand.follow(hasMoved);
   }
 
-  /** The next camera is culled for with pixels so large. */
+  /** Sets whether the next camera is culled for with wider pixels. */
   #coarsen(isCoarse: boolean): void {
     if (isCoarse !== this.#isCoarse) {
       this.#isCoarse = isCoarse;
@@ -363,7 +361,7 @@ export class Viewer {
     }
   }
 
-  /** Makes the picture as large as its place on the screen. Gives whether it was of another size. */
+  /** Fits the picture to its place on the screen. Returns whether its size changed. */
   #fit(): boolean {
     const { canvas } = this;
     const scale = window.devicePixelRatio;
@@ -377,7 +375,7 @@ export class Viewer {
   }
 }
 
-/** The service has another model now: the page begins anew with it, and what was of the other is gone. */
+/** The service has another model now: reloads the page, discarding the state of the old one. */
 function beginAnew(): void {
   sessionStorage.setItem(OTHER_SCENE, "yes");
   if (location.hash.startsWith("#v=")) {

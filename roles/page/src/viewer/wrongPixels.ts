@@ -9,7 +9,7 @@ export function wrongShare(shown: Uint32Array, exact: Uint32Array, drawables: It
   for (const drawable of drawables) {
     byId.set(drawable.id, drawable);
   }
-  /** What was found of two drawables, by their numbers. */
+  /** Known results for two drawables, by their numbers. */
   const known = new Map<number, Map<number, boolean>>();
   let wrong = 0;
   for (let pixel = 0; pixel < exact.length; pixel += 1) {
@@ -29,7 +29,7 @@ export function wrongShare(shown: Uint32Array, exact: Uint32Array, drawables: It
   return exact.length === 0 ? 0 : wrong / exact.length;
 }
 
-/** Whether two drawables show the same object, or one a group of objects and the other one of these. */
+/** Whether two drawables show the same object, or one shows a group with the other's. */
 function showSame(a: Drawable | undefined, b: Drawable | undefined): boolean {
   if (a === undefined || b === undefined) {
     return false;

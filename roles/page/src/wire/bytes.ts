@@ -1,16 +1,16 @@
 /**
- * Bytes as they travel: numbers of fixed width are little-endian, and the rest is postcard.
+ * Bytes on the wire: numbers of fixed width are little-endian, and the rest is postcard.
  *
  * postcard writes integers wider than a byte as varints: 7 bits a byte, low bits first, the top bit set on
  * all but the last.
  */
 
-/** Bytes that are not what the wire says they must be. The peer cannot be trusted after that. */
+/** Bytes violate the wire format. The peer cannot be trusted after that. */
 export class WireError extends Error {
   override name = "WireError";
 }
 
-/** Reads values off the front of bytes. Whatever is not there or does not fit throws a `WireError`. */
+/** Reads values off the front of bytes. Throws a `WireError` for missing or invalid ones. */
 export class Reader {
   readonly #bytes: Uint8Array;
   readonly #view: DataView;
@@ -30,7 +30,7 @@ export class Reader {
     return this.#position === this.#bytes.length;
   }
 
-  /** Nothing may follow. */
+  /** Checks that nothing follows. */
   end(): void {
     if (!this.isAtEnd) {
       throw new WireError(`${this.#bytes.length - this.#position} bytes too many`);
@@ -75,7 +75,7 @@ export class Reader {
     return this.#view.getFloat64(this.#pass(8), true);
   }
 
-  /** So many bytes. They stay where they are, so they change with what is read from. */
+  /** This many bytes, as a view into the buffer. */
   bytes(count: number): Uint8Array {
     const at = this.#pass(count);
     return this.#bytes.subarray(at, at + count);
@@ -101,7 +101,7 @@ export class Reader {
     return this.#largeVarint(64);
   }
 
-  /** A postcard u64 that counts something: beyond 2^53 nothing can be counted exactly. */
+  /** A postcard u64 that is a count: at most 2^53, to be exact. */
   varintCount(): number {
     const value = this.#largeVarint(64);
     if (value > BigInt(Number.MAX_SAFE_INTEGER)) {
@@ -139,12 +139,12 @@ export class Reader {
     return name;
   }
 
-  /** postcard bytes: their number and themselves. */
+  /** postcard bytes: their count, then the bytes. */
   byteString(): Uint8Array {
     return this.bytes(this.varintCount());
   }
 
-  /** A postcard text of at most so many bytes of UTF-8. */
+  /** A postcard text of at most this many bytes of UTF-8. */
   text(most = Number.POSITIVE_INFINITY): string {
     const bytes = this.byteString();
     if (bytes.length > most) {
@@ -157,7 +157,7 @@ export class Reader {
     }
   }
 
-  /** Moves on by `count` bytes and gives where they begin. */
+  /** Advances by `count` bytes and returns where they begin. */
   #pass(count: number): number {
     const at = this.#position;
     if (count > this.#bytes.length - at) {
@@ -199,7 +199,7 @@ export class Reader {
   }
 }
 
-/** Writes values one behind the other into bytes that grow. */
+/** Writes values one after the other into a growing buffer. */
 export class Writer {
   #bytes = new Uint8Array(64);
   #view = new DataView(this.#bytes.buffer);
@@ -210,7 +210,7 @@ export class Writer {
     return this.#length;
   }
 
-  /** A copy of what was written. */
+  /** A copy of the written bytes. */
   take(): Uint8Array<ArrayBuffer> {
     return this.#bytes.slice(0, this.#length);
   }
@@ -296,7 +296,7 @@ export class Writer {
     return this.varint(names.indexOf(name));
   }
 
-  /** postcard bytes: their number and themselves. */
+  /** postcard bytes: their count, then the bytes. */
   byteString(bytes: Uint8Array): this {
     return this.varint(bytes.length).bytes(bytes);
   }
@@ -306,7 +306,7 @@ export class Writer {
     return this.byteString(new TextEncoder().encode(text));
   }
 
-  /** Makes room for `count` more bytes and gives where they begin. The view may be another one then. */
+  /** Makes room for `count` more bytes and returns where they begin. May replace the view. */
   #room(count: number): number {
     const at = this.#length;
     this.#length += count;
@@ -327,7 +327,7 @@ export function cutText(text: string, most: number): string {
   return text.slice(0, read);
 }
 
-/** A text of a peer as it is shown: control characters are escaped. */
+/** A peer's text for display: control characters are escaped. */
 export function shownText(text: string): string {
   return text.replace(/\p{Cc}/gu, (control) => `\\u{${control.codePointAt(0)?.toString(16)}}`);
 }

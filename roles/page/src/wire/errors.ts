@@ -1,12 +1,12 @@
-/** What a person is told of what went wrong. */
+/** Error messages for a person. */
 
-/** What an error says, without secrets. */
+/** The message of an error, without secrets. */
 export function messageOf(error: unknown): string {
   return withoutSecrets(error instanceof Error ? error.message : String(error));
 }
 
 /**
- * A text whose addresses end before their query, where the token is. Every text that the page shows of errors
+ * Cuts addresses in a text before their query, where the token is. Every text that the page shows of errors
  * and events passes here.
  */
 export function withoutSecrets(text: string): string {

@@ -1,21 +1,21 @@
-/** What arrives on the frames lane, judged: order, count and hash. */
+/** Checks arrivals on the frames lane: order, count and hash. */
 
 import { createXXHash3, type IHasher } from "hash-wasm";
 
 import { Reader, WireError } from "./bytes.ts";
 import { Kind, type Message } from "./messages.ts";
 
-/** A frame whose ids are all there. */
+/** A frame with all its ids. */
 export interface Frame {
   /** The lane's own number. */
   readonly number: number;
-  /** What the application says of the frame. */
+  /** The application's header of the frame. */
   readonly header: Uint8Array;
   /** Its items in the order in which they came. */
   readonly ids: Uint32Array<ArrayBuffer>;
 }
 
-/** A frame that has ended. Of one that is not complete, fewer ids came than its end announces. */
+/** A frame that has ended. An incomplete one has fewer ids than its end announces. */
 export type FrameOutcome =
   | { readonly isComplete: true; readonly frame: Frame }
   | {
@@ -25,14 +25,14 @@ export type FrameOutcome =
       readonly came: number;
     };
 
-/** Reads coded batches: a form of the application's own. */
+/** Reads coded batches, in the application's own format. */
 export interface BatchDecoder {
   /**
-   * The ids of a batch of the frame of this number. It throws a `WireError` where they cannot be read, and
-   * where they are more than `room`, before it makes room for them.
+   * The ids of a batch of the frame of this number. Throws a `WireError` if they cannot be read, or are more
+   * than `room`, before it allocates memory for them.
    */
   decode(batch: Uint8Array, frame: number, room: number): Uint32Array<ArrayBuffer>;
-  /** All ids of a frame are there. They belong to someone else. */
+  /** Takes all ids of a frame, which the caller keeps. */
   complete(frame: number, ids: Uint32Array): void;
 }
 
@@ -62,7 +62,7 @@ export class FrameHasher {
   }
 }
 
-/** The frame that has begun and not ended. */
+/** A frame that has begun and not ended. */
 interface Open {
   readonly number: number;
   readonly header: Uint8Array;
@@ -71,7 +71,7 @@ interface Open {
   count: number;
 }
 
-/** Puts frames together. After an error the peer cannot be trusted. */
+/** Assembles frames. After an error the peer cannot be trusted. */
 export class FrameAssembler {
   readonly #hasher: FrameHasher;
   readonly #most: number;
@@ -79,14 +79,14 @@ export class FrameAssembler {
   #open: Open | undefined;
   #last = -1;
 
-  /** No frame may have more than `most` ids. Without a decoder no batch may come coded. */
+  /** No frame may have more than `most` ids. Without a decoder no batch may be coded. */
   constructor(hasher: FrameHasher, most: number, decoder?: BatchDecoder) {
     this.#hasher = hasher;
     this.#most = most;
     this.#decoder = decoder;
   }
 
-  /** Takes the next message of the lane. Gives the frame that it ends, if it does. */
+  /** Takes the next message of the lane. Returns the frame that it ends, if any. */
   take({ kind, payload }: Message): FrameOutcome | undefined {
     switch (kind) {
       case Kind.begin:
@@ -140,7 +140,7 @@ export class FrameAssembler {
     open.count += ids.length;
   }
 
-  /** The frame that has begun, where it may have so many ids more. */
+  /** The begun frame, if it may have this many more ids. */
   #openFor(more: number): Open {
     if (this.#open === undefined) {
       throw new WireError("ids came outside of a frame");
@@ -173,7 +173,7 @@ export class FrameAssembler {
   }
 }
 
-/** Bytes of an id as it travels plain. Like WebGL, this page runs where memory is little-endian. */
+/** Bytes of an uncoded id. Like WebGL, this page requires little-endian memory. */
 const ID_BYTES = 4;
 
 function makeRoom(open: Open, more: number, most: number): void {

@@ -1,11 +1,11 @@
-/** How two peers meet, and how one leaves: hello, accept, refuse and close. */
+/** The handshake and the end of a link: hello, accept, refuse and close. */
 
 import { cutText, Reader, shownText, WireError, Writer } from "./bytes.ts";
 
 /** The version of the wire of links. Peers of different versions refuse each other. */
 export const WIRE_VERSION = 3;
 
-/** The code of a close of a peer that connected and does not take the listener. */
+/** The close code of a connecting peer that rejects the listener. */
 export const CODE_NOT_TAKEN = 65_535;
 
 /** The lanes of a link, in the order of their numbers. */
@@ -34,7 +34,7 @@ export type Refusal =
   | { readonly reason: "busy" }
   | { readonly reason: "key"; readonly claimed: string; readonly known: string };
 
-/** How a peer leaves: a number for programs, a text for people. */
+/** A close: a number for programs, a text for people. */
 export interface Close {
   readonly code: number;
   readonly text: string;
@@ -46,7 +46,7 @@ export function encodeHello({ application, session, lane, introduction }: Hello)
   return writer.variant(LANES, lane).bytes(introduction).take();
 }
 
-/** Reads the payload of a hello. One of another version is understood no further than that. */
+/** Reads the payload of a hello. Of another version only the version is read. */
 export function decodeHello(payload: Uint8Array): Hello {
   const reader = new Reader(payload);
   if (!reader.bytes(MAGIC.length).every((byte, at) => byte === MAGIC[at])) {
@@ -89,7 +89,7 @@ export function encodeRefuse(refusal: Refusal): Uint8Array<ArrayBuffer> {
   return writer.take();
 }
 
-/** Reads the payload of a refuse. Where the versions differ, that is the reason, and all that is read. */
+/** Reads the payload of a refuse. If the versions differ, that is the reason, and nothing else is read. */
 export function decodeRefuse(payload: Uint8Array): Refusal {
   const reader = new Reader(payload);
   const listener = reader.u16();
@@ -125,12 +125,12 @@ that of ${shownText(refusal.known)}`;
   }
 }
 
-/** Whether the same peer may be let in when it tries again. */
+/** Whether the same peer may be admitted on another try. */
 export function mayTryAgain(refusal: Refusal): boolean {
   return refusal.reason === "busy" || refusal.reason === "unpaired";
 }
 
-/** The payload of a close. At most 200 bytes of the text travel. */
+/** The payload of a close. At most 200 bytes of the text are sent. */
 export function encodeClose({ code, text }: Close): Uint8Array<ArrayBuffer> {
   return new Writer().varint(code).text(cutText(text, MOST_TEXT)).take();
 }

@@ -7,20 +7,20 @@ import { encodeMessage, type Format, Kind, type Message, MessageStream } from ".
 /** A connection that carries bytes both ways, in order. */
 export interface Channel {
   send(bytes: Uint8Array<ArrayBuffer>): void;
-  /** How many bytes wait to leave this machine. */
+  /** How many bytes wait to be sent. */
   buffered(): number;
-  /** Ends the connection once what was sent has left. */
+  /** Ends the connection after pending bytes are sent. */
   close(): void;
   onBytes: ((bytes: Uint8Array) => void) | undefined;
-  /** The connection has ended, and not by `close`. */
+  /** Called when the connection ends other than by `close`. */
   onEnd: ((why: string) => void) | undefined;
 }
 
-/** Tells the time, so that tests need not wait. */
+/** A clock, replaceable in tests. */
 export interface Clock {
-  /** Milliseconds from some moment on. */
+  /** Milliseconds since some moment. */
   now(): number;
-  /** Calls once after so many milliseconds. Gives what calls it off. */
+  /** Calls once after this many milliseconds. Returns a function to cancel it. */
   after(milliseconds: number, call: () => void): () => void;
 }
 
@@ -33,22 +33,22 @@ export type LaneEnd =
 export interface LaneOptions {
   readonly format: Format;
   readonly clock: Clock;
-  /** Milliseconds without a sign of life after which the peer is lost. */
+  /** The idle timeout: milliseconds of silence after which the peer counts as lost. */
   readonly idleTimeout: number;
 }
 
 /** The default of `idleTimeout`. */
 export const IDLE_TIMEOUT = 20_000;
 
-/** A peer is never silent for longer than so many milliseconds. */
+/** The keep-alive interval: the longest silence of a peer, milliseconds. */
 const LONGEST_SILENCE = 5_000;
 
-/** Sends and receives messages, keeps the connection alive, and notices when the peer is gone. */
+/** Sends and receives messages, keeps the connection alive, and detects when the peer is gone. */
 export class Lane {
   readonly name: LaneName;
-  /** What has travelled, headers included. */
+  /** Bytes carried, headers included. */
   readonly bytes = { sent: 0, received: 0 };
-  /** Told once, but not where this side leaves. */
+  /** Called once, but not if this side leaves. */
   onEnd: ((end: LaneEnd) => void) | undefined;
 
   readonly #channel: Channel;
@@ -82,7 +82,7 @@ export class Lane {
     return this.#isOver;
   }
 
-  /** How many bytes wait to leave this machine. */
+  /** How many bytes wait to be sent. */
   buffered(): number {
     return this.#channel.buffered();
   }
@@ -103,7 +103,7 @@ export class Lane {
     this.#channel.send(bytes);
   }
 
-  /** Says why this side leaves, if anything, and ends the connection. */
+  /** Sends the reason of the close, if any, and ends the connection. */
   leave(close?: Close): void {
     if (close !== undefined) {
       this.send(Kind.close, encodeClose(close));
@@ -114,7 +114,7 @@ export class Lane {
   #receive(bytes: Uint8Array): void {
     this.#lastReceived = this.#options.clock.now();
     this.bytes.received += bytes.length;
-    // Browsers slow down the timers of pages that nobody sees, but not what arrives.
+    // Browsers slow down timers of hidden pages, but not arrivals.
     this.#keepAlive();
     this.#stream.push(bytes);
     this.#deliver();

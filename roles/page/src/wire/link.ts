@@ -1,4 +1,4 @@
-/** A link to a peer that listens: four lanes that say who they are, and then carry what the peers say. */
+/** A link to a listening peer: four lanes that identify themselves, and then carry the peers' messages. */
 
 import { WireError } from "./bytes.ts";
 import { type BatchDecoder, type Frame, FrameAssembler, FrameHasher } from "./frames.ts";
@@ -9,27 +9,27 @@ import { type Format, Kind, type Message, nameOfKind } from "./messages.ts";
 import { NewestSender } from "./newest.ts";
 import { openWebSocket } from "./websocket.ts";
 
-/** What both peers of a link must know beforehand. */
+/** The protocol that both peers of a link must agree on. */
 export interface Application {
   /** The name of the protocol with its version, at most 32 bytes. */
   readonly name: string;
   readonly format: Format;
 }
 
-/** What this side thinks of the listener's introduction. */
+/** This side's judgement of the listener's introduction. */
 export type Admission =
   | { readonly isTaken: true; readonly mostIds: number; readonly decoder?: BatchDecoder }
   | { readonly isTaken: false; readonly why: string };
 
-/** Who is told of what comes. Where one throws a `WireError`, the peer has broken the protocol. */
+/** Callbacks for arrivals. If one throws a `WireError`, the peer has violated the protocol. */
 export interface LinkHandlers {
   onFrame(frame: Frame): void;
-  /** A frame ended of which ids are missing. */
+  /** A frame has ended without all its ids. */
   onIncompleteFrame?(number: number, announced: number, came: number): void;
   onMessage(payload: Uint8Array): void;
   onBlock(payload: Uint8Array): void;
   onValue?(payload: Uint8Array): void;
-  /** Told once, also where this side leaves. */
+  /** Called once, also if this side leaves. */
   onEnd(end: LinkEnd): void;
 }
 
@@ -39,9 +39,9 @@ export type LinkEnd = LaneEnd | ({ readonly why: "left" } & Close);
 export interface LinkOptions {
   readonly application: Application;
   readonly handlers: LinkHandlers;
-  /** Judges who listens. What cannot be read throws a `WireError`. */
+  /** Decides on the listener. Throws a `WireError` for an unreadable introduction. */
   admit(introduction: Uint8Array): Admission;
-  /** Milliseconds without a sign of life after which the peer is lost. */
+  /** The idle timeout: milliseconds of silence after which the peer counts as lost. */
   readonly idleTimeout?: number;
   /** Opens the connection of a lane. */
   readonly open?: (url: string, lane: LaneName) => Promise<Channel>;
@@ -59,7 +59,7 @@ export interface Bytes {
 /**
  * Connects to a listener and introduces this side to it.
  *
- * It throws a `LinkError` where no link comes about.
+ * Throws a `LinkError` if no link can be made.
  */
 export async function connect(url: string, introduction: Uint8Array, options: LinkOptions): Promise<Link> {
   const { application, clock = systemClock, idleTimeout = IDLE_TIMEOUT } = options;
@@ -83,7 +83,7 @@ export async function connect(url: string, introduction: Uint8Array, options: Li
 /** How long the other lanes may take to close after the first, in milliseconds. */
 const GRACE = 2_000;
 
-/** Four lanes over which two peers have met. */
+/** Four lanes after a successful handshake. */
 export class Link {
   /** The listener's introduction. */
   readonly listener: Uint8Array;
@@ -113,7 +113,7 @@ export class Link {
     for (const name of LANES) {
       lanes[name].onEnd = (end) => this.#laneEnded(end);
     }
-    // What came meanwhile is told once whoever waits for the link has it.
+    // Earlier arrivals are delivered once the caller of `connect` has the link.
     clock.after(0, () => {
       for (const name of LANES) {
         lanes[name].listen((message) => this.#take(lanes[name], message));
@@ -125,7 +125,7 @@ export class Link {
     return this.#isOver;
   }
 
-  /** What has travelled on each lane. */
+  /** The bytes carried on each lane. */
   get bytes(): Readonly<Record<LaneName, Bytes>> {
     const { latest, frames, messages, bulk } = this.#lanes;
     return {
@@ -136,7 +136,7 @@ export class Link {
     };
   }
 
-  /** Sends a value of the latest lane, unless a newer one comes before it can leave. */
+  /** Sends a value of the latest lane, unless a newer one replaces it first. */
   publish(value: Uint8Array): void {
     this.#newest.publish(value);
   }
@@ -149,7 +149,7 @@ export class Link {
     this.#lanes.bulk.send(Kind.block, payload);
   }
 
-  /** Leaves. The code is the application's, and at most 200 bytes of the text travel. */
+  /** Closes the link. The code is the application's, and at most 200 bytes of the text are sent. */
   close(code: number, text: string): void {
     this.#finish({ why: "left", code, text });
   }
@@ -173,7 +173,7 @@ export class Link {
     }
   }
 
-  /** Where the peer closes, what it said before on the other lanes is still heard. */
+  /** When the peer closes, its earlier messages on the other lanes are still delivered. */
   #laneEnded(end: LaneEnd): void {
     if (end.why === "closed") {
       this.#closed ??= end;

@@ -1,4 +1,4 @@
-/** How the four lanes of a link come about: each says hello, and waits for an answer. */
+/** The handshake of a link's four lanes: each sends a hello, and waits for an answer. */
 
 import { WireError } from "./bytes.ts";
 import {
@@ -16,12 +16,12 @@ import { Kind, type Message, nameOfKind } from "./messages.ts";
 
 export type Lanes = Readonly<Record<LaneName, Lane>>;
 
-/** Why no link came about. */
+/** Why no link was made. */
 export class LinkError extends Error {
   override name = "LinkError";
-  /** Where the listener refused. */
+  /** If the listener refused. */
   readonly refusal: Refusal | undefined;
-  /** Whether it may come about another time. */
+  /** Whether another try may succeed. */
   readonly mayTryAgain: boolean;
 
   constructor(text: string, cause?: { refusal?: Refusal; mayTryAgain?: boolean }) {
@@ -31,16 +31,16 @@ export class LinkError extends Error {
   }
 }
 
-/** The lanes over which a listener was met, and its introduction. */
+/** The lanes of a link, and the listener's introduction. */
 export interface Meeting {
   readonly lanes: Lanes;
   readonly listener: Uint8Array;
 }
 
 /**
- * Opens four lanes and greets. Where one of them fails, all are given up and a `LinkError` is thrown.
+ * Opens four lanes and sends hellos. If one fails, all are closed and a `LinkError` is thrown.
  *
- * What comes on a lane after its answer waits there.
+ * Messages after a lane's answer wait there.
  */
 export async function meet(
   open: (lane: LaneName) => Promise<Channel>,
@@ -83,7 +83,7 @@ interface Met {
   readonly listener: Uint8Array;
 }
 
-/** Says hello on a lane and waits for the answer. */
+/** Sends a hello on a lane and waits for the answer. */
 function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
   return new Promise((resolve, reject) => {
     lane.onEnd = (end) => {
@@ -105,7 +105,7 @@ function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
   });
 }
 
-/** The answers, unless they take longer than a peer may be silent. */
+/** The answers, unless they exceed the idle timeout. */
 function inTime<T>(answers: Promise<T>, { clock, idleTimeout }: LaneOptions): Promise<T> {
   return new Promise((resolve, reject) => {
     const late = () => reject(new LinkError("the listener did not answer in time", { mayTryAgain: true }));

@@ -1,12 +1,12 @@
 /**
  * Messages: a header of four bytes and a payload.
  *
- * A header is judged as soon as it is there, so nothing waits for a length that no message has.
+ * A header is checked as soon as it arrives, so an invalid length is never waited for.
  */
 
 import { Reader, WireError, Writer } from "./bytes.ts";
 
-/** What a message is: the first byte of its header. */
+/** The kind of a message: the first byte of its header. */
 export const Kind = {
   hello: 0x01,
   accept: 0x02,
@@ -25,17 +25,17 @@ export const Kind = {
 
 export type Kind = (typeof Kind)[keyof typeof Kind];
 
-/** The sizes of what an application sends. WIRE.md calls them L, H and I. */
+/** The sizes of an application's data. WIRE.md calls them L, H and I. */
 export interface Format {
   /** Bytes of a value of the latest lane. */
   readonly latest: number;
-  /** Bytes of what a frame begins with, beside its number. */
+  /** Bytes of a frame's header, beside its number. */
   readonly header: number;
   /** Bytes of an item. */
   readonly item: number;
 }
 
-/** A message as it came. */
+/** A received message. */
 export interface Message {
   readonly kind: Kind;
   readonly payload: Uint8Array;
@@ -61,7 +61,7 @@ export const MOST_BLOCK = 16_384;
 /** The most bytes of an application's hello. */
 export const MOST_INTRODUCTION = 200;
 
-/** How many bytes the payload of a message of this kind may have. */
+/** The length limits of this kind's payload. */
 export function lengthsOf(kind: Kind, { latest, header, item }: Format): Lengths {
   const exactly = (bytes: number) => ({ least: bytes, most: bytes });
   switch (kind) {
@@ -94,12 +94,12 @@ export function lengthsOf(kind: Kind, { latest, header, item }: Format): Lengths
   }
 }
 
-/** What a kind is called in texts for people. */
+/** The name of a kind in texts for people. */
 export function nameOfKind(kind: Kind): string {
   return NAMES.get(kind) ?? "unknown";
 }
 
-/** The message with its header. A payload of a length that no peer takes is a fault of this side. */
+/** The message with its header. Throws if the payload's length is invalid. */
 export function encodeMessage(kind: Kind, payload: Uint8Array, format: Format): Uint8Array<ArrayBuffer> {
   const { least, most } = lengthsOf(kind, format);
   if (payload.length < least || payload.length > most) {
@@ -111,8 +111,8 @@ export function encodeMessage(kind: Kind, payload: Uint8Array, format: Format): 
 /**
  * Finds the messages in a stream of bytes, however these are split.
  *
- * It holds what was pushed and not yet taken, and sets nothing aside for what is still to come.
- * After a bad header the stream is lost, and each further call throws the same error.
+ * It holds only bytes that have arrived and not been taken, and reserves no memory for later ones. After a
+ * bad header the stream is lost, and each further call throws the same error.
  */
 export class MessageStream {
   readonly #format: Format;
@@ -124,12 +124,12 @@ export class MessageStream {
     this.#format = format;
   }
 
-  /** How many bytes wait for the rest of their message: 0 where the stream may end. */
+  /** How many bytes wait for the rest of their message: 0 if the stream may end. */
   get pending(): number {
     return this.#end - this.#start;
   }
 
-  /** How much memory is held for bytes that came. */
+  /** How much memory is held for received bytes. */
   get capacity(): number {
     return this.#bytes.length;
   }
@@ -142,7 +142,7 @@ export class MessageStream {
     this.#end += bytes.length;
   }
 
-  /** The next whole message. Undefined where more bytes are needed. */
+  /** The next whole message; undefined if more bytes are needed. */
   take(): Message | undefined {
     if (this.pending < HEADER_BYTES) {
       return undefined;
@@ -171,7 +171,7 @@ export class MessageStream {
     return kind;
   }
 
-  /** Moves what is pending to the front of enough memory. */
+  /** Moves pending bytes to the front of enough memory. */
   #makeRoom(more: number): void {
     const pending = this.#bytes.subarray(this.#start, this.#end);
     const needed = pending.length + more;

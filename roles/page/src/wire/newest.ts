@@ -3,13 +3,13 @@
 import type { Clock, Lane } from "./lane.ts";
 import { Kind } from "./messages.ts";
 
-/** While more bytes than this wait to leave, only the newest value is kept. */
+/** Beyond this many unsent bytes, only the newest value is kept. */
 const MOST_BUFFERED = 4096;
 
-/** How often it looks whether bytes have left, in milliseconds: a WebSocket does not say so itself. */
+/** The polling interval for unsent bytes, milliseconds: a WebSocket has no event for it. */
 const LOOK_EVERY = 4;
 
-/** Keeps the newest value where the lane is slower than values come. */
+/** Keeps only the newest value if the lane is slower than the values. */
 export class NewestSender {
   readonly #lane: Lane;
   readonly #clock: Clock;
@@ -28,7 +28,7 @@ export class NewestSender {
     }
   }
 
-  /** Forgets what waits. */
+  /** Discards the waiting value. */
   stop(): void {
     this.#callOff?.();
     this.#callOff = undefined;

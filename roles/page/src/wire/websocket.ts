@@ -1,7 +1,7 @@
 /**
  * A lane's bytes over a WebSocket.
  *
- * They travel in binary messages, and where one of these ends means nothing.
+ * They are sent in binary messages, whose boundaries have no meaning.
  */
 
 import { withoutSecrets } from "./errors.ts";
@@ -10,7 +10,7 @@ import type { Channel } from "./lane.ts";
 /** The most bytes of a binary message. */
 export const MOST_PER_MESSAGE = 65_536;
 
-/** What is used of a `WebSocket`. */
+/** The used part of a `WebSocket`. */
 export type Socket = Pick<
   WebSocket,
   "binaryType" | "bufferedAmount" | "send" | "close" | "onopen" | "onmessage" | "onclose"

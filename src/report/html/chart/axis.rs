@@ -1,4 +1,4 @@
-//! From values to positions in a drawing.
+//! Maps values to positions in a drawing.
 
 /// A vertical axis is logarithmic where the largest value is more than this many times the median.
 const LOG_ABOVE: f64 = 6.0;
@@ -45,8 +45,8 @@ impl Axis {
         }
     }
 
-    /// The vertical axis of values from 0: logarithmic where single values stand far above the rest, and none
-    /// is 0. Stacked areas have no logarithm: their axis is cut off above what most values need.
+    /// The vertical axis of values from 0. It is logarithmic if a few values are far above the rest, and none
+    /// is 0. Stacked areas have no logarithm: their axis is cut off above most of the values.
     pub(super) fn of_values(values: &mut [f64], stacked: bool, range: (f64, f64)) -> Self {
         values.sort_by(f64::total_cmp);
         let (low, high) = (values.first().copied().unwrap_or(0.0), values.last().copied().unwrap_or(1.0));
@@ -74,7 +74,7 @@ impl Axis {
         self.from + share * (self.to - self.from)
     }
 
-    /// About so many round values, by which the axis is labelled.
+    /// About this many round values, for labels of the axis.
     pub(super) fn ticks(&self, about: f64) -> Vec<f64> {
         if self.log {
             let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
@@ -82,7 +82,7 @@ impl Axis {
             let all = (first..=last).flat_map(|d| steps.iter().map(move |s| s * 10_f64.powi(d)));
             return all.filter(|t| (self.low..=self.high).contains(t)).collect();
         }
-        // Where all values are 0, lines between 0 and the top would say nothing.
+        // If all values are 0, lines between 0 and the top would say nothing.
         let step = if self.empty { self.high } else { round_step((self.high - self.low) / about) };
         let first = (self.low / step).ceil() as i64;
         let last = (self.high / step).floor() as i64;

@@ -20,7 +20,7 @@ const BOTTOM: f64 = HEIGHT - 40.0;
 /// Above this many points a line shows no dots.
 const DOTS_UP_TO: usize = 90;
 
-/// What a chart shows for one name of its legend.
+/// A series of a chart, with one entry in its legend.
 #[derive(Debug, Clone)]
 pub(crate) struct Series {
     /// Its name in the legend.
@@ -29,7 +29,7 @@ pub(crate) struct Series {
     pub(crate) class: &'static str,
     /// How it is drawn.
     pub(crate) mark: Mark,
-    /// Its points, by ascending x; none where nothing was measured.
+    /// Its points, by ascending x; empty if nothing was measured.
     pub(crate) points: Vec<(f64, f64)>,
 }
 
@@ -46,16 +46,16 @@ pub(crate) enum Mark {
     Points,
 }
 
-/// A chart; nothing but a remark where nothing was measured.
+/// A chart; only a remark if nothing was measured.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Chart {
     /// The name of the x axis, with its unit.
     pub(crate) x: &'static str,
     /// The name of the y axis, with its unit.
     pub(crate) y: &'static str,
-    /// What it shows.
+    /// Its series.
     pub(crate) series: Vec<Series>,
-    /// A horizontal line that the values are held against.
+    /// A horizontal line to compare the values with.
     pub(crate) bound: Option<(f64, String)>,
     /// Labels beside single points.
     pub(crate) labels: Vec<(f64, f64, String)>,
@@ -88,7 +88,7 @@ impl Chart {
         self.series.iter().all(|s| s.points.is_empty())
     }
 
-    /// The chart as a file of its own, under a title.
+    /// The chart as a file of its own, with a title.
     pub(crate) fn file(&self, title: &str) -> Markup {
         const ROW: f64 = 18.0;
         const COLUMNS: usize = 3;
@@ -168,7 +168,7 @@ impl Chart {
         if self.keys.is_empty() {
             Axis::of_quantities(low, high, (LEFT, RIGHT))
         } else if low == high {
-            // A single frame stands in the middle.
+            // A single frame is centred.
             Axis::linear(low - 1.0, high + 1.0, (LEFT, RIGHT))
         } else {
             Axis::linear(low, high, (LEFT, RIGHT))
@@ -190,7 +190,7 @@ impl Chart {
         }
     }
 
-    /// Labels beside their points, each where it covers no other; one that fits nowhere is left out.
+    /// Labels beside their points, each without covering another; one without room is left out.
     fn point_labels(&self, x: &Axis, y: &Axis) -> Markup {
         let mut taken: Vec<(f64, f64, f64)> = Vec::new();
         let mut free_position = |px: f64, py: f64, label: &str| {
@@ -215,8 +215,8 @@ impl Chart {
     }
 }
 
-/// Times side by side, each with a name, a class that gives its colour, and milliseconds. `full` is the time
-/// that takes the whole width.
+/// Times side by side, each with a name, a colour class and milliseconds. `full` is the time of the whole
+/// width.
 pub(crate) fn stacked_bar(label: &str, parts: &[(&str, &str, f64)], full: f64) -> Markup {
     const WIDTH: f64 = 600.0;
     let width = |value: &f64| value / full * WIDTH;

@@ -1,4 +1,4 @@
-//! Who was busy when: one row a machine, one bar a role and frame.
+//! A timeline: one row per machine, one bar per role and frame.
 
 use std::collections::BTreeSet;
 
@@ -21,15 +21,14 @@ const TOP: f64 = 8.0;
 /// A window of frames on the clock of the run.
 pub(crate) struct Timeline<'a> {
     frames: &'a [Frame],
-    /// Those that did something, a row each.
+    /// The machines that worked, one row each.
     machines: BTreeSet<Machine>,
     /// Milliseconds since the run's start.
     time: Axis,
 }
 
 impl<'a> Timeline<'a> {
-    /// The window around the frame that the cullers or the display took longest for; `None` if nothing was
-    /// timed.
+    /// The window around the frame with the longest culling or drawing; `None` if nothing was timed.
     pub(crate) fn around_slowest(frames: &'a [Frame]) -> Option<Self> {
         let longest = |frame: &Frame| frame.pair_ms().unwrap_or(0.0).max(frame.rvg_ms.unwrap_or(0.0));
         let timed = frames.iter().enumerate().filter(|(_, frame)| !frame.timeline.is_empty());
@@ -58,12 +57,12 @@ impl<'a> Timeline<'a> {
         self.machines.len()
     }
 
-    /// Where the plot ends.
+    /// The plot's lower edge.
     fn bottom(&self) -> f64 {
         TOP + ROW * self.machines.len() as f64
     }
 
-    /// How many machines are busy on average.
+    /// The average number of busy machines.
     pub(crate) fn busy(&self) -> f64 {
         let busy: f64 = self.frames.iter().flat_map(|f| &f.timeline).map(|s| s.end_ms - s.start_ms).sum();
         busy / (self.time.high - self.time.low)

@@ -1,4 +1,4 @@
-//! The pictures on the page: what was shown, what should have been, and where they differ.
+//! The pictures on the page: as shown, as they should be, and their differences.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -20,9 +20,9 @@ const FRAMES: usize = 3;
 pub(in crate::report) struct Comparison {
     /// The frame.
     pub(in crate::report) frame: u32,
-    /// Why this one.
+    /// Why it was chosen.
     pub(in crate::report) why: &'static str,
-    /// What RVG showed.
+    /// The picture that RVG showed.
     pub(in crate::report) shown: Rgb,
     /// The same LOD cut without culling.
     pub(in crate::report) unculled: Option<Rgb>,
@@ -30,7 +30,7 @@ pub(in crate::report) struct Comparison {
     pub(in crate::report) full: Option<Rgb>,
 }
 
-/// The frames worth a look, and why, among those that have pictures: the worst by culling error, the worst by
+/// The most interesting frames with pictures, each with a reason: the worst by culling error, the worst by
 /// level-of-detail error, and a typical one.
 pub(in crate::report) fn choose(report: &Report) -> Vec<(u32, &'static str)> {
     let shown: Vec<&Frame> = report.frames.iter().filter(|f| f.pictures.shown.is_some()).collect();
@@ -109,7 +109,7 @@ fn detail_error(frame: Option<&Frame>) -> String {
     format!("{psnr}{flip}; brighter is more visible")
 }
 
-/// How a picture is made small.
+/// How to shrink a picture.
 #[derive(Clone, Copy)]
 enum Shrink {
     /// By averaging: pictures.

@@ -1,4 +1,4 @@
-//! The page's charts, each under a title that says what it shows.
+//! The page's charts, each under a title that states its content.
 
 use maud::{Markup, html};
 
@@ -129,7 +129,7 @@ fn drawn_for_visible(what: &str, ratio: Option<f64>, paper: f64) -> String {
     )
 }
 
-/// What was drawn and what is visible, by the first two of `keys`.
+/// The drawn and the visible nodes, by the first two of `keys`.
 fn drawn_and_visible(
     report: &Report,
     finding: &str,

@@ -51,7 +51,7 @@ fn verdict(class: &str, mark: &str, text: &str) -> Markup {
     }
 }
 
-/// What the audit found, in one sentence.
+/// The audit's finding, in one sentence.
 fn audit_verdict(summary: &Summary) -> Markup {
     let audited = plural(u64::from(summary.audited_frames), "audited frame", "audited frames");
     let of_all = format!("{audited} of {}", grouped(f64::from(summary.frames)));
@@ -80,7 +80,7 @@ fn audit_verdict(summary: &Summary) -> Markup {
     }
 }
 
-/// A figure; `beside` says how far it can be trusted.
+/// A figure; `beside` states its error.
 fn tile(name: &str, value: &str, beside: &[String]) -> Markup {
     badged_tile(&html! { (name) }, value, beside)
 }

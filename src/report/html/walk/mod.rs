@@ -1,4 +1,4 @@
-//! `report.html`: what a walk was, how fast, and how right.
+//! `report.html`: a walk's settings, speed and errors.
 
 mod comparison;
 mod figures;

@@ -1,6 +1,6 @@
-//! What links cost beside other ways to send the same data: a pose there and back, a frame of 4,000 points
-//! until the last one has arrived, frames without a pause; time, CPU time and heap allocations of both ends
-//! together.
+//! The cost of links beside other ways to send the same data: a pose there and back, a frame of 4,000 points
+//! until the last one has arrived, frames without a pause. Measures time, CPU time and heap allocations of
+//! both ends together.
 //!
 //! ```sh
 //! cargo run --release --manifest-path transport/benches/peers/Cargo.toml -- [--rounds N] [--as-roles | --block-on] [--json] [NAME..]
@@ -8,7 +8,7 @@
 //!
 //! Both ends are in this process, each a task of a single-threaded runtime on a core of its own; `--as-roles`
 //! gives each a runtime with a thread of its own instead. Rounds go through all subjects in turn, so that
-//! what else the machine does falls on all of them.
+//! other load on the machine affects all of them.
 
 mod measure;
 mod row;
@@ -41,20 +41,20 @@ struct Args {
     /// Each end is a thread beside a worker of its runtime, as in a role, and pinned to no core.
     #[arg(long)]
     as_roles: bool,
-    /// Each end is given to `block_on`, and no task.
+    /// Each end is given to `block_on`, not to a task.
     #[arg(long, conflicts_with = "as_roles")]
     block_on: bool,
-    /// One JSON object a subject, on a line of its own.
+    /// One JSON object for each subject, on a line of its own.
     #[arg(long)]
     json: bool,
-    /// Only subjects whose names hold one of these.
+    /// Only subjects whose names contain one of these.
     names: Vec<String>,
 }
 
-/// A subject's name, and what measures it once into its row.
+/// A subject's name, and the function that measures it once into its row.
 type Entry = (&'static str, fn(&Plan, &mut Row) -> Result<()>);
 
-/// Each floor stands before what it is the floor of.
+/// Each baseline stands before its subject.
 const SUBJECTS: &[Entry] = &[
     ("threads, park and unpark", |plan, row| measure_blocking(threads::Parking, plan, row)),
     ("tokio channels", |plan, row| measure(channel::Channels, plan, row)),

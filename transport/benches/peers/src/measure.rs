@@ -1,5 +1,5 @@
-//! How a subject is measured: one round is a pair of ends made anew, poses, frames one at a time, frames
-//! without a pause.
+//! How a subject is measured. One round is a new pair of ends, poses, frames one at a time, frames without a
+//! pause.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -16,21 +16,21 @@ use tokio::runtime::{Builder, Runtime};
 use crate::ALLOCATOR;
 use crate::row::{Round, Row};
 
-/// How many points a frame has.
+/// The number of points in a frame.
 pub(crate) const POINTS: u32 = 4000;
-/// How many frames may be under way without an answer.
+/// How many frames may be in flight without an answer.
 const WINDOW: u32 = 4;
-/// Poses and frames before anything counts.
+/// Poses and frames before the measurement.
 const WARM_UP: u32 = 50;
 
-/// What a round is made of.
+/// The contents of a round.
 #[derive(Clone, Copy)]
 pub(crate) struct Plan {
     pub(crate) poses: u32,
     pub(crate) frames: u32,
-    /// Each end is a thread beside a worker of its runtime, as in a role, and goes where it likes.
+    /// Each end is a thread beside a worker of its runtime, as in a role, and is not pinned.
     pub(crate) as_roles: bool,
-    /// Each end is what its runtime was started for, no task.
+    /// Each end is given to `block_on`, not to a task.
     pub(crate) block_on: bool,
 }
 
@@ -38,17 +38,16 @@ pub(crate) struct Plan {
 pub(crate) trait Subject: Send + Sync + 'static {
     type Near: Near;
     type Far: Far;
-    /// Whether the library has threads of its own: then nothing is pinned, and the runtime is of the kind
-    /// with threads.
+    /// Whether the library has threads of its own: then nothing is pinned, and the runtime is multi-threaded.
     const HAS_THREADS: bool = false;
 
-    /// The end that listens; it tells the other one where.
+    /// The listening end; it sends its address to the other one.
     async fn near(&self, whereabouts: mpsc::Sender<String>) -> Result<Self::Near>;
-    /// The end that connects.
+    /// The connecting end.
     async fn far(&self, whereabouts: &str) -> Result<Self::Far>;
 }
 
-/// The end that sends.
+/// The sending end.
 pub(crate) trait Near {
     /// Sends 72 bytes that carry `number`.
     fn pose(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send;
@@ -60,10 +59,10 @@ pub(crate) trait Near {
     fn close(self) -> impl Future<Output = Result<()>> + Send;
 }
 
-/// The end that answers.
+/// The answering end.
 pub(crate) trait Far {
-    /// Answers each pose, and each frame once its last point is there, with 72 bytes; frames are told to
-    /// `arrivals` before. Ends when the other end has closed.
+    /// Answers each pose, and each frame once its last point is there, with 72 bytes. Frames go to `arrivals`
+    /// first. Ends when the other end has closed.
     fn serve(self, arrivals: Arc<Arrivals>) -> impl Future<Output = Result<()>> + Send;
 }
 
@@ -83,7 +82,7 @@ impl Arrivals {
     }
 }
 
-/// What one round measured: each pose and each frame, and the round.
+/// The measurements of one round: each pose, each frame, and the round.
 struct Measured {
     poses: Histogram<u64>,
     frames: Histogram<u64>,
@@ -92,8 +91,8 @@ struct Measured {
 
 /// Measures `subject` once, each end a task of its runtime unless the plan says otherwise.
 ///
-/// A library's own tasks are such. What is given to `block_on` instead is polled only after another look at
-/// the system's events when such a task wakes it: a subject without tasks does not pay that.
+/// A library's own tasks are such. `block_on` polls its future only after another look at the system's events
+/// when such a task wakes it. A subject without tasks does not pay that.
 pub(crate) fn measure<S>(subject: S, plan: &Plan, row: &mut Row) -> Result<()>
 where
     S: Subject<Near: Send + 'static, Far: Send + 'static>,
@@ -110,7 +109,7 @@ where
     )
 }
 
-/// As [`measure`], of a subject that blocks its thread and may not leave it.
+/// As [`measure`], for a subject that blocks its thread and must stay on it.
 pub(crate) fn measure_blocking<S: Subject>(subject: S, plan: &Plan, row: &mut Row) -> Result<()> {
     on_two_threads(
         subject,
@@ -231,7 +230,7 @@ fn runtime(threads: bool) -> Result<Runtime> {
     Ok(builder.enable_all().build()?)
 }
 
-/// Keeps this thread on a core, unless it has others beside it.
+/// Pins this thread to a core, unless it has others beside it.
 fn pin(core: usize, threads: bool) {
     if let Some(cores) = core_affinity::get_core_ids().filter(|cores| !threads && cores.len() > 1) {
         core_affinity::set_for_current(cores[core % cores.len()]);

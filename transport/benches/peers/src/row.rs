@@ -1,9 +1,9 @@
-//! What was measured of a subject, as a row of the table.
+//! The measurements of a subject, as a row of the table.
 
 use hdrhistogram::Histogram;
 use serde_json::{Value, json};
 
-/// What was measured of a subject, over all rounds.
+/// The measurements of a subject, over all rounds.
 pub(crate) struct Row {
     pub(crate) there_and_back: Histogram<u64>,
     pub(crate) frame: Histogram<u64>,

@@ -1,4 +1,4 @@
-//! UDP sockets of tokio, with what `quinn-udp` gets out of the kernel: batches, segmentation, ECN,
+//! UDP sockets of tokio, with the kernel features that `quinn-udp` offers: batches, segmentation, ECN,
 //! destination addresses.
 
 use std::fmt;
@@ -24,7 +24,7 @@ pub(super) fn bind(at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<
     Ok(Arc::new(TokioUdp { io: tokio::net::UdpSocket::from_std(socket.into())?, state }))
 }
 
-/// A system that refuses a larger buffer leaves the one it had, and that works too.
+/// If the system refuses a larger buffer, the one it had works too.
 fn enlarge(socket: &SockRef<'_>, options: UdpSocketOptions) {
     let send = options.send_buffer.map_or(Ok(()), |bytes| socket.set_send_buffer_size(bytes));
     let receive = options.recv_buffer.map_or(Ok(()), |bytes| socket.set_recv_buffer_size(bytes));
@@ -65,7 +65,7 @@ impl UdpSocket for TokioUdp {
             let read = self.io.try_io(Interest::READABLE, || {
                 let count = self.state.recv((&self.io).into(), buffers, &mut known)?;
                 filled = Some(count);
-                // The system had no more: to ask it again would only be to hear so.
+                // The system had no more: another call would only fail.
                 if count < room { Err(io::ErrorKind::WouldBlock.into()) } else { Ok(()) }
             });
             match (filled, read) {
@@ -73,8 +73,8 @@ impl UdpSocket for TokioUdp {
                     meta.iter_mut().zip(&known).take(filled).for_each(|(meta, known)| *meta = told(known));
                     return Poll::Ready(Ok(filled));
                 }
-                // Some systems report here that an earlier datagram found nobody: news about one peer, not
-                // about the socket.
+                // Some systems report here that an earlier datagram had no receiver: that concerns one peer,
+                // not the socket.
                 (None, Err(e))
                     if !matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionReset) =>
                 {
@@ -120,7 +120,7 @@ const fn marked(mark: EcnCodepoint) -> quinn_udp::EcnCodepoint {
     }
 }
 
-/// A wait for room, kept between two polls; tokio's own poll knows a single waiter a socket.
+/// A wait for room, kept between two polls; tokio's own poll allows one waiter for each socket.
 struct Poller {
     socket: Arc<TokioUdp>,
     wait: Option<Pin<Box<dyn Future<Output = io::Result<()>> + Send + Sync>>>,
@@ -221,7 +221,7 @@ mod tests {
         };
         assert_eq!(ask(None), before);
         let (send, receive) = ask(Some(BYTES));
-        // Linux grants twice that, for its own bookkeeping.
+        // Linux grants twice the size, for its own bookkeeping.
         assert!(
             (BYTES..=BYTES * 2).contains(&send) && (BYTES..=BYTES * 2).contains(&receive),
             "{send} {receive}"

@@ -11,7 +11,7 @@ use tokio::net::{UnixListener, UnixStream};
 
 use crate::{BoxFuture, Credentials, Listen, Stream, StreamPeer, UnixSocketOptions};
 
-/// How often, and with which pause, a listener tries to get the folder of its socket for itself.
+/// How often a listener tries to lock the folder of its socket, and the pause between tries.
 const TURNS: u32 = 200;
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -20,14 +20,14 @@ pub(super) async fn connect(path: &Path) -> io::Result<Stream> {
     stream(UnixStream::connect(path).await?)
 }
 
-/// Listens at `path`. The file of a listener that is dead is replaced, any other left alone.
+/// Listens at `path`. The file of a dead listener is replaced, any other left alone.
 pub(super) async fn listen(path: &Path, options: &UnixSocketOptions) -> io::Result<Box<dyn Listen>> {
     let folder = lock_folder(path).await?;
     remove_stale(path)?;
     let socket = Socket::new(Domain::UNIX, Type::STREAM, None)?;
     socket.set_nonblocking(true)?;
     socket.bind(&SockAddr::unix(path)?)?;
-    // Nobody can connect before `listen`: the file has its permissions by then.
+    // Connections come only after `listen`: the file has its permissions by then.
     fs::set_permissions(path, fs::Permissions::from_mode(options.mode))?;
     let file = SocketFile::at(path)?;
     socket.listen(options.backlog)?;
@@ -36,8 +36,8 @@ pub(super) async fn listen(path: &Path, options: &UnixSocketOptions) -> io::Resu
     Ok(Box::new(TokioUnixListener { _file: file, listener }))
 }
 
-/// Two listeners that start at once must not take each other's new file for a dead one's: whoever looks for a
-/// stale file has the folder for itself meanwhile.
+/// Two listeners that start at once must not take each other's new file for a stale one. The lock keeps the
+/// folder to one of them meanwhile.
 async fn lock_folder(path: &Path) -> io::Result<File> {
     let folder = File::open(path.parent().unwrap_or(Path::new("/")))?;
     for _ in 0..TURNS {
@@ -65,12 +65,12 @@ fn remove_stale(path: &Path) -> io::Result<()> {
     match probe.connect(&SockAddr::unix(path)?) {
         Err(e) if e.kind() == io::ErrorKind::ConnectionRefused => fs::remove_file(path),
         Err(e) if e.kind() == io::ErrorKind::PermissionDenied => Err(e),
-        // Taken, or so many wait that there is no room: somebody listens.
+        // Taken, or the backlog is full: somebody listens.
         Ok(()) | Err(_) => Err(io::ErrorKind::AddrInUse.into()),
     }
 }
 
-/// The file of a listener's socket, removed with it unless another has taken its place.
+/// The file of a listener's socket, removed with it unless replaced.
 #[derive(Debug)]
 struct SocketFile {
     path: PathBuf,
@@ -98,8 +98,8 @@ impl Drop for SocketFile {
 
 #[derive(Debug)]
 struct TokioUnixListener {
-    // Before the socket, and so dropped before it: once nobody listens, another may replace the file, and the
-    // new one may have the same number.
+    // Declared before the socket, and so dropped first: once nobody listens, another may replace the file,
+    // and the new one may have the same number.
     _file: SocketFile,
     listener: UnixListener,
 }
@@ -124,7 +124,7 @@ mod tests {
     use super::*;
     use crate::{Net, TokioNet};
 
-    /// The file of the next listener may have the number that the last one's had.
+    /// The next listener's file may have the same number as the last one's.
     #[tokio::test]
     async fn who_listens_next_keeps_its_file() {
         let path = std::env::temp_dir().join(format!("trimaran-net-{}.sock", std::process::id()));

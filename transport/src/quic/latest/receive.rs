@@ -1,4 +1,4 @@
-//! Values as they are received, from datagrams and from the control stream.
+//! Receiving values from datagrams and from the control stream.
 
 use std::future::poll_fn;
 use std::pin::{Pin, pin};
@@ -25,7 +25,7 @@ pub(crate) struct LatestRx {
     decoder: Decoder,
     /// The newest number that was seen.
     last: Option<Serial>,
-    /// Came, and is not read.
+    /// Received, and not read.
     newest: Option<FixedBytes>,
     closed: Option<CloseReason>,
 }
@@ -51,7 +51,7 @@ impl LatestRx {
         timeouts: &mut Timeouts,
     ) -> Result<FixedBytes, LaneError> {
         let connection = self.carrier.connection.clone();
-        // What rings for a datagram is this future, so it lives as long as the wait.
+        // This future is woken by a datagram, so it lives as long as the wait.
         let mut datagram = pin!(connection.read_datagram());
         let value = poll_fn(|cx| self.poll_latest(&connection, datagram.as_mut(), shared, cx));
         timeouts.wait(by, value).await.map_err(LaneError::Expired)?
@@ -62,12 +62,12 @@ impl LatestRx {
         self.carrier.connection.clone()
     }
 
-    /// Closes the connection, which both sides have closed the link on.
+    /// Closes the connection, after both sides have closed the link.
     pub(crate) async fn part(self) {
         self.carrier.part().await;
     }
 
-    /// Takes everything that has arrived, and gives the newest value; before any end that came behind it.
+    /// Takes everything that has arrived, and returns the newest value, before any end that came behind it.
     fn poll_latest<'a>(
         &mut self,
         connection: &'a Connection,
@@ -98,7 +98,7 @@ impl LatestRx {
         }
     }
 
-    /// Ready when the lane has ended, and then again each time.
+    /// Ready when the lane has ended, and on every call after that.
     fn poll_control(&mut self, shared: &Shared, cx: &mut Context<'_>) -> Poll<LaneError> {
         if let Some(reason) = &self.closed {
             return Poll::Ready(LaneError::Closed(reason.clone()));
@@ -125,7 +125,7 @@ impl LatestRx {
         }
     }
 
-    /// A datagram.
+    /// Takes a datagram.
     fn take(&mut self, bytes: &Bytes, shared: &Shared) -> Result<(), LaneError> {
         if let Some(numbered) = Numbered::read(bytes, shared.format.latest) {
             shared.counters.received.count(Kind::Latest, shared.format.latest);

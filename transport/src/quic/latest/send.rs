@@ -1,4 +1,4 @@
-//! Values as they are sent, and the task that copies the newest one.
+//! Sending values, and the task that copies the newest one.
 
 use parking_lot::Mutex;
 use std::future::poll_fn;
@@ -17,9 +17,9 @@ use crate::quic::carrier::{Carrier, loss, write_loss};
 use crate::timeouts::Timeouts;
 use trimaran_net::Timer;
 
-/// The shortest quiet after which the newest value is copied; where a round trip takes longer, 1.5 of those.
+/// The shortest quiet time after which the newest value is copied; on longer paths 1.5 round trips.
 const QUIET: Duration = Duration::from_millis(5);
-/// Values for which room is made at once.
+/// How many values a new buffer has room for.
 const VALUES: usize = 64;
 
 #[derive(Debug)]
@@ -33,9 +33,9 @@ pub(crate) struct LatestTx {
 #[derive(Debug, Default)]
 struct Cell {
     state: Mutex<State>,
-    /// Rings when there is something to copy or to end.
+    /// Notified when there is something to copy or to end.
     changed: Notify,
-    /// Rings when the close has arrived, or never will.
+    /// Notified when the close has arrived, or never will.
     ended: Notify,
 }
 
@@ -72,7 +72,7 @@ impl LatestTx {
         })?;
         shared.counters.sent.count(Kind::Latest, shared.format.latest);
         self.next = self.next.next();
-        // The copier looks by itself for newer ones while it has one to copy.
+        // The copier checks for newer values while it has one to copy.
         if self.cell.state.lock().newest.replace(numbered).is_none() {
             self.cell.changed.notify_one();
         }
@@ -91,7 +91,7 @@ impl LatestTx {
         }
         self.cell.changed.notify_one();
         loop {
-            // Made before the look, so that an end in between is not missed.
+            // Created before the check, so that an end in between is not missed.
             let ended = self.cell.ended.notified();
             {
                 let state = self.cell.state.lock();
@@ -117,7 +117,7 @@ impl Drop for LatestTx {
 /// Writes the control stream.
 struct Copier {
     cell: Arc<Cell>,
-    /// Kept until the last value has arrived, though all halves may be gone.
+    /// Kept until the last value has arrived, even if all halves are gone.
     carrier: Arc<Carrier>,
     control: SendStream,
     shared: Shared,
@@ -126,7 +126,7 @@ struct Copier {
 impl Copier {
     async fn run(mut self) {
         let connection = self.carrier.connection.clone();
-        // A peer that has left had perhaps everything before.
+        // A peer that has left may have received everything.
         let failed = tokio::select! {
             biased;
             sent = self.copy() => sent.err().map(|e| match write_loss(e) {
@@ -172,7 +172,7 @@ impl Copier {
         }
     }
 
-    /// The newest value, once no newer one has come for a while; none where there is nothing to copy.
+    /// The newest value after a quiet time; `None` if there is nothing to copy.
     async fn quiet(&self, timer: &mut dyn Timer) -> Option<Numbered> {
         loop {
             let seen = {
@@ -198,7 +198,7 @@ impl Copier {
         }
     }
 
-    /// Writes a message; says how long its payload is.
+    /// Writes a message; returns the length of its payload.
     async fn write(&mut self, message: &Message) -> Result<usize, WriteError> {
         let mut bytes = BytesMut::new();
         message.encode(&mut bytes);

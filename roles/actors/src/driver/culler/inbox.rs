@@ -1,5 +1,5 @@
-//! What may come while a culler waits: cameras and their view states, what else the display says, and what
-//! another culler finds.
+//! Messages that may arrive while a culler waits: cameras, view states, other messages of the display, and
+//! another culler's ids.
 
 use std::sync::Arc;
 
@@ -16,18 +16,18 @@ use crate::{
     meeting::Meeting,
 };
 
-/// What has come and was not asked for yet.
+/// Messages that were not asked for yet.
 #[derive(Debug)]
 pub(super) struct Inbox {
-    /// The other culler, as far as there is one.
+    /// The other culler, if there is one.
     pub(super) other: Switch,
-    /// What the display has told of view states.
+    /// The display's view states.
     views: Views,
     /// A camera whose view state has not come yet.
     early: Option<Camera>,
 }
 
-/// What a culler may learn while it waits for a camera.
+/// An event while a culler waits for a camera.
 enum Event {
     Camera(Camera),
     Said(RoleMessage),
@@ -40,8 +40,7 @@ impl Inbox {
         Self { other: Switch::new(meeting, drawables), views, early: None }
     }
 
-    /// Waits for the display's next camera and its view state, and does what else the display asks for
-    /// meanwhile.
+    /// Waits for the display's next camera and its view state, and handles its other messages meanwhile.
     pub(super) async fn camera(&mut self, display: &mut Link) -> Result<(Camera, Arc<ViewState>), RoleError> {
         loop {
             if let Some(camera) = self.early
@@ -75,8 +74,8 @@ impl Inbox {
         }
     }
 
-    /// Waits until the other culler begins the frame before `frame`. Says whether it does: it may be gone, or
-    /// the display may let it go.
+    /// Waits until the other culler begins the frame before `frame`. Returns whether it does: it may be gone,
+    /// or the display may let it go.
     pub(super) async fn begins(&mut self, display: &mut Link, frame: FrameNumber) -> Result<bool, RoleError> {
         while self.other.is_there() {
             match self.other.begins(frame) {
@@ -87,8 +86,8 @@ impl Inbox {
         Ok(false)
     }
 
-    /// The next ids of the other culler's frame, as they come; none at its end. What has come is of use also
-    /// where the rest does not: fewer occluders only loosen the culling.
+    /// The next ids of the other culler's frame, as they come; none at its end. Incomplete frames are useful
+    /// as well: fewer occluders only loosen the culling.
     pub(super) async fn ids(&mut self, display: &mut Link) -> Result<Option<Vec<DrawableId>>, RoleError> {
         while self.other.is_there() {
             match self.other.ids() {
@@ -99,7 +98,7 @@ impl Inbox {
         Ok(None)
     }
 
-    /// Waits for more of what the other culler says, or for what the display says of it.
+    /// Waits for more messages of the other culler, or of the display about it.
     async fn hear_more(&mut self, display: &mut Link) -> Result<(), RoleError> {
         let said = tokio::select! {
             biased;

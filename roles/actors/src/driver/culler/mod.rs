@@ -3,9 +3,9 @@
 //! | file | what is in it |
 //! |---|---|
 //! | `mod` | the loop: a camera, its occluders (OR), its visible ids (HC) |
-//! | `work` | what a culler does with a frame, and where what it finds goes |
-//! | `inbox` | what comes while it waits: cameras, view states, words of the display, the other one's ids |
-//! | `views` | the view states that it was told of |
+//! | `work` | a culler's work on a frame, and the receivers of its ids |
+//! | `inbox` | messages while it waits: cameras, view states, the display's others, the other culler's ids |
+//! | `views` | the view states that it received |
 //! | `switch`, `other_frames` | the other culler of the schedule `switch` |
 
 mod inbox;
@@ -40,29 +40,29 @@ pub use work::{CullerWork, VisibleIds};
 /// A culler in a session with a display.
 #[derive(Debug)]
 pub struct CullerRole<W> {
-    /// What it does with a frame.
+    /// Its work on a frame.
     pub work: W,
     /// The link to the display.
     pub display: Link,
-    /// How it meets another culler, where the display wants that.
+    /// How it connects to another culler, if the display wants that.
     pub meeting: Meeting,
-    /// What it measures by, and whether it computes while other roles of the process do.
+    /// Its clock, and whether it computes while other roles of the process do.
     pub turns: Turns,
     /// How many drawables the scene has.
     pub drawables: u32,
     /// The scene, for displays that hold none; without it such a display is sent ids alone.
     pub scene: Option<Arc<Scene>>,
-    /// What the session has taken of what sessions may cost. After the work, whose memory goes first.
+    /// The session's part of the limits. Behind the work, whose memory must be freed first.
     pub lease: Lease,
 }
 
 impl<W: CullerWork> CullerRole<W> {
-    /// Plays the role until the display leaves, or `stop` asks. Where the work is a device's, it occupies
-    /// its thread.
+    /// Plays the role until the display leaves, or `stop` asks. If the work uses a device, it blocks its
+    /// thread.
     ///
     /// # Errors
-    /// When the display dies, or the device fails. The display is told before it returns. That this role
-    /// itself was asked to stop is no error.
+    /// When the display dies, or the device fails. The display is told before it returns. A stop request to
+    /// this role is no error.
     pub async fn run(mut self, stop: &Stop) -> Result<(), RoleError> {
         self.work.cancel_on(stop);
         let turn = self.turns.of_a_role();
@@ -93,19 +93,19 @@ struct Session<'t, W> {
     display: Link,
     supply: Option<CullerEnd>,
     turn: &'t Turn,
-    /// The number of the next frame that is sent over the display's link.
+    /// The number of the next frame on the display's link.
     sent: FrameNumber,
     /// The view state of the last frame.
     view: ViewVersion,
     state: Option<Arc<ViewState>>,
-    /// What was found visible in the last frame.
+    /// The visible set of the last frame.
     last: Option<(FrameNumber, Vec<DrawableId>)>,
 }
 
 impl<W: CullerWork> Session<'_, W> {
     async fn play(mut self, stop: &Stop) -> (Link, Result<(), RoleError>) {
         let turn = self.turn;
-        // A bug that one session meets ends that session.
+        // A bug in one session ends only that session.
         let frames = AssertUnwindSafe(self.frames()).catch_unwind();
         let frames = frames.map(|ended| ended.unwrap_or_else(|payload| Err(RoleError::panic(&*payload))));
         let result = worked(frames, turn, stop).await;
@@ -124,7 +124,7 @@ impl<W: CullerWork> Session<'_, W> {
                 fault = failed(self.supply.as_ref()) => return Err(fault.into()),
                 camera = self.inbox.camera(&mut self.display) => camera?,
             };
-            // A newer pose for a frame that had begun when it came.
+            // A newer pose for a frame that had already begun.
             if self.last.as_ref().is_some_and(|(frame, _)| *frame == camera.frame()) {
                 continue;
             }
@@ -145,14 +145,14 @@ impl<W: CullerWork> Session<'_, W> {
         }
     }
 
-    /// OR: draws what was found visible in the frame before, by the other culler or by this one. Says in
-    /// which frame.
+    /// OR: draws the visible set of the previous frame, from the other culler or this one. Returns that
+    /// frame's number.
     async fn occlude(&mut self, camera: Camera) -> Result<Option<FrameNumber>, RoleError> {
         let mut as_they_come = self.inbox.other.feeds(camera.frame());
         if as_they_come {
             as_they_come = self.inbox.begins(&mut self.display, camera.frame()).await?;
         }
-        // It has the turn until the frame is culled.
+        // It keeps the turn until the frame is culled.
         self.turn.take().await;
         self.work.begin_occluders(camera, as_they_come)?;
         if as_they_come {
@@ -172,7 +172,7 @@ impl<W: CullerWork> Session<'_, W> {
 
     /// HC (paper, section 4.1): sends the camera, then each visible drawable as it is decided, then the end.
     async fn cull(&mut self, camera: Camera, occluders_of: Option<FrameNumber>) -> Result<(), RoleError> {
-        // Only what passes from here on is missing from HC.
+        // Only time away from here on is subtracted from HC.
         self.turn.away();
         let frame = self.sent;
         self.sent = FrameNumber(frame.0.wrapping_add(1));
@@ -197,7 +197,7 @@ impl<W: CullerWork> Session<'_, W> {
     }
 }
 
-/// Why the display cannot be supplied. Never ends where it can be, or is not to be.
+/// Waits for an error of the supply. Pending for ever if there is none, or no supply.
 async fn failed(supply: Option<&CullerEnd>) -> SupplyFault {
     match supply {
         Some(supply) => supply.failed().await,

@@ -1,7 +1,7 @@
-//! What has come of another culler's frames, for a culler that has not asked for it yet.
+//! Received frames of another culler, until this one asks for them.
 //!
-//! A frame is of use for the next one only, so that two are kept at most, and of each its ids: another culler
-//! may send as much as it likes while the display lets this one wait.
+//! A frame is only useful for the next one, so at most two are kept, and only their ids: the other culler may
+//! send any amount while the display lets this one wait.
 
 use std::collections::VecDeque;
 
@@ -13,7 +13,7 @@ use crate::{
     links::FrameEvent,
 };
 
-/// How many frames are kept. The other culler begins a frame when this one has begun that before.
+/// How many frames are kept. The other culler begins a frame when this one has begun the previous one.
 const KEPT: usize = 2;
 
 /// The last frames of another culler, oldest first.
@@ -27,12 +27,12 @@ pub(super) struct OtherFrames {
 #[derive(Debug)]
 struct Frame {
     number: FrameNumber,
-    /// What of it was not asked for yet.
+    /// Its ids that were not asked for yet.
     ids: Vec<DrawableId>,
     is_whole: bool,
 }
 
-/// What another culler sent is no frame.
+/// Another culler's frame is invalid.
 #[derive(Debug, Error)]
 pub(super) enum OtherFrameError {
     #[error("it broke the order of frames")]
@@ -42,12 +42,12 @@ pub(super) enum OtherFrameError {
 }
 
 impl OtherFrames {
-    /// Of frames that show a scene of so many drawables.
+    /// For frames of a scene with this many drawables.
     pub(super) fn of(drawables: u32) -> Self {
         Self { frames: VecDeque::new(), ids: FrameIds::of(drawables) }
     }
 
-    /// Takes what came. Of too many frames the oldest is forgotten.
+    /// Takes a frame event. Beyond the limit the oldest frame is dropped.
     pub(super) fn take(&mut self, event: FrameEvent) -> Result<(), OtherFrameError> {
         let open = self.frames.back_mut().filter(|frame| !frame.is_whole);
         match (event, open) {
@@ -68,7 +68,7 @@ impl OtherFrames {
         Ok(())
     }
 
-    /// The first frame from this number on; those before it are forgotten.
+    /// The first frame from this number on; earlier ones are dropped.
     pub(super) fn first_from(&mut self, number: u32) -> Option<FrameNumber> {
         while self.frames.front().is_some_and(|frame| frame.number.0 < number && frame.is_whole) {
             self.frames.pop_front();
@@ -76,8 +76,7 @@ impl OtherFrames {
         self.frames.front().map(|frame| frame.number).filter(|frame| frame.0 >= number)
     }
 
-    /// What has come of the first frame since this was last asked; nothing but an empty list at its end, and
-    /// none where more is to come.
+    /// New ids of the first frame since the last call: an empty list at its end, none if more are to come.
     pub(super) fn next(&mut self) -> Option<Vec<DrawableId>> {
         let frame = self.frames.front_mut()?;
         if !frame.ids.is_empty() {
@@ -158,7 +157,7 @@ mod tests {
     }
 
     proptest! {
-        /// As many frames and batches may come as another culler likes, while nobody asks for them.
+        /// The other culler may send any number of frames and batches without being asked.
         #[test]
         fn no_more_than_two_frames_are_kept(
             events in prop::collection::vec((0..4_u8, prop::collection::vec(0..DRAWABLES, 1..9)), 0..900)

@@ -1,7 +1,7 @@
-//! The other culler of the schedule `switch`: each of the two draws as occluders what the other one finds,
+//! The other culler of the schedule `switch`: each of the two draws the other one's visible set as occluders,
 //! as it comes (paper, algorithm 4.2).
 //!
-//! What goes wrong between two cullers never ends a session: each goes on by what it found itself.
+//! Errors between two cullers never end a session: each goes on with its own visible set.
 
 use std::{future::pending, mem};
 
@@ -14,17 +14,17 @@ use crate::{
     meeting::{MeetError, Meeting, Met},
 };
 
-/// The other culler, as far as there is one.
+/// The other culler, if there is one.
 #[derive(Debug)]
 pub(super) struct Switch {
     meeting: Meeting,
     /// When it may connect to another culler again.
     connects_at: Instant,
-    /// Whether the log has why it did not meet another one: a display may ask as often as it likes.
+    /// Whether a failed meeting has been logged: a display may ask any number of times.
     has_warned: bool,
     drawables: u32,
     state: State,
-    /// What the display has not been told yet.
+    /// A message that the display has not got yet.
     pub(super) unsaid: Option<RoleMessage>,
 }
 
@@ -35,7 +35,7 @@ enum State {
         key: SessionKey,
         met: Met,
     },
-    /// They have a link; from `first` on, if it is there, each draws what the other one finds.
+    /// They have a link; from `first` on, if set, each draws the other one's visible set.
     Met {
         key: SessionKey,
         other: Box<Other>,
@@ -46,20 +46,20 @@ enum State {
 #[derive(Debug)]
 struct Other {
     link: Link,
-    /// What has come of its frames.
+    /// Its received frames.
     frames: OtherFrames,
-    /// The number of the next frame that is sent to it.
+    /// The number of the next frame to send it.
     sent: FrameNumber,
     /// Whether a frame is being sent.
     sending: bool,
     counted: Traffic,
 }
 
-/// What comes of the other culler.
+/// An event of the other culler.
 pub(super) enum News {
     /// A link to it, or why there is none.
     Met(Box<Result<Link, MeetError>>),
-    /// A part of a frame of it.
+    /// An event of one of its frames.
     Frame(Result<FrameEvent, RecvError>),
 }
 
@@ -69,7 +69,7 @@ impl Switch {
         Self { meeting, connects_at, has_warned: false, drawables, state: State::Single, unsaid: None }
     }
 
-    /// Waits for what comes of it; for ever where there is none.
+    /// Waits for its next event; for ever if there is no other culler.
     pub(super) async fn news(&mut self) -> News {
         match &mut self.state {
             State::Meeting { met, .. } => {
@@ -93,13 +93,13 @@ impl Switch {
         matches!(self.state, State::Met { .. })
     }
 
-    /// Whether the other one finds the occluders of this frame.
+    /// Whether the other one supplies the occluders of this frame.
     pub(super) const fn feeds(&self, frame: FrameNumber) -> bool {
         matches!(self.state, State::Met { first: Some(first), .. } if frame.0 > first.0)
     }
 
-    /// Whether it begins the frame before `frame`; none if that has not come yet. One that begins another is
-    /// lost.
+    /// Whether it begins the frame before `frame`; none if unknown yet. If it begins another one, it is out
+    /// of step.
     pub(super) fn begins(&mut self, frame: FrameNumber) -> Option<bool> {
         let State::Met { other, .. } = &mut self.state else { return Some(false) };
         let begun = other.frames.first_from(frame.0.saturating_sub(1))?;
@@ -118,7 +118,7 @@ impl Switch {
         }
     }
 
-    /// Begins to send it a frame; gives it if it takes one.
+    /// Begins to send it a frame; returns it if it takes one.
     pub(super) async fn begin(&mut self, camera: Camera) -> Option<&mut Self> {
         if let State::Met { other, first: Some(first), .. } = &mut self.state
             && camera.frame() >= *first
@@ -142,7 +142,7 @@ impl Switch {
         }
     }
 
-    /// Ends the frame that is sent to it; says what was sent for it.
+    /// Ends the frame that is sent to it; returns the bytes sent for it.
     pub(super) async fn finish(&mut self) -> SentBytes {
         let State::Met { other, .. } = &mut self.state else { return SentBytes::default() };
         if !mem::take(&mut other.sending) {
@@ -160,7 +160,7 @@ impl Switch {
     /// Leaves it.
     pub(super) fn part(&mut self) {
         if let State::Met { other, .. } = mem::replace(&mut self.state, State::Single) {
-            // Nobody waits until it has heard.
+            // The close is not waited for.
             self.meeting.net.spawn(Box::pin(async move {
                 let _unheard = other.link.close(CloseCode::Finished.reason()).await;
             }));
@@ -174,7 +174,7 @@ impl Switch {
         }
     }
 
-    /// Does what the display says of it.
+    /// Handles the display's message about it.
     pub(super) fn hear(&mut self, said: RoleMessage) {
         match (said, &mut self.state) {
             (RoleMessage::Meet { key, at }, _) => {
@@ -221,7 +221,7 @@ impl Switch {
         }
     }
 
-    /// Takes what came of a frame of the other one.
+    /// Takes an event of a frame of the other one.
     fn take(&mut self, event: Result<FrameEvent, RecvError>) {
         match (event, &mut self.state) {
             (Ok(event), State::Met { other, .. }) => {
@@ -235,7 +235,7 @@ impl Switch {
         }
     }
 
-    /// The link to it is at its end. Of two cullers one hears first that the session is over.
+    /// The link to it has ended. One of two cullers hears first that the session is over.
     fn ended(&mut self, end: &RecvError) {
         let over = match end {
             RecvError::Closed { reason, .. } => CloseCode::of(reason) == Some(CloseCode::Finished),
@@ -258,7 +258,7 @@ impl Switch {
         }
     }
 
-    /// The display hears that it is so, and not why: that may tell of a network where it has no business.
+    /// Tells the display of the failure without the reason, which may reveal a foreign network.
     fn unmet(&mut self, key: SessionKey) {
         self.state = State::Single;
         self.unsaid = Some(RoleMessage::Unmet { key });

@@ -1,29 +1,29 @@
-//! The view states that a culler was told of.
+//! The view states that a culler received.
 
 use std::{collections::VecDeque, sync::Arc};
 
 use trimaran_proto::{Settings, ViewReader, ViewState, ViewStateError, ViewVersion};
 
-/// How many are kept: a camera names the one that was told last, or one before where frames are dealt again.
+/// How many are kept: a camera names the last one, or an earlier one if its frame is dealt again.
 const KEPT: usize = 4;
 
-/// The last view states that a culler was told of, newest at the end.
+/// The last view states that a culler received, the newest last.
 #[derive(Debug)]
 pub(super) struct Views {
-    /// How many objects the scene has: a set of them takes no more memory than that.
+    /// How many objects the scene has, which limits the memory of a set.
     objects: u32,
     known: VecDeque<(ViewVersion, Arc<ViewState>)>,
     reader: ViewReader,
 }
 
 impl Views {
-    /// Knows what the handshake says.
+    /// Begins with the view state of the handshake.
     pub(super) fn new(settings: Settings, objects: u32) -> Self {
         let first = (ViewVersion(0), Arc::new(settings.into()));
         Self { objects, known: [first].into(), reader: ViewReader::default() }
     }
 
-    /// Takes a part of one.
+    /// Takes a part of a view state.
     pub(super) fn take(
         &mut self,
         version: ViewVersion,

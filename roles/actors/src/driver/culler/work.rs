@@ -1,4 +1,4 @@
-//! What a culler does with a frame, and where what it finds goes.
+//! A culler's work on a frame, and the receivers of its ids.
 
 use std::{future::Future, time::Duration};
 
@@ -14,61 +14,60 @@ use crate::{
     turn::Turn,
 };
 
-/// What a culler does with a frame: on a device, or as it was recorded.
+/// A culler's work on a frame: on a device, or as recorded.
 pub trait CullerWork {
     /// As [`CullerDevice::cancel_on`](crate::CullerDevice::cancel_on).
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
     }
 
-    /// From the next frame on, another view state holds.
+    /// Uses another view state from the next frame on.
     fn change_view(&mut self, state: &ViewState) {
         let _ = state;
     }
 
-    /// The culler has nothing to do until its next camera comes.
+    /// The culler is idle until its next camera comes.
     fn awaits_camera(&mut self) {}
 
-    /// A camera has come, from which the next frame is culled.
+    /// A camera has come for the next frame.
     fn has_camera(&mut self, camera: &Camera) {
         let _ = camera;
     }
 
-    /// Begins the occluders of a frame (OR). They come at once, or with `as_they_come` bit by bit.
+    /// Begins the occluders of a frame (OR). They come all at once, or in parts if `as_they_come`.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError>;
 
-    /// Takes what was found visible in a frame before: all of it, or some as it comes.
+    /// Takes the visible set of an earlier frame: all of it, or the next part.
     ///
     /// # Errors
-    /// If the scene lacks an id, or as the device says.
+    /// If the scene lacks an id, and those of the device.
     fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError>;
 
     /// All ids are there: completes the occluders of the frame.
     ///
     /// # Errors
-    /// As the device says.
+    /// Those of the device.
     fn complete_occluders(&mut self, camera: Camera) -> impl Future<Output = Result<(), RoleError>>;
 
-    /// Culls the frame (HC), and gives `visible` each drawable as soon as it is found.
+    /// Culls the frame (HC), and passes each drawable to `visible` as soon as it is found.
     ///
     /// # Errors
-    /// As the device says, and as `visible` does.
+    /// Those of the device and of `visible`.
     fn cull(
         &mut self,
         camera: Camera,
         visible: &mut VisibleIds<'_>,
     ) -> impl Future<Output = Result<(), RoleError>>;
 
-    /// What was done for the frame, all of which has just been found. Since the occluders were complete
-    /// others have computed for `away` in this culler's place.
+    /// The statistics of the frame just culled. Since its occluders were complete, other roles have computed
+    /// for `away` in this culler's place.
     fn frame_stats(&mut self, away: Duration) -> FrameStats;
 }
 
-/// Takes the ids of a frame that is being culled: they leave for all receivers at once, while culling goes
-/// on.
+/// Takes the ids of a frame during culling: they are sent to all receivers at once, while culling goes on.
 #[derive(Debug)]
 pub struct VisibleIds<'l> {
     pub(super) found: Vec<DrawableId>,
@@ -80,24 +79,24 @@ pub struct VisibleIds<'l> {
 }
 
 impl<'l> VisibleIds<'l> {
-    /// Keeps what is found, and sends it to nobody.
+    /// Keeps the ids, and sends them to nobody.
     #[must_use]
     pub const fn kept() -> Self {
         Self { found: Vec::new(), display: None, other: None, supply: None, turn: None }
     }
 
-    /// The role's turn, where others may have the device in the midst of the frame.
+    /// The role's turn, if others may get the device in the midst of the frame.
     pub(crate) fn shared_turn(&self) -> Option<&'l Turn> {
         self.turn.filter(|turn| turn.is_shared())
     }
 
-    /// Sends what was found visible. It waits where a receiver has no room.
+    /// Sends visible ids. Waits if a receiver has no room.
     ///
     /// # Errors
     /// When the display is gone or stalls.
     pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
         self.found.extend_from_slice(ids);
-        // The other culler first: it draws while the display only gathers.
+        // The other culler first: it draws while the display only collects.
         if let Some(other) = &mut self.other {
             other.push(ids).await;
         }
@@ -110,7 +109,7 @@ impl<'l> VisibleIds<'l> {
         Ok(())
     }
 
-    /// All that was found.
+    /// All ids found.
     #[must_use]
     pub fn into_found(self) -> Vec<DrawableId> {
         self.found

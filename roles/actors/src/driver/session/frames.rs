@@ -1,4 +1,4 @@
-//! What a display does with a frame: hands out its camera, culls it itself where nobody else does, shows it.
+//! A display's work on a frame: publishes its camera, culls it itself if no culler does, shows it.
 
 use std::{sync::Arc, time::Duration};
 
@@ -15,7 +15,7 @@ use super::{Loading, Session};
 use crate::deal::{CullerId, Pace};
 
 impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
-    /// Hands out the cameras that are due.
+    /// Publishes the cameras that are due.
     pub(super) fn deal(&mut self) -> Result<(), RoleError> {
         let now = self.role.net.now();
         for (id, frame) in self.dealer.deal(now) {
@@ -45,13 +45,13 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         }
     }
 
-    /// Whether all is there that is seen from a pose. If the eye rests there, nobody has anything to do.
+    /// Whether everything visible from a pose has arrived. If the eye rests there, nothing is left to do.
     pub(super) fn is_seen(&self, pose: &Camera) -> bool {
         let there = self.there.values().filter(|culled| culled.missing == 0).map(|culled| &culled.camera);
         self.shown_whole.iter().chain(there).any(|camera| camera.for_frame(pose.frame()) == *pose)
     }
 
-    /// Hands out a camera, and its view state if the culler was told of another one last.
+    /// Publishes a camera, preceded by its view state if the culler has another one.
     fn publish(&mut self, id: CullerId, camera: Camera) -> Result<(), RoleError> {
         self.published.note(camera, self.clock.elapsed());
         let view = camera.view();
@@ -63,7 +63,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             }
         }
         if let Some(culler) = self.cullers.iter_mut().find(|culler| culler.id == id) {
-            // Who is gone is noticed where it is listened to.
+            // A lost culler is noticed by its receiver.
             let _unheard = culler.link.latest_tx.publish(camera);
         }
         Ok(())
@@ -76,7 +76,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         }
     }
 
-    /// Culls a frame that nobody else does.
+    /// Culls a frame that no culler does.
     pub(super) async fn cull_itself(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
         let camera = self.published.newest(frame).unwrap_or_else(|| self.cameras.camera(frame));
         self.published.note(camera, self.clock.elapsed());
@@ -131,7 +131,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         Ok(())
     }
 
-    /// Shows the last frame again, as more of it has come.
+    /// Shows the last frame again, after more of it has come.
     pub(super) async fn show_again(&mut self) -> Result<(), RoleError> {
         let Some(Loading { frame, culled, published, .. }) = self.loading.take() else { return Ok(()) };
         self.draw(frame, culled, published, true).await?;
@@ -147,7 +147,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         published: Duration,
         again: bool,
     ) -> Result<(), RoleError> {
-        // What it does until now is to take messages: that is no computing to wait for.
+        // Before this it only takes messages, which is no computing.
         self.turn.take().await;
         let drawing = self.clock.elapsed();
         let camera = culled.camera;

@@ -1,4 +1,4 @@
-//! A display's loop: deals cameras, takes what cullers send, and shows frames that are due.
+//! A display's loop: deals cameras, takes the cullers' messages, and shows frames that are due.
 
 mod frames;
 mod supply;
@@ -34,7 +34,7 @@ use supply::Supplies;
 
 /// How often the display of a live session looks for a newer pose while it waits for the cullers.
 const REFRESH: Duration = Duration::from_millis(4);
-/// How long it waits after the last frame for what cullers say of theirs.
+/// How long it waits after the last frame for the cullers' statistics.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
 /// A display with its cullers.
@@ -44,24 +44,24 @@ pub(super) struct Session<'r, W, A> {
     /// For the schedule `switch`.
     introduction: Option<Introduction>,
     cullers: Vec<CullerLink>,
-    /// Frames that can be shown, once what they lack has come.
+    /// Frames that can be shown once their missing geometry has come.
     there: BTreeMap<FrameNumber, Culled>,
-    /// The frame shown last, if that is not exact yet.
+    /// The last shown frame, if it is not exact yet.
     loading: Option<Loading>,
-    /// Where the display has no scene.
+    /// If the display has no scene.
     supplies: Option<Supplies>,
-    /// Why it can show nothing any more.
+    /// Why nothing can be shown any more.
     failed: Option<RoleError>,
     published: Published,
-    /// Live: the newest pose that was handed out.
+    /// Live: the newest published pose.
     newest: Option<Camera>,
-    /// The camera of the frame shown last, if none of its ids were lost.
+    /// The camera of the last shown frame, if none of its ids were lost.
     shown_whole: Option<Camera>,
-    /// What cullers say of frames.
+    /// The cullers' statistics of frames.
     said: Said,
-    /// What was drawn last.
+    /// The drawables of the last picture.
     last: Vec<DrawableId>,
-    /// The view states of the last frames that it culled itself and that it drew.
+    /// The view states of the last frames that it culled itself and drew.
     culled_in: ViewVersion,
     drawn_in: ViewVersion,
     clock: Stopwatch,
@@ -71,11 +71,11 @@ pub(super) struct Session<'r, W, A> {
     observer: &'r mut dyn Observer,
 }
 
-/// A frame that was shown with coarser drawables in the place of some that had not come yet.
+/// A frame shown with stand-ins for missing drawables.
 struct Loading {
     frame: FrameNumber,
     culled: Culled,
-    /// When its camera was handed out.
+    /// When its camera was published.
     published: Duration,
     /// How many drawables it lacked when it was drawn.
     lacked: usize,
@@ -92,12 +92,12 @@ enum Event {
 }
 
 impl<W: DisplayWork, A: CullerWork> DisplayRole<W, A> {
-    /// Plays the role until the last frame is shown, or `stop` asks. Where the work is a device's, it
-    /// occupies its thread.
+    /// Plays the role until the last frame is shown, or `stop` asks. If the work uses a device, it blocks its
+    /// thread.
     ///
     /// # Errors
-    /// When the device or the observer fails. The cullers are told before it returns. A culler that fails
-    /// ends nothing.
+    /// When the device or the observer fails. The cullers are told before it returns. A culler's failure ends
+    /// nothing.
     pub async fn run(
         mut self,
         cameras: &mut dyn Cameras,
@@ -152,10 +152,10 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         }
     }
 
-    /// The links to the cullers, for the end. Nobody is looked for any more.
+    /// The links to the cullers, at the end. No links are made any more.
     pub(super) async fn into_links(self) -> Vec<Link> {
         let Self { role, cullers, .. } = self;
-        // First of all: the cullers' places are free in a moment, and nobody is to take them again.
+        // First, so that the cullers' slots, which are freed now, are not filled again.
         drop(role);
         join_all(cullers.into_iter().map(CullerLink::into_link)).await
     }
@@ -167,7 +167,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             if self.stop.requested() {
                 return Err(RoleError::Stopped);
             }
-            // All that has come, before anything is done that takes long.
+            // Handles all pending messages before anything that takes long.
             while let Some(event) = self.event(None).now_or_never() {
                 self.take(event);
             }
@@ -203,7 +203,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         self.dealer.is_done() || self.role.pace == Pace::Live && self.cameras.is_over()
     }
 
-    /// Waits for the cullers that are expected.
+    /// Waits for the expected cullers.
     async fn gather_cullers(&mut self) {
         let deadline = self.role.net.now().after(self.role.join_timeout);
         while self.cullers.len() < self.role.cullers.expected() && self.role.net.now() < deadline {
@@ -212,7 +212,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         }
     }
 
-    /// What happens next, until `look` at the latest. Dropping the future loses nothing.
+    /// The next event, until `look` at the latest. Dropping the future loses nothing.
     async fn event(&mut self, look: Option<Instant>) -> Event {
         let Self { role: DisplayRole { net, cullers: peers, .. }, cullers, supplies, clock, .. } = self;
         let tick = async {
@@ -230,7 +230,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         }
     }
 
-    /// When something may be due though nobody says anything.
+    /// The next time when something may be due without a message.
     fn next_look(&self) -> Instant {
         let now = self.role.net.now();
         let refresh = (self.role.pace == Pace::Live).then(|| now.after(REFRESH));
@@ -316,7 +316,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
     fn began(&mut self, from: CullerId, camera: &Camera) -> Result<(), Disorder> {
         let frame = camera.frame();
         self.dealer.began(from, frame)?;
-        // What was shown meanwhile is not looked at any more.
+        // Cameras of frames shown meanwhile do not matter any more.
         if frame >= self.dealer.next() && self.published.when(camera).is_none() {
             return Err(Disorder::ForeignCamera(frame));
         }
@@ -342,7 +342,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         self.arrange();
     }
 
-    /// Lets a culler go, and looks for it again.
+    /// Drops a culler, and reconnects to it.
     fn lose(&mut self, id: CullerId, error: RoleError) {
         let Some(place) = self.cullers.iter().position(|culler| culler.id == id) else { return };
         let culler = self.cullers.swap_remove(place);
@@ -350,7 +350,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         self.observer.culler(CullerEvent::Left(id, &error));
         self.dealer.leave(id);
         self.arrange();
-        // Nobody waits until it has heard.
+        // The close is not waited for.
         let why = reason(&error);
         self.role.net.spawn(Box::pin(async move { leave(vec![culler.into_link().await], why).await }));
         self.choose_supplier(self.role.net.now());
@@ -368,7 +368,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         }
     }
 
-    /// In the schedule `switch`: sees to it that two cullers know each other.
+    /// In the schedule `switch`: introduces two cullers to each other.
     fn arrange(&mut self) {
         let (begun, now) = (self.dealer.fresh() > self.role.first, self.role.net.now());
         if let Some(introduction) = &mut self.introduction {
@@ -385,7 +385,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         }
     }
 
-    /// After the last frame: what cullers still say of theirs.
+    /// After the last frame: waits for the cullers' statistics.
     async fn hear_last_words(&mut self) {
         let deadline = self.role.net.now().after(LAST_WORDS);
         while self.said.awaits() && !self.cullers.is_empty() {

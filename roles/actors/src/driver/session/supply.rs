@@ -1,4 +1,4 @@
-//! A display without a scene: which of its frames lack what, and which culler supplies it.
+//! A display without a scene: the missing geometry of its frames, and the culler that supplies it.
 
 use std::{sync::Arc, time::Duration};
 
@@ -20,29 +20,29 @@ use crate::{
     supply::{DisplayEnd, Holdings, SupplyError},
 };
 
-/// How long a culler may send nothing of what the display lacks before another one supplies it.
+/// How long a supplier may send nothing of the missing geometry before another culler takes over.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// How long the place of a culler of another scene stays taken.
+/// How long the slot of a culler of another scene stays taken.
 const PAUSE: Duration = Duration::from_secs(5);
-/// How many bytes may come that no frame needs yet, unless less is kept: in ten seconds, so that what is sent
-/// in vain takes little of a line.
+/// How many bytes may come before a frame needs them, unless the cache is smaller. Per ten seconds, so that
+/// useless ones take little bandwidth.
 const AHEAD: u64 = 256 << 10;
-/// How long a live frame waits for all of it before it is shown with what stands in for the rest: in most
-/// cases the rest is right behind it, and nobody is to see levels change for nothing.
+/// How long a live frame waits to be complete before it is shown with stand-ins. Usually the rest follows at
+/// once, and needless changes of level would be visible.
 const GRACE: Duration = Duration::from_millis(5);
-/// How many frames wait for their geometry at most in a live session: the first ones and the newest.
+/// The most frames that wait for their geometry in a live session: the first ones and the newest.
 const WAITING: usize = 8;
 
-/// What a display that was given no scene has of it, and who supplies it.
+/// The geometry of a display that was given no scene, and its supplier.
 #[derive(Debug)]
 pub(super) struct Supplies {
     pub(super) holdings: Arc<Holdings>,
-    /// Whether coarser drawables may be shown in the place of what is still to come.
+    /// Whether stand-ins may be shown for missing geometry.
     coarser_first: bool,
-    /// How many bytes may come that no frame needs yet.
+    /// How many bytes may come before a frame needs them.
     ahead: u64,
     supplier: Option<CullerId>,
-    /// When something came last, or the supplier was chosen.
+    /// When geometry last came, or the supplier was chosen.
     heard: Instant,
 }
 
@@ -54,13 +54,13 @@ impl Supplies {
         Self { holdings, coarser_first, ahead, supplier: None, heard: now }
     }
 
-    /// Looks again what a frame lacks of all its drawables, and what can stand in.
+    /// Determines anew the missing drawables of a frame, and their stand-ins.
     fn look(&self, culled: &mut Culled) -> Result<(), GiveError> {
         culled.lacking = self.holdings.lacking(&culled.ids)?;
         self.look_for_stand_ins(culled)
     }
 
-    /// The same, where nothing was thrown away since it was looked for.
+    /// The same, if nothing was evicted since.
     fn look_again(&self, culled: &mut Culled) -> Result<(), GiveError> {
         culled.lacking = self.holdings.lacking(&culled.lacking)?;
         self.look_for_stand_ins(culled)
@@ -76,7 +76,7 @@ impl Supplies {
 }
 
 impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
-    /// A frame is whole: it can be shown once all of it is there, or something that stands in for the rest.
+    /// A frame is whole: it can be shown once all its geometry, or stand-ins for the rest, have arrived.
     pub(super) fn note_whole(
         &mut self,
         frame: FrameNumber,
@@ -94,7 +94,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         }
         self.there.insert(frame, culled);
         if self.supplies.is_some() && self.role.pace == Pace::Live {
-            // The first one will be there first, and the newest is what is wanted.
+            // The first one is complete first, and the newest is the most wanted.
             while self.there.len() > WAITING {
                 let middle = self.there.keys().nth(WAITING / 2).copied();
                 middle.and_then(|frame| self.there.remove(&frame));
@@ -103,7 +103,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         Ok(())
     }
 
-    /// The frame to show now, if one can be shown: in lockstep the next one, live the newest.
+    /// The frame to show now, if any: in lockstep the next one, live the newest.
     pub(super) fn due(&self) -> Option<FrameNumber> {
         let due = self.dealer.due()?;
         if self.supplies.is_none() {
@@ -121,13 +121,13 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         }
     }
 
-    /// When a frame can be shown with what stands in for the rest.
+    /// When a frame can be shown with stand-ins.
     pub(super) fn stands_in(&self) -> Option<Instant> {
         self.there.values().filter_map(Culled::has_stand_ins_from).min()
     }
 
-    /// Whether so much more of the frame shown last has come that it is to be drawn again: all of it, or half
-    /// of what it lacked.
+    /// Whether enough of the last shown frame has come to draw it again: all of it, or half of its missing
+    /// drawables.
     pub(super) fn has_more(&self) -> bool {
         self.loading.as_ref().is_some_and(|Loading { culled, lacked, .. }| {
             let lacks = culled.lacking.len();
@@ -146,22 +146,21 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         self.trim()
     }
 
-    /// A frame was shown: tells the supplier, and throws away what is more than the budget.
+    /// A frame was shown: tells the supplier, and evicts geometry beyond the budget.
     pub(super) fn note_shown(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
         let Some(supplies) = &self.supplies else { return Ok(()) };
-        // While it is not exact, only those before it need nothing more.
+        // Until it is exact, only earlier frames need nothing more.
         let exact =
             if self.loading.is_none() { Some(frame) } else { frame.0.checked_sub(1).map(FrameNumber) };
         if let Some((supplier, exact)) = find(&self.cullers, supplies.supplier).zip(exact) {
             supplier.shown(exact);
         }
-        // What was sent broke no rule when it came, and frames are of what came.
+        // Received geometry was valid, and frames consist of received geometry.
         self.trim()
             .map_err(|cause| RoleError::Supplied { peer: "supplier".to_owned(), cause: Box::new(cause) })
     }
 
-    /// Throws away what is more than the budget, but nothing that the next frame needs. What other frames
-    /// lack then is asked for again.
+    /// Evicts geometry beyond the budget, but none of the next frame. Other frames request theirs again.
     fn trim(&mut self) -> Result<(), SupplyError> {
         let Some(supplies) = &self.supplies else { return Ok(()) };
         let waits = self.there.values().next().or_else(|| Some(&self.loading.as_ref()?.culled));
@@ -185,14 +184,14 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         Ok(())
     }
 
-    /// Frames that lack something.
+    /// Frames with missing geometry.
     fn lacking(&self) -> impl Iterator<Item = (FrameNumber, &Culled)> {
         let loading = self.loading.iter().map(|loading| (loading.frame, &loading.culled));
         let waiting = self.there.iter().map(|(frame, culled)| (*frame, culled));
         waiting.chain(loading).filter(|(_, culled)| !culled.lacking.is_empty())
     }
 
-    /// Sees to it that one of the cullers that are there supplies the display.
+    /// Ensures that one of the present cullers supplies the display.
     pub(super) fn choose_supplier(&mut self, now: Instant) {
         let Some(supplies) = &self.supplies else { return };
         if find(&self.cullers, supplies.supplier).is_none() {
@@ -200,7 +199,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         }
     }
 
-    /// When another culler is to supply the display, if nothing comes until then.
+    /// When another culler takes over the supply, if nothing comes until then.
     pub(super) fn supplier_late(&self) -> Option<Instant> {
         let supplies = self.supplies.as_ref()?;
         let waits = self.lacking().next().is_some();
@@ -218,7 +217,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         self.next_supplier(now);
     }
 
-    /// The next one supplies it, round and round.
+    /// The next one takes over, round-robin.
     fn next_supplier(&mut self, now: Instant) {
         let Some(supplies) = &mut self.supplies else { return };
         let before = supplies.supplier;
@@ -235,7 +234,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         }
     }
 
-    /// What was sent cannot be shown: the supplier goes.
+    /// The received geometry is unusable: the supplier is dropped.
     pub(super) fn lose_supplier(&mut self, cause: SupplyError) {
         let supplier = self.supplies.as_ref().and_then(|supplies| supplies.supplier);
         if cause.doubts_what_is_there() {
@@ -256,8 +255,8 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         })
     }
 
-    /// Tells a culler why it is not taken. Its place is free after a pause: it may be started again with
-    /// another scene.
+    /// Tells a culler why it is rejected. Its slot is freed after a pause: it may be restarted with another
+    /// scene.
     pub(super) fn turn_away(&self, Arrival { link, seat, .. }: Arrival, why: &str) {
         let (net, reason) = (Arc::clone(&self.role.net), CloseCode::Failed.because(why));
         self.role.net.spawn(Box::pin(async move {
@@ -267,7 +266,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         }));
     }
 
-    /// Waits until something has come. Never ends where the display has its scene.
+    /// Waits until geometry has come. Pending for ever if the display has its scene.
     pub(super) async fn supplied(supplies: Option<&Supplies>) {
         match supplies {
             Some(supplies) => supplies.holdings.came.notified().await,
@@ -290,7 +289,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     }
 }
 
-/// The end of the bulk lane of the culler that supplies the display.
+/// The end of the supplier's bulk lane.
 fn find(cullers: &[CullerLink], supplier: Option<CullerId>) -> Option<&DisplayEnd> {
     let id = supplier?;
     cullers.iter().find(|culler| culler.id == id)?.supply.as_ref()

@@ -1,4 +1,4 @@
-//! The floor of links within a process: tokio's channels, a copy of the points shared.
+//! The baseline of links within a process: tokio's channels, with a shared copy of the points.
 
 use std::sync::{Arc, Mutex, mpsc};
 

@@ -13,7 +13,7 @@ use iceoryx2::prelude::*;
 use super::{POSE, pose, frame, number};
 use crate::measure::{Arrivals, Far, Near, Subject};
 
-/// Two services in shared memory, one a direction.
+/// Two services in shared memory, one for each direction.
 pub(crate) struct SharedMemory {
     events: bool,
 }
@@ -126,7 +126,7 @@ impl Subject for SharedMemory {
     }
 }
 
-/// All of it is done at once, on the thread that asks.
+/// All work is done at once, on the calling thread.
 impl Near for End {
     fn pose(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send {
         ready(self.send(&pose(number)))

@@ -144,7 +144,7 @@ impl Near for End {
     }
 }
 
-/// Looks at what a frame brought; the number of a frame that has ended.
+/// Looks at a frame event; returns the number of a frame that has ended.
 fn ended(event: FrameEvent<Peers>) -> Option<FrameNumber> {
     match event {
         FrameEvent::Batch(points) => {
@@ -177,7 +177,7 @@ impl Far for End {
                 },
             }
         }
-        // Both leave: the other end waits for it.
+        // Both ends close: the other one waits for it.
         let _gone_first = self.link.close(CloseReason::new(0, "all is measured")).await;
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! What is measured: links, and other ways to send the same data.
+//! The subjects: links, and other ways to send the same data.
 
 pub(crate) mod channel;
 pub(crate) mod iceoryx;
@@ -13,7 +13,7 @@ use anyhow::{Context, Result};
 
 use crate::measure::POINTS;
 
-/// How long a pose is.
+/// The bytes of a pose.
 pub(crate) const POSE: usize = 72;
 
 /// 72 bytes that carry `number`.
@@ -28,7 +28,7 @@ pub(crate) fn frame(number: u32) -> Vec<u8> {
     std::iter::once(number).chain(0..POINTS).flat_map(u32::to_le_bytes).collect()
 }
 
-/// The number that `bytes` begin with.
+/// The number at the beginning of `bytes`.
 pub(crate) fn number(bytes: &[u8]) -> Result<u32> {
     Ok(u32::from_le_bytes(*bytes.first_chunk().context("too short")?))
 }

@@ -1,10 +1,9 @@
-//! The floor of links over QUIC: quinn as it is, poses in datagrams, a stream a frame.
+//! The baseline of links over QUIC: plain quinn, poses in datagrams, a stream for each frame.
 //!
-//! Both encrypt with the same ciphers (rustls on ring, the first that both sides have), and what else matters
-//! to a pose or a frame on a path that loses nothing is quinn's default in both: congestion control,
-//! acknowledgements, pacing, segmentation. A link is quinn over its own sockets, with larger buffers, numbers
-//! its poses, copies the last one, hashes points, and waits with an end to its timeout: that is what the
-//! difference costs.
+//! Both encrypt with the same ciphers (rustls on ring, the first that both sides have). On a lossless path
+//! both use quinn's defaults: congestion control, acknowledgements, pacing, segmentation. A link is quinn
+//! over its own sockets with larger buffers. It numbers its poses, copies the last one, hashes points, and
+//! bounds waits by its timeout: the difference is the cost of these.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, mpsc};

@@ -1,4 +1,4 @@
-//! The floor of links over TCP: one connection, each message a length and its bytes, written at once.
+//! The baseline of links over TCP: one connection, each message a length and its bytes, written at once.
 
 use std::sync::{Arc, mpsc};
 

@@ -1,4 +1,4 @@
-//! The floor of all that wakes a thread: a number in memory, and the system's way to wake who waits for it.
+//! The baseline of waking a thread: a number in memory, and the system's way to wake a waiting thread.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, mpsc};

@@ -1,5 +1,5 @@
-//! The floor of links over UDP: one socket a side, frames in datagrams of 1,200 bytes, nothing acknowledged,
-//! nothing repaired.
+//! The baseline of links over UDP: one socket a side, frames in datagrams of 1,200 bytes, no
+//! acknowledgements, no repair.
 
 use std::sync::{Arc, mpsc};
 
@@ -9,7 +9,7 @@ use tokio::net::UdpSocket;
 use super::{POSE, pose, frame, number};
 use crate::measure::{Arrivals, Far, Near, Subject};
 
-/// How much of a frame a datagram holds, behind its frame's number and its own.
+/// Bytes of a frame in a datagram, behind the numbers of the frame and of the datagram.
 const PART: usize = 1192;
 /// In place of a datagram's number: a pose; the last of a frame; the end.
 const SINGLE: u32 = u32::MAX;

@@ -1,5 +1,5 @@
-//! Zenoh between two peers over TCP: poses, frames and answers each a key of their own, nothing held back to
-//! be batched.
+//! Zenoh between two peers over TCP: poses, frames and answers each have a key, and nothing is held back for
+//! batching.
 
 use std::net::TcpListener;
 use std::sync::{Arc, mpsc};
@@ -115,7 +115,7 @@ impl Near for End {
 }
 
 impl End {
-    /// Waits for the other end to have read the end.
+    /// Waits until the other end has read the end.
     async fn answer_to_end(&self) {
         let _last = self.receive().await;
     }
