@@ -1,8 +1,8 @@
 //! Frames and messages over datagrams: the state machine of a connection, without sockets or a clock.
 //!
-//! A [`Connection`] carries the lanes of a link in packets that fit the path: the newest value, sent
-//! again until it or a newer one has arrived, and three lanes of units: frames, messages, blocks. Each unit is put
-//! together by itself, so that the loss of a packet holds up no other one on the wire; they are passed on in
+//! A [`Connection`] carries the lanes of a link in packets that fit the path: the newest value, sent again
+//! until it or a newer one has arrived, and three lanes of units: frames, messages, blocks. Each unit is
+//! assembled independently, so a lost packet holds up no other unit on the wire; units are delivered in
 //! order.
 //!
 //! ```

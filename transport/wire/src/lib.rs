@@ -1,11 +1,10 @@
-//! What links of any application have in common on the wire, byte for byte.
+//! The wire format that links of all applications share, byte for byte.
 //!
 //! Sans-IO: nothing here touches a socket or a clock. An application describes itself by [`Protocol`]: the
-//! types of its lanes, and how a peer introduces itself. `WIRE.md` beside this crate specifies every byte.
+//! types of its lanes, and its hello. `WIRE.md` beside this crate specifies every byte.
 //!
 //! Sending: a [`FrameWriter`] turns pushed items into [`FrameMessage`]s, [`Message::encode`] turns these into
-//! bytes. Receiving: a [`Decoder`] turns bytes into messages, a [`FrameAssembler`] checks them and judges
-//! each frame.
+//! bytes. Receiving: a [`Decoder`] turns bytes into messages, a [`FrameAssembler`] checks each frame.
 //!
 //! ```
 //! use bytes::BytesMut;
