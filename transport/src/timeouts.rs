@@ -1,4 +1,4 @@
-//! How long a link waits for its peer: a timeout for messages, and an idle timeout for any sign of life.
+//! How long a link waits for its peer: a timeout for messages, and an idle timeout for anything.
 
 use std::fmt;
 use std::future::poll_fn;

@@ -143,7 +143,7 @@ pub enum Refusal {
         /// The session.
         session: SessionId,
     },
-    /// The listening peer has too many peers or handshakes under way; trying again later may work.
+    /// The listening peer has too many peers or open handshakes; trying again later may work.
     #[error("the listener has too many peers or handshakes under way: try again")]
     Busy,
     /// The listening peer knows the connecting peer's key for another role.

@@ -20,13 +20,13 @@
 //! # Ok::<(), trimaran_wire::BatchSizeError>(())
 //! ```
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | `protocol`, `format` | what an application says over its links: the one trait it implements |
+//! | `protocol`, `format` | an application's protocol: the one trait it implements |
 //! | `fixed`, `batch` | values and items as bytes |
-//! | `frame` | a frame: written, checked, judged |
+//! | `frame` | frames: written and checked |
 //! | `control`, `text` | hello, accept, refusal, close, and the texts in them |
-//! | `kind`, `message`, `decode` | messages with their headers, and how they are found in a stream |
+//! | `kind`, `message`, `decode` | messages with their headers, and decoding them from a stream |
 //! | `serial` | numbers for lanes without an order of their own |
 
 mod batch;
