@@ -1,4 +1,4 @@
-//! All links of a topology, and packets on their way from link to link.
+//! All links of a topology, and the packets in flight on them.
 
 use slab::Slab;
 use trimaran_net::Instant;

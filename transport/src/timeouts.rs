@@ -58,7 +58,7 @@ impl Listening<'_> {
     }
 }
 
-/// In every case.
+/// Counts the wait, however it ends.
 impl Drop for Listening<'_> {
     fn drop(&mut self) {
         if let Some(since) = self.since {

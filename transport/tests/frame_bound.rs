@@ -23,7 +23,7 @@ use trimaran_transport::{
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// The most points that a frame may have: as many as a batch, so that each batch too many is whole.
+/// The most points of a frame: as many as a batch, so that every excess batch is whole.
 const MOST: u32 = 16_384;
 /// How many batches of so many points the peer sends in its second frame.
 const BATCHES: usize = 1000;

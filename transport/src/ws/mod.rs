@@ -1,4 +1,4 @@
-//! Links over WebSockets (RFC 6455), which pass proxies and which pages in browsers open: one for each lane,
+//! Links over WebSockets (RFC 6455), which pass proxies and open from pages in browsers: one for each lane,
 //! as over TCP.
 
 mod bytes;

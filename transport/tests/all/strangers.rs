@@ -95,7 +95,7 @@ async fn cut(behind: usize, inside: &str, outside: &UdpSocket) {
 mod of_datagrams {
     use super::*;
 
-    /// Kills the listener for the panel, and the panel for the listener.
+    /// The panel sees the listener die, and the listener the panel.
     async fn either_side_may_die_behind_every_datagram_of_the_handshake(endpoint: &str) {
         // Only the handshake timeout frees the place of a peer that dies in it.
         let (idle_timeout, handshake_timeout) = (Duration::from_secs(3600), Duration::from_secs(1));

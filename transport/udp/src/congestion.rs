@@ -119,7 +119,7 @@ impl Window {
         self.threshold = self.window;
     }
 
-    /// Everything sent over a long time was lost (RFC 9002, section 7.6).
+    /// All packets over a long time were lost (RFC 9002, section 7.6).
     pub(crate) fn on_persistent_congestion(&mut self) {
         self.threshold = (self.window * BETA).max(MINIMUM);
         self.is_initial = false;

@@ -11,7 +11,7 @@ const LEAST: usize = 2;
 const FIRST: usize = 4;
 /// The time that timers and late acknowledgements add to a round trip without any queue.
 const SLACK: Duration = Duration::from_millis(2);
-/// While the window doubles it can leap far beyond the path: a queue of this fraction is sign enough.
+/// Divides the threshold of a queue while the window doubles, as it can then leap far beyond the path.
 const CAUTION: u32 = 4;
 /// Fewer acknowledgements do not distinguish a queue from a varying delay. For a doubling window so many show
 /// it before their round trip ends (as in HyStart++, RFC 9406, section 4.2).

@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::{Explanation, ProtocolName, Text};
 
-/// The version of the wire of links. Peers of different versions refuse each other.
+/// The version of the wire format of links. Peers of different versions refuse each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WireVersion(pub u16);
 
@@ -129,7 +129,7 @@ pub enum Refusal {
     /// The listening peer's application refuses the connecting one.
     #[error(transparent)]
     Rejected(Rejection),
-    /// The connections of one session contradict each other, or carry the same lane.
+    /// The connections of one session contradict each other, or have the same lane.
     #[error("session {session}: the {lane} lane came twice or from a peer that calls itself something else")]
     Session {
         /// The session.

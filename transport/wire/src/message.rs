@@ -194,7 +194,7 @@ fn with_header(out: &mut BytesMut, kind: Kind, write: impl FnOnce(&mut BytesMut)
 
 /// Appends `body` as postcard.
 fn put_control(out: &mut BytesMut, body: &impl Serialize) {
-    // Control types hold integers, options and short strings only: writing them to memory cannot fail.
+    // Control types hold only integers, options and short strings, so writing them to memory cannot fail.
     if let Ok(body) = postcard::to_stdvec(body) {
         out.put_slice(&body);
     }

@@ -1,4 +1,4 @@
-//! A value with a number: for lanes on which values may be lost, repeated or overtaken.
+//! A numbered value, for lanes on which values may be lost, repeated or overtaken.
 
 use crate::FixedBytes;
 

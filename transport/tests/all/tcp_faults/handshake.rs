@@ -129,7 +129,7 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
 #[tokio::test]
 async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     let net = net();
-    // Admitted connections stay until they are refused.
+    // Open handshakes stay until they are refused.
     let handshake_timeout = Duration::from_secs(3600);
     let limits = Limits { handshakes: 5, ..Limits::default() };
     let options = Options {
