@@ -20,7 +20,7 @@
 //! | `walkthrough` | [`Walkthrough`]: the protocol of the three roles, and admission |
 //! | `camera`, `id` | the values sent: a camera, a drawable's id |
 //! | `coding` | ids as changes against an earlier frame |
-//! | `identity`, `outline`, `settings` | a role's identity and scene, and the display's settings for a session |
+//! | `identity`, `outline`, `settings` | a role's identity and scene, and a session's settings |
 //! | `supply` | the bulk lane: geometry for a display without the scene |
 //! | `view_state` | settings during a walkthrough: sections, hidden objects, picture size, error bound |
 //! | `stats` | a culler's statistics for a frame |
