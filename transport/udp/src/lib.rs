@@ -34,7 +34,7 @@
 //! | `connection` | [`Connection`]: packets received, packets to send, timers |
 //! | `latest`, `outbox`, `inbox` | the lanes: the newest value; sending and receiving units |
 //! | `packet`, `chunk`, `wire`, `ranges` | packets and their contents |
-//! | `recovery`, `acks`, `rtt`, `congestion`, `pacer`, `scavenger` | loss detection, limits of data in flight |
+//! | `recovery`, `acks`, `rtt`, `congestion`, `pacer`, `scavenger` | loss detection and congestion control |
 //! | `repair` | forward error correction of frames |
 //! | `mtu`, `peer_path` | path MTU discovery; path migration of the peer |
 
