@@ -1,4 +1,4 @@
-//! The images of a window, which take turns in being shown.
+//! A window's swapchain.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -9,11 +9,11 @@ use super::surface::Surface;
 use super::{Acquired, PresentMode, WindowSize};
 use crate::Gpu;
 
-/// Signals of images that were acquired. A picture pass has two pictures under way, and the third one is
-/// waited for before another begins: one more than that is never still in use.
+/// Semaphores of acquired images. A picture pass has two pictures under way, and waits for a third one before
+/// it begins another: so one more than that is never still in use.
 const AVAILABLE: usize = 3;
 
-/// Images of a window of one size. What fills one of them holds an [`Arc`] of it until that is done.
+/// Images of a window of one size. Work that fills one of them holds an [`Arc`] of it until that is done.
 pub(crate) struct Swapchain {
     gpu: Arc<Gpu>,
     loader: khr::swapchain::Device,
@@ -23,15 +23,15 @@ pub(crate) struct Swapchain {
     window: WindowSize,
     available: Vec<vk::Semaphore>,
     next: AtomicUsize,
-    /// One an image: it is acquired again only when what showed it has waited.
+    /// One per image: it is acquired again only after its presentation has waited.
     filled: Vec<vk::Semaphore>,
-    // After the images, which are of it.
+    // Dropped after the images, which belong to it.
     _surface: Arc<Surface>,
 }
 
 impl Swapchain {
-    /// Images for a window that is inside of this size; `None` where it has no inside at present. The images
-    /// of `old` are shown no more.
+    /// Images for a window of this inner size; `None` if that is zero at present. The images of `old` are
+    /// presented no more.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         loader: &khr::swapchain::Device,
@@ -105,7 +105,7 @@ impl Swapchain {
         self.available.get(next).copied().unwrap_or_default()
     }
 
-    /// An image that was acquired with this semaphore.
+    /// The image acquired with this semaphore.
     pub(super) fn acquired(self: &Arc<Self>, index: u32, available: vk::Semaphore) -> Option<Acquired> {
         let next = (self.next.load(Ordering::Relaxed) + 1) % AVAILABLE;
         self.next.store(next, Ordering::Relaxed);
@@ -115,7 +115,7 @@ impl Swapchain {
     }
 }
 
-/// The size of the images: the window's own where that knows it, else the one that is asked for.
+/// The size of the images: the window's own if it is defined, else the requested one.
 fn extent(capabilities: &vk::SurfaceCapabilitiesKHR, window: WindowSize) -> vk::Extent2D {
     let known = capabilities.current_extent;
     if known.width != u32::MAX {
@@ -131,7 +131,7 @@ fn extent(capabilities: &vk::SurfaceCapabilitiesKHR, window: WindowSize) -> vk::
     }
 }
 
-/// Nothing behind the window shines through it, where the system lets it say so.
+/// Opaque composition, if the system supports it.
 fn alpha(supported: vk::CompositeAlphaFlagsKHR) -> vk::CompositeAlphaFlagsKHR {
     if supported.contains(vk::CompositeAlphaFlagsKHR::OPAQUE) {
         vk::CompositeAlphaFlagsKHR::OPAQUE
