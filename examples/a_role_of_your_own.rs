@@ -17,11 +17,11 @@ use trimaran_cull::{Image, View};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, LodRule, Settings, Viewport};
 
-/// Holds what was ever visible, as a cache of geometry would that throws nothing away.
+/// Records everything that was ever visible, like a cache of geometry without eviction.
 #[derive(Default)]
 struct Loader {
     loaded: HashSet<DrawableId>,
-    /// How many were new in the frame drawn last.
+    /// How many were new in the last frame.
     new: usize,
 }
 
@@ -44,7 +44,7 @@ impl PictureDevice for Loader {
     }
 }
 
-/// Adds up what the cullers say they did.
+/// Adds up the cullers' statistics.
 #[derive(Default)]
 struct Tally {
     frames: u32,

@@ -13,7 +13,7 @@ use trimaran_cook::{
 use trimaran_cull::{CullStats, Culler, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
 use trimaran_proto::{Camera, FrameNumber};
 
-/// Hides boxes with no corner nearer than so many metres.
+/// Hides boxes with no corner nearer than this many metres.
 struct Fog {
     metres: f32,
 }

@@ -33,7 +33,7 @@ fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
     let mut options = spv::Options { lang_version: (1, 3), ..spv::Options::default() };
     // Shaders write to shared memory before they read it.
     options.zero_initialize_workgroup_memory = spv::ZeroInitializeWorkgroupMemoryMode::None;
-    // The projection already speaks Vulkan (y down), and WebGPU's flip would turn the picture over.
+    // The projection already has Vulkan's y down; WebGPU's flip would turn the picture over.
     options.flags.remove(spv::WriterFlags::ADJUST_COORDINATE_SPACE);
     for point in &module.entry_points {
         let only = spv::PipelineOptions { shader_stage: point.stage, entry_point: point.name.clone() };

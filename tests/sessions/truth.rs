@@ -30,10 +30,10 @@ use trimaran_scene::{Scene, path::Pose};
 
 use crate::common::data::{Data, cooked, imported};
 
-/// An object that shows at no more pixels than this, here or there, may be missing from the other.
+/// An object visible at no more pixels than this, here or there, may be missing from the other.
 const EDGE_PIXELS: u32 = 2;
 
-/// So many strict pixels of a view may show another object here: one in 10,000.
+/// The most strict pixels of a view that may show another object here: one in 10,000.
 const LOST_PIXELS: u32 = 104;
 
 /// A `.views.json` file.
@@ -46,13 +46,13 @@ struct Truth {
     views: Vec<TrueView>,
 }
 
-/// What shows from one viewpoint.
+/// The ground truth of one viewpoint.
 #[derive(Deserialize)]
 struct TrueView {
     eye: [f64; 3],
     forward: [f64; 3],
     up: [f64; 3],
-    /// How far the nearest surface is from the eye, in the model's unit.
+    /// The distance of the nearest surface from the eye, in the model's unit.
     clearance: f64,
     /// The objects that win a pixel, and how many strict pixels each wins.
     nodes: Vec<u32>,
@@ -71,10 +71,10 @@ impl TrueView {
     }
 }
 
-/// How the objects found in one view differ from the truth's. Objects with their pixels.
+/// The differences between the objects found in one view and the truth. Objects with their pixels.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Difference {
-    /// Must be found, and are not; strict pixels of the truth.
+    /// Expected, and not found; strict pixels of the truth.
     missing: Vec<(u32, u32)>,
     /// The same with so few pixels that an edge explains it.
     missing_at_edges: Vec<(u32, u32)>,
@@ -107,7 +107,7 @@ type Pixels = BTreeMap<u32, u32>;
 /// Objects that show the same surface.
 #[derive(Default)]
 struct Twins {
-    /// Which one stands for each that has one.
+    /// The representative of each object that has one.
     first: HashMap<u32, u32>,
 }
 
@@ -142,7 +142,7 @@ impl TrueView {
     }
 }
 
-/// The pixels of each object that shows.
+/// The pixels of each visible object.
 fn found(scene: &Scene, image: &ItemImage, twins: &Twins) -> Pixels {
     let mut pixels = Pixels::new();
     for &id in image.drawable.iter().filter(|&&id| id != ItemImage::BACKGROUND) {
@@ -163,7 +163,7 @@ fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let scene = cooked(&model);
     assert_eq!(scene.objects().len(), truth.objects, "every object of the truth is in the scene");
     let drawn = GpuScene::new(&gpu, &scene)?;
-    // The rule decides levels, of which full detail has none to decide.
+    // The rule decides levels, and does not matter at full detail.
     let size = Viewport::new(truth.width, truth.height)?;
     let mut auditor = Auditor::new(&scene, &drawn, Settings::new(size, LodRule::new(1.0)?))?;
 

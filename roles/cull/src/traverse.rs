@@ -151,7 +151,7 @@ impl Culler {
         Ok(Traversal { scene, memory, view: *view, cut, maker, stats: CullStats::default() })
     }
 
-    /// Traverses the whole tree, and gives `sink` what [`Traversal::next_level`] finds, level by level.
+    /// Traverses the whole tree, passing results of [`Traversal::next_level`] to `sink`.
     ///
     /// # Errors
     /// If the test fails, or does not fit the rule.

@@ -21,7 +21,7 @@ pub(crate) struct Buffer {
 }
 
 impl Buffer {
-    /// A buffer of `bytes` bytes (at least one: Vulkan has no empty ones); `what` it is for goes into errors.
+    /// A buffer of `bytes` bytes (at least one: Vulkan has no empty ones); `what` names it in errors.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         what: &'static str,

@@ -12,6 +12,6 @@ pub(crate) struct Place {
 pub(crate) enum Absent {
     /// They are read, however long that takes. Without room the draws end before this one.
     Read,
-    /// They are read as long as so many bytes of them are left; beyond that, or without room, it is left out.
+    /// They are read while this many bytes of them are left; beyond that the draw is skipped.
     ReadOrSkip { most: u64 },
 }
