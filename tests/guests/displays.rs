@@ -300,7 +300,7 @@ fn sixty_four_people_are_taken_by_default() {
     guests.stops();
 }
 
-/// What of a scene cannot be read ends the sessions that ask for it. The file is overwritten while it is served.
+/// An unreadable part of a scene ends the sessions that request it. The file is overwritten meanwhile.
 #[test]
 fn a_page_of_the_scene_that_cannot_be_read_ends_the_sessions_that_need_it() {
     let Some(mut guests) = Guests::start(&[]) else { return };

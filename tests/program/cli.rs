@@ -227,8 +227,8 @@ fn pictures(bench: &Bench, out: &str, count: u32) -> Vec<Vec<u8>> {
     (0..count).map(|n| fs::read(bench.path(out).join(format!("frames/{n:05}.png"))).unwrap()).collect()
 }
 
-/// The display finds one culler over QUIC and the other one over TCP, over which these meet each other. One that
-/// was not told where the other one listens culls by itself: a display's word is not enough.
+/// The display connects to one culler over QUIC and the other over TCP, over which these connect too. A
+/// culler whose configuration lacks the other's endpoint culls independently: a display's word is not enough.
 #[test]
 fn every_two_roles_may_have_another_transport_and_cullers_meet_where_they_were_told() {
     const WALK: [&str; 6] = ["--frames", "4", "--size", "96x80", "--audit-every", "0"];

@@ -204,7 +204,7 @@ fn a_session_over_tcp_is_read_id_by_id() {
     let ids: Vec<&String> = ends.iter().flat_map(|[_, ids]| ids).collect();
     assert_eq!(ids.len() as u32, 2 * FRAMES);
     assert!(ids.iter().all(|ids| *ids == "1000"));
-    // Three links of four lanes, a hello and an accept each. Who connects says what the display decides.
+    // Three links of four lanes, a hello and an accept each. The connecting side sends settings.
     let hellos =
         capture.read("trimaran.kind == 1", ["trimaran.version", "trimaran.session", "trimaran.lane"]);
     assert_eq!(hellos.len(), 12);

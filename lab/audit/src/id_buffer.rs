@@ -1,4 +1,4 @@
-//! Drawables to an ID buffer with depth (the paper: item buffer): which triangle shows at each pixel.
+//! Rasterizes drawables into an ID buffer with depth (the paper: item buffer).
 
 use glam::DVec3;
 use trimaran_cull::{View, Viewport};

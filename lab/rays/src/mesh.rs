@@ -86,7 +86,7 @@ impl Meshes {
 }
 
 impl Mesh {
-    /// The drawable's triangles, turned by a matrix if there is one. `None` if a coordinate is too large.
+    /// The drawable's triangles, perhaps transformed. `None` if a coordinate is too large.
     fn new(scene: &Scene, drawable: &Drawable, turned: Option<[u32; 9]>) -> Option<Self> {
         let turn = turned
             .map_or(DMat3::IDENTITY, |bits| Mat3::from_cols_array(&bits.map(f32::from_bits)).as_dmat3());

@@ -222,7 +222,7 @@ impl Tile {
         is_given_up: &dyn Fn() -> bool,
     ) -> Result<ControlFlow<()>, ReadError> {
         let geometry = scene.geometry(drawable.geometry)?;
-        // In columns and units from the tile's corner and the base, so that large coordinates cost nothing.
+        // In columns and units from the tile's corner and the base, to keep large coordinates precise.
         let Heightfield { cell, unit, base } = self.field;
         let origin = node.origin() - DVec3::new(self.corner.x, base, self.corner.y);
         let linear = node.linear().as_dmat3();
@@ -297,7 +297,7 @@ impl Polygon {
         Some(first..last + 1)
     }
 
-    /// Keeps what is beyond a plane across an axis, in the direction of `sign` (Sutherland and Hodgman 1974).
+    /// Keeps the part beyond a plane across an axis, on the `sign` side (Sutherland and Hodgman 1974).
     fn keep(&mut self, axis: usize, plane: f64, sign: f64) {
         let Some(&last) = self.corners.last() else { return };
         let beyond = |corner: DVec3| sign * (corner[axis] - plane);

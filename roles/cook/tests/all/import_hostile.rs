@@ -1,5 +1,5 @@
-//! The corpus of the fuzz targets for models and scenes, as it is, cut off, and with bytes, numbers and
-//! measures changed at random: what comes is a sound model or an error.
+//! The corpus of the fuzz targets for models and scenes, unchanged, cut off, and with bytes, numbers and
+//! measures changed at random: the result is a valid model or an error.
 
 use proptest::prelude::*;
 use proptest::sample::Index;

@@ -94,7 +94,7 @@ pub(super) fn ray_box(origin: DVec3, inverse: DVec3, min: DVec3, max: DVec3) -> 
     (near.x.max(near.y).max(near.z), far.x.min(far.y).min(far.z))
 }
 
-/// Where a ray meets a triangle, either side of it, as a multiple of `direction` (Moeller and Trumbore 1997).
+/// The hit of a ray on a triangle, from either side, in lengths of `direction` (Moeller and Trumbore 1997).
 pub(super) fn ray_triangle(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);

@@ -55,7 +55,7 @@ fn encoding<'a>(body: &mut Reader<'a>) -> Option<&'a [u8]> {
 fn group(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) -> Result<(), RvmError> {
     let version = body.u32().unwrap_or_default();
     let (name, material) = match body.string() {
-        // Behind it is a reference point that no primitive depends on.
+        // It is followed by a reference point that no primitive depends on.
         Some(name) => (name, body.take(12).and_then(|_| body.u32())),
         // Its length is wrong; its letters may be right.
         None => (body.rest(), None),
@@ -67,7 +67,7 @@ fn group(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) -> Result<(),
 }
 
 fn primitive(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) {
-    // A version that is not there leaves nothing for the rest either.
+    // Without a version there is nothing left for the rest either.
     let _version = body.u32();
     file.primitive(body, Order::Columns, at);
 }

@@ -2,7 +2,7 @@
 
 use crate::import_files::{floats, glb};
 
-/// A document that is being written.
+/// A document under construction.
 #[derive(Default)]
 pub(crate) struct Document {
     bin: Vec<u8>,
@@ -25,7 +25,7 @@ impl Document {
         self.raw_view(&format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}{more}}}"#))
     }
 
-    /// Bytes of buffer 0, and where they begin.
+    /// Adds bytes to buffer 0, and returns their offset.
     pub(crate) fn bytes(&mut self, bytes: &[u8]) -> usize {
         let offset = self.bin.len();
         self.bin.extend(bytes);
