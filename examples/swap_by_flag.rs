@@ -14,7 +14,7 @@ use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
 
 #[derive(Debug, Parser)]
 struct Args {
-    /// The transport; all of them without this flag.
+    /// Which transport; all of them without this flag.
     #[arg(long)]
     link: Option<Transport>,
 }
