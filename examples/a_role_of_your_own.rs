@@ -1,7 +1,7 @@
-//! A display of your own: two real cullers draw occluders and cull, and the display, which would draw what is
-//! visible, does something else with it. This one plans what a renderer that streams its geometry
-//! would have to load, frame by frame; it needs no device of its own. Any program that takes frames of
-//! visible nodes fits in the same place.
+//! A display of your own: two real cullers draw occluders and cull, and the display does something else with
+//! the visible sets than drawing them. This one plans the loads of a renderer that streams its geometry,
+//! frame by frame; it needs no device of its own. Any program that takes frames of visible nodes fits in the
+//! same place.
 //!
 //!     cargo run --release --example a_role_of_your_own
 

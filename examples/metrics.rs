@@ -1,4 +1,4 @@
-//! What a link carries, as Prometheus scrapes it: counters of any links, served by this program.
+//! The traffic of links for Prometheus: counters of any links, served by this program.
 //!
 //!     cargo run --example metrics                      # sends some frames, reads its own metrics once
 //!     cargo run --example metrics -- 127.0.0.1:9100    # goes on until Ctrl-C: curl http://127.0.0.1:9100/metrics

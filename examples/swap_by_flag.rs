@@ -1,5 +1,5 @@
-//! The same frames over every transport: the value of one flag is all that changes. What differs is the time,
-//! and what each promises.
+//! The same frames over every transport: the value of one flag is all that changes. The times and the
+//! guarantees differ.
 //!
 //!     cargo run --release --example swap_by_flag                 # all of them, one after another
 //!     cargo run --release --example swap_by_flag -- --link udp   # one of inproc, unix, tcp, quic, udp

@@ -74,7 +74,7 @@ pub(super) struct EmptyScene {
 }
 
 impl EmptyScene {
-    /// Keeps this many bytes of what was sent.
+    /// Keeps this many bytes of the received geometry.
     pub(super) fn new(
         outline: SceneOutline,
         gpu: &Arc<Gpu>,

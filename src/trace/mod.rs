@@ -1,5 +1,4 @@
-//! A recorded walk: what each frame asked of the three roles, for simulations that need neither its scene nor
-//! a GPU.
+//! A recorded walk: the work of the three roles for each frame, for simulations without its scene or a GPU.
 //!
 //! ```text
 //! trimaran run X.scene --record walk.trace     Trace::of, Trace::write

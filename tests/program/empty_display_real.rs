@@ -107,7 +107,7 @@ fn cullers_that_come_and_go_and_a_display_that_is_killed_change_no_picture() {
     }
 }
 
-/// Waits until so many frames of the walk are on disk.
+/// Waits until this many frames of the walk are on disk.
 fn shows(bench: &Bench, frames: usize) {
     let journal = bench.path("walk/unfinished/walk.jsonl");
     for _ in 0..20_000 {

@@ -38,7 +38,7 @@ impl Walks {
         Self(Bench::with_plant(300))
     }
 
-    /// What the program prints on the machine's driver or on that of an ICD file.
+    /// The program's output on the machine's driver, or on that of an ICD file.
     fn run(&self, driver: Option<&Path>, args: &[&str]) -> String {
         let mut command = self.0.command(args);
         if let Some(driver) = driver {

@@ -75,7 +75,7 @@ pub enum WalkthroughError {
     Ids(#[from] OccluderError),
 }
 
-/// OR, HC and RVG on one CPU, and what they keep from frame to frame.
+/// OR, HC and RVG on one CPU, with their state between frames.
 #[derive(Debug)]
 pub struct ReferenceWalkthrough {
     culler: Culler,

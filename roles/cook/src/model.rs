@@ -38,7 +38,7 @@ pub struct Source {
     pub name: String,
 }
 
-/// A model in memory: what every importer and generator makes, and what cooking reads.
+/// A model in memory: the output of importers and generators, and the input of cooking.
 #[derive(Debug, Clone, Default)]
 pub struct Model {
     /// The meshes. Importers make no two equal ones, but nothing depends on it.

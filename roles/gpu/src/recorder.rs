@@ -1,7 +1,7 @@
 //! Recording commands: the few that the passes use, typed.
 //!
 //! Every method here records into a command buffer that [`Stream::submit`](crate::stream::Stream::submit) has
-//! begun. What makes each call sound is the same: handles come from living wrappers, and the stream's owner
+//! begun. Each call is sound for the same reason: handles come from living wrappers, and the stream's owner
 //! keeps these alive until the stream is done.
 
 use std::ops::Range;

@@ -3,7 +3,7 @@
 use trimaran_cull::{BoxMaker, CutRule, LodCut, OcclusionTest, Outline, Prepared, TestBox, View};
 use trimaran_scene::{Node, Scene};
 
-/// What HC's traversal does with one node.
+/// The steps of HC's traversal on one node.
 pub(super) trait Steps {
     type Error;
 

@@ -175,7 +175,7 @@ impl Welded {
     }
 }
 
-/// Triangles that hang together: each leads to another one of its part, and the first of a part to itself.
+/// Union-find of connected triangles: each points to another one of its part, a part's first to itself.
 struct Chains(Vec<usize>);
 
 impl Chains {

@@ -14,7 +14,7 @@ impl Tolerance {
     const FEWEST: u32 = 8;
     const MOST: u32 = 4096;
 
-    /// Chords of a full circle of `radius` metres. Only a square root, so that every platform counts alike.
+    /// Chords of a full circle of `radius` metres. Uses only a square root, for equal counts everywhere.
     pub(super) fn chords(self, radius: f64) -> u32 {
         let exact = std::f64::consts::PI * (radius / (2.0 * self.0)).sqrt();
         (exact.ceil() as u32).clamp(Self::FEWEST, Self::MOST)

@@ -53,7 +53,7 @@ pub enum WarningKind {
     PointsOrLines,
     /// glTF and OBJ materials whose colour comes from a texture: drawn in their base colour.
     TexturedMaterial,
-    /// OBJ material libraries that cannot be read: what uses them is drawn grey.
+    /// OBJ material libraries that cannot be read: surfaces with their materials are drawn grey.
     MaterialsMissing,
     /// Uses of OBJ materials that no library defines: drawn grey.
     MaterialUndefined,
@@ -85,7 +85,7 @@ pub enum WarningKind {
     JsonMended,
     /// Values of a glTF document with the wrong type: left out.
     FieldLeftOut,
-    /// glTF buffers, and compressed views of them, that cannot be read: what needs them is left out.
+    /// Unreadable glTF buffers and compressed views: everything that needs them is left out.
     BytesLeftOut,
     /// glTF primitives that are broken: left out.
     PrimitiveLeftOut,

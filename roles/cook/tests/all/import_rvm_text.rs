@@ -16,7 +16,7 @@ fn open(name: &str, material: u32) -> String {
 
 const CLOSE: &str = "CNTE\n     1     2\n";
 
-/// A primitive at (1, 2, 3) metres, with what is behind its matrix.
+/// A primitive at (1, 2, 3) metres, with the text after its matrix.
 fn primitive(kind: u32, rest: &str) -> String {
     let rows = "0.001 0.0 0.0 1.0\n0.0 0.001 0.0 2.0\n0.0 0.0 0.001 3.0";
     format!("PRIM\n     1     1\n{kind:6}\n{rows}\n{rest}\n")

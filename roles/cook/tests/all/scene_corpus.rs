@@ -243,7 +243,7 @@ fn see_through() -> Vec<u8> {
     cooked(vec![bumps(1), glass], &in_a_grid(2))
 }
 
-/// A number of so many bytes, little-endian.
+/// A number of this many bytes, little-endian.
 fn number(file: &[u8], at: usize, bytes: usize) -> usize {
     file[at..at + bytes].iter().rev().fold(0, |number, &byte| number << 8 | usize::from(byte))
 }

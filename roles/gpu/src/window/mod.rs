@@ -20,7 +20,7 @@ pub enum PresentMode {
     /// At the screen's next refresh, each in its turn. Every window has this mode.
     #[default]
     Fifo,
-    /// At the screen's next refresh, the newest one. What is older is never shown.
+    /// At the screen's next refresh, the newest one. Older ones are never shown.
     Mailbox,
     /// At once, in the middle of a refresh as well: the picture may be torn.
     Immediate,

@@ -20,8 +20,8 @@ pub(super) fn of_window(
     let lost = |_| vk::Result::ERROR_SURFACE_LOST_KHR;
     let (display, handle) = (window.display_handle().map_err(lost)?, window.window_handle().map_err(lost)?);
     let (entry, instance, _) = gpu.platform();
-    // SAFETY: both handles are valid, and stay so as long as the window, which whoever calls keeps for as
-    // long as the surface; the instance has the extensions of the display (`Gpu::open_for_windows`).
+    // SAFETY: both handles are valid, and stay so as long as the window, which the caller keeps for as long
+    // as the surface; the instance has the extensions of the display (`Gpu::open_for_windows`).
     unsafe { ash_window::create_surface(entry, instance, display.as_raw(), handle.as_raw(), None) }
 }
 

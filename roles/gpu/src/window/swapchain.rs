@@ -59,8 +59,8 @@ impl Swapchain {
             .present_mode(mode.to_vk())
             .clipped(true)
             .old_swapchain(old.map_or(vk::SwapchainKHR::null(), |old| old.handle));
-        // SAFETY: the surface lives, and what is asked of it is what it has said it can; the old swapchain,
-        // if there is one, is of the same surface or of one that is lost.
+        // SAFETY: the surface lives, and the request is within its capabilities; the old swapchain, if there
+        // is one, is of the same surface or of one that is lost.
         let handle = unsafe { loader.create_swapchain(&info, None) }?;
         // From here on a failure destroys what exists: see `Drop`.
         let mut made = Self {
@@ -144,9 +144,9 @@ impl Drop for Swapchain {
     fn drop(&mut self) {
         let Some(device) = self.gpu.to_destroy() else { return };
         let queue = self.gpu.queue();
-        // SAFETY: whatever fills an image holds an `Arc` of this until it is done, so that the queue has
-        // nothing left of it but what shows images; it is locked, and waited for, before they and their
-        // semaphores go. A lost device shows nothing any more.
+        // SAFETY: work that fills an image holds an `Arc` of this until it is done, so that the queue has
+        // only presentations of it left. It is locked, and waited for, before images and semaphores go. A
+        // lost device presents nothing any more.
         unsafe {
             let _lost = device.queue_wait_idle(*queue);
             for semaphore in self.available.iter().chain(&self.filled) {

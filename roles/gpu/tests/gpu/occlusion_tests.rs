@@ -30,7 +30,7 @@ pub(crate) fn random_box(random: &mut Random, size: f64) -> TestBox {
     }
 }
 
-/// Walls at odd places, upright and slanted, that hide about half of what is behind them.
+/// Walls at odd places, upright and slanted, that hide about half of the space behind them.
 pub(crate) fn walls() -> Vec<FlatObject> {
     let slanted = triangles(&[[-5.0, -5.0, -4.0], [5.0, -5.0, -9.0], [0.0, 6.0, -7.0]]);
     vec![

@@ -42,7 +42,7 @@ pub fn pack_entries(entries: &[DrawableEntry]) -> Vec<u8> {
     packed
 }
 
-/// Unpacks the output of [`pack_entries`]. What it allocates is bounded by [`MOST_ENTRIES`].
+/// Unpacks the output of [`pack_entries`]. Its allocation is bounded by [`MOST_ENTRIES`].
 ///
 /// # Errors
 /// If the bytes are invalid.

@@ -115,7 +115,7 @@ impl Geometry {
         Some([bytemuck::cast_slice(&sizes), &vertices, &turns, &indices].concat())
     }
 
-    /// Unpacks the output of [`pack`](Self::pack). What it allocates is bounded by the length of `bytes`.
+    /// Unpacks the output of [`pack`](Self::pack). Its allocation is bounded by the length of `bytes`.
     ///
     /// # Errors
     /// If the bytes are invalid.

@@ -14,7 +14,7 @@ pub(super) struct Coloured<'a> {
     pub triangles: &'a mut Vec<[u32; 3]>,
 }
 
-/// How much two corners of a piece may differ, of 255: the finest that makes few enough pieces is taken.
+/// The allowed differences between a piece's corners, of 255: the finest feasible one is taken.
 const STEPS: [u8; 3] = [24, 48, 96];
 /// This many pieces are few enough for any mesh, and for a larger one twice its triangles.
 const FEW: usize = 16_384;

@@ -1,4 +1,4 @@
-//! JSON as exporters write it: null for what is absent, and 5126.0 for 5126.
+//! JSON in exporters' variants: null for absent values, and 5126.0 for 5126.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -16,7 +16,7 @@ pub(super) struct Mended {
 /// The deepest nesting of values: that of the JSON reader, which has a few levels of its own.
 const DEEPEST: usize = 100;
 
-/// Mends what can be read in one way only. Line breaks stay, so that a message's line is that of the file.
+/// Repairs errors with only one possible reading. Line breaks stay, for line numbers in messages.
 pub(super) fn mend(mut rest: &[u8]) -> Mended {
     let mut mended = Mended { json: Vec::with_capacity(rest.len()), ..Mended::default() };
     let mut depth = 0;

@@ -1,4 +1,4 @@
-//! A glTF mesh, which may be several primitives, as one mesh with a colour a vertex, or as one a feature.
+//! Reads a glTF mesh of several primitives as one mesh with vertex colours, or as one per feature.
 
 use std::collections::BTreeMap;
 

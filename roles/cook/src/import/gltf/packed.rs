@@ -70,7 +70,7 @@ struct Size {
 }
 
 impl Size {
-    /// No more elements than so many compressed bytes can hold: memory is taken for all of them at once.
+    /// At most as many elements as the bytes can hold: memory is allocated for all at once.
     fn of(packed: &Packed, bytes: usize) -> Result<Self> {
         let sizes = usize::try_from(packed.count).ok().zip(usize::try_from(packed.byte_stride).ok());
         let (count, stride) = sizes.ok_or("its count is too large")?;

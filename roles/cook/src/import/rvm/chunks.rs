@@ -108,7 +108,7 @@ impl<S: Read + Seek> Chunks<S> {
         Ok(Reader::new(&self.body))
     }
 
-    /// Goes on at the next model behind the last chunk of one. Returns whether anything but zeros was passed.
+    /// Continues at the next model after one's last chunk. Returns whether non-zero bytes were skipped.
     pub(super) fn skip_to_next_model(&mut self) -> Result<bool, RvmError> {
         // The version of the last chunk.
         self.next = (self.next + 4).min(self.length);

@@ -56,7 +56,7 @@ const USUAL_UNIT: f64 = 1e-3;
 /// Reads an RVM file of either form. `source_index` of its objects is the running number of the group among
 /// all groups of the file, in the order in which they open; groups without primitives count too.
 ///
-/// What attribute files say of its groups is kept.
+/// Attributes of its groups from attribute files are kept.
 pub(super) fn import(
     path: Option<&Path>,
     source: impl Read + Seek,

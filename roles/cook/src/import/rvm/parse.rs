@@ -1,8 +1,8 @@
 //! The binary form of an RVM file.
 //!
 //! Its chunks are HEAD and MODL first and END: last; between them CNTB opens a group and CNTE closes it, PRIM
-//! is a primitive of the open group and COLR redefines a colour. A body opens with a version. What follows
-//! END: is padding, or another model.
+//! is a primitive of the open group and COLR redefines a colour. A body opens with a version. After END:
+//! there is padding, or another model.
 
 use std::io::{Read, Seek};
 

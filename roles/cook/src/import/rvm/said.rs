@@ -46,7 +46,7 @@ impl Said {
         [parts().count() as u64, parts().filter(|(_, node)| node.is_some()).count() as u64]
     }
 
-    /// What is said of a group that is a part of the model. It is a copy each time but the last, and counts.
+    /// The attributes of a group that is a part of the model. All but the last are copies, which count.
     pub(super) fn of(&mut self, group: u32, budget: &Budget) -> Result<Vec<Attribute>, OverBudget> {
         let place = group as usize;
         let (Some(Some(node)), Some(1..)) = (self.of.get(place).copied(), self.parts.get(place)) else {

@@ -33,12 +33,12 @@ impl Document {
         offset
     }
 
-    /// One more buffer, as it stands in the document.
+    /// Adds a buffer, as literal JSON.
     pub(crate) fn raw_buffer(&mut self, buffer: &str) {
         self.more_buffers += &format!(",{buffer}");
     }
 
-    /// A view as it stands in the document.
+    /// Adds a view, as literal JSON.
     pub(crate) fn raw_view(&mut self, view: &str) -> usize {
         self.views.push(view.to_owned());
         self.views.len() - 1
@@ -52,7 +52,7 @@ impl Document {
         ))
     }
 
-    /// An accessor as it stands in the document.
+    /// Adds an accessor, as literal JSON.
     pub(crate) fn raw_accessor(&mut self, accessor: &str) -> usize {
         self.accessors.push(accessor.to_owned());
         self.accessors.len() - 1
