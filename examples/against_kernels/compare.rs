@@ -97,7 +97,7 @@ impl Plan {
 struct Sample {
     /// Milliseconds, ascending.
     latencies: Vec<f64>,
-    /// Of each run: the median, the 99th percentile, bytes a frame, and frames a second.
+    /// For each run: the median, the 99th percentile, bytes a frame, and frames a second.
     medians: Vec<f64>,
     tails: Vec<f64>,
     bytes: Vec<f64>,

@@ -82,9 +82,9 @@ pub enum RecordError {
     "the walk was recorded in scene {recorded}, and this is scene {here}: give the scene that it was recorded in"
 )]
 pub struct OtherScene {
-    /// Of the trace.
+    /// The scene of the trace.
     pub recorded: SceneHash,
-    /// As given.
+    /// The given scene.
     pub here: SceneHash,
 }
 

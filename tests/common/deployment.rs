@@ -13,7 +13,7 @@ pub(crate) const ENDLESS: usize = 100_000;
 /// One frame in this many is checked.
 const AUDIT_EVERY: usize = 200;
 
-/// Where a role runs.
+/// The machine of a role.
 #[derive(Clone)]
 pub(crate) struct Place {
     /// Its address for others.
@@ -25,7 +25,7 @@ pub(crate) struct Place {
 /// A folder with a scene, keys and a configuration for each role.
 pub(crate) struct Deployment {
     bench: Bench,
-    /// Where the cullers and the display run.
+    /// The machines of the cullers and the display.
     places: [Place; 3],
 }
 

@@ -126,7 +126,7 @@ impl Guests {
         assert_eq!(code, Some(0), "{}", self.log());
     }
 
-    /// Runs what an attack awaits.
+    /// Runs an attack's future.
     pub(crate) fn block_on<T>(&self, future: impl Future<Output = T>) -> T {
         self.runtime.block_on(future)
     }

@@ -219,7 +219,7 @@ fn clicks_pick_as_on_a_desktop() {
     press(&mut browser, &["f"]);
     assert_ne!(look(&mut browser)["eye"], eye);
     stand(&mut browser);
-    // The panel shows what is picked: the one that is left.
+    // The panel shows the remaining picked object.
     click(&mut browser, 1, &["Control"], &[0, 1], &["ball-1"]);
     click(&mut browser, 0, &["Control"], &[1], &["ball-1"]);
     click(&mut browser, 2, &["Control"], &[1, 2], &["ball-2"]);

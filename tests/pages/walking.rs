@@ -16,7 +16,7 @@ fn opened(bench: &Bench, scene: &str) -> Option<(Service, Browser)> {
     Some((service, browser))
 }
 
-/// Where the eye is.
+/// The eye's position.
 fn eye(browser: &mut Browser) -> [f64; 3] {
     let look = browser.done(json!({ "do": "look" }));
     [0, 1, 2].map(|axis| look["eye"][axis].as_f64().unwrap())

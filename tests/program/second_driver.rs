@@ -1,6 +1,6 @@
 //! The program on two Vulkan drivers: the machine's best one, and SwiftShader, a rasterizer by other people
 //! with a coarser sub-pixel grid and fewer features. Culling is exact on each, and both draw the same
-//! pictures as far as Vulkan says what a picture is.
+//! pictures as far as Vulkan defines them.
 //!
 //! SwiftShader is found by the path of its ICD file in `TRIMARAN_SWIFTSHADER`, or where Debian's
 //! `chromium-common` has it. Without it the test says "skipped", unless `TRIMARAN_REQUIRE_SWIFTSHADER=1`.

@@ -1,17 +1,16 @@
-//! The exactly visible objects at full detail, against those that an independent ray caster found.
+//! Compares the exactly visible objects at full detail with those of an independent ray caster.
 //!
 //! The truth gives, for each of its views, the objects (nodes of the glTF file) that a ray through a pixel's
-//! centre meets first. Where another surface lies within a hundred-thousandth of the winner's depth, as two
-//! coplanar walls do, the pixel is ambiguous; the others are strict. So an object that wins a strict pixel
-//! must be found here as well; any that wins a pixel or ties at one may be; no other. A rasterizer may decide
+//! centre meets first. If another surface lies within a hundred-thousandth of the winner's depth, as with
+//! coplanar walls, the pixel is ambiguous; the others are strict. So an object that wins a strict pixel must
+//! be found here as well; any that wins a pixel or ties at one may be; no other. A rasterizer may decide
 //! differently than a ray caster where an edge passes a pixel's centre, within rounding: such a difference is
 //! a pixel here and a pixel there, and objects with no more than [`EDGE_PIXELS`] are forgiven, counted and
 //! printed.
 //!
-//! Objects that place the same mesh by the same matrix show the same surface, and which of them is said to
-//! show is a matter of order: here they are one. The platform has a box that its designers placed twelve
-//! times, and the truth, whose rays look for ties among a few surfaces only, takes 29 pixels of one copy for
-//! strict.
+//! Objects that place the same mesh by the same matrix show the same surface, and their order decides which
+//! one is reported: here they count as one. The platform has a box that its designers placed twelve times,
+//! and the truth, whose rays look for ties among a few surfaces only, takes 29 pixels of one copy for strict.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},

@@ -27,7 +27,7 @@ pub(crate) struct Shape {
     turned: Option<[u32; 9]>,
 }
 
-/// All meshes that came into sight so far.
+/// All meshes made so far.
 #[derive(Default)]
 pub(crate) struct Meshes {
     made: HashMap<Shape, Option<Arc<Mesh>>>,

@@ -50,7 +50,7 @@ pub enum OccluderError {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 enum State {
-    /// Nothing yet.
+    /// Not visited yet.
     Unknown,
     /// The cut goes through the node's descendants, some of which may not have been visited.
     Above,

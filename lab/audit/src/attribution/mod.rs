@@ -274,7 +274,7 @@ impl<'f, S: Steps> Judge<'f, S> {
     }
 }
 
-/// Where a view is seen from, and which way.
+/// The position and orientation of a view.
 fn pose(view: &View) -> ([f64; 3], [f64; 4]) {
     (view.camera().eye(), view.camera().orientation())
 }
@@ -365,7 +365,7 @@ mod tests {
             Self { scene, view, missing: Missing { id, pixels }, truth }
         }
 
-        /// A box about the plate, so much thicker and larger to each side, metres.
+        /// A box about the plate, thicker and larger by this to each side, metres.
         fn grown(&self, more: f32) -> Prepared {
             let axes = [Vec3::X * (0.25 + more), Vec3::Y * (0.25 + more), Vec3::Z * more];
             Prepared::Test(TestBox { centre: Vec3::NEG_Z * 4.0, axes })

@@ -1,4 +1,4 @@
-//! Cooking: from a model to a scene that can be walked.
+//! Cooking: makes a scene of a model.
 //!
 //! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share
 //!    them. The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one,
@@ -6,7 +6,7 @@
 //! 2. A spatial tree is built over the objects (`tree`), each a leaf.
 //! 3. From the leaves up, each interior node gets up to two levels merged from levels below it (`hlod`,
 //!    `thin`).
-//! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`), and what is made of solids is marked
+//! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`), and solids are marked
 //!    (`solid`).
 //!
 //! Each level's error is certified: an upper bound of the two-sided Hausdorff distance to the finest geometry

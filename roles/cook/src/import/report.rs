@@ -21,7 +21,7 @@ pub struct ImportReport {
     pub box_mismatches: u64,
     /// Parts (objects and the groups that they are in) of files that have attribute files.
     pub parts: u64,
-    /// Those of `parts` that an attribute file names.
+    /// How many of `parts` an attribute file names.
     pub parts_matched: u64,
     /// Omissions and repairs: each kind once per file and detail, with its count.
     pub warnings: Vec<Warning>,

@@ -18,7 +18,7 @@ pub(crate) fn plane(location: DVec3, direction: DVec3) -> Section {
     Section::Plane(SectionPlane::new(location.to_array(), direction.to_array()).unwrap())
 }
 
-/// None to three planes and boxes through the scene. One box in two ends where walls do.
+/// Up to three planes and boxes through the scene. One box in two ends at walls.
 pub(crate) fn random_sections(random: &mut Random, scene: &Scene) -> Sections {
     let (min, max) = scene.nodes()[0].world_box();
     let count = random.below(4);

@@ -212,7 +212,7 @@ pub(super) struct Node {
     pub rotation: Option<Box<[f64; 4]>>,
     #[serde(deserialize_with = "vector")]
     pub scale: Option<Box<[f64; 3]>>,
-    /// Of the mesh's morph targets, in place of the mesh's own.
+    /// For the mesh's morph targets, replacing the mesh's own.
     #[serde(deserialize_with = "reals")]
     pub weights: Option<Box<[f32]>>,
     pub extensions: Option<Box<NodeExtensions>>,
@@ -264,7 +264,7 @@ pub(super) struct Mesh {
     pub name: Option<String>,
     #[serde(deserialize_with = "or_default")]
     pub primitives: Vec<Primitive>,
-    /// Of the primitives' morph targets.
+    /// For the primitives' morph targets.
     #[serde(deserialize_with = "reals")]
     pub weights: Option<Box<[f32]>>,
     pub extras: Option<Box<Value>>,
