@@ -1,4 +1,4 @@
-//! Hierarchical culling (HC): the traversal of the tree that keeps the visible nodes (the paper, Algorithm
+//! Hardware culling (HC): the traversal of the tree that keeps the visible nodes (the paper, Algorithm
 //! 4.1 and section 4.5.1).
 
 use std::sync::Arc;
