@@ -1,7 +1,7 @@
-//! A display of your own: two real cullers draw occluders and cull, and the display, which would draw what is
-//! visible, does something else with it. This one plans what a renderer that streams its geometry
-//! would have to load, frame by frame; it needs no device of its own. Any program that takes frames of
-//! visible nodes fits in the same place.
+//! A display of your own: two real cullers draw occluders and cull, and the display does something else with
+//! the visible sets than drawing them. This one plans the loads of a renderer that streams its geometry,
+//! frame by frame; it needs no device of its own. Any program that takes frames of visible nodes fits in the
+//! same place.
 //!
 //!     cargo run --release --example a_role_of_your_own
 
@@ -17,11 +17,11 @@ use trimaran_cull::{Image, View};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, LodRule, Settings, Viewport};
 
-/// Holds what was ever visible, as a cache of geometry would that throws nothing away.
+/// Records everything that was ever visible, like a cache of geometry without eviction.
 #[derive(Default)]
 struct Loader {
     loaded: HashSet<DrawableId>,
-    /// How many were new in the frame drawn last.
+    /// How many were new in the last frame.
     new: usize,
 }
 
@@ -44,7 +44,7 @@ impl PictureDevice for Loader {
     }
 }
 
-/// Adds up what the cullers say they did.
+/// Adds up the cullers' statistics.
 #[derive(Default)]
 struct Tally {
     frames: u32,

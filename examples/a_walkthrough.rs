@@ -1,5 +1,5 @@
 //! A walkthrough as a library: generate a plant, cook it, walk through it with two cullers and a display in
-//! this process, and say how it went.
+//! this process, and print the result.
 //!
 //!     cargo run --release --example a_walkthrough
 

@@ -1,6 +1,6 @@
-//! Culling with an occlusion test of your own. This one hides whatever lies wholly beyond a distance, as fog
-//! does: not exact, but a few lines. Whatever can answer "does this box show?" fits in the same place: a GPU,
-//! a pyramid of depths, a potentially visible set computed beforehand.
+//! Culling with an occlusion test of your own. This one hides boxes wholly beyond a distance, like fog: not
+//! exact, but a few lines. Anything that can answer "is this box visible?" fits in the same place: a GPU, a
+//! pyramid of depths, a potentially visible set computed beforehand.
 //!
 //!     cargo run --release --example an_occlusion_test_of_your_own
 
@@ -13,7 +13,7 @@ use trimaran_cook::{
 use trimaran_cull::{CullStats, Culler, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
 use trimaran_proto::{Camera, FrameNumber};
 
-/// Hides boxes with no corner nearer than so many metres.
+/// Hides boxes with no corner nearer than this many metres.
 struct Fog {
     metres: f32,
 }

@@ -1,5 +1,5 @@
-//! What a frame costs on the network, by the paper's formula and as it is sent, over the ids a frame and the
-//! ids a batch.
+//! The bytes of a frame on the network, by the paper's formula and as sent, over the ids a frame and the ids
+//! a batch.
 //!
 //!     cargo run --example bandwidth
 

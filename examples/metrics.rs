@@ -1,4 +1,4 @@
-//! What a link carries, as Prometheus scrapes it: counters of any links, served by this program.
+//! The traffic of links for Prometheus: counters of any links, served by this program.
 //!
 //!     cargo run --example metrics                      # sends some frames, reads its own metrics once
 //!     cargo run --example metrics -- 127.0.0.1:9100    # goes on until Ctrl-C: curl http://127.0.0.1:9100/metrics
@@ -20,8 +20,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let (culler, display) =
         inproc::pair::<Walkthrough>(&net, identity(Role::Culler), identity(Role::Display), &config)?;
 
-    // Counting costs nothing that can be felt; whoever holds the metrics may read them at any time, links
-    // alive or not.
+    // Counting costs next to nothing. The metrics can be read at any time, with the links alive or not.
     let metrics = LinkMetrics::of([&culler]);
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
     let serving = metrics.clone().serve(
@@ -64,7 +63,7 @@ async fn receive(mut link: Link) -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// What a scraper gets.
+/// Fetches the metrics like a scraper.
 async fn fetch(from: SocketAddr) -> Result<String, Box<dyn Error>> {
     let mut stream = tokio::net::TcpStream::connect(from).await?;
     stream.write_all(b"GET /metrics HTTP/1.0\r\nHost: localhost\r\n\r\n").await?;

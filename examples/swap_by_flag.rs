@@ -1,5 +1,5 @@
-//! The same frames over every transport: the value of one flag is all that changes. What differs is the time,
-//! and what each promises.
+//! The same frames over every transport: the value of one flag is all that changes. The times and the
+//! guarantees differ.
 //!
 //!     cargo run --release --example swap_by_flag                 # all of them, one after another
 //!     cargo run --release --example swap_by_flag -- --link udp   # one of inproc, unix, tcp, quic, udp
@@ -41,7 +41,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Where the culler listens: the only place that knows of transports.
+/// The culler's endpoint: the only code that knows of transports.
 fn endpoint(transport: Transport) -> Result<Endpoint, Box<dyn Error>> {
     Ok(match transport {
         Transport::Inproc => "inproc:culler".parse()?,
@@ -95,8 +95,8 @@ fn camera(frame: u32) -> Result<Camera, trimaran_proto::CameraError> {
     Camera::new([0.0, 1.7, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame))
 }
 
-/// Both ends of a link: the culler's, then the display's. Each knows the other by its public keys, which
-/// QUIC and UDP need; in real life `trimaran keys new` makes them and they are read from files.
+/// Both ends of a link: the culler's, then the display's. Each knows the other's public keys, which QUIC and
+/// UDP need; normally `trimaran keys new` makes them and they are read from files.
 async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), Box<dyn Error>> {
     let (culler, display) = (Keys::generate("culler".parse()?)?, Keys::generate("display".parse()?)?);
     let options = |own: &Keys, other: &Keys| Options {

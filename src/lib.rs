@@ -1,10 +1,10 @@
-//! Trimaran walks through CAD models of process plants with tens of millions of triangles: cullers find out
-//! what is visible in a frame, and a display shows it.
+//! Trimaran walks through CAD models of process plants with tens of millions of triangles: cullers find the
+//! visible nodes of a frame, and a display shows them.
 //!
-//! This crate joins the parts for the command line and for programs that want a walkthrough as a whole; the
-//! parts stand for themselves: [`trimaran_proto`] the wire, [`trimaran_transport`] the links,
-//! [`trimaran_scene`] models, [`trimaran_cook`] cooking, [`trimaran_cull`] what is drawn, [`trimaran_audit`]
-//! what checks it, [`trimaran_gpu`] drawing it, [`trimaran_actors`] the roles.
+//! This crate joins the parts for the command line and for programs that want a whole walkthrough. The parts
+//! can be used alone: [`trimaran_proto`] the wire, [`trimaran_transport`] the links, [`trimaran_scene`]
+//! models, [`trimaran_cook`] cooking, [`trimaran_cull`] culling, [`trimaran_audit`] checks of it,
+//! [`trimaran_gpu`] drawing, [`trimaran_actors`] the roles.
 //!
 //! A display and two cullers on a simulated network, in virtual time:
 //!
@@ -34,17 +34,17 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | [`walkthrough`] | a walk of three roles on Vulkan, recorded and judged |
-//! | [`report`] | what is written of it: JSON, a page, text, pictures |
+//! | [`walkthrough`] | a walk of three roles on Vulkan, recorded and checked |
+//! | [`report`] | its report: JSON, a page, text, pictures |
 //! | [`simulate`], [`trace`] | roles in virtual time, and recorded walks for them |
 //! | [`config`] | the configuration of roles and links |
-//! | [`metrics`] | what links carry, for Prometheus |
-//! | [`http`] | servers of HTTP, and asking them |
+//! | [`metrics`] | the traffic of links, for Prometheus |
+//! | [`http`] | an HTTP server and client |
 //! | [`page`] | a display in a browser, and the server from which it comes |
 //! | [`scene_cache`] | cooked scenes of models that were viewed |
 //! | `netem` | a simulated network between programs, on Linux |
 //! | [`vulkan`] | the roles' devices |
-//! | [`comparison`] | which systems there are to be held against each other |
+//! | [`comparison`] | the systems to be compared with each other |
 //! | `window` | a display in a window of the system, with the feature `window` |
 //! | [`culling`] | how a culler culls: Trimaran's method, and those it is compared with |
 

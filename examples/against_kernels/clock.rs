@@ -1,5 +1,4 @@
-//! Time to the microsecond: tokio's timers have a grain of a millisecond, and what the roles compute has
-//! none.
+//! Microsecond timers: tokio's timers have a grain of a millisecond, and the roles' computing times do not.
 #![allow(clippy::disallowed_methods, reason = "real packets keep real time")]
 
 use std::collections::BTreeMap;
@@ -16,10 +15,10 @@ use rustix::thread::set_current_timer_slack;
 use trimaran_net::{BoxFuture, Listen, Stream, Timer, UdpSocket};
 use trimaran_transport::{Instant, Net, TcpOptions, TokioNet, UdpSocketOptions};
 
-/// At least so often an alarm looks whether anybody needs it.
+/// How often, at least, an alarm checks whether it is still needed.
 const GLANCE: Duration = Duration::from_millis(100);
 
-/// A network with exact timers, whose time began at a moment that several of them share.
+/// A network with exact timers, whose time starts at a moment shared by several of them.
 #[derive(Debug)]
 pub(crate) struct Clock {
     start: std::time::Instant,
@@ -73,12 +72,12 @@ impl Net for Clock {
     }
 }
 
-/// Wakes whoever waits, at the time and not a millisecond later: a thread that sleeps until then.
+/// Wakes waiting tasks on time and not a millisecond later, by a thread that sleeps until then.
 #[derive(Debug)]
 struct Alarm {
     waiting: Mutex<BTreeMap<(Duration, u64), Waker>>,
     changed: Condvar,
-    /// Told apart by number, those who wait for the same moment.
+    /// Numbers waits, to distinguish those for the same moment.
     next: AtomicU64,
 }
 
@@ -89,7 +88,7 @@ impl Alarm {
         self.changed.notify_one();
     }
 
-    /// Wakes until the clock, which has the other hold on this, is gone.
+    /// Wakes tasks until the clock, its other owner, is gone.
     fn ring(self: &Arc<Self>, start: std::time::Instant) {
         // Without the privilege timers are 50 us late.
         let _slack = set_current_timer_slack(NonZeroU64::new(1));

@@ -12,29 +12,28 @@ use trimaran_proto::BatchSize;
 
 use crate::real::play;
 
-/// What is compared unless something else is asked for.
+/// The default networks.
 const NETWORKS: [&str; 3] = ["fast-ethernet", "wifi", "wan-20ms"];
 const LINKS: [Transport; 3] = [Transport::Tcp, Transport::Quic, Transport::Udp];
 const FRAMES: u32 = 500;
-/// Where packets are lost the medians of runs differ by a millisecond (standard deviation): a few runs say
-/// little.
+/// With packet loss the medians of runs have a standard deviation of a millisecond: a few runs say little.
 const RUNS: u64 = 6;
-/// The simulator takes so many seeds for each of a real run.
+/// How many seeds the simulator takes for each real run.
 const SEEDS_A_RUN: u64 = 5;
-/// How far the simulator may be off, percent: at the median, at the 99th percentile, in bytes, and in frames
-/// a second.
+/// The allowed errors of the simulator, percent: at the median, at the 99th percentile, in bytes, and in
+/// frames a second.
 const AIMS: [f64; 4] = [5.0, 15.0, 2.0, 5.0];
 /// The first frames are left out: connections begin slowly.
 const WARM_UP: usize = 20;
 
-/// What is compared.
+/// The parameters of a comparison.
 struct Plan {
     networks: Vec<String>,
     links: Vec<Transport>,
     frames: u32,
     runs: u64,
     csv: bool,
-    /// A recorded walk, whose roles pause for as long as they computed.
+    /// A recorded walk, with the roles' computing times.
     trace: Option<PathBuf>,
     cullers: usize,
     schedule: Schedule,
@@ -93,12 +92,12 @@ impl Plan {
     }
 }
 
-/// What some runs of the same scenario were like.
+/// The results of some runs of the same scenario.
 #[derive(Default)]
 struct Sample {
-    /// Milliseconds, rising.
+    /// Milliseconds, ascending.
     latencies: Vec<f64>,
-    /// Of each run: the median, the 99th percentile, bytes a frame, and frames a second.
+    /// For each run: the median, the 99th percentile, bytes a frame, and frames a second.
     medians: Vec<f64>,
     tails: Vec<f64>,
     bytes: Vec<f64>,
@@ -129,7 +128,7 @@ impl Sample {
     }
 
     /// The median and the 99th percentile of all frames, the mean bytes of a frame, and frames a second; each
-    /// with how far it may be off by chance.
+    /// with its standard error.
     fn figures(&self) -> [(f64, f64); 4] {
         [
             (at(&self.latencies, 0.5), error(&self.medians)),
@@ -155,7 +154,7 @@ fn error(values: &[f64]) -> f64 {
     (squares / (count - 1.0) / count).sqrt()
 }
 
-/// The smallest of rising values that so many are not above.
+/// The smallest of ascending values that this share does not exceed.
 fn at(rising: &[f64], share: f64) -> f64 {
     let rank = (share * rising.len() as f64).ceil() as usize;
     rising.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
@@ -165,7 +164,7 @@ fn millis(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }
 
-/// Compares what the arguments ask for.
+/// Runs the comparison given by the arguments.
 pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Error>> {
     let plan = Plan::parse(words)?;
     if let Err(missing) = Emulation::possible() {
@@ -230,7 +229,7 @@ fn print_row(network: &str, link: Transport, kernel: &Sample, model: &Sample) {
     println!("| {:.1} % | {:.1} % |", kernel.late_percent(), model.late_percent());
 }
 
-/// When what happened to each frame, microseconds since its camera left.
+/// The times of each frame's events, microseconds since its camera left.
 fn print_times(what: &str, times: &[FrameTimes]) {
     for (frame, times) in times.iter().enumerate() {
         let since = |at: trimaran_transport::Instant| at.since(times.published).as_micros();

@@ -16,12 +16,12 @@ use trimaran_transport::{Net, TokioNet};
 
 use crate::clock::Clock;
 
-/// What a session over real sockets was like.
+/// The results of a session over real sockets.
 pub(crate) struct Played {
     pub(crate) times: Vec<FrameTimes>,
-    /// What the machines sent, in bytes of Ethernet frames.
+    /// The bytes sent by the machines, as Ethernet frames.
     pub(crate) bytes: u64,
-    /// What the network did.
+    /// The network's report.
     pub(crate) report: Report,
 }
 
@@ -64,15 +64,14 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     Ok(Played { times: roles.times(), bytes: after - before, report: emulation.finish()? })
 }
 
-/// The simulator's TCP is one with CUBIC; a system may have another one for its default, and Linux lets a
-/// route say which.
+/// The simulator's TCP uses CUBIC; the system's default may differ, and Linux lets a route override it.
 fn use_cubic(place: &Namespace) -> io::Result<()> {
     let words = ["-n", place.name(), "route", "replace", "10.0.0.0/24", "dev", "net0", "congctl", "cubic"];
     let status = Command::new("ip").args(words).status()?;
     if status.success() { Ok(()) } else { Err(io::Error::other("the kernel has no CUBIC")) }
 }
 
-/// What a thread of a role ends with.
+/// The result of a role's thread.
 pub(crate) type Ended<T> = Result<T, Box<dyn Error + Send + Sync>>;
 
 /// Plays a role in a namespace, on this thread alone.
@@ -82,7 +81,7 @@ fn in_place<T>(
     play: impl AsyncFnOnce(&Arc<dyn Net>, &Arc<dyn Net>) -> Ended<T>,
 ) -> Ended<T> {
     place.enter()?;
-    // Other programs run on the machine; they are not what is measured.
+    // Other programs run on the machine, and must not disturb the measurement.
     setpriority_process(None, -15).map_err(io::Error::from)?;
     let runtime = Builder::new_current_thread().enable_all().build()?;
     let net = TokioNet::new(runtime.handle().clone());

@@ -132,7 +132,7 @@ const fn mac(host: HostId) -> [u8; 6] {
     [2, 0, 0, 0, high, low]
 }
 
-/// Lengths and checksums are filled in where the packet is put together.
+/// Lengths and checksums are filled in when the packet is built.
 fn ip_header(packet: &Packet) -> IpHeaders {
     let ecn = match packet.ecn {
         Ecn::NotCapable => IpEcn::ZERO,
@@ -181,7 +181,7 @@ fn tcp_header(src: SocketAddr, dst: SocketAddr, segment: &Segment, full: u32) ->
     if let Some(ack) = segment.ack {
         (header.ack, header.acknowledgment_number) = (true, ack as u32);
     }
-    // At most 40 bytes of options; were there more, the header would go without.
+    // At most 40 bytes of options; with more, the header would go without.
     let _fits = header.set_options(&options(segment, full));
     header
 }

@@ -1,4 +1,4 @@
-//! All links of a topology, and packets on their way from link to link.
+//! All links of a topology, and the packets in flight on them.
 
 use slab::Slab;
 use trimaran_net::Instant;
@@ -8,7 +8,7 @@ use crate::link::{Action, LinkTally, Parcel, Pipe};
 use crate::random::Random;
 use crate::topology::{HostId, NodeId, Topology};
 
-/// What happens on links.
+/// An event on a link.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum LinkEvent {
     /// A pipe's line is free.

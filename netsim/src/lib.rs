@@ -20,14 +20,14 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! | module | what is in it |
+//! | module | contents |
 //! |---|---|
-//! | `topology`, `profile` | machines and how they are joined; whole networks in TOML |
+//! | `topology`, `profile` | machines and their links; whole networks in TOML |
 //! | `simulation`, `executor`, `timers`, `events`, `world` | virtual time, and the programs in it |
 //! | [`link`] | one direction of a link, without a clock of its own |
 //! | `fabric`, `packet`, `wire` | packets on their way through a topology |
 //! | `net`, `tcp` | a machine's sockets: datagrams, and a model of Linux's TCP |
-//! | `relay` | the links of a topology for packets that are real |
+//! | `relay` | the links of a topology for real packets |
 //! | `capture` | packets for Wireshark |
 
 mod capture;

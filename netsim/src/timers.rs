@@ -1,4 +1,4 @@
-//! The timers of machines, and when their runtimes are awake to notice that they are due.
+//! The timers of machines, and when their runtimes wake to notice that they are due.
 
 use std::collections::BTreeMap;
 use std::task::{Context, Poll, Waker};

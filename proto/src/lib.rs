@@ -15,15 +15,15 @@
 //! # Ok::<(), trimaran_proto::CameraError>(())
 //! ```
 //!
-//! | module | what is in it |
+//! | module | contents |
 //! |---|---|
-//! | `walkthrough` | [`Walkthrough`]: the protocol of the three roles, whom a listener takes |
-//! | `camera`, `id` | what travels: a camera, a drawable's id |
+//! | `walkthrough` | [`Walkthrough`]: the protocol of the three roles, and admission |
+//! | `camera`, `id` | the values sent: a camera, a drawable's id |
 //! | `coding` | ids as changes against an earlier frame |
-//! | `identity`, `outline`, `settings` | who a role is, what it holds, and what the display decides for a session |
-//! | `supply` | what travels on the bulk lane: geometry for a display without the scene |
-//! | `view_state` | what a user changes while walking: sections, hidden objects, picture size, error bound |
-//! | `stats` | what a culler did for a frame |
+//! | `identity`, `outline`, `settings` | a role's identity and scene, and a session's settings |
+//! | `supply` | the bulk lane: geometry for a display without the scene |
+//! | `view_state` | settings during a walkthrough: sections, hidden objects, picture size, error bound |
+//! | `stats` | a culler's statistics for a frame |
 
 mod camera;
 mod coding;

@@ -81,7 +81,7 @@ pub enum SettingsError {
 pub enum OcclusionTestKind {
     /// Precise occlusion queries: the paper's method.
     Query,
-    /// One instanced draw with the early depth test and counters in storage.
+    /// One instanced draw with the early depth test and counters in a storage buffer.
     Raster,
     /// A compute test against a farthest-depth pyramid.
     Hzb,

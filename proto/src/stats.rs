@@ -17,7 +17,7 @@ use crate::FrameNumber;
 pub struct FrameStats {
     /// The frame, as the display numbers it.
     pub frame: FrameNumber,
-    /// The frame whose visible set OR drew from, if there was one before.
+    /// The frame whose visible set OR drew from, if there was an earlier one.
     pub occluders_of: Option<FrameNumber>,
     /// When OR began: the camera and at least the first occluders were there.
     pub or_start_ns: u64,

@@ -1,5 +1,5 @@
-//! Compiles `shaders/*.wgsl` to SPIR-V, one module per entry point: a module then asks only for what its one
-//! stage needs.
+//! Compiles `shaders/*.wgsl` to SPIR-V, one module per entry point: a module then requires only the features
+//! of its stage.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
     let mut options = spv::Options { lang_version: (1, 3), ..spv::Options::default() };
     // Shaders write to shared memory before they read it.
     options.zero_initialize_workgroup_memory = spv::ZeroInitializeWorkgroupMemoryMode::None;
-    // The projection already speaks Vulkan (y down), and WebGPU's flip would turn the picture over.
+    // The projection already has Vulkan's y down; WebGPU's flip would turn the picture over.
     options.flags.remove(spv::WriterFlags::ADJUST_COORDINATE_SPACE);
     for point in &module.entry_points {
         let only = spv::PipelineOptions { shader_stage: point.stage, entry_point: point.name.clone() };
@@ -48,8 +48,8 @@ fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Decorates all sums and products with NoContraction, which WGSL has no word for: without it a driver may
-/// turn two of them into one fused operation, which rounds otherwise than the host, or another shader.
+/// Decorates all sums and products with NoContraction, which WGSL cannot express: without it a driver may
+/// fuse two of them into one operation, which rounds differently from the host, or from another shader.
 fn forbid_contraction(words: &mut Vec<u32>) {
     const HEADER: usize = 5;
     const OP_DECORATE: u32 = 71;

@@ -1,4 +1,4 @@
-//! Cooking with progress, and saving: what `import`, `generate` and `demo` share.
+//! Cooking with progress, and saving: shared by `import`, `generate` and `demo`.
 
 use std::{path::Path, sync::Mutex};
 

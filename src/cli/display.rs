@@ -44,7 +44,7 @@ pub(super) struct DisplaySession<'s> {
     pub(super) join_timeout: Duration,
     /// Where the traffic of the links is shown.
     pub(super) metrics: Metrics,
-    /// Where to record what each frame asked of the roles.
+    /// Where to record the work of each frame.
     pub(super) trace: Option<PathBuf>,
     pub(super) net: Arc<dyn Net>,
     /// Identifies the session to cullers.
@@ -74,7 +74,7 @@ pub(super) struct EmptyScene {
 }
 
 impl EmptyScene {
-    /// Keeps this many bytes of what was sent.
+    /// Keeps this many bytes of the received geometry.
     pub(super) fn new(
         outline: SceneOutline,
         gpu: &Arc<Gpu>,
@@ -118,7 +118,7 @@ pub(super) fn role_info(machine: Machine, drawn: &GpuScene) -> RoleInfo {
     RoleInfo { machine, device: name, driver }
 }
 
-/// How a display introduces itself.
+/// The display's identity in the handshake.
 pub(super) fn identity(scene: Option<&Scene>, session: SessionKey, settings: Settings) -> Identity {
     Identity { role: Role::Display, scene: scene.map(Scene::outline), session: Some((session, settings)) }
 }

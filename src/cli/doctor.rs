@@ -1,4 +1,4 @@
-//! `trimaran doctor`: what works on this machine, what is missing, what to install.
+//! `trimaran doctor`: checks this machine, and names missing packages.
 
 use std::{io::Write as _, net::TcpListener, thread};
 

@@ -33,7 +33,7 @@ pub(super) struct SceneSummary {
     drawables: usize,
     /// Of these, how many are made of solids: their backs are not drawn.
     solids: usize,
-    /// How many are made of what is open to one side: from others their backs are not drawn.
+    /// How many are made of solids open to some sides: seen from others, their backs are not drawn.
     open_solids: usize,
     /// Triangles at full detail, instances counted each.
     triangles: u64,

@@ -3,7 +3,7 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use trimaran::walkthrough::{CameraPath, Pace};
 
-/// A bar for `total` steps of `what`. Nothing is drawn where standard error is no terminal.
+/// A bar for `total` steps of `what`. Nothing is drawn unless standard error is a terminal.
 pub(crate) fn bar(what: &'static str, total: u64) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg:>12} [{bar:32}] {pos}/{len} {eta}");
     let bar = ProgressBar::new(total).with_message(what);

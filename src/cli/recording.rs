@@ -39,7 +39,7 @@ impl Early {
 #[derive(Debug)]
 pub(super) struct Outcome {
     pub(super) report: Report,
-    /// What the report lacks.
+    /// The missing parts of the report.
     missing: Option<Failure>,
 }
 

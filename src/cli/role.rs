@@ -38,8 +38,8 @@ pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     }
 }
 
-/// Plays a role. A link that is dropped without a close tells its peer once the runtime runs again, so this
-/// runs it at the end. Over QUIC the peer would otherwise wait for the idle timeout.
+/// Plays a role, then lets the runtime run for a moment, so that a link dropped without a close still tells
+/// its peer. Over QUIC the peer would otherwise wait for the idle timeout.
 fn on_runtime(role: impl FnOnce(&Runtime) -> Result<(), Failure>) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
     let result = role(&runtime);

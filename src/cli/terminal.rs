@@ -126,7 +126,7 @@ mod tests {
             prop_assert!(word(&text).chars().all(|c| !c.is_control()));
         }
 
-        /// JSON stays JSON, and means the same.
+        /// JSON stays valid, with the same value.
         #[test]
         fn json_means_the_same(text in any::<String>()) {
             let json = serde_json::to_string(&text).unwrap();

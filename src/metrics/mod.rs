@@ -47,9 +47,9 @@ struct WatchedLink {
 pub struct LinkReading {
     /// The role at its other end.
     pub peer: String,
-    /// What this side sent.
+    /// This side's sent traffic.
     pub sent: Carried,
-    /// What this side received.
+    /// This side's received traffic.
     pub received: Carried,
     /// How often it sent more messages in a second than allowed.
     #[serde(default)]

@@ -14,16 +14,16 @@ use trimaran_transport::{ListenerStats, TurnedAway};
 pub struct TurnedAwayReading {
     /// Handshakes displaced by newer ones, because too many were under way (`handshakes`).
     pub handshakes: u64,
-    /// Handshakes beyond what one address may begin in a second (`handshakes_per_s_per_address`).
+    /// Handshakes beyond the limit of one address per second (`handshakes_per_s_per_address`).
     pub handshakes_per_s_per_address: u64,
-    /// Handshakes beyond what all together may begin in a second (`handshakes_per_s`).
+    /// Handshakes beyond the limit of all together per second (`handshakes_per_s`).
     pub handshakes_per_s: u64,
     /// Connections of peers beyond the limit (`peers`).
     pub peers: u64,
 }
 
 impl TurnedAwayReading {
-    /// Of all these together.
+    /// The sums over these listeners.
     pub(super) fn of(listeners: &[ListenerStats]) -> Self {
         let sum = |of: fn(TurnedAway) -> u64| listeners.iter().map(|at| of(at.turned_away())).sum();
         Self {

@@ -32,13 +32,13 @@ const LARGEST: usize = 65_535;
 /// The work of an emulation so far.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// What became of all packets.
+    /// The delivery status of all packets.
     pub totals: Totals,
     /// Packets that are for none of the machines; the kernel looks for routers and neighbours.
     pub strangers: u64,
     /// How late packets came out, compared with the link models.
     pub late: Lateness,
-    /// What became of the packets of each direction of each link.
+    /// The delivery status of the packets of each direction of each link.
     pub links: Vec<LinkReport>,
 }
 
@@ -58,7 +58,7 @@ pub struct Lateness {
 pub struct LinkReport {
     /// The machines that it joins.
     pub name: String,
-    /// What became of its packets.
+    /// The delivery status of its packets.
     #[serde(flatten)]
     pub tally: LinkTally,
 }

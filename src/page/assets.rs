@@ -45,7 +45,7 @@ impl Asset {
     }
 }
 
-/// The parts of a header that lists them with commas.
+/// The comma-separated parts of a header.
 fn said<'h>(headers: &'h HeaderMap, name: &header::HeaderName) -> impl Iterator<Item = &'h str> {
     let texts = headers.get_all(name).into_iter().filter_map(|value| value.to_str().ok());
     texts.flat_map(|text| text.split(',')).map(str::trim)

@@ -91,7 +91,7 @@ impl SceneDescription {
     /// a moment in a large scene.
     ///
     /// # Errors
-    /// When there is no such place: only an empty scene has none.
+    /// Never in practice: every scene has such a place.
     pub fn new(name: String, scene: &Arc<Scene>) -> Result<Self, AutoPathError> {
         let options = AutoPathOptions { frames: 1, teleport: false, ..AutoPathOptions::default() };
         let found = auto(scene, &options)?;

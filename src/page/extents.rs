@@ -58,7 +58,7 @@ pub(super) fn core(scene: &Scene, objects: Range<u32>) -> Bounds {
     };
     let low = DVec3::from_array([0, 1, 2].map(|axis| nth(all.iter().map(|(min, _)| min[axis]).collect())));
     let high = DVec3::from_array([0, 1, 2].map(|axis| -nth(all.iter().map(|(_, max)| -max[axis]).collect())));
-    // By the longest side, so that a tower on a deck is not far.
+    // By the longest side, so that a tower on a deck does not count as far.
     let far = DVec3::splat(FAR * (high - low).max_element().max(0.0));
     let is_near = |(min, max): &(DVec3, DVec3)| min.cmpge(low - far).all() && max.cmple(high + far).all();
     let near = around(all.iter().copied().filter(is_near)).or_else(|| around(all.iter().copied()));

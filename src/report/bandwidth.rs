@@ -1,6 +1,6 @@
 //! Bytes a frame on the network: by the paper's formula, and as sent.
 
-/// What determines the bytes of one frame, in the paper's letters (section 3.3).
+/// The quantities that determine the bytes of one frame, in the paper's letters (section 3.3).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameLoad {
     /// `n`: how many node ids HC sends to each receiver.

@@ -28,7 +28,7 @@ pub struct FrameBytes {
     pub transport: f64,
     /// The headers of TCP or UDP.
     pub transport_headers: f64,
-    /// Those of IP.
+    /// The headers of IP.
     pub ip_headers: f64,
     /// The bytes of the link layer, such as Ethernet.
     pub link_layer: f64,

@@ -1,5 +1,4 @@
-//! A recorded walk: what each frame asked of the three roles, for simulations that need neither its scene nor
-//! a GPU.
+//! A recorded walk: the work of the three roles for each frame, for simulations without its scene or a GPU.
 //!
 //! ```text
 //! trimaran run X.scene --record walk.trace     Trace::of, Trace::write
@@ -83,9 +82,9 @@ pub enum RecordError {
     "the walk was recorded in scene {recorded}, and this is scene {here}: give the scene that it was recorded in"
 )]
 pub struct OtherScene {
-    /// Of the trace.
+    /// The scene of the trace.
     pub recorded: SceneHash,
-    /// As given.
+    /// The given scene.
     pub here: SceneHash,
 }
 

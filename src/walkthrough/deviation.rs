@@ -5,8 +5,8 @@
 //! bounds both by epsilon.
 //!
 //! - [`silhouette`]: pixels that only the shown picture covers, to the nearest surface of anything at full
-//!   detail; pixels that only full detail covers, to the nearest surface that was drawn. It says nothing
-//!   where no background shows.
+//!   detail; pixels that only full detail covers, to the nearest surface that was drawn. It measures
+//!   nothing without visible background.
 //! - [`surfaces`]: every covered pixel to the surface of the same thing: from a drawable to the leaves that
 //!   it stands for, and from a leaf to the drawable that stands for it in the LOD cut.
 

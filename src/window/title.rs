@@ -7,7 +7,7 @@ use super::navigate::Navigator;
 /// The shortest time between updates while the eye moves.
 const PERIOD: Duration = Duration::from_millis(250);
 
-/// What the title says.
+/// The title's state.
 #[derive(Debug, Default)]
 pub(super) struct Title {
     says: String,

@@ -30,12 +30,12 @@ impl Data {
         Some(Self { folder: folder? })
     }
 
-    /// A file of the truth: `MODEL.views.json` or `MODEL.walk.json`.
+    /// A file with the ground truth: `MODEL.views.json` or `MODEL.walk.json`.
     pub(crate) fn truth(&self, name: &str) -> PathBuf {
         self.folder.join("truth").join(name)
     }
 
-    /// A small model of a kind that other readers bear.
+    /// A small model of a kind supported by other readers.
     pub(crate) fn small(&self, name: &str) -> PathBuf {
         self.folder.join("imports").join(name)
     }
@@ -69,12 +69,12 @@ impl Data {
     }
 }
 
-/// Imports as the program does unless told otherwise.
+/// Imports with the program's defaults.
 pub(crate) fn imported(files: &[PathBuf]) -> Model {
     import(files, &ImportOptions::default(), &mut |_| {}).unwrap().model
 }
 
-/// Cooks as the program does.
+/// Cooks like the program.
 pub(crate) fn cooked(model: &Model) -> Arc<Scene> {
     Arc::new(cook(model, &CookOptions::default(), &()).unwrap())
 }

@@ -8,25 +8,24 @@ use super::program::{Bench, Process};
 
 /// The cullers.
 pub(crate) const CULLERS: [&str; 2] = ["culler-1", "culler-2"];
-/// More frames than there will be time for, and large ones: a walk is interrupted once it has shown what it
-/// should.
+/// More frames than there is time for, and large ones: a walk is interrupted once it has shown enough.
 pub(crate) const ENDLESS: usize = 100_000;
-/// Every so many frames one is checked.
+/// One frame in this many is checked.
 const AUDIT_EVERY: usize = 200;
 
-/// Where a role runs.
+/// The machine of a role.
 #[derive(Clone)]
 pub(crate) struct Place {
-    /// Where others reach it.
+    /// Its address for others.
     pub(crate) address: String,
     /// Its network namespace, if it has one of its own.
     pub(crate) namespace: Option<String>,
 }
 
-/// A folder with a scene, keys and a configuration a role.
+/// A folder with a scene, keys and a configuration for each role.
 pub(crate) struct Deployment {
     bench: Bench,
-    /// Where the cullers and the display run.
+    /// The machines of the cullers and the display.
     places: [Place; 3],
 }
 
@@ -82,7 +81,7 @@ impl Deployment {
             None => self.bench.command(&[]),
         };
         command.args(["role", kind, "--config", &format!("{name}.toml")]);
-        // What is gone without a word is missed soon.
+        // A role that vanishes without a close is missed soon.
         command.env("TRIMARAN_LOG", "info").env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "3");
         Process::start(command.args(more))
     }
@@ -101,13 +100,13 @@ impl Deployment {
         self.bench.report(out)
     }
 
-    /// How many frames of a walk that goes on are on disk.
+    /// How many frames of a walk in progress are on disk.
     pub(crate) fn shown(&self) -> usize {
         let journal = fs::read_to_string(self.bench.path("walk/unfinished/walk.jsonl")).unwrap_or_default();
         journal.matches("\n{\"frame\":").count()
     }
 
-    /// Waits until the walk has gone on by so many frames.
+    /// Waits until the walk has advanced by this many frames.
     pub(crate) fn shows(&self, more: usize) {
         let before = self.shown();
         while self.shown() < before + more {
@@ -115,8 +114,8 @@ impl Deployment {
         }
     }
 
-    /// Interrupts a display that walks: its exit code says so. Gives its report, which has every frame once
-    /// and in order, and what the display has said.
+    /// Interrupts a walking display and checks its exit code. Returns its report, which has every frame once
+    /// and in order, and the display's output.
     pub(crate) fn interrupted(&self, display: Process) -> (Value, String) {
         display.interrupt();
         let said = display.ends(3);
@@ -128,7 +127,7 @@ impl Deployment {
     /// The report of a walk that is over: every frame is there once and in order, and those that were checked
     /// are exact.
     pub(crate) fn whole_report(&self) -> Value {
-        // A display that is asked to stop leaves out what takes long.
+        // An interrupted display skips work that takes long.
         if self.bench.path("walk/unchecked.json").exists() {
             self.bench.done(&["report", "walk"]);
         }
@@ -144,7 +143,7 @@ impl Deployment {
     }
 }
 
-/// Whether the report's notes have one with all of these words.
+/// Whether one of the report's notes has all of these words.
 pub(crate) fn notes(report: &Value, words: &[&str]) -> bool {
     let notes = report["run"]["notes"].as_array().unwrap();
     notes.iter().any(|note| words.iter().all(|word| note.as_str().unwrap().contains(word)))

@@ -30,9 +30,9 @@ use super::program::{Bench, signal};
 
 pub(crate) const TOKEN: &str = "0123456789abcdefXYZ";
 
-/// No attack may keep a picture from an honest display for longer.
+/// The longest time for which an attack may keep a picture from an honest display.
 const LONGEST_GAP: Duration = Duration::from_millis(250);
-/// A busy machine has gaps of its own: only what is so many times as long as without the attack counts.
+/// A busy machine has gaps of its own: only this multiple of the gaps without the attack counts.
 const LONGER: u32 = 3;
 const TRIES: u32 = 3;
 /// How long the honest display walks alone before an attack, and how long it is watched after one.
@@ -42,7 +42,7 @@ const AFTER: Duration = Duration::from_millis(500);
 const HERE: [f64; 3] = [0.0, 2.0, 0.0];
 /// From one camera to the next.
 const PACE: Duration = Duration::from_millis(40);
-/// How long anything may take on a busy machine that takes a moment else.
+/// The timeout of everything, for a busy machine.
 const AT_MOST: Duration = Duration::from_secs(60);
 
 /// A service of `plant.scene`.
@@ -56,13 +56,13 @@ pub(crate) struct Guests {
 }
 
 impl Guests {
-    /// Of a plant of 60 objects, with further flags. `None`, with a word, where the program was built without
-    /// its page and none is required.
+    /// A service of a plant of 60 objects, with further flags. `None`, with a message, if the program was
+    /// built without its page and none is required.
     pub(crate) fn start(flags: &[&str]) -> Option<Self> {
         Self::of(Bench::with_plant(60), flags)
     }
 
-    /// Of the `plant.scene` in a folder.
+    /// A service of the `plant.scene` in a folder.
     pub(crate) fn of(bench: Bench, flags: &[&str]) -> Option<Self> {
         let serve = ["serve", "plant.scene", "--listen", "127.0.0.1:0", "--token", TOKEN];
         let mut command = bench.command(&[&serve[..], flags].concat());
@@ -87,7 +87,7 @@ impl Guests {
         format!("http://{}/?token={TOKEN}", self.at)
     }
 
-    /// What the service has said on standard error.
+    /// The service's output on standard error.
     pub(crate) fn log(&self) -> String {
         fs::read_to_string(self.bench.path("serve.log")).unwrap()
     }
@@ -107,7 +107,7 @@ impl Guests {
         line.split_whitespace().next().unwrap().parse().unwrap()
     }
 
-    /// Asks it to stop, as systemd does: it ends well, and within 3 s on a machine that is not busy.
+    /// Stops it like systemd: it ends with success, and within 3 s unless the machine is busy.
     pub(crate) fn stops(mut self) {
         let asked = Instant::now();
         signal("TERM", &self.id().to_string());
@@ -126,12 +126,12 @@ impl Guests {
         assert_eq!(code, Some(0), "{}", self.log());
     }
 
-    /// Runs what an attack awaits.
+    /// Runs an attack's future.
     pub(crate) fn block_on<T>(&self, future: impl Future<Output = T>) -> T {
         self.runtime.block_on(future)
     }
 
-    /// A link to the service, of whatever introduces itself so.
+    /// A link to the service with this identity.
     pub(crate) fn link(&self, identity: Identity) -> Result<Link, Box<ConnectError>> {
         let at = format!("ws://{}/link?token={TOKEN}", self.at).parse().unwrap();
         let deadline = self.net.now().after(Duration::from_secs(10));
@@ -144,7 +144,7 @@ impl Guests {
         self.display_of(SessionKey(self.net.random().unwrap()), width, height)
     }
 
-    /// The same of the session of this key.
+    /// The same for the session of this key.
     pub(crate) fn display_of(
         &self,
         key: SessionKey,
@@ -169,7 +169,7 @@ impl Guests {
         self.walk_at(HERE)
     }
 
-    /// The same of an eye that turns around at this place.
+    /// The same with an eye that turns at this place.
     pub(crate) fn walk_at(&self, eye: [f64; 3]) -> Walk {
         let mut display = self.display(256, 256).unwrap();
         display.eye = eye;
@@ -202,8 +202,8 @@ impl Guests {
         Walk { arrived, over, thread: Some(thread) }
     }
 
-    /// Runs an attack while an honest display walks beside. No picture of it is late because of the attack,
-    /// and the service goes on. What one run shows by chance on a busy machine, three do not.
+    /// Runs an attack while an honest display walks beside. The attack must delay none of its pictures, and
+    /// the service must go on. Three runs rule out chance delays of a busy machine.
     pub(crate) fn beside(&mut self, mut attack: impl FnMut(&Self)) {
         let walk = self.walk();
         walk.sees(10, self);
@@ -234,12 +234,12 @@ impl Drop for Guests {
     }
 }
 
-/// A display that a test plays.
+/// A display played by a test.
 pub(crate) struct Display {
     pub(crate) link: Link,
     pub(crate) key: SessionKey,
     pub(crate) settings: Settings,
-    /// Where it looks from.
+    /// Its eye.
     pub(crate) eye: [f64; 3],
     net: Arc<dyn Net>,
     version: u32,
@@ -254,7 +254,7 @@ impl Display {
         let _gone = self.link.latest_tx.publish(camera.in_view(ViewVersion(self.version)));
     }
 
-    /// Tells the service of a view state that holds from the next camera on.
+    /// Sends the service a view state for the next cameras.
     pub(crate) async fn change(&mut self, change: impl FnOnce(&mut ViewState)) {
         let mut state = ViewState::from(self.settings);
         change(&mut state);
@@ -264,7 +264,7 @@ impl Display {
         }
     }
 
-    /// Waits until the service ends the link; why it says it does.
+    /// Waits until the service ends the link; returns its reason.
     pub(crate) async fn hears_the_end(&mut self) -> String {
         loop {
             match self.next().await {
@@ -274,7 +274,7 @@ impl Display {
         }
     }
 
-    /// Asks for one frame after the other, as fast as they come, until `over`; how many have come.
+    /// Requests frames one after the other, as fast as they come, until `over`; returns how many have come.
     pub(crate) async fn asks_until(&mut self, over: &AtomicBool) -> u32 {
         let mut frame = 0;
         while !over.load(Ordering::Relaxed) {
@@ -292,7 +292,7 @@ impl Display {
         }
     }
 
-    /// What comes next of frames. What the service says beside is read as well.
+    /// The next event of frames. The service's other messages are read as well.
     async fn next(&mut self) -> Result<FrameEvent, RecvError> {
         let deadline = self.net.now().after(AT_MOST);
         loop {
@@ -306,7 +306,7 @@ impl Display {
         }
     }
 
-    /// Waits until a frame has come whole, or the service ends the link; whether one came.
+    /// Waits until a frame has come whole, or the service ends the link; returns whether one came.
     pub(crate) async fn sees_or_ends(&mut self) -> bool {
         loop {
             match self.next().await {
@@ -337,7 +337,7 @@ impl Walk {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Waits until it has seen so many more frames.
+    /// Waits until it has received this many more frames.
     pub(crate) fn sees(&self, more: usize, guests: &Guests) {
         let (due, begun) = (self.frames() + more, Instant::now());
         while self.frames() < due {
@@ -346,7 +346,7 @@ impl Walk {
         }
     }
 
-    /// The longest time without a picture while something goes on.
+    /// The longest time without a picture during `something`.
     pub(crate) fn longest_gap_while(&self, something: impl FnOnce()) -> Duration {
         let begun = Instant::now();
         something();

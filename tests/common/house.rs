@@ -10,8 +10,7 @@ pub(crate) const RISE: f64 = 0.2;
 const TREAD: f64 = 0.4;
 pub(crate) const STEPS: u32 = 10;
 
-/// A room with a wall in the way at z = -4 where x is below 0. Where x is about 5, stairs begin at z = 2 and
-/// lead up to a landing.
+/// A room with a wall at z = -4 for x below 0. Near x = 5, stairs begin at z = 2 and lead up to a landing.
 pub(crate) fn house() -> String {
     obj(&parts())
 }

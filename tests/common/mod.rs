@@ -1,5 +1,5 @@
-//! What tests share: the program and its peers as processes, a browser, a screen, real data, a device, and a
-//! way to say that a test was skipped.
+//! Shared by tests: the program and its peers as processes, a browser, a screen, real data, a device, and a
+//! way to report a skipped test.
 #![allow(dead_code, reason = "each executable uses its part of this")]
 
 pub(crate) mod data;
@@ -18,18 +18,18 @@ use std::{env, fmt::Display, sync::Arc};
 
 use trimaran_gpu::{Gpu, GpuOptions};
 
-/// The best device, with validation where its layer is installed; `None`, which skips the test, where there
-/// is none and `TRIMARAN_REQUIRE_GPU` is not set.
+/// The best device, with validation if its layer is installed. `None`, which skips the test, if there is no
+/// device and `TRIMARAN_REQUIRE_GPU` is not set.
 pub(crate) fn device() -> Option<Arc<Gpu>> {
     unless_required(Gpu::open(&options()))
 }
 
-/// How tests open devices.
+/// The options with which tests open devices.
 pub(crate) fn options() -> GpuOptions {
     GpuOptions { validation: true, ..GpuOptions::default() }
 }
 
-/// What a device gave, or `None` if it failed and none is required.
+/// The opened device, or `None` if that failed and none is required.
 pub(crate) fn unless_required<T, E: Display>(opened: Result<T, E>) -> Option<T> {
     match opened {
         Ok(opened) => Some(opened),

@@ -25,17 +25,17 @@ pub(crate) struct Service {
 }
 
 impl Service {
-    /// Of `plant.scene` at `listen`.
+    /// A service of `plant.scene` at `listen`.
     pub(crate) fn start(bench: &Bench, listen: &str) -> Option<Self> {
         Self::of(bench, "plant.scene", listen)
     }
 
-    /// `None` where the program was built without its page and none is required.
+    /// `None` if the program was built without its page and none is required.
     pub(crate) fn of(bench: &Bench, scene: &str, listen: &str) -> Option<Self> {
         Self::with_token(bench, scene, listen, TOKEN)
     }
 
-    /// The same, for who knows another token.
+    /// The same, with another token.
     pub(crate) fn with_token(bench: &Bench, scene: &str, listen: &str, token: &str) -> Option<Self> {
         let mut command = bench.command(&["serve", scene, "--listen", listen, "--token", token]);
         command.env("TRIMARAN_WS_ALLOW_ORIGINS", "https://plant.example,http://pages:7480");
@@ -62,7 +62,7 @@ impl Service {
         format!("http://{}/?token={TOKEN}", self.at)
     }
 
-    /// The first line of the answer to a request with these headers, whatever comes behind it.
+    /// The first line of the answer to a request with these headers.
     pub(crate) fn status(&self, target: &str, headers: &str) -> String {
         let mut stream = TcpStream::connect(&self.at).unwrap();
         write!(stream, "GET {target} HTTP/1.1\r\nHost: {}\r\n{headers}\r\n", self.at).unwrap();
@@ -76,7 +76,7 @@ impl Service {
         self.ask_as(&self.at, target, headers)
     }
 
-    /// The same, where it is known by another host and port.
+    /// The same, with another host and port in the request.
     pub(crate) fn ask_as(&self, host: &str, target: &str, headers: &str) -> String {
         let mut stream = TcpStream::connect(&self.at).unwrap();
         let request = format!("GET {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}\r\n");
@@ -90,7 +90,7 @@ impl Service {
 impl Drop for Service {
     fn drop(&mut self) {
         if let Ok(Some(ended)) = self.child.try_wait() {
-            // A page that finds no service says less.
+            // A page without a service returns less.
             let mut said = String::new();
             let _bytes = self.child.stderr.take().map(|mut from| from.read_to_string(&mut said));
             println!("the service at {} ended by itself, {ended}: {said}", self.at);
@@ -100,7 +100,7 @@ impl Drop for Service {
     }
 }
 
-/// Nothing, with a word; a panic where a browser is required.
+/// Returns nothing, with a message; panics if a browser is required.
 pub(crate) fn skipped<T>(why: &str) -> Option<T> {
     assert!(env::var_os("TRIMARAN_REQUIRE_BROWSER").is_none(), "{why}");
     println!("skipped: {why}");
@@ -115,12 +115,12 @@ pub(crate) struct Browser {
 }
 
 impl Browser {
-    /// `None` where there is none, and none is required.
+    /// `None` if there is none, and none is required.
     pub(crate) fn start(width: u32, height: u32) -> Option<Self> {
         Self::with(&[&width.to_string(), &height.to_string()])
     }
 
-    /// The same, as a phone that has no mouse.
+    /// The same, as a phone without a mouse.
     pub(crate) fn with_touch(width: u32, height: u32) -> Option<Self> {
         Self::with(&[&width.to_string(), &height.to_string(), "touch"])
     }
@@ -150,7 +150,7 @@ impl Browser {
         told
     }
 
-    /// The same, where nothing must have gone wrong in the page.
+    /// The same, and checks that nothing went wrong in the page.
     pub(crate) fn done(&mut self, command: Value) -> Value {
         let mut told = self.tell(command);
         assert_eq!(told["faults"], json!([]), "{told}");
@@ -165,17 +165,17 @@ impl Drop for Browser {
     }
 }
 
-/// How the page's picture differs from the whole cut of what it has asked for.
+/// The difference between the page's picture and the whole cut of its requested view.
 pub(crate) struct Difference {
     /// The share of pixels that show another drawable.
     pub(crate) pixels: f64,
-    /// Drawables with more than a few pixels in one of both pictures and none in the other, with the pixels
-    /// in the page's and in the reference.
+    /// Drawables with more than a few pixels in only one of the pictures, with their pixels in the page's and
+    /// in the reference.
     pub(crate) drawables: Vec<(u32, [usize; 2])>,
     pub(crate) seen: usize,
 }
 
-/// More pixels than two rasterizers differ by at the edges of a small thing, or along one seen edge on.
+/// More pixels than two rasterizers differ by at the edges of a small object, or of one seen edge-on.
 const A_FEW: usize = 24;
 
 pub(crate) fn difference(look: &Value, scene: &Scene) -> Difference {
@@ -190,7 +190,7 @@ pub(crate) fn difference(look: &Value, scene: &Scene) -> Difference {
         View::new(Camera::new(eye, turn, tan as f32, near, FrameNumber(0)).unwrap(), viewport)
     };
     let view = seen_at(1.0, viewport);
-    // What is culled for is wider by half, with pixels of the same size.
+    // The culled view is wider by half, with pixels of the same size.
     let [width, height] = [viewport.width(), viewport.height()].map(|side| (3 * side).div_ceil(2));
     let wider = f64::from(height) / f64::from(viewport.height());
     let asked = seen_at(wider, Viewport::new(width, height).unwrap());

@@ -1,4 +1,4 @@
-//! The program in a folder of its own, and processes of it of which a test reads what they say.
+//! The program in a folder of its own, and its processes with their output.
 
 use std::{
     fs,
@@ -18,15 +18,15 @@ impl Bench {
         Self(tempfile::tempdir().unwrap())
     }
 
-    /// With a cooked plant of so many objects, `plant.scene`.
+    /// With a cooked plant of this many objects, `plant.scene`.
     pub(crate) fn with_plant(objects: u32) -> Self {
         let bench = Self::empty();
         bench.done(&["generate", "plant", "--objects", &objects.to_string(), "-o", "plant.scene"]);
         bench
     }
 
-    /// With a small red square behind a large one of blue glass, `glass.scene`, and so many poses before the middle
-    /// of both, `path.json`.
+    /// With a small red square behind a large one of blue glass, `glass.scene`, and this many poses before
+    /// the middle of both, `path.json`.
     pub(crate) fn with_glass(poses: usize) -> Self {
         let bench = Self::empty();
         bench.write("glass.mtl", "newmtl red\nKd 1 0 0\nnewmtl glass\nKd 0 0 1\nd 0.2\n");
@@ -56,7 +56,7 @@ impl Bench {
         self.command_of(env!("CARGO_BIN_EXE_trimaran"), args)
     }
 
-    /// Of another program in the same folder.
+    /// A command of another program in the same folder.
     pub(crate) fn command_of(&self, program: &str, args: &[&str]) -> Command {
         let mut command = Command::new(program);
         command.args(args).current_dir(self.0.path());
@@ -67,7 +67,7 @@ impl Bench {
         self.command(args).output().unwrap()
     }
 
-    /// Runs the program, which is to end well; what it prints.
+    /// Runs the program, which must succeed; returns its output.
     pub(crate) fn done(&self, args: &[&str]) -> String {
         printed(&self.trimaran(args))
     }
@@ -82,18 +82,18 @@ impl Bench {
     }
 }
 
-/// What a program has printed that has ended well.
+/// The output of a program that must have succeeded.
 pub(crate) fn printed(output: &Output) -> String {
     assert!(output.status.success(), "{}", said(output));
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
-/// What a program has said on standard error.
+/// A program's output on standard error.
 pub(crate) fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// A running program and what it says. It is killed when this is dropped.
+/// A running program with its output. It is killed on drop.
 pub(crate) struct Process {
     child: Child,
     stderr: BufReader<ChildStderr>,
@@ -111,12 +111,12 @@ impl Process {
         self.child.id()
     }
 
-    /// Reads what it says up to a line that holds `words`.
+    /// Reads its output up to a line with `words`.
     pub(crate) fn says(&mut self, words: &str) -> String {
         self.says_all(&[words])
     }
 
-    /// The same for a line that holds all of `words`.
+    /// The same for a line with all of `words`.
     pub(crate) fn says_all(&mut self, words: &[&str]) -> String {
         loop {
             let mut line = String::new();
@@ -134,14 +134,14 @@ impl Process {
 
     pub(crate) fn kill(self) {}
 
-    /// Waits for its end with this exit code; all that it has said.
+    /// Waits for its end with this exit code; returns all its output.
     pub(crate) fn ends(self, code: i32) -> String {
         let (ended, said) = self.ended();
         assert_eq!(ended, Some(code), "{said}");
         said
     }
 
-    /// Waits for its end, however that is: its exit code, and all that it has said.
+    /// Waits for its end; returns its exit code, and all its output.
     pub(crate) fn ended(mut self) -> (Option<i32>, String) {
         self.stderr.read_to_string(&mut self.said).unwrap();
         (self.child.wait().unwrap().code(), std::mem::take(&mut self.said))
@@ -156,7 +156,7 @@ impl Drop for Process {
     }
 }
 
-/// By the shell's own `kill`: the program of that name is not on every machine.
+/// By the shell's own `kill`: some machines lack the program of that name.
 pub(crate) fn signal(name: &str, process: &str) {
     let kill = format!("kill -{name} {process}");
     assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());

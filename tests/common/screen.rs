@@ -1,4 +1,4 @@
-//! A screen that nobody sees, and windows of the program on it.
+//! A virtual screen, and windows of the program on it.
 
 use std::{
     env, fs,
@@ -15,11 +15,11 @@ use super::program::Bench;
 /// Its sides in pixels.
 pub(crate) const SCREEN: [usize; 2] = [1400, 1000];
 
-/// How often something is looked at that is waited for, and how many times.
+/// The polling interval of waits, and how often they poll.
 const PAUSE: Duration = Duration::from_millis(50);
 const LOOKS: u32 = 1200;
 
-/// What `look` gives once it gives something.
+/// The result of `look` once it gives one.
 pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     for _ in 0..LOOKS {
         if let Some(found) = look() {
@@ -38,12 +38,12 @@ pub(crate) struct Screen {
 }
 
 impl Screen {
-    /// `None`, with a word, where there is no server and none is required.
+    /// `None`, with a message, if there is no server and none is required.
     pub(crate) fn start() -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         let [width, height] = SCREEN;
         let mut command = Command::new("Xvfb");
-        // A server that resets when its last client leaves drops whoever connects meanwhile.
+        // A server that resets when its last client leaves drops clients that connect meanwhile.
         command.args([
             "-noreset",
             "-displayfd",
@@ -69,12 +69,12 @@ impl Screen {
         self.open_scaled(bench, scene, flags, 1.0)
     }
 
-    /// The same where a screen's pixels are so much smaller than usual.
+    /// The same on a screen with pixels this many times smaller than usual.
     pub(crate) fn open_scaled(&self, bench: &Bench, scene: &str, flags: &[&str], scale: f64) -> Window<'_> {
         self.open_named(bench, scene.trim_end_matches(".scene"), scene, flags, scale)
     }
 
-    /// Opens something that has this name.
+    /// Opens a scene or a service's address by name.
     pub(crate) fn open_named(
         &self,
         bench: &Bench,
@@ -99,18 +99,18 @@ impl Screen {
         window
     }
 
-    /// A program that has this screen.
+    /// A command of a program on this screen.
     pub(crate) fn beside<'c>(&self, command: &'c mut Command) -> &'c mut Command {
         command.env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY")
     }
 
-    /// What `xdotool` says, if it succeeds.
+    /// The output of `xdotool`, if it succeeds.
     fn xdotool(&self, args: &[&str]) -> Option<String> {
         let output = Command::new("xdotool").args(args).env("DISPLAY", &self.display).output().unwrap();
         output.status.success().then(|| String::from_utf8(output.stdout).unwrap())
     }
 
-    /// What it shows, row by row from the top: red, green and blue.
+    /// The screen's pixels, row by row from the top: red, green and blue.
     pub(crate) fn picture(&self) -> Vec<[u8; 3]> {
         let bytes = fs::read(self.folder.path().join("Xvfb_screen0")).unwrap();
         // The file is an X window dump: sizes in words of 4 bytes, most significant first.
@@ -131,14 +131,14 @@ impl Drop for Screen {
     }
 }
 
-/// A Wayland compositor that shows nothing to anybody.
+/// A headless Wayland compositor.
 pub(crate) struct Compositor {
     server: Child,
     folder: TempDir,
 }
 
 impl Compositor {
-    /// `None`, with a word, where there is none and none is required.
+    /// `None`, with a message, if there is none and none is required.
     pub(crate) fn start() -> Option<Self> {
         let folder = tempfile::tempdir().unwrap();
         let mut command = Command::new("weston");
@@ -150,7 +150,7 @@ impl Compositor {
         Some(compositor)
     }
 
-    /// Opens a scene of `bench`, and waits for the program's end: how it ended, and what it has said.
+    /// Opens a scene of `bench`, and waits for the program's end: returns its status and output.
     pub(crate) fn run(&self, bench: &Bench, scene: &str, flags: &[&str]) -> (ExitStatus, String) {
         let mut command = watched(bench, scene, flags);
         command.env_remove("DISPLAY").env("WAYLAND_DISPLAY", "nobody");
@@ -167,7 +167,7 @@ impl Drop for Compositor {
     }
 }
 
-/// The program with a window of a scene. The validation layer watches what it does.
+/// The program with a window of a scene, under the validation layer.
 fn watched(bench: &Bench, scene: &str, flags: &[&str]) -> Command {
     let mut command = bench.command(&[&["view", "--window", scene][..], flags].concat());
     command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
@@ -175,7 +175,7 @@ fn watched(bench: &Bench, scene: &str, flags: &[&str]) -> Command {
     command
 }
 
-/// Nothing, with a word; a panic where a screen is required.
+/// Returns nothing, with a message; panics if a screen is required.
 fn skipped<T>(why: &str) -> Option<T> {
     assert!(env::var_os("TRIMARAN_REQUIRE_SCREEN").is_none(), "{why}");
     println!("skipped: {why}");
@@ -190,7 +190,7 @@ pub(crate) struct Window<'s> {
 }
 
 impl Window<'_> {
-    /// Does something to it: a command of `xdotool` with what follows the window.
+    /// Runs a command of `xdotool` on it, with the arguments after the window.
     pub(crate) fn xdotool(&self, command: &[&str]) -> String {
         let args = [&command[..1], &[&self.id], &command[1..]].concat();
         self.screen.xdotool(&args).unwrap_or_else(|| panic!("{args:?}"))
@@ -205,7 +205,7 @@ impl Window<'_> {
         self.xdotool(&["getwindowname"]).trim().to_owned()
     }
 
-    /// Where the eye is, as the title says.
+    /// The eye's position in the title.
     pub(crate) fn eye(&self) -> [f64; 3] {
         let title = self.title();
         let (_, place) = title.split_once("eye at ").unwrap_or_else(|| panic!("{title}"));
@@ -213,7 +213,7 @@ impl Window<'_> {
         [(); 3].map(|()| numbers.next().unwrap())
     }
 
-    /// Waits until the eye rests. Gives where.
+    /// Waits until the eye rests. Returns its position.
     pub(crate) fn rests(&self) -> [f64; 3] {
         wait_for("rest", || {
             let before = self.title();
@@ -226,13 +226,13 @@ impl Window<'_> {
         self.program.id()
     }
 
-    /// Waits until the program has ended. Gives how, and what it has said.
+    /// Waits until the program has ended. Returns its status and output.
     pub(crate) fn end(mut self) -> (ExitStatus, String) {
         let status = wait_for("the program's end", || self.program.try_wait().unwrap());
         (status, self.said())
     }
 
-    /// All that the program says until its end.
+    /// All the program's output until its end.
     fn said(&mut self) -> String {
         let mut said = String::new();
         self.program.stdout.take().unwrap().read_to_string(&mut said).unwrap();

@@ -14,8 +14,7 @@ use trimaran_cull::{LodRule, View, lod_cut};
 use trimaran_proto::{BatchSize, IdCoding, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
 
-/// A scene on the devices of a display and two cullers, or `None` where there is no device and none is
-/// required.
+/// A scene on the devices of a display and two cullers, or `None` if there is no device and none is required.
 pub(crate) fn on_devices(scene: &Arc<Scene>) -> Option<SceneOnDevices> {
     super::unless_required(SceneOnDevices::open(scene, 2, &super::options()))
 }
@@ -59,7 +58,7 @@ pub(crate) fn walk_in_process(devices: &SceneOnDevices, plan: &Plan, path: &Came
     })
 }
 
-/// The same with cullers of other devices: those of a culler, or without one what the display culls with.
+/// The same with cullers of other devices: a culler's, or without one the display's own.
 pub(crate) fn walk_with<P: CullerDevice>(
     devices: &SceneOnDevices,
     plan: &Plan,
@@ -83,7 +82,7 @@ fn recorded(walk: impl FnOnce(&mut Recorder<'_>, &Runtime, &Stop)) -> Vec<FrameR
     recorder.into_frames()
 }
 
-/// Audits every so many frames of a session on the display's device, with the culler that it is given.
+/// Audits one frame in this many of a session on the display's device, with the given culler.
 pub(crate) fn audit<P: CullerDevice>(
     devices: &SceneOnDevices,
     plan: &Plan,
@@ -101,7 +100,7 @@ pub(crate) fn audit<P: CullerDevice>(
     }
 }
 
-/// A sound culler on the display's device.
+/// A correct culler on the display's device.
 pub(crate) fn culler(devices: &SceneOnDevices, plan: &Plan) -> VulkanCuller {
     VulkanCuller::new(&devices.display, plan.viewport, plan.occlusion_test).unwrap()
 }
@@ -112,7 +111,7 @@ pub(crate) fn uncut_count(devices: &SceneOnDevices, plan: &Plan, record: &FrameR
     lod_cut(&devices.scene, &view, plan.lod).len()
 }
 
-/// Fails if the validation layer had anything to say.
+/// Fails if the validation layer has reported anything.
 pub(crate) fn assert_no_validation_messages(devices: &SceneOnDevices) {
     for drawn in devices.drawn() {
         assert_eq!(drawn.gpu().validation_messages(), Vec::<String>::new());

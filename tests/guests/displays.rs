@@ -1,5 +1,5 @@
-//! What one display can do to the others and to the service: attacks on a real service, with an honest display
-//! walking beside.
+//! The effects of one display on the others and on the service: attacks on a real service, with an honest
+//! display walking beside.
 
 use std::{
     collections::BTreeSet,
@@ -42,7 +42,7 @@ fn displays_that_come_walk_and_go_disturb_nobody() {
     guests.stops();
 }
 
-/// In the hello, and in a view state that is told later.
+/// In the hello, and in a later view state.
 #[test]
 fn a_picture_above_the_limit_is_refused_and_nobody_else_notices() {
     let Some(mut guests) = Guests::start(&["--max-picture", "300x260"]) else { return };
@@ -68,7 +68,7 @@ fn a_picture_above_the_limit_is_refused_and_nobody_else_notices() {
     guests.stops();
 }
 
-/// A service may be told to take pictures that its device cannot draw.
+/// A service may be configured for pictures that its device cannot draw.
 #[test]
 fn a_picture_that_the_device_cannot_draw_is_refused_as_well() {
     let Some(mut guests) = Guests::start(&["--max-picture", "65536x65536", "--depth-memory", "1TiB"]) else {
@@ -95,7 +95,7 @@ fn memory_for_depth_is_bounded_over_all_and_free_once_a_display_leaves() {
         let told = guests.block_on(second.hears_the_end());
         assert!(told.contains("a picture of 1024x1024 pixels takes 14680064 bytes"), "{told}");
         drop(first);
-        // The service learns in a moment that it has gone.
+        // The service soon notices that it has gone.
         let came = (0..600).any(|_| {
             thread::sleep(Duration::from_millis(50));
             let mut third = guests.display(1024, 1024).unwrap();
@@ -115,7 +115,7 @@ fn a_frame_that_takes_long_keeps_no_picture_from_anybody() {
         let mut display = guests.display(4096, 4096).unwrap();
         guests.block_on(async {
             let all = |state: &mut ViewState| {
-                // Each box is drawn over all its pixels, and all of the scene is asked for.
+                // Each box is drawn over all its pixels, and the whole scene is requested.
                 state.occlusion_test = OcclusionTestKind::Query;
                 state.lod = LodRule::new(1e-300).unwrap();
             };
@@ -129,7 +129,7 @@ fn a_frame_that_takes_long_keeps_no_picture_from_anybody() {
     guests.stops();
 }
 
-/// Displays that connect, ask for a frame and are gone.
+/// Displays that connect, request a frame and go.
 #[test]
 fn displays_that_always_come_anew_keep_no_picture_from_anybody() {
     let Some(mut guests) = Guests::start(&[]) else { return };
@@ -154,7 +154,7 @@ fn displays_that_always_come_anew_keep_no_picture_from_anybody() {
     guests.stops();
 }
 
-/// Whoever knows a session's key can take its display's place. Metrics are shown without a token.
+/// A session's key allows taking over its display's place. Metrics are shown without a token.
 #[test]
 fn what_metrics_show_puts_no_display_out() {
     let metrics = format!("127.0.0.1:{}", unused_port());
@@ -180,7 +180,7 @@ fn what_metrics_show_puts_no_display_out() {
     guests.stops();
 }
 
-/// A key that is known takes one display's place, and its alone.
+/// A known key takes the place of only its own display.
 #[test]
 fn a_display_that_comes_again_takes_its_own_place() {
     let Some(mut guests) = Guests::start(&[]) else { return };
@@ -204,7 +204,7 @@ fn askers_that_go_before_they_are_answered_keep_no_picture_from_anybody() {
     let mut place = 0;
     guests.beside(|guests| {
         for _ in 0..200 {
-            // Another tile each time: none of them was made before.
+            // Another tile each time, not cached yet.
             place += 1;
             let target = format!("/tile?token={TOKEN}&x={}&z={}", place % 15 - 7, place / 15 % 15 - 7);
             let mut stream = TcpStream::connect(&guests.at).unwrap();
@@ -271,7 +271,7 @@ fn a_page_says_that_the_service_is_full_and_shows_the_scene_once_there_is_room()
     let Some(mut browser) = Browser::start(300, 200) else { return };
     let walk = guests.walk();
     walk.sees(3, &guests);
-    // A link that is refused is no fault of the page.
+    // A refused link is no fault of the page.
     browser.tell(json!({ "do": "open", "url": guests.url() }));
     let mut says = |words: &str, expected: bool| {
         for _ in 0..600 {
@@ -300,11 +300,11 @@ fn sixty_four_people_are_taken_by_default() {
     guests.stops();
 }
 
-/// What of a scene cannot be read ends the sessions that ask for it. The file is overwritten while it is served.
+/// An unreadable part of a scene ends the sessions that request it. The file is overwritten meanwhile.
 #[test]
 fn a_page_of_the_scene_that_cannot_be_read_ends_the_sessions_that_need_it() {
     let Some(mut guests) = Guests::start(&[]) else { return };
-    // From there the whole plant is one drawable, which is on the device when it has been seen.
+    // From there the whole plant is one drawable, which is on the device once it has been shown.
     let walk = guests.walk_at([0.0, 1e6, 0.0]);
     walk.sees(30, &guests);
     let file = OpenOptions::new().write(true).open(guests.bench.path("plant.scene")).unwrap();
@@ -322,7 +322,7 @@ fn a_page_of_the_scene_that_cannot_be_read_ends_the_sessions_that_need_it() {
     guests.stops();
 }
 
-/// Displays that ask for much and read nothing.
+/// Displays that request much and read nothing.
 #[test]
 fn a_service_ends_in_time_though_displays_are_stuck() {
     let Some(guests) = Guests::start(&[]) else { return };

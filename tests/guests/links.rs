@@ -1,5 +1,5 @@
-//! What a peer over a link can make a service of pages do or hold: attacks on a real one, with an honest
-//! display walking beside.
+//! The effects of a linked peer on a service of pages: attacks on a real one, with an honest display walking
+//! beside.
 
 use std::{net::TcpListener, thread, time::Duration};
 
@@ -11,10 +11,10 @@ use trimaran_transport::RecvError;
 
 use crate::common::guests::{Display, Guests};
 
-/// So many kilobytes more a service may take under an attack: allocators and threads keep some.
+/// How many more kilobytes a service may take under an attack: allocators and threads keep some.
 const ROOM: u64 = 64_000;
 
-/// What the culler answers to what is said of meetings.
+/// The culler's answer to a message about meetings.
 async fn answer(display: &mut Display) -> RoleMessage {
     loop {
         match display.link.messages_rx.recv().await {
@@ -28,7 +28,7 @@ fn camera(frame: u32) -> Camera {
     Camera::new([0.0, 2.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.6, 0.1, FrameNumber(frame)).unwrap()
 }
 
-/// What is said of meetings makes the service connect to nobody.
+/// Messages about meetings never make the service connect anywhere.
 #[test]
 fn a_display_sends_the_service_nowhere() {
     let Some(mut guests) = Guests::start(&[]) else { return };
@@ -59,7 +59,7 @@ fn a_display_sends_the_service_nowhere() {
     guests.stops();
 }
 
-/// A "culler" that a display brings along sends frame after frame, while the display sends no camera.
+/// A "culler" brought along by a display sends frame after frame, while the display sends no camera.
 #[test]
 fn a_culler_of_a_guests_own_piles_nothing_up() {
     let Some(mut guests) = Guests::start(&[]) else { return };
@@ -92,7 +92,7 @@ fn a_culler_of_a_guests_own_piles_nothing_up() {
     guests.stops();
 }
 
-/// What the scene lacks is nothing that a display can have.
+/// A display cannot have anything that the scene lacks.
 #[test]
 fn what_a_display_says_that_it_has_takes_no_memory() {
     let Some(mut guests) = Guests::start(&[]) else { return };
@@ -109,7 +109,7 @@ fn what_a_display_says_that_it_has_takes_no_memory() {
                 assert!(put_item(&mut block, &demand));
                 bulk.tx.send(block.into()).await
             };
-            // As often as it likes, and what the scene has.
+            // Any number of times, and with the scene's own numbers.
             for _ in 0..500 {
                 say((0..outline.drawables.min(3_000)).collect()).await.unwrap();
             }
@@ -126,7 +126,7 @@ fn what_a_display_says_that_it_has_takes_no_memory() {
     guests.stops();
 }
 
-/// Displays that go without a word, with pictures on their way to them: their connections are reset.
+/// Displays that vanish without a close, with pictures on their way to them: their connections are reset.
 #[test]
 fn displays_that_vanish_take_nobody_with_them() {
     let Some(mut guests) = Guests::start(&[]) else { return };

@@ -1,4 +1,4 @@
-//! What guests can do to each other and to a service.
+//! Attacks of clients on each other and on a service.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 #![allow(clippy::disallowed_methods, reason = "what is tested keeps the system's time")]
 

@@ -1,4 +1,4 @@
-//! The controls of the page in a real browser: the keyboard, the mouse, a finger, and what the page says.
+//! The controls of the page in a real browser: the keyboard, the mouse, a finger, and the page's messages.
 
 use serde_json::{Value, json};
 
@@ -36,7 +36,7 @@ fn opened(bench: &Bench, all: &[([f64; 3], [f64; 3])], size: [u32; 2]) -> Option
     Some((service, browser))
 }
 
-/// What the page has come to, once its picture is exact.
+/// The page's state, once its picture is exact.
 fn look(browser: &mut Browser) -> Value {
     browser.done(json!({ "do": "settle" }));
     state(browser)
@@ -46,7 +46,7 @@ fn state(browser: &mut Browser) -> Value {
     browser.done(json!({ "do": "state" }))
 }
 
-/// Waits until the page has come to something.
+/// Waits until the page's state satisfies `is_it`.
 fn becomes(browser: &mut Browser, what: &str, is_it: impl Fn(&Value) -> bool) -> Value {
     for _ in 0..600 {
         let now = state(browser);
@@ -71,7 +71,7 @@ fn press(browser: &mut Browser, key: &str) {
     browser.done(json!({ "do": "press", "key": key }));
 }
 
-/// What the page says once it says something that `is_it`.
+/// The page's message, once it satisfies `is_it`.
 fn said(browser: &mut Browser, is_it: impl Fn(&str) -> bool) -> String {
     for _ in 0..1200 {
         let status = browser.tell(json!({ "do": "status" }))["answer"].take();
@@ -98,8 +98,8 @@ const ROOM: [([f64; 3], [f64; 3]); 3] = [
     ([2.0, 0.0, -4.0], [3.0, 1.0, -3.0]),
 ];
 
-/// On the keyboard alone: keys that a control uses are its own, all others walk on, and the keyboard never
-/// gets lost.
+/// Only with the keyboard: keys that a control uses are its own, all others walk on, and the focus is never
+/// lost.
 #[test]
 fn keys_go_to_the_control_that_uses_them_and_walk_otherwise() {
     let bench = Bench::empty();
@@ -139,7 +139,7 @@ fn keys_go_to_the_control_that_uses_them_and_walk_otherwise() {
     let after = state(&mut browser);
     assert_eq!((&after["eye"], &after["orientation"]), (&before["eye"], &before["orientation"]));
     walks(&mut browser, "a way from a list");
-    // Nothing happens behind a dialog, and what had the keyboard has it again.
+    // Nothing happens behind a dialog, and the focus returns afterwards.
     browser.done(json!({ "do": "tab", "name": "Keys" }));
     press(&mut browser, "Enter");
     let before = state(&mut browser);
@@ -152,7 +152,7 @@ fn keys_go_to_the_control_that_uses_them_and_walk_otherwise() {
     press(&mut browser, "Escape");
     assert_eq!(focused(&mut browser)["name"], "Keys");
     walks(&mut browser, "a way behind the dialog");
-    // A panel that closes gives the keyboard back, and Escape leads to the picture.
+    // A panel that closes returns the focus, and Escape leads to the picture.
     browser.done(json!({ "do": "tab", "name": "Close Status" }));
     press(&mut browser, " ");
     assert_eq!(focused(&mut browser)["name"], "Status");
@@ -193,7 +193,7 @@ fn arrows_go_through_the_tree_and_not_through_the_model() {
     is_on(&mut browser, first.as_str().unwrap());
     let after = state(&mut browser);
     assert_eq!((&after["eye"], &after["orientation"]), (&before["eye"], &before["orientation"]));
-    // Enter picks a row, Space hides what is in it.
+    // Enter picks a row, Space hides its objects.
     press(&mut browser, "End");
     press(&mut browser, "Enter");
     becomes(&mut browser, "a pick", |now| now["selected"] == json!([2]));
@@ -211,7 +211,7 @@ fn arrows_go_through_the_tree_and_not_through_the_model() {
     assert_eq!(state(&mut browser)["selected"], json!([2]), "what is picked stays");
 }
 
-/// A message goes by itself, or when it is closed; and none has the token in it.
+/// A message goes by itself, or when it is closed; and none contains the token.
 #[test]
 fn messages_go_away_and_show_no_secret() {
     let bench = Bench::with_plant(100);
@@ -230,7 +230,7 @@ fn messages_go_away_and_show_no_secret() {
     assert_eq!(browser.done(json!({ "do": "status" })), "");
     assert_eq!(browser.done(json!({ "do": "focused" }))["tag"], "canvas");
 
-    // The service is away: it is said without its address's query, and can be closed.
+    // The service is away: the message has no query of its address, and can be closed.
     let at = service.at.clone();
     drop(service);
     let text = said(&mut browser, |text| text.contains("does not answer"));
@@ -240,13 +240,13 @@ fn messages_go_away_and_show_no_secret() {
     browser.tell(json!({ "do": "wait", "milliseconds": 1500 }));
     assert_eq!(browser.tell(json!({ "do": "status" }))["answer"], "");
 
-    // It comes again, and does not know the token any more.
+    // It comes again, and no longer accepts the token.
     let _other = Service::with_token(&bench, "plant.scene", &at, "0123456789abcdefOTHER").unwrap();
     let text = said(&mut browser, |text| text.contains("not valid any more"));
     assert!(text.contains("Open the address that the service printed") && !text.contains(TOKEN), "{text}");
 }
 
-/// The service comes again with another scene: the page shows that one, and says so.
+/// The service comes again with another scene: the page shows that one, with a message.
 #[test]
 fn a_page_goes_over_to_the_scene_that_the_service_has() {
     let bench = Bench::with_plant(100);
@@ -268,8 +268,8 @@ fn a_page_goes_over_to_the_scene_that_the_service_has() {
     assert!(state["drawn"]["drawables"].as_u64().unwrap() > 0, "{}", state["drawn"]);
 }
 
-/// Dragged beside everything in Orbit, the model turns and stays in the picture; the wheel goes to what is
-/// under the pointer and not past it, also where a gap is beside it.
+/// Dragged beside everything in Orbit, the model turns and stays in the picture. The wheel approaches the
+/// point under the pointer and not past it, also beside a gap.
 #[test]
 fn orbit_never_loses_the_object_and_the_wheel_keeps_to_the_point() {
     let bench = Bench::empty();
@@ -319,8 +319,7 @@ fn orbit_never_loses_the_object_and_the_wheel_keeps_to_the_point() {
     assert!((3.0..20.0).contains(&before), "{before}");
 }
 
-/// What is gone to fills the picture, also where outliers are far away, and is not hidden where a side is
-/// open.
+/// A framed part fills the picture, also with distant outliers, and is not hidden if a side is open.
 #[test]
 fn f_fills_the_picture_and_shows_what_it_goes_to() {
     let bench = Bench::empty();
@@ -374,11 +373,11 @@ fn f_fills_the_picture_and_shows_what_it_goes_to() {
     assert!(number(&extent["across"]).max(number(&extent["down"])) > 0.7, "{extent}");
 }
 
-/// What is inside of something else is said to be hidden, and can be seen in one step that can be taken back.
+/// A part inside something else is reported as hidden, and can be made visible in one step with undo.
 #[test]
 fn what_hides_a_part_can_be_seen_through() {
     let bench = Bench::empty();
-    // Close around it: who stands where it fills the picture stands outside.
+    // Close around it: an eye that frames it is outside.
     let wall = |axis: usize, at: f64| {
         let (mut min, mut max) = ([-0.8; 3], [0.8; 3]);
         [min[axis], max[axis]] = [at - 0.05, at + 0.05];
@@ -404,7 +403,7 @@ fn what_hides_a_part_can_be_seen_through() {
     browser.done(json!({ "do": "wait", "milliseconds": 1000 }));
     press(&mut browser, "Control+z");
     becomes(&mut browser, "undoing", |now| now["seeThrough"] == json!([]));
-    // One that somebody has hidden is said to be that.
+    // A part hidden by a person is reported as such.
     press(&mut browser, "/");
     browser.done(json!({ "do": "type", "text": "box0" }));
     browser.done(json!({ "do": "button", "name": "box0$" }));
@@ -419,8 +418,7 @@ fn what_hides_a_part_can_be_seen_through() {
     becomes(&mut browser, "showing it", |now| now["hidden"] == json!([]));
 }
 
-/// On a phone: all that can be used is large enough and under nothing else, and there is a way to do with a
-/// finger what keys do.
+/// On a phone: all controls are large enough and uncovered, and there is a finger action for each key.
 #[test]
 fn a_finger_can_do_all_of_it_on_a_phone() {
     let bench = Bench::empty();
@@ -481,7 +479,7 @@ fn a_finger_can_do_all_of_it_on_a_phone() {
     // Up, down, and a jump.
     let height = |browser: &mut Browser| number(&state(browser)["eye"][1]);
     let before = height(&mut browser);
-    // A page that has few pictures a second goes in few steps.
+    // With few pictures a second the page moves in few steps.
     let mut until = |name: &str, there: &dyn Fn(f64) -> bool| {
         let reached = (0..20).any(|_| {
             hold(&mut browser, name, 500);
@@ -498,7 +496,7 @@ fn a_finger_can_do_all_of_it_on_a_phone() {
     check(&mut browser, "walking");
 }
 
-/// The script and the style come compressed, and not at all where they are there already.
+/// The script and the style come compressed, and not at all if the browser has them.
 #[test]
 fn files_of_the_page_come_compressed_and_once() {
     let bench = Bench::with_plant(100);

@@ -1,4 +1,4 @@
-//! The service of a page: who is let in, and a real browser that shows what displays show.
+//! The service of a page: access control, and a real browser with the same pictures as displays.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -79,8 +79,8 @@ fn a_display_joins_the_service_of_a_page() {
     assert_eq!(report["summary"]["cut_mismatch_pixels_total"], 0, "{}", report["summary"]);
 }
 
-/// At rest the page shows every drawable of the whole cut that is visible, and no other: at the start, behind
-/// a walk, in a window of another size, and when the graphics device has lost everything.
+/// At rest the page shows exactly the visible drawables of the whole cut: at the start, behind a walk, in a
+/// window of another size, and after the graphics device has lost its context.
 #[test]
 fn a_browser_shows_what_is_visible_and_nothing_else() {
     let bench = Bench::with_plant(400);
@@ -89,7 +89,7 @@ fn a_browser_shows_what_is_visible_and_nothing_else() {
     let scene = Scene::open(&bench.path("plant.scene")).unwrap();
     assert_eq!(browser.done(json!({ "do": "open", "url": service.url() })), 200);
     let mut eyes = BTreeSet::new();
-    // Before the page is there it hears no key.
+    // Before the page is loaded it gets no key events.
     browser.done(json!({ "do": "settle" }));
     browser.done(json!({ "do": "press", "key": "2" }));
     for way in [
@@ -113,7 +113,7 @@ fn a_browser_shows_what_is_visible_and_nothing_else() {
     assert_eq!(eyes.len(), 3, "two of the ways move the eye: {eyes:?}");
 }
 
-/// Walks, looks at objects, cuts and takes it back, all by keys and the mouse.
+/// Walks, looks at objects, cuts and undoes it, all by keys and the mouse.
 #[test]
 fn a_person_walks_and_looks_into_the_model() {
     let bench = Bench::with_plant(400);
@@ -129,7 +129,7 @@ fn a_person_walks_and_looks_into_the_model() {
     let press = |browser: &mut Browser, key: &str| browser.done(json!({ "do": "press", "key": key }));
     let start = look(&mut browser);
     assert_eq!(start["mode"], "walk");
-    // However far it goes, the body stays in the house and on a floor.
+    // However far it walks, the body stays in the house and on a floor.
     for key in ["KeyW", "KeyA", "KeyS"] {
         browser.done(json!({ "do": "hold", "key": key, "milliseconds": 1200 }));
     }
@@ -170,7 +170,7 @@ fn a_person_walks_and_looks_into_the_model() {
     assert!(shown.len() == 1 && alone["mode"] == "fly", "{shown:?}");
     assert!(alone["items"].as_array().unwrap().iter().any(|item| *item != u64::from(u32::MAX)), "it is seen");
 
-    // A plane ahead cuts something off, and undo puts it back.
+    // A plane ahead cuts something off, and undo restores it.
     press(&mut browser, "Shift+H");
     let whole = look(&mut browser);
     press(&mut browser, "b");
@@ -178,7 +178,7 @@ fn a_person_walks_and_looks_into_the_model() {
     let cut = look(&mut browser);
     assert_eq!((cut["sections"].as_array().unwrap().len(), &cut["eye"]), (1, &whole["eye"]));
     assert!(cut["items"] != whole["items"], "something is cut off");
-    // The plane faces the eye: its handle goes away where the hand goes up. All of a drag is one step.
+    // The plane faces the eye: its handle moves away with an upward drag. A whole drag is one step.
     browser.done(json!({ "do": "handle", "right": 0, "down": -60 }));
     let dragged = look(&mut browser);
     assert_ne!(dragged["sections"], cut["sections"]);
@@ -193,15 +193,15 @@ fn a_page_bears_any_input() {
     bears_any_input(1, Duration::ZERO);
 }
 
-/// As it is left open all day: it takes no more memory at the end than near the beginning.
+/// Like a page left open all day: it takes no more memory at the end than near the beginning.
 #[test]
 #[ignore = "takes ten minutes"]
 fn a_page_bears_ten_minutes_of_any_input() {
     bears_any_input(2, Duration::from_secs(600));
 }
 
-/// Whatever keys, mouse and window do, nothing fails, and at rest the picture is right: in so many rounds at
-/// least, and for so long.
+/// With any input of keys, mouse and window nothing fails, and at rest the picture is right: in at least this
+/// many rounds, and for this long.
 fn bears_any_input(rounds: usize, time: Duration) {
     let bench = Bench::with_plant(200);
     let Some(service) = Service::start(&bench, "127.0.0.1:0") else { return };
@@ -216,7 +216,7 @@ fn bears_any_input(rounds: usize, time: Duration) {
         memory.push(round_of_any_input(&mut browser, &mut random, &scene));
     }
     println!("bytes of scripts, bytes of geometry, elements of the document: {memory:?}");
-    // Which panel is open is chance: the most of the first half counts.
+    // The open panel is random: the maximum of the first half counts.
     let early = &memory[..memory.len().div_ceil(2)];
     let most = |kind: usize| early.iter().map(|round| round[kind]).max().unwrap();
     let [scripts, geometry, elements] = memory[memory.len() - 1];
@@ -225,7 +225,7 @@ fn bears_any_input(rounds: usize, time: Duration) {
     assert!(elements < most(2) + 500, "the document grows: {memory:?}");
 }
 
-/// Gives the bytes of scripts and of geometry that are there afterwards, and elements of the document.
+/// Returns the remaining bytes of scripts and of geometry, and elements of the document.
 fn round_of_any_input(browser: &mut Browser, random: &mut Random, scene: &Scene) -> [u64; 3] {
     let keys = ["KeyW", "KeyA", "KeyS", "KeyD", "KeyE", "KeyQ", "Space", "ArrowLeft", "PageDown", "Shift"];
     let presses =
@@ -254,7 +254,7 @@ fn round_of_any_input(browser: &mut Browser, random: &mut Random, scene: &Scene)
     ["scripts", "geometry", "elements"].map(|kind| memory[kind].as_u64().unwrap())
 }
 
-/// Numbers that are the same each time (Park and Miller 1988).
+/// Reproducible random numbers (Park and Miller 1988).
 struct Random(u64);
 
 impl Random {
@@ -264,7 +264,7 @@ impl Random {
     }
 }
 
-/// A page that loses its service goes on with what it has, and finds the service again.
+/// A page that loses its service keeps its geometry, and reconnects to the service.
 #[test]
 fn a_page_outlives_its_service() {
     let bench = Bench::with_plant(100);
@@ -309,7 +309,7 @@ fn a_page_walks_on_over_another_network() {
         assert_ne!(look["eye"], *eyes.last().unwrap(), "{network}");
         eyes.push(look["eye"].clone());
     }
-    // Pictures on the way were audited: what they drew, and how much of that is visible.
+    // Pictures of the walk were audited: their drawables, and how many are visible.
     let figures = loop {
         let figures = browser.done(json!({ "do": "figures" }));
         if figures["wrong pixels"] == "none: it is exact" {
@@ -324,7 +324,7 @@ fn a_page_walks_on_over_another_network() {
     assert!(figures["ids received"].as_str().unwrap().contains("by 4 bytes each"), "{figures}");
 }
 
-/// Two people on one service, each with a picture of their own; one goes along with the other for a while.
+/// Two people on one service, each with a picture of their own; one follows the other for a while.
 #[test]
 fn a_person_follows_another_one() {
     let bench = Bench::with_plant(100);
@@ -355,7 +355,7 @@ fn a_person_follows_another_one() {
     second.done(json!({ "do": "settle" }));
     let Difference { drawables, .. } = difference(&second.done(json!({ "do": "look" })), &scene);
     assert_eq!(drawables, [], "at rest it is exact");
-    // Who takes the controls goes alone again.
+    // Using the controls ends following.
     second.done(json!({ "do": "hold", "key": "KeyS", "milliseconds": 300 }));
     let alone = pose(&mut second);
     assert!(far(&alone, &there) > 0.01, "{alone:?}");

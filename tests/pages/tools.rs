@@ -1,4 +1,4 @@
-//! What a person does beside walking, in a real browser: measures, picks, cuts, keeps views and searches.
+//! A person's other actions in a real browser: measuring, picking, cutting, saving views and searching.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
@@ -39,13 +39,13 @@ fn goes(browser: &mut Browser) {
     browser.done(json!({ "do": "settle" }));
 }
 
-/// What elements say.
+/// The text of elements.
 fn texts(browser: &mut Browser, selector: &str) -> Vec<String> {
     serde_json::from_value(browser.tell(json!({ "do": "text", "selector": selector }))["answer"].take())
         .unwrap()
 }
 
-/// Waits until what elements say is as it should be.
+/// Waits until the text of elements is as expected.
 fn said(browser: &mut Browser, selector: &str, holds: impl Fn(&[String]) -> bool) -> Vec<String> {
     let begun = Instant::now();
     loop {
@@ -57,7 +57,7 @@ fn said(browser: &mut Browser, selector: &str, holds: impl Fn(&[String]) -> bool
     }
 }
 
-/// Clicks where a point of the world shows, a little beside it.
+/// Clicks where a point of the world is visible, a little beside it.
 fn click_at(browser: &mut Browser, point: [f64; 3], keys: &[&str]) {
     let place = browser.tell(json!({ "do": "point", "point": point }))["answer"].take();
     let at = |axis: usize| place[axis].as_f64().unwrap_or_else(|| panic!("{point:?} does not show")).round();
@@ -134,7 +134,7 @@ fn a_distance_is_of_full_detail_whatever_the_picture_shows() {
         });
     }
 
-    // Where full detail cannot be had, it says how far it may be off: two pixels an end.
+    // Without full detail it states its error: two pixels per end.
     drop(service);
     for column in [6, 7] {
         click_at(&mut browser, on_ball(FAR[usize::from(column == 7)], 9, column), &[]);
@@ -165,7 +165,7 @@ fn what_is_measured_can_be_taken_back_and_copied_in_any_unit() {
     let expected = format!("{:.3} m", length(ends));
     said(&mut browser, DISTANCES, |all| all == [expected.clone()]);
 
-    // Escape takes back the first point, and Ctrl+Z as well.
+    // Escape undoes the first point, and Ctrl+Z as well.
     for key in ["Escape", "Control+z"] {
         click_at(&mut browser, ends[0], &[]);
         press(&mut browser, &[key]);
@@ -224,16 +224,16 @@ fn clicks_pick_as_on_a_desktop() {
         assert_eq!(look(browser)["selected"], json!(selected), "{ball} {keys:?}");
         said(browser, ".details h2", |all| all == panel);
     };
-    // The first pick with Ctrl has a panel as any other, and F goes there.
+    // The first pick with Ctrl has a panel like any other, and F frames it.
     click(&mut browser, 0, &["Control"], &[0], &["ball-0"]);
     goes(&mut browser);
     stand(&mut browser);
-    // The panel shows what is picked: the one that is left.
+    // The panel shows the remaining picked object.
     click(&mut browser, 1, &["Control"], &[0, 1], &["ball-1"]);
     click(&mut browser, 0, &["Control"], &[1], &["ball-1"]);
     click(&mut browser, 2, &["Control"], &[1, 2], &["ball-2"]);
     click(&mut browser, 2, &["Control"], &[1], &["ball-1"]);
-    // Shift adds and never takes away; a click alone picks one.
+    // Shift adds and never removes; a plain click picks one.
     click(&mut browser, 2, &["Shift"], &[1, 2], &["ball-2"]);
     click(&mut browser, 2, &["Shift"], &[1, 2], &["ball-2"]);
     assert!(texts(&mut browser, ".details p")[0].contains("2 that are picked"));
@@ -298,7 +298,7 @@ fn views_and_links_know_their_scene() {
     assert_eq!(browser.done(json!({ "do": "download", "name": "Picture" })), "plant.png");
     assert_eq!(browser.done(json!({ "do": "download", "name": "Save as a file" })), "plant-views.json");
 
-    // A view that was kept in Orbit comes back in Orbit, with its distances.
+    // A view saved in Orbit comes back in Orbit, with its distances.
     let kept = look(&mut browser);
     browser.done(json!({ "do": "button", "name": "Copy link" }));
     let link = browser.done(json!({ "do": "clipboard" }));
@@ -310,7 +310,7 @@ fn views_and_links_know_their_scene() {
     let back = look(&mut browser);
     assert_eq!([&back["eye"], &back["mode"]], [&kept["eye"], &json!("orbit")]);
 
-    // The link, put into the tab that shows the model already.
+    // The link, entered into the tab that shows the model already.
     press(&mut browser, &["2"]);
     browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 400 }));
     browser.done(json!({ "do": "open", "url": link }));
@@ -320,7 +320,7 @@ fn views_and_links_know_their_scene() {
     }
     assert_eq!(look(&mut browser)["mode"], "orbit");
 
-    // In another scene neither link nor file is taken, and it says which scene they are of.
+    // In another scene neither link nor file is accepted, and the message names their scene.
     let Some(other) = Service::of(&bench, "balls.scene", "127.0.0.1:0") else { return };
     let foreign = link.replace(&service.at, &other.at);
     browser.done(json!({ "do": "open", "url": foreign }));
@@ -367,12 +367,12 @@ fn a_search_shows_all_that_it_finds_and_what_is_chosen() {
     let rows = "#found [role=option]";
     let chosen = "#found [aria-selected=true]";
 
-    // Separators are forgiven.
+    // Separators are ignored.
     press(&mut browser, &["/"]);
     browser.done(json!({ "do": "type", "text": "20 ce050" }));
     said(&mut browser, rows, |all| all == ["/20-CE050_A"]);
 
-    // All of 250 can be reached; the chosen row stays in sight.
+    // All of 250 can be reached; the selected row stays in sight.
     press(&mut browser, &["Control+a"]);
     browser.done(json!({ "do": "type", "text": "20ce" }));
     said(&mut browser, rows, |all| all.len() == 100);
@@ -391,7 +391,7 @@ fn a_search_shows_all_that_it_finds_and_what_is_chosen() {
     assert_eq!(all[249], "/20-CE249_A");
     assert_eq!(texts(&mut browser, chosen), ["/20-CE060_A"]);
 
-    // It closes where something is chosen, and goes on from there.
+    // It closes on a selection, and resumes from there.
     press(&mut browser, &["Enter"]);
     said(&mut browser, ".details h2", |all| all == ["/20-CE060_A"]);
     assert!(texts(&mut browser, rows).is_empty(), "the list is closed");

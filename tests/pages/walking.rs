@@ -1,4 +1,4 @@
-//! Walking in a real browser: on floors, against walls, up stairs, and whatever happens meanwhile.
+//! Walking in a real browser: on floors, against walls, up stairs, and with other events meanwhile.
 
 use serde_json::{Value, json};
 use trimaran_scene::Scene;
@@ -16,7 +16,7 @@ fn opened(bench: &Bench, scene: &str) -> Option<(Service, Browser)> {
     Some((service, browser))
 }
 
-/// Where the eye is.
+/// The eye's position.
 fn eye(browser: &mut Browser) -> [f64; 3] {
     let look = browser.done(json!({ "do": "look" }));
     [0, 1, 2].map(|axis| look["eye"][axis].as_f64().unwrap())
@@ -55,7 +55,7 @@ fn a_wall_stops_who_walks_and_stairs_lead_up() {
     assert!((y - 1.7).abs() < 0.05, "it falls to the floor: {y}");
 }
 
-/// What the page shows at rest is exact.
+/// The page's picture at rest is exact.
 fn is_exact_at_rest(browser: &mut Browser, scene: &Scene) -> Value {
     browser.tell(json!({ "do": "settle" }));
     let look = browser.tell(json!({ "do": "look" }))["answer"].take();
@@ -101,7 +101,7 @@ fn a_hundred_sizes_while_walking_leave_an_exact_picture() {
         let (width, height) = (120 + 37 * at % 400, 100 + 53 * at % 300);
         browser.done(json!({ "do": "resize", "width": width, "height": height }));
     }
-    // Of what such a picture shows, one of the first size has little.
+    // A picture of the first size shows little of such a picture.
     browser.done(json!({ "do": "resize", "width": 700, "height": 120 }));
     browser.done(json!({ "do": "up", "key": "ArrowLeft" }));
     let look = is_exact_at_rest(&mut browser, &scene);

@@ -1,5 +1,4 @@
-//! The window on a screen that nobody sees: what it shows, and what a hand does in it. The validation layer
-//! watches all of it.
+//! The window on a virtual screen: its pictures, and its response to input. All under the validation layer.
 
 use std::{process::ExitStatus, sync::Arc, thread, time::Duration};
 
@@ -19,7 +18,7 @@ use crate::common::page::Service;
 use crate::common::program::{Bench, said, signal};
 use crate::common::screen::{Compositor, SCREEN, Screen, Window, wait_for};
 
-/// A scene, and a person in it who moves as the window lets them.
+/// A scene, and a person in it who moves like the window's.
 struct Person {
     scene: Arc<Scene>,
     clearance: f64,
@@ -39,7 +38,7 @@ impl Person {
         Self { scene, clearance, navigator, ground }
     }
 
-    /// Stands where it falls.
+    /// Stands after falling.
     fn rests(&mut self) -> Pose {
         let Self { navigator, ground, .. } = self;
         wait_for("the ground", || {
@@ -51,7 +50,7 @@ impl Person {
         navigator.pose()
     }
 
-    /// From where it is, in a picture of this size, with pixels as large as those of one of `of`.
+    /// A view from the present eye in a picture of this size, with pixels as large as those of one of `of`.
     fn view(&self, size: [u32; 2], of: [u32; 2]) -> View {
         let Pose { eye, gaze } = self.navigator.pose();
         let tan = (self.navigator.vfov_deg().to_radians() / 2.0).tan();
@@ -62,15 +61,15 @@ impl Person {
         View::new(camera, Viewport::new(size[0], size[1]).unwrap())
     }
 
-    /// What a window of this size is to show: the mean of four pixels each, and nothing where an edge goes
-    /// between sky and things.
+    /// The expected picture of a window of this size: the mean of four samples per pixel, and nothing at
+    /// edges between sky and objects.
     fn picture(&self, gpu: &Arc<Gpu>, size: [u32; 2]) -> Vec<Option<Vec3>> {
         self.picture_with(gpu, size, self.scene.see_through())
     }
 
-    /// The same, where these objects are see-through.
+    /// The same with these objects see-through.
     fn picture_with(&self, gpu: &Arc<Gpu>, size: [u32; 2], glass: &ObjectSet) -> Vec<Option<Vec3>> {
-        // What is culled for is wider by half, with pixels of the same size.
+        // The culled view is wider by half, with pixels of the same size.
         let asked = self.view(size.map(|side| (3 * side).div_ceil(2)), size);
         let settings = Settings::new(asked.viewport(), LodRule::new(2.0).unwrap());
         let state = ViewState { see_through: Some(glass.clone()), ..settings.into() };
@@ -107,7 +106,7 @@ fn colour(&[red, green, blue, _]: &[u8; 4]) -> Vec3 {
     Vec3::new(f32::from(red), f32::from(green), f32::from(blue))
 }
 
-/// Sky above the horizon and ground below, as the page has it.
+/// Sky above the horizon and ground below, like the page's.
 fn sky(view: &View, x: u32, y: u32) -> Vec3 {
     let size = view.viewport();
     let across = ((f64::from(x) + 0.5) / f64::from(size.width()) * 2.0 - 1.0) * view.tan_half_fov_x();
@@ -122,7 +121,7 @@ fn sky(view: &View, x: u32, y: u32) -> Vec3 {
     ground.lerp(sky, edge * edge * (3.0 - 2.0 * edge))
 }
 
-/// The share of pixels at which a window that begins at the upper left of the screen shows something else.
+/// The share of wrong pixels of a window at the upper left of the screen.
 fn wrong(screen: &Screen, size: [u32; 2], expected: &[Option<Vec3>]) -> f64 {
     let shown = screen.picture();
     let row = |y: u32| (0..size[0]).map(move |x| y as usize * SCREEN[0] + x as usize);
@@ -139,7 +138,7 @@ fn said_nothing(said: &str) {
     assert_eq!(complaint, None, "{said}");
 }
 
-/// Ends the program as a person does.
+/// Ends the program like a person.
 fn quit(window: Window<'_>) {
     window.by_hand(&["key", "ctrl+q"]);
     let (status, said) = window.end();
@@ -147,7 +146,7 @@ fn quit(window: Window<'_>) {
     said_nothing(&said);
 }
 
-/// Drags from the middle of the window, so that the person turns by so many pixels.
+/// Drags from the middle of the window, so that the person turns by this many pixels.
 fn turn(window: &Window<'_>, person: &mut Person, right: i32, down: i32) {
     let mut left = [right, down];
     while left != [0, 0] {
@@ -180,7 +179,7 @@ fn at_rest_the_window_shows_the_whole_cut_whatever_its_size() {
         let expected = person.picture(&gpu, size);
         let things = expected.iter().filter(|pixel| pixel.is_some()).count();
         assert!(things * 10 > expected.len() * 9);
-        // In a small window there are things smaller than its pixels, which hide behind others.
+        // A small window has objects smaller than its pixels, which hide behind others.
         wait_for("the exact picture", || (wrong(&screen, size, &expected) < 1e-3).then_some(()));
     }
     quit(window);
@@ -221,7 +220,7 @@ fn a_window_on_a_service_elsewhere_is_sent_what_it_shows_and_outlives_it() {
     exact(&person);
     turn(&window, &mut person, 200, 30);
     exact(&person);
-    // The service is killed while somebody looks around, and comes back.
+    // The service is killed while a person looks around, and comes back.
     let at = service.at.clone();
     drop(service);
     turn(&window, &mut person, -300, 0);
@@ -324,7 +323,7 @@ fn a_wall_stops_who_walks_and_stairs_lead_up() {
     let go = |key: &str, there: &dyn Fn([f64; 3]) -> bool| {
         window.by_hand(&["keydown", key]);
         let mut last = vec![];
-        // As far as it should be, or nobody goes any further.
+        // As far as expected, or until the eye stops.
         let reached = wait_for("the way", || {
             thread::sleep(Duration::from_millis(200));
             last.push(window.eye());
@@ -374,7 +373,7 @@ fn a_window_follows_a_hundred_sizes_and_being_minimized_while_somebody_walks() {
     }
     window.by_hand(&["keyup", "Left"]);
     window.rests();
-    // Who does not know how far it has turned looks at where a drag ends: straight down.
+    // If the turned angle is unknown, the end of a drag is known: straight down.
     window.xdotool(&["windowsize", "640", "480"]);
     person.navigator.drag(Drag { right: 0.0, down: -1e6, is_pan: false }, 480.0);
     for _ in 0..4 {
@@ -404,7 +403,7 @@ fn a_window_ends_with_the_program_and_the_program_with_its_window() {
         let (status, said) = window.end();
         assert_eq!(status.code(), Some(0), "{end}: {said}");
         if end != "closed" {
-            // Nobody can know of a window that another program closes before it has gone.
+            // A window closed by another program ends without notice.
             said_nothing(&said);
         }
     }
@@ -428,7 +427,7 @@ fn plant_and_walk() -> Bench {
     bench
 }
 
-/// What a window says of a walk that it was to repeat.
+/// A window's report of a repeated walk.
 fn told((status, said): (ExitStatus, String)) -> Value {
     assert_eq!(status.code(), Some(0), "{said}");
     said_nothing(&said);

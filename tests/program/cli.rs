@@ -1,12 +1,11 @@
-//! The program as a user meets it when something is wrong: what it says, its exit code, and what it leaves
-//! behind.
+//! The program with faulty input: its messages, its exit code, and the files that it leaves behind.
 
 use std::{fs, net::TcpListener, path::Path, process::Output};
 
 use crate::common::program::{Bench, Process, said, signal};
 
 impl Bench {
-    /// Runs the program, which is to refuse its input: exit code 2, and every one of `words` in what it says.
+    /// Runs the program, which must refuse its input: exit code 2, and every one of `words` in its output.
     fn refuses(&self, args: &[&str], words: &[&str]) {
         expect(&self.trimaran(args), 2, words);
     }
@@ -23,7 +22,7 @@ fn expect(output: &Output, code: i32, words: &[&str]) {
     says(output.status.code(), &said(output), code, words);
 }
 
-/// A program is to have ended so, with every one of `words` in what it said.
+/// Checks a program's exit code, and every one of `words` in its output.
 fn says(ended: Option<i32>, said: &str, code: i32, words: &[&str]) {
     assert_eq!(ended, Some(code), "{said}");
     for word in words {
@@ -110,7 +109,7 @@ fn without_a_vulkan_device_it_says_what_to_install() {
 #[test]
 fn a_full_disk_leaves_nothing_half_written() {
     let bench = Bench::empty();
-    // A limit on the size of files stands for the full disk: both make the write fail half-way.
+    // A file size limit stands for the full disk: both make the write fail half-way.
     let program = env!("CARGO_BIN_EXE_trimaran");
     let script =
         format!("ulimit -f 16; trap '' XFSZ; exec {program} generate plant --objects 300 -o plant.scene");
@@ -228,8 +227,8 @@ fn pictures(bench: &Bench, out: &str, count: u32) -> Vec<Vec<u8>> {
     (0..count).map(|n| fs::read(bench.path(out).join(format!("frames/{n:05}.png"))).unwrap()).collect()
 }
 
-/// The display finds one culler over QUIC and the other one over TCP, over which these meet each other. One that
-/// was not told where the other one listens culls by itself: a display's word is not enough.
+/// The display connects to one culler over QUIC and the other over TCP, over which these connect too. A
+/// culler whose configuration lacks the other's endpoint culls independently: a display's word is not enough.
 #[test]
 fn every_two_roles_may_have_another_transport_and_cullers_meet_where_they_were_told() {
     const WALK: [&str; 6] = ["--frames", "4", "--size", "96x80", "--audit-every", "0"];
@@ -282,7 +281,7 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
     expect(&from_variable, 1, &[&variable, "in use"]);
     let all = command().env("TRIMARAN_LISTEN", &variable).args(["--listen", &flag]).output().unwrap();
     expect(&all, 1, &[&flag, "in use"]);
-    // A bad value is told by where it stands.
+    // An error of a bad value names its source.
     let bad = bench.command(&args).env("TRIMARAN_SESSION_BATCH", "0").output().unwrap();
     expect(&bad, 2, &["TRIMARAN_SESSION_BATCH", "1 to 16384"]);
     bench
@@ -352,14 +351,14 @@ impl LongSession {
         Self { display, cullers }
     }
 
-    /// Waits until so many frames are on disk.
+    /// Waits until this many frames are on disk.
     fn has_recorded(&self, bench: &Bench, frames: usize) {
         while recorded(&bench.path("long/unfinished")) < frames {
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
     }
 
-    /// Waits for the end of all three, which is to be so.
+    /// Waits for the end of all three, with this exit code and output.
     fn ends(self, code: i32, words: &[&str]) {
         let (ended, said) = self.display.ended();
         says(ended, &said, code, words);
@@ -381,8 +380,8 @@ fn cullers_that_cannot_start_are_not_waited_for() {
     };
     let bench = Bench::with_plant(300);
     for link in ["tcp", "unix", "quic", "udp"] {
-        // Started by the loader, the program takes the loader for itself: the machines that it starts end at
-        // once.
+        // Started by the loader, the program takes the loader for itself, so the machines that it starts end
+        // at once.
         let args = [env!("CARGO_BIN_EXE_trimaran"), "run", "plant.scene", "--link", link, "--frames", "4"];
         let run = bench.command_of(&loader, &args).output().unwrap();
         expect(&run, 1, &["culler ", " ended with", "exit status: 127", "before it had joined"]);
@@ -403,7 +402,7 @@ fn when_a_culler_is_killed_the_walk_goes_on_and_says_which() {
     assert!(notes.contains("culler 1 was lost before frame"), "{notes}");
 }
 
-/// The report of a [`LongSession`], which is to hold what was walked and no more.
+/// The report of a [`LongSession`], with exactly the walked frames.
 fn long_report(bench: &Bench) -> serde_json::Value {
     if bench.path("long/unchecked.json").exists() {
         // It was stopped before all of its pictures were drawn.
@@ -426,7 +425,7 @@ fn a_culler_that_hangs_is_noticed_within_the_idle_timeout() {
     for link in ["unix", "tcp", "quic", "udp"] {
         let mut session = LongSession::start(&bench, link);
         session.has_recorded(&bench, 3);
-        // Its connections stand, and the system under it answers for it.
+        // Its connections stay open, and its system acknowledges for it.
         signal("STOP", &session.cullers[1]);
         session.display.says("culler 2 was late with frame");
         let lost = session.display.says("culler 2 was lost before frame");
@@ -447,7 +446,7 @@ fn an_interrupted_session_reports_what_it_walked() {
     assert!(fs::read_to_string(bench.path("long/report.html")).unwrap().contains("This walk ended early"));
 }
 
-/// What is asked to stop leaves its report soon, and its checks for another time.
+/// A stopped walk leaves its report soon, and its checks for another time.
 #[test]
 fn a_walk_that_is_stopped_is_reported_at_once_and_checked_later() {
     let bench = Bench::with_plant(300);
@@ -501,7 +500,7 @@ fn a_walk_that_is_stopped_is_reported_at_once_and_checked_later() {
     expect(&bench.trimaran(&["report", "long"]), 2, &["unchecked.json"]);
 }
 
-/// A name in a model sets no title of a terminal, and is no line of its own.
+/// A name in a model cannot set a terminal's title, or forge a line.
 #[test]
 fn words_of_a_file_are_no_commands_to_a_terminal() {
     let bench = Bench::empty();
@@ -535,7 +534,7 @@ fn a_killed_display_leaves_what_it_recorded() {
     assert!(bench.path("long/report.json").exists());
 }
 
-/// How many frames are recorded in the folder of a walk that is not finished.
+/// How many frames are recorded in the folder of an unfinished walk.
 fn recorded(folder: &Path) -> usize {
     let journal = fs::read_to_string(folder.join("walk.jsonl")).unwrap_or_default();
     journal.matches("\n{\"frame\":").count()
@@ -631,7 +630,7 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
     let lines = |name: &str| fs::read_to_string(bench.path(name)).unwrap().lines().count();
     assert_eq!((lines("figures/runs.csv"), lines("figures/frames.csv")), (1 + 2, 1 + 4 * 12));
 
-    // What the display culls itself arrives nowhere.
+    // Frames culled by the display itself have no arrivals.
     let alone = ["run", "plant.scene", "--record", "alone.trace", "--frames", "4", "--size", "64x64"];
     bench.done(&[&alone[..], &["--cullers", "0", "--audit-every", "0", "--out", "alone"]].concat());
     let sim = bench.done(&["sim", "--trace", "alone.trace", "--frames", "4", "--cullers", "0", "--json"]);
@@ -674,7 +673,7 @@ fn a_recorded_walk_sends_an_empty_display_what_a_real_one_is_sent() {
         runs.iter().map(|run| 12.0 * run["bytes"]["geometry"].as_f64().unwrap()).collect()
     };
 
-    // What is sent ahead of a moving camera depends on how long each frame took.
+    // The amount sent ahead of a moving camera depends on the time of each frame.
     let (moving, unused) = sent(&[], "moving");
     let runs = simulated("moving.trace");
     assert_eq!(runs.len(), 3, "three transports");
@@ -729,7 +728,7 @@ fn a_model_is_never_written_over() {
     for name in ["a.obj", "b.obj", "link.scene"] {
         assert_eq!(fs::read_to_string(bench.path(name)).unwrap(), square, "{name}");
     }
-    // A scene may be made anew, and an empty file is a name that was made for it.
+    // A scene may be overwritten, and an empty file is a reserved name.
     bench.write("c.scene", "");
     for _ in 0..2 {
         bench.done(&["import", "a.obj", "b.obj", "-o", "c.scene"]);

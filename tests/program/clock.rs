@@ -1,4 +1,4 @@
-//! A clock of the machine that is set while roles walk: nothing waits or measures by it.
+//! The machine's clock is set while roles walk: nothing waits or measures by it.
 //!
 //! Needs libfaketime; without it the test says that it is skipped, and fails if `TRIMARAN_REQUIRE_FAKETIME`
 //! is 1.
@@ -22,7 +22,7 @@ const HOUR_MS: f64 = 3.6e6;
 fn walk_through_time(bench: &Bench, transport: &str) -> Output {
     let clock = bench.path("clock");
     let set = |to: &str| {
-        // Whoever reads the file while it is written sees the time before or the time after.
+        // Readers of the file during the write see the time before or the time after.
         bench.write("next", to);
         fs::rename(bench.path("next"), &clock).unwrap();
     };

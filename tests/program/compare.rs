@@ -1,4 +1,4 @@
-//! `trimaran compare`: every system on one generated plant, and what it refuses.
+//! `trimaran compare`: every system on one generated plant, and refused arguments.
 
 use std::fs;
 
@@ -17,8 +17,7 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
 }
 
-/// All systems walk the same frames. Their pictures are the same; what they draw and who draws it differs as
-/// it must.
+/// All systems walk the same frames. Their pictures are the same; the sets and machines differ as expected.
 #[test]
 fn every_system_shows_the_same_pictures() {
     let bench = Bench::with_plant(1_500);

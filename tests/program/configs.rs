@@ -1,4 +1,4 @@
-//! The configurations in `examples/configs` are what docs/operations.md tells people to start from.
+//! The configurations in `examples/configs`, from which docs/operations.md tells people to start.
 
 use std::path::{Path, PathBuf};
 
@@ -58,7 +58,7 @@ fn the_encrypted_example_joins_machines_that_know_each_other() {
     assert!(each(&display.cullers).iter().all(|culler| culler.needs_keys()));
     for (culler, other) in cullers.iter().zip(cullers.iter().rev()) {
         assert_eq!(each(&culler.listen)[0].transport(), each(&display.cullers)[0].transport());
-        // The display names a culler as the other one knows it, or else they cannot meet.
+        // The display must name a culler like the other culler does, or they cannot meet.
         let own = each(&culler.cullers)[0];
         assert!(each(&display.cullers).contains(&own) && !each(&other.cullers).contains(&own));
         let [displays, others] = [&culler.peers.displays, &culler.peers.cullers].map(|known| &known[..]);

@@ -1,4 +1,4 @@
-//! Replays what the fuzz targets for files have in their corpus.
+//! Replays the corpus of the file fuzz targets.
 
 #[path = "../../fuzz/src/files.rs"]
 #[allow(unreachable_pub, reason = "the fuzz targets' library shares the file")]

@@ -1,5 +1,5 @@
 //! The program with a display that begins without the scene: culling is exact, and its pictures are those of
-//! a display that has the scene.
+//! a display with the scene.
 
 use std::fs;
 
@@ -12,7 +12,7 @@ const FRAMES: usize = 6;
 const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "128x128", "--audit-every", "1"];
 /// The same by the clock.
 const LIVE: [&str; 3] = ["--live", "20", "--empty-display"];
-/// A link of few bytes at a time: over it frames are mostly shown before all of them has come.
+/// A link with a small window: over it frames are mostly shown before all of them has come.
 const SLOW: [&str; 6] = ["--link", "udp", "-o", "udp.window=4096", "-o", "udp.send_buffer=4096"];
 
 fn pictures(bench: &Bench, out: &str) -> Vec<Vec<u8>> {

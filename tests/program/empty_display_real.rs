@@ -1,5 +1,5 @@
-//! Displays that begin without the scene, on real models: with little memory, whatever is thrown away, and
-//! whoever is lost meanwhile, they show what a display that has the scene shows.
+//! Displays without the scene, on real models: with little memory, with evictions, and with roles lost
+//! meanwhile, they show the same as a display with the scene.
 
 use std::{fs, path::PathBuf, thread, time::Duration};
 
@@ -9,7 +9,7 @@ use crate::common::data::{Data, cooked, imported};
 use crate::common::ports::unused_port;
 use crate::common::program::{Bench, Process};
 
-/// Every so many frames of the long walk one picture is kept.
+/// One picture in this many of the long walk is kept.
 const KEPT_EVERY: usize = 100;
 
 fn picture(bench: &Bench, out: &str, frame: usize) -> Vec<u8> {
@@ -17,7 +17,7 @@ fn picture(bench: &Bench, out: &str, frame: usize) -> Vec<u8> {
     fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// Walks through the model's scene by three ways, each with another display and other cullers.
+/// Walks through the model's scene on three paths, each with another display and other cullers.
 fn walks_at_random(files: &[PathBuf]) {
     const FRAMES: usize = 16;
     let bench = Bench::empty();
@@ -88,7 +88,7 @@ fn cullers_that_come_and_go_and_a_display_that_is_killed_change_no_picture() {
     killed.kill();
     let mut again = start(&bench, &display);
     again.says("begins with nothing of the scene");
-    // What the killed one recorded is out of the way.
+    // The killed one's records are moved aside.
     again.says("a walk before this one left no report");
     shows(&bench, 40);
     first.kill();
@@ -107,7 +107,7 @@ fn cullers_that_come_and_go_and_a_display_that_is_killed_change_no_picture() {
     }
 }
 
-/// Waits until so many frames of the walk are on disk.
+/// Waits until this many frames of the walk are on disk.
 fn shows(bench: &Bench, frames: usize) {
     let journal = bench.path("walk/unfinished/walk.jsonl");
     for _ in 0..20_000 {

@@ -3,7 +3,7 @@
 use crate::common::ports::unused_port;
 use crate::common::program::Bench;
 
-/// The fingerprint behind `transport` in what `trimaran keys show` says of `file`.
+/// The fingerprint behind `transport` in the output of `trimaran keys show` for `file`.
 fn fingerprint(bench: &Bench, transport: &str, file: &str) -> String {
     let shown = bench.done(&["keys", "show", file]);
     let line = shown.lines().find_map(|line| line.trim().strip_prefix(transport));

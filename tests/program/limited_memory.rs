@@ -1,4 +1,4 @@
-//! A scene larger than the memory it is given: `trimaran run` in a control group.
+//! A scene larger than its memory limit: `trimaran run` in a control group.
 //!
 //! Needs Linux and a memory controller that this process may limit; elsewhere the test says that it is
 //! skipped.
@@ -12,8 +12,8 @@ use trimaran_cook::{CookOptions, cook};
 use trimaran_scene::Scene;
 use trimaran_scene::path::{AutoPathOptions, auto};
 
-/// What the process may use. A session with its drivers takes about 100 MB of it. The scene takes more than
-/// twice the limit when it is unpacked.
+/// The memory limit of the process. A session with its drivers takes about 100 MB of it. The unpacked scene
+/// takes more than twice the limit.
 const LIMIT: u64 = 160 << 20;
 
 const FRAMES: u32 = 24;
@@ -22,7 +22,7 @@ const FRAMES: u32 = 24;
 struct Group(PathBuf);
 
 impl Group {
-    /// `None` where there is no controller, or it is not to be had.
+    /// `None` if there is no usable controller.
     fn new(limit: u64) -> Option<Self> {
         let own = fs::read_to_string("/proc/self/cgroup").ok()?;
         let (first, second) = own.lines().find_map(|line| {
@@ -40,7 +40,7 @@ impl Group {
         Some(group)
     }
 
-    /// The command, to be run within.
+    /// The command, run within the group.
     fn command(&self, program: &str) -> Command {
         let mut command = Command::new("sh");
         let enter = format!("echo $$ >'{}' && exec \"$0\" \"$@\"", self.0.join("cgroup.procs").display());
@@ -55,7 +55,7 @@ impl Drop for Group {
     }
 }
 
-/// Walks the scene along the path, and gives the pictures.
+/// Walks the scene along the path, and returns the pictures.
 fn walk(mut command: Command, scene: &Path, path: &Path, out: &Path, more: &[&str]) -> Vec<Vec<u8>> {
     command.arg("run").arg(scene).arg("--path").arg(path).arg("--out").arg(out);
     command.args(["--audit-every", "0", "--size", "480x360", "--frames", &FRAMES.to_string()]);

@@ -1,4 +1,4 @@
-//! What a running session tells a monitoring system and `trimaran stat`.
+//! A running session's metrics for a monitoring system and `trimaran stat`.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -92,7 +92,7 @@ fn a_running_session_shows_what_its_links_carry() {
 }
 
 /// A listener with room for one peer and four handshakes, which a link over TCP takes, meets a crowd, and a
-/// peer that says more than it may.
+/// peer that sends more than allowed.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
@@ -141,7 +141,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
         tokio::task::spawn_blocking(move || (get(&address, "/metrics"), get(&address, "/listener")))
             .await
             .unwrap();
-    // Whoever was still being turned away when the listener went may have been counted later.
+    // Peers still being turned away when the listener ended may have been counted later.
     let after = display.stats.listener().unwrap().turned_away();
     for (limit, counted) in [
         ("handshakes", before.no_room..=after.no_room),

@@ -1,5 +1,5 @@
-//! A network that is cut while machines walk: for a moment, and for longer than they wait for each other. The
-//! walk goes on either way.
+//! The network is cut while machines walk: briefly, and for longer than their timeouts. The walk goes on
+//! either way.
 //!
 //! Needs Linux and root; elsewhere the tests say that they are skipped, and fail if `TRIMARAN_REQUIRE_NETNS`
 //! is 1.
@@ -12,7 +12,7 @@ use trimaran_netsim::Profile;
 use crate::common::deployment::{Deployment, Place, culled_by, notes};
 use crate::common::program::Process;
 
-/// Two cullers and a display on a network of their own, if that can be had.
+/// Two cullers and a display on a network of their own, if possible.
 fn machines(test: &str) -> Option<Emulation> {
     if let Err(missing) = Emulation::possible() {
         assert!(env::var_os("TRIMARAN_REQUIRE_NETNS").is_none_or(|value| value != "1"), "{missing}");

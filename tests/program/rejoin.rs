@@ -1,5 +1,5 @@
-//! A display and its cullers as processes, of which some are lost or come late: the walk goes on, no frame is
-//! missing, and who comes again is dealt frames again.
+//! A display and its cullers as processes, some of which are lost or come late: the walk goes on, no frame is
+//! missing, and a culler that comes again gets frames again.
 
 use std::{thread, time::Duration};
 
@@ -17,7 +17,7 @@ fn deploy(transport: &str) -> Deployment {
 
 #[test]
 fn a_culler_that_is_started_again_is_taken_back_and_no_frame_is_missing() {
-    // Who is stopped says so itself: it is missed long before the idle timeout ends.
+    // A stopped process says so itself: it is missed long before the idle timeout.
     let stopped = ["-o", "link.idle_timeout_s=100"];
     for transport in TRANSPORTS {
         for (killed, more) in [(true, &[][..]), (false, &stopped)] {
@@ -44,7 +44,7 @@ fn a_culler_that_is_started_again_is_taken_back_and_no_frame_is_missing() {
     }
 }
 
-/// As when a machine is suspended: to the display it is lost, and it learns of that once it goes on.
+/// Like a suspended machine: the display counts it as lost, and it learns of that once it goes on.
 #[test]
 fn a_culler_that_sleeps_for_longer_than_the_idle_timeout_is_taken_back() {
     for transport in TRANSPORTS {
@@ -116,8 +116,7 @@ fn a_display_that_never_finds_a_culler_walks_alone() {
     assert_eq!((report["frames"].as_array().unwrap().len(), culled_by(&report)), (10, vec!["display"]));
 }
 
-/// Until the display's join_timeout is over it waits for both: one that is lost meanwhile is looked for
-/// again.
+/// Until its join_timeout the display waits for both: one that is lost meanwhile is reconnected.
 #[test]
 fn a_culler_that_is_killed_while_the_display_waits_for_the_other_one_is_taken_back() {
     for transport in TRANSPORTS {
@@ -137,7 +136,7 @@ fn a_culler_that_is_killed_while_the_display_waits_for_the_other_one_is_taken_ba
     }
 }
 
-/// Over datagrams a culler has not noticed yet that the display before was killed: it serves both.
+/// Over datagrams a culler has not noticed yet that the earlier display was killed: it serves both.
 #[test]
 fn a_display_that_is_started_again_finds_its_cullers_at_once() {
     // Longer than a test may wait.
@@ -180,7 +179,7 @@ fn cullers_stay_when_a_display_is_interrupted_and_end_when_they_are_stopped() {
     }
 }
 
-/// Where only the display can be reached.
+/// If only the display can be reached.
 #[test]
 fn cullers_that_connect_find_the_display_that_is_there() {
     for transport in TRANSPORTS {

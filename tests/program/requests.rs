@@ -1,4 +1,4 @@
-//! What requests over HTTP can cost a service of pages.
+//! The cost of HTTP requests to a service of pages.
 
 use std::{
     fs,
@@ -11,7 +11,7 @@ use std::{
 use crate::common::page::{Service, TOKEN};
 use crate::common::program::Bench;
 
-/// How often the service's time is looked at, and for how many looks it must not have worked.
+/// How often the service's CPU time is read, and for how many readings it must be idle.
 const PAUSE: Duration = Duration::from_millis(100);
 const IDLE: usize = 10;
 
@@ -38,7 +38,7 @@ fn tile(x: i32, z: i32) -> String {
     format!("/tile?token={TOKEN}&x={x}&z={z}")
 }
 
-/// Whoever asks and goes away leaves no work behind, and keeps nobody waiting.
+/// A client that asks and goes away leaves no work behind, and delays nobody.
 #[test]
 fn work_for_askers_that_are_gone_is_given_up() {
     const GONE: u64 = 200;
@@ -48,7 +48,7 @@ fn work_for_askers_that_are_gone_is_given_up() {
     let process = service.process();
     let mut before = ticks_at_rest(process);
     let mut costs = Vec::new();
-    // Of all tiles the one that takes most.
+    // The most expensive of all tiles.
     for (x, z) in (-3..=3).flat_map(|x| (-3..=3).map(move |z| (x, z))) {
         assert!(service.status(&tile(x, z), "").starts_with("HTTP/1.1 200"));
         let now = ticks(process);
@@ -64,7 +64,7 @@ fn work_for_askers_that_are_gone_is_given_up() {
     for _ in 0..GONE {
         let mut stream = TcpStream::connect(&service.at).unwrap();
         write!(stream, "GET {} HTTP/1.1\r\nHost: {}\r\n\r\n", tile(x, z), service.at).unwrap();
-        // It is asked before they go.
+        // It is requested before they go.
         thread::sleep(Duration::from_millis(2));
     }
     let answer = service.status(&format!("/part?token={TOKEN}&object=0"), "");
@@ -74,7 +74,7 @@ fn work_for_askers_that_are_gone_is_given_up() {
     assert!(cost >= 2 && spent < GONE * cost / 4, "{spent} ticks, and a tile takes {cost}");
 }
 
-/// Nobody waits for an answer that does not come.
+/// Every question is answered or told to come again.
 #[test]
 fn many_questions_at_once_are_answered_or_told_to_come_again() {
     let bench = Bench::with_plant(100);

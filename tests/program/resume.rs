@@ -1,5 +1,5 @@
-//! A display that is killed and started again goes on where it was: its report has every frame once, and the
-//! pictures are those of a walk that nobody killed.
+//! A display that is killed and restarted resumes: its report has every frame once, and the pictures are
+//! those of an uninterrupted walk.
 
 use std::{
     fs::{self, File},
@@ -17,7 +17,7 @@ const FRAMES: usize = 150;
 const WALK: [&str; 4] = ["--frames", "150", "--width=200", "--height=200"];
 const AUDITED: [&str; 2] = ["--audit-every", "1"];
 const LIVE: [&str; 2] = ["--live", "30"];
-/// Longer than a test may wait: only the display's key frees its place, and there is one.
+/// Longer than a test may wait: only the display's key frees its slot, and there is one.
 const ONE_PLACE: [&str; 4] = ["-o", "link.idle_timeout_s=600", "-o", "limits.peers=1"];
 const WENT_ON: &str = "was killed before frame";
 
@@ -29,7 +29,7 @@ fn start(deployment: &Deployment, more: &[&str]) -> Process {
     deployment.start("display", &[&WALK, &ONE_PLACE[..], more].concat())
 }
 
-/// Starts a display that is killed once it has shown so many frames.
+/// Starts a display and kills it once it has shown this many frames.
 fn killed_after(deployment: &Deployment, frames: usize, more: &[&str]) {
     let display = start(deployment, more);
     deployment.shows(frames);
@@ -40,13 +40,13 @@ fn pictures(out: &Path) -> Vec<Vec<u8>> {
     (0..FRAMES).map(|frame| fs::read(out.join(format!("frames/{frame:05}.png"))).unwrap()).collect()
 }
 
-/// The notes that say that the walk went on.
+/// The notes on resumptions of the walk.
 fn stops(report: &Value) -> usize {
     let notes = report["run"]["notes"].as_array().unwrap();
     notes.iter().filter(|note| note.as_str().unwrap().contains(WENT_ON)).count()
 }
 
-/// Where the frames were seen from.
+/// The eyes of the frames.
 fn eyes(report: &Value) -> Vec<&Value> {
     report["frames"].as_array().unwrap().iter().map(|frame| &frame["eye"]).collect()
 }
@@ -58,7 +58,7 @@ fn a_display_that_is_killed_goes_on_where_it_was() {
         let _cullers = deployment.start_cullers(&ONE_PLACE);
         killed_after(&deployment, 30, &AUDITED);
         let journal = deployment.path("walk/unfinished/walk.jsonl");
-        // As when the power goes while a line is being written.
+        // As if the power failed while a line was being written.
         let mut torn = File::options().append(true).open(&journal).unwrap();
         torn.write_all(b"{\"frame\":31,\"eye\":[0.0,").unwrap();
         drop(torn);
@@ -87,7 +87,7 @@ fn a_display_that_is_killed_goes_on_where_it_was() {
     }
 }
 
-/// Of several walks that were killed the last two are kept, and each begins at its beginning.
+/// Of several killed walks the last two are kept, and each begins at its beginning.
 #[test]
 fn another_walk_does_not_go_on() {
     let deployment = deploy("tcp");

@@ -1,6 +1,6 @@
 //! The program on two Vulkan drivers: the machine's best one, and SwiftShader, a rasterizer by other people
 //! with a coarser sub-pixel grid and fewer features. Culling is exact on each, and both draw the same
-//! pictures as far as Vulkan says what a picture is.
+//! pictures as far as Vulkan defines them.
 //!
 //! SwiftShader is found by the path of its ICD file in `TRIMARAN_SWIFTSHADER`, or where Debian's
 //! `chromium-common` has it. Without it the test says "skipped", unless `TRIMARAN_REQUIRE_SWIFTSHADER=1`.
@@ -38,7 +38,7 @@ impl Walks {
         Self(Bench::with_plant(300))
     }
 
-    /// What the program prints on the machine's driver or on that of an ICD file.
+    /// The program's output on the machine's driver, or on that of an ICD file.
     fn run(&self, driver: Option<&Path>, args: &[&str]) -> String {
         let mut command = self.0.command(args);
         if let Some(driver) = driver {
@@ -47,7 +47,7 @@ impl Walks {
         printed(&command.output().unwrap())
     }
 
-    /// Walks with every frame checked, and gives the report.
+    /// Walks with every frame checked, and returns the report.
     fn walk(&self, driver: Option<&Path>, occlusion_test: &str, out: &str) -> Value {
         let frames = FRAMES.to_string();
         let args = ["run", "plant.scene", "--size", "320x240", "--audit-every", "1", "--frames", &frames];
@@ -102,11 +102,11 @@ impl Picture {
     }
 }
 
-/// How far a colour may be off, of 255: either driver rounds it once, after arithmetic of its own.
+/// The largest difference of a colour, of 255: either driver rounds it once, after arithmetic of its own.
 const COLOUR: u8 = 2;
 
-/// One in so many pixels may be unaccounted for: of parts thinner than a pixel one driver's samples may hit
-/// what the other's miss.
+/// One pixel in this many may be unaccounted for: of parts thinner than a pixel one driver's samples may hit
+/// and the other's miss.
 const PIXELS: usize = 500;
 
 #[test]
@@ -130,7 +130,7 @@ fn both_drivers_cull_exactly_and_draw_the_same_pictures_with_every_occlusion_tes
             let shown = frames.iter().map(|frame| frame["triangles_exact_full"].as_u64().unwrap());
             (shown.sum::<u64>(), out)
         });
-        // Each tells triangles apart in its own way.
+        // Each distinguishes triangles in its own way.
         let apart = best_shows.abs_diff(second_shows);
         assert!(
             best_shows > 1000 && apart * 50 < best_shows,

@@ -1,5 +1,4 @@
-//! The systemd units of `deploy/systemd`: their commands exist, and end with the codes by which they are
-//! started again or not.
+//! The systemd units of `deploy/systemd`: their commands exist, and their exit codes decide about restarts.
 
 use std::env;
 use std::ffi::OsStr;
@@ -17,7 +16,7 @@ const UNITS: [(&str, &str, &str); 2] =
 /// The unit of a service of pages.
 const SERVE: &str = "trimaran-serve@.service";
 const INSTALLED: &str = "/usr/bin/trimaran";
-/// The exit code for what waiting does not mend.
+/// The exit code for errors that waiting cannot fix.
 const UNUSABLE: i32 = 2;
 
 fn path(unit: &str) -> PathBuf {
@@ -37,7 +36,7 @@ fn unit(role: &str) -> String {
     text(unit)
 }
 
-/// What a unit says for a key that it has once.
+/// The value of a key that a unit has once.
 fn value<'u>(unit: &'u str, key: &str) -> &'u str {
     let values: Vec<&str> =
         unit.lines().filter_map(|line| line.strip_prefix(key)?.strip_prefix('=')).collect();
@@ -70,7 +69,7 @@ fn a_configuration_that_cannot_be_used_ends_a_service_for_good() {
     }
 }
 
-/// Serves a role whose waiting is in vain: it is to be started again.
+/// Runs a role that waits in vain: it must be restarted.
 fn serves_in_vain(role: &str, bench: &Bench, configuration: &str, why: &str) {
     let output = serve(role, bench, &format!("scene = 'plant.scene'\n{configuration}"));
     assert_eq!(output.status.code(), Some(1), "{role}: {output:?}");
@@ -89,7 +88,7 @@ fn a_service_whose_port_is_in_use_is_started_again() {
     }
 }
 
-/// Pages are served again where that may help, and not where variables or the scene are wrong.
+/// Pages are served again if that may help, and not if variables or the scene are wrong.
 #[test]
 fn a_service_of_pages_ends_for_good_where_it_cannot_be_mended() {
     let bench = Bench::with_plant(100);
@@ -115,7 +114,7 @@ fn a_service_of_pages_ends_for_good_where_it_cannot_be_mended() {
     }
 }
 
-/// What `systemd-analyze` says, or `None` where there is none and none is required.
+/// The output of `systemd-analyze`, or `None` if there is none and none is required.
 fn systemd_analyze(arguments: &[&OsStr]) -> Option<Output> {
     match Command::new("systemd-analyze").args(arguments).output() {
         Ok(output) => Some(output),
@@ -136,8 +135,7 @@ fn systemd_takes_the_units() {
         let Some(verified) = systemd_analyze(&["verify".as_ref(), "--man=no".as_ref(), path.as_ref()]) else {
             return;
         };
-        // It ends well though it ignores keys that it does not know, and not where other units of the machine
-        // have faults.
+        // It succeeds even if it ignores unknown keys, and fails on faults of the machine's other units.
         let said = String::from_utf8(verified.stderr).unwrap();
         let newer = |line: &&str| line.contains("Unknown key 'Restart") && !line.contains("RestartSec'");
         let faults: Vec<&str> =

@@ -1,4 +1,4 @@
-//! `trimaran sim` as a user meets it: what it prints and writes, what it refuses, and in which words.
+//! `trimaran sim` for users: its output and files, and its refusals with their messages.
 
 use std::fs;
 use std::process::{Command, Output, Stdio};
@@ -6,7 +6,7 @@ use std::process::{Command, Output, Stdio};
 use crate::common::program::{Bench, said};
 
 impl Bench {
-    /// A short simulation over TCP, unless `words` say otherwise.
+    /// A short simulation over TCP, unless `words` override it.
     fn simulation(&self, words: &[&str]) -> Command {
         let mut command = self.command(&[&["sim"], words].concat());
         let mut usual = |flag: &str, value: &str| {
@@ -23,7 +23,7 @@ impl Bench {
         self.simulation(words).output().unwrap()
     }
 
-    /// Simulates what is to end with `code`; what it says has all of `expected`.
+    /// Runs a simulation that must end with `code`, with all of `expected` in its output.
     fn fails(&self, words: &[&str], code: i32, expected: &[&str]) {
         let output = self.sim(words);
         let said = said(&output);
@@ -34,7 +34,7 @@ impl Bench {
         assert!(output.stdout.is_empty() && !said.contains("panicked"), "{words:?}: {said}");
     }
 
-    /// Writes a network whose links are like that.
+    /// Writes a network with such links.
     fn network(&self, link: &str) {
         self.write("mine.toml", format!("about = \"a\"\nsources = []\n[up]\n{link}\n"));
     }
@@ -96,7 +96,7 @@ fn a_place_that_cannot_be_written_to_is_named_before_anything_is_simulated() {
     let bench = Bench::empty();
     bench.write("file", "a file");
     for flag in ["--out", "--pcap"] {
-        // So many frames would take a minute.
+        // This many frames would take a minute.
         for (place, why) in [("file", "File exists"), ("file/below", "Not a directory")] {
             let words = [flag, place, "--frames", "1000000"];
             bench.fails(&words, 1, &[&format!("cannot write to {place}: {why}")]);
@@ -118,7 +118,7 @@ fn seeds_are_taken_once_each_and_in_order() {
     assert_eq!(seeds, [3, 7]);
     let csv = fs::read_to_string(bench.path("out/runs.csv")).unwrap();
     let lines: Vec<&str> = csv.lines().collect();
-    // Taken together: one row, whose seeds are both and whose frames are twice three.
+    // Pooled: one row, with both seeds and twice three frames.
     assert!(
         lines.len() == 2 && lines[1].starts_with("fast-ethernet,tcp,2,independent,plain,4000,1024,3 7,6,"),
         "{csv}"

@@ -1,4 +1,4 @@
-//! What holds of the sources as a whole: tests that a page names exist, and each test file is compiled.
+//! Rules for the sources as a whole: tests named by a page exist, and each test file is compiled.
 
 use std::{
     fs,
@@ -24,7 +24,7 @@ fn all_sources() -> Vec<PathBuf> {
     all
 }
 
-/// The last column of the tables in which it is headed "test", with line numbers.
+/// The last column of tables with the heading "test", with line numbers.
 fn tests_of(page: &str) -> Vec<(usize, &str)> {
     let mut is_of_tests = false;
     let cells = page.lines().enumerate().filter_map(|(at, line)| {

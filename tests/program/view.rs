@@ -14,11 +14,11 @@ use serde_json::{Value, json};
 
 use crate::common::program::{Bench, signal};
 
-/// How often it is looked whether a browser has ended, and how many times.
+/// The polling interval for a browser's end, and how often it is polled.
 const PAUSE: Duration = Duration::from_millis(50);
 const LOOKS: u32 = 600;
 
-/// A tetrahedron whose corner is so high.
+/// A tetrahedron of this height.
 fn model(height: u32) -> String {
     format!("o tank\nv 0 0 0\nv 9 0 0\nv 0 0 9\nv 0 {height} 0\nf 1 2 4\nf 1 4 3\nf 1 3 2\nf 2 3 4\n")
 }
@@ -26,14 +26,14 @@ fn model(height: u32) -> String {
 /// A program that shows a page.
 struct View {
     child: Child,
-    /// What it said before the page's address.
+    /// Its output before the page's address.
     said: Vec<String>,
-    /// Host and port, and what follows.
+    /// Host and port, and the rest.
     url: (String, String),
 }
 
 impl View {
-    /// `None`, with a word, where the program was built without its page and none is required.
+    /// `None`, with a message, if the program was built without its page and none is required.
     fn start(mut command: Command) -> Option<Self> {
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let mut said = Vec::new();
@@ -156,7 +156,7 @@ fn a_model_is_shown_though_nothing_can_be_kept_of_it() {
     drop(shown);
 }
 
-/// Links and what a browser keeps are good the next time as well, and for this model alone.
+/// Links and the browser's stored data stay valid the next time, and for this model alone.
 #[test]
 fn a_model_keeps_its_address() {
     let bench = Bench::empty();
@@ -185,7 +185,7 @@ fn mode(path: &Path) -> u32 {
     std::os::unix::fs::PermissionsExt::mode(&fs::metadata(path).unwrap().permissions()) & 0o777
 }
 
-/// Any user of the machine sees what a browser is started with: not the token.
+/// Any user of the machine sees a browser's arguments: the token must not be among them.
 #[test]
 fn the_page_is_opened_in_the_browser_of_the_user_by_a_file_that_nobody_else_reads() {
     let bench = Bench::with_plant(60);
@@ -214,7 +214,7 @@ fn the_page_is_opened_in_the_browser_of_the_user_by_a_file_that_nobody_else_read
     }
 }
 
-/// A browser repeats a walk by itself, and the program says how that went.
+/// A browser repeats a walk by itself, and the program reports it.
 #[test]
 fn a_page_walks_along_a_path_and_reports() {
     let bench = Bench::with_plant(60);

@@ -1,4 +1,4 @@
-//! What a role does not find yet is waited for: a scene that is being copied, a port in use, a full disk.
+//! A role waits for missing things: a scene that is being copied, a port in use, a full disk.
 
 use std::{fs, net::TcpListener, process::Command};
 
@@ -11,7 +11,7 @@ fn folder() -> Bench {
     bench
 }
 
-/// A display that waits for what is not there.
+/// A display that waits for something missing.
 fn wait(bench: &Bench, listen: &str, more: &[&str]) -> Process {
     bench.write(
         "display.toml",
@@ -62,7 +62,7 @@ fn what_stays_away_ends_a_role_that_is_to_be_started_again() {
     assert!(!bench.path("walk/unfinished").exists(), "nothing was recorded");
 }
 
-/// What waits for a scene, or for its cullers, ends at once when it is asked to.
+/// A role that waits for a scene, or for its cullers, stops at once on request.
 #[test]
 fn a_role_that_waits_obeys() {
     let bench = folder();
@@ -76,7 +76,7 @@ fn a_role_that_waits_obeys() {
     assert!(!bench.path("walk/unfinished").exists(), "nothing was recorded");
 }
 
-/// A folder on a file system of its own, of so many bytes, for as long as the command runs.
+/// A folder on a file system of its own, of this many bytes, for as long as the command runs.
 fn on_small_disk(bench: &Bench, bytes: usize, script: &str) -> Command {
     fs::create_dir(bench.path("disk")).unwrap();
     let mount = format!("mount -t tmpfs -o size={bytes} tmpfs disk && {script}");
@@ -87,7 +87,7 @@ fn on_small_disk(bench: &Bench, bytes: usize, script: &str) -> Command {
 fn a_full_disk_ends_the_walk_with_its_report() {
     let bench = Bench::with_plant(100);
     let program = env!("CARGO_BIN_EXE_trimaran");
-    // The report is copied to where it can be read once the disk is gone.
+    // The report is copied to a place that outlives the disk.
     let script = format!(
         "{program} run plant.scene --out disk/walk --frames 3000 --size 128x128 --audit-every 1; code=$?; \
          ls -A disk/walk > listing; cp disk/walk/report.* . ; exit $code"

@@ -1,5 +1,5 @@
-//! A udp listener with several addresses, on a network of two machines: it answers from the one that was
-//! asked.
+//! A udp listener with several addresses, on a network of two machines: it answers from the address that was
+//! contacted.
 //!
 //! Needs Linux and root; elsewhere the test says that it is skipped, and fails if `TRIMARAN_REQUIRE_NETNS` is
 //! 1.
@@ -29,7 +29,7 @@ fn machines(addresses: &[&str]) -> [Namespace; 2] {
         addresses.iter().map(|address| (here, *address)).chain([(there, "10.3.0.9"), (there, "fd03::9")]);
     for (place, address) in all {
         let (network, whole) = if address.contains(':') { ("/64", true) } else { ("/24", false) };
-        // Without the wait in which IPv6 looks whether somebody else has the address.
+        // Without the wait for IPv6's duplicate address detection.
         let known: &[&str] = if whole { &["nodad"] } else { &[] };
         let words = ["-n", place, "address", "add", &format!("{address}{network}"), "dev", "eth0"];
         ip(&[&words[..], known].concat());
@@ -40,7 +40,7 @@ fn machines(addresses: &[&str]) -> [Namespace; 2] {
     places
 }
 
-/// What `act` does on a machine, with sockets of that machine.
+/// The result of `act` on a machine, with sockets of that machine.
 fn on<T: Send>(machine: &Namespace, act: impl AsyncFnOnce(Arc<dyn Net>) -> T + Send) -> T {
     thread::scope(|scope| {
         let acts = scope.spawn(move || {

@@ -1,4 +1,4 @@
-//! Whole sessions with a fault in them: the audit sees what was lost, and names the step that lost it.
+//! Whole sessions with a fault: the audit finds the losses, and names the faulty step.
 
 use std::{collections::BTreeMap, error::Error, sync::Arc, time::Duration};
 
@@ -18,7 +18,7 @@ use crate::common::{
     session::{self, audit, camera_path, on_devices, walk_in_process, walk_with},
 };
 
-/// What is wrong with a culler.
+/// The fault of a culler.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
     None,
@@ -28,7 +28,7 @@ enum Fault {
     EyeAhead(f64),
     /// It tests boxes this fraction farther away than they are.
     BoxesFarther(f32),
-    /// It finds one box in so many hidden, whatever shows.
+    /// It finds one box in this many hidden, even visible ones.
     Hides(u32),
 }
 
@@ -88,7 +88,7 @@ impl OcclusionTest for Faulty {
         self.sound.test(view, &moved, visible)?;
         if let Fault::Hides(one_in) = self.fault {
             for (count, test_box) in visible.iter_mut().zip(boxes) {
-                // By what the box is, so that it is the same when done again.
+                // Chosen by the box's content, so that it is the same when repeated.
                 if (test_box.centre.x.to_bits() >> 8).is_multiple_of(one_in) {
                     *count = 0;
                 }
@@ -130,8 +130,7 @@ fn walk_with_fault(
     })
 }
 
-/// Audits every frame of a session with machines of this fault: pixels by cause, which together are all that
-/// were lost.
+/// Audits every frame of a session with machines of this fault: returns all lost pixels by cause.
 fn lost(
     devices: &SceneOnDevices,
     plan: &Plan,
@@ -153,9 +152,9 @@ fn lost(
     lost
 }
 
-/// That something was lost, and most of it by this cause: 9 pixels in 10, but for a occlusion test that is
-/// wrong. A flat box that is level with the depth cannot tell losing a tie from being lied about, nor one
-/// tested farther away, which stood clear of what is behind it by less than that.
+/// Asserts that something was lost, and most of it by this cause: 9 pixels in 10, except for a wrong
+/// occlusion test. For a flat box level with the depth, a lost tie looks the same as a false answer. So does
+/// a box tested farther away whose distance to the surface behind it was less than that.
 fn assert_cause(lost: &BTreeMap<FalseCullCause, u64>, cause: FalseCullCause) {
     let all: u64 = lost.values().sum();
     let named = lost.get(&cause).copied().unwrap_or_default();
@@ -163,7 +162,7 @@ fn assert_cause(lost: &BTreeMap<FalseCullCause, u64>, cause: FalseCullCause) {
     assert!(named > 50 && named * 10 >= all * in_ten, "{cause:?}: {lost:?}");
 }
 
-/// Breaks the machines, and what reaches the display, in one way after the other.
+/// Breaks the machines, and the ids that reach the display, in one way after the other.
 fn faults_are_named(devices: &SceneOnDevices, path: &PathChoice) {
     let hzb = plan();
     let sound = walk_with_fault(devices, &hzb, path, Fault::None);
@@ -184,7 +183,7 @@ fn faults_are_named(devices: &SceneOnDevices, path: &PathChoice) {
         ..hzb
     };
     let walk = walk_in_process(devices, &few_pixels, &camera_path(devices, &few_pixels, path, 8));
-    // The rule seldom loses anything; if it does, it is named.
+    // The rule seldom loses anything; any loss is named.
     let lost_by_rule = lost(devices, &few_pixels, Fault::None, &walk);
     assert!(lost_by_rule.keys().all(|cause| *cause == FalseCullCause::PixelCountRule), "{lost_by_rule:?}");
 
@@ -204,8 +203,8 @@ fn faults_are_named(devices: &SceneOnDevices, path: &PathChoice) {
     assert_cause(&lost(devices, &hzb, Fault::None, &swapped), FalseCullCause::LevelMismatch);
 }
 
-/// The last frame of `walk` lacks something that shows. No cause is named if a frame that it takes was shown
-/// before all of it had come; one that is shown again in between takes nothing away.
+/// The last frame of `walk` lacks something visible. No cause is named if a frame that it depends on was
+/// shown before all of it had come; one that is shown again in between does not matter.
 fn no_cause_without_what_was_found(devices: &SceneOnDevices, plan: &Plan, walk: &[FrameRecord]) {
     let named = |walk: &[FrameRecord]| {
         let mut last = None;

@@ -1,5 +1,5 @@
-//! What Wireshark's command line reads out of captured sessions with the dissector of this repository, held
-//! against what was sent.
+//! Wireshark's reading of captured sessions, by the dissector of this repository, compared with the sent
+//! data.
 
 mod repaired;
 
@@ -28,12 +28,12 @@ use trimaran_wire::{Hello, Message, Protocol, ProtocolName};
 const FRAMES: u32 = 12;
 const SCENE: SceneHash = SceneHash(0x0123_4567_89ab_cdef_0011_2233_4455_6677);
 
-/// A capture and the program that reads it.
+/// A capture and its capture file.
 struct Capture {
     folder: TempDir,
 }
 
-/// A capture file; `None`, which skips the test, where tshark is missing and `TRIMARAN_REQUIRE_TSHARK` is not
+/// A capture file; `None`, which skips the test, if tshark is missing and `TRIMARAN_REQUIRE_TSHARK` is not
 /// set.
 fn capture() -> Option<Capture> {
     match Command::new("tshark").arg("--version").stdout(Stdio::null()).status() {
@@ -51,14 +51,14 @@ impl Capture {
         self.folder.path().join("session.pcapng")
     }
 
-    /// The packets that `filter` shows, each with what it has of `fields`.
+    /// The packets that match `filter`, each with its values of `fields`.
     fn read<const N: usize>(&self, filter: &str, fields: [&str; N]) -> Vec<[Vec<String>; N]> {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("proto/wireshark/trimaran.lua");
         let mut tshark = Command::new("tshark");
         tshark.arg("-r").arg(self.path()).arg("-X").arg(format!("lua_script:{}", script.display()));
         tshark.args(["-o", "ip.check_checksum:TRUE", "-o", "tcp.check_checksum:TRUE"]);
-        // Captured where they leave, lost packets are there, too; without this Wireshark takes their
-        // repetitions for faults.
+        // Captured at the sender, lost packets are included; without this Wireshark takes their
+        // retransmissions for faults.
         tshark.args(["-o", "tcp.reassemble_out_of_order:TRUE"]);
         tshark.args(["-o", "udp.check_checksum:TRUE", "-Y", filter, "-T", "fields"]);
         tshark.args(["-E", "separator=|", "-E", "aggregator=,"]);
@@ -74,7 +74,7 @@ impl Capture {
         String::from_utf8(output.stdout).unwrap().lines().map(line).collect()
     }
 
-    /// Nothing in it is malformed, every checksum holds, and the dissector has no fault.
+    /// Nothing in it is malformed, every checksum is correct, and the dissector has no error.
     fn is_sound(&self) {
         let bad = "_ws.malformed || trimaran.malformed || trimaran_udp.malformed || ip.checksum.status == 0 \
                    || tcp.checksum.status == 0 || udp.checksum.status == 0 || _ws.expert.message contains \"Lua Error\"";
@@ -82,8 +82,8 @@ impl Capture {
         assert!(bad.is_empty(), "{bad:?}");
     }
 
-    /// The ids of each frame, as the display numbers it, by the address that they went to, as a receiver of
-    /// the messages would gather them.
+    /// The ids of each frame, by the display's frame number and the receiver's address, collected like a
+    /// receiver.
     fn frames(&self) -> BTreeMap<(String, u32), Vec<u32>> {
         let mut open: BTreeMap<String, u32> = BTreeMap::new();
         let mut frames: BTreeMap<(String, u32), Vec<u32>> = BTreeMap::new();
@@ -102,7 +102,7 @@ impl Capture {
     }
 }
 
-/// A walk whose frames lose and win some ids.
+/// A walk whose frames lose and gain some ids.
 fn walk() -> Workload {
     let plan = Plan {
         viewport: Viewport::new(64, 64).unwrap(),
@@ -204,7 +204,7 @@ fn a_session_over_tcp_is_read_id_by_id() {
     let ids: Vec<&String> = ends.iter().flat_map(|[_, ids]| ids).collect();
     assert_eq!(ids.len() as u32, 2 * FRAMES);
     assert!(ids.iter().all(|ids| *ids == "1000"));
-    // Three links of four lanes, a hello and an accept each. Who connects says what the display decides.
+    // Three links of four lanes, a hello and an accept each. The connecting side sends settings.
     let hellos =
         capture.read("trimaran.kind == 1", ["trimaran.version", "trimaran.session", "trimaran.lane"]);
     assert_eq!(hellos.len(), 12);
@@ -323,7 +323,7 @@ fn hello() -> BytesMut {
     bytes
 }
 
-/// Who goes on at another address is asked there for a cookie, and gives it back.
+/// A peer that migrates to another address gets a path challenge there, and answers it.
 #[test]
 fn the_question_for_a_new_address_and_its_answer_are_read() {
     let Some(capture) = capture() else { return };
@@ -368,7 +368,7 @@ impl Drop for Sniffer {
     }
 }
 
-/// A link over the real loopback, captured by tshark itself, where the machine allows that.
+/// A link over the real loopback, captured by tshark itself, if the machine allows that.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_real_link_over_loopback_is_read_the_same() {
     let Some(capture) = capture() else { return };

@@ -1,4 +1,4 @@
-//! The report's model of a machine for each role against the roles' own state machines and links in virtual
+//! The report's model of one machine per role, against the roles' own state machines and links in virtual
 //! time.
 
 use std::fs;
@@ -38,8 +38,8 @@ fn report(times: impl Fn(u32) -> [f64; 3], (cullers, schedule): Cullers) -> Repo
     Report::new(run, projection, frames, Some(whole), Ended::finished(Some(FRAMES)))
 }
 
-/// Pictures a second of a simulated session whose roles take what the report says, on a network that takes no
-/// time, and the median latency in milliseconds.
+/// Pictures a second of a simulated session with the report's computing times, on a network without delay,
+/// and the median latency in milliseconds.
 fn simulated(report: &Report, (cullers, schedule): Cullers) -> (f64, f64) {
     let folder = tempfile::tempdir().unwrap();
     let [network, walk] = ["ideal.toml", "report.json"].map(|name| folder.path().join(name));
@@ -50,7 +50,7 @@ fn simulated(report: &Report, (cullers, schedule): Cullers) -> (f64, f64) {
         link: Transport::Tcp,
         cullers,
         schedule,
-        // Where ids feed another culler's OR, they come one by one.
+        // If ids feed another culler's OR, they come one by one.
         batch: BatchSize::new(if schedule == Schedule::Switch { 1 } else { 1024 }).unwrap(),
         frames: FRAMES,
         seed: 1,
@@ -62,7 +62,7 @@ fn simulated(report: &Report, (cullers, schedule): Cullers) -> (f64, f64) {
     (outcome.frames_per_second, outcome.latency_ms.p50)
 }
 
-/// A number from 0 to 1 that depends on the frame and `salt` alone.
+/// A number from 0 to 1 that depends only on the frame and `salt`.
 fn noise(frame: u32, salt: u32) -> f64 {
     let mixed = (frame.wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0xc2b2_ae35);
     f64::from(mixed >> 8) / f64::from(1 << 24)
@@ -90,7 +90,7 @@ fn the_model_is_what_the_simulator_gives_on_a_network_that_takes_no_time() {
             let model = report.summary.model.unwrap();
             let (simulated, latency) = simulated(&report, cullers);
             let off = model.fps / simulated - 1.0;
-            // In the schedule `switch` ids come in batches, of which the report knows nothing.
+            // In the schedule `switch` ids come in batches, which the report does not model.
             let bound = if cullers.1 == Schedule::Switch { 0.03 } else { 1e-6 };
             assert!(off.abs() < bound, "{name}, {cullers:?}: {} and {simulated}", model.fps);
             if cullers.1 == Schedule::Independent {

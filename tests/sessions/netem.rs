@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use trimaran::netem::{Emulation, Namespace, Report};
 use trimaran_netsim::Profile;
 
-/// Whether namespaces can be had; says so if not.
+/// Whether namespaces are available; reports it if not.
 fn possible() -> bool {
     let Err(missing) = Emulation::possible() else { return true };
     assert!(std::env::var_os("TRIMARAN_REQUIRE_NETNS").is_none_or(|value| value != "1"), "{missing}");
@@ -21,7 +21,7 @@ fn possible() -> bool {
     false
 }
 
-/// Names that no other test has.
+/// Names unique to the test.
 fn names(test: &str, count: usize) -> Vec<String> {
     (0..count).map(|index| format!("trimaran-{test}-{index}-{}", std::process::id())).collect()
 }
@@ -31,7 +31,7 @@ fn profile(up: &str, down: &str) -> Profile {
     Profile::parse("test", &text).unwrap()
 }
 
-/// What is done in a namespace. A socket that is made there stays there wherever it goes.
+/// Runs `act` in a namespace. Sockets made there stay there.
 fn inside<T: Send>(namespace: &Namespace, act: impl FnOnce() -> T + Send) -> T {
     let act = || {
         namespace.enter().unwrap();
@@ -40,7 +40,7 @@ fn inside<T: Send>(namespace: &Namespace, act: impl FnOnce() -> T + Send) -> T {
     thread::scope(|scope| scope.spawn(act).join().unwrap())
 }
 
-/// Waits for a datagram. What suspends the whole machine for a moment interrupts the wait.
+/// Waits for a datagram. Suspending the whole machine for a moment interrupts the wait.
 fn receive(socket: &UdpSocket, buffer: &mut [u8]) -> (usize, SocketAddr) {
     loop {
         match socket.recv_from(buffer) {
@@ -170,7 +170,7 @@ fn a_namespace_without_its_name_is_there_as_long_as_somebody_has_it() {
 }
 
 fn interrupt(child: &Child) {
-    // The shell's own: the program of that name is not on every machine.
+    // The shell's own: some machines lack the program of that name.
     let kill = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap();
     assert!(kill.success());
 }
@@ -222,7 +222,7 @@ fn an_interrupt_ends_it_in_good_order() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // The last thing that is made is the device of the last namespace.
+    // The last thing made is the device of the last namespace.
     let made = || {
         let words = ["-n", &names[1], "address", "show", "up"];
         let output = Command::new("ip").args(words).output().unwrap();
@@ -237,7 +237,7 @@ fn an_interrupt_ends_it_in_good_order() {
     assert!(output.status.success(), "{output:?}");
     assert!(output.stderr.is_empty(), "quiet where nobody watches: {output:?}");
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    // The kernel looks for routers and neighbours when it likes.
+    // The kernel looks for routers and neighbours at any time.
     let count = |what: &str| report["totals"][what].as_u64().unwrap();
     assert_eq!(count("sent"), count("delivered") + count("underway"), "{report}");
     assert_eq!(report["links"].as_array().unwrap().len(), 4);

@@ -1,5 +1,5 @@
-//! Whole sessions through real models: no false cull, the unculled picture, and no outline farther off than
-//! was promised.
+//! Whole sessions through real models: no false cull, the unculled picture, and outlines within the error
+//! bound.
 
 use std::path::PathBuf;
 
@@ -12,7 +12,7 @@ use crate::common::{
     session::{assert_no_validation_messages, audit, camera_path, culler, on_devices, plan, walk_in_process},
 };
 
-/// Every so many frames one is audited.
+/// One frame in this many is audited.
 const AUDIT_EVERY: usize = 5;
 
 /// Queries are the slowest by far on a CPU driver.
@@ -48,7 +48,7 @@ fn walks(files: &[PathBuf], path: &PathChoice) {
     assert_no_validation_messages(&devices);
 }
 
-/// Audits frames of a session and returns how far an outline and a surface were off at most, in pixels.
+/// Audits frames of a session and returns the largest deviations of outlines and surfaces, in pixels.
 fn farthest_off(devices: &SceneOnDevices, plan: &Plan, records: &[FrameRecord]) -> [f64; 2] {
     let bound = plan.lod.epsilon_px() + SURFACE_SLACK_PX;
     let mut farthest = [0.0_f64; 2];

@@ -69,7 +69,7 @@ fn every_transport_shows_every_frame_once_and_the_parts_of_its_time_add_up() {
             assert_eq!(times.culled.since(times.occluded), Duration::from_millis(5));
             assert!(times.shown.since(times.arrived) >= Duration::from_millis(5));
         }
-        // The ids of 4000 nodes, for the display alone.
+        // The ids of 4000 nodes, only for the display.
         assert_eq!(outcome.bytes.ids, 4.0 * 4000.0, "{link:?}");
         let bytes = &outcome.bytes;
         let parts = bytes.ids
@@ -171,7 +171,7 @@ fn what_cannot_come_in_time_is_given_up_and_the_session_goes_on() {
     assert_eq!(pooled(&[hasty, patient]).len(), 2, "another deadline is another run");
 }
 
-/// To the display of wifi it is two delays of 1 ms, beside the time of the bits.
+/// To the display the wifi path has two delays of 1 ms, plus the transmission time.
 #[test]
 fn a_deadline_no_longer_than_the_way_is_hopeless() {
     let run = |us: u64, link| {

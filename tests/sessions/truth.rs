@@ -1,17 +1,16 @@
-//! The exactly visible objects at full detail, against those that an independent ray caster found.
+//! Compares the exactly visible objects at full detail with those of an independent ray caster.
 //!
 //! The truth gives, for each of its views, the objects (nodes of the glTF file) that a ray through a pixel's
-//! centre meets first. Where another surface lies within a hundred-thousandth of the winner's depth, as two
-//! coplanar walls do, the pixel is ambiguous; the others are strict. So an object that wins a strict pixel
-//! must be found here as well; any that wins a pixel or ties at one may be; no other. A rasterizer may decide
+//! centre meets first. If another surface lies within a hundred-thousandth of the winner's depth, as with
+//! coplanar walls, the pixel is ambiguous; the others are strict. So an object that wins a strict pixel must
+//! be found here as well; any that wins a pixel or ties at one may be; no other. A rasterizer may decide
 //! differently than a ray caster where an edge passes a pixel's centre, within rounding: such a difference is
 //! a pixel here and a pixel there, and objects with no more than [`EDGE_PIXELS`] are forgiven, counted and
 //! printed.
 //!
-//! Objects that place the same mesh by the same matrix show the same surface, and which of them is said to
-//! show is a matter of order: here they are one. The platform has a box that its designers placed twelve
-//! times, and the truth, whose rays look for ties among a few surfaces only, takes 29 pixels of one copy for
-//! strict.
+//! Objects that place the same mesh by the same matrix show the same surface, and their order decides which
+//! one is reported: here they count as one. The platform has a box that its designers placed twelve times,
+//! and the truth, whose rays look for ties among a few surfaces only, takes 29 pixels of one copy for strict.
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
@@ -30,10 +29,10 @@ use trimaran_scene::{Scene, path::Pose};
 
 use crate::common::data::{Data, cooked, imported};
 
-/// An object that shows at no more pixels than this, here or there, may be missing from the other.
+/// An object visible at no more pixels than this, here or there, may be missing from the other.
 const EDGE_PIXELS: u32 = 2;
 
-/// So many strict pixels of a view may show another object here: one in 10,000.
+/// The most strict pixels of a view that may show another object here: one in 10,000.
 const LOST_PIXELS: u32 = 104;
 
 /// A `.views.json` file.
@@ -46,13 +45,13 @@ struct Truth {
     views: Vec<TrueView>,
 }
 
-/// What shows from one viewpoint.
+/// The ground truth of one viewpoint.
 #[derive(Deserialize)]
 struct TrueView {
     eye: [f64; 3],
     forward: [f64; 3],
     up: [f64; 3],
-    /// How far the nearest surface is from the eye, in the model's unit.
+    /// The distance of the nearest surface from the eye, in the model's unit.
     clearance: f64,
     /// The objects that win a pixel, and how many strict pixels each wins.
     nodes: Vec<u32>,
@@ -71,10 +70,10 @@ impl TrueView {
     }
 }
 
-/// How the objects found in one view differ from the truth's. Objects with their pixels.
+/// The differences between the objects found in one view and the truth. Objects with their pixels.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Difference {
-    /// Must be found, and are not; strict pixels of the truth.
+    /// Expected, and not found; strict pixels of the truth.
     missing: Vec<(u32, u32)>,
     /// The same with so few pixels that an edge explains it.
     missing_at_edges: Vec<(u32, u32)>,
@@ -107,7 +106,7 @@ type Pixels = BTreeMap<u32, u32>;
 /// Objects that show the same surface.
 #[derive(Default)]
 struct Twins {
-    /// Which one stands for each that has one.
+    /// The representative of each object that has one.
     first: HashMap<u32, u32>,
 }
 
@@ -142,7 +141,7 @@ impl TrueView {
     }
 }
 
-/// The pixels of each object that shows.
+/// The pixels of each visible object.
 fn found(scene: &Scene, image: &ItemImage, twins: &Twins) -> Pixels {
     let mut pixels = Pixels::new();
     for &id in image.drawable.iter().filter(|&&id| id != ItemImage::BACKGROUND) {
@@ -163,7 +162,7 @@ fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let scene = cooked(&model);
     assert_eq!(scene.objects().len(), truth.objects, "every object of the truth is in the scene");
     let drawn = GpuScene::new(&gpu, &scene)?;
-    // The rule decides levels, of which full detail has none to decide.
+    // The rule decides levels, and does not matter at full detail.
     let size = Viewport::new(truth.width, truth.height)?;
     let mut auditor = Auditor::new(&scene, &drawn, Settings::new(size, LodRule::new(1.0)?))?;
 

@@ -1,4 +1,4 @@
-//! View states that change while a walk goes on, on real devices: culling changes no pixel under any of them.
+//! View states that change during a walk, on real devices: culling changes no pixel under any of them.
 
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ fn glass_of_a_file_starts_see_through_and_hides_nothing() {
     assert_eq!(report["summary"]["cut_mismatch_pixels_total"], 0);
     let [red, _, blue] = middle(&bench.path("walk/frames/00002.png"));
     assert!(red > 80 && blue > 20, "red shines through the blue: {red}, {blue}");
-    // A user's states go before the model's.
+    // A user's states override the model's.
     bench.write("solid.toml", "[[change]]\nframe = 0\nsee_through = []\n");
     bench.done(&[&walk[..], &["--out", "solid", "--state", "solid.toml"]].concat());
     let [red, _, blue] = middle(&bench.path("solid/frames/00002.png"));
@@ -105,7 +105,7 @@ fn random_states(scene: &Scene, plan: &Plan, seed: u64) -> ViewStates {
     ViewStates::new(plan.settings().into(), changes)
 }
 
-/// Audits each frame of a walk: gives the pictures as they were shown.
+/// Audits each frame of a walk: returns the pictures as shown.
 fn audited(
     devices: &SceneOnDevices,
     plan: &Plan,
@@ -153,7 +153,7 @@ fn random_changes_with_every_frame_cost_no_pixel() {
     assert_no_validation_messages(&all);
 }
 
-/// A wall, behind it a crowd, and a camera before it that stands still.
+/// A wall, a crowd behind it, and a still camera before it.
 fn wall_and_crowd(with_wall: bool) -> Arc<Scene> {
     let mut objects = Vec::new();
     for place in 0..100_i16 {
@@ -198,7 +198,7 @@ fn a_wall_that_is_hidden_seen_through_or_cut_away_no_longer_hides() {
     let path = CameraPath::find(&choice, &scene, states, None).unwrap();
     let walk = walk_in_process(&devices, &plan, &path);
     let drawn: Vec<usize> = walk.iter().map(|record| record.ids.len()).collect();
-    // Where the wall comes back, the set before it does not have it yet.
+    // When the wall comes back, the previous set does not have it yet.
     assert_eq!(drawn, [1, 1, 1, 100, 100, 101, 1, 101, 101, 100, 100, 1]);
     let shown: Vec<_> =
         audited(&devices, &plan, &path, &walk).into_iter().map(|pictures| pictures.shown.rgba).collect();
@@ -206,7 +206,7 @@ fn a_wall_that_is_hidden_seen_through_or_cut_away_no_longer_hides() {
     let path = CameraPath::find(&choice, &bare, plan.settings().into(), Some(1)).unwrap();
     let bare_walk = walk_in_process(&without, &plan, &path);
     let crowd = audited(&without, &plan, &path, &bare_walk).remove(0).shown.rgba;
-    // Colours go by the place in the tree, which is another one without the wall.
+    // Colours depend on the place in the tree, which differs without the wall.
     let is_crowd = |picture: &[u8]| {
         let outline = |picture: &[u8]| picture.chunks(4).map(|p| p == BACKGROUND).collect::<Vec<_>>();
         outline(picture) == outline(&crowd)

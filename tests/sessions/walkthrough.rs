@@ -36,7 +36,7 @@ fn understated(scene: &Scene, by: f32) -> Scene {
     with_records(scene, scene.nodes().to_vec(), drawables).unwrap()
 }
 
-/// The farthest that an outline and a surface are off in a session, pixels.
+/// The largest deviations of outlines and surfaces in a session, pixels.
 fn farthest_off(devices: &SceneOnDevices, plan: &Plan) -> [f64; 2] {
     let records = walk_in_process(devices, plan, &automatic(devices, plan));
     let mut farthest = [0.0_f64; 2];
@@ -58,7 +58,7 @@ fn levels_that_claim_too_much_are_found_out() {
     let [outline, surface] = farthest_off(&honest, &plan);
     assert!(outline <= bound && surface <= bound, "off by {outline} and {surface} px");
     assert!(surface > 0.0, "levels were chosen");
-    // The plant has walls all around: no background shows, and no outline against it.
+    // The plant has walls all around: no background is visible, and so no outline against it.
     let [_, surface] = farthest_off(&boasting, &plan);
     assert!(surface > bound, "a surface off by {surface} px");
 }
@@ -68,7 +68,7 @@ fn a_picture_that_is_not_exact_yet_is_compared_and_no_fault_of_culling() {
     let Some(devices) = on_devices(&small_plant()) else { return };
     let plan = plan(OcclusionTestKind::Hzb);
     let mut records = walk_in_process(&devices, &plan, &automatic(&devices, &plan));
-    // As if a third of it had not come, and a picture that lacks only what does not show.
+    // As if a third of it had not come, and a picture that lacks only invisible drawables.
     let [.., hidden, loading] = &mut records[..] else { panic!("a walk of {FRAMES} frames") };
     hidden.lacking = 1;
     (loading.lacking, loading.picture) = (7, None);
@@ -142,7 +142,7 @@ fn a_walk_has_the_same_ids_with_the_depth_pyramid_on_the_host_and_on_the_device(
     assert_no_validation_messages(&devices);
 }
 
-/// Culling changes no pixel, whoever does it and by whatever occluders.
+/// Culling changes no pixel, for any culler and any occluders.
 #[test]
 fn pictures_are_the_same_for_every_number_of_cullers_schedule_and_test() {
     let Some(all) =

@@ -1,4 +1,4 @@
-//! Services on one machine, installed as docs/operations.md says.
+//! Services on one machine, installed as docs/operations.md describes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,30 +6,30 @@ use std::path::{Path, PathBuf};
 use crate::common::program::Bench;
 use crate::machine::Machine;
 
-/// The services, and where each shows what its links carry.
+/// The services, and the port of each one's metrics.
 pub(crate) const DISPLAY: (&str, u16) = ("trimaran-display", 9464);
 pub(crate) const ONE: (&str, u16) = ("trimaran-culler@one", 9465);
 pub(crate) const TWO: (&str, u16) = ("trimaran-culler@two", 9466);
 
-/// Where the display's report lies.
+/// The folder of the display's report.
 const REPORT: &str = "/var/lib/trimaran/walk";
-/// Where the page's commands are run: a checkout with a scene, keys and configurations.
+/// The folder for the page's commands: a checkout with a scene, keys and configurations.
 const CHECKOUT: &str = "/run/checkout";
-/// What the page's three hosts are called in its command lines, and the one for browsers.
+/// The names of the page's three hosts in its command lines, and the one for browsers.
 const HOSTS: [&str; 3] = ["one", "two", "show"];
 const PAGES_HOST: &str = "pages";
 
 /// The service for browsers, and its port.
 pub(crate) const PAGES: (&str, u16) = ("trimaran-serve@plant", 7480);
 
-/// How the roles reach each other.
+/// The roles' transport.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Over {
     Quic,
     Unix,
 }
 
-/// A scene and keys, and what the services walk.
+/// A scene and keys, and the walk of the services.
 pub(crate) struct Walk {
     bench: Bench,
     frames: usize,
@@ -39,7 +39,7 @@ pub(crate) struct Walk {
 }
 
 impl Walk {
-    /// One of so many frames, with the pictures that one process shows.
+    /// A walk of this many frames, with the pictures of a single process.
     pub(crate) fn in_one_process(frames: usize) -> Self {
         let walk = Self::of(frames, 64, 0);
         let count = frames.to_string();
@@ -48,7 +48,7 @@ impl Walk {
         walk
     }
 
-    /// One that is to be stopped once it has shown what it should.
+    /// A walk to be stopped once it has shown enough.
     pub(crate) fn endless() -> Self {
         Self::of(100_000, 512, 200)
     }
@@ -61,13 +61,13 @@ impl Walk {
         Self { bench, frames, size, audit_every }
     }
 
-    /// Puts what the page's commands need into the machine, and runs all of them there.
+    /// Puts the files for the page's commands into the machine, and runs all of them there.
     pub(crate) fn install(&self, machine: &Machine, over: Over) {
         let checkout = put_checkout(machine, &self.bench);
         for role in ["display", "one", "two"] {
             fs::write(checkout.join(format!("{role}.toml")), self.configuration(role, over)).unwrap();
         }
-        // What is gone without a word is missed soon.
+        // A role that vanishes without a close is missed soon.
         let environment = "TRIMARAN_LOG=info\nTRIMARAN_LINK_IDLE_TIMEOUT_S=4\n";
         fs::write(machine.path("/etc/default/trimaran"), environment).unwrap();
         run_commands_of_the_page(machine, &HOSTS);
@@ -114,14 +114,14 @@ impl Walk {
         fs::remove_dir_all(shown).unwrap();
     }
 
-    /// Stops the display. The report has every frame until then once and in order, and those that were
-    /// checked are exact.
+    /// Stops the display. The report has every frame until then once and in order, and the checked ones are
+    /// exact.
     pub(crate) fn is_stopped(&self, machine: &Machine) -> serde_json::Value {
         machine.run("systemctl stop trimaran-display");
         let mut report = Self::report(machine);
         assert_eq!(report["summary"]["ended"]["how"], "interrupted");
         if machine.path(&format!("{REPORT}/unchecked.json")).exists() {
-            // What was left to check is checked now.
+            // The remaining checks are done now.
             machine.run(&format!("trimaran report {REPORT}"));
             report = Self::report(machine);
         }
@@ -141,7 +141,7 @@ impl Walk {
     }
 }
 
-/// Installs the service for browsers, and gives its token.
+/// Installs the service for browsers, and returns its token.
 pub(crate) fn install_pages(machine: &Machine) -> String {
     put_checkout(machine, &Bench::with_plant(100));
     run_commands_of_the_page(machine, &[PAGES_HOST]);
@@ -150,7 +150,7 @@ pub(crate) fn install_pages(machine: &Machine) -> String {
     token.unwrap_or_else(|| panic!("{variables}")).to_owned()
 }
 
-/// What the page's commands need, with the files of `bench`.
+/// The files for the page's commands, with those of `bench`.
 fn put_checkout(machine: &Machine, bench: &Bench) -> PathBuf {
     let checkout = machine.path(CHECKOUT);
     fs::create_dir_all(checkout.join("target/release")).unwrap();
@@ -176,7 +176,7 @@ fn copy_files(from: &Path, to: &Path) {
     }
 }
 
-/// The command lines of the section about services that are for these hosts.
+/// The command lines for these hosts in the section about services.
 fn commands_of_the_page(hosts: &[&str]) -> Vec<String> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/operations.md");
     let page = fs::read_to_string(page).unwrap();

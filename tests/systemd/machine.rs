@@ -1,4 +1,4 @@
-//! A machine of its own for services: `machine.sh`, and what is done in it.
+//! A machine of its own for services: `machine.sh`, and actions in it.
 
 use std::env;
 use std::fs;
@@ -13,22 +13,21 @@ use std::time::{Duration, Instant};
 
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 
-/// After so long a wait is in vain.
+/// The timeout of waits.
 const GUARD: Duration = Duration::from_secs(120);
 
-/// A running systemd. It ends, with all that it has started, when this is dropped or when this process ends,
-/// however that is.
+/// A running systemd. It ends, with all that it has started, on drop or with this process, however that ends.
 pub(crate) struct Machine {
     supervisor: Child,
-    /// Open until it is to end.
+    /// Open until it must end.
     input: Option<ChildStdin>,
     group: PathBuf,
-    /// Process 1, as this machine numbers it.
+    /// Process 1, by this machine's number.
     init: u32,
 }
 
 impl Machine {
-    /// Boots one whose name no other test has. `None`, which skips the test, where that cannot be and
+    /// Boots one with a name unique to the test. `None`, which skips the test, if that is impossible and
     /// `TRIMARAN_REQUIRE_SYSTEMD` is not set.
     pub(crate) fn boot(name: &str) -> Option<Self> {
         let groups = match groups() {
@@ -58,12 +57,12 @@ impl Machine {
         Some(machine)
     }
 
-    /// A file or folder of the machine, as this machine sees it.
+    /// A file or folder of the machine, by its path on this machine.
     pub(crate) fn path(&self, absolute: &str) -> PathBuf {
         PathBuf::from(format!("/proc/{}/root{absolute}", self.init))
     }
 
-    /// Runs a command line in it, which must end well, and gives what it says.
+    /// Runs a command line in it, which must succeed, and returns its output.
     pub(crate) fn run(&self, line: &str) -> String {
         let Output { status, stdout, stderr } = self.shell(line).output().unwrap();
         let [said, complaint] = [stdout, stderr].map(|text| String::from_utf8(text).unwrap());
@@ -80,7 +79,7 @@ impl Machine {
         command
     }
 
-    /// What answers an HTTP request at a port of the machine's loopback, if something does.
+    /// The answer to an HTTP request at a port of the machine's loopback, if there is one.
     pub(crate) fn get(&self, port: u16, path: &str) -> Option<String> {
         let namespace = fs::File::open(format!("/proc/{}/ns/net", self.init)).unwrap();
         let ask = || {
@@ -92,11 +91,11 @@ impl Machine {
             stream.read_to_string(&mut answer).ok()?;
             Some(answer.split_once("\r\n\r\n")?.1.to_owned())
         };
-        // A socket that is made there stays there; the thread that makes it does not come back.
+        // Sockets made there stay there; the thread does not come back.
         thread::scope(|scope| scope.spawn(ask).join().unwrap())
     }
 
-    /// Asks until there is an answer.
+    /// Repeats a request until there is an answer.
     pub(crate) fn wait_for<T>(&self, what: &str, mut answer: impl FnMut() -> Option<T>) -> T {
         let start = Instant::now();
         loop {
@@ -121,7 +120,7 @@ impl Drop for Machine {
     }
 }
 
-/// Where cgroups of version 2 can be made, or why there can be no machine.
+/// The folder for cgroups of version 2, or why there can be no machine.
 fn groups() -> Result<PathBuf, String> {
     if !rustix::process::geteuid().is_root() {
         return Err("a machine for services takes root".to_owned());

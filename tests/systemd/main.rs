@@ -1,4 +1,4 @@
-//! The services of `deploy/systemd` under a real systemd: as docs/operations.md installs them, started in any
+//! The services of `deploy/systemd` under a real systemd: installed as in docs/operations.md, started in any
 //! order, killed and restarted.
 //!
 //! Needs Linux, root and systemd. Elsewhere the tests say that they are skipped, and fail if
@@ -44,7 +44,7 @@ fn services_start_in_any_order_and_show_what_one_process_shows() {
     }
 }
 
-/// Waits until the process that now runs a service takes part in a walk.
+/// Waits until the present process of a service takes part in a walk.
 fn walks(machine: &Machine, (service, port): (&str, u16)) {
     machine.wait_for(&format!("{service} in a walk"), || {
         let links: serde_json::Value = serde_json::from_str(&machine.get(port, "/links")?).ok()?;
@@ -53,8 +53,8 @@ fn walks(machine: &Machine, (service, port): (&str, u16)) {
     });
 }
 
-/// Does something to each service in turn in a walk. Each is then another process that takes its place, and
-/// no frame is missing. The next display `goes_on` with the walk, or begins anew.
+/// Acts on each service in turn during a walk. Each is then replaced by another process, and no frame is
+/// missing. The next display `goes_on` with the walk, or begins anew.
 fn in_walks(name: &str, goes_on: bool, act: impl Fn(&Machine, &str)) {
     let walk = Walk::endless();
     for over in [Over::Quic, Over::Unix] {
@@ -75,7 +75,7 @@ fn in_walks(name: &str, goes_on: bool, act: impl Fn(&Machine, &str)) {
             assert_eq!(notes.contains(note), goes_on, "{over:?}: {notes}");
         }
         machine.run("systemctl start trimaran-display");
-        // A culler may still have the display before, which was killed.
+        // A culler may still have the killed earlier display.
         walks(&machine, DISPLAY);
         replace(ONE);
         let report = walk.is_stopped(&machine);
@@ -98,7 +98,7 @@ fn a_service_that_is_restarted_in_a_walk_takes_its_place_again_and_no_frame_is_m
     });
 }
 
-/// Whoever knows the token is let in, and again when the service was killed.
+/// The token grants access, and again after the service was killed.
 #[test]
 fn a_service_of_pages_is_there_again_after_it_was_killed() {
     let Some(machine) = Machine::boot("pages") else { return };
@@ -127,11 +127,11 @@ fn a_service_of_pages_is_there_again_after_it_was_killed() {
     machine.run(&format!("systemctl kill --signal=KILL {service}"));
     machine.wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
     assert!(is_there());
-    // Nobody else may read the token.
+    // Other users must not read the token.
     assert_eq!(machine.run("stat --format %a:%U /etc/trimaran/plant.env"), "600:root");
 }
 
-/// What a service tries that is not its work, and at last what is.
+/// A service's attempts outside its work, and at last its work.
 const TRIES: &str = r#"
 try() { if eval "$1" >/dev/null 2>&1; then echo "could: $1"; fi; }
 try 'ls /home'
@@ -152,7 +152,7 @@ try 'touch /run/trimaran/a /var/lib/trimaran/a /var/cache/trimaran/a'
 fn a_service_can_do_little_beside_its_work() {
     let Some(machine) = Machine::boot("exposed") else { return };
     Walk::in_one_process(2).install(&machine, Over::Quic);
-    // What anybody may use but for the service's own limits.
+    // Allowed to everybody except by the service's own limits.
     machine.run(
         "mknod -m 666 /run/trimaran/device c 10 200; mkdir -m 777 /tmp/of-others; chmod 777 /etc/trimaran",
     );

@@ -52,18 +52,18 @@
 //! All time, tasks and sockets come through one trait, [`Net`] of `trimaran-net`: [`TokioNet`] is the real
 //! one. The README beside this crate shows more, from keys to deadlines.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | `link`, `lanes` | a link and its halves, over the application's types |
-//! | `connect`, `listen`, `acceptor`, `handshake` | how links come about, and who is let in |
-//! | `application`, `peer` | the two sides of that, for the layers that know only bytes |
-//! | `endpoint`, `schemes` | which transport makes a link |
+//! | `connect`, `listen`, `acceptor`, `handshake` | making links, and admission of peers |
+//! | `application`, `peer` | the two sides of a link, for the layers that only handle bytes |
+//! | `endpoint`, `schemes` | the choice of a transport |
 //! | `stream`, `tcp`, `unix`, [`ws`], [`quic`], [`udp`], [`inproc`] | the transports, each with its lanes |
-//! | `transport`, `scheme`, `parts` | what a transport must do, and what it gives |
+//! | `transport`, `scheme`, `parts` | the tasks of a transport, and its result |
 //! | [`keys`] | the keys of peers |
-//! | `options`, `timeouts`, `rates`, `pending` | what can be set; limits in time and number |
-//! | `stats`, `trace` | what is counted and logged |
-//! | `conformance` | what every transport must do, as a suite of tests |
+//! | `options`, `timeouts`, `rates`, `pending` | options; limits in time and number |
+//! | `stats`, `trace` | counters and logs |
+//! | `conformance` | the requirements on every transport, as a suite of tests |
 
 mod acceptor;
 mod application;

@@ -163,7 +163,7 @@ impl<P: Protocol> Listener<P> {
         Self::bind_all(net, &endpoint.clone().into(), hello, options).await
     }
 
-    /// As [`Listener::bind`], at each of `endpoints` at once: the limits hold for all together.
+    /// As [`Listener::bind`], at each of `endpoints` at once; they share the limits.
     ///
     /// Dropping the future frees everything taken so far.
     ///

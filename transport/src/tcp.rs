@@ -38,8 +38,7 @@ impl Transport for Tcp {
     }
 }
 
-/// Opens a connection to `host:port`: tries each address of a host until one answers, or only that of
-/// `beside`.
+/// Opens a connection to `host:port`: tries each address of a host until one answers, or that of `beside`.
 pub(crate) async fn open(
     net: &Arc<dyn Net>,
     options: TcpOptions,

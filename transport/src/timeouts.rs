@@ -1,4 +1,4 @@
-//! How long a link waits for its peer: a timeout for messages, and an idle timeout for any sign of life.
+//! How long a link waits for its peer: a timeout for messages, and an idle timeout for anything.
 
 use std::fmt;
 use std::future::poll_fn;
@@ -58,7 +58,7 @@ impl Listening<'_> {
     }
 }
 
-/// In every case.
+/// Counts the wait, however it ends.
 impl Drop for Listening<'_> {
     fn drop(&mut self) {
         if let Some(since) = self.since {

@@ -15,8 +15,7 @@ use crate::handshake::HandshakeError;
 ///
 /// Transports that lose or reorder packets, such as datagrams, have lanes of their own inside this crate.
 pub trait Transport: fmt::Debug + Send + Sync {
-    /// The transport's name in endpoints, such as `tls` of `tls://host:443`. Letters, digits, `+`, `-` and
-    /// `.`.
+    /// The transport's name in endpoints, such as `tls` of `tls://host:443`: letters, digits, `+`, `-`, `.`.
     fn scheme(&self) -> &'static str;
 
     /// Whether traffic is encrypted and authenticated against anyone on the path.

@@ -1,5 +1,5 @@
-//! What links allocate in steady state: nothing for a packet, a pose or a batch. Alone in its program,
-//! whose allocator counts.
+//! Allocations of links in steady state: none for a packet, a pose or a batch. Alone in its program, whose
+//! allocator counts.
 #![cfg(all(feature = "inproc", feature = "tcp", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -16,11 +16,11 @@ use trimaran_transport::{FrameEvent, FrameOutcome, FrameReceiver, Options};
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// Poses and frames before anything counts: buffers grow to the size that they need.
+/// Poses and frames before the measurement: buffers grow to their final size.
 const WARM_UP: u32 = 40;
 const POSES: u32 = 1000;
 const FRAMES: u32 = 100;
-/// A batch at a time holds 256 of them: a frame is 16 batches, in 15 packets over UDP.
+/// A batch holds 256 of them: a frame is 16 batches, in 15 packets over UDP.
 const POINTS: u32 = 4000;
 
 /// Sends poses there and back.
@@ -44,7 +44,7 @@ async fn frames(near: &mut Link, far: &mut Link, numbers: std::ops::Range<u32>, 
     }
 }
 
-/// How many points the next frame has.
+/// The number of points in the next frame.
 async fn read(frames: &mut FrameReceiver<Robot>) -> usize {
     let mut count = 0;
     loop {
@@ -57,7 +57,7 @@ async fn read(frames: &mut FrameReceiver<Robot>) -> usize {
     }
 }
 
-/// How often memory was asked for since `region` began.
+/// The number of allocations since `region` began.
 fn asked(region: &Region<'_, System>) -> usize {
     let change = region.change();
     change.allocations + change.reallocations
@@ -83,8 +83,8 @@ async fn in_steady_state_neither_poses_nor_frames_allocate() {
         frames(&mut near, &mut far, WARM_UP..WARM_UP + FRAMES, &points).await;
         let by_frames = asked(&region);
 
-        // Not none: where the machine stalls, packets are acknowledged in larger heaps than usual, and some
-        // are sent again. One allocation for each pose or frame would be far more.
+        // Not none: if the machine stalls, packets are acknowledged in larger groups, and some are sent
+        // again. One allocation for each pose or frame would be far more.
         assert!(
             by_poses <= POSES as usize / 10,
             "{endpoint}: {by_poses} allocations for {POSES} poses there and back"

@@ -1,5 +1,5 @@
-//! What a peer whose frame does not end makes its reader hold: no more than the frame may have, whatever the
-//! bytes on the way stand for. Alone in its program, whose allocator counts.
+//! The memory of a reader whose peer never ends a frame: no more than the frame may have, for any coding.
+//! Alone in its program, whose allocator counts.
 #![cfg(all(unix, feature = "inproc", feature = "quic", feature = "tcp", feature = "udp", feature = "unix"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -23,13 +23,13 @@ use trimaran_transport::{
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// The most points that a frame may have: as many as a batch, so that each batch too many is whole.
+/// The most points of a frame: as many as a batch, so that every excess batch is whole.
 const MOST: u32 = 16_384;
-/// How many batches of so many points the peer sends of its second frame.
+/// How many batches of so many points the peer sends in its second frame.
 const BATCHES: usize = 1000;
-/// How many bytes quic and udp let lie on the way in either direction.
+/// How many bytes may be in flight in either direction over quic and udp.
 const WINDOW: usize = 256 << 10;
-/// What the points of a frame take at a reader that gathers them.
+/// The memory for the points of a frame at a reader that gathers them.
 const FRAME: usize = 4 * MOST as usize;
 
 const ENDPOINTS: [&str; 5] =
@@ -44,7 +44,7 @@ fn held() -> usize {
 }
 
 fn options(coded: bool, max_frame: u32) -> Options {
-    // So that who waits in vain ends soon.
+    // So that a wait in vain ends soon.
     let timeout = Duration::from_millis(300);
     let batching = Batching { size: BatchSize::MAX, coded };
     let link = LinkConfig { timeout, batching, max_frame, ..LinkConfig::default() };
@@ -56,8 +56,8 @@ fn options(coded: bool, max_frame: u32) -> Options {
     }
 }
 
-/// A link whose near end takes so many points a frame, and whose far end thinks that it may send any number.
-/// The near end listens, or else connects.
+/// A link whose near end takes so many points a frame, and whose far end may send any number. The near end
+/// listens, or else connects.
 async fn joined(endpoint: &str, coded: bool, listens: bool) -> (Link, Link, Meeting) {
     let (near, far) = (options(coded, MOST), options(coded, u32::MAX));
     let (at_listener, at_connector) = if listens { (near, far) } else { (far, near) };
@@ -72,7 +72,7 @@ async fn joined(endpoint: &str, coded: bool, listens: bool) -> (Link, Link, Meet
     if listens { (here, there, meeting) } else { (there, here, meeting) }
 }
 
-/// A whole frame, and then one that goes on and on, until all is sent or the way is full.
+/// A whole frame, and then one that never ends, until all is sent or the path is full.
 async fn lie(far: &mut Link, points: &[u32]) {
     let frames = &mut far.frames_tx;
     let said = async {
@@ -89,7 +89,7 @@ async fn lie(far: &mut Link, points: &[u32]) {
     assert!(matches!(said, Ok(()) | Err(SendError::Stalled { .. })), "{said:?}");
 }
 
-/// What reading gave: how it ended, the most points and bytes that were held, and the bytes of the batches.
+/// The result of reading: the error, the most points and bytes held, and the bytes of the batches.
 struct Read {
     end: RecvError,
     gathered: usize,
@@ -97,7 +97,7 @@ struct Read {
     wire: u64,
 }
 
-/// Gathers frames as a panel does, until that fails.
+/// Gathers frames like a panel, until that fails.
 async fn gather(near: &mut Link, before: usize) -> Read {
     let (mut points, mut most) = (Vec::new(), 0);
     loop {
@@ -125,7 +125,7 @@ async fn a_frame_without_an_end_ends_the_link_at_the_first_id_too_many() {
         for coded in [true, false] {
             for listens in [true, false] {
                 let (mut near, mut far, _meeting) = joined(endpoint, coded, listens).await;
-                // What the liar keeps, and what lies on the way, is there before anything is read.
+                // Measured after the liar's own data and the data in flight are there.
                 lie(&mut far, &points).await;
                 let before = held();
                 let read = gather(&mut near, before).await;
@@ -141,8 +141,8 @@ async fn a_frame_without_an_end_ends_the_link_at_the_first_id_too_many() {
                     gathered, MOST as usize,
                     "{endpoint}: the batch too many was not given to the reader"
                 );
-                // The points of the frame and of the one before it, to which changes refer, and the reader's
-                // own buffers.
+                // The points of the frame and of the one before, to which changes refer, and the reader's own
+                // buffers.
                 assert!(most < 8 * FRAME, "{endpoint} coded {coded}: {most} bytes");
             }
         }

@@ -1,5 +1,5 @@
-//! What strangers and peers make this side hold: no more than was configured. Alone in its program, whose
-//! allocator counts.
+//! The memory that strangers and peers take on this side: no more than configured. Alone in its program,
+//! whose allocator counts.
 #![cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix", feature = "ws"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -24,15 +24,15 @@ use trimaran_transport::{Endpoint, Limits, LinkConfig, Options, SendError, sleep
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 const KIB: usize = 1 << 10;
-/// QUIC last: its connections are remembered for a while, and what is given back meanwhile would hide what
-/// another takes.
+/// QUIC last: its connections are remembered for a while, and memory freed meanwhile would hide what another
+/// takes.
 const ENDPOINTS: [&str; 5] =
     ["tcp://127.0.0.1:0", "unix:", "ws://127.0.0.1:0", "udp://127.0.0.1:0", "quic://127.0.0.1:0"];
 
 /// Only one test at a time counts.
 static ALONE: Mutex<()> = Mutex::const_new(());
 
-/// How many bytes this program holds.
+/// The bytes allocated by this program.
 fn held() -> usize {
     let stats = ALLOCATOR.stats();
     stats.bytes_allocated.saturating_sub(stats.bytes_deallocated)
@@ -47,19 +47,19 @@ async fn joined(meeting: &mut Meeting) -> (Link, Link) {
     (there.unwrap(), here.unwrap())
 }
 
-/// Time for the other side to take what was said.
+/// Time for the other side to receive.
 async fn a_moment() {
     let net = net();
     sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
 }
 
-/// Somebody who is no peer.
+/// A stranger.
 enum Stranger {
     Tcp(TcpStream),
     Unix(UnixStream),
-    /// With a WebSocket, or the wish for one.
+    /// With a WebSocket, or a request for one.
     Ws(TcpStream),
-    /// With a first packet as genuine as a stranger's can be: its keys are nobody's.
+    /// With a first packet as genuine as a stranger's can be: its keys are unknown.
     Datagrams {
         socket: UdpSocket,
         to: String,
@@ -97,10 +97,10 @@ impl Stranger {
         Self::Datagrams { socket, to, first }
     }
 
-    /// Says what makes the listener expect the longest message there is, or begins a handshake.
+    /// Announces the longest message there is to the listener, or begins a handshake.
     async fn speak(&mut self) {
         let greedy = [&[0x21, 0x00, 0x00, 0x01][..], &vec![7; 64 * KIB]].concat();
-        // Who was turned away cannot always be said more to.
+        // A refused stranger may be unable to send more.
         match self {
             Self::Tcp(stream) => drop(stream.write_all(&greedy[..]).await),
             Self::Unix(stream) => drop(stream.try_write(&greedy)),
@@ -109,7 +109,7 @@ impl Stranger {
         }
     }
 
-    /// Begins a handshake, and says no more of it than that.
+    /// Begins a handshake, and sends no more of it.
     async fn begin(&mut self) {
         // A hello of 30 bytes begins.
         let hello = [0x01, 30, 0, 0, b'T', b'R'];
@@ -134,7 +134,7 @@ fn in_a_web_socket(bytes: &[u8]) -> Vec<u8> {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
     const ROOM: usize = 8;
-    /// What one handshake may take: of QUIC, its TLS and what waits for it.
+    /// The memory of one handshake: for QUIC, its TLS and its buffered data.
     const EACH: usize = 96 * KIB;
     let _alone = ALONE.lock().await;
     let hour = Duration::from_secs(3600);
@@ -179,9 +179,9 @@ async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
     }
 }
 
-/// What is sent to a peer that reads nothing lies at the sender and at the receiver, both in this program. The
-/// datagram protocol remembers up to 16,384 packets on their way as well, in less than two windows of this test:
-/// how many small ones there are depends on how fast they are acknowledged.
+/// Data sent to a peer that reads nothing is held at the sender and at the receiver, both in this program.
+/// The datagram protocol also remembers up to 16,384 packets in flight, in less than two windows of this
+/// test: the number of small ones depends on how fast they are acknowledged.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_peer_that_is_not_read_fills_the_windows_and_no_more() {
     const WINDOW: usize = 1024 * KIB;

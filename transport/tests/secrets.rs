@@ -1,5 +1,5 @@
-//! What is left of private keys in this process's memory once they are dropped. Alone in its program, which
-//! reads its own memory.
+//! Traces of private keys in this process's memory after they are dropped. Alone in its program, which reads
+//! its own memory.
 #![cfg(all(target_os = "linux", feature = "quic", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -13,7 +13,7 @@ use base64::engine::general_purpose::STANDARD;
 use trimaran_transport::keys::{KeyFiles, Keys};
 use zeroize::Zeroizing;
 
-/// Something secret, with all bits turned over, so that the test itself does not hold it.
+/// A secret with all bits flipped, so that the test itself does not hold it.
 struct Secret {
     what: &'static str,
     turned: Vec<u8>,
@@ -44,12 +44,12 @@ fn secrets_of(file: &Path) -> Vec<Secret> {
         Secret::new("the key of udp as text", udp.as_bytes()),
         Secret::new("the key of udp", &*bytes),
         Secret::new("the key of quic as text", quic.as_bytes()),
-        // The seed of an Ed25519 key lies there in PKCS #8 (RFC 8410, section 7).
+        // The seed of an Ed25519 key is there in PKCS #8 (RFC 8410, section 7).
         Secret::new("the key of quic", &der[16..48]),
     ]
 }
 
-/// How often the memory that this process may write holds each of the secrets.
+/// How often the writable memory of this process holds each of the secrets.
 fn found(secrets: &[Secret]) -> Vec<usize> {
     scribble();
     let mut memory = File::open("/proc/self/mem").unwrap();
@@ -65,7 +65,7 @@ fn found(secrets: &[Secret]) -> Vec<usize> {
         }
         region.resize((to - from) as usize, 0);
         memory.seek(SeekFrom::Start(from)).unwrap();
-        // Some of the kernel's own cannot be read.
+        // Some regions of the kernel cannot be read.
         if memory.read_exact(&mut region).is_err() {
             continue;
         }
@@ -73,14 +73,14 @@ fn found(secrets: &[Secret]) -> Vec<usize> {
             let same = |window: &&[u8]| window.iter().zip(turned).all(|(byte, turned)| *byte == !turned);
             *count += region.windows(turned.len()).filter(same).count();
         }
-        // What it took from there is none of what this process holds.
+        // The bytes read from there must not count as memory of this process.
         region.fill(0);
     }
     counts
 }
 
-/// Overwrites what earlier calls have left on the stack: a value that is moved leaves a copy there, until
-/// another call needs the place.
+/// Overwrites the stack of earlier calls: a moved value leaves a copy there until another call reuses the
+/// space.
 #[inline(never)]
 fn scribble() {
     black_box(&mut [0x55_u8; 512 << 10]);

@@ -1,4 +1,4 @@
-//! Faults to be found: what each condition of exact culling looks like when it does not hold.
+//! Faults for tests: each breaks one condition of exact culling.
 
 use trimaran_cull::{Answer, HzbError, HzbTest, OcclusionTest, Outline, TestBox, View};
 use trimaran_proto::DrawableId;
@@ -12,11 +12,11 @@ pub enum Fault {
     /// None: all conditions hold.
     #[default]
     None,
-    /// Condition 1: OR draws the levels it was sent and not those of its own cut.
+    /// Condition 1: OR draws the received levels instead of those of its own cut.
     OtherLevels,
-    /// Condition 1: RVG draws every so manieth node at another level than it was sent.
+    /// Condition 1: RVG draws one node in this many at another level than received.
     OtherLevelsShown(usize),
-    /// As if OR had drawn from the camera before: its depth is the last frame's.
+    /// As if OR had drawn from the previous camera: its depth is the last frame's.
     StaleDepth,
     /// Condition 3: boxes are tested this much smaller than they were given.
     SmallBoxes(f32),
@@ -24,14 +24,14 @@ pub enum Fault {
     NoInflation(f32),
     /// Condition 3: boxes are not grown by half a pixel.
     NoOutline,
-    /// Condition 4: every so manieth id never arrives at RVG.
+    /// Condition 4: one id in this many never arrives at RVG.
     DroppedIds(usize),
     /// Condition 5: OR's vertices are this fraction nearer to the eye than RVG's.
     NearerOccluders(f64),
 }
 
 impl Fault {
-    /// What RVG draws of the ids that HC sent it.
+    /// RVG's set for the ids that HC sent it.
     pub(crate) fn arrived(self, scene: &Scene, sent: &[DrawableId]) -> Vec<DrawableId> {
         let other_level = |id: DrawableId| {
             let drawable = scene.drawables().get(id.index())?;
@@ -59,13 +59,13 @@ impl Fault {
     }
 }
 
-/// Which occlusion test a culler has.
+/// A culler's occlusion test.
 pub(crate) enum AnyTest<'p> {
     Rasterized(ReferenceTest<'p>),
     Pyramid(HzbTest<'p>),
 }
 
-/// An occlusion test whose boxes are tampered with as the fault says.
+/// An occlusion test whose boxes are altered by the fault.
 pub(crate) struct Tampered<'p> {
     pub(crate) inner: AnyTest<'p>,
     pub(crate) fault: Fault,

@@ -1,4 +1,4 @@
-//! Points on the screen, found by rectangle.
+//! A grid for finding screen points in a rectangle.
 
 use glam::DVec2;
 
@@ -8,7 +8,7 @@ pub(crate) fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {
     points.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
-/// Points sorted into square cells, so that those in a rectangle are found without looking at all.
+/// Points sorted into square cells, to find those in a rectangle without visiting all.
 pub(crate) struct Grid {
     corner: DVec2,
     cell: f64,
@@ -46,8 +46,8 @@ impl Grid {
     /// The points, as indices, of the cells that touch a rectangle, a row of cells at a time.
     pub(crate) fn cells(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = &[usize]> {
         let (low, high) = ((low - self.corner) / self.cell, (high - self.corner) / self.cell);
-        // From float to integer saturates: what is left of the first cell becomes the first cell, unless all
-        // of it is.
+        // Float-to-integer conversion saturates, so coordinates left of the grid map to its first cell,
+        // unless the whole rectangle is outside.
         let end = |high: f64, count: usize| {
             if high < 0.0 { 0 } else { (high as usize).saturating_add(1).min(count) }
         };

@@ -1,4 +1,4 @@
-//! Drawables to an ID buffer with depth (the paper: item buffer): which triangle shows at each pixel.
+//! Rasterizes drawables into an ID buffer with depth (the paper: item buffer).
 
 use glam::DVec3;
 use trimaran_cull::{View, Viewport};
@@ -7,7 +7,7 @@ use trimaran_scene::{Drawable, Scene};
 
 use crate::raster::{Coverage, rasterize_triangle};
 
-/// The triangle that shows at a pixel.
+/// The visible triangle at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TriangleId {
     /// The drawable.
@@ -16,14 +16,13 @@ pub struct TriangleId {
     pub triangle: u32,
 }
 
-/// How vertices get from their node's frame to view space.
+/// How vertices are transformed from their node's frame to view space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Placement {
     /// In f64 all the way.
     #[default]
     Exact,
-    /// As a GPU does: matrix and translation about the eye composed in f64, rounded to f32, and applied in
-    /// f32.
+    /// Like a GPU: matrix and translation about the eye composed in f64, rounded to f32, and applied in f32.
     Single,
 }
 
@@ -67,7 +66,7 @@ impl IdBuffer {
         &self.ids
     }
 
-    /// The drawables seen, each once, in ascending order.
+    /// The visible drawables, each once, in ascending order.
     #[must_use]
     pub fn seen(&self) -> Vec<DrawableId> {
         let mut seen: Vec<DrawableId> = self.ids.iter().flatten().map(|id| id.drawable).collect();
@@ -83,15 +82,14 @@ impl IdBuffer {
         unpaired + self.ids.iter().zip(&other.ids).filter(|(a, b)| a != b).count()
     }
 
-    /// Keeps the nearer of what is drawn and a pixel of a triangle that belongs to no drawable: an occluder
-    /// by hand.
+    /// Depth-tests one pixel of a triangle that belongs to no drawable: an occluder by hand.
     pub fn cover(&mut self, hit: Coverage) {
         if let Some(depth) = self.depth.get_mut(hit.pixel) {
             *depth = depth.max(hit.depth);
         }
     }
 
-    /// How much the depth of the surface at a pixel changes from there to the next one, seen from `view`.
+    /// The depth change of the surface at a pixel to the next pixel, in `view`.
     pub(crate) fn slope(&self, scene: &Scene, view: &View, pixel: usize) -> f64 {
         let corners = self.ids.get(pixel).copied().flatten().and_then(|shown| {
             let drawable = scene.drawables().get(shown.drawable.index())?;
@@ -102,19 +100,18 @@ impl IdBuffer {
         let normal = (b - a).cross(c - a);
         let scale = f64::from(view.camera().near()) / normal.dot(a);
         let slope = (normal.x / view.focal_x()).abs().max((normal.y / view.focal_y()).abs()) * scale.abs();
-        // Seen edge on, its depth says nothing.
+        // Edge-on, its depth is undefined.
         if slope.is_finite() { slope } else { 0.0 }
     }
 
-    /// Moves all that is drawn nearer to the eye by a fraction of its distance: a fault to be found.
+    /// Moves everything drawn nearer to the eye by a fraction of its distance: a fault for tests.
     pub(crate) fn bring_nearer(&mut self, fraction: f64) {
         for depth in &mut self.depth {
             *depth *= 1.0 + fraction;
         }
     }
 
-    /// Draws one drawable, as far as no section cuts it away. Where depths are equal, what was drawn first
-    /// stays.
+    /// Draws one drawable, without the parts that sections cut away. Of equal depths the first drawn stays.
     pub fn draw(&mut self, scene: &Scene, view: &View, id: DrawableId, placement: Placement) {
         let Some(drawable) = scene.drawables().get(id.index()) else { return };
         let planes: Vec<_> = view.section_planes().collect();

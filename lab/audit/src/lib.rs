@@ -1,4 +1,4 @@
-//! What checks: everything that judges whether culling and images are right, apart from what culls.
+//! Checks of culling and images, independent of the culling code.
 //!
 //! A rasterizer in f64 follows Vulkan's rules: slow, simple, and independent of any GPU. On it stand a
 //! walkthrough that compares every frame with the truth, and the search for the cause of a false cull.

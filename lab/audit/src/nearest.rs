@@ -1,10 +1,9 @@
-//! How far pixels are, on the screen, from where surfaces lie.
+//! The screen distance of pixels from surfaces.
 //!
-//! Two pictures of the same thing can be compared pixel by pixel only where both hit it: a part thinner than
-//! a pixel may hit a pixel's centre in one and none in the other, and what one shows at its border may lie
-//! outside of the other. So the distance is not taken to the other picture's pixels but to its *surfaces*,
-//! projected in f64: whether they hit a sample, are hidden, or lie outside of the picture makes no
-//! difference.
+//! Two pictures of the same object can be compared pixel by pixel only if both hit it. A part thinner than a
+//! pixel may hit a pixel's centre in one and none in the other, and the neighbours at the border of one may
+//! lie outside the other. So the distance is not taken to the other picture's pixels but to its *surfaces*,
+//! projected in f64, even if they miss all samples, are hidden, or lie outside of the picture.
 
 use glam::{DVec2, DVec3};
 use trimaran_cull::View;
@@ -15,12 +14,11 @@ use crate::grid::{Grid, bounds};
 use crate::id_buffer::{Placement, triangles};
 use crate::raster::clip;
 
-/// How far from a pixel's centre the surface that covers it may lie, in pixels, as it is known here: the
-/// rasterizer moves corners by its sub-pixel step of 1/256, and a GPU places vertices in f32.
+/// The largest distance from a pixel's centre of the surface that covers it, in pixels: the rasterizer moves
+/// corners by its sub-pixel step of 1/256, and a GPU places vertices in f32.
 pub const SURFACE_SLACK_PX: f64 = 1.0 / 64.0;
 
-/// How far is searched first. Most pixels find what they look for, and those that do not are few: for them
-/// the search goes on, four times as far each time.
+/// The first search radius. It suffices for most pixels; for the others it is repeatedly multiplied by four.
 const FIRST_REACH_PX: f64 = 1.0;
 
 /// For each of `pixels` (indices into `view`'s picture, row by row from the top left) the distance on the
@@ -58,7 +56,7 @@ pub fn distances_to_surfaces(
     found
 }
 
-/// Points on the screen that look for the nearest surface within reach.
+/// Screen points with the nearest surface within reach.
 struct Search {
     points: Vec<DVec2>,
     /// Squared distance of each point to the nearest surface so far; infinite while nothing is within reach.

@@ -9,12 +9,12 @@ use crate::id_buffer::IdBuffer;
 use crate::raster::rasterize_triangle;
 
 /// Rasterizes boxes against an ID buffer's depth and counts the pixels at which a box is in front of it or
-/// level with it: what precise occlusion queries with `GREATER_OR_EQUAL` and back faces culled count.
+/// level with it: the same as precise occlusion queries with `GREATER_OR_EQUAL` and back faces culled.
 #[derive(Debug)]
 pub struct ReferenceTest<'p> {
     occluders: &'p IdBuffer,
     outline: Outline,
-    /// Per pixel the last box that counted it, so that a pixel on two faces counts once.
+    /// For each pixel the last box that counted it, so that a pixel on two faces counts once.
     counted: Vec<usize>,
     boxes: usize,
 }
@@ -27,15 +27,14 @@ impl<'p> ReferenceTest<'p> {
         Self { occluders, outline: Outline::InBox, counted, boxes: 0 }
     }
 
-    /// The same test with boxes prepared as `outline` says. It grows nothing by itself, so with
-    /// [`Outline::OnScreen`] boxes come without their half pixel: only for tests that need to see what
-    /// that does.
+    /// The same test with boxes prepared as `outline` says. It grows nothing itself, so with
+    /// [`Outline::OnScreen`] boxes lack their half pixel: only for tests of that effect.
     #[must_use]
     pub fn with_outline(self, outline: Outline) -> Self {
         Self { outline, ..self }
     }
 
-    /// The number of pixels at which the box shows.
+    /// The number of pixels at which the box is visible.
     pub fn count(&mut self, view: &View, test_box: &TestBox) -> u32 {
         self.boxes += 1;
         let mut pixels = 0;

@@ -1,4 +1,4 @@
-//! One triangle to pixels, by the rules of the Vulkan specification (chapter "Rasterization").
+//! Rasterizes one triangle, by the rules of the Vulkan specification (chapter "Rasterization").
 //!
 //! Corners snap to a grid of 1/256 pixel; a pixel is covered if its centre is inside by exact integer edge
 //! functions, or on a top or left edge; both windings are drawn. Depth is near / distance, which is linear on
@@ -7,10 +7,10 @@
 use glam::{DVec2, DVec3};
 use trimaran_cull::View;
 
-/// Sub-pixel positions a pixel, in each direction (8 bits).
+/// Sub-pixel positions per pixel, in each direction (8 bits).
 const SUBPIXELS: f64 = 256.0;
 
-/// Triangles are clipped this far outside of the picture, in pixels from its middle, to keep the integers
+/// The guard band: triangles are clipped this far from the picture's middle, in pixels, to keep the integers
 /// small.
 const GUARD_PX: f64 = 65536.0;
 

@@ -1,8 +1,8 @@
 //! The whole loop on the CPU: OR (draw occluders), HC (cull) and RVG (show) in turn, frame by frame, beside
-//! the truth.
+//! the exact reference.
 //!
-//! Why culling is exact rests on five conditions. [`Fault`] breaks each on purpose, to see that a check of
-//! the pictures notices.
+//! Exact culling rests on five conditions. [`Fault`] breaks each on purpose, to test that a check of the
+//! pictures notices.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -30,33 +30,33 @@ pub enum Testing {
     Pyramid,
 }
 
-/// What one frame came to.
+/// The result of one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FrameReport {
-    /// What HC's traversal did.
+    /// Counters of HC's traversal.
     pub stats: CullStats,
-    /// What OR drew.
+    /// The occluders that OR drew.
     pub occluders: Vec<DrawableId>,
-    /// What HC emitted, in drawing order.
+    /// The drawables that HC emitted, in drawing order.
     pub emitted: Vec<DrawableId>,
-    /// What is seen without culling.
+    /// The drawables visible without culling.
     pub exact: Vec<DrawableId>,
-    /// What is seen without culling and was not drawn: must be none.
+    /// The drawables visible without culling and not drawn: must be none.
     pub false_culled: Vec<FalseCull>,
     /// Pixels that show another triangle than without culling: must be 0.
     pub differing_pixels: usize,
-    /// What RVG shows.
+    /// The picture of RVG.
     pub shown: IdBuffer,
 }
 
-/// A drawable that is seen without culling and was not drawn.
+/// A drawable that is visible without culling and was not drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FalseCull {
-    /// Which.
+    /// Its id.
     pub id: DrawableId,
     /// The pixels it owns without culling.
     pub pixels: usize,
-    /// Why it was not drawn.
+    /// The cause.
     pub cause: FalseCullCause,
 }
 
@@ -75,7 +75,7 @@ pub enum WalkthroughError {
     Ids(#[from] OccluderError),
 }
 
-/// OR, HC and RVG on one CPU, and what they keep from frame to frame.
+/// OR, HC and RVG on one CPU, with their state between frames.
 #[derive(Debug)]
 pub struct ReferenceWalkthrough {
     culler: Culler,
@@ -86,7 +86,7 @@ pub struct ReferenceWalkthrough {
     last: Option<Last>,
 }
 
-/// What is left of the frame before.
+/// The state from the previous frame.
 #[derive(Debug)]
 struct Last {
     view: View,
@@ -95,7 +95,7 @@ struct Last {
     shown: IdBuffer,
 }
 
-/// What OR drew, and its depth as every occlusion test wants it.
+/// OR's drawables, and their depth for every occlusion test.
 #[derive(Debug)]
 struct Occluders {
     ids: Vec<DrawableId>,
@@ -143,7 +143,7 @@ impl ReferenceWalkthrough {
         Self { fault, ..self }
     }
 
-    /// From the next frame on, another rule decides the LOD cut.
+    /// Uses another rule for the LOD cut from the next frame on.
     pub fn set_rule(&mut self, rule: impl Into<CutRule>) {
         self.rule = rule.into();
     }
@@ -151,7 +151,7 @@ impl ReferenceWalkthrough {
     /// One frame.
     ///
     /// # Errors
-    /// As the parts of the loop say; none is expected.
+    /// Those of the parts of the loop; none is expected.
     pub fn frame(&mut self, view: &View) -> Result<FrameReport, WalkthroughError> {
         let scene = Arc::clone(self.culler.scene());
         let mut order = DrawOrder::default();
@@ -192,8 +192,7 @@ impl ReferenceWalkthrough {
         Ok(FrameReport { stats, occluders, emitted, exact, false_culled, differing_pixels, shown })
     }
 
-    /// OR: the last frame's ids, mapped to this view's cut and drawn from it; nothing before there is a last
-    /// frame.
+    /// OR: the last frame's ids, mapped to this view's cut and drawn from it; nothing in the first frame.
     fn draw_occluders(&self, scene: &Arc<Scene>, view: &View) -> Result<Occluders, WalkthroughError> {
         let mut ids = Vec::new();
         match &self.last {
@@ -232,7 +231,7 @@ impl ReferenceWalkthrough {
     }
 }
 
-/// What owns pixels without culling and was not drawn.
+/// The drawables that own pixels without culling and were not drawn.
 fn missing(truth: &IdBuffer, drawn: &[DrawableId]) -> Vec<Missing> {
     let drawn: BTreeSet<DrawableId> = drawn.iter().copied().collect();
     let mut missing = BTreeMap::<DrawableId, Vec<usize>>::new();

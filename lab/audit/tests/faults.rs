@@ -1,5 +1,5 @@
-//! Each condition of exact culling, broken on purpose: the checks that find nothing on a sound loop must find
-//! that, and name which it was.
+//! Each condition of exact culling, broken on purpose: the checks, which find nothing in a correct loop, must
+//! find and name the fault.
 
 #![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
 
@@ -12,18 +12,18 @@ use trimaran_audit::cases::{Mesh, Object, build, looking, plant, plant_views, wi
 use trimaran_audit::{FalseCullCause, Fault, FrameReport, Placement, ReferenceWalkthrough, Testing};
 use trimaran_cull::{DEPTH_ULPS, LodRule, OUTLINE_PX, POSITION_ULPS, Viewport};
 
-/// Faults of depth in the plant, as a fraction of the distance. Boxes are taken to be nearer by half a pixel
-/// over the focal length (see `ScreenProjection` in `screen_box.rs`; a box that is grown in space comes as
-/// much nearer), which is 0.6 % at this small size: a fault below that is none. Of 0.3 % the pyramid loses
-/// nothing, of 1 % some 1800 pixels.
+/// Faults of depth in the plant, as a fraction of the distance. Boxes get nearer by half a pixel over the
+/// focal length (see `ScreenProjection` in `screen_box.rs`; a box that is grown in space gets as much
+/// nearer), which is 0.6 % at this small size: a smaller fault has no effect. At 0.3 % the pyramid loses
+/// nothing, at 1 % some 1800 pixels.
 const PLANT_FRACTION: f64 = 0.01;
 
-/// What a walkthrough of the plant came to under a fault.
+/// The errors of a walkthrough of the plant under a fault.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Errors {
-    /// Pixels at which the picture is wrong.
+    /// Wrong pixels of the picture.
     differing: usize,
-    /// Pixels that belong to what was not drawn, by cause.
+    /// Pixels of drawables that were not drawn, by cause.
     lost: BTreeMap<FalseCullCause, usize>,
 }
 
@@ -73,8 +73,8 @@ fn a_sound_walk_has_no_errors() {
     }
 }
 
-/// From afar a barrel is drawn as its box; nearby it is round, and something shows past its edge. OR must not
-/// draw the box.
+/// From afar a barrel is drawn as its box; nearby it is round, and things beyond its edge are visible. OR
+/// must not draw the box.
 #[test]
 fn occluders_at_other_levels_are_found_out() {
     let barrel =
@@ -103,7 +103,7 @@ fn levels_that_were_not_sent_are_found_out() {
     assert!(errors.lost[&FalseCullCause::LevelMismatch] > 1000, "{errors:?}");
 }
 
-/// The paper's section 4.5.2 draws other levels than the cut, and says so.
+/// The paper's section 4.5.2 draws other levels than the cut, and is named as the cause.
 #[test]
 fn stopping_at_few_pixels_is_found_out() {
     let rule = LodRule::new(16.0).unwrap().stopping_at_few_pixels(true);
@@ -121,8 +121,7 @@ fn a_stale_depth_is_found_out() {
     }
 }
 
-/// A test that makes boxes smaller loses what is level with their faces, and some of what sticks out in
-/// front.
+/// A test that shrinks boxes loses drawables level with their faces, and some that stick out in front.
 #[test]
 fn an_occlusion_test_of_smaller_boxes_is_found_out() {
     let errors = walk_plant(Fault::SmallBoxes(0.9), Testing::Rasterized, Placement::Exact);
@@ -167,9 +166,9 @@ fn occluders_placed_otherwise_are_found_out() {
     }
 }
 
-/// A wall of 8 x 8 panels, faced squarely, so that nothing but the allowance for ties saves a panel from its
-/// own surface and its neighbours'. Three times the allowance hides all panels but those at the wall's
-/// border; half of it changes nothing.
+/// A wall of 8 x 8 panels, faced squarely, so that only the allowance for ties saves a panel from its own
+/// surface and its neighbours'. Three times the allowance hides all panels but those at the wall's border;
+/// half of it changes nothing.
 #[test]
 fn faults_of_depth_are_found_out_from_the_size_of_the_allowance_on() {
     let panels: Vec<Object> = (0..64)

@@ -1,9 +1,9 @@
-//! Visibility by rays cast on the CPU: what a machine without a GPU can do.
+//! Visibility by rays cast on the CPU, for machines without a GPU.
 //!
 //! | module | what is in it |
 //! |---|---|
 //! | `packet` | four rays from one point, against boxes and triangles |
-//! | `tree` | boxes under a tree, and how rays go down it |
+//! | `tree` | a tree of boxes, and its traversal by rays |
 //! | `mesh` | the triangles of drawables, each mesh under a tree of its own |
 //! | `placed` | a frame's drawables under one tree: what a ray hits first |
 //! | `pixels` | the rays of a view, one through the centre of each pixel |
@@ -28,8 +28,8 @@ use trimaran_scene::Scene;
 use mesh::Meshes;
 use placed::Placed;
 
-/// Casts a ray through the centre of each pixel, and takes what is hit first. What is seen through is taken
-/// as a whole. It keeps the meshes that it has made trees of.
+/// Casts a ray through the centre of each pixel, and takes the first hits. All see-through drawables are
+/// taken. It keeps the meshes with their trees.
 pub struct Rays {
     scene: Arc<Scene>,
     meshes: Meshes,
@@ -51,7 +51,7 @@ impl Rays {
         }
     }
 
-    /// Puts the LOD cut of a frame under a tree. Returns what of it hides other things.
+    /// Builds a tree of a frame's LOD cut. Returns the drawables that can hide others.
     pub fn place(&mut self, view: &View, rule: &CutRule) -> &[DrawableId] {
         let cut = lod_cut(&self.scene, view, rule);
         self.solid = rule.divide(&self.scene, &cut, &mut self.see_through).into_owned();
@@ -59,11 +59,11 @@ impl Rays {
         &self.solid
     }
 
-    /// Adds to `found` what rays of this view hit, of what was [placed](Self::place) for it.
+    /// Adds to `found` the hits of this view's rays, among the drawables [placed](Self::place) for it.
     pub fn cast(&self, view: &View, found: &mut Vec<DrawableId>) -> CullCounts {
         let shows: Vec<AtomicBool> = self.solid.iter().map(|_| AtomicBool::new(false)).collect();
         let show = |index: u32| {
-            // Writing what is there already would take the memory from the other threads.
+            // Writing an equal value would still take the memory from the other threads' caches.
             if let Some(shows) = shows.get(index as usize)
                 && !shows.load(Ordering::Relaxed)
             {

@@ -19,34 +19,33 @@ pub(crate) struct Mesh {
     triangles: Box<[RtTriangle]>,
 }
 
-/// What makes a mesh: drawables that are alike in this share one.
+/// The identity of a mesh: drawables that agree in this share one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct Shape {
     geometry: u32,
-    /// The bits of the node's matrix, if the mesh is turned by it.
+    /// The bits of the node's matrix, if the mesh is transformed by it.
     turned: Option<[u32; 9]>,
 }
 
-/// All meshes that came into sight so far.
+/// All meshes made so far.
 #[derive(Default)]
 pub(crate) struct Meshes {
     made: HashMap<Shape, Option<Arc<Mesh>>>,
 }
 
-/// Leaves of at most so many triangles.
+/// The most triangles of a leaf.
 const LEAF: u32 = 8;
 
 /// The largest coordinate, metres: products of three are still finite.
 pub(crate) const LARGEST: f32 = 1e12;
 
-/// The most that a matrix may stretch one direction over another one for rays to be taken into its node's
-/// frame, and the most that it may magnify or reduce them: beyond, too little of f32 is left. In Frobenius
-/// norms, by which the least stretch there is is 3.
+/// The limits of a matrix's anisotropy and of its scale for transforming rays into its node's frame: beyond
+/// them f32 is too imprecise. In Frobenius norms, whose least anisotropy is 3.
 const MOST_STRETCH: f64 = 100.0;
 const MOST_SCALE: f64 = 1e4;
 
 impl Shape {
-    /// The shape of a drawable, and what takes directions in the world to its mesh's frame.
+    /// The shape of a drawable, and the map of directions from the world to its mesh's frame.
     pub(crate) fn of(drawable: &Drawable, node: &Node) -> (Self, DMat3) {
         let shape = |turned| Self { geometry: drawable.geometry, turned };
         let to_world = node.linear().as_dmat3();
@@ -65,7 +64,7 @@ fn norm(matrix: &DMat3) -> f64 {
 }
 
 impl Meshes {
-    /// Makes what is not made yet of the shapes of these drawables.
+    /// Makes the missing meshes of these drawables' shapes.
     pub(crate) fn make(&mut self, scene: &Scene, wanted: impl Iterator<Item = (Shape, Drawable)>) {
         let mut missing = Vec::new();
         for (shape, drawable) in wanted {
@@ -87,7 +86,7 @@ impl Meshes {
 }
 
 impl Mesh {
-    /// The drawable's triangles, turned by a matrix if there is one. `None` if a coordinate is too large.
+    /// The drawable's triangles, perhaps transformed. `None` if a coordinate is too large.
     fn new(scene: &Scene, drawable: &Drawable, turned: Option<[u32; 9]>) -> Option<Self> {
         let turn = turned
             .map_or(DMat3::IDENTITY, |bits| Mat3::from_cols_array(&bits.map(f32::from_bits)).as_dmat3());
@@ -109,8 +108,8 @@ impl Mesh {
         Some(Self { tree, triangles })
     }
 
-    /// How far it is to the first triangle along each ray; infinite for those that meet none by `end`, or
-    /// none from its front where only `front`s show.
+    /// The distance to the first triangle along each ray; infinite without a hit by `end`, or without a hit
+    /// of a front if only `front`s count.
     #[inline]
     pub(crate) fn first(&self, packet: &Packet, end: Vec4, front: bool, stack: &mut Vec<u32>) -> Vec4 {
         let mut end = end;

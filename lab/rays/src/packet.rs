@@ -1,9 +1,9 @@
-//! Four rays from one point, cast together: neighbours on the screen meet much the same.
+//! Four rays from one point, cast together: neighbours on the screen hit much the same.
 
 use glam::{Mat3A, Vec3A, Vec4};
 use obvhs::{aabb::Aabb, rt_triangle::RtTriangle};
 
-/// Four vectors, one a lane.
+/// Four vectors, one per lane.
 #[derive(Debug, Clone, Copy)]
 struct Vectors {
     x: Vec4,
@@ -18,15 +18,15 @@ pub(crate) struct Packet {
     directions: Vectors,
     /// One over each component of the directions.
     reciprocals: Vectors,
-    /// Where on its way each ray begins.
+    /// The distance at which each ray begins.
     begin: Vec4,
 }
 
-/// How much of a triangle's size it is widened by at its edges. Rounding would else let a ray through between
-/// two triangles.
+/// How far a triangle is widened at its edges, relative to its size. Otherwise rounding would let a ray
+/// through between two triangles.
 const EDGE: f32 = 1e-6;
 
-/// The most that a reciprocal counts as. That of zero is not infinite: infinity times zero is no number.
+/// The limit of reciprocals. That of zero must not be infinite: infinity times zero is NaN.
 const STEEPEST: f32 = 1e30;
 
 impl Packet {
@@ -47,8 +47,8 @@ impl Packet {
         Self { origin, directions, reciprocals, begin }
     }
 
-    /// The same rays in another frame, to which `turn` takes directions, and where they begin at `origin`.
-    /// Distances along them stay what they are.
+    /// The same rays in another frame: `turn` maps directions, and `origin` is their origin there. Distances
+    /// along them do not change.
     #[inline]
     pub(crate) fn seen_from(&self, origin: Vec3A, turn: &Mat3A) -> Self {
         let Vectors { x, y, z } = self.directions;
@@ -58,7 +58,7 @@ impl Packet {
         Self::along(origin, directions, self.begin)
     }
 
-    /// How far it is to a box for the ray that enters it first; infinite if none does by `end`.
+    /// The distance to a box for the ray that enters it first; infinite if none does by `end`.
     #[inline]
     pub(crate) fn enters(&self, bounds: &Aabb, end: Vec4) -> f32 {
         let (low, high) = (bounds.min - self.origin, bounds.max - self.origin);
@@ -69,8 +69,8 @@ impl Packet {
         Vec4::select(enter.cmple(leave), enter, Vec4::INFINITY).min_element()
     }
 
-    /// How far it is to a triangle along each ray; infinite for those that do not meet it by `end`, or from
-    /// behind where only its `front` shows. After Möller and Trumbore (1997).
+    /// The distance to a triangle along each ray; infinite without a hit by `end`, or from behind if only its
+    /// `front` counts. After Möller and Trumbore (1997).
     #[inline]
     pub(crate) fn meets(&self, triangle: &RtTriangle, front: bool, end: Vec4) -> Vec4 {
         // The crate's edges are v0 - v1 and v2 - v0, so that its normal points to the back.
@@ -80,7 +80,7 @@ impl Packet {
         let dot = |v: Vec3A| x * v.x + y * v.y + z * v.z;
         let facing = dot(ng);
         let scale = facing.recip();
-        // r . e, where r is the ray's direction times the way to the corner.
+        // r . e, where r is the cross product of the ray's direction and the vector to the corner.
         let along = |e: Vec3A| dot(to_corner.cross(e)) * scale;
         let (u, v) = (along(e2), along(e1));
         let distance = scale * ng.dot(to_corner);

@@ -5,8 +5,8 @@ use trimaran_cull::View;
 
 use super::packet::Packet;
 
-/// The rays of a view. They come from the eye; their directions are in the world, of such a length that
-/// distances along them are depths in metres.
+/// The rays of a view. They start at the eye. Their directions are in the world, scaled so that distances
+/// along them are depths in metres.
 pub(crate) struct PixelRays {
     middle: DVec2,
     focal: DVec2,
@@ -16,7 +16,7 @@ pub(crate) struct PixelRays {
     planes: Vec<DVec4>,
 }
 
-/// Farther than anything, metres: where rays end that no section ends.
+/// Farther than anything, metres: the end of rays without a section.
 const FARTHEST: f64 = 1e30;
 
 impl PixelRays {
@@ -31,7 +31,7 @@ impl PixelRays {
         }
     }
 
-    /// The rays of four pixels: this one, and those to the right, below and both. And where each ray ends.
+    /// The rays of four pixels: this one, and those to the right, below and both. And the end of each ray.
     pub(crate) fn packet(&self, column: usize, row: usize) -> (Packet, Vec4) {
         let directions = [(0.5, 0.5), (1.5, 0.5), (0.5, 1.5), (1.5, 1.5)].map(|centre| {
             let centre = DVec2::from(centre) + DVec2::new(column as f64, row as f64);
@@ -44,8 +44,8 @@ impl PixelRays {
         (Packet::new(Vec3A::ZERO, directions, begin), end)
     }
 
-    /// From where to where a ray counts: beyond the near plane, where all planes keep it. Nowhere, if it ends
-    /// before it begins.
+    /// The valid interval of a ray: beyond the near plane, and kept by all planes. Empty if it ends before it
+    /// begins.
     fn kept(&self, direction: DVec3) -> (f64, f64) {
         let (mut begin, mut end) = (self.near, FARTHEST);
         for plane in &self.planes {

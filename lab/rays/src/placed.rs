@@ -1,4 +1,4 @@
-//! A frame's drawables under one tree: what a ray hits first.
+//! A frame's drawables under one tree, for the first hits of rays.
 
 use std::sync::Arc;
 
@@ -16,49 +16,49 @@ use super::{
     tree::Tree,
 };
 
-/// The solid drawables of a frame, ready for rays from its eye.
+/// The solid drawables of a frame, prepared for rays from its eye.
 #[derive(Default)]
 pub(crate) struct Placed {
     tree: Tree,
     /// In the tree's order.
     instances: Vec<Instance>,
-    /// Those that rays cannot decide on, since a coordinate is too large.
+    /// Undecidable ones, with a coordinate that is too large.
     undecided: Vec<u32>,
 }
 
-/// A drawable as rays from the eye see it.
+/// A drawable, prepared for rays from the eye.
 #[derive(Clone)]
 struct Instance {
     mesh: Arc<Mesh>,
-    /// From directions in the world to those in the mesh's frame.
+    /// Maps directions from the world to the mesh's frame.
     turn: Mat3A,
     /// The eye in the mesh's frame.
     eye: Vec3A,
-    /// Whether its front alone shows.
+    /// Whether only its front counts.
     front: bool,
     /// Its index among the frame's.
     index: u32,
 }
 
-/// Memory to work with.
+/// Working memory.
 #[derive(Default)]
 struct Memory {
     instances: Vec<u32>,
     triangles: Vec<u32>,
-    /// What may be hit first: how far it is along each of four rays, and its index.
+    /// Candidates for the first hit: their distance along each of four rays, and their index.
     hits: Vec<(Vec4, u32)>,
 }
 
-/// How much farther than the first something may be and count as hit as well, as a fraction of the distance:
-/// which of two surfaces in the same place shows is a matter of rounding.
+/// The relative distance within which further hits count as first as well: which of two coincident surfaces
+/// is visible depends on rounding.
 const TIE: f32 = 1e-6;
 
-/// The size of the squares of pixels that one thread casts after another, so that rays find in its cache what
-/// their neighbours met. Even, since rays go two by two.
+/// The side of the squares of pixels that one thread casts in turn, so that rays find their neighbours' data
+/// in its cache. Even, since rays go two by two.
 const TILE: usize = 8;
 
 impl Placed {
-    /// `ids` of `scene` as seen from `view`. Makes the `meshes` that are missing.
+    /// `ids` of `scene` for `view`. Makes missing `meshes`.
     pub(crate) fn new(scene: &Scene, view: &View, ids: &[DrawableId], meshes: &mut Meshes) -> Self {
         let find = |id: &DrawableId| {
             let drawable = scene.drawables().get(id.index())?;
@@ -92,13 +92,13 @@ impl Placed {
         Self { instances: instances.collect(), tree, ..placed }
     }
 
-    /// The indices of what rays cannot decide on. It counts as shown.
+    /// The indices of undecidable drawables. They count as visible.
     pub(crate) fn undecided(&self) -> &[u32] {
         &self.undecided
     }
 
-    /// Calls `hit` with each pixel of `view`, counted row by row from the top left, and the index of what
-    /// shows there: of each, where surfaces lie in the same place.
+    /// Calls `hit` with each pixel of `view`, counted row by row from the top left, and the index of its
+    /// visible drawable; with each index, if surfaces coincide.
     pub(crate) fn cast(&self, view: &View, hit: impl Fn(usize, u32) + Sync) {
         let rays = PixelRays::new(view);
         let (width, height) = (view.viewport().width() as usize, view.viewport().height() as usize);
@@ -121,7 +121,7 @@ impl Placed {
         });
     }
 
-    /// Calls `hit` with each of the four rays that hits something by `end`, and what it hits first.
+    /// Calls `hit` with each of the four rays that has a hit by `end`, and its first hit.
     fn first(&self, packet: &Packet, end: Vec4, memory: &mut Memory, mut hit: impl FnMut(usize, u32)) {
         let Memory { instances, triangles, hits } = memory;
         hits.clear();
@@ -143,7 +143,7 @@ impl Placed {
     }
 }
 
-/// The node's box about the eye, no smaller for being rounded. `None` if it is too large.
+/// The node's box about the eye, rounded outwards. `None` if it is too large.
 fn box_about(view: &View, node: &Node) -> Option<Aabb> {
     let (min, max) = node.world_box();
     let low = (min - view.eye()).as_vec3().to_array().map(f32::next_down);

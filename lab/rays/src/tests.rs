@@ -15,11 +15,11 @@ use trimaran_scene::{Drawable, Sides};
 
 use super::*;
 
-/// What rays find in a frame.
+/// The result of rays for a frame.
 struct Found {
     solid: Vec<DrawableId>,
     ids: BTreeSet<DrawableId>,
-    /// What they hit at each pixel: several where they lie in the same place.
+    /// The hits at each pixel: several if surfaces coincide.
     items: Vec<BTreeSet<DrawableId>>,
     counts: CullCounts,
 }
@@ -58,12 +58,12 @@ fn along_y(from: f64) -> View {
     looking(DVec3::Y * from, DVec3::ZERO, 60.0, small(), 0).unwrap()
 }
 
-/// How far from a pixel's centre a ray may pass and still be taken for the pixel's, and how much nearer than
-/// what was hit something may be, as a fraction of its distance. f32 is better than the first.
+/// The largest distance of a ray from a pixel's centre that still counts as the pixel's, and the relative
+/// depth tolerance of hits. f32 is better than the first.
 const BESIDE_PX: f64 = 1e-3;
 const NEARER: f64 = 2e-6;
 
-/// What a ray at a place of the picture may be said to hit first, worked out in f64 from every triangle.
+/// The possible first hits of a ray at a place of the picture, computed in f64 from every triangle.
 fn hit_exactly(scene: &Scene, view: &View, ids: &[DrawableId], place: DVec2) -> BTreeSet<DrawableId> {
     let size = DVec2::new(f64::from(view.viewport().width()), f64::from(view.viewport().height()));
     let ray = ((place - size * 0.5) / DVec2::new(view.focal_x(), -view.focal_y())).extend(-1.0);
@@ -91,12 +91,12 @@ fn hit_exactly(scene: &Scene, view: &View, ids: &[DrawableId], place: DVec2) -> 
     hits.into_iter().map(|(_, id)| id).collect()
 }
 
-/// What owns so many pixels must be found. Fewer may all be at edges, where the rasterizer differs by moving
-/// corners to places of its grid.
+/// Drawables with at least this many pixels must be found. Fewer may all be at edges, where the rasterizer
+/// snaps corners to its grid.
 const ENOUGH_PX: usize = 4;
 
-/// Checks what rays found against the reference rasterizer. At each pixel they hit what is rasterized there,
-/// or where that differs, what a ray in f64 may hit.
+/// Checks the rays against the reference rasterizer. At each pixel they hit the rasterized drawable, or if
+/// that differs, a possible hit of a ray in f64.
 fn check(name: &str, scene: &Scene, view: &View, found: &Found) {
     let reference = rasterize(scene, view, found.solid.iter().copied(), Placement::Exact);
     let mut owned = BTreeMap::<DrawableId, usize>::new();
@@ -190,7 +190,7 @@ fn of_solids_the_front_alone_is_hit_however_they_are_turned() {
         (turned_round, true),
         (turned_round * Mat3::from_diagonal(Vec3::new(1.0, 1.0, -1e3)), true),
     ] {
-        // It faces -y, but where it is turned round.
+        // It faces -y, unless it is turned round.
         let sides = (Vec3::X / linear.x_axis.length(), Vec3::Z / linear.z_axis.length());
         let square = Object::new(Mesh::rectangle(Vec3::ZERO, sides.0, sides.1, 1)).turned(linear);
         let square = build(&[square], false).unwrap();
@@ -233,7 +233,7 @@ fn what_a_section_cuts_away_neither_shows_nor_hides() {
     let (mut cut_away, mut kept) = (0, 0);
     for view in plant_views(23, 300, DVec3::ZERO, small(), 26).unwrap() {
         let uncut = cast(&mut rays, &view, lod(1.0));
-        // Half of what is seen, to the left, and what is near.
+        // Cuts away the left half of the view, and everything near.
         let ahead = view.to_view().transpose() * DVec3::NEG_Z;
         let left = view.to_view().transpose() * DVec3::NEG_X;
         let planes = [(view.eye() + ahead, -ahead), (view.eye(), left)].map(|(location, direction)| {

@@ -1,4 +1,4 @@
-//! Boxes under a tree, and how rays go down it.
+//! A tree of boxes, and its traversal by rays.
 
 use std::ops::Range;
 
@@ -18,16 +18,16 @@ pub(crate) struct Tree {
     nodes: Box<[Bvh2Node]>,
 }
 
-/// Built in a time in which a frame can be drawn, and gone through as fast, but for a few percent, as a tree
-/// that took twice as long.
+/// Fast to build, within a frame's time, and only a few percent slower to traverse than a tree that takes
+/// twice as long.
 const BUILDING: BvhBuildParams = BvhBuildParams::fast_build();
 
-/// The most that a box is widened by: a fraction of its size, and of its distance from the origin.
+/// The most by which a box is widened: a fraction of its size, and of its distance from the origin.
 const WIDER: (f32, f32) = (1e-3, 1e-6);
 
 impl Tree {
-    /// A tree over things that have boxes, with at most `most` of them in a leaf. What it calls the first,
-    /// second and so on of them is in the order that it gives.
+    /// A tree over boxed things, with at most `most` of them in a leaf. Also returns the order in which the
+    /// tree numbers them.
     pub(crate) fn over<T: Boundable>(things: &[T], most: u32) -> (Self, Vec<u32>) {
         let count = u32::try_from(things.len()).unwrap_or(u32::MAX);
         let BvhBuildParams { ploc_search_distance, sort_precision, search_depth_threshold, .. } = BUILDING;
@@ -46,8 +46,8 @@ impl Tree {
         (Self { nodes: nodes.into() }, primitive_indices)
     }
 
-    /// Calls `leaf` with what is in the leaves that a ray of `packet` enters by `end`, nearer ones first as
-    /// far as boxes tell. `leaf` may bring `end` nearer. `stack` is memory to work with.
+    /// Calls `leaf` with the leaves that a ray of `packet` enters by `end`, roughly from near to far. `leaf`
+    /// may bring `end` nearer. `stack` is working memory.
     #[inline]
     pub(crate) fn visit(
         &self,
@@ -103,11 +103,11 @@ impl Tree {
     }
 }
 
-/// The box a little wider, each by another measure. The crate builds a tree in passes, in which it joins
-/// those neighbours that suit each other best. Of boxes that are all alike that is one pair a pass, and the
-/// tree as deep as there are boxes.
+/// The box widened slightly, each by a different amount. The crate builds a tree in passes that join the best
+/// pairs of neighbours. With equal boxes that is one pair per pass, and the tree is as deep as there are
+/// boxes.
 fn widened(bounds: &Aabb, index: u32) -> Aabb {
-    // Multiples of the golden ratio lie as far from each other as numbers between 0 and 1 can.
+    // Multiples of the golden ratio are spread evenly between 0 and 1.
     let share = index.wrapping_mul(0x9e37_79b9) as f32 / u32::MAX as f32;
     let distance = bounds.min.abs().max(bounds.max.abs());
     let by = (bounds.diagonal() * WIDER.0 + distance * WIDER.1) * share;
@@ -135,7 +135,7 @@ mod tests {
             1 + self.depth(node.first_index).max(self.depth(node.first_index + 1))
         }
 
-        /// What is in the leaves that rays enter, in order of its index.
+        /// The content of the leaves that rays enter, sorted by index.
         fn entered(&self, order: &[u32], packet: &Packet, mut end: Vec4) -> Vec<u32> {
             let mut entered = Vec::new();
             self.visit(packet, &mut end, &mut Vec::new(), |leaf, _| entered.extend_from_slice(&order[leaf]));

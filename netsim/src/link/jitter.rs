@@ -42,7 +42,7 @@ pub enum Distribution {
 impl Distribution {
     /// The value whose probability is that of the standard normal value `latent`.
     fn quantile(self, latent: f64) -> f64 {
-        // The probability of a value above: exact in the upper tail, where Pareto's large values come from.
+        // The upper tail probability: exact where Pareto's large values come from.
         let above = || 0.5 * libm::erfc(latent * core::f64::consts::FRAC_1_SQRT_2);
         match self {
             Self::Normal => latent,
@@ -111,7 +111,7 @@ mod tests {
         for (distribution, variance, slack) in [
             (Distribution::Normal, 1.0, 0.01),
             (Distribution::Uniform, 1.0 / 3.0, 0.01),
-            // The fourth moment is infinite: the variance of a sample is far off.
+            // The fourth moment is infinite, so the variance of a sample is far off.
             (Distribution::Pareto, 1.0, 0.3),
         ] {
             let values = sample(&jitter(distribution, 0.0));

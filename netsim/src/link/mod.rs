@@ -1,4 +1,4 @@
-//! One direction of a link: what happens to packets between two machines.
+//! One direction of a link between two machines, and its packets.
 
 mod jitter;
 mod loss;

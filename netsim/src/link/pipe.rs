@@ -108,7 +108,7 @@ impl<P: Clone> Pipe<P> {
         self.tally.delivered += bytes;
     }
 
-    /// Sends from the queue while the line is free, and asks to be woken when it will be.
+    /// Sends from the queue while the line is free, and schedules the next wake-up.
     fn send_next(&mut self, now: Instant) {
         let mtu = self.model.mtu;
         loop {

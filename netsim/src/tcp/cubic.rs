@@ -65,7 +65,7 @@ impl Cubic {
     pub(super) fn after_loss(&mut self, cwnd: u32) -> u32 {
         let cwnd = f64::from(cwnd);
         self.epoch = None;
-        // Others want room, too: give up some before the old maximum (fast convergence).
+        // Leaves room to other connections: a maximum below the old one (fast convergence).
         self.last_max = if cwnd < self.last_max { cwnd * (1.0 + BETA) / 2.0 } else { cwnd };
         ((cwnd * BETA) as u32).max(2)
     }

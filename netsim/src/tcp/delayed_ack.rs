@@ -79,7 +79,7 @@ impl DelayedAck {
         self.be_quick(window);
     }
 
-    /// Data was sent: soon after some was received, that makes a dialogue.
+    /// Data was sent: soon after received data, that makes a dialogue.
     pub(super) fn answered(&mut self, now: Instant) {
         if self.pace.is_some_and(|pace| now.since(self.last_data) < pace) {
             self.dialogue = true;
@@ -108,7 +108,7 @@ impl DelayedAck {
         false
     }
 
-    /// Whether to acknowledge now that the program has read all there was.
+    /// Whether to acknowledge now that the program has read everything.
     pub(super) const fn wants_after_reading(&self, unacknowledged: u64) -> bool {
         self.due.is_some()
             && (unacknowledged > self.segment as u64

@@ -1,4 +1,4 @@
-//! Networks in virtual time, held against arithmetic and against kernels.
+//! Networks in virtual time, compared with arithmetic and with kernels.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[macro_use]

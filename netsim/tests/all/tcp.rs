@@ -1,4 +1,4 @@
-//! TCP in virtual time: the conformance suite, and what Linux does when packets are lost, late, or too many.
+//! TCP in virtual time: the conformance suite, and Linux's behaviour with lost, late, or too many packets.
 
 use std::io::ErrorKind;
 use std::net::SocketAddr;
@@ -259,8 +259,8 @@ fn a_receive_buffer_that_is_fixed_limits_to_its_size_a_round_trip() {
 
 #[test]
 fn random_loss_slows_it_down_as_the_response_function_of_reno_says() {
-    // 1 % at 20 ms: at such small windows CUBIC is at least what Reno would be (RFC 9438, section 4.3), that
-    // is sqrt(3/2)/sqrt(p) packets a round trip.
+    // 1 % at 20 ms: at such small windows CUBIC is at least as fast as Reno (RFC 9438, section 4.3), that is
+    // sqrt(3/2)/sqrt(p) packets a round trip.
     let mut link = LinkModel::clean(Rate::new(1_000_000_000), ms(10));
     link.conditions.loss = Loss::Independent(Probability::new(0.01).unwrap());
     let (speed, simulation, hosts) = throughput(&link, 20_000_000);

@@ -1,4 +1,4 @@
-//! A machine that begins handshakes over datagrams and goes no further with them.
+//! A machine that begins handshakes over datagrams and never completes them.
 
 use std::io::{self, IoSliceMut};
 use std::net::SocketAddr;

@@ -44,7 +44,7 @@ pub enum CodedViolation {
     Fault {
         /// The frame that is open.
         frame: FrameNumber,
-        /// What is wrong with them.
+        /// The fault.
         #[source]
         cause: CodingFault,
     },

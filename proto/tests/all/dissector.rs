@@ -24,7 +24,7 @@ fn encoded(message: Message) -> Vec<u8> {
 
 /// A capture of a TCP connection over IPv4, without checksums: each packet with its sending end.
 fn capture(packets: &[(usize, Vec<u8>)]) -> Vec<u8> {
-    // The head of a file of IPv4 packets (link type 228), with times in microseconds.
+    // The header of a file of IPv4 packets (link type 228), with times in microseconds.
     let mut file = [0xa1b2_c3d4_u32, 4 << 16 | 2, 0, 0, 65_535, 228].map(u32::to_le_bytes).concat();
     let mut sent = [1_u32; 2];
     for (index, (from, payload)) in packets.iter().enumerate() {

@@ -1,11 +1,11 @@
 //! The three roles as state machines, their drivers, and the session that joins them.
 //!
-//! A display deals cameras to cullers and shows the frames that they cull. [`Dealer`] knows who is dealt what
-//! and which frame is due. [`DisplayRole`] and [`CullerRole`] move messages between it, links, and what a
-//! role does with a frame ([`DisplayWork`], [`CullerWork`]): [`ScenePictures`] and [`SceneCulling`] do it on
-//! devices ([`PictureDevice`], [`CullerDevice`]). A culler is a [`CullerService`], which serves displays as
-//! they come; a display's [`Peers`] are its cullers as they come. [`LocalSession`] is all of it in one
-//! process.
+//! A display deals cameras to cullers and shows the frames that they cull. [`Dealer`] decides the culler of
+//! each frame and the frame that is due. [`DisplayRole`] and [`CullerRole`] move messages between it, links,
+//! and a role's work on a frame ([`DisplayWork`], [`CullerWork`]): [`ScenePictures`] and [`SceneCulling`] do
+//! it on devices ([`PictureDevice`], [`CullerDevice`]). A culler is a [`CullerService`], which serves
+//! displays as they come; a display's [`Peers`] are its cullers as they come. [`LocalSession`] is all of it
+//! in one process.
 //!
 //! The dealer knows no link and no device. Here it deals two frames, one to each culler:
 //!
@@ -30,15 +30,15 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | `deal` | who culls which frame, and which is shown next: no link, no device |
+//! | `deal` | the culler of each frame, and the next one to show: no link, no device |
 //! | `driver` | the loop of a role: dealer, links and work together |
-//! | `work`, `device` | what a role does with a frame, and what it needs of a GPU |
-//! | `peers`, `join`, `meeting` | how roles find each other, and again after a loss |
+//! | `work`, `device` | a role's work on a frame, and its GPU interface |
+//! | `peers`, `join`, `meeting` | how roles find each other, and reconnect |
 //! | `supply` | geometry for displays that hold no scene |
 //! | `service`, `local` | a culler as a service; all roles in one process |
-//! | `limits` | what a session may cost |
-//! | `links`, `ids` | links that carry what Trimaran says; the ids of a frame, checked |
-//! | `stop`, `turn`, `shares`, `clock` | being asked to stop; computing one after another; measuring |
+//! | `limits` | the limits of sessions |
+//! | `links`, `ids` | links with Trimaran's messages; the checked ids of a frame |
+//! | `stop`, `turn`, `shares`, `clock` | stop requests; computing one after another; measuring |
 
 mod clock;
 mod deal;

@@ -63,7 +63,7 @@ pub struct Sought {
     pub identity: Identity,
     /// The expected role of its peers.
     pub role: Role,
-    /// Where it connects to some.
+    /// The endpoints that it connects to.
     pub endpoints: Vec<PeerEndpoint>,
     /// Where others connect to it.
     pub listener: Option<Listener>,

@@ -1,6 +1,6 @@
-//! How long cooking takes, stage by stage, beside a bare chain of meshoptimizer halvings: the floor that any
-//! cook with levels stands on. It makes no tree, no merged levels and certifies nothing; the ratio says what
-//! those cost.
+//! The time of cooking, stage by stage, beside a bare chain of meshoptimizer halvings: the lower bound of any
+//! cooking with levels. The chain makes no tree and no merged levels, and certifies nothing; the ratio shows
+//! the cost of these.
 //!
 //! `cargo bench -p trimaran-cook --bench cook` cooks a generated plant. With `TRIMARAN_DATA` naming a folder,
 //! each `.glb`, `.obj` and `.rvm` file in it is cooked too; those of a subfolder are cooked as one model.
@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Whether a file's name is one of a model. Packed files are left out: unpack them first.
+/// Whether a file's name is that of a model. Packed files are skipped: unpack them first.
 fn is_model(file: &Path) -> bool {
     let extension = file.extension().unwrap_or_default();
     ["glb", "obj", "rvm"].iter().any(|known| extension.eq_ignore_ascii_case(known))

@@ -1,7 +1,7 @@
-//! From CAD files to a cooked scene: importers and generators make a [`Model`], [`cook`] makes a [`Scene`] of
+//! Makes cooked scenes of CAD files: importers and generators make a [`Model`], [`cook`] makes a [`Scene`] of
 //! it, with levels of detail whose error is certified.
 //!
-//! A program that only opens a scene needs none of this: it needs `trimaran-scene`.
+//! A program that only opens scenes needs `trimaran-scene` instead.
 //!
 //! ```
 //! use trimaran_cook::generate::{PlantOptions, plant};

@@ -1,4 +1,4 @@
-//! The model as imported: meshes, objects that place them, and where each came from.
+//! The imported model: meshes, objects that place them, and their sources.
 
 use glam::{DAffine3, Vec3};
 use thiserror::Error;
@@ -9,13 +9,13 @@ use trimaran_scene::{Hierarchy, Rgba8, SceneError};
 pub struct Mesh {
     /// Vertex positions about the mesh's own origin, metres.
     pub positions: Vec<Vec3>,
-    /// One colour a vertex; a colour change duplicates vertices.
+    /// One colour per vertex; a colour change duplicates vertices.
     pub colours: Vec<Rgba8>,
-    /// Corner indices into `positions`, three a triangle.
+    /// Corner indices into `positions`, three per triangle.
     pub indices: Vec<u32>,
 }
 
-/// A mesh placed in the world: what an engineer would call one part.
+/// A mesh placed in the world: one part, to an engineer.
 #[derive(Debug, Clone)]
 pub struct Object {
     /// Index into [`Model::meshes`].
@@ -38,30 +38,30 @@ pub struct Source {
     pub name: String,
 }
 
-/// A model in memory: what every importer and generator makes, and what cooking reads.
+/// A model in memory: the output of importers and generators, and the input of cooking.
 #[derive(Debug, Clone, Default)]
 pub struct Model {
-    /// The meshes; no two are equal by construction of the importers, but nothing depends on it.
+    /// The meshes. Importers make no two equal ones, but nothing depends on it.
     pub meshes: Vec<Mesh>,
     /// The objects, in file order.
     pub objects: Vec<Object>,
     /// The files.
     pub sources: Vec<Source>,
-    /// How the objects are grouped, and what is said of them.
+    /// The grouping of the objects, and their attributes.
     pub hierarchy: Hierarchy,
 }
 
-/// What makes a model unfit for cooking.
+/// Why a model is unfit for cooking.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// A mesh's arrays do not fit together: an index past its vertices, a colour list of another length, a
-    /// stray corner.
+    /// A mesh's arrays are inconsistent: an index past its vertices, a colour list of another length, a stray
+    /// corner.
     #[error("mesh {mesh} is malformed: {what}")]
     Mesh {
         /// Index of the mesh.
         mesh: usize,
-        /// What is wrong with it.
+        /// The error.
         what: &'static str,
     },
     /// An object cannot be placed.
@@ -73,20 +73,20 @@ pub enum ModelError {
         name: String,
         /// The file it came from.
         source_name: String,
-        /// What is wrong with it.
+        /// The error.
         what: &'static str,
     },
-    /// Groups do not lie within each other.
+    /// Groups are not properly nested.
     #[error("the hierarchy of objects is malformed: {0}")]
     Hierarchy(#[source] SceneError),
 }
 
 impl Model {
-    /// Checks all that cooking relies on: indices in range, finite positions, finite and invertible
+    /// Checks the requirements of cooking: indices in range, finite positions, finite and invertible
     /// placements.
     ///
     /// # Errors
-    /// Names the first mesh or object that breaks a rule.
+    /// The first mesh or object that breaks a rule.
     pub fn check(&self) -> Result<(), ModelError> {
         for (index, mesh) in self.meshes.iter().enumerate() {
             mesh.check().map_err(|what| ModelError::Mesh { mesh: index, what })?;

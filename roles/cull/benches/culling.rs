@@ -1,5 +1,5 @@
-//! What culling costs on the CPU: the pyramid, and the traversal with it, in random plants of ten and a
-//! hundred thousand objects. Prints how tight the visible sets are beside it.
+//! The cost of culling on the CPU: the pyramid, and the traversal with it, in random plants of ten and a
+//! hundred thousand objects. Also prints how tight the visible sets are.
 
 #![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
 

@@ -1,7 +1,7 @@
-//! From a node to the box that is tested in its place.
+//! Makes the box that is tested in place of a node.
 //!
-//! A box must show wherever anything in it shows. Four things could make it fail, and each has its allowance
-//! here:
+//! A box must be visible wherever anything in it is visible. Four effects could break this, and each has its
+//! allowance here:
 //! - *rounding*: vertices are placed by f32 arithmetic about the eye, so they lie up to some ulp of their
 //!   distance outside the exact box ([`POSITION_ULPS`]);
 //! - *depth ties*: the rasterizer interpolates depth in f32, with an error of some ulp of a triangle's
@@ -25,9 +25,9 @@ use crate::{Outline, TestBox, View};
 /// pixel centre however small it is, and the sub-pixel step of 1/256.
 pub const OUTLINE_PX: f64 = 0.5 + 1.0 / 256.0;
 
-/// The allowance for rounding, in ulp (2^-24) of the farthest number that goes into a vertex's place. The
-/// vertex stage rounds a translation, nine matrix entries, three products and three sums; the box's own
-/// corners are made alike.
+/// The allowance for rounding, in ulp (2^-24) of the largest number in the computation of a vertex's
+/// position. The vertex stage rounds a translation, nine matrix entries, three products and three sums; the
+/// box's own corners are computed alike.
 pub const POSITION_ULPS: f64 = 16.0;
 
 /// The allowance for depth interpolation, in ulp (2^-24) of the greatest depth value in the box.
@@ -35,17 +35,17 @@ pub const DEPTH_ULPS: f64 = 16.0;
 
 const ULP: f64 = 1.0 / (1 << 24) as f64;
 
-/// The near plane counts as a little farther than it is, so that what the rasterizer clips never decides.
+/// The near plane counts as a little farther than it is, so that the rasterizer's clipping never decides.
 const NEAR_SLACK: f64 = 1e-5;
 
-/// What becomes of a node before any test.
+/// The classification of a node before any test.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Prepared {
-    /// Certainly outside the frustum: nothing of it is seen.
+    /// Certainly outside the frustum.
     Outside,
     /// To be tested.
     Test(TestBox),
-    /// Conservatively visible, and why.
+    /// Conservatively visible, with the reason.
     Visible(Untestable),
 }
 
@@ -60,19 +60,19 @@ pub enum Untestable {
     NotFinite,
 }
 
-/// Turns nodes into boxes, for one view.
+/// Makes the boxes of nodes for one view.
 #[derive(Debug, Clone, Copy)]
 pub struct BoxMaker {
     frustum: Frustum,
     eye: DVec3,
     to_view: DMat3,
     near: f64,
-    /// Metres a metre of depth that the outline grows, right and up.
+    /// Growth of the outline in metres per metre of depth, right and up.
     growth: (f64, f64),
 }
 
 impl BoxMaker {
-    /// For boxes as seen from `view` by an occlusion test that deals with outlines as `outline` says.
+    /// For boxes of `view`, with the outline convention of the occlusion test.
     #[must_use]
     pub fn new(view: &View, outline: Outline) -> Self {
         let growth = match outline {
@@ -113,7 +113,7 @@ impl BoxMaker {
         }
     }
 
-    /// How far the box of `node` is inflated against rounding and depth ties, metres.
+    /// How far the box of `node` is inflated for rounding and depth ties, metres.
     #[must_use]
     pub fn slack(&self, node: &Node) -> f64 {
         self.slack_of(&OrientedBox::new(node, self.eye, self.to_view), node)
@@ -123,13 +123,13 @@ impl BoxMaker {
         let (nearest, farthest) = exact.depths();
         let far = exact.centre.length() + exact.half.length() + f64::from(node.reach);
         let position = POSITION_ULPS * ULP * far;
-        // Clamped to the near plane: nothing nearer than that is ever rasterized.
+        // Clamped to the near plane: nothing nearer is ever rasterized.
         let depth = DEPTH_ULPS * ULP * farthest * farthest / nearest.max(self.near);
         position + depth.max(0.0)
     }
 }
 
-/// A box in view space with axes at right angles.
+/// A box in view space with orthogonal axes.
 #[derive(Debug, Clone, Copy)]
 struct OrientedBox {
     centre: DVec3,
@@ -139,9 +139,9 @@ struct OrientedBox {
 }
 
 impl OrientedBox {
-    /// The box around the node's local box. A sheared local box is a skewed one in the world: the result is
-    /// the smallest around it whose first direction is its longest edge and whose second lies in the
-    /// plane of the two longest.
+    /// The box around the node's local box. A sheared local box is skewed in the world. The result is the
+    /// smallest box around it whose first direction is its longest edge, and whose second lies in the plane
+    /// of the two longest.
     fn new(node: &Node, eye: DVec3, to_view: DMat3) -> Self {
         let (min, max) = node.local_box();
         let (min, max) = (min.as_dvec3(), max.as_dvec3());
@@ -186,8 +186,8 @@ impl OrientedBox {
     }
 }
 
-/// Three unit vectors at right angles, the first along the longest of `edges`, the second as near as can be
-/// to the next longest one that is not parallel to it. Any frame will do for a point.
+/// Three orthogonal unit vectors, the first along the longest of `edges`, the second as near as possible to
+/// the next longest one that is not parallel to it. Any frame suits a point.
 fn frame_of(edges: [DVec3; 3]) -> [DVec3; 3] {
     let mut order = [0, 1, 2];
     let length_squared = edges.map(|edge| edge.length_squared());
@@ -198,12 +198,12 @@ fn frame_of(edges: [DVec3; 3]) -> [DVec3; 3] {
         .into_iter()
         .find_map(|edge| {
             let rest = edge - first * first.dot(edge);
-            // What is left of a parallel edge is rounding, and points anywhere.
+            // The remainder of a parallel edge is rounding, with a random direction.
             let parallel = rest.length_squared() <= 1e-24 * edge.length_squared();
             // Once more, so that rounding in the first subtraction does not tilt it.
             if parallel { None } else { (rest - first * first.dot(rest)).try_normalize() }
         })
         .unwrap_or_else(|| first.any_orthonormal_vector());
-    // Back to the order of the edges is not needed: a box is the same whatever its axes are called.
+    // The order of the edges does not matter: a box does not depend on the names of its axes.
     [first, second, first.cross(second)]
 }

@@ -1,4 +1,4 @@
-//! What decides the LOD cut beside the view: the level rule, and which objects are hidden or seen through.
+//! The inputs of the LOD cut beside the view: the level rule, and hidden and see-through objects.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -9,53 +9,52 @@ use trimaran_scene::{Node, NodeId, Scene};
 
 use crate::LodRule;
 
-/// The level rule, and how the objects of a scene are drawn. A [`LodRule`] alone draws all of them as they
-/// are.
+/// The level rule, and the appearance of objects. A [`LodRule`] alone draws all of them normally.
 #[derive(Debug, Clone)]
 pub struct CutRule {
     lod: LodRule,
-    /// Where not all objects are drawn as they are.
+    /// Set if some objects are not drawn normally.
     nodes: Option<Arc<NodeAppearances>>,
 }
 
-/// How the nodes of a scene are drawn.
+/// The appearance of a scene's nodes.
 #[derive(Debug)]
 struct NodeAppearances {
     state: ViewState,
-    /// Of what no object and no entry of `groups` decides.
+    /// The appearance of nodes without an object or an entry of `groups`.
     others: NodeAppearance,
     /// Nodes of several objects not all of which are as `others`.
     groups: HashMap<u32, NodeAppearance>,
 }
 
-/// How what is below a node is drawn.
+/// The appearance of everything below a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum NodeAppearance {
     Solid,
     SeeThrough,
     Hidden,
-    /// Not all of it alike, so that no level of the node itself can be drawn.
+    /// Mixed, so that no level of the node itself can be drawn.
     Mixed,
 }
 
 impl CutRule {
-    /// What `state` asks for in `scene`; looks at the objects that are drawn otherwise than most, and at what
-    /// is above them. Numbers that are none of the scene's objects mean nothing.
+    /// The rule for `state` in `scene`. Visits the objects that differ from most, and their ancestors.
+    /// Numbers without an object are ignored.
     #[must_use]
     pub fn new(scene: &Scene, state: &ViewState) -> Self {
-        // What of a scene that comes over a link is see-through, comes with it.
+        // A scene from a link carries its see-through objects with it.
         let is_solid = state.is_all_solid(scene.is_whole() && !scene.has_see_through());
         let nodes = (!is_solid).then(|| Arc::new(NodeAppearances::new(scene, state)));
         Self { lod: state.lod, nodes }
     }
 
-    /// When a level of detail is good enough.
+    /// The rule for levels of detail.
     #[must_use]
     pub const fn lod(&self) -> LodRule {
         self.lod
     }
 
-    /// Whether what is behind this drawable of `scene` shines through it. It hides nothing.
+    /// Whether this drawable of `scene` is see-through, and so hides nothing.
     #[must_use]
     pub fn is_see_through(&self, scene: &Scene, id: DrawableId) -> bool {
         let Some(nodes) = &self.nodes else { return false };
@@ -65,15 +64,15 @@ impl CutRule {
         node.is_some_and(|(id, node)| nodes.of(scene, id, node) == NodeAppearance::SeeThrough)
     }
 
-    /// Keeps what can hide something.
+    /// Keeps the drawables that can hide something.
     pub fn retain_solid(&self, scene: &Scene, ids: &mut Vec<DrawableId>) {
         if self.has_see_through(scene) {
             ids.retain(|id| !self.is_see_through(scene, *id));
         }
     }
 
-    /// Divides what is drawn front to back: gives what is solid, in the same order, and leaves in
-    /// `see_through` what is seen through, from back to front.
+    /// Divides front-to-back drawables: returns the solid ones in the same order, and leaves the see-through
+    /// ones in `see_through`, from back to front.
     #[must_use]
     pub fn divide<'i>(
         &self,
@@ -97,7 +96,7 @@ impl CutRule {
         })
     }
 
-    /// How a node of `scene` is drawn.
+    /// The appearance of a node of `scene`.
     pub(crate) fn appearance(&self, scene: &Scene, id: NodeId, node: &Node) -> NodeAppearance {
         self.nodes.as_ref().map_or(NodeAppearance::Solid, |nodes| nodes.of(scene, id, node))
     }
@@ -115,7 +114,7 @@ impl From<&Self> for CutRule {
     }
 }
 
-/// How the children of a node are drawn, of those that are not like most.
+/// Counts the differing appearances of a node's children.
 #[derive(Debug, Clone, Copy)]
 struct Tally {
     alike: NodeAppearance,
@@ -123,7 +122,7 @@ struct Tally {
 }
 
 impl NodeAppearances {
-    /// Goes up from the objects that are drawn otherwise than most.
+    /// Goes up from the objects that differ from most.
     fn new(scene: &Scene, state: &ViewState) -> Self {
         let nodes = scene.nodes();
         let others = if state.isolated.is_some() { NodeAppearance::Hidden } else { NodeAppearance::Solid };

@@ -18,7 +18,7 @@ pub struct DepthImage<'d> {
     depth: &'d [f32],
 }
 
-/// Depth values that do not fill the picture.
+/// The number of depth values does not match the picture's size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("{values} depth values for a picture of {} x {} pixels", viewport.width(), viewport.height())]
 pub struct DepthImageError {
@@ -32,7 +32,7 @@ impl<'d> DepthImage<'d> {
     /// `depth` as the rows of a picture, top to bottom.
     ///
     /// # Errors
-    /// If there is not one value a pixel.
+    /// If there is not one value per pixel.
     pub fn new(viewport: Viewport, depth: &'d [f32]) -> Result<Self, DepthImageError> {
         if depth.len() as u64 == u64::from(viewport.width()) * u64::from(viewport.height()) {
             Ok(Self { viewport, depth })
@@ -54,7 +54,7 @@ impl<'d> DepthImage<'d> {
     }
 }
 
-/// The coarser levels over a depth image. Keep one and rebuild it each frame: it keeps its memory.
+/// The coarser levels over a depth image. Keep one and rebuild it each frame: it reuses its memory.
 #[derive(Debug, Clone, Default)]
 pub struct DepthPyramid {
     /// Level k + 1 of the pyramid at k, until one texel is left.
@@ -70,7 +70,7 @@ struct Level {
     farthest: Vec<f32>,
 }
 
-/// A level as it is read.
+/// A level for reading.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Texels<'p> {
     width: usize,
@@ -165,7 +165,7 @@ impl Level {
     }
 }
 
-/// The smaller of two depths: a plain comparison becomes one instruction, where `f32::min` also looks after
+/// The smaller of two depths: a plain comparison becomes one instruction, whereas `f32::min` also handles
 /// NaN.
 #[inline]
 fn farther(a: f32, b: f32) -> f32 {

@@ -1,7 +1,7 @@
-//! Which sides of its triangles a draw shows: of solids seen from outside, the front.
+//! The sides of triangles that a draw shows: of solids seen from outside, only the front.
 //!
-//! That takes nothing from the picture, and saves whoever draws half of a solid's triangles. All decide
-//! alike, since only the drawable, its node and the view count.
+//! This does not change the picture, and saves half of a solid's triangles. All roles decide alike, since
+//! only the drawable, its node and the view matter.
 
 use glam::DVec3;
 use trimaran_scene::{Drawable, Node};
@@ -15,11 +15,11 @@ pub enum Facing {
     Both,
     /// The front, whose corners run counter-clockwise on the screen.
     Front,
-    /// The front of what a node mirrors: its corners run clockwise on the screen.
+    /// The front of a mirrored node: its corners run clockwise on the screen.
     Mirrored,
 }
 
-/// Decides it for the draws of a view. What is cut open or seen through shows both sides whatever this says.
+/// Decides it for the draws of a view. Cut or see-through drawables show both sides anyway.
 #[derive(Debug, Clone)]
 pub struct Solids {
     view: View,
@@ -27,11 +27,11 @@ pub struct Solids {
     near_squared: f64,
 }
 
-/// How much farther than the corners of the near plane a solid must be: more than any rounding.
+/// The required distance of a solid, relative to the near plane's corners: exceeds any rounding.
 const CLEARANCE: f64 = 1.01;
 
 impl Solids {
-    /// For what is seen from `view`.
+    /// For drawables of `view`.
     #[must_use]
     pub fn new(view: &View) -> Self {
         let near = CLEARANCE * f64::from(view.camera().near());

@@ -1,4 +1,4 @@
-//! The part of space that the picture shows: a pyramid, and of it what no section cuts away.
+//! The visible part of space: the view frustum without the parts that sections cut away.
 
 use glam::{DMat3, DVec3};
 use trimaran_proto::{DrawableId, Section, Sections};
@@ -32,7 +32,7 @@ impl Frustum {
         }
     }
 
-    /// Whether a node's world box is certainly outside, or cut away. Whatever compares as NaN is not.
+    /// Whether a node's world box is certainly outside, or cut away. NaN counts as inside.
     ///
     /// Tested against planes one by one, so a large box near a corner of the frustum may pass though it is
     /// outside.
@@ -47,12 +47,12 @@ impl Frustum {
         self.excludes(centre, &axes, slack) || self.cuts_away(min, max, slack)
     }
 
-    /// Whether sections cut away a box of world corners `min` and `max`, and `slack` metres around it.
+    /// Whether sections cut away the box with world corners `min` and `max`, grown by `slack` metres.
     fn cuts_away(&self, min: DVec3, max: DVec3, slack: f64) -> bool {
         self.sections.iter().any(|section| match section {
             Section::Plane(plane) => {
                 let direction = DVec3::from_array(plane.direction());
-                // The corner that lies farthest back.
+                // The corner farthest back.
                 let nearest = DVec3::select(direction.cmpgt(DVec3::ZERO), min, max);
                 (nearest - DVec3::from_array(plane.location())).dot(direction) > slack
             }
@@ -86,7 +86,7 @@ impl Frustum {
     }
 }
 
-/// Keeps what may be in sight: no drawable that `view` shows goes. What is only near may stay.
+/// Removes drawables outside `view`, and none that it shows. Some outside may stay.
 pub fn retain_in_sight(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>) {
     let frustum = Frustum::new(view);
     ids.retain(|id| {

@@ -1,20 +1,19 @@
-//! Testing boxes on the CPU against a depth pyramid.
+//! Box tests on the CPU against a depth pyramid.
 //!
-//! First the box's rectangle on the screen with its nearest depth is tested against a level at which it
-//! covers a few texels. Most hidden boxes end there. Where that does not hide the box, its true outline and
-//! the depth of its front faces are tested down to single pixels, as far as a budget of texels goes; when
-//! that is spent, the box counts as visible.
+//! First the box's screen rectangle, with its nearest depth, is tested at a level where it covers a few
+//! texels. This already hides most hidden boxes. Otherwise the true outline and the depth of the front faces
+//! are tested down to single pixels, within a budget of texels; beyond the budget, the box counts as visible.
 //!
-//! The promise: a box is hidden only if at every pixel whose centre lies in its outline (grown as [`Outline`]
-//! says) its front is behind the depth there. So nothing that a rasterized test of the same box shows is
-//! hidden; a little more may show.
+//! The guarantee: a box is hidden only if at every pixel whose centre lies in its outline (grown as
+//! [`Outline`] says) its front is behind the depth there. So it hides nothing that a rasterized test of the
+//! same box shows; a little more may show.
 
 use thiserror::Error;
 
 use crate::screen_box::{Footprint, PixelRect, ScreenProjection, ScreenShape, Texel, grown};
 use crate::{DepthImage, DepthPyramid, OcclusionTest, Outline, TestBox, View, Viewport};
 
-/// Texels looked at for one box before it counts as visible.
+/// Texels read for one box before it counts as visible.
 pub(crate) const BUDGET: u32 = 256;
 
 /// Tests boxes against a depth image and the pyramid over it.
@@ -56,7 +55,7 @@ impl std::fmt::Display for OtherSize {
 }
 
 impl<'p> HzbTest<'p> {
-    /// Tests against `image`, over which `pyramid` was built. Outlines are grown here.
+    /// Tests against `image`, with the `pyramid` built over it. Outlines are grown here.
     ///
     /// # Errors
     /// If the pyramid was built over an image of another size.
@@ -67,22 +66,22 @@ impl<'p> HzbTest<'p> {
         Ok(Self { image, pyramid, outline: Outline::OnScreen, by_rectangle: false, stack: Vec::new() })
     }
 
-    /// The same test with outlines grown as `outline` says: with [`Outline::InBox`] it takes boxes as a test
-    /// that rasterizes them does, so that the two can be compared.
+    /// The same test with outlines grown as `outline` says. With [`Outline::InBox`] it takes the same boxes
+    /// as a rasterizing test, for comparison.
     #[must_use]
     pub fn with_outline(self, outline: Outline) -> Self {
         Self { outline, ..self }
     }
 
-    /// The same test by rectangles alone, the classic one: a box is hidden only if its nearest depth is behind
-    /// the at most 2 x 2 texels that its rectangle on the screen covers. Looser, and a constant number of
-    /// texels a box.
+    /// The same test by rectangles alone, the classic one: a box is hidden only if its nearest depth is
+    /// behind the at most 2 x 2 texels that its screen rectangle covers. Looser, with a constant number of
+    /// texels per box.
     #[must_use]
     pub fn by_rectangle(self) -> Self {
         Self { by_rectangle: true, ..self }
     }
 
-    /// Whether the box shows at any pixel.
+    /// Whether the box is visible at any pixel.
     fn shows(&mut self, projection: &ScreenProjection, test_box: &TestBox) -> bool {
         let grown = grown(self.outline);
         let Some(footprint) = projection.footprint(test_box, grown) else { return true };
@@ -107,7 +106,7 @@ impl<'p> HzbTest<'p> {
         shows && self.shows_at_a_pixel(projection, test_box, &footprint, pixels, grown)
     }
 
-    /// Follows the texels on the stack down to a pixel at which the box shows.
+    /// Follows the texels on the stack down to a pixel at which the box is visible.
     fn shows_at_a_pixel(
         &mut self,
         projection: &ScreenProjection,

@@ -1,4 +1,4 @@
-//! What a display shows.
+//! Pictures of a display.
 
 /// A colour image: sRGB-encoded red, green, blue and alpha (255), 8 bits each, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

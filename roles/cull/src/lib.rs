@@ -1,7 +1,7 @@
-//! What is drawn: the LOD cut and occlusion culling, as pure functions. No GPU, socket or clock is needed.
+//! LOD selection and occlusion culling, as pure functions. No GPU, socket or clock is needed.
 //!
-//! An [`OcclusionTest`] says which boxes show in front of the occluders. It is a GPU, or [`HzbTest`] on the
-//! CPU, or one of your own. Whatever it cannot decide counts as visible, so culling never makes a hole.
+//! An [`OcclusionTest`] decides which boxes are in front of the occluders. It is a GPU, or [`HzbTest`] on the
+//! CPU, or one of your own. Undecided boxes count as visible, so culling never makes a hole.
 //!
 //! ```
 //! use trimaran_cull::{
@@ -37,20 +37,20 @@
 //! |---|---|
 //! | `view` | [`View`]: a camera, its image's size and sections, and every transform from world to pixel |
 //! | `cut_rule` | [`CutRule`]: the level rule, and which objects are hidden or seen through |
-//! | `lod_cut` | [`LodCut`]: which level of which nodes is drawn, within an error bound in pixels |
+//! | `lod_cut` | [`LodCut`]: the selected levels of nodes, within an error bound in pixels |
 //! | `occluders` | [`OccluderMapper`]: the last frame's visible set as this frame's occluders |
 //! | `occluder_selection` | [`select_occluders`]: which of them, within a budget of triangles |
-//! | `occlusion_test` | [`OcclusionTest`], the seam to whatever holds the occluders' depth |
-//! | `boxes`, `frustum` | [`BoxMaker`]: from a node to the box that is tested in its place |
+//! | `occlusion_test` | [`OcclusionTest`], the interface to the occluders' depth |
+//! | `boxes`, `frustum` | [`BoxMaker`]: the box that is tested in place of a node |
 //! | `depth`, `hzb`, `screen_box` | [`HzbTest`]: boxes tested against a pyramid of farthest depths |
-//! | `screen_record` | [`ScreenRecords`]: boxes made ready for the same test on a device |
-//! | `traverse` | [`Culler`]: the traversal that keeps what shows |
-//! | `rounds` | [`Rounds`]: what was found as occluders of the same frame, where much of it is new |
-//! | `order` | [`draw_order`]: the one order in which everyone draws |
+//! | `screen_record` | [`ScreenRecords`]: boxes prepared for the same test on a device |
+//! | `traverse` | [`Culler`]: the traversal that keeps the visible nodes |
+//! | `rounds` | [`Rounds`]: found nodes as occluders of the same frame, if many are new |
+//! | `order` | [`draw_order`]: the drawing order of all roles |
 //! | `facing` | [`Solids`]: which sides of its triangles a draw shows |
-//! | `image` | [`Image`]: what a display shows |
+//! | `image` | [`Image`]: a display's picture |
 //!
-//! What judges the result is in `trimaran-audit`.
+//! `trimaran-audit` checks the result.
 
 mod boxes;
 mod cut_rule;

@@ -1,9 +1,9 @@
 //! The LOD cut: which level of detail of which nodes shows the scene within a given error on the screen.
 //!
-//! Going down from the root, a node is drawn at its coarsest level whose error, projected to the screen, is
-//! within the rule's bound; where no level is good enough its children are asked instead (the paper, section
-//! 4.1). What is drawn is a cut through the tree: each leaf has exactly one node of the cut on its path to
-//! the root.
+//! From the root downwards, a node is drawn at its coarsest level whose error, projected to the screen, is
+//! within the rule's bound. If no level is good enough, its children are considered instead (the paper,
+//! section 4.1). The result is a cut through the tree: each leaf has exactly one node of the cut on its path
+//! to the root.
 //!
 //! # The projected error
 //! Let `p` and `q` be points in view space, one of the finest geometry and one of a level, no further apart
@@ -38,19 +38,19 @@ use crate::cut_rule::NodeAppearance;
 use crate::frustum::Frustum;
 use crate::{CutRule, View};
 
-/// What to do with a node.
+/// The decision on a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
     /// Draw it at this level.
     Draw(DrawableId),
-    /// No level of it is good enough: ask its children.
+    /// No level of it is good enough: consider its children.
     Refine,
     /// Nothing of it: all objects below it are hidden.
     Nothing,
 }
 
-/// The cut of one scene for one view: chooses levels and says what is outside the frustum. It borrows the
-/// scene and holds what the choice needs of the view.
+/// The cut of one scene for one view: chooses levels and tests against the frustum. It borrows the scene and
+/// holds the view's data for the choice.
 #[derive(Debug, Clone)]
 pub struct LodCut<'s> {
     scene: &'s Scene,
@@ -64,7 +64,7 @@ pub struct LodCut<'s> {
 }
 
 impl<'s> LodCut<'s> {
-    /// The cut of `scene` seen from `view` under `rule`.
+    /// The cut of `scene` in `view` under `rule`.
     #[must_use]
     pub fn new(scene: &'s Scene, view: &View, rule: impl Into<CutRule>) -> Self {
         let (tan_x, tan_y) = (view.tan_half_fov_x(), view.tan_half_fov_y());
@@ -80,9 +80,9 @@ impl<'s> LodCut<'s> {
         }
     }
 
-    /// What this cut does with a node, given that it comes to it: the coarsest level that is good enough;
-    /// without one, refine; for a leaf without one, its finest level (Algorithm 4.1 would drop it). A level
-    /// of several objects is not drawn where these are not drawn alike.
+    /// The decision on a node that the cut reaches: the coarsest level that is good enough; without one,
+    /// refine; for a leaf without one, its finest level (Algorithm 4.1 would drop it). A level of several
+    /// objects is not drawn if their appearances differ.
     #[must_use]
     pub fn choose(&self, id: NodeId, node: &Node) -> Choice {
         match self.rule.appearance(self.scene, id, node) {
@@ -105,17 +105,15 @@ impl<'s> LodCut<'s> {
         }
     }
 
-    /// An upper bound of the distance on the screen, in pixels, between points of the node that are `error`
-    /// metres apart and of which one is in the frustum. 0 for an error of 0; infinite where the box
-    /// reaches the near plane.
+    /// An upper bound of the screen distance, in pixels, between points of the node that are `error` metres
+    /// apart, one of them in the frustum. 0 for an error of 0; infinite if the box reaches the near plane.
     #[must_use]
     pub fn error_on_screen(&self, node: &Node, error: f64) -> f64 {
         self.magnification(node).error_on_screen(error)
     }
 
-    /// What can stand in for a drawable of the cut, finest first: coarser levels of its node and of those
-    /// above, as long as their error on the screen is at most `bound_px`. A level that shows objects which
-    /// are not all drawn alike can not.
+    /// Stand-ins for a drawable of the cut, finest first: coarser levels of its node and of its ancestors,
+    /// while their screen error is at most `bound_px`. Excludes levels of objects with different appearances.
     pub fn coarser(&self, id: DrawableId, bound_px: f64) -> impl Iterator<Item = DrawableId> + '_ {
         let drawables = self.scene.drawables();
         let node = drawables.get(id.index()).map(|drawable| NodeId(drawable.node));
@@ -139,15 +137,14 @@ impl<'s> LodCut<'s> {
             .map(|(level, _)| level)
     }
 
-    /// All drawables of the cut that are not outside the frustum, in the order of a breadth-first traversal:
-    /// what is drawn without culling.
+    /// All drawables of the cut in the frustum, in breadth-first order: the unculled picture.
     #[must_use]
     pub fn drawables(&self) -> Vec<DrawableId> {
         self.descend(usize::MAX)
     }
 
-    /// Those of [`drawables`](Self::drawables) that look large: of each level of the tree at most `widest`
-    /// nodes are refined, the largest. So it looks at a bounded part of a scene of any size.
+    /// Those of [`drawables`](Self::drawables) that look large: per level of the tree at most `widest` nodes
+    /// are refined, the largest. So it visits a bounded part of a scene of any size.
     #[must_use]
     pub fn large_drawables(&self, widest: usize) -> Vec<DrawableId> {
         self.descend(widest)
@@ -186,13 +183,13 @@ impl<'s> LodCut<'s> {
         self.frustum.excludes_world_box(node)
     }
 
-    /// What decides the cut beside the view.
+    /// The inputs of the cut beside the view.
     #[must_use]
     pub const fn rule(&self) -> &CutRule {
         &self.rule
     }
 
-    /// The scene this is a cut of.
+    /// The scene of this cut.
     #[must_use]
     pub const fn scene(&self) -> &'s Scene {
         self.scene
@@ -216,8 +213,7 @@ impl<'s> LodCut<'s> {
                 near: self.near,
             };
         }
-        // How far off the axis the box goes: a bound of |p| / zp over the box where all of it is before the
-        // eye.
+        // How far off the axis the box goes: a bound of |p| / zp over the box if all of it is before the eye.
         let spread = if nearest > 0.0 {
             let (x, y) = (centre.x.abs() + reach.x, centre.y.abs() + reach.y);
             self.spread.min((1.0 + (x * x + y * y) / (nearest * nearest)).sqrt())
@@ -234,7 +230,7 @@ impl<'s> LodCut<'s> {
     }
 }
 
-/// What magnifies the errors of one node: see the module's text.
+/// The factors that magnify a node's errors: see the module's text.
 #[derive(Debug, Clone, Copy)]
 struct Magnification {
     /// Focal length times the bound of |p| / zp.
@@ -252,7 +248,7 @@ impl Magnification {
             return 0.0;
         }
         let depth = self.nearest.max(self.seen - error);
-        // Written so that NaN ends here as well: conservatively, it refines.
+        // Written so that NaN ends here as well and, conservatively, refines.
         if depth > self.near { self.focal_spread * error / depth } else { f64::INFINITY }
     }
 }
@@ -262,24 +258,24 @@ fn extent(direction: DVec3, half: DVec3) -> f64 {
     direction.x.abs() * half.x + direction.y.abs() * half.y + direction.z.abs() * half.z
 }
 
-/// How large a node looks: the square of its diagonal over its distance. Infinite where the eye is in its
+/// The apparent size of a node: the square of its diagonal over its distance. Infinite if the eye is in its
 /// box.
 pub(crate) fn looks(node: &Node, eye: DVec3) -> f64 {
     let (min, max) = node.world_box();
     (max - min).length_squared() / node.distance_squared(eye)
 }
 
-/// Reads what the cut will look at of these nodes, where it is not in memory yet.
+/// Reads the data of these nodes for the cut, if not in memory yet.
 pub(crate) fn read_ahead(scene: &Scene, level: &[NodeId]) {
     let nodes = scene.nodes();
-    // Where the nodes were there, their levels are, or nearly all of them.
+    // If the nodes were in memory, so are nearly all their levels.
     if nodes.read_ahead(level.iter().map(|id| id.0 as usize)) {
         let known = level.iter().filter_map(|id| nodes.get(id.0 as usize));
         scene.drawables().read_ahead(known.map(|node| node.first_drawable as usize));
     }
 }
 
-/// What the cut of `scene` from `view` under `rule` does with `node`; for many nodes make one [`LodCut`].
+/// The decision of the cut of `scene` in `view` under `rule` on `node`; for many nodes make one [`LodCut`].
 #[must_use]
 pub fn choose(scene: &Scene, id: NodeId, view: &View, rule: impl Into<CutRule>) -> Choice {
     match scene.nodes().get(id.0 as usize) {
@@ -288,7 +284,7 @@ pub fn choose(scene: &Scene, id: NodeId, view: &View, rule: impl Into<CutRule>) 
     }
 }
 
-/// What is drawn without occlusion culling: all of the cut but what is outside the frustum.
+/// The unculled picture: all of the cut in the frustum.
 #[must_use]
 pub fn lod_cut(scene: &Scene, view: &View, rule: impl Into<CutRule>) -> Vec<DrawableId> {
     LodCut::new(scene, view, rule).drawables()

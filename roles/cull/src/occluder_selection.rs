@@ -1,5 +1,5 @@
-//! Occluder selection: which of the cut to draw as occluders. Any subset of it is valid, so this trades the
-//! time to draw them for looser culling, and never a hole.
+//! Occluder selection from the cut. Any subset is valid: fewer occluders are drawn faster and cull less, but
+//! never make a hole.
 
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
@@ -7,29 +7,28 @@ use trimaran_scene::Scene;
 use crate::View;
 use crate::lod_cut::looks;
 
-/// At most so many triangles of occluders.
+/// At most this many triangles of occluders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TriangleBudget(pub u64);
 
 impl TriangleBudget {
-    /// This budget and a quarter of the triangles of `visible`, which were found visible. Who shows much has
-    /// much to win by culling it better.
+    /// This budget plus a quarter of the triangles of the `visible` set. A large visible set gains more from
+    /// better culling.
     #[must_use]
     pub fn among(self, scene: &Scene, visible: &[DrawableId]) -> Self {
         Self(self.0 + triangles(scene, visible) / 4)
     }
 }
 
-/// The triangles of `ids`. What the scene does not have has none.
+/// The triangles of `ids`. Ids that the scene lacks count as none.
 #[must_use]
 pub fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
     let drawables = ids.iter().filter_map(|id| scene.drawables().get(id.index()));
     drawables.map(|drawable| u64::from(drawable.triangles)).sum()
 }
 
-/// Keeps the drawables that hide most for their triangles, as long as they fit the budget: by the square of
-/// how large they look (the box's diagonal over its distance), a triangle. What the scene does not have is
-/// dropped.
+/// Keeps the drawables that hide most per triangle, within the budget: by the squared apparent size (the
+/// box's diagonal over its distance) divided by the triangles. Drops ids that the scene lacks.
 pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, budget: TriangleBudget) {
     let eye = view.eye();
     let mut ranked: Vec<(f32, DrawableId, u64)> = ids

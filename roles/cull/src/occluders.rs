@@ -1,10 +1,10 @@
-//! From the last frame's visible set to the next frame's occluders.
+//! Maps the last frame's visible set to the next frame's occluders.
 //!
-//! HC emits drawables of the cut for *its* camera; OR draws for the next one, where another cut is due. An id
-//! is mapped to what the new cut has in its place: the same node at another level, an ancestor, or
-//! descendants. So every occluder is part of the picture that will be drawn, and nothing hidden behind it can
-//! show: this is what makes culling exact. Any subset of the cut is a valid set of occluders, so fewer may be
-//! drawn ([`select_occluders`](crate::select_occluders)) for looser culling.
+//! HC emits drawables of the cut for *its* camera; OR draws for the next camera, with another cut. An id is
+//! mapped to its counterpart in the new cut: the same node at another level, an ancestor, or descendants. So
+//! every occluder is part of the picture that will be drawn, and nothing hidden behind it can be visible:
+//! this makes culling exact. Any subset of the cut is a valid set of occluders, so fewer may be drawn
+//! ([`select_occluders`](crate::select_occluders)) for looser culling.
 
 use std::sync::Arc;
 
@@ -15,15 +15,14 @@ use trimaran_scene::{Node, NodeId, ReadError, Scene};
 use crate::lod_cut::{Choice, LodCut};
 use crate::{CutRule, View};
 
-/// How far the occluders' depth lies behind their surfaces: by what it changes over this share of a pixel.
+/// How far the occluders' depth lies behind their surfaces: by its change over this share of a pixel.
 ///
-/// A device interpolates the depth of a steep triangle with an error, and what it draws too near may hide the
-/// box it is in. Occluders that are a little too far hide a little less, and never too much. It is four steps
-/// of the sub-pixel grid of 1/256.
+/// A device interpolates the depth of a steep triangle with an error, and a surface drawn too near may hide
+/// its own box. Occluders slightly too far hide a little less, and never too much. It is four steps of the
+/// sub-pixel grid of 1/256.
 pub const OCCLUDER_BIAS_PX: f32 = 1.0 / 64.0;
 
-/// By how much the occluders of `view` are moved. Where sections cut, the depth decides what is cut away, so
-/// none are.
+/// The occluder bias for `view`. With sections it is 0, since the depth decides what they cut away.
 #[must_use]
 pub fn occluder_bias_px(view: &View) -> f32 {
     if view.sections().is_empty() { OCCLUDER_BIAS_PX } else { 0.0 }
@@ -46,24 +45,23 @@ pub enum OccluderError {
     Scene(#[source] ReadError),
 }
 
-/// What is known of a node in this frame. Stored with the frame's stamp in one word, so that a new frame
-/// costs nothing.
+/// The state of a node in this frame. Stored with the frame's stamp in one word, so that a new frame costs
+/// nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 enum State {
-    /// Nothing yet.
+    /// Not visited yet.
     Unknown,
-    /// The cut goes through the node's descendants, not all of which may have been asked for.
+    /// The cut goes through the node's descendants, some of which may not have been visited.
     Above,
-    /// As `Above`, and all that the cut has below it has been handed out.
+    /// Like `Above`, with all of the cut below it returned.
     AllBelowDue,
-    /// The cut is at this node (handed out) or above it, or nothing of the node is seen: nothing is left to
-    /// hand out.
+    /// The cut is at this node (returned) or above it, or the node is invisible: nothing is left to return.
     Settled,
 }
 
-/// Maps batches of ids as they come, each due drawable once a frame. The cost is proportional to the ids and
-/// what they map to.
+/// Maps batches of ids as they come, each due drawable once per frame. The cost is proportional to the ids
+/// and their results.
 #[derive(Debug)]
 pub struct OccluderMapper {
     scene: Arc<Scene>,
@@ -78,15 +76,14 @@ pub struct OccluderMapper {
 impl OccluderMapper {
     const LAST_STAMP: u32 = u32::MAX >> 2;
 
-    /// For the cut of `scene` seen from `view` under `rule`.
+    /// For the cut of `scene` in `view` under `rule`.
     #[must_use]
     pub fn new(scene: Arc<Scene>, view: View, rule: impl Into<CutRule>) -> Self {
         let marks = vec![0; scene.nodes().len()];
         Self { scene, marks, stamp: 1, view, rule: rule.into(), path: Vec::new() }
     }
 
-    /// Starts the next frame: forgets what was handed out and maps to the cut from `view` under `rule` from
-    /// now on.
+    /// Starts the next frame: maps to the cut in `view` under `rule` from now on.
     pub fn begin(&mut self, view: View, rule: impl Into<CutRule>) {
         (self.view, self.rule) = (view, rule.into());
         if self.stamp == Self::LAST_STAMP {
@@ -96,11 +93,11 @@ impl OccluderMapper {
         self.stamp += 1;
     }
 
-    /// Appends to `due` what the cut has in place of `ids` and what was not due before in this frame.
+    /// Appends the cut's counterparts of `ids` to `due`, except those already returned in this frame.
     ///
     /// # Errors
-    /// At the first id that the scene does not have, those before it have been mapped; and where part of the
-    /// scene cannot be read.
+    /// At the first id that the scene lacks, after mapping those before it; and if part of the scene cannot
+    /// be read.
     pub fn push(&mut self, ids: &[DrawableId], due: &mut Vec<DrawableId>) -> Result<(), OccluderError> {
         let scene = Arc::clone(&self.scene);
         let cut = LodCut::new(&scene, &self.view, &self.rule);
@@ -116,18 +113,18 @@ impl OccluderMapper {
         scene.fault_here().map_or(Ok(()), |fault| Err(OccluderError::Scene(fault)))
     }
 
-    /// Whether `node`, which the cut has and which is in the frustum, was in this frame's place of an id.
+    /// Whether `node`, which is in the cut and the frustum, is the counterpart of an id in this frame.
     #[must_use]
     pub fn holds(&self, node: NodeId) -> bool {
         self.state(node.0) == State::Settled
     }
 
-    /// Settles the nodes from the root down to `node`, and says what it is.
+    /// Settles the nodes from the root down to `node`, and returns the state of `node`.
     fn settle_path(&mut self, cut: &LodCut<'_>, node: u32, due: &mut Vec<DrawableId>) -> State {
         let nodes = cut.scene().nodes();
         self.path.clear();
         let mut state = State::Above;
-        // Up to the first ancestor that is known.
+        // Up to the first ancestor with a known state.
         for (NodeId(above), _) in cut.scene().ancestors(NodeId(node)) {
             let known = self.state(above);
             if known != State::Unknown {
@@ -147,7 +144,7 @@ impl OccluderMapper {
         state
     }
 
-    /// Hands out all that the cut has below `top`, which is above the cut.
+    /// Returns all of the cut below `top`, which is above the cut.
     fn descend(&mut self, cut: &LodCut<'_>, top: u32, due: &mut Vec<DrawableId>) {
         let nodes = cut.scene().nodes();
         self.path.clear();
@@ -167,7 +164,7 @@ impl OccluderMapper {
         }
     }
 
-    /// Decides a node that the cut comes to.
+    /// Decides a node that the cut reaches.
     fn ask(cut: &LodCut<'_>, id: NodeId, node: &Node, due: &mut Vec<DrawableId>) -> State {
         if cut.outside(node) {
             return State::Settled;
@@ -201,11 +198,11 @@ impl OccluderMapper {
     }
 }
 
-/// What the cut from `view` under `rule` has in place of `ids`, each once: see [`OccluderMapper`], which
+/// The counterparts of `ids` in the cut of `view` under `rule`, each once: see [`OccluderMapper`], which
 /// takes batches.
 ///
 /// # Errors
-/// If the scene does not have one of them.
+/// If the scene lacks one of them.
 pub fn occluders(
     scene: &Arc<Scene>,
     view: &View,
@@ -227,7 +224,7 @@ mod tests {
     use crate::Viewport;
     use crate::lod_cut::lod_cut;
 
-    /// When the stamps run out, marks of the frames before must not count as this frame's.
+    /// When the stamps wrap around, old marks must not count for this frame.
     #[test]
     fn frames_past_the_last_stamp_start_clean() {
         let scene = plant(1, 100, DVec3::ZERO).unwrap();

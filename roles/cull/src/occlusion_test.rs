@@ -1,4 +1,4 @@
-//! The occlusion test: the seam between the traversal and whatever holds the occluders' depth.
+//! The occlusion test: the interface between the traversal and the holder of the occluders' depth.
 
 use std::convert::Infallible;
 
@@ -11,9 +11,9 @@ use crate::View;
 ///
 /// It holds all points `centre + a * axes[0] + b * axes[1] + c * axes[2]` with a, b and c from -1 to 1. The
 /// axes are at right angles to each other and none is zero. The traversal has already inflated it against
-/// rounding and depth ties, dilated it (unless the test's [`Outline`] says that the test does that) and
-/// given it a minimum thickness, and it lies wholly beyond the near plane: an occlusion test rasterizes it as
-/// it stands.
+/// rounding and depth ties, dilated it (unless the test's [`Outline`] says that the test does that) and given
+/// it a minimum thickness, and it lies wholly beyond the near plane: an occlusion test rasterizes it as it
+/// is.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct TestBox {
@@ -23,39 +23,39 @@ pub struct TestBox {
     pub axes: [Vec3; 3],
 }
 
-/// Who grows a box's outline by half a pixel and the sub-pixel step, so that a box smaller than a pixel is
-/// not lost between the samples.
+/// Where a box's outline is grown by half a pixel and the sub-pixel step, so that a box smaller than a pixel
+/// is not lost between the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outline {
-    /// The traversal grows the box itself, in view space: right for a test that draws boxes. Growing moves
-    /// the faces towards the eye as well, so a box behind a thin wall may show through it.
+    /// The traversal grows the box itself, in view space: right for a test that draws boxes. This moves the
+    /// faces towards the eye as well, so a box behind a thin wall may count as visible.
     #[default]
     InBox,
     /// The test grows the outline on the screen and leaves the faces where they are: tighter.
     OnScreen,
 }
 
-/// What an occlusion test's answers say.
+/// The meaning of an occlusion test's answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Answer {
     /// 0 or 1: hidden or visible.
     #[default]
     YesNo,
-    /// The number of pixels at which the box's front shows.
+    /// The number of pixels at which the box's front is visible.
     PixelCount,
 }
 
-/// Tells which boxes show in front of (or level with) the occluders' depth.
+/// Decides which boxes are in front of (or level with) the occluders' depth.
 pub trait OcclusionTest {
-    /// Why a batch could not be tested: a lost device, say.
+    /// Why a batch could not be tested, for instance a lost device.
     type Error: std::error::Error + Send + Sync + 'static;
 
-    /// Tests a batch against the occluders as seen from `view`. Clears `visible` and fills it with one entry
-    /// a box, in order: 0 if the box shows at no pixel, else a number above 0. A test that counts gives
-    /// the number of pixels at which the box's front shows; one that does not gives 1.
+    /// Tests a batch against the occluders in `view`. Clears `visible` and fills it with one entry per box,
+    /// in order: 0 if the box is visible at no pixel, else a number above 0. A counting test gives the number
+    /// of pixels at which the box's front is visible; others give 1.
     ///
     /// # Errors
-    /// As the implementation says. The traversal stops; nothing is assumed about the boxes.
+    /// Those of the implementation. The traversal stops; nothing is assumed about the boxes.
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Self::Error>;
 
     /// Whether this test grows outlines by itself.
@@ -69,7 +69,7 @@ pub trait OcclusionTest {
     }
 }
 
-/// A test without occluders: every box shows. For the first frame, and for the unculled cut.
+/// A test without occluders: every box is visible. For the first frame, and for the unculled cut.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoOccluders;
 

@@ -1,10 +1,10 @@
-//! The one order in which everyone draws.
+//! The drawing order of all roles.
 //!
-//! Where two surfaces have equal depth, the one drawn first (or last) wins. For a culled picture to equal the
-//! unculled one there as well, any two drawables must be drawn in the same order whatever else is drawn: a
-//! total order that does not depend on the set. This one is front to back, which also spares the fragments of
-//! what is behind. Among those of which one is at most 1.4 times as far away as another, it puts side by side
-//! what shows the same sides: a device takes those in one call.
+//! If two surfaces have equal depth, the one drawn first (or last) wins. For a culled picture to equal the
+//! unculled one there as well, any two drawables must be drawn in the same order in any set: a total order
+//! independent of the set. This one is front to back, which also saves hidden fragments. Among those at
+//! distances within a factor of 1.4, it groups the ones with the same visible sides: a device takes those in
+//! one call.
 
 use glam::DVec3;
 use trimaran_proto::DrawableId;
@@ -12,16 +12,16 @@ use trimaran_scene::Scene;
 
 use crate::{Facing, Solids, View};
 
-/// Sorts drawables into drawing order, and keeps its memory between frames.
+/// Sorts drawables into drawing order, reusing its memory between frames.
 #[derive(Debug, Clone, Default)]
 pub struct DrawOrder {
     keys: Vec<u64>,
 }
 
 impl DrawOrder {
-    /// Sorts `ids` by the distance of the eye from their nodes' world boxes (0 inside), first by the power of
-    /// two of its square, then by the sides that show, and then by all of it, rounded to f32 and by one bit
-    /// more. Those that are as far away come in the order of their ids.
+    /// Sorts `ids` by the distance of the eye from their nodes' world boxes (0 inside): first by the power of
+    /// two of its square, then by the visible sides, and then by all of it, rounded to f32 and by one bit
+    /// more. Equal ones are in the order of their ids.
     pub fn sort(&mut self, scene: &Scene, view: &View, ids: &mut [DrawableId]) {
         let (eye, solids) = (view.eye(), Solids::new(view));
         self.keys.clear();
@@ -38,8 +38,8 @@ pub fn draw_order(scene: &Scene, view: &View, ids: &mut [DrawableId]) {
     DrawOrder::default().sort(scene, view, ids);
 }
 
-/// Above the id, the bits of the squared distance, which order as it does, with the sides after its exponent.
-/// What the scene does not have comes last.
+/// The id in the low bits. Above it are the bits of the squared distance, which keep its order, with the
+/// sides after its exponent. Ids that the scene lacks come last.
 fn key(scene: &Scene, eye: DVec3, solids: &Solids, id: DrawableId) -> u64 {
     let found = scene.drawables().get(id.index());
     let found = found.and_then(|drawable| Some((drawable, scene.nodes().get(drawable.node as usize)?)));
@@ -81,7 +81,7 @@ mod tests {
         let view = View::new(camera, Viewport::new(8, 8).unwrap());
         let mut ids: Vec<_> = (0..9).rev().map(DrawableId).collect();
         draw_order(&scene, &view, &mut ids);
-        // What the scene does not have comes last.
+        // Ids that the scene lacks come last.
         assert_eq!(ids.iter().map(|id| id.0).collect::<Vec<_>>(), [7, 1, 3, 5, 0, 2, 4, 6, 8]);
     }
 }

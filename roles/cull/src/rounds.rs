@@ -1,8 +1,8 @@
-//! Rounds: within a frame, what was found is drawn as occluders, and what was found is tested once more.
+//! Rounds: within a frame, found drawables are drawn as occluders, and the found ones are tested once more.
 //!
 //! After a jump the depth of the last frame's visible set hides little, and a traversal against it finds many
-//! times what shows. What it finds is in the LOD cut, and any subset of that is a valid set of occluders. So
-//! some of it is drawn over the depth, and the rest tested again.
+//! hidden nodes. These are in the LOD cut, and any subset of that is a valid set of occluders. So some are
+//! drawn over the depth, and the rest are tested again.
 //!
 //! Whether a round follows is decided by counting triangles, never by a clock, so that equal frames have
 //! equal ids. A triangle is *new* if its drawable was neither found in the last frame nor drawn as an
@@ -11,8 +11,8 @@
 //!   found. In a calm frame little is new, so it has one round.
 //! - A further one comes where as many are left, and the last one hid at least half of what it tested.
 //!
-//! Ids leave as they are found, level by level, while next to nothing is new: less than a 32nd of a budget.
-//! What is found from then on is held until the last round, and keeps its order.
+//! Ids are returned as they are found, level by level, while next to nothing is new: less than a 32nd of a
+//! budget. Later ones are held until the last round, and keep their order.
 
 use trimaran_proto::DrawableId;
 use trimaran_scene::{NodeId, Scene};
@@ -20,22 +20,22 @@ use trimaran_scene::{NodeId, Scene};
 use crate::occluder_selection::{TriangleBudget, select_occluders, triangles};
 use crate::{CullError, CullStats, CutRule, OccluderMapper, OcclusionTest, Traversal};
 
-/// How many rounds a frame may have, and what may be drawn in each.
+/// How many rounds a frame may have, and the occluder budget of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RoundRule {
-    /// Rounds at most, with the first one.
+    /// The most rounds, with the first one.
     pub most: u32,
-    /// Triangles of occluders a round, and a quarter of what there is to choose from, up to as many again.
-    /// Where a jump finds a million triangles, that hides nearly all that all of them would.
+    /// Triangles of occluders per round, plus a quarter of the candidates', up to as many again. If a jump
+    /// finds a million triangles, these hide nearly as much as all of them.
     pub budget: TriangleBudget,
 }
 
 impl RoundRule {
-    /// One round only, as the paper has it.
+    /// Only one round, as in the paper.
     pub const ONE: Self = Self { most: 1, budget: TriangleBudget(0) };
 }
 
-/// A traversal that goes on in rounds.
+/// A traversal in rounds.
 #[derive(Debug)]
 pub struct Rounds<'c> {
     traversal: Traversal<'c>,
@@ -44,19 +44,19 @@ pub struct Rounds<'c> {
     round: u32,
     /// The occluders of all rounds so far, ascending.
     drawn: Vec<DrawableId>,
-    /// Those of further rounds.
+    /// The occluders of further rounds.
     occluders: Vec<DrawableId>,
-    /// What was found so far, in its order.
+    /// The drawables found so far, in order.
     found: Vec<DrawableId>,
-    /// How many of it were given away, and stay.
+    /// How many of them were returned already, and are final.
     given: usize,
-    /// New triangles among what was found.
+    /// New triangles among the found ones.
     new: u64,
 }
 
 impl<'c> Rounds<'c> {
-    /// Goes on with a traversal that has just begun. `drawn` are the occluders of its first round, and `last`
-    /// has mapped what was found in the last frame.
+    /// Continues a traversal that has just begun. `drawn` are the occluders of its first round, and `last`
+    /// has mapped the last frame's visible set.
     #[must_use]
     pub fn new(
         traversal: Traversal<'c>,
@@ -79,8 +79,8 @@ impl<'c> Rounds<'c> {
         }
     }
 
-    /// The next drawables that show, as soon as they are decided; `None` when there is nothing more. They
-    /// come in the order of the traversal. `draw` adds occluders to those that `test` tests against.
+    /// The next visible drawables, as soon as they are decided; `None` at the end. They come in the order of
+    /// the traversal. `draw` adds occluders to those of `test`.
     ///
     /// # Errors
     /// If testing or drawing fails.
@@ -108,7 +108,7 @@ impl<'c> Rounds<'c> {
         Ok(None)
     }
 
-    /// Draws and tests again as long as the rule says.
+    /// Draws and tests again as long as the rule allows.
     fn further_rounds<T: OcclusionTest>(
         &mut self,
         test: &mut T,
@@ -136,7 +136,7 @@ impl<'c> Rounds<'c> {
         Ok(())
     }
 
-    /// What of `held` is drawn next.
+    /// Selects the next occluders from `held`.
     fn choose(&self, held: &[DrawableId]) -> Vec<DrawableId> {
         let (scene, view) = (self.traversal.scene(), self.traversal.view());
         let mut due: Vec<DrawableId> =
@@ -153,7 +153,7 @@ impl<'c> Rounds<'c> {
         self.found.get(from..).unwrap_or_default()
     }
 
-    /// What the traversal did, all rounds together.
+    /// Counters of the traversal, over all rounds.
     #[must_use]
     pub const fn stats(&self) -> CullStats {
         self.traversal.stats()

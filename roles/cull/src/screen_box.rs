@@ -1,10 +1,10 @@
-//! A box as the screen sees it: its rectangle, its outline and the depth of its front.
+//! A box on the screen: its rectangle, its outline and the depth of its front.
 //!
-//! The reciprocal depth of a plane is linear on the screen. A ray enters the box at the farthest of its
-//! front planes and leaves it at the nearest of its back planes, so at a pixel the entry is the *minimum* of
-//! a few linear functions (depth is reversed), the exit the *maximum* of others, and the outline is where no
-//! entry function is below an exit function. The extremes of a linear function over a rectangle of pixels are
-//! exact and cheap.
+//! The reciprocal depth of a plane is linear on the screen. A ray enters the box at the farthest of its front
+//! planes and leaves it at the nearest of its back planes, so at a pixel the entry is the *minimum* of a few
+//! linear functions (depth is reversed), the exit the *maximum* of others, and the outline is where no entry
+//! function is below an exit function. The extremes of a linear function over a rectangle of pixels are exact
+//! and cheap.
 
 use glam::{DVec3, Vec3};
 
@@ -83,11 +83,11 @@ pub(crate) struct ScreenProjection {
     focal: (f64, f64),
     middle: (f64, f64),
     last: (f64, f64),
-    /// What nearest depths are multiplied by.
+    /// The factor for nearest depths.
     pub(crate) nearer: f64,
 }
 
-/// Where a box can show, and how near it comes.
+/// The screen extent of a box, and its nearest depth.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Footprint {
     /// The pixels whose centres its grown rectangle holds, if any.
@@ -100,11 +100,11 @@ pub(crate) struct Footprint {
 impl ScreenProjection {
     /// The projection of `view`, for boxes whose outlines are grown as `outline` says.
     ///
-    /// The rasterizer moves a surface sideways by up to half a sub-pixel step, and the steeper the surface,
-    /// the more that moves its depth at a pixel: at the edge of a face seen at a grazing angle it may
-    /// come out nearer than any part of the box. A box that is grown by half a pixel to all sides comes
-    /// as much nearer, which covers any slope up to 256 metres of depth a metre across. Where outlines
-    /// are grown on the screen only, depths get the same allowance here.
+    /// The rasterizer moves a surface sideways by up to half a sub-pixel step. The steeper the surface, the
+    /// more this changes its depth at a pixel: at the edge of a face at a grazing angle it may come out
+    /// nearer than any part of the box. A box grown by half a pixel to all sides gets nearer by as much,
+    /// which covers any slope up to 256 metres of depth per metre across. If outlines are only grown on the
+    /// screen, depths get the same allowance here.
     pub(crate) fn new(view: &View, outline: Outline) -> Self {
         let steepness = match outline {
             Outline::OnScreen => OUTLINE_PX / view.focal_x().min(view.focal_y()),
@@ -120,7 +120,7 @@ impl ScreenProjection {
         }
     }
 
-    /// The footprint of a box whose rectangle is grown by `grown` pixels; `None` where it reaches the eye's
+    /// The footprint of a box whose rectangle is grown by `grown` pixels; `None` if it reaches the eye's
     /// plane or is not finite.
     pub(crate) fn footprint(&self, test_box: &TestBox, grown: f64) -> Option<Footprint> {
         let centre = test_box.centre.as_dvec3();
@@ -211,7 +211,7 @@ impl<const N: usize> Few<N> {
         Self { functions: [Linear::default(); N], count: 0 }
     }
 
-    /// Adds one; beyond N it is left out, which only makes the shape larger.
+    /// Adds one; beyond N it is ignored, which only makes the shape larger.
     fn push(&mut self, function: Linear) {
         if let Some(slot) = self.functions.get_mut(self.count) {
             *slot = function;
@@ -224,7 +224,7 @@ impl<const N: usize> Few<N> {
     }
 }
 
-/// The planes of a box's faces as the screen sees them.
+/// The planes of a box's faces on the screen.
 #[derive(Debug)]
 pub(crate) struct Planes {
     /// Those that face the eye.
@@ -243,7 +243,7 @@ impl Planes {
         let (mut fronts, mut backs) = (Few::<3>::new(), Few::<6>::new());
         for axis in test_box.axes.map(Vec3::as_dvec3) {
             let (along, half) = (axis.dot(test_box.centre.as_dvec3()), axis.length_squared());
-            // A face at `axis . p = offset`; the eye is outside of it if its outward side has the origin.
+            // A face at `axis . p = offset`; the eye is outside of it if the origin is on its outer side.
             for (offset, outside) in [(along + half, along + half < 0.0), (along - half, along - half > 0.0)]
             {
                 let scale = projection.near / offset;
@@ -252,8 +252,7 @@ impl Planes {
                     dx: axis.x * scale / projection.focal.0,
                     dy: -axis.y * scale / projection.focal.1,
                 };
-                // A plane through the eye is seen edge on and bounds nothing: leaving it out makes the shape
-                // larger.
+                // A plane through the eye is edge-on and bounds nothing: omitting it makes the shape larger.
                 if !scale.is_finite() {
                 } else if outside {
                     fronts.push(plane);
@@ -297,14 +296,14 @@ impl ScreenShape {
         }
     }
 
-    /// How near the box's front can be (reversed depth) at the centres of these pixels.
+    /// The nearest possible depth (reversed) of the box's front at the centres of these pixels.
     pub(crate) fn nearest_over(&self, pixels: PixelRect) -> f64 {
         let block = self.block(pixels, MARGIN_PX);
         let front = self
             .fronts
             .iter()
             .fold(self.nearest, |nearest, plane| nearest.min(plane.greatest(&block) * self.nearer));
-        // In the margin around the outline the planes go on beyond the box.
+        // In the margin around the outline the planes continue beyond the box.
         front.max(self.farthest)
     }
 
@@ -426,7 +425,7 @@ mod tests {
         }
     }
 
-    /// A box that rays are cast at.
+    /// A box for ray casting.
     struct Slabs(Vec<Face>);
 
     struct Face {

@@ -1,13 +1,13 @@
-//! Boxes made ready for a device that tests them as [`HzbTest`](crate::HzbTest) does.
+//! Boxes prepared for a device that tests them like [`HzbTest`](crate::HzbTest).
 //!
-//! All that divides is done here. What is left is to compare, add and multiply in f64, in the order in which
-//! `ScreenShape` does it: a device that rounds as IEEE 754 says comes to the same answers, bit by bit.
+//! All divisions are done here. The rest is comparisons, sums and products in f64, in the order of
+//! `ScreenShape`: a device with IEEE 754 rounding gets the same answers, bit by bit.
 
 use crate::hzb::BUDGET;
 use crate::screen_box::{Linear, MARGIN_PX, Planes, ScreenProjection, grown};
 use crate::{Outline, TestBox, View};
 
-/// A box on the screen, as shaders read it.
+/// A box on the screen, in the shaders' layout.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct ScreenRecord {
@@ -22,34 +22,34 @@ pub struct ScreenRecord {
     backs: u32,
     /// The level of the pyramid to start at.
     level: u32,
-    /// The most texels to look at; the box shows if they do not suffice.
+    /// The most texels to read; if they do not suffice, the box is visible.
     budget: u32,
 }
 
-/// What boxes and depths are grown by, the same for all boxes of a view.
+/// The growth of boxes and depths, the same for all boxes of a view.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct ScreenMargins {
     /// How far outlines are grown, in pixels.
     pub grown: f64,
-    /// How far around a pixel its front is looked at, in pixels.
+    /// The margin around a pixel in which its front is evaluated, in pixels.
     pub margin: f64,
-    /// What depths of fronts are multiplied by.
+    /// The factor for depths of fronts.
     pub nearer: f64,
 }
 
-/// What is known of a box before any depth is looked at.
+/// The classification of a box before any depth is read.
 #[derive(Debug, Clone, Copy)]
 pub enum OnScreen {
-    /// It counts as visible: it reaches the eye's plane or is not finite.
+    /// Visible: it reaches the eye's plane or is not finite.
     Shows,
-    /// It shows at no pixel.
+    /// Visible at no pixel.
     Outside,
     /// The depth decides.
     Test(ScreenRecord),
 }
 
-/// Makes the boxes of one view ready.
+/// Prepares the boxes of one view.
 #[derive(Debug, Clone, Copy)]
 pub struct ScreenRecords {
     projection: ScreenProjection,
@@ -58,8 +58,7 @@ pub struct ScreenRecords {
 }
 
 impl ScreenRecords {
-    /// For boxes as seen from `view`, whose outlines are grown as `outline` says, and a pyramid over its
-    /// picture.
+    /// For boxes of `view` with outlines grown as `outline` says, and a pyramid over its picture.
     #[must_use]
     pub fn new(view: &View, outline: Outline) -> Self {
         let longest = view.viewport().width().max(view.viewport().height());
@@ -70,13 +69,13 @@ impl ScreenRecords {
         }
     }
 
-    /// What all boxes of the view share.
+    /// Shared by all boxes of the view.
     #[must_use]
     pub const fn margins(&self) -> ScreenMargins {
         ScreenMargins { grown: self.grown, margin: MARGIN_PX, nearer: self.projection.nearer }
     }
 
-    /// What is known of a box.
+    /// Classifies a box.
     #[must_use]
     pub fn find(&self, test_box: &TestBox) -> OnScreen {
         let Some(footprint) = self.projection.footprint(test_box, self.grown) else { return OnScreen::Shows };

@@ -1,5 +1,5 @@
-//! Hardware culling (HC): the traversal of the tree that keeps what shows (the paper, Algorithm 4.1 and
-//! section 4.5.1).
+//! Hardware culling (HC): the traversal of the tree that keeps the visible nodes (the paper, Algorithm
+//! 4.1 and section 4.5.1).
 
 use std::sync::Arc;
 
@@ -12,17 +12,17 @@ use crate::cut_rule::NodeAppearance;
 use crate::lod_cut::{Choice, LodCut, read_ahead};
 use crate::{Answer, CutRule, OcclusionTest, TestBox, View};
 
-/// What one traversal did. Each node it came to is counted once among `frustum_culled`, `hidden`, `emitted`
-/// and `refined`, or is an interior node without children to go to.
+/// Counters of one traversal. Each visited node is counted once among `frustum_culled`, `hidden`, `emitted`
+/// and `refined`, unless it is an interior node without children to visit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CullStats {
-    /// Nodes the traversal came to.
+    /// Visited nodes.
     pub visited: u32,
     /// Nodes outside the frustum, cut away or hidden.
     pub frustum_culled: u32,
     /// Boxes given to the occlusion test.
     pub tested: u32,
-    /// Boxes found hidden; with each its whole subtree was dropped.
+    /// Boxes found hidden; each dropped its whole subtree.
     pub hidden: u32,
     /// Conservatively visible: a corner is nearer than the near plane.
     pub near_visible: u32,
@@ -34,11 +34,10 @@ pub struct CullStats {
     pub emitted: u32,
     /// Visible nodes that were too coarse, so that their children were visited.
     pub refined: u32,
-    /// Nodes drawn too coarsely because they show at few pixels (section 4.5.2 of the paper, if the rule
-    /// asks for it).
+    /// Nodes drawn too coarsely because they are visible at few pixels (section 4.5.2 of the paper, if the
+    /// rule asks for it).
     pub stopped_at_few_pixels: u32,
-    /// Batches of occlusion tests: levels of the tree at which there was something to test, and further
-    /// rounds.
+    /// Batches of occlusion tests: one per level of the tree with boxes to test, and further rounds.
     pub batches: u32,
     /// Boxes tested once more, in further rounds.
     pub tested_again: u32,
@@ -64,7 +63,7 @@ impl From<&CullStats> for CullCounts {
     }
 }
 
-/// Why a traversal stopped. What the sink got before is valid, but not all that is visible.
+/// Why a traversal stopped. The earlier output is valid, but not complete.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CullError<E: std::error::Error + 'static> {
@@ -82,7 +81,7 @@ pub enum CullError<E: std::error::Error + 'static> {
         /// The answers.
         answers: usize,
     },
-    /// The rule counts visible pixels and the occlusion test does not.
+    /// The rule counts visible pixels, but the occlusion test does not.
     #[error(
         "stopping at few pixels needs an occlusion test that counts pixels; use another one or turn the rule off"
     )]
@@ -103,11 +102,11 @@ struct Memory {
     candidates: Vec<Candidate>,
     boxes: Vec<TestBox>,
     answers: Vec<u32>,
-    /// The level's drawables that show.
+    /// The visible drawables of the level.
     visible: Vec<DrawableId>,
 }
 
-/// A node of the level that is not outside the frustum.
+/// A node of the level in the frustum.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     node: NodeId,
@@ -128,8 +127,8 @@ impl Culler {
         &self.scene
     }
 
-    /// Begins to traverse the tree, breadth first, for the drawables of `rule`'s cut whose nodes show in
-    /// front of `test`'s occluders.
+    /// Begins to traverse the tree, breadth first, for the drawables of `rule`'s cut whose nodes are visible
+    /// in front of `test`'s occluders.
     ///
     /// # Errors
     /// If the test does not fit the rule.
@@ -152,7 +151,7 @@ impl Culler {
         Ok(Traversal { scene, memory, view: *view, cut, maker, stats: CullStats::default() })
     }
 
-    /// Traverses the whole tree, and gives `sink` what [`Traversal::next_level`] finds, level by level.
+    /// Traverses the whole tree, passing results of [`Traversal::next_level`] to `sink`.
     ///
     /// # Errors
     /// If the test fails, or does not fit the rule.
@@ -171,7 +170,7 @@ impl Culler {
     }
 }
 
-/// A traversal under way. Whoever has to wait between two levels can.
+/// A traversal in progress, which may be paused between two levels.
 #[derive(Debug)]
 pub struct Traversal<'c> {
     scene: &'c Scene,
@@ -183,8 +182,8 @@ pub struct Traversal<'c> {
 }
 
 impl<'c> Traversal<'c> {
-    /// The visible drawables of the next level that has any, as soon as that level is decided; `None` when
-    /// there is nothing more.
+    /// The visible drawables of the next level that has any, as soon as that level is decided; `None` at the
+    /// end.
     ///
     /// # Errors
     /// If the test fails.
@@ -206,8 +205,7 @@ impl<'c> Traversal<'c> {
         Ok(None)
     }
 
-    /// Tests once more what this traversal has found, after more occluders were drawn, and drops what is
-    /// hidden now.
+    /// Tests this traversal's results once more, after more occluders were drawn, and drops those hidden now.
     ///
     /// # Errors
     /// If the test fails.
@@ -244,33 +242,33 @@ impl<'c> Traversal<'c> {
         Ok(())
     }
 
-    /// Whether all that was asked for of the scene was there.
+    /// Whether all requested parts of the scene were present.
     fn check_scene<E: std::error::Error>(&self) -> Result<(), CullError<E>> {
         self.scene.fault_here().map_or(Ok(()), |fault| Err(CullError::Scene(fault)))
     }
 
-    /// What the traversal did so far.
+    /// The counters so far.
     #[must_use]
     pub const fn stats(&self) -> CullStats {
         self.stats
     }
 
-    /// The scene that is traversed.
+    /// The traversed scene.
     pub(crate) const fn scene(&self) -> &'c Scene {
         self.scene
     }
 
-    /// What decides the cut beside the view.
+    /// The inputs of the cut beside the view.
     pub(crate) const fn rule(&self) -> &CutRule {
         self.cut.rule()
     }
 
-    /// The view it is seen from.
+    /// The view.
     pub(crate) const fn view(&self) -> &View {
         &self.view
     }
 
-    /// Tests the boxes that were prepared.
+    /// Tests the prepared boxes.
     fn test<T: OcclusionTest>(&mut self, test: &mut T) -> Result<(), CullError<T::Error>> {
         let Memory { boxes, answers, .. } = &mut *self.memory;
         answers.clear();

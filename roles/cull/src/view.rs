@@ -1,12 +1,12 @@
-//! A camera, the picture it fills, and what is cut away.
+//! A camera, its picture's size, and its sections.
 
 use glam::{DMat3, DQuat, DVec3, DVec4, Mat4, Vec4};
 use trimaran_proto::{Camera, Sections, ViewState};
 
 use crate::Viewport;
 
-/// A camera looking into a picture of a given size: the one definition of every transform from world to
-/// pixel. All roles use it, so that OR, HC and RVG compute the same positions.
+/// A camera with a picture of a given size: the one definition of every transform from world to pixel. All
+/// roles use it, so that OR, HC and RVG compute the same positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     camera: Camera,
@@ -16,36 +16,36 @@ pub struct View {
 }
 
 impl View {
-    /// `camera` as seen in a picture of `viewport`'s size, with nothing cut away.
+    /// `camera` with a picture of `viewport`'s size, without sections.
     #[must_use]
     pub fn new(camera: Camera, viewport: Viewport) -> Self {
-        // A camera's quaternion is of unit length to 1e-6; normalized, lengths in view space are lengths in
-        // the world to 1e-15.
+        // A camera's quaternion has unit length to 1e-6; after normalization, lengths in view space equal
+        // those in the world to 1e-15.
         let orientation = DQuat::from_array(camera.orientation()).normalize();
         let to_view = DMat3::from_quat(orientation).transpose();
         Self { camera, viewport, to_view, sections: Sections::NONE }
     }
 
-    /// `camera` in the view state that it names.
+    /// `camera` with the view state that it names.
     #[must_use]
     pub fn of(camera: Camera, state: &ViewState) -> Self {
         Self::new(camera, state.viewport).with_sections(state.sections)
     }
 
-    /// The same with this cut away.
+    /// The same with these sections.
     #[must_use]
     pub const fn with_sections(self, sections: Sections) -> Self {
         Self { sections, ..self }
     }
 
-    /// What is cut away.
+    /// The sections.
     #[must_use]
     pub const fn sections(&self) -> &Sections {
         &self.sections
     }
 
-    /// The planes that bound what sections keep, at most 36, in view space: a point `p` is kept where
-    /// `xyz . p + w` is at least 0 for each of them. Metres.
+    /// The at most 36 planes that bound the kept part of sections, in view space: a point `p` is kept if `xyz
+    /// . p + w` is at least 0 for each of them. Metres.
     pub fn section_planes(&self) -> impl Iterator<Item = DVec4> + '_ {
         self.sections.planes().map(|plane| {
             let direction = DVec3::from_array(plane.direction());
@@ -84,13 +84,13 @@ impl View {
         self.to_view * (point - self.eye())
     }
 
-    /// Pixels a radian near the axis, vertically: height / (2 tan(fov / 2)).
+    /// Pixels per radian near the axis, vertically: height / (2 tan(fov / 2)).
     #[must_use]
     pub fn focal_y(&self) -> f64 {
         f64::from(self.viewport.height()) / (2.0 * f64::from(self.camera.tan_half_fov_y()))
     }
 
-    /// Pixels a radian near the axis, horizontally.
+    /// Pixels per radian near the axis, horizontally.
     #[must_use]
     pub fn focal_x(&self) -> f64 {
         f64::from(self.viewport.width()) / (2.0 * self.tan_half_fov_x())

@@ -1,8 +1,8 @@
-//! What passes and occlusion tests take, against triangles, draws and boxes: medians in milliseconds, as one
-//! table. `cpu` sums all threads of the process (Linux): on a driver that draws on the CPU it is the figure
-//! to plan with, for other programs disturb it least.
+//! The cost of passes and occlusion tests, against triangles, draws and boxes: medians in milliseconds, as
+//! one table. `cpu` sums all threads of the process (Linux): on a CPU driver it is the most reliable figure,
+//! least disturbed by other programs.
 //!
-//! The scene is a cloud of spheres that share one mesh a size, all in view and of some 3 pictures' area
+//! The scene is a cloud of spheres that share one mesh per size, all in view and of some 3 pictures' area
 //! together (overdraw 3), drawn from near to far. `cargo bench -p trimaran-gpu` runs all; a word after `--`
 //! runs the lines that contain it.
 
@@ -90,7 +90,7 @@ fn time_occlusion_tests(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wante
     }
     let mut pyramid = DepthPyramid::new();
     report(wanted, &label("hzb, host"), || {
-        // Nothing drawn, but the depth counts as new: the copy to the host is part of the price.
+        // Nothing is drawn, but the depth counts as new: the copy to the host is part of the cost.
         pass.draw(&[])?;
         let image = pass.read_depth()?;
         pyramid.rebuild(image);
@@ -123,7 +123,7 @@ fn report(wanted: &str, label: &str, mut frame: impl FnMut() -> Outcome<PassTimi
     Ok(())
 }
 
-/// Milliseconds of CPU time of all threads of this process so far; 0 where the system does not tell.
+/// Milliseconds of CPU time of all threads of this process so far; 0 if the system does not tell.
 fn cpu_ms() -> f64 {
     let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let nanoseconds = threads.filter_map(|thread| {

@@ -1,10 +1,10 @@
-//! What a walk through a cooked scene costs: the start, and each role's part of a frame, as CPU time of all
-//! threads of the process (Linux), which other programs disturb least. One after the other, so that no role's
-//! time is another's.
+//! The cost of a walk through a cooked scene: the start, and each role's part of a frame, as CPU time of all
+//! threads of the process (Linux), which other programs disturb least. The roles run one after the other, so
+//! that their times do not overlap.
 //!
-//! Beside it stands a floor had in the same run: the display draws only what is exactly visible, as if
-//! culling were perfect, and an empty frame. `cargo bench -p trimaran-gpu --bench walk -- X.scene WALK.json
-//! [SIDE [OCCLUDERS]]`, where OCCLUDERS is the budget of triangles for them.
+//! The same run gives a lower bound: the display draws only the exactly visible set, as with perfect culling,
+//! and an empty frame. `cargo bench -p trimaran-gpu --bench walk -- X.scene WALK.json [SIDE [OCCLUDERS]]`,
+//! where OCCLUDERS is the budget of triangles for them.
 
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
@@ -27,7 +27,7 @@ use trimaran_scene::{
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// As sessions draw occluders unless told otherwise, but in one round.
+/// The default occluder budget of sessions, but in one round.
 const OCCLUDERS: u64 = 30_000;
 const EPSILON_PX: f64 = 2.0;
 
@@ -79,7 +79,7 @@ fn start(path: &Path, budget: TriangleBudget, first: &View) -> Outcome<Roles> {
     Ok(roles)
 }
 
-/// The three roles, and the item pass for what is exactly visible.
+/// The three roles, and the item pass (ID buffer) for the exactly visible set.
 struct Roles {
     scene: Arc<Scene>,
     rule: LodRule,
@@ -150,7 +150,7 @@ impl Roles {
         Ok(())
     }
 
-    /// The occluders of a frame, from what was visible in the last.
+    /// The occluders of a frame, from the last visible set.
     fn due(&mut self, view: &View) -> Outcome<Vec<DrawableId>> {
         let mut due = Vec::new();
         self.mapper.begin(*view, self.rule);
@@ -173,7 +173,7 @@ impl Roles {
         Ok(())
     }
 
-    /// Those of `ids` that show at a pixel, in their order, and how many triangles do.
+    /// Those of `ids` that are visible at a pixel, in their order, and how many triangles are.
     fn exactly_visible(&mut self, view: &View, ids: &[DrawableId]) -> Outcome<(Vec<DrawableId>, usize)> {
         self.items.begin(view)?;
         self.items.draw(ids)?;
@@ -191,7 +191,7 @@ impl Roles {
     }
 }
 
-/// A line a figure, a value a frame.
+/// One line per figure, one value per frame.
 #[derive(Default)]
 struct Table {
     lines: Vec<(&'static str, Vec<f64>)>,
@@ -240,7 +240,7 @@ impl Lap {
     }
 }
 
-/// Milliseconds of CPU time of all threads of this process so far; 0 where the system does not tell.
+/// Milliseconds of CPU time of all threads of this process so far; 0 if the system does not tell.
 fn cpu_ms() -> f64 {
     let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let nanoseconds = threads.filter_map(|thread| {

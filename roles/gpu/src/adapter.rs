@@ -1,4 +1,4 @@
-//! Which devices this machine has, what each lacks, and which one to take.
+//! The machine's devices, their missing features, and the choice of one.
 
 use std::ffi::CStr;
 
@@ -25,7 +25,7 @@ pub enum DeviceChoice {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum DeviceKind {
-    /// Something Vulkan has no name for.
+    /// A kind unknown to Vulkan.
     Other,
     /// A driver that draws on the CPU.
     Cpu,
@@ -37,12 +37,12 @@ pub enum DeviceKind {
     Discrete,
 }
 
-/// What a device says of itself.
+/// The properties of a device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GpuInfo {
     /// The device's name.
     pub name: String,
-    /// The driver's name and version, as the driver words it.
+    /// The driver's name and version, as reported by the driver.
     pub driver: String,
     /// The Vulkan version it speaks: major, minor, patch.
     pub api_version: (u32, u32, u32),
@@ -54,11 +54,11 @@ pub struct GpuInfo {
     pub max_allocation: u64,
     /// Memory of its own, in bytes (the largest device-local heap).
     pub memory: u64,
-    /// What it lacks of what this crate needs, by Vulkan's own names. Such a device cannot be opened.
+    /// The missing required features, by Vulkan's own names. Such a device cannot be opened.
     pub missing: Vec<&'static str>,
-    /// What it lacks that this crate can do without.
+    /// The missing optional features.
     pub lacks: Vec<Optional>,
-    /// Where boxes are best tested against a depth pyramid.
+    /// The better place for the depth pyramid's box tests.
     pub hzb_place: HzbPlace,
 }
 
@@ -72,7 +72,7 @@ pub enum HzbPlace {
     Device,
 }
 
-/// A device found, and what is needed to open it.
+/// A device, with the data needed to open it.
 pub(crate) struct Adapter {
     pub(crate) physical: vk::PhysicalDevice,
     pub(crate) queue_family: u32,
@@ -80,7 +80,7 @@ pub(crate) struct Adapter {
     pub(crate) limits: Limits,
 }
 
-/// The limits that passes look at.
+/// The limits that matter to passes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
     pub(crate) max_allocation: u64,
@@ -89,18 +89,18 @@ pub(crate) struct Limits {
     pub(crate) max_storage_range: u64,
     /// Nanoseconds a tick of the timestamp counter; 0 if the queue has no timestamps.
     pub(crate) timestamp_period_ns: f64,
-    /// What is free of the device's own memory, in bytes.
+    /// Free memory of the device's own, in bytes.
     pub(crate) free_memory: u64,
 }
 
 impl Adapter {
-    /// All devices, best first; suitable ones before those that lack something.
-    /// Those that are to show pictures in windows need what that takes as well.
+    /// All devices, best first; suitable ones before others. If `presents`, they need the features for
+    /// windows as well.
     pub(crate) fn all(instance: &ash::Instance, presents: bool) -> Result<Vec<Self>, GpuError> {
         // SAFETY: the instance is alive.
         let found = unsafe { instance.enumerate_physical_devices() };
         let found = match found {
-            // A loader without any driver says so with this code.
+            // A loader without any driver returns this code.
             Err(vk::Result::ERROR_INITIALIZATION_FAILED) => Vec::new(),
             other => other.during("listing the Vulkan devices")?,
         };

@@ -16,10 +16,10 @@ pub(crate) const UNIT: u64 = size_of::<Vertex>() as u64;
 
 const _: () = assert!(UNIT.is_multiple_of(size_of::<u32>() as u64));
 
-/// How much is copied at a time where the device's own memory cannot be written in place.
+/// How much is copied at a time if the device's own memory cannot be written in place.
 const STAGING_BYTES: usize = 4 << 20;
 
-/// A buffer, which of its places are taken, and how bytes get there.
+/// A buffer with its allocation state, and the means to copy into it.
 pub(crate) struct Arena {
     // First, so that copies are done before the buffer goes.
     copies: Option<Copies>,
@@ -28,7 +28,7 @@ pub(crate) struct Arena {
     units: u32,
 }
 
-/// Where a piece of geometry is in the arena.
+/// The place of a piece of geometry in the arena.
 #[derive(Clone, Copy)]
 pub(crate) struct Piece {
     allocation: Allocation,
@@ -36,12 +36,12 @@ pub(crate) struct Piece {
     vertices: u32,
 }
 
-/// Copies by the device, for memory that the host does not see.
+/// Copies by the device, for memory invisible to the host.
 struct Copies {
     stream: Stream,
     staging: HostBuffer<u8>,
     used: usize,
-    /// From where in `staging` to where in the buffer, and how many bytes.
+    /// The offsets in `staging` and in the buffer, and the byte counts.
     regions: Vec<vk::BufferCopy>,
 }
 
@@ -68,8 +68,7 @@ pub(crate) fn units(geometry: &Geometry) -> Option<u32> {
 }
 
 impl Arena {
-    /// An empty arena of about `bytes` bytes. `staged`: copy by the device even where the host sees its
-    /// memory.
+    /// An empty arena of about `bytes` bytes. `staged`: copy by the device even if the host sees its memory.
     pub(crate) fn new(gpu: &Arc<Gpu>, bytes: u64, staged: bool) -> Result<Self, GpuError> {
         let units = u32::try_from(bytes / UNIT).unwrap_or(i32::MAX as u32).min(i32::MAX as u32);
         let usage = vk::BufferUsageFlags::VERTEX_BUFFER
@@ -79,7 +78,7 @@ impl Arena {
         let bytes = u64::from(units) * UNIT;
         let buffer = Buffer::new(gpu, "geometry", usage, MemoryLocation::GpuOnly, bytes)?;
         let copies = if staged || !buffer.is_writable() { Some(Copies::new(gpu)?) } else { None };
-        // A cluster takes about 1.5 kB. With more pieces than this some room stays empty.
+        // A cluster takes about 1.5 kB. With more pieces than this some room stays unused.
         let most = (units / 16).clamp(1 << 10, 1 << 22);
         Ok(Self { copies, buffer: Arc::new(buffer), places: Allocator::with_max_allocs(units, most), units })
     }
@@ -93,7 +92,7 @@ impl Arena {
         &self.buffer
     }
 
-    /// Whether there is room for a piece of geometry where there is nothing else.
+    /// Whether a piece of geometry would fit into an empty arena.
     pub(crate) fn could_hold(&self, geometry: &Geometry) -> bool {
         units(geometry).is_some_and(|units| units <= self.units)
     }
@@ -105,12 +104,12 @@ impl Arena {
         Some(Piece { allocation, units, vertices: geometry.vertices.len() as u32 })
     }
 
-    /// Gives a place back. No work that uses it is under way, and none will be.
+    /// Frees a place. No present or later work may use it.
     pub(crate) fn free(&mut self, piece: Piece) {
         self.places.free(piece.allocation);
     }
 
-    /// Fills a place. Work that is submitted after [`finish`](Self::finish) sees it.
+    /// Fills a place. Work submitted after [`finish`](Self::finish) sees it.
     pub(crate) fn write(&mut self, piece: Piece, geometry: &Geometry) -> Result<(), GpuError> {
         let [vertices, indices]: [&[u8]; 2] =
             [bytemuck::cast_slice(&geometry.vertices), bytemuck::cast_slice(&geometry.indices)];
@@ -129,7 +128,7 @@ impl Arena {
         }
     }
 
-    /// Hands what was written to the device.
+    /// Submits the written data to the device.
     pub(crate) fn finish(&mut self) -> Result<(), GpuError> {
         self.copies.as_mut().map_or(Ok(()), |copies| copies.submit(&self.buffer))
     }
@@ -187,5 +186,5 @@ impl Copies {
     }
 }
 
-/// What copying is called in errors.
+/// The name of copying in errors.
 const OPERATION: &str = "copying geometry to the device";

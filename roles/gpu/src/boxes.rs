@@ -1,4 +1,4 @@
-//! Boxes as the occlusion tests draw them: the faces that show, and nothing else.
+//! Boxes as the occlusion tests draw them: only their visible faces.
 
 use glam::{DVec3, Vec3};
 use trimaran_cull::{TestBox, View};
@@ -13,18 +13,18 @@ pub(crate) struct BoxRecord {
     pub(crate) axes: [[f32; 3]; 3],
 }
 
-/// Vertices a box takes: three faces of two triangles.
+/// Vertices per box: three faces of two triangles.
 pub(crate) const VERTICES: u32 = 18;
 
 impl BoxRecord {
-    /// A box, its axes turned so that faces that show lie on positive ends. `None` if no test can tell: a
-    /// coordinate is not finite, a corner is not beyond the near plane, or no face shows, as from inside.
-    /// Such a box counts as visible.
+    /// A box, its axes turned so that visible faces lie on positive ends. `None` if no test can decide: a
+    /// coordinate is not finite, a corner is not beyond the near plane, or no face is visible, as from
+    /// inside. Such a box counts as visible.
     ///
-    /// Of two opposite faces at most one shows: the eye's coordinate along the axis, in half-edges, is beyond
-    /// 1 or below -1, or else neither shows. Drawing these faces alone covers each pixel of the box once,
-    /// with its front, whatever the axes' handedness: the count needs no culling by winding, which a thin
-    /// box's rounding could turn over.
+    /// At most one of two opposite faces is visible: the eye's coordinate along the axis, in half-edges, is
+    /// beyond 1 or below -1, or else neither is. Drawing only these faces covers each pixel of the box once,
+    /// with its front, for any handedness of the axes. The count needs no culling by winding, which rounding
+    /// could flip for a thin box.
     pub(crate) fn new(shape: &TestBox, near: f64) -> Option<Self> {
         let centre = shape.centre.as_dvec3();
         let axes = shape.axes.map(Vec3::as_dvec3);
@@ -48,14 +48,14 @@ impl BoxRecord {
     }
 }
 
-/// The eye's coordinate along `axis`, in half-edges from the centre; the eye is the origin. `normal` is at
-/// right angles to the other two axes.
+/// The eye's coordinate along `axis`, in half-edges from the centre; the eye is the origin. `normal` is
+/// perpendicular to the other two axes.
 fn eye_along(axis: DVec3, normal: DVec3, centre: DVec3) -> f64 {
     -normal.dot(centre) / normal.dot(axis)
 }
 
-/// Readies a batch: a record for each box that needs testing, with its index; all others are set visible in
-/// `visible`, which is filled with one entry a box.
+/// Prepares a batch: a record for each box that needs testing, with its index. All others are set visible in
+/// `visible`, which is filled with one entry per box.
 pub(crate) fn prepare(
     view: &View,
     boxes: &[TestBox],
@@ -79,16 +79,16 @@ pub(crate) fn prepare(
     }
 }
 
-/// The most boxes tested at once: some megabytes of records, and fewer than the workgroups that any device
-/// takes in a dispatch.
+/// The most boxes tested at once: some megabytes of records, and fewer workgroups than any device's limit per
+/// dispatch.
 const BATCH: usize = 32_768;
 
-/// The room to make for a batch of `count` boxes: enough that the next ones seldom need more.
+/// The capacity to allocate for a batch of `count` boxes: enough that the next ones seldom need more.
 pub(crate) fn room_for(count: usize) -> usize {
     count.next_power_of_two().max(1024)
 }
 
-/// Records and their owners in parts that a device takes at once.
+/// Records and their owners in parts that fit a dispatch.
 pub(crate) fn batches<'a, R>(
     records: &'a [R],
     owners: &'a [u32],
@@ -96,7 +96,7 @@ pub(crate) fn batches<'a, R>(
     records.chunks(BATCH).zip(owners.chunks(BATCH))
 }
 
-/// Gives each count to the box that owns it.
+/// Assigns each count to the box that owns it.
 pub(crate) fn hand_out(counts: &[u32], owners: &[u32], visible: &mut [u32]) {
     for (&count, &owner) in counts.iter().zip(owners) {
         if let Some(visible) = visible.get_mut(owner as usize) {

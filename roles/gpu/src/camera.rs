@@ -1,4 +1,4 @@
-//! What the shaders know of the camera.
+//! The shaders' camera data.
 
 use glam::{DVec3, Vec3};
 use trimaran_cull::View;
@@ -23,8 +23,8 @@ pub(crate) struct ProjectionConstants {
     padding: f32,
 }
 
-/// Towards the key light, in the world: from above, from the side, a little from the front. No two walls of a
-/// right-angled building face it alike.
+/// Direction of the key light, in the world: from above, from the side, a little from the front. No two walls
+/// of a right-angled building face it alike.
 const KEY: DVec3 = DVec3::new(0.48, 0.80, 0.36);
 
 impl CameraConstants {

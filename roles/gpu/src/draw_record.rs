@@ -1,4 +1,4 @@
-//! One draw as the device reads it.
+//! One draw in the device's layout.
 
 use trimaran_scene::Drawable;
 
@@ -7,13 +7,13 @@ use crate::place::Place;
 /// How the vertices of a draw are fetched.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Fetch {
-    /// By the pipeline, by way of the index buffer.
+    /// By the pipeline, through the index buffer.
     Fixed,
-    /// By the vertex shader, from storage buffers: it then knows which triangle it works on.
+    /// By the vertex shader, from storage buffers: it then knows the number of its triangle.
     Pulled,
 }
 
-/// What the shaders know of a draw: `Draw` of scene.wgsl, and what the item pass reads beside it.
+/// The shaders' data of a draw: `Draw` of scene.wgsl, and further data for the item pass (ID buffer).
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(crate) struct DrawRecord {
@@ -25,19 +25,19 @@ pub(crate) struct DrawRecord {
     pub(crate) first: [u32; 2],
 }
 
-/// `VkDrawIndexedIndirectCommand`, or a `VkDrawIndirectCommand` with a word behind it that is not read.
+/// `VkDrawIndexedIndirectCommand`, or a `VkDrawIndirectCommand` with an unused word behind it.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(crate) struct DrawCommand([u32; 5]);
 
 impl DrawCommand {
-    /// One instance, that of the number `instance`, of a drawable whose triangles are at `place`.
+    /// One instance, with the number `instance`, of a drawable whose triangles are at `place`.
     pub(crate) const fn new(fetch: Fetch, drawable: &Drawable, place: Place, instance: u32) -> Self {
         let (indices, Place { first_index, first_vertex }) = (3 * drawable.triangles, place);
         Self(match fetch {
             // The offset is signed, and arenas are small enough for that.
             Fetch::Fixed => [indices, 1, first_index, first_vertex, instance],
-            // The number of a vertex is its place among the indices.
+            // The number of a vertex is its position among the indices.
             Fetch::Pulled => [indices, 1, first_index, instance, 0],
         })
     }

@@ -1,7 +1,7 @@
 //! The draws of a frame: one record and one indirect command each, in buffers that the device reads in place.
 //!
 //! A record is an instance's vertex attributes. Each draw is one instance, whose number (its first instance)
-//! picks the record.
+//! selects the record.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -19,13 +19,12 @@ use crate::recorder::Recorder;
 use crate::scene::in_view;
 use crate::{Gpu, GpuError, GpuScene};
 
-/// The draws of one frame, in the order given. Those already submitted stay as they are until
-/// [`clear`](Self::clear).
+/// The draws of one frame, in the order given. Submitted ones stay unchanged until [`clear`](Self::clear).
 pub(crate) struct Draws {
     gpu: Arc<Gpu>,
     fetch: Fetch,
     chunks: Vec<Chunk>,
-    /// Where a submission ends, although there are more draws: it has enough to do.
+    /// Where a submission ends because it has enough work, although there are more draws.
     ends: VecDeque<usize>,
     /// Indices since the last of these ends.
     indices: u64,
@@ -36,11 +35,11 @@ pub(crate) struct Draws {
     facings: Vec<Facing>,
 }
 
-/// Draws that share an indirect call: far below the 65 thousand commands that every device takes in one.
+/// Draws per indirect call: far below the 65 thousand commands that every device takes in one.
 const CHUNK: usize = 16_384;
 
-/// What a submission draws before the next one begins, in indices: 8 million triangles. So the time that a
-/// device may take for one submission does not grow with the scene.
+/// The indices of a submission before the next one begins: 8 million triangles. So the device's time for one
+/// submission does not grow with the scene.
 const SUBMISSION: u64 = 3 << 23;
 
 struct Chunk {
@@ -63,7 +62,7 @@ impl Draws {
         }
     }
 
-    /// Forgets all draws. The caller has waited for the device to finish them.
+    /// Removes all draws. The caller has waited for the device to finish them.
     pub(crate) fn clear(&mut self) {
         (self.added, self.recorded, self.indices) = (0, 0, 0);
         self.ends.clear();
@@ -75,8 +74,8 @@ impl Draws {
         self.recorded < self.added
     }
 
-    /// Adds one draw for each of `ids` that has a place, as seen from `view`; with `opaque`, solids show
-    /// their front alone. An id that the scene does not have is an error, and none of the ids after it is added.
+    /// Adds one draw for each of `ids` with a place, in `view`; with `opaque`, solids show only their front.
+    /// An id that the scene lacks is an error, and none of the ids after it is added.
     pub(crate) fn add(
         &mut self,
         scene: &GpuScene,
@@ -123,8 +122,8 @@ impl Draws {
         Ok(())
     }
 
-    /// Records the draws added since the last time, or as many as one submission is to have: one indirect
-    /// call for each run of draws in a chunk that show the same sides.
+    /// Records the draws added since the last call, or as many as fit one submission: one indirect call for
+    /// each run of draws in a chunk with the same visible sides.
     pub(crate) fn record(&mut self, commands: &Recorder<'_>) {
         let end = self.ends.pop_front().unwrap_or(self.added);
         let mut facings = self.facings.get(self.recorded..end).unwrap_or_default();
@@ -143,7 +142,7 @@ impl Draws {
         self.recorded = end;
     }
 
-    /// The chunk of this index, which exists or is the next one to make.
+    /// The chunk of this index, which exists or is made next.
     fn chunk(&mut self, index: usize) -> Result<&mut Chunk, GpuError> {
         if index >= self.chunks.len() {
             self.chunks.push(Chunk::new(&self.gpu)?);

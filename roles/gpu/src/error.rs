@@ -1,4 +1,4 @@
-//! What can go wrong between this process and a graphics device.
+//! Errors between this process and a graphics device.
 
 use std::time::Duration;
 
@@ -9,8 +9,7 @@ use trimaran_cull::Viewport;
 use trimaran_proto::DrawableId;
 use trimaran_scene::ReadError;
 
-/// Why a graphics operation failed. Each message says what was being done, and what to do where something can
-/// be done.
+/// Why a graphics operation failed. Each message names the operation and, if there is one, the remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum GpuError {
@@ -23,13 +22,13 @@ pub enum GpuError {
          which also brings one for the CPU alone)"
     )]
     NoDevice,
-    /// Validation was asked for and its layer is not installed.
+    /// Validation was requested and its layer is not installed.
     #[error(
         "the Vulkan validation layer is not installed; install it (Debian and Ubuntu: apt install \
          vulkan-validationlayers) or open the device without validation"
     )]
     NoValidationLayer,
-    /// Vulkan has no windows of this kind here.
+    /// Vulkan does not support windows of this kind here.
     #[error(
         "Vulkan cannot show windows of this display: its loader or driver lacks the extension; \
          walk in the browser instead (leave --window out)"
@@ -40,85 +39,85 @@ pub enum GpuError {
     CannotPresent {
         /// The device's name.
         device: String,
-        /// What it lacks.
+        /// The missing feature.
         lack: &'static str,
     },
-    /// The window's driver does not know the present mode asked for.
+    /// The window's driver lacks the requested present mode.
     #[error("this window has no present mode {wanted}: it has {found}")]
     NoPresentMode {
-        /// The name asked for.
+        /// The requested name.
         wanted: &'static str,
-        /// The names of those it has.
+        /// The available names.
         found: String,
     },
-    /// No device has the name asked for, or none is a CPU device where one was asked for.
+    /// No device has the requested name, or none is a CPU device when one was requested.
     #[error("no Vulkan device matches {wanted}; this machine has: {found}")]
     NoSuchDevice {
-        /// What was asked for.
+        /// The request.
         wanted: String,
-        /// The names of the devices there are.
+        /// The names of the available devices.
         found: String,
     },
-    /// Devices match, but each lacks something this crate needs.
+    /// Devices match, but each lacks a required feature.
     #[error("the Vulkan device {device} lacks {missing}; a newer driver may have it")]
     Unsuitable {
         /// The name of the best device that matched.
         device: String,
-        /// What it lacks, by Vulkan's own names.
+        /// The missing features, by Vulkan's own names.
         missing: String,
     },
     /// The device was lost: the driver crashed, was reset, or was taken away. Open it anew.
     #[error("the graphics device was lost while {operation}; open it again")]
     DeviceLost {
-        /// What was being done.
+        /// The operation.
         operation: &'static str,
     },
-    /// The device has finished nothing for the timeout of [`GpuOptions`](crate::GpuOptions). It does nothing
+    /// The device has made no progress for the timeout of [`GpuOptions`](crate::GpuOptions). It does nothing
     /// more for this process.
     #[error(
         "the graphics device hangs: no progress within {timeout:?} while {operation}; look at the driver's \
          messages (dmesg), start again, or wait longer if the device is only slow (--device-timeout)"
     )]
     DeviceHung {
-        /// What was being done.
+        /// The operation.
         operation: &'static str,
-        /// How long nothing was finished.
+        /// The time without progress.
         timeout: Duration,
     },
-    /// Whoever runs the pass asked to end the wait. The pass cannot go on; another one on the same device
-    /// can.
+    /// The pass's owner has cancelled the wait. The pass is unusable then; another one on the same device
+    /// works.
     #[error("asked to stop while {operation}")]
     Cancelled {
-        /// What was being done.
+        /// The operation.
         operation: &'static str,
     },
     /// Host or device memory ran out.
     #[error("out of memory while {operation}")]
     OutOfMemory {
-        /// What was being done.
+        /// The operation.
         operation: &'static str,
     },
-    /// Memory for one buffer or image could not be had.
+    /// Memory for one buffer or image could not be allocated.
     #[error("no memory on the graphics device for {what} ({bytes} bytes)")]
     Allocation {
-        /// What the memory was for.
+        /// The purpose of the memory.
         what: &'static str,
-        /// How much was asked for.
+        /// The requested bytes.
         bytes: u64,
-        /// What the allocator says.
+        /// The allocator's error.
         #[source]
         source: AllocationError,
     },
     /// Part of the scene cannot be read.
     #[error("the scene cannot be drawn")]
     Scene(#[source] ReadError),
-    /// One drawable takes more memory than all of them may.
+    /// One drawable takes more memory than the budget of all.
     #[error(
         "a part of the scene takes {needed} bytes of the graphics device, and the budget is {budget}; \
          allow more (--gpu-memory)"
     )]
     WorkingSetTooSmall {
-        /// What it takes, in bytes.
+        /// Its bytes.
         needed: u64,
         /// The budget in bytes.
         budget: u64,
@@ -126,14 +125,14 @@ pub enum GpuError {
     /// The picture is larger than the device can draw.
     #[error("a picture of {width} x {height} pixels is larger than this device's {limit} x {limit}")]
     ViewportTooLarge {
-        /// The width asked for.
+        /// The requested width.
         width: u32,
-        /// The height asked for.
+        /// The requested height.
         height: u32,
-        /// The longest side the device can draw.
+        /// The longest side that the device can draw.
         limit: u32,
     },
-    /// Boxes are seen from a view of another size than the picture they are tested against.
+    /// The view of the boxes has another size than the picture that they are tested against.
     #[error(
         "boxes for a picture of {} x {} pixels against a depth of {} x {}: both must be of the view's size",
         view.width(), view.height(), depth.width(), depth.height()
@@ -147,7 +146,7 @@ pub enum GpuError {
     /// Something was drawn or read before any view was set.
     #[error("{0} was used before it was given a view (call begin first)")]
     NotBegun(&'static str),
-    /// Something solid was to be drawn over see-through drawables, where it would not shine through them.
+    /// A solid drawable was added after see-through ones, which would not be blended over it.
     #[error("solid drawables were added after see-through ones of the same frame: add them before")]
     SolidAfterSeeThrough,
     /// An id names no drawable of the scene.
@@ -161,7 +160,7 @@ pub enum GpuError {
     /// Any other Vulkan error.
     #[error("Vulkan failed while {operation}")]
     Vulkan {
-        /// What was being done.
+        /// The operation.
         operation: &'static str,
         /// Vulkan's own code.
         #[source]
@@ -170,8 +169,8 @@ pub enum GpuError {
 }
 
 impl GpuError {
-    /// Whether nothing more can be done with the device: it was lost, or hangs. After any other error others
-    /// go on with it, and whoever asked for too much may ask for less.
+    /// Whether the device is unusable: it was lost, or hangs. After any other error others can continue, and
+    /// a too large request may be reduced.
     #[must_use]
     pub const fn is_lost(&self) -> bool {
         matches!(self, Self::DeviceLost { .. } | Self::DeviceHung { .. })
@@ -191,7 +190,7 @@ impl GpuError {
 
 /// Names the operation in the error of a Vulkan call.
 pub(crate) trait During<T> {
-    /// Turns Vulkan's code into a [`GpuError`] that says it happened while `operation` went on.
+    /// Converts Vulkan's code into a [`GpuError`] that names `operation`.
     fn during(self, operation: &'static str) -> Result<T, GpuError>;
 }
 

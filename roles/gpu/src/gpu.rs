@@ -22,18 +22,18 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Which device.
     pub device: DeviceChoice,
-    /// The most memory of the device for a scene's triangles, in bytes. They come and go as they are drawn; a
-    /// frame that needs more than fits is drawn in parts. `None`: three quarters of what is free, taken as it
-    /// is needed. What is asked for is taken at once.
+    /// The most memory of the device for a scene's triangles, in bytes. They are loaded and dropped as
+    /// needed; a frame that needs more than fits is drawn in parts. `None`: three quarters of the free
+    /// memory, allocated as needed. An explicit amount is allocated at once.
     pub memory: Option<u64>,
-    /// How long the device may work on one submission of a pass before it counts as hung: see
+    /// The time limit of one submission of a pass, after which the device counts as hung: see
     /// [`GpuError::DeviceHung`].
     pub timeout: Duration,
 }
 
 impl GpuOptions {
-    /// The timeout unless told otherwise. A submission is at most some millions of triangles: seconds for a
-    /// slow driver on the CPU.
+    /// The default timeout. A submission is at most some millions of triangles: seconds for a slow CPU
+    /// driver.
     pub const TIMEOUT: Duration = Duration::from_secs(30);
 }
 
@@ -45,10 +45,9 @@ impl Default for GpuOptions {
 
 /// An open Vulkan device without a window. Passes and scenes share it through an [`Arc`]; threads may too.
 ///
-/// A device that hangs is never destroyed, and neither is anything made from it: Vulkan forbids to destroy
-/// what the device may still use, and a driver waits for ever in the attempt. What was made is then leaked on
-/// purpose until the process ends, the scene's memory included. A process that outlives a hung device, by
-/// opening another, pays with this memory.
+/// A hung device and all objects made from it are never destroyed: Vulkan forbids destroying objects in use,
+/// and a driver would wait for ever. They are leaked on purpose until the process ends, the scene's memory
+/// included. A process that outlives a hung device, by opening another, pays with this memory.
 pub struct Gpu {
     // Dropped by hand, in this order: the allocator's memory, the device, the messenger, the instance, the
     // loader.
@@ -64,9 +63,9 @@ pub struct Gpu {
     limits: Limits,
     memory: Option<u64>,
     timeout: Duration,
-    /// The device has not finished a submission in time.
+    /// The device has exceeded the timeout.
     hung: AtomicBool,
-    /// Work may be running that nobody waits for any more.
+    /// Work may be running that is no longer waited for.
     abandoned: AtomicBool,
     entry: ManuallyDrop<ash::Entry>,
 }
@@ -75,7 +74,7 @@ impl Gpu {
     /// Opens a device.
     ///
     /// # Errors
-    /// Says what is missing, a loader, a device or a feature of one, and the package that has it.
+    /// The missing loader, device or feature, and the package that has it.
     pub fn open(options: &GpuOptions) -> Result<Arc<Self>, GpuError> {
         Self::open_with(options, &[])
     }
@@ -83,7 +82,7 @@ impl Gpu {
     /// Opens a device that can show pictures in windows of a display.
     ///
     /// # Errors
-    /// As [`open`](Self::open), and where the display is of a kind for which Vulkan has no windows here.
+    /// Those of [`open`](Self::open), and if Vulkan does not support windows of the display here.
     #[cfg(feature = "window")]
     pub fn open_for_windows(
         options: &GpuOptions,
@@ -94,14 +93,13 @@ impl Gpu {
         Self::open_with(options, surfaces)
     }
 
-    /// Opens a device of an instance with these extensions, by which it shows pictures. Without any it shows
-    /// none.
+    /// Opens a device of an instance with these extensions for windows. Without extensions it shows none.
     pub(crate) fn open_with(
         options: &GpuOptions,
         surfaces: &[*const std::ffi::c_char],
     ) -> Result<Arc<Self>, GpuError> {
         let (entry, instance) = instance(options.validation, surfaces)?;
-        // From here on a failure has to destroy what exists.
+        // From here on a failure has to destroy existing objects.
         let opened = Self::open_on(&entry, &instance, options, !surfaces.is_empty());
         match opened {
             Ok(parts) => Ok(Arc::new(parts.into_gpu(entry, instance, options))),
@@ -114,7 +112,7 @@ impl Gpu {
         }
     }
 
-    /// What the machine's devices are and what each lacks, best first: for a report on what works here.
+    /// The machine's devices with their missing features, best first, for a diagnosis.
     ///
     /// # Errors
     /// If there is no loader, or it cannot list devices. No device at all is an empty list.
@@ -126,13 +124,13 @@ impl Gpu {
         Ok(adapters?.into_iter().map(|adapter| adapter.info).collect())
     }
 
-    /// What the device says of itself.
+    /// The device's properties.
     #[must_use]
     pub const fn info(&self) -> &GpuInfo {
         &self.info
     }
 
-    /// All that the validation layer has complained of; empty without validation.
+    /// All messages of the validation layer; empty without validation.
     #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
         self.messenger.as_ref().map(Messenger::messages).unwrap_or_default()
@@ -142,7 +140,7 @@ impl Gpu {
         &self.device
     }
 
-    /// The loader, the instance and the physical device, for what shows pictures in windows.
+    /// The loader, the instance and the physical device, for presentation in windows.
     #[cfg(feature = "window")]
     pub(crate) fn platform(&self) -> (&ash::Entry, &ash::Instance, vk::PhysicalDevice) {
         (&self.entry, &self.instance, self.physical)
@@ -152,7 +150,7 @@ impl Gpu {
         &self.limits
     }
 
-    /// How long the device may work on one submission.
+    /// The time limit of one submission.
     pub(crate) const fn timeout(&self) -> Duration {
         self.timeout
     }
@@ -162,30 +160,30 @@ impl Gpu {
         self.hung.load(Ordering::Relaxed)
     }
 
-    /// Nobody waits any more for work that may still run: nothing made from the device is destroyed from here
-    /// on.
+    /// Marks that work may still run without being waited for: nothing made from the device is destroyed from
+    /// here on.
     pub(crate) fn abandon(&self, hung: bool) {
         self.abandoned.store(true, Ordering::Relaxed);
         self.hung.fetch_or(hung, Ordering::Relaxed);
     }
 
-    /// The device, to destroy something made from it that work used. `None` if that work may still run: then
-    /// it is to be leaked.
+    /// The device, to destroy an object that work used. `None` if that work may still run: then the object
+    /// must be leaked.
     pub(crate) fn to_destroy(&self) -> Option<&ash::Device> {
         (!self.abandoned.load(Ordering::Relaxed)).then_some(&self.device)
     }
 
-    /// The most memory for a scene's triangles that was asked for.
+    /// The requested memory limit of a scene's triangles.
     pub(crate) const fn memory_budget(&self) -> Option<u64> {
         self.memory
     }
 
-    /// What was free of the device's own memory when it was opened, in bytes.
+    /// Free memory of the device's own when it was opened, in bytes.
     pub(crate) const fn free_memory(&self) -> u64 {
         self.limits.free_memory
     }
 
-    /// Whether shaders fetch vertices for themselves where they have to know which triangle they work on.
+    /// Whether shaders that need the triangle's number fetch vertices themselves.
     pub(crate) fn fetches_vertices(&self) -> bool {
         self.info.lacks.contains(&Optional::GeometryShader)
     }
@@ -235,10 +233,10 @@ impl Gpu {
     }
 }
 
-/// Small things share blocks of this size; large ones get their own memory.
+/// Small allocations share blocks of this size; large ones get their own memory.
 const BLOCK_BYTES: u64 = 16 << 20;
 
-/// What opening makes, but for the instance.
+/// The objects made by opening, except the instance.
 struct Parts {
     allocator: Allocator,
     device: ash::Device,
@@ -323,7 +321,7 @@ fn instance(
             Err(GpuError::NoValidationLayer)
         }
         Err(vk::Result::ERROR_EXTENSION_NOT_PRESENT) => Err(GpuError::NoWindows),
-        // What a loader answers that finds no driver at all.
+        // A loader without any driver returns this.
         Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Err(GpuError::NoDevice),
         Err(code) => Err(GpuError::from_vk("starting Vulkan", code)),
     }

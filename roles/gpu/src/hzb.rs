@@ -17,11 +17,11 @@ use crate::pipeline::{Pipeline, shader};
 use crate::pyramid::{Halving, Pyramid};
 use crate::{Gpu, GpuError, OccluderPass, Optional};
 
-/// Tests boxes by compute shaders against a depth pyramid that never leaves the device, with the answers of
+/// Tests boxes by compute shaders against a depth pyramid that stays on the device, with the answers of
 /// [`HzbTest`](trimaran_cull::HzbTest).
 ///
-/// Vulkan does not promise that f64 rounds as IEEE 754 says, though devices do. On one that does not, an
-/// answer might be another than the host's, and no visible box hidden: the margins are far larger.
+/// Vulkan does not guarantee IEEE 754 rounding of f64, though devices have it. On one without it, an answer
+/// might differ from the host's, but no visible box would be hidden: the margins are far larger.
 pub struct DeviceHzbTest<'a> {
     pass: &'a mut ScenePass,
     boxes: &'a mut HzbBoxes,
@@ -29,22 +29,22 @@ pub struct DeviceHzbTest<'a> {
 
 const OPERATION: &str = "testing boxes against the depth pyramid";
 
-/// What the test needs, kept from frame to frame.
+/// Resources of the test, kept from frame to frame.
 pub(crate) struct HzbBoxes {
     halving: Halving,
     layout: Arc<Layout>,
     pipeline: Pipeline,
-    /// Binds the pyramid, so it goes before it.
+    /// Binds the pyramid, so it is dropped before it.
     room: Option<Room>,
     pyramid: Option<Pyramid>,
-    /// The pyramid is of what was drawn last.
+    /// The pyramid matches the last drawn depth.
     pyramid_is_current: bool,
     found: Vec<OnScreen>,
     records: Vec<ScreenRecord>,
     owners: Vec<u32>,
 }
 
-/// Room on the device for a batch of so many boxes.
+/// Resources for a batch of this many boxes.
 struct Room {
     set: BindingSet,
     records: HostBuffer<ScreenRecord>,
@@ -63,7 +63,7 @@ struct Constants {
 /// Levels over the largest picture, 65,536 pixels wide.
 const MAX_LEVELS: usize = 17;
 
-/// Boxes that a thread projects at least: a tenth of a millisecond's work.
+/// The least number of boxes per thread: a tenth of a millisecond's work.
 const MIN_BOXES: usize = 512;
 
 impl<'a> DeviceHzbTest<'a> {
@@ -144,12 +144,12 @@ impl HzbBoxes {
         })
     }
 
-    /// The pyramid is to be built anew.
+    /// Marks the pyramid as outdated.
     pub(crate) const fn depth_changes(&mut self) {
         self.pyramid_is_current = false;
     }
 
-    /// Readies a batch: a record for each box that the depth decides on, with its index.
+    /// Prepares a batch: a record for each box that depends on the depth, with its index.
     fn prepare(&mut self, ready: &ScreenRecords, boxes: &[TestBox], visible: &mut Vec<u32>) {
         visible.clear();
         self.records.clear();
@@ -168,7 +168,7 @@ impl HzbBoxes {
         }
     }
 
-    /// Makes a pyramid of this size, if the one there is has another. The device is done with that one.
+    /// Makes a pyramid of this size, if the present one has another. The device is done with that one.
     fn fit(&mut self, gpu: &Arc<Gpu>, size: Viewport) -> Result<(), GpuError> {
         if self.pyramid.as_ref().is_none_or(|pyramid| pyramid.size() != size) {
             (self.room, self.pyramid, self.pyramid_is_current) = (None, None, false);
@@ -179,7 +179,7 @@ impl HzbBoxes {
 }
 
 impl Room {
-    /// The room there is if it is large enough, else a larger one.
+    /// The present resources if large enough, else larger ones.
     fn fit<'r>(
         room: &'r mut Option<Self>,
         gpu: &Arc<Gpu>,
@@ -210,7 +210,7 @@ mod tests {
     use super::shader;
     use crate::pipeline::Shader;
 
-    /// Words of a module after its header, an instruction each.
+    /// Words of a module after its header, by instruction.
     fn instructions(words: &[u32]) -> impl Iterator<Item = &[u32]> {
         let mut rest = &words[5..];
         std::iter::from_fn(move || {
@@ -220,13 +220,13 @@ mod tests {
         })
     }
 
-    /// Drivers for the CPU do not contract, so that only the module shows it.
+    /// CPU drivers do not contract, so only the module shows it.
     #[test]
     fn no_sum_or_product_of_the_test_may_be_contracted() {
         assert_not_contracted(shader!("cs_test_boxes"), 16);
     }
 
-    /// Passes that cut sections away agree on the last bit.
+    /// Passes must agree on sections to the last bit.
     #[test]
     fn no_sum_or_product_that_sections_hang_on_may_be_contracted() {
         for shader in [

@@ -1,4 +1,4 @@
-//! The item pass: which triangle shows at each pixel, the ground truth of visibility.
+//! The item pass (ID buffer): the visible triangle at each pixel, the ground truth of visibility.
 
 use std::mem::offset_of;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::pipeline::{VertexInput, shader};
 use crate::wait::Cancel;
 use crate::{GpuError, GpuScene, PassTiming};
 
-/// With Vulkan's own number of the triangle, which fragment shaders have where there are geometry shaders.
+/// With Vulkan's own triangle number, which fragment shaders have if the device has geometry shaders.
 static NUMBERED: PassKind = PassKind {
     name: "drawing the item buffer",
     vertex: shader!("vs_item"),
@@ -30,8 +30,8 @@ static NUMBERED: PassKind = PassKind {
     may_skip: None,
 };
 
-/// With a number that the vertex shader works out, on any device. It fetches each triangle's three vertices
-/// for itself.
+/// With a number computed by the vertex shader, on any device. It fetches each triangle's three vertices
+/// itself.
 static PULLED: PassKind = PassKind {
     vertex: shader!("vs_item_pulled"),
     fragment: Some(shader!("fs_item_pulled")),
@@ -42,7 +42,7 @@ static PULLED: PassKind = PassKind {
     ..NUMBERED
 };
 
-// What `vs_item_pulled` takes a vertex for.
+// The vertex layout assumed by `vs_item_pulled`.
 const _: () = assert!(size_of::<Vertex>() == 20 && offset_of!(Vertex, position) == 0);
 
 const TARGET: ColourTarget = ColourTarget {
@@ -55,7 +55,7 @@ fn numbers(scene: &GpuScene) -> bool {
     !scene.gpu().fetches_vertices()
 }
 
-/// What shows at each pixel, row by row from the top.
+/// The visible drawable and triangle at each pixel, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ItemImage {
     /// Columns.
@@ -69,7 +69,7 @@ pub struct ItemImage {
 }
 
 impl ItemImage {
-    /// Stands for "nothing shows here".
+    /// Stands for "background".
     pub const BACKGROUND: u32 = u32::MAX;
 }
 
@@ -92,7 +92,7 @@ impl ItemPass {
         Ok(Self { pass: ScenePass::new(scene, kind, size)?, items: None })
     }
 
-    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass cannot go on
+    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass is unusable
     /// then.
     pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
         self.pass.cancel_when(&(Arc::new(cancel) as Cancel));
@@ -106,7 +106,7 @@ impl ItemPass {
         self.pass.begin(view)
     }
 
-    /// Adds draws, in this order: of equal depths the first one shows.
+    /// Adds draws, in this order: of equal depths the first one wins.
     ///
     /// # Errors
     /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
@@ -115,7 +115,7 @@ impl ItemPass {
         self.pass.draw(ids)
     }
 
-    /// Hands what was added to the device, which draws it while the host goes on.
+    /// Submits the added draws to the device, which draws while the host goes on.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
@@ -131,7 +131,7 @@ impl ItemPass {
         self.pass.finish()
     }
 
-    /// The pixels as they are: drawable and triangle, row by row from the top; see [`ItemImage`].
+    /// The raw pixels: drawable and triangle, row by row from the top; see [`ItemImage`].
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
@@ -140,7 +140,7 @@ impl ItemPass {
         Ok(self.items.as_ref().map(HostBuffer::elements).unwrap_or_default())
     }
 
-    /// Copies the pixels into `image`, whose memory is used again.
+    /// Copies the pixels into `image`, reusing its memory.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
@@ -178,7 +178,7 @@ mod tests {
         views.iter().map(draw).collect()
     }
 
-    /// Asserts that both ways tell the same triangles apart, and gives how many show in all views.
+    /// Asserts that both ways distinguish the same triangles, and returns how many are visible in all views.
     fn assert_same(scene: &Arc<GpuScene>, views: &[(View, Vec<DrawableId>)]) -> usize {
         let size = views[0].0.viewport();
         let [numbered, pulled] =

@@ -1,4 +1,4 @@
-//! What shaders are given: buffers and constants.
+//! The inputs of shaders: buffers and constants.
 
 use std::sync::Arc;
 
@@ -8,14 +8,14 @@ use crate::error::During as _;
 use crate::memory::Buffer;
 use crate::{Gpu, GpuError};
 
-/// The stages that are given buffers and constants.
+/// The stages with buffers and constants.
 pub(crate) const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
     vk::ShaderStageFlags::VERTEX.as_raw()
         | vk::ShaderStageFlags::FRAGMENT.as_raw()
         | vk::ShaderStageFlags::COMPUTE.as_raw(),
 );
 
-/// What shaders are given: some storage buffers and some push constants, to all [`STAGES`].
+/// The inputs of shaders: some storage buffers and some push constants, for all [`STAGES`].
 pub(crate) struct Layout {
     gpu: Arc<Gpu>,
     set: vk::DescriptorSetLayout,
@@ -71,7 +71,7 @@ impl Drop for Layout {
     }
 }
 
-/// Buffers bound together. Whoever holds it keeps the buffers as long.
+/// Buffers bound together. It keeps the buffers alive.
 pub(crate) struct BindingSet {
     layout: Arc<Layout>,
     pool: vk::DescriptorPool,

@@ -1,9 +1,9 @@
 //! The Vulkan passes of the three roles. The only crate with `unsafe` graphics code.
 //!
 //! [`Gpu`] is an open device, [`GpuScene`] a scene on it. Three passes draw lists of drawables:
-//! [`OccluderPass`] depth alone, [`PicturePass`] shaded colour, [`ItemPass`] which triangle shows where. All
-//! place vertices by the same arithmetic, so that a triangle has the same depth at the same pixels in each.
-//! [`QueryTest`], [`RasterTest`] and [`DeviceHzbTest`] test boxes against an occluder pass's depth.
+//! [`OccluderPass`] depth alone, [`PicturePass`] shaded colour, [`ItemPass`] an ID buffer. All place vertices
+//! by the same arithmetic, so that a triangle has the same depth at the same pixels in each. [`QueryTest`],
+//! [`RasterTest`] and [`DeviceHzbTest`] test boxes against an occluder pass's depth.
 //!
 //! ```
 //! use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut};
@@ -32,23 +32,22 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | `adapter`, `needs`, `gpu`, `wait` | a device: which, what it must have, opened, waited for |
-//! | `memory`, `arena`, `working_set`, `scene` | buffers, and what of a scene is on the device |
-//! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder` | what the passes share |
+//! | `adapter`, `needs`, `gpu`, `wait` | a device: its choice, its requirements, opening it, waiting for it |
+//! | `memory`, `arena`, `working_set`, `scene` | buffers, and a scene's data on the device |
+//! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder` | shared by the passes |
 //! | `layout`, `pipeline`, `pass_kind`, `pass` | how all of them draw |
 //! | `occluder`, `picture`, `item` | the three passes |
 //! | `boxes`, `query`, `raster` | tests of boxes that draw them over the occluders' depth |
 //! | `pyramid`, `hzb` | the depth's pyramid, and the test of boxes against it |
 //! | `window` | pictures in windows of the system, with the feature `window` |
-//! | `timing`, `validation` | what a pass took, what the validation layer said |
+//! | `timing`, `validation` | the times of a pass, messages of the validation layer |
 //!
 //! # Soundness
-//! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `stream`,
-//! `recorder`, `pipeline`, `query`, `window`); the passes above them are safe code. Three rules carry them.
-//! An object holds an [`Arc`](std::sync::Arc) of the device it was made from. And whatever owns a stream of
-//! commands declares it before the things its commands use: fields drop in order of declaration, and a stream
-//! that is dropped waits for the device. Where a stream gives up waiting, nothing of the device is destroyed
-//! any more ([`Gpu`]).
+//! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `stream`, `recorder`,
+//! `pipeline`, `query`, `window`); the passes above them are safe code. Three rules carry them. An object
+//! holds an [`Arc`](std::sync::Arc) of the device it was made from. An owner of a stream of commands declares
+//! it before the resources of its commands: fields drop in order of declaration, and a stream waits for the
+//! device on drop. If a stream gives up waiting, nothing of the device is destroyed any more ([`Gpu`]).
 #![allow(
     unsafe_code,
     reason = "Vulkan is called here and nowhere else; each block names the rule that makes it sound"

@@ -12,8 +12,7 @@ use trimaran_cull::Viewport;
 use crate::error::During as _;
 use crate::{Gpu, GpuError};
 
-/// A buffer in whatever memory was asked for. Whoever submits work that uses it keeps it alive until that
-/// work is done.
+/// A buffer in memory of a requested kind. Submitted work that uses it must keep it alive until it is done.
 pub(crate) struct Buffer {
     gpu: Arc<Gpu>,
     handle: vk::Buffer,
@@ -22,7 +21,7 @@ pub(crate) struct Buffer {
 }
 
 impl Buffer {
-    /// A buffer of `bytes` bytes (at least one: Vulkan has no empty ones); `what` it is for goes into errors.
+    /// A buffer of `bytes` bytes (at least one: Vulkan has no empty ones); `what` names it in errors.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         what: &'static str,
@@ -70,16 +69,16 @@ impl Buffer {
         self.bytes
     }
 
-    /// Whether the host sees its memory and writes to it without flushing, even where the location did not
-    /// ask for that: on a CPU driver all memory is such.
+    /// Whether the host sees its memory and can write to it without flushing. This may hold even if not
+    /// requested: on a CPU driver it holds for all memory.
     pub(crate) fn is_writable(&self) -> bool {
         let properties = self.allocation.memory_properties();
         properties.contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT)
             && self.allocation.mapped_slice().is_some()
     }
 
-    /// Writes bytes from `offset` on, those within the buffer, if it is [writable](Self::is_writable).
-    /// Nothing reads or writes them meanwhile: no work under way on the device, and no other thread.
+    /// Writes bytes from `offset` on, within the buffer, if it is [writable](Self::is_writable). Nothing may
+    /// access them meanwhile: no work on the device, and no other thread.
     pub(crate) fn write(&self, offset: u64, bytes: &[u8]) {
         let room = self.bytes.saturating_sub(offset);
         let length = bytes.len().min(usize::try_from(room).unwrap_or(usize::MAX));
@@ -129,7 +128,7 @@ pub(crate) struct HostBuffer<T> {
 }
 
 impl<T: bytemuck::Pod> HostBuffer<T> {
-    /// A buffer of `count` elements. `location` is one that the host sees.
+    /// A buffer of `count` elements. `location` must be visible to the host.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         what: &'static str,
@@ -169,7 +168,7 @@ impl<T: bytemuck::Pod> HostBuffer<T> {
     }
 }
 
-/// What an image is used for next: its layout, and the stages and accesses to order.
+/// The next use of an image: its layout, and the stages and accesses to order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum ImageUse {
     Colour,
@@ -202,8 +201,8 @@ impl ImageUse {
     }
 }
 
-/// An attachment of a pass: a 2D image that is drawn to and copied from. It knows its last use, so that the
-/// next can be ordered after it; all uses go through one stream.
+/// An attachment of a pass: a 2D image that is drawn to and copied from. It tracks its last use for ordering
+/// the next; all uses go through one stream.
 pub(crate) struct Image {
     gpu: Arc<Gpu>,
     handle: vk::Image,
@@ -214,7 +213,7 @@ pub(crate) struct Image {
 }
 
 impl Image {
-    /// An attachment of `size`. `what` it is for goes into errors.
+    /// An attachment of `size`. `what` names its purpose in errors.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         what: &'static str,

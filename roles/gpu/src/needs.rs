@@ -1,8 +1,8 @@
-//! What is asked of a device: all features, extensions and formats that this crate uses, and what it does
-//! without the optional ones.
+//! The requirements on a device: all features, extensions and formats that this crate uses, with the effect
+//! of missing optional ones.
 //!
-//! The limits that it looks at are [`Limits`](crate::adapter::Limits); all others it keeps far below what
-//! Vulkan promises of every device (128 bytes of push constants, 16 vertex attributes, 128 invocations in a
+//! The limits that it checks are [`Limits`](crate::adapter::Limits); for all others it stays far below
+//! Vulkan's guaranteed minimum (128 bytes of push constants, 16 vertex attributes, 128 invocations in a
 //! workgroup, 65,535 draws in an indirect call, 128 MiB in a storage buffer that tests count in).
 
 use std::ffi::CStr;
@@ -12,11 +12,11 @@ use ash::vk;
 use crate::GpuError;
 use crate::error::During as _;
 
-/// Something that a device may lack and still be used.
+/// An optional feature.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Optional {
-    /// The feature that brings primitive ids to fragment shaders.
+    /// The feature that gives primitive ids to fragment shaders.
     GeometryShader,
     /// The clock of the graphics queue.
     Timestamps,
@@ -35,7 +35,7 @@ impl Optional {
         }
     }
 
-    /// What its absence means.
+    /// The effect of its absence.
     #[must_use]
     pub const fn without(self) -> &'static str {
         match self {
@@ -48,19 +48,19 @@ impl Optional {
     }
 }
 
-/// What a device has of what is asked.
+/// The missing features of a device.
 pub(crate) struct Answer {
-    /// What is required and not there, by Vulkan's own names.
+    /// The missing required features, by Vulkan's own names.
     pub(crate) missing: Vec<&'static str>,
-    /// What would be of use and is not there.
+    /// The missing optional features.
     pub(crate) lacks: Vec<Optional>,
 }
 
-/// What the one queue has to do. A device that draws has a family that does both.
+/// The required operations of the one queue. A device that draws has a family with both.
 pub(crate) const QUEUE: vk::QueueFlags =
     vk::QueueFlags::from_raw(vk::QueueFlags::GRAPHICS.as_raw() | vk::QueueFlags::COMPUTE.as_raw());
 
-/// Asks a device for all of it. `family` is its graphics queue's, if it has one.
+/// Checks a device for all of it. `family` is that of its graphics queue, if it has one.
 pub(crate) fn ask(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
@@ -88,7 +88,7 @@ pub(crate) fn ask(
     Answer { missing, lacks }
 }
 
-/// A logical device with one graphics queue and all that is asked for: the list of [`features`], turned on.
+/// A logical device with one graphics queue and all required features: the list of [`features`], enabled.
 pub(crate) fn open(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
@@ -100,7 +100,7 @@ pub(crate) fn open(
     let queues =
         [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
     let features = vk::PhysicalDeviceFeatures::default()
-        // Every device has it; an index that points past the vertices then reads something harmless.
+        // Every device has it; an index beyond the vertices then reads something harmless.
         .robust_buffer_access(true)
         .occlusion_query_precise(true)
         .multi_draw_indirect(true)
@@ -123,7 +123,7 @@ pub(crate) fn open(
     unsafe { instance.create_device(physical, &info, None) }.during("opening the device")
 }
 
-/// The required features that are missing, and the optional ones that are there.
+/// The missing required features, and the available optional ones.
 struct Features {
     missing: Vec<&'static str>,
     geometry_shader: bool,
@@ -157,7 +157,7 @@ fn features(instance: &ash::Instance, physical: vk::PhysicalDevice, version: u32
     }
 }
 
-/// Whether the depth format can be drawn to: of the formats used, the one that Vulkan leaves to the device.
+/// Whether the depth format can be drawn to: the only used format that Vulkan leaves optional.
 fn draws_depth(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
     // SAFETY: `physical` was enumerated from this instance.
     let depth = unsafe { instance.get_physical_device_format_properties(physical, vk::Format::D32_SFLOAT) };
@@ -172,7 +172,7 @@ fn has_extension(instance: &ash::Instance, physical: vk::PhysicalDevice, name: &
     extensions.unwrap_or_default().iter().any(|extension| extension.extension_name_as_c_str() == Ok(name))
 }
 
-/// What is free of the device's own memory, in bytes: what the driver says if it can, else all of it.
+/// Free memory of the device's own, in bytes, as reported by the driver, or else all of it.
 pub(crate) fn free_memory(instance: &ash::Instance, physical: vk::PhysicalDevice) -> u64 {
     let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
     let mut properties = vk::PhysicalDeviceMemoryProperties2::default();

@@ -29,21 +29,21 @@ static KIND: PassKind = PassKind {
     may_skip: Some(MOST_BROUGHT),
 };
 
-/// Any subset of the cut is a valid set of occluders. So a frame brings at most so many bytes of geometry to
-/// the device (a quarter of a million triangles), and draws what is there.
+/// Any subset of the cut is a valid set of occluders. So a frame loads at most this many bytes of geometry to
+/// the device (a quarter of a million triangles), and draws what is loaded.
 const MOST_BROUGHT: u64 = 8 << 20;
 
-/// Draws occluders into a depth buffer that stays on the device, for the occlusion tests that run against it.
+/// Draws occluders into a depth buffer that stays on the device, for occlusion tests.
 ///
 /// Depth is 32-bit float, reversed: near / distance, 0 for the background.
 pub struct OccluderPass {
-    // The pass before all else: its stream waits for work that uses the rest.
+    // Before all other fields: its stream waits for work that uses the rest.
     pub(crate) pass: ScenePass,
     pub(crate) queries: Option<QueryBoxes>,
     pub(crate) raster: Option<RasterBoxes>,
     pub(crate) hzb: Option<HzbBoxes>,
     depth: Option<HostBuffer<f32>>,
-    /// The host's copy is of what was drawn last.
+    /// The host's copy matches the last drawn depth.
     depth_is_current: bool,
 }
 
@@ -63,7 +63,7 @@ impl OccluderPass {
         })
     }
 
-    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass cannot go on
+    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass is unusable
     /// then.
     pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
         self.pass.cancel_when(&(Arc::new(cancel) as Cancel));
@@ -88,7 +88,7 @@ impl OccluderPass {
         self.pass.draw(ids)
     }
 
-    /// Nothing made from the depth so far is of use any more.
+    /// Marks all data derived from the depth as outdated.
     fn depth_changes(&mut self) {
         self.depth_is_current = false;
         if let Some(hzb) = &mut self.hzb {
@@ -96,7 +96,7 @@ impl OccluderPass {
         }
     }
 
-    /// Hands what was added to the device, which draws it while the host goes on. Each flush costs a
+    /// Submits the added draws to the device, which draws while the host goes on. Each flush costs a
     /// submission (tens of microseconds): worth it for hundreds of draws.
     ///
     /// # Errors
@@ -113,7 +113,7 @@ impl OccluderPass {
         self.pass.finish()
     }
 
-    /// The depth, as the host reads it: copied from the device when first asked for after drawing.
+    /// The depth on the host: copied from the device on the first call after drawing.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
@@ -127,7 +127,7 @@ impl OccluderPass {
         DepthImage::new(size, depth).map_err(|_| GpuError::NotBegun(KIND.name))
     }
 
-    /// Tests boxes by occlusion queries against what was drawn.
+    /// Tests boxes by occlusion queries against the drawn depth.
     ///
     /// # Errors
     /// If the device cannot make the queries.
@@ -135,7 +135,7 @@ impl OccluderPass {
         QueryTest::new(self)
     }
 
-    /// Tests boxes by counting fragments against what was drawn.
+    /// Tests boxes by counting fragments against the drawn depth.
     ///
     /// # Errors
     /// If the device cannot make the buffers.
@@ -143,7 +143,7 @@ impl OccluderPass {
         RasterTest::new(self)
     }
 
-    /// Tests boxes on the device against a depth pyramid of what was drawn.
+    /// Tests boxes on the device against a pyramid of the drawn depth.
     ///
     /// # Errors
     /// If the device has no f64 in shaders, or cannot make the buffers.

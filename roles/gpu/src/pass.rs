@@ -1,4 +1,4 @@
-//! What the three scene passes share: draws that come in batches go to the device in pieces, over one set of
+//! Shared by the three scene passes: draws come in batches, and go to the device in pieces, over one set of
 //! attachments.
 
 use std::sync::Arc;
@@ -27,23 +27,23 @@ use crate::{Gpu, GpuError, GpuScene};
 
 /// Pieces of a scene drawn over one depth attachment and perhaps a colour attachment.
 pub(crate) struct ScenePass {
-    // First, so that the device is done before anything below goes.
+    // First, so that the device is done before the fields below are dropped.
     stream: Stream,
-    /// On the geometry that the frame's draws use.
+    /// On the geometry of the frame's draws.
     hold: Hold,
     scene: Arc<GpuScene>,
     kind: &'static PassKind,
     pipelines: Pipelines,
-    /// What is drawn from here on; what was added before is submitted.
+    /// The style of the next draws; earlier ones are submitted.
     style: Style,
-    /// One element: those of the frame that was begun last.
+    /// One element: those of the current frame.
     sections: HostBuffer<SectionPlanes>,
-    /// The sections, and the geometry where the shader fetches from it.
+    /// The sections, and the geometry if the shader fetches from it.
     set: BindingSet,
-    /// The buffer that the frame's geometry is in.
+    /// The buffer with the frame's geometry.
     geometry: Arc<Buffer>,
     places: Vec<Option<Place>>,
-    /// Bytes of geometry that this frame has brought to the device.
+    /// Bytes of geometry loaded to the device for this frame.
     brought: u64,
     draws: Draws,
     attachments: Attachments,
@@ -63,7 +63,7 @@ pub(crate) struct OverDepth<'a> {
 }
 
 impl OverDepth<'_> {
-    /// Attachments for testing: the depth as it is, and nothing else.
+    /// Attachments for testing: only the depth as it is.
     pub(crate) const fn targets<'i>(depth: &'i mut Image, size: Viewport) -> Targets<'i> {
         Targets { size, colour: None, depth, clear: false }
     }
@@ -94,7 +94,7 @@ impl ScenePass {
         let layout = Layout::new::<CameraConstants>(gpu, buffers.len() as u32)?;
         let set = BindingSet::new(&layout, &buffers)?;
         let mut pipelines = Pipelines::new(layout, kind);
-        // What nearly every frame needs, so that what can fail does before the first one.
+        // The usual pipelines are made here, so that errors come before the first frame.
         pipelines.get(Style::default())?;
         Ok(Self {
             stream: Stream::new(gpu)?,
@@ -152,7 +152,7 @@ impl ScenePass {
         Ok(())
     }
 
-    /// Adds draws of what is solid; they run at the next flush.
+    /// Adds draws of solid drawables; they run at the next flush.
     pub(crate) fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         if self.style.see_through {
             return Err(GpuError::SolidAfterSeeThrough);
@@ -160,7 +160,7 @@ impl ScenePass {
         self.add(ids)
     }
 
-    /// Adds draws that are blended over what was added before, to the end of the frame.
+    /// Adds draws that are blended over the earlier ones, until the end of the frame.
     pub(crate) fn draw_see_through(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         if !self.style.see_through {
             self.fill_sky()?;
@@ -169,7 +169,7 @@ impl ScenePass {
         self.add(ids)
     }
 
-    /// Draws what was added, and the sky where it left nothing, once a frame.
+    /// Draws the added draws, and once per frame the sky behind them.
     fn fill_sky(&mut self) -> Result<(), GpuError> {
         self.flush()?;
         let view = self.view.ok_or(GpuError::NotBegun(self.kind.name))?;
@@ -186,11 +186,11 @@ impl ScenePass {
         Ok(())
     }
 
-    /// Adds the draws in order. Where their geometry does not fit the working set at once, what was added so
-    /// far is drawn first, and its geometry makes room for the rest.
+    /// Adds the draws in order. If their geometry does not fit the working set at once, the earlier draws are
+    /// submitted first, and their geometry makes room.
     fn add(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         let view = self.view.ok_or(GpuError::NotBegun(self.kind.name))?;
-        // What is cut open or seen through shows its inside.
+        // Cut or see-through drawables show their inside.
         let opaque = self.style == Style::default();
         let (mut rest, mut made_room) = (ids, false);
         while !rest.is_empty() {
@@ -217,18 +217,18 @@ impl ScenePass {
         Ok(())
     }
 
-    /// Draws what was added and waits for the device, so that none of the geometry is held any more.
+    /// Submits the added draws and waits for the device, so that none of the geometry is held any more.
     fn make_room(&mut self) -> Result<(), GpuError> {
         self.flush()?;
         let submitted = self.scene.set().submitted();
-        // A signal comes after all that was submitted before it, by other passes as well.
+        // A signal comes after all earlier submissions, by other passes as well.
         self.stream.submit(self.kind.name, |_| {})?;
         self.stream.wait(self.kind.name)?;
         self.scene.set().release_all(&submitted);
         self.renew()
     }
 
-    /// Holds from here on what is placed, and nothing of before: the device is done with it.
+    /// Holds later geometry, and releases earlier geometry: the device is done with it.
     fn renew(&mut self) -> Result<(), GpuError> {
         let buffer = {
             let mut set = self.scene.set();
@@ -243,7 +243,7 @@ impl ScenePass {
         Ok(())
     }
 
-    /// Hands the draws so far to the device, which starts on them at once. The first piece of a frame clears.
+    /// Submits the draws so far; the device starts on them at once. The first piece of a frame clears.
     pub(crate) fn flush(&mut self) -> Result<(), GpuError> {
         let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
         let constants = CameraConstants::new(view);
@@ -280,7 +280,7 @@ impl ScenePass {
         Ok(())
     }
 
-    /// Flushes, waits for the device, and says what the frame took since `begin`.
+    /// Flushes, waits for the device, and returns the frame's times since `begin`.
     pub(crate) fn finish(&mut self) -> Result<PassTiming, GpuError> {
         self.flush()?;
         self.stream.wait(self.kind.name)?;
@@ -289,7 +289,7 @@ impl ScenePass {
         Ok(PassTiming { device_ms: self.stream.take_busy_ms(), host_ms: self.recording.take_ms() })
     }
 
-    /// What a occlusion test needs to draw over the pass's depth. What was added so far is drawn first.
+    /// The resources for an occlusion test over the pass's depth. Earlier draws are submitted first.
     pub(crate) fn over_depth(&mut self) -> Result<OverDepth<'_>, GpuError> {
         self.stream.check(self.kind.name)?;
         self.flush()?;
@@ -297,8 +297,8 @@ impl ScenePass {
         Ok(OverDepth { stream: &mut self.stream, size: *size, depth })
     }
 
-    /// Fills an acquired image of a window with the picture, once what was added is drawn. Where nothing was
-    /// drawn there is sky and ground.
+    /// Fills an acquired image of a window with the picture, after the added draws. Without draws it shows
+    /// sky and ground.
     #[cfg(feature = "window")]
     pub(crate) fn fill_window(&mut self, acquired: &Acquired) -> Result<(), GpuError> {
         self.fill_sky()?;
@@ -329,7 +329,7 @@ impl ScenePass {
     }
 }
 
-/// Copies an image whose texels are `T`s into a host buffer, which is made anew if it has another size.
+/// Copies an image whose texels are `T`s into a host buffer, which is made anew if its size differs.
 fn read_back<T: bytemuck::Pod>(
     stream: &mut Stream,
     image: &mut Image,
@@ -353,7 +353,7 @@ fn read_back<T: bytemuck::Pod>(
     stream.wait(OPERATION)
 }
 
-/// What a pass's shaders are given.
+/// The inputs of a pass's shaders.
 fn bound<'b>(
     kind: &PassKind,
     sections: &'b HostBuffer<SectionPlanes>,
@@ -411,7 +411,7 @@ mod tests {
         let (expected, submissions, _) = depth_and_submissions(&[shown]);
         assert_eq!(submissions, 1);
         assert!(expected.iter().any(|&depth| depth > 0.0));
-        // The one that shows stands in the first part: the second must not clear it.
+        // The visible one is in the first part: the second must not clear it.
         let (depth, submissions, _) = depth_and_submissions(&[&[shown][..], &[crowd; 8 * 17]].concat());
         assert_eq!((depth == expected, submissions), (true, 3));
         let (depth, submissions, _) = depth_and_submissions(&[crowd; 8 * 8]);

@@ -1,4 +1,4 @@
-//! What sets one scene pass apart from another, and the pipelines it draws with.
+//! The properties of a kind of scene pass, and its pipelines.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -11,23 +11,23 @@ use crate::draw_record::Fetch;
 use crate::layout::Layout;
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, Shader, VertexInput};
 
-/// What sets one scene pass apart from another.
+/// The properties of a kind of scene pass.
 pub(crate) struct PassKind {
     /// For error messages.
     pub(crate) name: &'static str,
     pub(crate) vertex: Shader,
     pub(crate) fragment: Option<Shader>,
-    /// The fragment shader where sections cut something away.
+    /// The fragment shader with sections.
     pub(crate) cut: Shader,
-    /// Those of what is see-through, without and with sections, if the pass draws such.
+    /// Those for see-through drawables, without and with sections, if the pass draws such.
     pub(crate) see_through: Option<[Shader; 2]>,
-    /// The shaders, vertex and fragment, that fill the picture where nothing solid is; none for one colour.
+    /// The vertex and fragment shaders that fill the picture's background; none for one colour.
     pub(crate) sky: Option<[Shader; 2]>,
     pub(crate) input: VertexInput,
     pub(crate) colour: Option<ColourTarget>,
     pub(crate) fetch: Fetch,
-    /// What a frame draws may be left out where its geometry is not on the device, once so many bytes of
-    /// geometry were brought for the frame; `None` where all of it must be drawn.
+    /// After loading this many bytes of geometry for a frame, draws whose geometry is not on the device may
+    /// be skipped; `None` if all must be drawn.
     pub(crate) may_skip: Option<u64>,
 }
 
@@ -38,7 +38,7 @@ pub(crate) struct ColourTarget {
     pub(crate) background: vk::ClearColorValue,
 }
 
-/// The pipelines of one pass, each made when it is first asked for.
+/// The pipelines of one pass, each made on first use.
 pub(crate) struct Pipelines {
     layout: Arc<Layout>,
     kind: &'static PassKind,
@@ -51,7 +51,7 @@ pub(crate) struct Pipelines {
 pub(crate) struct Style {
     /// Sections cut something away.
     pub(crate) cut: bool,
-    /// What is behind shines through.
+    /// Draws see-through drawables.
     pub(crate) see_through: bool,
 }
 
@@ -72,7 +72,7 @@ impl Pipelines {
         })
     }
 
-    /// What fills the picture where nothing solid was drawn, if this pass has such.
+    /// The background's pipeline, if this pass has one.
     pub(crate) fn sky(&mut self) -> Result<Option<&Pipeline>, GpuError> {
         let Self { layout, kind, sky, .. } = self;
         let Some([vertex, fragment]) = kind.sky else { return Ok(None) };
@@ -98,7 +98,7 @@ impl PassKind {
         let depth = match (self.colour, style) {
             (_, Style { see_through: true, .. }) => DepthUse::SeeThrough,
             (None, Style { cut: false, .. }) => DepthUse::Occlude,
-            // What sections cut is decided by the depth: occluders need the picture's there.
+            // The depth decides what sections cut: occluders need the picture's depth there.
             _ => DepthUse::Draw,
         };
         PipelineDesc {

@@ -16,7 +16,7 @@ use crate::wait::Cancel;
 use crate::window::{Acquired, Presenter};
 use crate::{GpuError, GpuScene, PassTiming};
 
-/// What shows where nothing is drawn: a light grey sky, as sRGB.
+/// The background: a light grey sky, as sRGB.
 pub const BACKGROUND: [u8; 4] = [219, 226, 232, 255];
 
 const KIND: PassKind = PassKind {
@@ -51,7 +51,7 @@ static WINDOW: PassKind = PassKind {
 /// and submitted while the device still draws this one.
 pub struct PicturePass {
     frames: [Frame; 2],
-    /// The frame that draws go to.
+    /// The frame of the next draws.
     current: usize,
     /// The frame that is read: the last one waited for.
     readable: usize,
@@ -59,7 +59,7 @@ pub struct PicturePass {
 
 struct Frame {
     pass: ScenePass,
-    /// The window's image that the picture was copied to: after the pass, whose work uses it.
+    /// The window's image that the picture was copied to: dropped after the pass, whose work uses it.
     #[cfg(feature = "window")]
     shown: Option<Acquired>,
     colour: Option<HostBuffer<[u8; 4]>>,
@@ -75,8 +75,8 @@ impl PicturePass {
         Self::of(scene, &KIND, size)
     }
 
-    /// A pass for pictures that people look at in a window. Colours are calmer than those that measurements
-    /// compare, and sky and ground are behind what is shown there.
+    /// A pass for pictures in a window, for people. Colours are calmer than those for measurements, and the
+    /// background has sky and ground.
     ///
     /// # Errors
     /// As [`new`](Self::new).
@@ -98,7 +98,7 @@ impl PicturePass {
         Ok(Self { frames: [frame()?, frame()?], current: 0, readable: 0 })
     }
 
-    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass cannot go on
+    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass is unusable
     /// then.
     pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
         let cancel: Cancel = Arc::new(cancel);
@@ -107,8 +107,7 @@ impl PicturePass {
         }
     }
 
-    /// Starts a picture of the view's size, on the set of attachments that was not used last; waits for what
-    /// is still drawn there.
+    /// Starts a picture of the view's size, on the other set of attachments; waits for drawing there to end.
     ///
     /// # Errors
     /// If the device fails, or cannot draw the view's size.
@@ -123,7 +122,7 @@ impl PicturePass {
         Ok(())
     }
 
-    /// Adds draws, in this order: of equal depths the first one shows.
+    /// Adds draws, in this order: of equal depths the first one wins.
     ///
     /// # Errors
     /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin),
@@ -132,11 +131,10 @@ impl PicturePass {
         self.current().pass.draw(ids)
     }
 
-    /// Adds draws through which the rest shines, in the order in which they are blended: back to front. All
-    /// that is solid in this frame was added before. Both faces of each triangle before the solid picture
-    /// are blended over it, with a share of [`SEE_THROUGH_ALPHA`](crate::SEE_THROUGH_ALPHA) in the encoded
-    /// colours, or less where a colour's own alpha is less. Depth and alpha stay as the solid picture left
-    /// them.
+    /// Adds see-through draws, in the order of blending: back to front. All solid draws of this frame must be
+    /// added before. Both faces of each triangle before the solid picture are blended over it, with a share
+    /// of [`SEE_THROUGH_ALPHA`](crate::SEE_THROUGH_ALPHA) in the encoded colours, or less where a colour's
+    /// own alpha is less. Depth and alpha stay as the solid picture left them.
     ///
     /// # Errors
     /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), if
@@ -145,7 +143,7 @@ impl PicturePass {
         self.current().pass.draw_see_through(ids)
     }
 
-    /// Hands what was added to the device, which draws it while the host goes on. At the end of a frame this
+    /// Submits the added draws to the device, which draws while the host goes on. At the end of a frame this
     /// lets the next one [`begin`](Self::begin) before this one is [`finish`](Self::finish)ed.
     ///
     /// # Errors
@@ -154,8 +152,8 @@ impl PicturePass {
         self.current().pass.flush()
     }
 
-    /// Shows the picture begun last in a window, once what was added is drawn; waits for neither. Nothing is
-    /// shown where the presenter has acquired no image.
+    /// Shows the picture begun last in a window, after its added draws; waits for neither. Nothing is shown
+    /// if the presenter has acquired no image.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
@@ -171,7 +169,7 @@ impl PicturePass {
         presenter.present(&acquired)
     }
 
-    /// Waits until the picture begun last is drawn, and makes it the one that is read.
+    /// Waits until the picture begun last is drawn, and selects it for reading.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
@@ -180,9 +178,8 @@ impl PicturePass {
         self.current().pass.finish()
     }
 
-    /// Waits until the picture *before* the one begun last is drawn, and makes it the one that is read: for a
-    /// caller that prepares a frame while the last one is drawn. Before the second frame there is none
-    /// and the error says so.
+    /// Waits until the picture *before* the one begun last is drawn, and selects it for reading: for a caller
+    /// that prepares a frame while the last one is drawn. Before the second frame this is an error.
     ///
     /// # Errors
     /// If the device fails, or there is no such picture.
@@ -202,7 +199,7 @@ impl PicturePass {
         Ok(colour.as_ref().map(HostBuffer::elements).unwrap_or_default())
     }
 
-    /// Copies the picture finished last into `picture`, whose memory is used again.
+    /// Copies the picture finished last into `picture`, reusing its memory.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).

@@ -1,4 +1,4 @@
-//! Shaders joined into pipelines.
+//! Pipelines made of shaders.
 
 use std::ffi::CStr;
 use std::mem::offset_of;
@@ -38,12 +38,12 @@ macro_rules! shader {
 }
 pub(crate) use shader;
 
-/// What a vertex shader reads: of a vertex, and of its draw.
+/// The vertex and instance inputs of a vertex shader.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum VertexInput {
-    /// Nothing: the shader makes a triangle.
+    /// None: the shader makes a triangle.
     Nothing,
-    /// No vertices, which the shader makes, but a box an instance.
+    /// No vertices, which the shader makes, but one box per instance.
     Box,
     /// The position, and the draw's matrix.
     Position,
@@ -56,30 +56,30 @@ pub(crate) enum VertexInput {
 }
 
 impl VertexInput {
-    /// Whether it is of draws of a scene.
+    /// Whether it is for draws of a scene.
     fn is_of_a_scene(self) -> bool {
         !matches!(self, Self::Nothing | Self::Box)
     }
 }
 
-/// What a pipeline does with the depth buffer.
+/// A pipeline's use of the depth buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum DepthUse {
     /// Keeps the nearest surface.
     Draw,
     /// The same, but moves surfaces away by [`OCCLUDER_BIAS_PX`].
     Occlude,
-    /// Passes what is nearer than the surface or level with it, and changes nothing.
+    /// Passes fragments nearer than the surface or level with it, without writing depth.
     Test,
-    /// Passes what is nearer than the surface, blends it over the picture, and changes no depth.
+    /// Passes fragments nearer than the surface, blended over the picture, without writing depth.
     SeeThrough,
 }
 
-/// The largest share of a see-through surface in what shows at a pixel; the rest is what is behind it. One
-/// whose colour has a smaller alpha has that share. The shaders have it too.
+/// The opacity of a see-through surface at a pixel. A colour with a smaller alpha has that instead. The
+/// shaders have the same constant.
 pub const SEE_THROUGH_ALPHA: f32 = 0.3;
 
-/// What sets the pipelines apart; all else they share: triangles, reversed-z depth test.
+/// The varying parts of pipelines. All share the rest: triangles, reversed-z depth test.
 pub(crate) struct PipelineDesc {
     pub(crate) vertex: Shader,
     pub(crate) fragment: Option<Shader>,
@@ -118,8 +118,8 @@ impl Pipeline {
             .line_width(1.0);
         let samples = vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::TYPE_1);
-        // Of equal surfaces the one drawn first stays, in every pass alike; but a box that is level with a
-        // surface shows.
+        // Of equal depths the first drawn stays, in every pass alike; but a box level with a surface is
+        // visible.
         let (depth_write, compare) = match desc.depth {
             DepthUse::Draw | DepthUse::Occlude => (true, vk::CompareOp::GREATER),
             DepthUse::Test => (false, vk::CompareOp::GREATER_OR_EQUAL),
@@ -172,7 +172,7 @@ impl Pipeline {
         Self::of(layout, made, vk::PipelineBindPoint::GRAPHICS)
     }
 
-    /// One that runs a compute shader.
+    /// A compute pipeline.
     pub(crate) fn compute(layout: &Arc<Layout>, shader: Shader) -> Result<Self, GpuError> {
         let module = Module::new(layout.gpu(), shader)?;
         let info = vk::ComputePipelineCreateInfo::default()

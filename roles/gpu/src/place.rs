@@ -1,17 +1,17 @@
-//! Where the triangles of a draw are, on the device or not.
+//! The place of a draw's triangles, on the device or not.
 
-/// Where a draw finds its triangles.
+/// The place of a draw's triangles.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place {
     pub(crate) first_index: u32,
     pub(crate) first_vertex: u32,
 }
 
-/// What becomes of a draw whose triangles are not on the device.
+/// How to handle a draw whose triangles are not on the device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Absent {
-    /// They are read, however long that takes. Where they find no room the draws end before this one.
+    /// They are read, however long that takes. Without room the draws end before this one.
     Read,
-    /// They are read as long as so many bytes of them are left; beyond that, or without room, it is left out.
+    /// They are read while this many bytes of them are left; beyond that the draw is skipped.
     ReadOrSkip { most: u64 },
 }

@@ -28,7 +28,7 @@ struct Finer {
     height: u32,
 }
 
-/// Texels a workgroup makes, across and down.
+/// Texels per workgroup, across and down.
 const GROUP: u32 = 8;
 
 impl Halving {
@@ -153,7 +153,7 @@ mod tests {
         triangles(&corners)
     }
 
-    /// All levels over what the pass has drawn, built on the device.
+    /// All levels over the pass's depth, built on the device.
     fn levels_on_device(pass: &mut OccluderPass) -> Vec<f32> {
         let pass = &mut pass.pass;
         let gpu = Arc::clone(pass.gpu());
@@ -167,7 +167,7 @@ mod tests {
         let copied = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
         let record = |commands: &Recorder<'_>| {
             pyramid.build(commands, &halving, depth);
-            // A picture of one pixel is its own pyramid: nothing is made of it.
+            // A picture of one pixel is its own pyramid: there are no further levels.
             commands.barrier(copied, (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ));
             commands.barrier(made, (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ));
             let all = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };

@@ -15,20 +15,19 @@ use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::{Gpu, GpuError, OccluderPass};
 
-/// Tests boxes by precise occlusion queries, one a box, all of a batch before the first is read. Counts
+/// Tests boxes by precise occlusion queries, one per box, all of a batch before the first is read. Counts
 /// pixels.
 pub struct QueryTest<'a> {
     pass: &'a mut ScenePass,
     boxes: &'a mut QueryBoxes,
 }
 
-/// The queries a render pass may hold: Mesa 25.0 miscounts one query in some 3,990 where a pass holds more
-/// than that.
+/// The most queries per render pass: beyond that Mesa 25.0 miscounts one query in some 3,990.
 const QUERIES_PER_PASS: usize = 1000;
 
 const OPERATION: &str = "testing boxes by occlusion queries";
 
-/// What queries need, kept from frame to frame.
+/// Resources of queries, kept from frame to frame.
 pub(crate) struct QueryBoxes {
     pipeline: Pipeline,
     room: Option<Room>,
@@ -37,7 +36,7 @@ pub(crate) struct QueryBoxes {
     results: Vec<u32>,
 }
 
-/// Room on the device for a batch of so many boxes.
+/// Resources for a batch of this many boxes.
 struct Room {
     gpu: Arc<Gpu>,
     pool: vk::QueryPool,
@@ -111,7 +110,7 @@ impl QueryBoxes {
 }
 
 impl Room {
-    /// The room there is if it is large enough, else a larger one.
+    /// The present resources if large enough, else larger ones.
     fn fit<'r>(room: &'r mut Option<Self>, gpu: &Arc<Gpu>, count: usize) -> Result<&'r mut Self, GpuError> {
         let kept = match room.take().filter(|room| room.records.len() >= count) {
             Some(room) => room,
@@ -140,7 +139,7 @@ impl Room {
     fn read(&self, count: usize, results: &mut Vec<u32>) -> Result<(), GpuError> {
         results.clear();
         results.resize(count, 0);
-        // Without WAIT, which no timeout ends: the stream has waited.
+        // Without WAIT, which has no timeout: the stream has waited.
         let flags = vk::QueryResultFlags::empty();
         // SAFETY: these queries lie in the pool and have ended; the slice has one element for each, of the
         // type asked for.

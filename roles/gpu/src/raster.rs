@@ -24,7 +24,7 @@ pub struct RasterTest<'a> {
 
 const OPERATION: &str = "testing boxes by counting fragments";
 
-/// What counting needs, kept from frame to frame.
+/// Resources for counting, kept from frame to frame.
 pub(crate) struct RasterBoxes {
     layout: Arc<Layout>,
     pipeline: Pipeline,
@@ -33,13 +33,13 @@ pub(crate) struct RasterBoxes {
     owners: Vec<u32>,
 }
 
-/// Room on the device for a batch of so many boxes.
+/// Resources for a batch of this many boxes.
 struct Room {
     set: BindingSet,
     records: HostBuffer<BoxRecord>,
-    /// Where the device counts: its own memory, for atomics across a bus are slow.
+    /// The device's counters: in its own memory, since atomics across a bus are slow.
     counts: Buffer,
-    /// Where the host reads.
+    /// The host's copy.
     results: HostBuffer<u32>,
 }
 
@@ -118,7 +118,7 @@ impl RasterBoxes {
 }
 
 impl Room {
-    /// The room there is if it is large enough, else a larger one.
+    /// The present resources if large enough, else larger ones.
     fn fit<'r>(
         room: &'r mut Option<Self>,
         gpu: &Arc<Gpu>,

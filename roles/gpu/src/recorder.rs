@@ -1,7 +1,7 @@
 //! Recording commands: the few that the passes use, typed.
 //!
 //! Every method here records into a command buffer that [`Stream::submit`](crate::stream::Stream::submit) has
-//! begun. What makes each call sound is the same: handles come from living wrappers, and the stream's owner
+//! begun. Each call is sound for the same reason: handles come from living wrappers, and the stream's owner
 //! keeps these alive until the stream is done.
 
 use std::ops::Range;
@@ -20,12 +20,12 @@ pub(crate) struct Recorder<'a> {
     commands: vk::CommandBuffer,
 }
 
-/// The attachments of a render pass and what to do with them first.
+/// The attachments of a render pass, and how it begins.
 pub(crate) struct Targets<'a> {
     pub(crate) size: Viewport,
     pub(crate) colour: Option<(&'a mut Image, vk::ClearColorValue)>,
     pub(crate) depth: &'a mut Image,
-    /// Whether to clear both first (depth to 0, the far end), or to go on from what is there.
+    /// Whether to clear both first (depth to 0, the far end), or to keep their content.
     pub(crate) clear: bool,
 }
 
@@ -85,7 +85,7 @@ impl<'a> Recorder<'a> {
         unsafe { self.device.cmd_end_rendering(self.commands) };
     }
 
-    /// Draws or computes with this pipeline and these constants from here on.
+    /// Uses this pipeline and these constants from here on.
     pub(crate) fn bind<C: bytemuck::NoUninit>(&self, pipeline: &Pipeline, constants: &C) {
         // SAFETY: the module's rule; the layout's push constants are of this size (`Layout::new`).
         unsafe {
@@ -100,7 +100,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Uses these buffers' contents from here on.
+    /// Uses these buffers from here on.
     pub(crate) fn bind_set(&self, pipeline: &Pipeline, set: &BindingSet) {
         // SAFETY: the module's rule; sets and pipelines that meet here share a layout.
         unsafe {
@@ -115,7 +115,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Uses these vertices and 32-bit indices, all in one buffer, from here on.
+    /// Uses these vertices and 32-bit indices, in one buffer, from here on.
     pub(crate) fn bind_mesh(&self, geometry: &Buffer) {
         // SAFETY: the module's rule; the buffer was made with both usages.
         unsafe {
@@ -178,7 +178,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Runs the compute shader bound, in so many workgroups across and down; outside of a render pass.
+    /// Runs the bound compute shader, in this many workgroups across and down; outside of a render pass.
     pub(crate) fn dispatch(&self, groups: [u32; 2]) {
         // SAFETY: the module's rule; a compute pipeline and its buffers are bound, and the groups are far
         // fewer than the 65,535 a side that every device takes.
@@ -212,8 +212,8 @@ impl<'a> Recorder<'a> {
         );
     }
 
-    /// Fills an image of a window with a whole image, and makes it ready to be shown. Where the sizes differ
-    /// the image is scaled by the mean of its pixels.
+    /// Fills an image of a window with a whole image, and makes it ready to be presented. If the sizes
+    /// differ, the image is scaled with linear filtering.
     #[cfg(feature = "window")]
     pub(crate) fn fill_window(
         &self,
@@ -238,7 +238,7 @@ impl<'a> Recorder<'a> {
             .subresource_range(whole(vk::ImageAspectFlags::COLOR));
         let end = vk::ImageMemoryBarrier2 {
             src_access_mask: vk::AccessFlags2::TRANSFER_WRITE,
-            // What shows the image waits for a semaphore that makes it available.
+            // Presentation waits for a semaphore that makes the image available.
             dst_stage_mask: vk::PipelineStageFlags2::NONE,
             dst_access_mask: vk::AccessFlags2::NONE,
             old_layout: written,
@@ -336,8 +336,8 @@ impl<'a> Recorder<'a> {
         unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
     }
 
-    /// Orders an image's next use after its last, and puts it into the layout of the next. With `discard` its
-    /// content may go.
+    /// Orders an image's next use after its last, with a transition to the next layout. With `discard` its
+    /// content may be lost.
     fn hand_over(&self, image: &mut Image, next: ImageUse, discard: bool) {
         let (stage, access) = next.scope();
         let (from_stage, from_access) =

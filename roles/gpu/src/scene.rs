@@ -11,18 +11,18 @@ use crate::place::{Absent, Place};
 use crate::working_set::{Budget, HoldId, WorkingSet, WorkingSetStats};
 use crate::{Gpu, GpuError};
 
-/// A scene on a device: the scene itself for what of its tree drawing needs, and of its triangles those that
-/// were lately drawn. Passes share it through an [`Arc`].
+/// A scene on a device: the scene itself for its tree, and its most recently drawn triangles. Passes share it
+/// through an [`Arc`].
 pub struct GpuScene {
-    // Before the device's owner, as all that is made from it.
+    // Before the device's owner, like all objects made from it.
     set: Mutex<WorkingSet>,
     gpu: Arc<Gpu>,
     scene: Arc<Scene>,
 }
 
 impl GpuScene {
-    /// Takes memory for a scene's triangles, as much as
-    /// [`GpuOptions::memory`](crate::GpuOptions::memory) says. They are read from the scene when they are first drawn.
+    /// Allocates memory for a scene's triangles by [`GpuOptions::memory`](crate::GpuOptions::memory). They
+    /// are read from the scene when first drawn.
     ///
     /// # Errors
     /// If the device has no memory.
@@ -30,7 +30,7 @@ impl GpuScene {
         Self::with(gpu, scene, Budget::new(gpu), false)
     }
 
-    /// `staged`: copy by the device even where the host sees its memory.
+    /// `staged`: copy by the device even if the host sees its memory.
     pub(crate) fn with(
         gpu: &Arc<Gpu>,
         scene: &Arc<Scene>,
@@ -47,7 +47,7 @@ impl GpuScene {
         &self.gpu
     }
 
-    /// What of it is on the device.
+    /// The state of the geometry on the device.
     #[must_use]
     pub fn working_set(&self) -> WorkingSetStats {
         self.set.lock().stats()
@@ -58,9 +58,9 @@ impl GpuScene {
         self.set.lock()
     }
 
-    /// Brings the triangles of `ids` to the device and appends to `places` where they are, in order: `None`
-    /// for those that are left out. Fewer than the ids where there is no room for more. Gives the bytes that were
-    /// brought. They stay as long as a pass holds the set.
+    /// Loads the triangles of `ids` to the device and appends their places to `places`, in order: `None` for
+    /// skipped ones. Fewer than the ids if there is no more room. Returns the loaded bytes. The triangles
+    /// stay while a pass holds the set.
     ///
     /// # Errors
     /// If the scene lacks an id, cannot be read, or a drawable is larger than the whole budget.
@@ -80,7 +80,7 @@ impl GpuScene {
         set.place(&numbers, absent, places)
     }
 
-    /// The error for a drawable that finds no room even where nothing else is held.
+    /// The error for a drawable without room although nothing else is held.
     pub(crate) fn too_small(&self, id: DrawableId) -> GpuError {
         match self.find(id) {
             Ok((drawable, _)) => self.set.lock().too_small(drawable.geometry),
@@ -100,7 +100,7 @@ impl GpuScene {
         })
     }
 
-    /// Whether all that was asked for of the scene was there.
+    /// Whether all requested parts of the scene were present.
     pub(crate) fn check(&self) -> Result<(), GpuError> {
         self.scene.fault_here().map_or(Ok(()), |fault| Err(GpuError::Scene(fault)))
     }
@@ -134,12 +134,12 @@ impl std::fmt::Debug for GpuScene {
     }
 }
 
-/// The map from a node's local frame to view space, as the rows of a 3x4 matrix: the one definition of where
-/// a vertex lies, used by every pass.
+/// The map from a node's local frame to view space, as the rows of a 3x4 matrix: the one definition of a
+/// vertex's position, used by every pass.
 ///
-/// World coordinates of plants are too large for f32, so the eye is subtracted and the rotation applied in
-/// f64, and each entry is rounded once, to f32, at the end: what is left of the error is about half an ulp of
-/// the *view-space* distance.
+/// World coordinates of plants are too large for f32. So the eye is subtracted and the rotation applied in
+/// f64, and each entry is rounded once, to f32, at the end. The remaining error is about half an ulp of the
+/// *view-space* distance.
 pub(crate) fn in_view(node: &Node, view: &View) -> [[f32; 4]; 3] {
     let rotation = view.to_view().to_cols_array();
     let eye = view.eye().to_array();

@@ -1,4 +1,4 @@
-//! What the shaders know of the sections.
+//! The shaders' section data.
 
 use trimaran_cull::View;
 use trimaran_proto::Sections;
@@ -9,15 +9,15 @@ use trimaran_proto::Sections;
 pub(crate) struct SectionPlanes {
     count: u32,
     padding: [u32; 3],
-    /// At most six a section: a box has as many.
+    /// At most six per section: those of a box.
     planes: [[[f32; 4]; 6]; Sections::MOST],
 }
 
-/// Farther than anything, metres; finite in f32 whatever the shaders multiply it by.
+/// Farther than anything, metres; stays finite in the shaders' f32 products.
 const FARTHEST: f64 = 1e30;
 
 impl SectionPlanes {
-    /// The planes of a view, worked out in f64 and rounded once.
+    /// The planes of a view, computed in f64 and rounded once.
     pub(crate) fn new(view: &View) -> Self {
         let near = f64::from(view.camera().near());
         let mut sections = Self { count: 0, padding: [0; 3], planes: Default::default() };
@@ -47,7 +47,7 @@ mod tests {
             let view = view.with_sections(Sections::new(&[section; Sections::MOST]).unwrap());
             let sections = SectionPlanes::new(&view);
             assert_eq!(sections.count, count);
-            // Shaders need not know infinity.
+            // Shaders need not handle infinity.
             assert!(sections.planes.as_flattened().as_flattened().iter().all(|number| number.is_finite()));
         }
     }

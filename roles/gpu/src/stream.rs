@@ -1,4 +1,4 @@
-//! A pass's line to the device: command buffers, submitted in order, waited for together, timed.
+//! A pass's submissions to the device: command buffers, submitted in order, waited for together, timed.
 
 use std::sync::Arc;
 
@@ -9,17 +9,17 @@ use crate::recorder::Recorder;
 use crate::wait::{Cancel, End, SLICE, Wait};
 use crate::{Gpu, GpuError};
 
-/// Submissions of one pass, in order. Dropping it waits for the device, so an owner that declares its stream
-/// before the buffers and images that the stream's work uses is sound: fields drop in order of declaration.
-/// Where it gives up waiting, it abandons the device, so that none of them is destroyed.
+/// Submissions of one pass, in order. Dropping it waits for the device. So an owner that declares its stream
+/// before the buffers and images of the stream's work is sound: fields drop in order of declaration. If it
+/// gives up waiting, it abandons the device, so that none of them is destroyed.
 pub(crate) struct Stream {
     gpu: Arc<Gpu>,
     cancel: Option<Cancel>,
-    /// A wait ended before the work was done: what it uses is not to be touched any more.
+    /// A wait ended before the work was done: its resources must not be touched any more.
     broken: bool,
     pool: vk::CommandPool,
     buffers: Vec<vk::CommandBuffer>,
-    /// Two timestamps a piece: before and after it.
+    /// Two timestamps per piece: before and after it.
     timestamps: vk::QueryPool,
     /// Counts finished pieces: piece n signals n.
     timeline: vk::Semaphore,
@@ -77,7 +77,7 @@ impl Stream {
         self.cancel = Some(Arc::clone(cancel));
     }
 
-    /// Whether the stream's work can go on: not on a device that hangs, nor after a wait that ended early.
+    /// Whether the stream is usable: not on a hung device, nor after a wait that ended early.
     pub(crate) fn check(&self, operation: &'static str) -> Result<(), GpuError> {
         if self.gpu.is_hung() {
             Err(GpuError::DeviceHung { operation, timeout: self.gpu.timeout() })
@@ -98,7 +98,7 @@ impl Stream {
     }
 
     /// The same, where the piece begins its transfers once the first semaphore is signalled, and signals the
-    /// second one when it is done. Both are binary, and live until the piece is done.
+    /// second one when done. Both are binary, and live until the piece is done.
     pub(crate) fn submit_between(
         &mut self,
         operation: &'static str,
@@ -164,7 +164,7 @@ impl Stream {
         Ok(())
     }
 
-    /// Waits until all that was submitted is done. `operation` names it in errors.
+    /// Waits until all submissions are done. `operation` names it in errors.
     pub(crate) fn wait(&mut self, operation: &'static str) -> Result<(), GpuError> {
         if self.pieces == 0 {
             return Ok(());
@@ -183,7 +183,7 @@ impl Stream {
         self.submitted
     }
 
-    /// Device milliseconds of all pieces waited for since this was last asked.
+    /// Device milliseconds of all pieces waited for since the last call.
     pub(crate) const fn take_busy_ms(&mut self) -> f64 {
         std::mem::replace(&mut self.busy_ms, 0.0)
     }
@@ -245,7 +245,7 @@ impl Drop for Stream {
             && self.gpu.to_destroy().is_some()
             && let Err(error) = self.block("finishing")
         {
-            // A lost device runs nothing any more, so freeing is sound all the same.
+            // A lost device runs nothing any more, so freeing is still sound.
             tracing::warn!(%error, "a command stream was dropped in trouble");
         }
         let Some(device) = self.gpu.to_destroy() else { return };
@@ -269,8 +269,7 @@ mod tests {
     use crate::common::{self, CheckedGpu, NEAR, ids, upload, view};
     use crate::{GpuOptions, GpuScene, OccluderPass};
 
-    /// A submission that waits for a semaphore which only the host signals: what is submitted after it never
-    /// begins.
+    /// A submission that waits for a semaphore which only the host signals: later submissions never begin.
     struct Jam {
         gpu: Arc<Gpu>,
         semaphore: vk::Semaphore,
@@ -295,7 +294,7 @@ mod tests {
             Self { gpu: Arc::clone(gpu), semaphore }
         }
 
-        /// Lets the device go on, and waits until it has done all.
+        /// Lets the device go on, and waits until it has done everything.
         fn clear(self) {
             let signal = vk::SemaphoreSignalInfo::default().semaphore(self.semaphore).value(1);
             let device = self.gpu.device();
@@ -309,7 +308,7 @@ mod tests {
         }
     }
 
-    /// A wall 2 m away, and what its pass has drawn when it is given up.
+    /// A wall 2 m away, and its pass, for abandoning.
     fn wall(gpu: &Arc<Gpu>) -> (Arc<GpuScene>, OccluderPass) {
         let scene = upload(gpu, &[common::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
         let pass = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
@@ -343,7 +342,7 @@ mod tests {
             error.to_string().contains("no progress within 200ms while drawing the occluders"),
             "{error}"
         );
-        // Whoever goes on hears it at once: with the same pass, with a test of boxes, with another pass.
+        // All later use fails at once: of the same pass, a box test, another pass.
         assert!(hung(&draw(&mut pass).unwrap_err()));
         let shape = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
         let view_8 = view(8, 8, DVec3::ZERO);
@@ -358,8 +357,7 @@ mod tests {
         }
         let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
         assert!(hung(&draw(&mut other).unwrap_err()));
-        // What the device still uses is neither waited for nor destroyed, of which the validation layer would
-        // complain.
+        // Resources in use are neither waited for nor destroyed; the validation layer would report that.
         drop((pass, other, scene));
         jam.clear();
     }
@@ -382,7 +380,7 @@ mod tests {
         if common::lacks_float64(&gpu) {
             return;
         }
-        // A device that stops while it tests boxes.
+        // A device that stops during a box test.
         other.cancel_when(|| true);
         let jam = Jam::new(&gpu);
         let shape = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
@@ -398,7 +396,7 @@ mod tests {
     fn a_pass_that_is_dropped_while_the_device_hangs_waits_no_longer_than_the_timeout() {
         let Some(gpu) = open(Duration::from_millis(200)) else { return };
         let (scene, mut pass) = wall(&gpu);
-        // It is never cleared: this process ends all the same.
+        // Never cleared: this process must end nevertheless.
         let _jam = Jam::new(&gpu);
         pass.begin(&view(8, 8, DVec3::ZERO)).unwrap();
         pass.draw(&ids(1)).unwrap();

@@ -1,19 +1,19 @@
-//! What a pass took.
+//! The times of a pass.
 
 use std::time::Instant;
 
-/// What a frame's pass took, in milliseconds.
+/// The times of a frame's pass, in milliseconds.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PassTiming {
-    /// The device's time between its own timestamps around each piece of work, summed; idle time between
-    /// pieces does not count. On a CPU driver this is wall time, other work on the same cores included.
-    /// 0 where the device has no timestamps.
+    /// The device's time between its own timestamps around each piece of work, summed, without idle time
+    /// between pieces. On a CPU driver this is wall time, including other work on the same cores. 0 if the
+    /// device has no timestamps.
     pub device_ms: f64,
     /// The host's time to prepare and record the draws.
     pub host_ms: f64,
 }
 
-/// Sums the time that some work takes.
+/// Sums the time of some work.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Stopwatch {
     ms: f64,

@@ -1,4 +1,4 @@
-//! The validation layer's messages, kept for whoever asks: tests fail on any.
+//! Collects the validation layer's messages: tests fail on any.
 
 use parking_lot::Mutex;
 use std::ffi::{CStr, c_void};
@@ -22,7 +22,7 @@ pub(crate) struct Messenger {
 type Messages = Mutex<Vec<String>>;
 
 impl Messenger {
-    /// Starts to listen. `instance` was made with the debug-utils extension.
+    /// Starts to collect. `instance` was made with the debug-utils extension.
     pub(crate) fn new(entry: &ash::Entry, instance: &ash::Instance) -> Result<Self, GpuError> {
         let messages: Box<Messages> = Box::default();
         let loader = debug_utils::Instance::new(entry, instance);

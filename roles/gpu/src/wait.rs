@@ -1,4 +1,4 @@
-//! How long to wait for a device, which may never answer.
+//! The limits of waiting for a device, which may never answer.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -6,15 +6,14 @@ use std::time::Duration;
 /// Whether a wait for the device is to end before its work is done.
 pub(crate) type Cancel = Arc<dyn Fn() -> bool + Send + Sync>;
 
-/// How often a wait looks for progress and for a request to cancel.
+/// How often a wait checks for progress and for cancellation.
 pub(crate) const SLICE: Duration = Duration::from_millis(50);
 
-/// How long work may still take after a request to cancel. Most frames are done by then and nothing is
-/// abandoned.
+/// How long work may still take after cancellation. Most frames are done by then, and nothing is abandoned.
 const GRACE: Duration = Duration::from_millis(500);
 
-/// When a wait for the device ends though its work is not done. It counts slices and reads no clock, so that
-/// a machine that was suspended meanwhile has no device that hangs.
+/// Decides when a wait ends before the device's work is done. It counts slices instead of reading a clock, so
+/// that suspending the machine does not look like a hung device.
 pub(crate) struct Wait {
     timeout: Duration,
     /// Since the last progress.
@@ -35,7 +34,7 @@ impl Wait {
         Self { timeout, idle: Duration::ZERO, cancelled: Duration::ZERO }
     }
 
-    /// Another slice has passed in which the work was not done.
+    /// Another slice has passed without the work being done.
     pub(crate) fn slice(&mut self, progress: bool, cancel: bool) -> Option<End> {
         self.idle = if progress { Duration::ZERO } else { self.idle + SLICE };
         if cancel {

@@ -1,8 +1,8 @@
-//! The working set: the geometry on a device that was lately drawn, within a budget.
+//! The working set: the most recently drawn geometry on a device, within a budget.
 //!
-//! A draw asks for its geometry. What is not there is read from the scene, in place of what was not used for
-//! the longest time. What a pass has drawn since it began stays until the device is done with it: passes
-//! hold the set, each from a tick on, and nothing that was used since the oldest such tick is dropped.
+//! A draw requests its geometry. Missing pieces are read from the scene, and replace the least recently used
+//! ones. A pass's geometry since its beginning stays until the device is done with it: passes hold the set,
+//! each from a tick on, and nothing used since the oldest such tick is dropped.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -16,16 +16,16 @@ use crate::memory::Buffer;
 use crate::place::{Absent, Place};
 use crate::{Gpu, GpuError};
 
-/// Where no budget is given the set begins with this, and doubles when it is full.
+/// Without a budget the set begins with this size, and doubles when it is full.
 const FIRST_BYTES: u64 = 64 << 20;
 
-/// Of a full set at least this share is dropped at once: one look over all that is there serves many pieces.
+/// The least share of a full set to drop at once: one scan of all pieces then serves many new ones.
 const DROPPED_AT_ONCE: u64 = 16;
 
-/// Pieces that are looked for at a time, and those that are missing read together.
+/// Pieces looked up at a time; the missing ones are read together.
 const LOOKED_UP_AT_ONCE: usize = 1024;
 
-/// Pieces that a thread reads and unpacks at a time; they are near each other in the file.
+/// Pieces per thread to read and unpack at a time; they are near each other in the file.
 const READ_AT_ONCE: usize = 32;
 
 /// How much of a scene's geometry a device may hold, in bytes.
@@ -33,18 +33,18 @@ const READ_AT_ONCE: usize = 32;
 pub(crate) struct Budget {
     /// The most.
     pub(crate) most: u64,
-    /// What is taken at first.
+    /// The initial size.
     pub(crate) first: u64,
 }
 
-/// What a working set has done.
+/// Statistics of a working set.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct WorkingSetStats {
-    /// Bytes of geometry that are on the device.
+    /// Bytes of geometry on the device.
     pub resident_bytes: u64,
-    /// Bytes of the device's memory that are taken for geometry.
+    /// Bytes of the device's memory allocated for geometry.
     pub taken_bytes: u64,
-    /// Pieces that were brought to the device.
+    /// Pieces loaded to the device.
     pub loaded: u64,
     /// Their bytes.
     pub loaded_bytes: u64,
@@ -52,16 +52,16 @@ pub struct WorkingSetStats {
     pub dropped: u64,
 }
 
-/// The geometry of a scene that is on a device.
+/// The geometry of a scene on a device.
 pub(crate) struct WorkingSet {
     gpu: Arc<Gpu>,
     scene: Arc<Scene>,
     arena: Arena,
     budget: Budget,
     staged: bool,
-    /// What is there.
+    /// The loaded pieces.
     residents: Slab<Resident>,
-    /// By the number of the geometry: one more than its key among the residents, or 0.
+    /// By number of the geometry: its key among the residents plus one, or 0.
     keys: Vec<u32>,
     tick: u64,
     /// By the passes' numbers.
@@ -78,14 +78,14 @@ struct Resident {
     used: u64,
 }
 
-/// A pass's hold on a set, by its number: what the pass asks for stays until it lets go.
+/// A pass's hold on a set, by its number: the pass's pieces stay until it releases them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct HoldId(u64);
 
-/// What of a set a pass holds.
+/// A pass's hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct HoldState {
-    /// What was used at this tick or later.
+    /// Pieces used at this tick or later are held.
     since: u64,
     /// How often draws were placed.
     batches: u64,
@@ -93,15 +93,15 @@ struct HoldState {
     is_submitted: bool,
 }
 
-/// Holds as they were at a time.
+/// A snapshot of holds.
 #[derive(Debug)]
 pub(crate) struct SubmittedHolds(Vec<(HoldId, HoldState)>);
 
 impl Budget {
-    /// What was asked for, or most of what the device has; within what it can address.
+    /// The requested budget, or most of the device's memory; limited to the addressable range.
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let limits = gpu.limits();
-        // Shaders that fetch vertices for themselves need all of it in one storage buffer.
+        // Shaders that fetch vertices themselves need all of it in one storage buffer.
         let addressable = if gpu.fetches_vertices() { limits.max_storage_range } else { u64::MAX };
         let largest = limits.max_allocation.min(addressable).min(i32::MAX as u64 * UNIT);
         match gpu.memory_budget() {
@@ -116,7 +116,7 @@ impl Budget {
 }
 
 impl WorkingSet {
-    /// An empty set. `staged`: copy by the device even where the host sees its memory.
+    /// An empty set. `staged`: copy by the device even if the host sees its memory.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         scene: &Arc<Scene>,
@@ -145,8 +145,8 @@ impl WorkingSet {
         HoldId(self.next_hold)
     }
 
-    /// From now on nothing that is asked for is dropped, until [`release`](Self::release); what was asked for
-    /// before may be. The device is done with what the pass has drawn so far.
+    /// Keeps pieces requested from now on, until [`release`](Self::release); earlier ones may be dropped. The
+    /// device is done with the pass's earlier draws.
     pub(crate) fn renew(&mut self, hold: HoldId) -> Result<(), GpuError> {
         self.release(hold);
         if self.is_cramped && self.holds.is_empty() {
@@ -157,7 +157,7 @@ impl WorkingSet {
         Ok(())
     }
 
-    /// Holds what is placed from here on, if the pass holds nothing; its draws are not submitted yet.
+    /// Holds pieces placed from here on, if the pass holds nothing; its draws are not submitted yet.
     pub(crate) fn begin_draws(&mut self, hold: HoldId) {
         if !self.holds.contains_key(&hold) {
             self.tick += 1;
@@ -175,14 +175,14 @@ impl WorkingSet {
         }
     }
 
-    /// The holds whose draws were all submitted: once the device is done with all that was submitted so far,
-    /// they can be [released](Self::release_all).
+    /// The holds whose draws were all submitted: once the device is done with these submissions, they can be
+    /// [released](Self::release_all).
     pub(crate) fn submitted(&self) -> SubmittedHolds {
         let holds = self.holds.iter().filter(|(_, state)| state.is_submitted);
         SubmittedHolds(holds.map(|(id, state)| (*id, *state)).collect())
     }
 
-    /// Releases these holds but those that have changed since.
+    /// Releases these holds except those that have changed since.
     pub(crate) fn release_all(&mut self, holds: &SubmittedHolds) {
         for (id, state) in &holds.0 {
             if self.holds.get(id) == Some(state) {
@@ -191,12 +191,12 @@ impl WorkingSet {
         }
     }
 
-    /// The device is done with all that the pass has drawn.
+    /// The device is done with all draws of the pass.
     pub(crate) fn release(&mut self, hold: HoldId) {
         self.holds.remove(&hold);
     }
 
-    /// The buffer that pieces are in now. Another one takes its place when the set grows.
+    /// The present buffer of the pieces. It is replaced when the set grows.
     pub(crate) const fn buffer(&self) -> &Arc<Buffer> {
         self.arena.buffer()
     }
@@ -205,8 +205,8 @@ impl WorkingSet {
         WorkingSetStats { taken_bytes: self.arena.bytes(), ..self.stats }
     }
 
-    /// Appends to `places` where these pieces are, and brings those that are not there as `absent` says. Ends
-    /// early where there is no room for more while passes hold the rest. Gives the bytes that were brought.
+    /// Appends the places of these pieces to `places`, and loads missing ones as `absent` says. Ends early if
+    /// there is no more room while passes hold the rest. Returns the loaded bytes.
     pub(crate) fn place(
         &mut self,
         numbers: &[u32],
@@ -224,7 +224,7 @@ impl WorkingSet {
                 let piece = match (self.find(number), read.remove(&number), absent) {
                     (Some(piece), _, _) => Some(piece),
                     (None, Some(geometry), _) => self.insert(number, &geometry)?,
-                    // It was dropped for one before it.
+                    // It was dropped for an earlier piece.
                     (None, None, Absent::Read) => {
                         let geometry = self.scene.geometry(number).map_err(GpuError::Scene)?;
                         self.insert(number, &geometry)?
@@ -244,13 +244,13 @@ impl WorkingSet {
         Ok(self.stats.loaded_bytes - before)
     }
 
-    /// An error for a piece that finds no room where nothing is held but by its own pass.
+    /// An error for a piece without room although only its own pass holds pieces.
     pub(crate) fn too_small(&self, number: u32) -> GpuError {
         let place = self.scene.places().get(number as usize);
         GpuError::WorkingSetTooSmall { needed: place.map_or(0, unpacked_bytes), budget: self.budget.most }
     }
 
-    /// Where a piece is, if it is there. It counts as used.
+    /// The place of a piece, if loaded. It counts as used.
     fn find(&mut self, number: u32) -> Option<Piece> {
         let key = self.keys.get(number as usize)?.checked_sub(1)?;
         let resident = self.residents.get_mut(key as usize)?;
@@ -258,7 +258,7 @@ impl WorkingSet {
         Some(resident.piece)
     }
 
-    /// Reads those of these pieces that are not there, but no more than so many bytes of them.
+    /// Reads the missing ones of these pieces, up to this many bytes.
     fn read_missing(&self, numbers: &[u32], most: u64) -> Result<HashMap<u32, Geometry>, GpuError> {
         let mut missing: Vec<u32> =
             numbers.iter().copied().filter(|&number| self.keys.get(number as usize) == Some(&0)).collect();
@@ -286,7 +286,7 @@ impl WorkingSet {
         Ok(read.map_err(GpuError::Scene)?.into_iter().flatten().collect())
     }
 
-    /// Brings a piece to the device. `None` if there is no room for it, and nothing that may be dropped.
+    /// Loads a piece to the device. `None` if there is no room for it, and nothing can be dropped.
     fn insert(&mut self, number: u32, geometry: &Geometry) -> Result<Option<Piece>, GpuError> {
         let Some(piece) = self.allocate(geometry) else { return Ok(None) };
         self.arena.write(piece, geometry)?;
@@ -325,7 +325,7 @@ impl WorkingSet {
         found
     }
 
-    /// Drops what is at this key, and gives its bytes.
+    /// Drops the piece at this key, and returns its bytes.
     fn drop_piece(&mut self, key: usize) -> u64 {
         let Some(Resident { number, piece, .. }) = self.residents.try_remove(key) else { return 0 };
         if let Some(slot) = self.keys.get_mut(number as usize) {
@@ -341,7 +341,7 @@ impl WorkingSet {
         self.arena.bytes() + UNIT <= self.budget.most
     }
 
-    /// Doubles the memory. What was there is read again when it is next asked for.
+    /// Doubles the memory. Earlier pieces are read again on their next use.
     fn grow(&mut self) -> Result<(), GpuError> {
         let bytes = (self.arena.bytes() * 2).min(self.budget.most);
         tracing::debug!(bytes, "more memory for geometry");
@@ -355,7 +355,7 @@ impl WorkingSet {
     }
 }
 
-/// What a piece takes on a device, about.
+/// The approximate size of a piece on a device.
 fn unpacked_bytes(place: &GeometryPlace) -> u64 {
     u64::from(place.vertices) * UNIT + u64::from(place.triangles) * 12
 }
@@ -371,7 +371,7 @@ mod tests {
     use crate::common::{self, CheckedGpu, ids, triangles, view};
     use crate::{GpuScene, OccluderPass, PicturePass};
 
-    /// So many crowds of 200 triangles, one before the other, each of another place.
+    /// This many crowds of 200 triangles, one before the other, each at another place.
     fn crowds(count: u32) -> Arc<Scene> {
         let crowd = |number: u32| -> FlatObject {
             let corner = |i: u32| {
@@ -405,7 +405,7 @@ mod tests {
         });
         assert!(by_host[0] != by_host[1]);
         assert!(by_host == by_device);
-        // And where pieces come and go, over places that were in use.
+        // Also when pieces come and go, over places that were in use.
         let budget = Budget { most: 1 << 20, first: 1 << 20 };
         let drawn = GpuScene::with(&gpu, &scene, budget, true).unwrap();
         assert!([&ids(500)[..1], &ids(500)].map(|ids| picture(&drawn, &view, ids)) == by_host);
@@ -421,7 +421,7 @@ mod tests {
         set.begin_draws(hold);
         set.end_draws(hold);
         let submitted = set.submitted();
-        // More draws, submitted as well, of which those who look meanwhile know nothing.
+        // More draws, also submitted, after the snapshot.
         set.begin_draws(hold);
         set.end_draws(hold);
         set.release_all(&submitted);

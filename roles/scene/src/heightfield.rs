@@ -1,8 +1,8 @@
-//! What is solid in a scene, for whoever walks in it: a solid heightfield, as in Mononen's Recast.
+//! The solid parts of a scene, for walking: a solid heightfield, as in Mononen's Recast.
 //!
-//! The ground is divided into square tiles, and a tile into columns. A column has spans: heights between which
-//! something is. They are what triangles pass through, not what is inside of a closed surface: nobody gets
-//! there without passing a triangle.
+//! The ground is divided into square tiles, and a tile into columns. A column has spans: solid intervals of
+//! height. They contain surfaces, not the inside of closed ones: a walker cannot get there without passing a
+//! triangle.
 
 use std::{collections::BTreeSet, ops::ControlFlow};
 
@@ -10,10 +10,10 @@ use glam::{DVec2, DVec3};
 
 use crate::{Drawable, Node, ReadError, Scene};
 
-/// Spans that a column has at most before they are joined: so a tile takes 16 MiB, however many triangles lie
-/// above each other in it.
+/// The most spans of a column before they are joined: so a tile takes at most 16 MiB, however many triangles
+/// lie above each other.
 const UNJOINED: usize = 1024;
-/// Triangles between two looks whether the tile is given up: a large one takes about 0.1 ms.
+/// Triangles between two checks whether the tile is given up: a large one takes about 0.1 ms.
 const BETWEEN_LOOKS: usize = 64;
 
 /// How a scene is divided. All lengths are metres in the world, y up.
@@ -21,13 +21,13 @@ const BETWEEN_LOOKS: usize = 64;
 pub struct Heightfield {
     /// Side of a column.
     cell: f64,
-    /// What heights are multiples of.
+    /// The unit of heights.
     unit: f64,
     /// Height zero.
     base: f64,
 }
 
-/// Heights between which something is, in units above the base: `bottom` is less than `top`.
+/// A solid interval of height, in units above the base: `bottom` is less than `top`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span {
     /// The lower end.
@@ -48,15 +48,15 @@ pub struct Tile {
 impl Heightfield {
     /// Columns along a side of a tile.
     pub const SIDE: usize = 64;
-    /// The most spans of a column: so a tile [travels](Tile::to_bytes) in less than a mebibyte, whatever the
-    /// scene. Of more, the narrowest gaps are closed.
+    /// The most spans of a column, so that a tile [encodes](Tile::to_bytes) to less than a mebibyte. Beyond
+    /// it, the narrowest gaps are closed.
     pub const SPANS: usize = 63;
 
-    /// That of a scene in which eyes are so high above floors: columns are 10 cm where eyes are at 1.7 m.
+    /// The heightfield of a scene for eyes this high above floors: columns are 10 cm for eyes at 1.7 m.
     #[must_use]
     pub fn new(scene: &Scene, eye_height: f64) -> Self {
         let (min, max) = scene.nodes().first().map(Node::world_box).unwrap_or_default();
-        // A scene that is higher than 65,536 of the usual units has coarser ones.
+        // A scene higher than 65,536 of the usual units has coarser ones.
         let unit = (eye_height / 34.0).max((max.y - min.y) / f64::from(u16::MAX - 3));
         Self { cell: eye_height / 17.0, unit, base: min.y - unit }
     }
@@ -67,12 +67,12 @@ impl Heightfield {
         self.cell * Self::SIDE as f64
     }
 
-    /// A tile, made of triangles that are nowhere farther than a quarter of a column from the finest ones.
+    /// A tile, made of triangles within a quarter of a column of the finest ones.
     ///
     /// # Errors
     /// If a part of the scene cannot be read.
     pub fn tile(&self, scene: &Scene, x: i32, z: i32) -> Result<Tile, ReadError> {
-        // Nobody gives it up.
+        // It is never given up.
         Ok(self.tile_unless(scene, x, z, &|| false)?.unwrap_or_else(|| self.empty_tile(x, z)))
     }
 
@@ -81,7 +81,7 @@ impl Heightfield {
         Tile { field: *self, corner, columns: vec![Vec::new(); Self::SIDE * Self::SIDE] }
     }
 
-    /// The same, for an asker that may leave: `None` soon after `is_given_up` says so.
+    /// The same, for a client that may leave: `None` soon after `is_given_up` says so.
     ///
     /// # Errors
     /// If a part of the scene cannot be read.
@@ -146,7 +146,7 @@ impl Tile {
         spans.iter().map(move |span| [span.bottom, span.top].map(|end| base + unit * f64::from(end)))
     }
 
-    /// The tile as it travels to pages, little-endian: x and z of its lower corner and the base (f64, metres),
+    /// The tile encoded for pages, little-endian: x and z of its lower corner and the base (f64, metres),
     /// side of a column and unit of height (f32, metres), columns a side (u32). Then each column: the count
     /// of its spans (u16), and of each bottom and top (u16, units above the base).
     #[must_use]
@@ -170,7 +170,7 @@ impl Tile {
         bytes
     }
 
-    /// Reads a tile as it [travels](Self::to_bytes). `None` where the bytes are none.
+    /// Decodes a [tile](Self::to_bytes). `None` if the bytes are invalid.
     #[must_use]
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (head, mut rest) = bytes.split_at_checked(36)?;
@@ -207,7 +207,7 @@ impl Tile {
         rest.is_empty().then_some(Self { field, corner, columns })
     }
 
-    /// Whether nothing is in it.
+    /// Whether it has no spans.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.columns.iter().all(Vec::is_empty)
@@ -222,7 +222,7 @@ impl Tile {
         is_given_up: &dyn Fn() -> bool,
     ) -> Result<ControlFlow<()>, ReadError> {
         let geometry = scene.geometry(drawable.geometry)?;
-        // In columns and units from the tile's corner and the base, so that large coordinates cost nothing.
+        // In columns and units from the tile's corner and the base, to keep large coordinates precise.
         let Heightfield { cell, unit, base } = self.field;
         let origin = node.origin() - DVec3::new(self.corner.x, base, self.corner.y);
         let linear = node.linear().as_dmat3();
@@ -243,7 +243,7 @@ impl Tile {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Adds what a triangle has in each column: it is cut into rows, and these into columns.
+    /// Adds a triangle's part in each column: it is cut into rows, and these into columns.
     fn add_triangle(&mut self, triangle: [DVec3; 3]) {
         let (mut row, mut rest, mut column) =
             (Polygon::default(), Polygon::of(&triangle), Polygon::default());
@@ -284,7 +284,7 @@ impl Polygon {
         Self { corners: triangle.to_vec(), cut: Vec::new() }
     }
 
-    /// The cells of the tile that it may be in, along an axis. None where it is not a number, or beside.
+    /// The tile's cells that it may touch along an axis. None if it is NaN, or outside.
     fn cells(&self, axis: usize) -> Option<std::ops::Range<usize>> {
         let along = || self.corners.iter().map(|corner| corner[axis]);
         let (low, high) = along().fold((f64::MAX, f64::MIN), |(low, high), at| (low.min(at), high.max(at)));
@@ -297,7 +297,7 @@ impl Polygon {
         Some(first..last + 1)
     }
 
-    /// Keeps what is beyond a plane across an axis, in the direction of `sign` (Sutherland and Hodgman 1974).
+    /// Keeps the part beyond a plane across an axis, on the `sign` side (Sutherland and Hodgman 1974).
     fn keep(&mut self, axis: usize, plane: f64, sign: f64) {
         let Some(&last) = self.corners.last() else { return };
         let beyond = |corner: DVec3| sign * (corner[axis] - plane);
@@ -318,18 +318,18 @@ impl Polygon {
         std::mem::swap(&mut self.corners, &mut self.cut);
     }
 
-    /// The heights that it has, at least one unit. What is flat ends where it is.
+    /// Its heights, at least one unit. A flat polygon is the upper end of its span.
     fn span(&self) -> Option<Span> {
         let along = || self.corners.iter().map(|corner| corner.y);
         let low = along().reduce(f64::min)?;
         let high = along().reduce(f64::max)?;
-        // To a thousandth of a unit, lest rounding makes a floor a unit higher.
+        // Within a thousandth of a unit, so that rounding does not raise a floor by a unit.
         let top = ((high - 1e-3).ceil() as u16).max(1);
         Some(Span { bottom: (low.floor() as u16).min(top - 1), top })
     }
 }
 
-/// Makes spans ascend, and one of those that touch. Closes the narrowest gaps where more than `most` are left.
+/// Sorts spans, and joins touching ones. If more than `most` are left, closes the narrowest gaps.
 fn join(spans: &mut Vec<Span>, most: usize) {
     spans.sort_unstable();
     spans.dedup_by(|next, before| {
@@ -384,7 +384,7 @@ mod tests {
         let [_, wall] = tile.column(10, 40) else { panic!("{:?}", tile.column(10, 40)) };
         assert!((height(wall.top) - 3.0).abs() <= 0.05, "{}", height(wall.top));
         assert!(tile.column(8, 40).iter().all(|span| height(span.top) < 0.1));
-        // The same at a place of the world.
+        // The same, queried by world coordinates.
         let [_, [bottom, top]] = tile.spans_at(1.05, 4.05).collect::<Vec<_>>()[..] else { panic!() };
         assert!((top - 3.0).abs() <= 0.05 && bottom < 0.06, "{bottom} to {top}");
         // Beyond the floor there is nothing, and a tile of its own.
@@ -439,7 +439,7 @@ mod tests {
         let bytes = tile.to_bytes();
         assert!(bytes.len() < 1 << 20, "{}", bytes.len());
         assert_eq!(Tile::from_bytes(&bytes).unwrap().columns, tile.columns);
-        // The narrowest gaps are those that are closed.
+        // The narrowest gaps are closed.
         let mut few = [(0, 1), (2, 3), (13, 14), (15, 20)].map(|(bottom, top)| Span { bottom, top }).to_vec();
         join(&mut few, 2);
         assert_eq!(few, [Span { bottom: 0, top: 3 }, Span { bottom: 13, top: 20 }]);
@@ -478,8 +478,8 @@ mod tests {
     }
 
     proptest! {
-        /// Every point of a triangle that is above the tile is in a span of its column, and columns that it
-        /// does not touch stay empty.
+        /// Every point of a triangle above the tile is in a span of its column, and columns that it does not
+        /// touch stay empty.
         #[test]
         fn a_triangle_is_in_the_columns_above_which_it_is(
             corners in prop::array::uniform3(point()),

@@ -1,6 +1,6 @@
 //! The cooked scene: opening and checking its file, its tree and levels of detail, and camera paths.
 //!
-//! This is what a role needs. What makes a scene of CAD files is in `trimaran-cook`.
+//! Roles need only this crate. `trimaran-cook` makes scenes of CAD files.
 //!
 //! ```
 //! # use trimaran_cook::{CookOptions, cook, generate::{PlantOptions, plant}};
@@ -20,8 +20,8 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | `scene` | [`Scene`]: the file, its records as they are asked for, and their checks |
-//! | [`heightfield`] | what is solid, for whoever walks |
+//! | `scene` | [`Scene`]: the file, its records loaded on demand, and their checks |
+//! | [`heightfield`] | the solid parts, for walking |
 //! | [`path`] | camera paths: made for a scene by a seed, or read from a file |
 //! | [`random`] | random numbers that are the same everywhere |
 

@@ -1,11 +1,10 @@
-//! Random numbers that are the same on every platform and in every release: those of camera paths and of
-//! generated models.
+//! Random numbers that are the same on every platform and in every release, for camera paths and generated
+//! models.
 
 use glam::{DQuat, DVec3};
 
-/// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014). A dozen lines
-/// of integer arithmetic rather than a crate, because a seed must give the same model for ever, whatever a
-/// crate's next version does.
+/// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014). It is a dozen
+/// lines of integer arithmetic instead of a crate, because a seed must give the same model for ever.
 #[derive(Debug, Clone)]
 pub struct Random(u64);
 

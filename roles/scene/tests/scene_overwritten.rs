@@ -1,4 +1,4 @@
-//! What becomes of an open scene when something happens to its file.
+//! An open scene under changes of its file.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests: a failure is a test's failure")]
 
@@ -45,20 +45,20 @@ impl Saved {
         saved
     }
 
-    /// Makes the file look old: so that writing to it is seen, however coarse the file system's clock is.
+    /// Ages the file's time, so that writing to it is noticed even with a coarse file-system clock.
     fn age(&self) {
         let file = OpenOptions::new().write(true).open(&self.path).unwrap();
         file.set_modified(SystemTime::UNIX_EPOCH + Duration::from_secs(1 << 30)).unwrap();
     }
 
-    /// Every byte of a scene: what saving it writes. It reads all of its pages.
+    /// Every byte of a scene: the output of saving it. It reads all of its pages.
     fn bytes_of(&self, scene: &Scene) -> Result<Vec<u8>, SaveError> {
         let path = self.folder.path().join("again.scene");
         scene.save(&path)?;
         Ok(fs::read(&path).unwrap())
     }
 
-    /// Opens the scene, does something to its file, and compares all that the scene holds with what it held.
+    /// Opens the scene, changes its file, and compares the scene's content with the original.
     fn survives(&self, change: impl FnOnce(&Path)) {
         let scene = Scene::open(&self.path).unwrap();
         let unread = scene.resident_bytes();
@@ -68,7 +68,7 @@ impl Saved {
         assert!(scene.resident_bytes() > unread, "most was read after the change");
     }
 
-    /// Opens the scene and reads some of it, does something to its file, and looks at what is left.
+    /// Opens the scene and reads some of it, changes its file, and checks the rest.
     fn is_noticed(&self, change: impl FnOnce(&Path)) {
         let scene = Scene::open(&self.path).unwrap();
         let top: Vec<Node> = scene.nodes().range(0..200).copied().collect();
@@ -77,11 +77,11 @@ impl Saved {
         assert_eq!(scene.geometry(last).map(|geometry| geometry.triangles() > 0).ok(), Some(true));
         change(&self.path);
 
-        // Geometry does not stay.
+        // Geometry is not kept.
         let error = scene.geometry(last).unwrap_err();
         self.is_about_a_change(&error, &format!("geometry {last}"));
         assert!(scene.fault().is_none(), "the records that were read are whole");
-        // Records do, and what was not read is not there.
+        // Loaded records are kept, and others appear absent.
         assert_eq!(
             (scene.nodes().len(), scene.hash()),
             (self.original().nodes().len(), self.original().hash())
@@ -111,7 +111,7 @@ impl Saved {
     }
 }
 
-/// Overwrites the first bytes of a file where it stands, as `scp` and `cp` do.
+/// Overwrites the first bytes of a file in place, like `scp` and `cp`.
 fn overwrite(path: &Path, bytes: &[u8]) {
     OpenOptions::new().write(true).open(path).unwrap().write_all(bytes).unwrap();
 }
@@ -141,7 +141,7 @@ fn an_open_scene_outlives_a_deletion() {
     saved.survives(|path| fs::remove_file(path).unwrap());
 }
 
-/// Pages are known by their hashes: bytes that are the same are good, whenever they were written.
+/// Pages are verified by their hashes: equal bytes are good, whenever they were written.
 #[test]
 fn an_open_scene_outlives_a_copy_of_itself() {
     let saved = Saved::new();
@@ -163,7 +163,7 @@ fn a_cut_is_a_fault() {
 #[test]
 fn a_copy_that_begins_anew_is_a_fault() {
     let saved = Saved::new();
-    // What `scp` does: the file is emptied, then written from its beginning on. Half of it is there again.
+    // Like `scp`: the file is truncated, then written from its beginning. Half of it is there again.
     saved.is_noticed(|path| fs::write(path, &saved.bytes[..saved.bytes.len() / 2]).unwrap());
 }
 
@@ -178,7 +178,7 @@ fn a_record_that_was_overwritten_is_a_fault_of_the_scene() {
     assert_eq!((object, scene.resident_bytes()), (None, unread));
     let first = scene.fault().unwrap().clone();
     saved.is_about_a_change(&first, &format!("objects 0 to {}", scene.objects().len().min(1024) - 1));
-    // Whoever goes on finds no more, and the same fault.
+    // Further reads find nothing more, and the same fault.
     assert_eq!((scene.object_name(0), scene.triangles(&scene.drawables()[0]).count()), (None, 0));
     assert!(scene.nodes().get(0).is_some() && scene.nodes().get(last + 1).is_none());
     assert_eq!(scene.fault().unwrap().what, first.what);
@@ -192,13 +192,12 @@ impl Drop for Stop<'_> {
     }
 }
 
-/// Somebody writes one scene over another of the same length without a pause. Whatever is read is of the one
-/// that was opened.
+/// One scene is written over another of the same length continuously. All data read is of the opened one.
 #[test]
 fn a_scene_that_is_being_overwritten_is_read_whole_or_with_a_fault() {
     let saved = Saved::new();
-    // The same plant in other colours: all of its vertices differ. A half of 256 on top changes no difference
-    // of two, so that what is packed is as long.
+    // The same plant in other colours: all of its vertices differ. Adding half of 256 changes no difference
+    // of two, so the packed length stays.
     let mut model = plant(&PlantOptions::small(1));
     for Rgba8([r, g, b, _]) in model.meshes.iter_mut().flat_map(|mesh| &mut mesh.colours) {
         (*r, *g, *b) = (*r ^ 0x80, *g ^ 0x80, *b ^ 0x80);
@@ -220,12 +219,12 @@ fn a_scene_that_is_being_overwritten_is_read_whole_or_with_a_fault() {
                 overwrite(&saved.path, bytes);
             }
         });
-        // The writer ends even where an assertion fails.
+        // The writer ends even if an assertion fails.
         let _stop = Stop(&done);
         for _ in 0..50 {
             let scene = match Scene::open(&saved.path) {
                 Ok(scene) => scene,
-                // Damaged where the writer did not come to write meanwhile, and stood half way.
+                // Damaged if the writer was paused half way meanwhile.
                 Err(OpenError::Changed { .. } | OpenError::Damaged { .. }) => continue,
                 Err(OpenError::Read(error)) if torn(&error.cause) => continue,
                 Err(other) => panic!("{other}"),

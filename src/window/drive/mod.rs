@@ -66,7 +66,7 @@ pub(super) struct Drive {
     phase: Phase,
     /// When the first exact picture was shown.
     exact: Duration,
-    /// When the eye last jumped, until a set from behind the jump has come.
+    /// When the eye last jumped, until a set from after the jump has come.
     jumped: Option<Duration>,
     album: Album,
     ages: Vec<f64>,

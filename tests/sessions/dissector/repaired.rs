@@ -1,5 +1,4 @@
-//! Frames that lost packets on their way and that repair made whole: the dissector rebuilds nothing, and says
-//! so.
+//! Frames that lost packets and were repaired by FEC: the dissector rebuilds nothing, and says so.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -18,14 +17,14 @@ use trimaran_wire::{
 
 use super::{between_two, capture, hello};
 
-/// Of each frame so many ids, all of them new: it takes several packets, whichever way it is coded.
+/// The ids of each frame, all of them new: it takes several packets, with any coding.
 const IDS: u32 = 1500;
 
 fn ids(frame: u32) -> impl Iterator<Item = DrawableId> {
     (0..IDS).map(move |id| DrawableId(1 + frame * 100_000_000 + id * id * 9))
 }
 
-/// Two ends in the clear, and what they said until they knew each other.
+/// Two ends without encryption, and their packets until the handshake is complete.
 fn introduced(config: Config) -> ([Connection; 2], Vec<(usize, Vec<u8>)>) {
     let now = Instant::from_nanos(0);
     let mut hello = hello();
@@ -77,7 +76,7 @@ fn send(
     writer.finish(&mut send).unwrap();
 }
 
-/// What became of the frame, if it is over.
+/// The result of the frame, if it is over.
 fn receive(
     message: FrameMessage,
     decoder: &mut dyn BatchDecoder<DrawableId>,
@@ -108,8 +107,8 @@ fn receive(
     assembler.take(step).unwrap()
 }
 
-/// Three frames with repair, of the second of which the packet number `lost` gets lost. What was captured
-/// behind the loss, and how many bytes got lost; the receiver has all three.
+/// Three frames with repair; packet number `lost` of the second one is lost. Returns the capture without it,
+/// and how many bytes were lost; the receiver has all three.
 fn three_frames(coding: IdCoding, lost: usize) -> (Vec<(usize, Vec<u8>)>, usize) {
     let coded = coding == IdCoding::Changes;
     let format = Format::of::<Walkthrough>();
@@ -166,7 +165,7 @@ fn what_came_by_repair_is_said_to_be_missing_and_nothing_is_made_up() {
             for [unit, unseen, said] in &missing {
                 assert!(unit.iter().all(|unit| unit == "1"), "{missing:?}");
                 let lacks: usize = unseen[0].parse().unwrap();
-                // The packet's header and the part's own fields are no bytes of the frame.
+                // The packet's header and the part's own fields do not belong to the frame.
                 assert!((bytes - 60..bytes).contains(&lacks), "{lacks} of {bytes}");
                 assert!(said.concat().contains(&format!("not rebuilt: {lacks} bytes of unit 1")), "{said:?}");
             }

@@ -22,11 +22,11 @@
 //! # }
 //! ```
 //!
-//! | module | what is in it |
+//! | module | contents |
 //! |---|---|
 //! | `time` | [`Instant`], a point in the time of one network |
 //! | `net` | [`Net`], timers, byte streams, and how to wait |
-//! | `tcp`, `unix`, `udp` | what is told to sockets and what they tell, and datagrams in batches |
+//! | `tcp`, `unix`, `udp` | options of sockets, facts about peers, and datagrams in batches |
 //! | `tokio_net` | [`TokioNet`], behind the feature `tokio` |
 
 #[cfg(feature = "config")]

@@ -36,8 +36,8 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
     /// Runs `task` beside the caller.
     fn spawn(&self, task: BoxFuture<'static, ()>);
 
-    /// Runs work that may block, such as a read from a disk, where it holds up no task. By default at once: a
-    /// simulated network has no thread to spare, and its time stands still meanwhile.
+    /// Runs work that may block, such as a read from a disk, without holding up tasks. By default at once: a
+    /// simulated network has no spare thread, and its time stands still meanwhile.
     fn spawn_blocking(&self, work: Box<dyn FnOnce() + Send>) {
         work();
     }

@@ -7,7 +7,7 @@ use std::time::Duration;
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct TcpOptions {
-    /// Send at once, without Nagle's wait for an acknowledgement. Default true.
+    /// Sends at once, without Nagle's wait for an acknowledgement. Default true.
     pub nodelay: bool,
     /// The system's send buffer, bytes; `None` leaves it to the system, which adapts it.
     pub send_buffer: Option<usize>,

@@ -41,12 +41,12 @@
 //! A case that fails panics with its finding. To run tests in another way, such as in virtual time, give
 //! [`conformance_cases!`](crate::conformance_cases) a macro of your own.
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
 //! | `frames`, `latest`, `records`, `waiting`, `endings` | the cases |
-//! | `robot`, `coding` | the protocol that they speak |
+//! | `robot`, `coding` | their protocol |
 //! | `record_lanes` | messages and blocks, for cases of both |
-//! | `talk`, `pairs` | what its peers say, and how they meet |
+//! | `talk`, `pairs` | the messages of its peers, and pairs of links |
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a check that fails panics: that is how a test fails")]
 

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{EndpointFault, is_plain};
 
-/// The longest path of a Unix socket, bytes: what fits into a `sockaddr_un` of Linux (108 with the closing
-/// zero). Systems with less room say so when the socket is made.
+/// The longest path of a Unix socket, bytes: the size of a `sockaddr_un` of Linux (108 with the closing
+/// zero). Systems with less room fail when the socket is made.
 pub(super) const LONGEST_PATH: usize = 107;
 
 /// The longest name of a listener within a process, bytes.

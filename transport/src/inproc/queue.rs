@@ -84,7 +84,7 @@ pub(super) struct Receiver<T> {
 }
 
 impl<T> Receiver<T> {
-    /// The next item; `None` after the last one, when the sender is gone. Dropping the future loses nothing.
+    /// The next item; `None` after the last one, if the sender is gone. Dropping the future loses nothing.
     pub(super) async fn recv(&mut self) -> Option<T> {
         loop {
             if let Some(item) = self.bundle.pop_front() {

@@ -166,7 +166,7 @@ pub(super) fn save(private: &PrivateFile, public: &PublicKeys, folder: &Path) ->
     let files = KeyFiles { private: at("key"), public: at("pub") };
     write_new(&files.private, PRIVATE_REMARK, private, 0o600)?;
     write_new(&files.public, PUBLIC_REMARK, public, 0o644).inspect_err(|_| {
-        // The other file is missing: removes this one, as if nothing had been made.
+        // Without the public file: removes the private one, as if nothing had been made.
         let _ = fs::remove_file(&files.private);
     })?;
     Ok(files)

@@ -110,7 +110,7 @@ impl Counters {
     }
 }
 
-/// Counters of one direction. Relaxed: they order nothing, they only add up.
+/// Counters of one direction. Relaxed, because they only add up.
 #[derive(Debug, Default)]
 pub(crate) struct Direction {
     latest: AtomicTally,

@@ -24,14 +24,14 @@ use trimaran_net::{Instant, Net, UdpSocket, random_bytes, until};
 
 /// The pause before the first packet is sent again; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
-/// The longest pause between two first packets: a listener that has just come up is found within that time.
+/// The longest pause between two first packets: a listener that has just started is found within that time.
 const LAST_PAUSE: Duration = Duration::from_millis(400);
-/// An address that is asked in vain leaves that part of its time, so that it is said why before the attempt
-/// is cut short.
+/// An address tried in vain leaves this part of its time, so that the cause is known before the attempt is
+/// cut short.
 const REST: u32 = 50;
 
-/// Tries each address of the host, each for its share of the time that a handshake may take: nobody says that
-/// there is nobody.
+/// Tries each address of the host, each for its share of the handshake's time limit: a missing listener sends
+/// no error.
 pub(super) async fn attempt(
     net: &Arc<dyn Net>,
     endpoint: &UdpEndpoint,
@@ -99,7 +99,7 @@ async fn introduce(
     connection.set_batch(batching.size);
     connection.set_coded(batching.coded);
     connection.follow(to, random_bytes(&**net).map_err(refused)?);
-    // The listener believes in this side once it has heard it use its keys.
+    // The listener admits this side once it has seen it use its keys.
     connection.ping();
 
     let connections = Connections::new(net);
@@ -134,8 +134,7 @@ fn key_of(security: &Security) -> Option<PeerKey> {
     }
 }
 
-/// A payload of the handshake: the message, and whether all frames sent from here will be whole. Counted as
-/// sent.
+/// A handshake payload: the message, and whether all frames sent from here will be complete. Counted as sent.
 pub(super) fn introduce_with(message: &Message, config: &Config, counters: &Counters) -> BytesMut {
     let mut bytes = BytesMut::new();
     message.encode(&mut bytes);
@@ -144,7 +143,7 @@ pub(super) fn introduce_with(message: &Message, config: &Config, counters: &Coun
     bytes
 }
 
-/// What a payload of the handshake says. Counted as received.
+/// Reads a handshake payload. Counted as received.
 pub(super) fn read_introduction(
     bytes: &[u8],
     format: Format,
@@ -170,7 +169,7 @@ fn read_answer(bytes: &[u8], format: Format, counters: &Counters) -> Result<(Byt
     }
 }
 
-/// A socket on which an answer is awaited.
+/// A socket that waits for an answer.
 struct Asking<'a> {
     net: &'a Arc<dyn Net>,
     socket: &'a Arc<dyn UdpSocket>,
@@ -178,18 +177,18 @@ struct Asking<'a> {
     incoming: Incoming,
 }
 
-/// How far one way to shake hands has come.
+/// The state of one kind of handshake.
 enum Stage {
     Asking(Connecting),
-    /// A packet is to be sent at once.
+    /// A packet must be sent at once.
     Again(Connecting),
     Taken(Box<Connection>, Vec<u8>),
     Refused(Vec<u8>),
 }
 
 impl Asking<'_> {
-    /// Sends first packets until one is answered, or until `by`. Gives the listener's key, the connection and
-    /// what the listener says.
+    /// Sends first packets until one is answered, or until `by`. Returns the listener's key, the connection
+    /// and the listener's answer.
     async fn ask(
         &mut self,
         ways: Vec<(Option<PeerKey>, Connecting)>,
@@ -233,7 +232,7 @@ impl Asking<'_> {
         }
     }
 
-    /// What cannot be sent counts as lost: it is sent again.
+    /// A packet that cannot be sent counts as lost: it is sent again.
     fn send(&self, connecting: Connecting) -> Stage {
         let mut datagram = Vec::new();
         connecting.initial(&mut datagram);
@@ -244,7 +243,7 @@ impl Asking<'_> {
     }
 }
 
-/// Why nobody answered, as far as it is known.
+/// Why there was no answer, as far as known.
 fn in_vain(stages: &[(Option<PeerKey>, Stage)]) -> HandshakeError {
     let claimed = stages.iter().find_map(|(_, stage)| match stage {
         Stage::Asking(connecting) | Stage::Again(connecting) => connecting.claimed_version(),
@@ -256,7 +255,7 @@ fn in_vain(stages: &[(Option<PeerKey>, Stage)]) -> HandshakeError {
     }
 }
 
-/// What a listener that refuses says.
+/// The error for a listener's refusal.
 fn refusal(answer: &[u8], format: Format) -> HandshakeError {
     read_answer(answer, format, &Counters::unframed()).err().unwrap_or(HandshakeError::Closed)
 }
@@ -273,7 +272,7 @@ impl Stage {
                 _ => Self::Refused(Vec::new()),
             },
             Self::Taken(mut connection, answer) => {
-                // Data may follow the answer at once.
+                // Data may come right behind the answer.
                 connection.handle(now, datagram);
                 Self::Taken(connection, answer)
             }

@@ -1,5 +1,4 @@
-//! The tasks behind connections: one a socket that takes what arrives, one a connection that keeps its
-//! timers.
+//! The tasks behind connections: one per socket to receive, one per connection to keep its timers.
 
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -16,14 +15,14 @@ use super::port::{Port, State, Waiter};
 use super::socket::{Incoming, Path};
 use trimaran_net::{Instant, Net, UdpPoller, sleep_until};
 
-/// How long what was sent may take to arrive after the last half of a link was dropped.
+/// How long sent data may take to arrive after the last half of a link was dropped.
 const LINGER: Duration = Duration::from_secs(2);
-/// How long a peer that goes on is told that the connection is closed.
+/// How long a peer that keeps sending is told that the connection is closed.
 const TELL: Duration = Duration::from_secs(1);
 /// The pause after a socket has failed to receive.
 const PAUSE: Duration = Duration::from_millis(10);
 
-/// The connections at one socket, by the names that this side gave them.
+/// The connections at one socket, by their ids on this side.
 #[derive(Debug)]
 pub(super) struct Connections {
     net: Arc<dyn Net>,
@@ -47,7 +46,7 @@ impl Connections {
     /// Ends when the last connection does.
     pub(super) async fn emptied(&self) {
         loop {
-            // Made before the look, so that an end in between is not missed.
+            // Created before the check, so that an end in between is not missed.
             let emptied = self.emptied.notified();
             if self.is_empty() {
                 return;
@@ -56,7 +55,7 @@ impl Connections {
         }
     }
 
-    /// Serves a connection to its end.
+    /// Runs a connection to its end.
     pub(super) fn serve(
         self: &Arc<Self>,
         id: ConnectionId,
@@ -71,10 +70,10 @@ impl Connections {
         }
     }
 
-    /// Receives once; what is for no connection goes to `stranger`.
+    /// Receives once; datagrams for no connection go to `stranger`.
     pub(super) async fn receive(&self, incoming: &mut Incoming, mut stranger: impl FnMut(Path, &[u8])) {
         let mut touched: Option<Arc<Port>> = None;
-        // What came at once came at one time.
+        // Datagrams received together have one time.
         let mut came = None;
         let received = incoming
             .receive(|path, datagram| {
@@ -99,12 +98,11 @@ impl Connections {
     }
 }
 
-/// Keeps the timers of a connection, sends what its socket had no room for, and ends it once its link is
-/// gone.
+/// Keeps the timers of a connection, sends when its socket has room again, and ends it once its link is gone.
 async fn drive(port: &Port) {
     let mut timer = port.net.timer();
     // When the timer rings. It may ring too early, as deadlines move on with every acknowledgement: setting
-    // it costs more than a look.
+    // it costs more than a check.
     let mut armed: Option<Instant> = None;
     let mut poller: Option<Pin<Box<dyn UdpPoller>>> = None;
     let mut departure = Departure::default();
@@ -139,7 +137,7 @@ async fn drive(port: &Port) {
             }
             if !sent {
                 let poller = poller.get_or_insert_with(|| Arc::clone(&port.socket).poller());
-                // A socket that cannot be waited for shows that when it is used.
+                // A socket that fails to wait fails again when it is used.
                 let _writable = ready!(poller.as_mut().poll_writable(cx));
                 continue;
             }
@@ -150,10 +148,10 @@ async fn drive(port: &Port) {
     .await;
 }
 
-/// How a connection comes to its end.
+/// How a connection ends.
 #[derive(Debug, Default)]
 struct Departure {
-    /// Until when what was sent may still arrive.
+    /// Until when sent data may still arrive.
     linger: Option<Instant>,
     /// Until when the peer is told of the close.
     tell: Option<Instant>,

@@ -20,11 +20,11 @@ const LANE: UnitLane = UnitLane::Frames;
 pub(crate) struct FrameTx {
     lane: UnitTx,
     staged: VecDeque<Staged>,
-    /// Somebody was told that frames have less time than the way takes.
+    /// The warning that frames have less time than the path takes was given.
     warned: bool,
 }
 
-/// What waits to be given to the connection.
+/// Waits to be passed to the connection.
 #[derive(Debug)]
 pub(crate) enum Staged {
     Frame(FrameMessage),
@@ -58,12 +58,12 @@ impl FrameTx {
         self.staged.push_back(message);
     }
 
-    /// The newest frame that the peer has all of.
+    /// The newest frame that the peer has completely.
     pub(crate) fn confirmed(&self) -> Option<FrameNumber> {
         self.lane.carrier.lock().connection.confirmed_frame()
     }
 
-    /// Gives what is staged to the connection. Whatever it takes starts the timeout anew.
+    /// Passes staged messages to the connection. Any progress restarts the timeout.
     pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         while !self.staged.is_empty() {
             let Self { lane, staged, warned } = self;
@@ -89,7 +89,7 @@ impl FrameTx {
         Ok(())
     }
 
-    /// Ends the lane behind its close, once all of it has arrived.
+    /// Ends the lane behind its close, once everything has arrived.
     pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         self.lane.close(timeouts).await
     }

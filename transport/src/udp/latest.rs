@@ -101,7 +101,7 @@ impl LatestRx {
     }
 }
 
-/// The value that was not read, or how the lane ended; none where a value may still come.
+/// The unread value, or the end of the lane; `None` if a value may still come.
 fn next(state: &mut State, shared: &Shared) -> Option<Result<FixedBytes, LaneError>> {
     if let Some(value) = state.connection.latest() {
         shared.counters.received.count(Kind::Latest, shared.format.latest);

@@ -1,4 +1,4 @@
-//! Listening over datagrams: who is let in, and what strangers may cost.
+//! Listening over datagrams: admission of peers, and limits for strangers.
 
 use parking_lot::Mutex;
 use std::collections::BTreeMap;
@@ -24,7 +24,7 @@ use crate::stats::Counters;
 use crate::{PeerAddress, UdpMode};
 use trimaran_net::{UdpSocket, random_bytes, until};
 
-/// Listens, and receives peers until nobody accepts them any more. Says where.
+/// Listens, and receives peers until nobody accepts any more. Returns the address.
 pub(super) fn listen(
     at: SocketAddr,
     mode: Option<UdpMode>,
@@ -49,7 +49,7 @@ pub(super) fn listen(
     Ok(address)
 }
 
-/// The address of a peer and the name that it gave its connection.
+/// The address of a peer and its id for the connection.
 type Caller = (SocketAddr, ConnectionId);
 
 /// A listening socket, and the connections at it.
@@ -59,16 +59,16 @@ struct UdpListener {
     udp: UdpAcceptor,
     socket: Arc<dyn UdpSocket>,
     connections: Arc<Connections>,
-    /// What callers were answered: the same first packet may come again, and means the same connection.
+    /// Answers to callers: a repeated first packet means the same connection.
     answers: Arc<Mutex<BTreeMap<Caller, Vec<u8>>>>,
 }
 
-/// A caller whose keys fit.
+/// A caller with valid keys.
 struct Guest {
     hello: Hello,
     /// How items travel.
     batching: Batching,
-    /// Whether all frames will be whole, in both directions.
+    /// Whether all frames will be complete, in both directions.
     reliable: bool,
     counters: Arc<Counters>,
 }
@@ -97,7 +97,7 @@ impl UdpListener {
     /// A datagram for no connection.
     fn take(&self, path: Path, datagram: &[u8]) {
         let from = path.remote;
-        // Whoever sends from an address of its own makes work from here on.
+        // A validated address costs work from here on.
         if self.udp.would_decrypt(self.acceptor.net.now(), from, datagram)
             && let Err(e) = self.acceptor.begin(&PeerAddress::Udp(from))
         {
@@ -136,7 +136,7 @@ impl UdpListener {
         self.send(path, &reply);
     }
 
-    /// Whether the caller may come in.
+    /// Whether the caller is admitted.
     fn judge(&self, initial: &Initial) -> Result<Guest, HandshakeError> {
         let counters = Counters::unframed();
         let (hello, reliable) = match read_introduction(&initial.hello, self.config.format, &counters) {
@@ -158,15 +158,15 @@ impl UdpListener {
         if let (Some(key), Some(security)) = (initial.key, &self.acceptor.options.security) {
             security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), peer.role.as_deref())?;
         }
-        // It takes a place only once it has shown that it is there now.
+        // It takes a place only once it has proved to be there now.
         self.acceptor.admits(&hello).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.frame_deadline.is_none();
         let batching = peer.batching.unwrap_or(self.acceptor.options.link.batching);
         Ok(Guest { hello, batching, reliable, counters })
     }
 
-    /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet
-    /// may be a copy of one that somebody else sent.
+    /// Makes a connection for the caller, and a link once it has proved to be there now: its first packet may
+    /// be a copy sent by somebody else.
     fn let_in(&self, path: Path, initial: Initial, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
         let (acceptor, caller) = (&self.acceptor, (path.remote, initial.from));
         let here = self.free_name()?;
@@ -190,7 +190,7 @@ impl UdpListener {
         Ok(())
     }
 
-    /// A name that no connection here has.
+    /// A connection id that is free here.
     fn free_name(&self) -> io::Result<ConnectionId> {
         loop {
             let id = ConnectionId(self.acceptor.net.random()? as u32);
@@ -200,7 +200,7 @@ impl UdpListener {
         }
     }
 
-    /// What cannot be sent counts as lost: the caller asks again.
+    /// A packet that cannot be sent counts as lost: the caller asks again.
     fn send(&self, path: Path, datagram: &[u8]) {
         if !datagram.is_empty() {
             let mut outgoing = Outgoing::new(path, &*self.socket);
@@ -210,7 +210,7 @@ impl UdpListener {
     }
 }
 
-/// Hands out the link with a guest once it has used its keys, or lets it go.
+/// Hands out the link with a guest once it has used its keys, or drops it.
 async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
     let confirmed = poll_fn(|cx| {
         let mut state = port.lock();

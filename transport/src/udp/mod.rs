@@ -1,9 +1,9 @@
-//! Links over datagrams of this crate's own protocol: frames put together each by itself, so that a loss
-//! holds up one frame and not the connection.
+//! Links over datagrams of this crate's own protocol. Frames are assembled independently, so a loss holds up
+//! one frame and not the connection.
 //!
-//! The protocol is the state machine of `trimaran-udp`; here are its sockets, tasks and timers, all of them
-//! of the [`Net`](crate::Net). One task a socket takes what arrives, one task a connection keeps its timers,
-//! and whoever sends does so at once.
+//! The protocol is the state machine of `trimaran-udp`; here are its sockets, tasks and timers, all from the
+//! [`Net`](crate::Net). One task per socket receives, one task per connection keeps its timers, and senders
+//! send at once.
 
 mod connect;
 mod driver;

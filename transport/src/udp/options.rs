@@ -1,4 +1,4 @@
-//! How connections over datagrams are set up.
+//! Options of connections over datagrams.
 
 use std::fmt;
 use std::time::Duration;
@@ -19,10 +19,10 @@ pub(crate) const MAX_DATAGRAM: usize = 1500;
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct UdpOptions {
-    /// What makes peers trust each other. Default their keys.
+    /// The authentication of peers. Default by keys.
     pub trust: Trust,
-    /// What becomes of frames that are sent from here and do not arrive in time, where the endpoint does not
-    /// say. Default reliable.
+    /// The mode for frames sent from here that do not arrive in time, unless the endpoint names one. Default
+    /// reliable.
     pub mode: UdpMode,
     /// How long after its end a frame sent from here may arrive, in the mode with deadlines. Default 50 ms.
     #[cfg_attr(
@@ -31,21 +31,21 @@ pub struct UdpOptions {
         schemars(with = "f64")
     )]
     pub deadline: Duration,
-    /// When frames sent from here get repair, with which most losses cost no time. Default while packets are
-    /// lost.
+    /// When frames sent from here get forward error correction, with which most losses cost no time. Default
+    /// while packets are lost.
     pub repair: Repair,
-    /// How many bytes of repair may be sent, percent of the frames' own. 0 for none. Default 15.
+    /// The largest share of repair packets, percent of the frames' own bytes. 0 for none. Default 15.
     #[cfg_attr(feature = "config", serde(deserialize_with = "range::repair_percent"))]
     pub repair_percent: u8,
-    /// How many packets may be under way at first, 2 at least: ten leave at once, those behind them over the
-    /// round trip. Default 20.
+    /// The initial window in packets, at least 2: ten leave at once, the rest over the round trip. Default
+    /// 20.
     #[cfg_attr(feature = "config", serde(deserialize_with = "range::initial_window"))]
     pub initial_window: u16,
-    /// The largest datagram that is tried, bytes: 1,200 are always used, and at most 1,500 are. Default
+    /// The largest datagram that is probed, bytes: 1,200 are always used, and at most 1,500 are. Default
     /// 1,452.
     #[cfg_attr(feature = "config", serde(deserialize_with = "range::max_datagram"))]
     pub max_datagram: usize,
-    /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have
+    /// How many bytes of frames may be in flight in each direction, sent and not read. Both sides must have
     /// the same. Default 4 MiB.
     pub window: u32,
     /// How many bytes of frames this side keeps until they are acknowledged. Default 4 MiB.
@@ -54,7 +54,7 @@ pub struct UdpOptions {
     pub socket: UdpSocketOptions,
 }
 
-/// What makes peers trust each other. Both sides need the same kind.
+/// The authentication of peers. Both sides need the same kind.
 #[derive(Clone, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
@@ -64,10 +64,10 @@ pub enum Trust {
     /// [`Options::security`](crate::Options::security).
     #[default]
     Keys,
-    /// Both hold these 32 random bytes: who has them is a peer. Wiped from memory when this is dropped.
+    /// Both hold these 32 random bytes, which make a peer. Wiped from memory when dropped.
     #[cfg_attr(feature = "config", serde(skip))]
     SharedKey(Zeroizing<[u8; 32]>),
-    /// Nothing is hidden and nobody is checked: only for trusted networks.
+    /// No encryption and no authentication: only for trusted networks.
     #[cfg_attr(feature = "config", serde(rename = "plain"))]
     Plaintext,
 }
@@ -83,14 +83,14 @@ impl fmt::Debug for Trust {
 }
 
 impl Trust {
-    /// What a listener takes.
+    /// The security of a listener.
     pub(super) fn listening(&self, known: Option<&Security>) -> Result<Noise, HandshakeError> {
         Ok(match self {
             Self::SharedKey(key) => Noise::PreShared(key.clone()),
             Self::Plaintext => Noise::Plaintext,
             Self::Keys => {
                 let Security { keys, peers } = known.ok_or(HandshakeError::NoKeys)?;
-                // A key may be known for several roles. They are tried in the order in which they are named.
+                // A key may be known for several roles. They are tried in the order given.
                 let mut known = Vec::with_capacity(peers.len());
                 for key in peers.iter().map(|peer| peer.keys.udp.to_bytes()) {
                     if !known.contains(&key) {
@@ -102,8 +102,8 @@ impl Trust {
         })
     }
 
-    /// What to try with a listener, which may be any of the peers: the first message is sealed for one of
-    /// them.
+    /// The securities to try with a listener, which may be any of the peers: the first message is sealed for
+    /// one of them.
     pub(super) fn connecting(&self, known: Option<&Security>) -> Result<Vec<Noise>, HandshakeError> {
         Ok(match self.listening(known)? {
             Noise::Pinned { own, peers } => {
@@ -134,7 +134,7 @@ impl Default for UdpOptions {
 }
 
 impl UdpOptions {
-    /// What holds for a connection whose endpoint asks for `mode`.
+    /// The configuration of a connection whose endpoint asks for `mode`.
     pub(super) fn config(&self, mode: Option<UdpMode>, link: &LinkConfig, format: Format) -> Config {
         let frame_deadline = match mode.unwrap_or(self.mode) {
             UdpMode::Reliable => None,
@@ -160,7 +160,7 @@ impl UdpOptions {
 
 #[cfg(feature = "config")]
 mod range {
-    //! What the options may be, as a configuration file gives them.
+    //! Ranges of the options, for a configuration file.
 
     use serde::Deserializer;
 

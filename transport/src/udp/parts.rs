@@ -1,4 +1,4 @@
-//! What a link is made of, from a connection.
+//! The parts of a link over a connection.
 
 use std::fmt;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::peer::{Peer, PeerAddress};
 use crate::stats::Counters;
 use crate::transport::Capabilities;
 
-/// What a link is made of, from a connection.
+/// The parts of a link over a connection.
 pub(super) fn parts(
     port: &Arc<Port>,
     options: &UdpOptions,

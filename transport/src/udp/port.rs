@@ -1,4 +1,4 @@
-//! A connection at a socket, shared by the halves of its link and the tasks that serve it.
+//! A connection at a socket, shared by the halves of its link and its tasks.
 
 use parking_lot::{Mutex, MutexGuard};
 use std::fmt;
@@ -13,18 +13,18 @@ use crate::error::{LaneError, Loss, ProtocolError};
 use crate::stats::PathSource;
 use trimaran_net::{Instant, Net, UdpSocket};
 
-/// A connection and what its tasks wait for.
+/// A connection and the wake-ups of its tasks.
 pub(super) struct Port {
     pub(super) net: Arc<dyn Net>,
     pub(super) socket: Arc<dyn UdpSocket>,
-    /// Where the peer was first.
+    /// The first address of the peer.
     remote: SocketAddr,
     state: Mutex<State>,
-    /// What the connection had counted when it went.
+    /// The connection's last counts.
     last: Arc<Mutex<PathStats>>,
 }
 
-/// Reads a port's counts, and its last ones once it is gone: it does not keep the socket.
+/// Reads a port's counts, and its last ones once it is gone. It does not keep the socket.
 #[derive(Debug)]
 struct Watch {
     port: Weak<Port>,
@@ -48,10 +48,10 @@ impl Drop for Port {
 pub(super) struct State {
     pub(super) connection: Connection,
     outgoing: Outgoing,
-    /// The next datagram, and whether it waits for others to leave before it.
+    /// The next datagram, and whether it must wait for others to leave first.
     datagram: Vec<u8>,
     waits: bool,
-    /// When the driver looks after the connection by itself.
+    /// When the driver next handles the connection by itself.
     pub(super) armed: Option<Instant>,
     /// The driver waits for the socket to have room.
     pub(super) full: bool,
@@ -60,10 +60,10 @@ pub(super) struct State {
     waiting: [Option<Waker>; WAITERS],
 }
 
-/// How many may wait for a connection.
+/// How many tasks may wait for a connection.
 const WAITERS: usize = 10;
 
-/// Who waits for a connection.
+/// A task that waits for a connection.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Waiter {
     Driver,
@@ -119,26 +119,26 @@ impl Port {
         self.state.lock()
     }
 
-    /// Takes a datagram that came for the connection, from wherever. [`Port::settle`] follows the last one.
+    /// Takes a datagram for the connection, from any address. [`Port::settle`] follows the last one.
     pub(super) fn handle(&self, now: Instant, from: SocketAddr, datagram: &[u8]) {
         self.lock().connection.handle_from(now, from, datagram);
     }
 
-    /// Answers what has come by `now`, and wakes whoever has something to do now.
+    /// Answers the datagrams that have come by `now`, and wakes tasks that can go on.
     pub(super) fn settle(&self, now: Instant) {
         let mut state = self.lock();
         state.flush(now, &*self.socket);
         state.wake_ready();
     }
 
-    /// Sends what there is to be sent; for whoever has just given the connection something.
+    /// Sends pending data, after something was passed to the connection.
     pub(super) fn flush(&self, state: &mut State) {
         state.flush(self.net.now(), &*self.socket);
     }
 }
 
 impl State {
-    /// Hands the system everything that may leave now; false when it has no room.
+    /// Hands the system everything that may leave now; false if it has no room.
     pub(super) fn flush(&mut self, now: Instant, socket: &dyn UdpSocket) -> bool {
         let sent = self.send_all(now, socket);
         let due = self.connection.poll_timeout();
@@ -163,7 +163,7 @@ impl State {
             *waits = false;
         }
         while let Some(elsewhere) = connection.poll_excursion(now, datagram) {
-            // What cannot be sent counts as lost.
+            // A datagram that cannot be sent counts as lost.
             let mut excursion = outgoing.elsewhere(elsewhere, socket);
             excursion.push(datagram);
             excursion.send(socket);
@@ -189,7 +189,7 @@ impl State {
         }
     }
 
-    /// Wakes the halves that have something to do.
+    /// Wakes the halves that can go on.
     pub(super) fn wake_ready(&mut self) {
         let connection = &self.connection;
         let over = connection.closed().is_some();
@@ -214,25 +214,24 @@ impl State {
         }
     }
 
-    /// Whether the peer has closed the connection in good order: a close that crosses its leaving need not
+    /// Whether the peer has closed the connection in order: a close that crosses the peer's own need not
     /// arrive.
     pub(super) fn peer_has_left(&self) -> bool {
         matches!(self.connection.closed(), Some(Closed::Peer))
     }
 
-    /// How the connection was lost, if it was.
+    /// How the connection was lost, if so.
     pub(super) fn loss(&self) -> Option<Loss> {
         self.connection.closed().map(|why| match why {
             Closed::Peer | Closed::Here => Loss::Closed,
             Closed::Silent(_) => Loss::Silent,
-            // The way there is cut, and the way back is not.
+            // The path to the peer is cut, and the path back is not.
             Closed::Deaf(_) => Loss::Io(std::io::Error::new(std::io::ErrorKind::TimedOut, why.clone())),
             other => Loss::Io(std::io::Error::new(std::io::ErrorKind::InvalidData, other.clone())),
         })
     }
 
-    /// How the connection ended for a reader, if it did: a peer that broke the protocol is told from one that
-    /// was lost.
+    /// How the connection ended for a reader, if it did. Violations of the protocol are distinct from losses.
     pub(super) fn end(&self) -> Option<LaneError> {
         match self.connection.closed()? {
             Closed::Here
@@ -273,8 +272,8 @@ impl State {
     }
 }
 
-/// A port as the halves of a link hold it. Dropping the last one lets the connection end once what was sent
-/// has arrived.
+/// A port held by the halves of a link. Dropping the last one lets the connection end once sent data has
+/// arrived.
 #[derive(Debug)]
 pub(crate) struct Carrier(Arc<Port>);
 

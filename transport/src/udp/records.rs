@@ -15,7 +15,7 @@ use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 
 impl RecordLane {
-    /// Where its records travel.
+    /// The lane of its units.
     const fn units(self) -> UnitLane {
         match self {
             Self::Messages => UnitLane::Messages,
@@ -51,7 +51,7 @@ impl RecordTx {
         Ok(())
     }
 
-    /// Closes the lane, and waits until all of it has arrived.
+    /// Closes the lane, and waits until everything has arrived.
     pub(crate) async fn close(
         &mut self,
         reason: CloseReason,
@@ -82,7 +82,7 @@ impl RecordRx {
         shared: &Shared,
         timeouts: &mut Timeouts,
     ) -> Result<Bytes, LaneError> {
-        // Each comes on its own lane only.
+        // Each kind comes on its own lane only.
         match self.units.next(by, shared, timeouts).await? {
             Received::Message(record) | Received::Block(record) => {
                 shared.counters.received.count(self.lane.kind(), record.len());
@@ -93,7 +93,7 @@ impl RecordRx {
     }
 }
 
-/// A unit that belongs on another lane: the connection would have ended with it.
+/// A unit of another lane: the connection would have ended with it.
 pub(super) fn wrong_unit() -> LaneError {
     let violation = LaneViolation::Unit;
     LaneError::Protocol(ProtocolError::Datagrams(Box::new(violation.into())))

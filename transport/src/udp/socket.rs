@@ -1,4 +1,4 @@
-//! A socket as connections use it: many datagrams in, one address at a time out.
+//! A socket for connections: receives many datagrams, sends to one address at a time.
 
 use std::future::poll_fn;
 use std::io::{self, IoSliceMut};
@@ -10,30 +10,29 @@ use trimaran_udp::MIN_DATAGRAM;
 
 use trimaran_net::{BATCH_SIZE, RecvMeta, Transmit, UdpSocket};
 
-/// How much one buffer holds where the system gives one datagram at a time: more than the protocol ever
-/// sends.
+/// The size of a buffer if the system fills one datagram at a time: more than the protocol ever sends.
 const DATAGRAM: usize = 2048;
-/// The most that one buffer holds, however many datagrams the system would put into it.
+/// The largest size of a buffer, for any number of datagrams that the system puts into it.
 const BUFFER: usize = 64 << 10;
 
-/// Between which addresses datagrams go. A socket may have several here, and who asked at one of them takes
-/// answers from no other.
+/// The two addresses of datagrams. A socket may have several local ones, and a peer takes answers only from
+/// the one it used.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Path {
     pub(super) remote: SocketAddr,
-    /// The address here, if it is known; else the system chooses.
+    /// The local address, if known; otherwise the system chooses.
     local: Option<IpAddr>,
 }
 
 impl Path {
-    /// A path to `remote` from whichever address the system chooses.
+    /// A path to `remote`; the system chooses the local address.
     pub(super) const fn to(remote: SocketAddr) -> Self {
         Self { remote, local: None }
     }
 
-    /// The path that an answer takes to what came so.
+    /// The path of an answer to a received datagram.
     fn back(meta: &RecvMeta) -> Self {
-        // What was sent to many is not answered from an address that all of them have.
+        // A multicast or broadcast address cannot be the source of an answer.
         let local = meta.dst_ip.filter(|ip| match ip {
             IpAddr::V4(ip) => !ip.is_multicast() && !ip.is_broadcast(),
             IpAddr::V6(ip) => !ip.is_multicast(),
@@ -53,7 +52,7 @@ pub(super) struct Incoming {
 impl Incoming {
     pub(super) fn new(socket: &Arc<dyn UdpSocket>) -> Self {
         let room = (socket.max_receive_segments() * DATAGRAM).min(BUFFER);
-        // As many bytes whether datagrams come one by one or many in a buffer.
+        // The total size is the same for single datagrams and for many in a buffer.
         let count = (2 * BUFFER / room).min(BATCH_SIZE);
         Self {
             socket: Arc::clone(socket),
@@ -62,7 +61,7 @@ impl Incoming {
         }
     }
 
-    /// Waits for datagrams and hands each to `take`, with the path back to where it comes from.
+    /// Waits for datagrams and hands each to `take`, with the path back to its sender.
     pub(super) async fn receive(&mut self, mut take: impl FnMut(Path, &[u8])) -> io::Result<()> {
         let Self { socket, buffers, meta } = self;
         let filled = {
@@ -78,7 +77,7 @@ impl Incoming {
     }
 }
 
-/// Datagrams to one address on their way into the system, several of one size at once where it takes them so.
+/// Datagrams to one address on their way into the system, several of one size at once if it supports that.
 #[derive(Debug)]
 pub(super) struct Outgoing {
     path: Path,
@@ -86,7 +85,7 @@ pub(super) struct Outgoing {
     /// The size of all of them but the last, which may be shorter.
     segment: usize,
     count: usize,
-    /// How many the system takes at once.
+    /// How many datagrams the system takes at once.
     most: usize,
 }
 
@@ -96,7 +95,7 @@ impl Outgoing {
         Self { path, bytes: Vec::with_capacity(most * MIN_DATAGRAM), segment: 0, count: 0, most }
     }
 
-    /// The peer is at `to` from now on: what waits to leave opens there as well.
+    /// The peer is at `to` from now on: waiting datagrams go there as well.
     pub(super) fn aim(&mut self, to: SocketAddr) {
         if self.path.remote != to {
             tracing::info!(from = %self.path.remote, %to, "the peer goes on at another address");
@@ -104,7 +103,7 @@ impl Outgoing {
         }
     }
 
-    /// Datagrams to another address, from the same one here.
+    /// Datagrams to another address, from the same local one.
     pub(super) fn elsewhere(&self, to: SocketAddr, socket: &dyn UdpSocket) -> Self {
         Self::new(Path { remote: to, ..self.path }, socket)
     }
@@ -113,7 +112,7 @@ impl Outgoing {
         self.count == 0
     }
 
-    /// Whether `length` more bytes can leave together with what is there.
+    /// Whether `length` more bytes can leave together with the present ones.
     pub(super) const fn takes(&self, length: usize) -> bool {
         let last_is_short = self.count > 0 && !self.bytes.len().is_multiple_of(self.segment);
         self.count == 0 || self.count < self.most && !last_is_short && length <= self.segment
@@ -127,8 +126,8 @@ impl Outgoing {
         self.count += 1;
     }
 
-    /// Hands everything to the system; false when it has no room now. What it refuses for another reason
-    /// counts as lost.
+    /// Hands everything to the system; false if it has no room now. Datagrams refused for another reason
+    /// count as lost.
     pub(super) fn send(&mut self, socket: &dyn UdpSocket) -> bool {
         if self.is_empty() {
             return true;

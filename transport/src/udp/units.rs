@@ -1,4 +1,4 @@
-//! A lane of units over datagrams, as frames and messages have it.
+//! A lane of units over datagrams, for frames and records.
 
 use std::future::poll_fn;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ impl UnitTx {
         Self { carrier: Arc::clone(carrier), lane, ended: false }
     }
 
-    /// Does `put` once there is room, and sends what that gives.
+    /// Calls `put` once there is room, and sends the result.
     pub(super) async fn with_room(
         &self,
         timeouts: &mut Timeouts,
@@ -50,7 +50,7 @@ impl UnitTx {
         timeouts.wait(None, put).await.map_err(|_| LaneSendError::Stalled)?
     }
 
-    /// Ends the lane behind its close, once all of it has arrived.
+    /// Ends the lane behind its close, once everything has arrived.
     pub(super) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         self.ended = true;
         let arrived = poll_fn(|cx| {
@@ -91,7 +91,7 @@ impl UnitRx {
         Self { carrier: Arc::clone(carrier), lane, closed: None }
     }
 
-    /// What comes next, unless it is the end.
+    /// The next item, unless the lane has ended.
     pub(super) async fn next(
         &mut self,
         by: Option<Instant>,
@@ -130,7 +130,7 @@ impl UnitRx {
 }
 
 impl Drop for UnitRx {
-    /// Tells the peer that nobody reads the lane any more.
+    /// Tells the peer that the lane is no longer read.
     fn drop(&mut self) {
         let mut state = self.carrier.lock();
         state.connection.stop_reading(self.lane);

@@ -1,7 +1,7 @@
 //! Links over Unix stream sockets, for peers on one machine: a connection for each lane, as over TCP.
 //!
-//! Each side asks the kernel whose process the other end is, and takes its own user's and those that
-//! [`UnixOptions::allow_uids`] names.
+//! Each side asks the kernel for the owner of the other process, and admits its own user and those of
+//! [`UnixOptions::allow_uids`].
 
 mod options;
 
@@ -21,7 +21,7 @@ use trimaran_net::{BoxFuture, Net, Stream, StreamPeer};
 #[derive(Debug, Clone)]
 pub(crate) struct Unix(pub(crate) UnixOptions);
 
-/// The process at the other end of a Unix socket belongs to a user who is not let in.
+/// The process at the other end of a Unix socket belongs to a user who is not admitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error(
     "the other end is a process of user {theirs}, this one of user {ours}: run both as one user, or allow user {theirs} here"
@@ -29,7 +29,7 @@ pub(crate) struct Unix(pub(crate) UnixOptions);
 pub struct ForeignUser {
     /// This process's user id.
     pub ours: u32,
-    /// The peer's.
+    /// The peer's user id.
     pub theirs: u32,
 }
 
@@ -70,7 +70,7 @@ impl Transport for Unix {
     }
 }
 
-/// Checks whose process the other end is.
+/// Checks the owner of the process at the other end.
 fn check(peer: StreamPeer, options: &UnixOptions) -> Result<(), ForeignUser> {
     match peer {
         #[cfg(unix)]

@@ -1,4 +1,4 @@
-//! How Unix sockets are set up.
+//! Options of Unix sockets.
 
 use trimaran_net::UnixSocketOptions;
 
@@ -7,10 +7,10 @@ use trimaran_net::UnixSocketOptions;
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct UnixOptions {
-    /// The permissions of the socket's file. Default `0o600`: only the own user may connect.
+    /// The permissions of the socket's file. Default `0o600`: only the same user may connect.
     #[cfg_attr(feature = "config", serde(with = "file_mode"), schemars(with = "String"))]
     pub mode: u32,
-    /// Whose processes are taken as peers beside those of the own user, by user id. Default nobody.
+    /// The users whose processes are admitted beside those of the same user, by user id. Default none.
     pub allow_uids: Vec<u32>,
     /// How many connections may wait to be accepted. Default 128.
     pub backlog: i32,

@@ -1,5 +1,5 @@
-//! A WebSocket as a stream of bytes. They travel as binary messages, of any size up to a limit: where one
-//! ends means nothing.
+//! A WebSocket as a stream of bytes. They travel as binary messages of any size up to a limit; the boundaries
+//! of messages have no meaning.
 
 use std::io;
 use std::iter;
@@ -20,10 +20,10 @@ use trimaran_net::{Stream, StreamPeer};
 const MESSAGE: usize = 64 * 1024;
 /// The most pings and pongs in a row. A browser sends none by itself.
 const CONTROLS: u32 = 100;
-/// What is read at once.
+/// The size of a read.
 const READ: usize = 16 * 1024;
 
-/// What this side takes: a peer cannot make it hold more than one message.
+/// The limits of received messages: a peer cannot make this side hold more than one.
 pub(super) fn config() -> WebSocketConfig {
     WebSocketConfig::default()
         .read_buffer_size(READ)
@@ -38,14 +38,14 @@ where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
 {
     let (sink, stream) = socket.split();
-    // Who is gone without a word may not have closed the WebSocket: the stream of bytes ends either way.
+    // A peer that crashed may not have closed the WebSocket: the byte stream ends either way.
     let messages = stream.scan((), |(), message| {
         future::ready(match message {
             Err(Error::Protocol(ProtocolError::ResetWithoutClosingHandshake)) => None,
             message => Some(message.map_err(io_error)),
         })
     });
-    // Pings and pongs are tungstenite's business. What brings nothing costs as much as what does.
+    // tungstenite handles pings and pongs. Messages without data cost as much as others.
     let mut controls = 0;
     let bytes = messages.try_filter_map(move |message| {
         future::ready(match message {
@@ -80,7 +80,7 @@ fn invalid(why: &'static str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, why)
 }
 
-/// A WebSocket's way out, with errors of streams. Unlike `sink_map_err` it may be asked again after one.
+/// The sending half of a WebSocket, with stream errors. Unlike `sink_map_err` it may be used after one.
 struct IoSink<S>(S);
 
 impl<S: Sink<Message, Error = Error> + Unpin> Sink<Message> for IoSink<S> {

@@ -1,4 +1,4 @@
-//! Links over WebSockets (RFC 6455), which pass proxies and which pages in browsers open: one for each lane,
+//! Links over WebSockets (RFC 6455), which pass proxies and open from pages in browsers: one for each lane,
 //! as over TCP.
 
 mod bytes;
@@ -102,17 +102,17 @@ impl Upgrade for WebSockets {
     }
 }
 
-/// The answer that makes a WebSocket of an HTTP connection (RFC 6455, section 4.2.2), for a server that has
-/// more at its port than links; `None` where `request` asks for none.
+/// The answer that upgrades an HTTP connection to a WebSocket (RFC 6455, section 4.2.2), for a server that
+/// offers more than links at its port. `None` if `request` asks for none.
 ///
-/// Whether its page may have one is up to [`WsOptions::check`].
+/// [`WsOptions::check`] decides whether its page may have one.
 #[must_use]
 pub fn answer<B>(request: &http::Request<B>) -> Option<http::Response<()>> {
     create_response_with_body(request, || ()).ok()
 }
 
-/// The bytes of a WebSocket whose [`answer`] was sent over `connection`, for whoever listens by a
-/// [`Transport`] of its own.
+/// The bytes of a WebSocket whose [`answer`] was sent over `connection`, for a listener with its own
+/// [`Transport`].
 pub async fn stream<S>(connection: S, peer: StreamPeer) -> Stream
 where
     S: AsyncRead + AsyncWrite + Send + Unpin + 'static,
@@ -121,7 +121,7 @@ where
     bytes::of(socket, peer)
 }
 
-/// An answer that says no.
+/// A refusing answer.
 fn refuse(status: StatusCode) -> ErrorResponse {
     let mut response = ErrorResponse::new(None);
     *response.status_mut() = status;

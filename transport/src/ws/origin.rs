@@ -1,4 +1,4 @@
-//! Which pages may open a WebSocket: a browser says where the page comes from (RFC 6454).
+//! The pages that may open a WebSocket, by the origin that a browser sends (RFC 6454).
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,13 +8,13 @@ use tokio_tungstenite::tungstenite::http::{HeaderMap, Uri, header, uri::Authorit
 
 use super::WsOptions;
 
-/// Where a page comes from: `http://host`, `https://host`, either with `:port` behind it.
+/// The origin of a page: `http://host`, `https://host`, either with `:port` behind it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(try_from = "String", into = "String"), schemars(with = "String"))]
 pub struct Origin(String);
 
-/// A text is no origin.
+/// A text that is not an origin.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{0:?} is no origin of pages: give http://host:port or https://host:port, nothing behind it")]
 pub struct OriginError(String);
@@ -23,7 +23,7 @@ pub struct OriginError(String);
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("a page from {origin} may not connect here: name its origin in ws.allow_origins if it shall")]
 pub struct ForeignOrigin {
-    /// What its browser says of it.
+    /// The origin from its browser.
     pub origin: String,
 }
 
@@ -35,7 +35,7 @@ impl FromStr for Origin {
         let uri: Uri = text.parse().map_err(|_| wrong())?;
         let authority = uri.authority().ok_or_else(wrong)?;
         let is_web = matches!(uri.scheme_str(), Some("http" | "https"));
-        // As browsers write it: nothing behind the port, and no names of users.
+        // As browsers write it: nothing behind the port, and no user names.
         let written = format!("{}://{authority}", uri.scheme_str().unwrap_or_default());
         if !is_web || authority.as_str().contains('@') || !written.eq_ignore_ascii_case(text) {
             return Err(wrong());
@@ -65,12 +65,12 @@ impl From<Origin> for String {
 }
 
 impl WsOptions {
-    /// Whether whoever sends these headers may open a WebSocket. What is no browser names no origin, and may.
-    /// A page may that was served under the address at which it connects, if that is an IP address or
+    /// Whether a request with these headers may open a WebSocket. Non-browsers send no origin, and may. A
+    /// page may if it was served under the address to which it connects, and that is an IP address or
     /// `localhost`. Anybody can give this machine a name of theirs, so other names must be allowed.
     ///
     /// # Errors
-    /// When it may not.
+    /// If it may not.
     pub fn check(&self, headers: &HeaderMap) -> Result<(), ForeignOrigin> {
         let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
         let origin = String::from_utf8_lossy(origin.as_bytes()).into_owned();
@@ -83,11 +83,11 @@ impl WsOptions {
         if is_own { Ok(()) } else { Err(ForeignOrigin { origin }) }
     }
 
-    /// Whether a page that is asked for with these headers may open a WebSocket afterwards. Its origin has
-    /// the name of the host that is asked, by `https` where a proxy stands in between.
+    /// Whether a page requested with these headers may open a WebSocket later. Its origin has the name of the
+    /// requested host, by `https` behind a proxy.
     ///
     /// # Errors
-    /// When it may not.
+    /// If it may not.
     pub fn check_host(&self, headers: &HeaderMap) -> Result<(), ForeignOrigin> {
         let host = headers.get(header::HOST).map(|host| String::from_utf8_lossy(host.as_bytes()));
         let host = host.unwrap_or_default();

@@ -1,5 +1,4 @@
-//! What may go to another thread, and what may be used by several at once. A type that ceases to be fails to
-//! compile here.
+//! The types that are `Send` or `Sync`. One that ceases to be fails to compile here.
 
 use trimaran_transport::conformance::Robot;
 use trimaran_transport::keys::{KeyFiles, Keys, KeysError, PublicKeys, Security, WrongRole};

@@ -1,4 +1,4 @@
-//! What becomes of a link where the application's own part does not fit.
+//! Links whose application parts do not fit.
 
 use bytes::{Bytes, BytesMut};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -62,7 +62,7 @@ async fn meet(endpoint: &str) -> (Link, Link, impl Sized) {
     (here.unwrap(), there.unwrap(), (_folder, listener))
 }
 
-/// A pose that its receiver does not take.
+/// A pose that its receiver refuses.
 fn nowhere() -> Pose {
     Pose { heading: f64::NAN, ..pose(1) }
 }
@@ -101,7 +101,7 @@ async fn a_hello_that_is_too_long_is_this_sides_own_fault() {
     assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
 }
 
-/// The bytes of a value as postcard has them, with others behind it.
+/// The bytes of a value, encoded by postcard, with others behind it.
 fn with_more(mut bytes: Vec<u8>) -> Bytes {
     bytes.push(0);
     bytes.into()

@@ -1,4 +1,4 @@
-//! What a peer may do over byte streams, TCP and Unix alike: lie about lengths, come in crowds, and die at
+//! Hostile peers over byte streams, TCP and Unix alike: they lie about lengths, come in crowds, and die at
 //! every step.
 
 use std::collections::VecDeque;
@@ -65,7 +65,7 @@ async fn dial(endpoint: &Endpoint) -> Box<dyn Duplex> {
     }
 }
 
-/// A listener that is no peer.
+/// A listener that is not a peer.
 enum Bare {
     Tcp(TcpListener),
     Unix(UnixListener),
@@ -126,7 +126,7 @@ async fn raw_panel(listener: &mut Listener, at: &Endpoint, session: u64) -> (Lin
     (listener.accept(soon(&net())).await.unwrap(), lanes)
 }
 
-/// A panel comes, is let in, and leaves.
+/// A panel connects, is admitted, and leaves.
 async fn a_panel_gets_in(listener: &mut Listener, at: &Endpoint) {
     let (net, options) = (net(), Options::default());
     let (there, here) =
@@ -179,7 +179,7 @@ mod cases {
 
     pub(super) async fn ten_thousand_half_open_handshakes_shut_nobody_out(endpoint: &str) {
         const ROOM: usize = 4;
-        // None of them ends by itself, and none is turned away for its number.
+        // None of them ends by itself, and none is refused for its number.
         let link = LinkConfig { handshake_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
         let (handshakes_per_s, handshakes_per_s_per_address) = (u32::MAX, u32::MAX);
         let limits =
@@ -194,7 +194,7 @@ mod cases {
             if inside.len() > ROOM {
                 let (mut oldest, mut answer) = (inside.pop_front().unwrap(), Vec::new());
                 let read = until(&*net, soon(&net), oldest.read_to_end(&mut answer)).await;
-                // What it has said lies unread: over TCP the end may be a reset that overtakes the answer.
+                // Its data is unread: over TCP the end may be a reset that overtakes the answer.
                 assert!(read.is_some(), "number {session} has not made room for itself");
                 assert!(answer.is_empty() || answer == busy, "{answer:?}");
             }
@@ -208,7 +208,7 @@ mod cases {
         let (mut listener, at) = listen(endpoint, &Options::default()).await;
         for session in 1..4 {
             let (mut link, lanes) = raw_panel(&mut listener, &at, session).await;
-            // The answers to its hellos lie unread: over TCP the end is a reset.
+            // The answers to its hellos are unread: over TCP the end is a reset.
             drop(lanes);
             let error = link.frames_rx.recv().await.unwrap_err();
             assert!(matches!(error, RecvError::Lost { .. }), "{error:?}");
@@ -235,7 +235,7 @@ mod cases {
         let refused = bytes(&Message::Refuse(other_map(1, MAP)));
         let listener = async {
             loop {
-                // Who is told so on one connection may have closed the others.
+                // A peer refused on one connection may have closed the others.
                 let _told = bare.accept().await.write_all(&refused).await;
             }
         };
@@ -250,7 +250,7 @@ mod cases {
     pub(super) async fn another_version_is_refused_in_words_that_it_can_read(endpoint: &str) {
         let (mut listener, at) = listen(endpoint, &Options::default()).await;
         let mut stranger = dial(&at).await;
-        // A later version: the first six bytes of its hello are as ever, the rest may be anything.
+        // A later version: the first six bytes of its hello are fixed, the rest may be anything.
         let hello = [0x01, 9, 0, 0, b'T', b'R', b'I', b'M', 0x07, 0x01, 0xff, 0xff, 0xff];
         stranger.write_all(&hello).await.unwrap();
         let mut answer = Vec::new();
@@ -272,7 +272,7 @@ mod cases {
             loop {
                 let (mut frames, _beside) =
                     (bare.accept().await, [bare.accept().await, bare.accept().await, bare.accept().await]);
-                // Who runs out of time has gone.
+                // A peer whose time has run out is gone.
                 if frames.read_exact(&mut [0; 8]).await.is_ok() {
                     frames.write_all(&[0x03, 4, 0, 0, 0x07, 0x00, 0xff, 0xff]).await.ok();
                     frames.read_to_end(&mut Vec::new()).await.ok();
@@ -288,7 +288,7 @@ mod cases {
     }
 
     pub(super) async fn a_connector_may_die_at_every_byte_of_its_handshake(endpoint: &str) {
-        // What waits for a lane that died keeps its slot for a while.
+        // A lane that waits for a dead one keeps its slot for a while.
         let limits = Limits { handshakes: 1000, ..Limits::default() };
         let (mut listener, at) = listen(endpoint, &Options { limits, ..Options::default() }).await;
         let whole = hello(0, Lane::Frames).len();
@@ -323,7 +323,7 @@ mod cases {
         let (bare, at) = Bare::bind(endpoint).await;
         let (answer, hello) = (accept(), hello(0, Lane::Frames).len());
         let serve = async {
-            // How much of the hellos it reads, and then of the answers it gives, before it dies.
+            // How much it reads of the hellos, and then of its own answers, before it dies.
             let (whole, half) = (answer.len(), answer.len() / 2);
             for (of_each, to_each) in [
                 ([0; 4], [0; 4]),

@@ -1,4 +1,4 @@
-//! Peers that hang, and peers that come back, over every transport between processes.
+//! Peers that hang, and peers that reconnect, over every transport between processes.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -21,8 +21,8 @@ async fn a_peer_of_this_process_comes_back_as_well() {
     a_peer_that_comes_back_goes_on_with_the_next_frame("inproc:comes-back").await;
 }
 
-/// A panel whose process runs until it has read a pose, and then hangs with all that it has. None where
-/// the idle timeout is over before that, because the machine has other things to do.
+/// A panel whose process runs until it has read a pose, and then hangs with everything it has. None if the
+/// idle timeout ends before that, because the machine is busy.
 async fn hanging_panel(at: Endpoint, options: Options) -> Option<(Runtime, Link)> {
     let life = move || {
         let runtime = Builder::new_current_thread().enable_all().build().unwrap();
@@ -37,7 +37,7 @@ async fn hanging_panel(at: Endpoint, options: Options) -> Option<(Runtime, Link)
     tokio::task::spawn_blocking(life).await.unwrap()
 }
 
-/// A link to a panel that hangs, and what keeps that panel there.
+/// A link to a panel that hangs, and a guard that keeps that panel.
 async fn joined_to_a_hanging_panel(endpoint: &str) -> (Link, Runtime, impl Sized) {
     let timeout = Duration::from_secs(3600);
     // The first idle timeout that is long enough here.
@@ -93,7 +93,7 @@ async fn a_peer_that_comes_back_goes_on_with_the_next_frame(endpoint: &str) {
         let ((), got) = tokio::join!(send, receive(&mut there.frames_rx));
         let got = got.unwrap();
         assert_eq!((got.start, got.points), (start(frame), points(frame * 1000)));
-        // It crashes, and whoever waits for it knows.
+        // It crashes, and its waiting peer gets an error.
         drop(there);
         let lost = here.frames_rx.recv().await.unwrap_err();
         assert!(matches!(lost, RecvError::Lost { .. }), "{lost:?}");

@@ -76,7 +76,7 @@ async fn nobody_under_a_name_ends_at_the_deadline() {
         panic!("{error:?}")
     };
     // Pauses double from 100 ms to 2 s, each cut by up to a half at random: about 43 in a minute. Without
-    // chance there would be 34.
+    // randomness there would be 34.
     assert!((36..60).contains(&attempts), "{attempts} attempts");
     assert_eq!(name.as_str(), "nobody");
 }

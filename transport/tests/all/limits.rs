@@ -1,4 +1,4 @@
-//! What peers and strangers may ask for in a second, and what becomes of more.
+//! Rate limits for peers and strangers.
 
 use std::cell::Cell;
 use std::time::Duration;
@@ -35,7 +35,7 @@ async fn one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_l
     let net = net();
     let enter = async |role, by| connect(&net, &at, greeting(role), &panel, by).await;
     let (there, here) = tokio::join!(enter(PANEL, soon(&net)), listener.accept(soon(&net)));
-    // The last half of a link holds its place as the whole link does.
+    // The last half of a link keeps its place like the whole link.
     let (there, Link { latest_rx, .. }) = (there.unwrap(), here.unwrap());
     let busy = tokio::select! {
         link = enter(GRIPPER, soon(&net)) => panic!("{link:?}"),
@@ -48,11 +48,11 @@ async fn one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_l
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
 }
 
-/// Over datagrams nobody takes a slot before it has shown that it receives where it sends from. Who then
-/// stops takes one, and no more: it keeps nobody out who comes next.
+/// Over datagrams a peer takes a slot only after its address is validated. One that stops then takes a slot,
+/// and no more: it keeps out no later peer.
 #[tokio::test]
 async fn who_stops_within_a_handshake_makes_room_for_the_next() {
-    // What the first byte of a listener's question has in common: all else that it says gets lost.
+    // The common part of the first byte of a listener's retry: everything else from it is lost.
     for (endpoint, mask, question) in [("udp://127.0.0.1:0", 0x03, 0x02), ("quic://127.0.0.1:0", 0xf0, 0xf0)]
     {
         let hour = Duration::from_secs(3600);
@@ -66,7 +66,7 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next() {
         let router = Router::before(&at).await;
         let lost = Cell::new(0);
         let meets = async {
-            // The first one's answer is lost: it has the only slot.
+            // The first one's answer is lost, and it has the only slot.
             while lost.get() == 0 {
                 sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
             }
@@ -82,7 +82,7 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next() {
     }
 }
 
-/// An address that shakes hands too often is not even heard; others are.
+/// An address that shakes hands too often is ignored; others are not.
 #[tokio::test]
 async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
     for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0", "quic://127.0.0.1:0"] {
@@ -111,7 +111,7 @@ async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
     }
 }
 
-/// Two links with a listener whose peers may say 200 messages a second.
+/// Two links with a listener whose peers may send 200 messages a second.
 async fn with_few_messages(endpoint: &str) -> (Link, Link) {
     let link = LinkConfig { messages_per_s: 200, ..LinkConfig::default() };
     let Meeting { mut listener, at, panel, _folder, .. } =
@@ -122,7 +122,7 @@ async fn with_few_messages(endpoint: &str) -> (Link, Link) {
     (there.unwrap(), here.unwrap())
 }
 
-/// The flood lasts until its reader gives up, and ends then or not.
+/// The flood lasts until its reader fails, whether it ends then or not.
 async fn lost_for_it(read: impl Future<Output = RecvError>, flood: impl Future<Output = ()>) {
     let error = tokio::select! {
         biased;

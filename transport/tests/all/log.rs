@@ -1,4 +1,4 @@
-//! What the log says of peers that do not come, and of those that do not fit.
+//! The log for peers that do not come, and for those that do not fit.
 
 use std::time::Duration;
 

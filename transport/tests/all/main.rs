@@ -1,4 +1,4 @@
-//! What links promise, over each transport and between them.
+//! The guarantees of links, over each transport and between them.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../common/mod.rs"]

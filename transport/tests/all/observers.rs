@@ -1,5 +1,5 @@
-//! Who sees packets, forges packets or has a listener's address for a moment: a peer goes on trying, and gets
-//! in afterwards.
+//! Attackers that see packets, forge packets or hold a listener's address for a moment: a peer retries, and
+//! connects afterwards.
 
 use std::cell::Cell;
 use std::time::Duration;
@@ -15,7 +15,7 @@ use crate::common::{Link, Listener, connect, last_failure, net, soon};
 
 over_every_transport!(a_listener_of_another_map_is_waited_out);
 
-/// Listens at `at` as `who` once whoever is there has gone.
+/// Listens at `at` as `who` once the present listener has gone.
 async fn bind_when_free(at: &Endpoint, who: Greeting, options: &Options) -> Listener {
     loop {
         match Listener::bind(&net(), at, who.clone(), options).await {
@@ -41,7 +41,7 @@ async fn a_listener_of_another_map_is_waited_out(endpoint: &str) {
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
 }
 
-/// The stranger has keys that the panel does not know, or does not know those of the panel.
+/// The stranger has keys that the panel does not know, or does not know the panel's.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
     for knows_us in [true, false] {
@@ -67,10 +67,10 @@ async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
     }
 }
 
-/// Somebody on the way sees the first packets of a handshake and forges an answer before the listener's
+/// An attacker on the path sees the first packets of a handshake and forges an answer before the listener's
 /// arrives.
 async fn gets_in_in_spite_of(forgery: Forgery) -> (Link, Link) {
-    // An attempt that a forgery has led astray ends with this.
+    // An attempt misled by a forgery ends with this.
     let link = LinkConfig { handshake_timeout: Duration::from_millis(500), ..LinkConfig::default() };
     let options = Options { link, ..Options::default() };
     let Meeting { mut listener, at, panel, .. } = Meeting::at("quic://127.0.0.1:0", &options).await;

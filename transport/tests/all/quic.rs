@@ -1,4 +1,4 @@
-//! Links over QUIC on the loopback interface: the conformance suite, who gets a link, and who does not.
+//! Links over QUIC on the loopback interface: the conformance suite, and admission of peers.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -117,19 +117,18 @@ async fn without_keys_there_is_no_quic() {
     assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
 }
 
-/// Genuine first packets, sent again and again by someone who goes no further with them. Each of them is a
-/// handshake.
+/// Genuine first packets, sent again and again without going further. Each of them is a handshake.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn ten_thousand_first_packets_of_twenty_handshakes_keep_no_peer_out() {
     let net = net();
     let limits = Limits { handshakes: 8, ..Limits::default() };
-    // What is begun stays begun for as long as the test runs.
+    // Open handshakes stay open for as long as the test runs.
     let hour = Duration::from_secs(3600);
     let link = LinkConfig { idle_timeout: hour, handshake_timeout: hour, ..LinkConfig::default() };
     let (ours, theirs) = acquainted(&Options { limits, link, ..Options::default() });
     let (mut listener, endpoint) = listener(&net, &ours).await;
     let Endpoint::Quic(at) = &endpoint else { panic!("{endpoint}") };
-    // First packets that are authentic: what a relay sees of handshakes that go no further.
+    // Authentic first packets: a relay sees handshakes that go no further.
     let mut firsts = Vec::new();
     for _ in 0..20 {
         let relay = tokio::net::UdpSocket::bind("127.0.0.1:0").await.unwrap();
@@ -140,7 +139,7 @@ async fn ten_thousand_first_packets_of_twenty_handshakes_keep_no_peer_out() {
             received = relay.recv(&mut first) => received.unwrap(),
         };
         first.truncate(length);
-        // What it says when it leaves is not passed on.
+        // Its later packets are not passed on.
         firsts.push((relay, first));
     }
     for (relay, first) in firsts.iter().cycle().take(10_000) {

@@ -1,5 +1,5 @@
-//! Keys are known for roles: who has the key of one role gets no other one, and the listener goes on waiting
-//! for the right one.
+//! Keys are bound to roles: the key of one role is refused for another, and the listener goes on waiting for
+//! the right one.
 
 use trimaran_transport::conformance::{ARM, GRIPPER, PANEL, greeting};
 use trimaran_transport::keys::{Keys, KnownPeer, PeerKey, Security, WrongRole};
@@ -14,7 +14,7 @@ fn keys(name: &str) -> Keys {
     Keys::generate(name.parse().unwrap()).unwrap()
 }
 
-/// Who has `keys` and knows those, each in its role.
+/// A peer that has `keys` and knows those, each in its role.
 fn knowing(keys: &Keys, peers: &[(&Keys, Option<&str>)]) -> Options {
     let known = |(peer, role): &(&Keys, Option<&str>)| KnownPeer {
         keys: peer.public().clone(),
@@ -24,7 +24,7 @@ fn knowing(keys: &Keys, peers: &[(&Keys, Option<&str>)]) -> Options {
     Options { security: Some(Security { keys: keys.clone(), peers }), ..Options::default() }
 }
 
-/// A panel that knows its two machines, and what each of them needs.
+/// A panel that knows two machines, and the options of each.
 struct Show {
     listener: Listener,
     at: Endpoint,
@@ -43,7 +43,7 @@ impl Show {
         Self { listener, at, first, second, panel }
     }
 
-    /// What the listener says to who has these keys and claims this role.
+    /// The listener's refusal of a peer with these keys that claims this role.
     async fn claim(&self, keys: &Keys, role: &str) -> Refusal {
         let options = knowing(keys, &[(&self.panel, Some(PANEL))]);
         refusal(&net(), &self.at, greeting(role), &options).await
@@ -78,7 +78,7 @@ async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_sti
         let mut show = Show::at(endpoint).await;
         let (first, second) = (show.first.clone(), show.second.clone());
 
-        // It has come as what it is: a key is not good for both.
+        // It has come in its own role: a key is not valid for both.
         let its_own = show.joins(&second, GRIPPER).await;
         for _ in 0..3 {
             let refused = show.claim(&second, ARM).await;
@@ -110,7 +110,7 @@ async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_sti
     }
 }
 
-/// The listener is one that the connecting side knows, and no panel.
+/// The connecting side knows the listener, but not as a panel.
 #[tokio::test]
 async fn a_listener_that_claims_another_role_is_not_believed_and_learns_why() {
     for endpoint in ENDPOINTS {

@@ -1,4 +1,4 @@
-//! Who must not get in, over every transport between processes, and what they cost those who may.
+//! Strangers over every transport between processes: they are refused, and what they cost others is limited.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ over_every_transport!(
     garbage_from_a_stranger_disturbs_nobody,
 );
 
-/// A panel comes, is let in, and both ends talk.
+/// A panel connects, is admitted, and both ends talk.
 async fn a_panel_gets_in(meeting: &mut Meeting) {
     let net = net();
     let (there, here) = tokio::join!(
@@ -46,9 +46,9 @@ fn garbage(i: u32) -> Vec<u8> {
     (0..1 + seed % 1400).map(|j| (seed.wrapping_mul(j | 1) >> 13) as u8).collect()
 }
 
-/// Says `bytes` at `endpoint`, and goes.
+/// Sends `bytes` to `endpoint`, and leaves.
 async fn say(endpoint: &Endpoint, bytes: &[u8]) {
-    // Whoever is turned away cannot always be said more to.
+    // A refused stranger may be unable to send more.
     let _said = match endpoint {
         Endpoint::Tcp(at) => TcpStream::connect(at.to_string()).await.unwrap().write_all(bytes).await,
         Endpoint::Ws(at) => TcpStream::connect(at.at.to_string()).await.unwrap().write_all(bytes).await,
@@ -71,8 +71,8 @@ async fn garbage_from_a_stranger_disturbs_nobody(endpoint: &str) {
     a_panel_gets_in(&mut meeting).await;
 }
 
-/// Between a panel and the listener, where the handshake is made of datagrams: passes so many on, and then
-/// none.
+/// Stands between a panel and the listener, where the handshake is made of datagrams: passes on so many, and
+/// then none.
 async fn cut(behind: usize, inside: &str, outside: &UdpSocket) {
     let there = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     there.connect(inside).await.unwrap();
@@ -95,9 +95,9 @@ async fn cut(behind: usize, inside: &str, outside: &UdpSocket) {
 mod of_datagrams {
     use super::*;
 
-    /// The panel sees a listener that dies, and the listener a panel.
+    /// The panel sees the listener die, and the listener the panel.
     async fn either_side_may_die_behind_every_datagram_of_the_handshake(endpoint: &str) {
-        // Only the time of a handshake frees the place of who dies in it.
+        // Only the handshake timeout frees the place of a peer that dies in it.
         let (idle_timeout, handshake_timeout) = (Duration::from_secs(3600), Duration::from_secs(1));
         let link = LinkConfig { idle_timeout, handshake_timeout, ..LinkConfig::default() };
         let options = Options { link, ..Options::default() };
@@ -108,7 +108,7 @@ mod of_datagrams {
             Endpoint::Udp(at) => at.at.to_string(),
             other => panic!("{other}"),
         };
-        // Whoever comes is let in, and left at once. The listener's clock is that of its own network.
+        // Peers are accepted and dropped at once. The listener's clock is that of its own network.
         let never = Instant::from_nanos(u64::MAX);
         net.spawn(Box::pin(async move { while listener.accept(never).await.is_ok() {} }));
         let mut cut_short = 0;

@@ -1,5 +1,4 @@
-//! All that waits may be a task of its own, on whichever thread: a link is made, used and left by tasks
-//! alone.
+//! All waits may be in tasks of their own, on any thread: a link is made, used and closed by tasks alone.
 #![allow(clippy::disallowed_methods, reason = "what is tested is that tasks may be spawned")]
 
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Links over TCP on the loopback interface: the conformance suite, and who gets a link.
+//! Links over TCP on the loopback interface: the conformance suite, and admission of peers.
 
 use std::error::Error;
 use std::io::ErrorKind;
@@ -24,7 +24,7 @@ impl Pairs for Tcp {
     }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        // Buffers that the tests' amounts exceed.
+        // Buffers smaller than the tests' amounts.
         let tcp = TcpOptions {
             send_buffer: Some(64 * 1024),
             recv_buffer: Some(64 * 1024),
@@ -43,7 +43,7 @@ async fn listener(net: &Arc<dyn Net>, identity: Greeting, options: &Options) -> 
     (listener, address)
 }
 
-/// Tries to connect to a listener that must refuse; gives what both sides learn.
+/// Tries to connect to a listener that must refuse; returns the errors of both sides.
 async fn refusal(listening: Greeting, connecting: Greeting) -> (Refusal, Refusal) {
     let (net, options) = (net(), Options::default());
     let (mut listener, address) = listener(&net, listening.clone(), &options).await;
@@ -101,7 +101,7 @@ async fn the_listeners_own_role_is_refused() {
 #[tokio::test]
 async fn nobody_there_ends_at_the_deadline_with_the_last_cause() {
     let (net, options) = (net(), Options::default());
-    // Held, so that nobody else gets the port, and not listened on.
+    // Held, so that nobody else gets the port, but not listening.
     let holder = TcpSocket::new_v4().unwrap();
     holder.bind("127.0.0.1:0".parse().unwrap()).unwrap();
     let address = Endpoint::Tcp(holder.local_addr().unwrap().into());

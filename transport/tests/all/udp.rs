@@ -1,5 +1,4 @@
-//! Links over datagrams on the loopback interface: the conformance suite, who gets a link, and what it
-//! carries.
+//! Links over datagrams on the loopback interface: the conformance suite, admission of peers, and traffic.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -64,7 +63,7 @@ async fn without_keys_there_is_no_udp() {
     assert!(Listener::bind(&net, &endpoint, greeting(ARM), &options).await.is_err());
 }
 
-/// Somebody with these options gets no link in any time; what the listener knows of it.
+/// A stranger with these options never gets a link; returns the listener's error.
 async fn a_stranger_knocks(listener: &mut Listener, at: &Endpoint, options: &Options) -> HandshakeError {
     let net = net();
     let known = tokio::select! {
@@ -87,7 +86,7 @@ async fn another_key_gets_no_answer_and_the_listener_knows_why() {
     a_panel_gets_in(&mut listener, &endpoint, &shared(1)).await;
 }
 
-/// Who has `keys` and knows those.
+/// A peer that has `keys` and knows those.
 fn knowing(keys: &Keys, peers: &[&Keys]) -> Options {
     let peers = peers.iter().map(|peer| peer.public().clone().into()).collect();
     Options { security: Some(Security { keys: keys.clone(), peers }), ..Options::default() }
@@ -100,7 +99,7 @@ async fn pinned_peers_find_each_other_among_several_and_others_do_not_get_in() {
     for options in [knowing(&b, &[&a]), knowing(&b, &[&c, &a]), knowing(&c, &[&a, &b, &d])] {
         a_panel_gets_in(&mut listener, &at, &options).await;
     }
-    // Who asks a listener of other keys is a stranger there, and so is whom nobody here knows.
+    // A peer is a stranger if it expects another listener, or if the listener does not know it.
     for options in [knowing(&d, &[&a]), knowing(&b, &[&c, &d])] {
         let known = a_stranger_knocks(&mut listener, &at, &options).await;
         assert!(matches!(known, HandshakeError::Stranger), "{known:?}");
@@ -111,7 +110,7 @@ async fn pinned_peers_find_each_other_among_several_and_others_do_not_get_in() {
     assert!(matches!(alone, Err(ConnectError::Deadline { .. })), "{alone:?}");
 }
 
-/// With no time at all to arrive, nothing but a frame's beginning and end does.
+/// Without any time to arrive, only a frame's beginning and end do.
 #[tokio::test]
 async fn a_frame_that_is_given_up_says_how_many_points_are_missing() {
     let udp = UdpOptions { deadline: Duration::ZERO, ..shared(1).udp };
@@ -134,7 +133,7 @@ async fn a_frame_that_is_given_up_says_how_many_points_are_missing() {
     }
 }
 
-/// No way takes no time at all.
+/// Every path takes some time.
 #[tokio::test]
 async fn a_deadline_shorter_than_the_way_is_warned_of_once_a_link() {
     let (page, _logged) = Page::log();
@@ -158,7 +157,7 @@ async fn a_deadline_shorter_than_the_way_is_warned_of_once_a_link() {
     }
 }
 
-/// A frame may be lost there, so that only what the peer has confirmed is a reference.
+/// A frame may be lost there, so the reference is a frame that the peer has confirmed.
 #[tokio::test]
 async fn with_deadlines_points_travel_coded_against_a_frame_once_it_is_confirmed() {
     let net = net();
@@ -169,7 +168,7 @@ async fn with_deadlines_points_travel_coded_against_a_frame_once_it_is_confirmed
     let udp = UdpOptions { deadline: Duration::from_secs(10), ..shared(1).udp };
     let options = Options { link, udp, ..shared(1) };
     let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
-    // In no order: against nothing they travel plain.
+    // Unordered: without a reference they travel plain.
     let visible = points(2000);
     let mut least = u64::MAX;
     for frame in 0..500 {

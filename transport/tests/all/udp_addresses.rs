@@ -1,4 +1,4 @@
-//! A listener that has several addresses answers from the one that was asked: its peer takes answers from no
+//! A listener with several addresses answers from the one that was used: its peer takes answers from no
 //! other.
 
 use std::net::SocketAddr;
@@ -9,8 +9,8 @@ use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receiv
 use crate::common::udp::shared;
 use crate::common::{Listener, connect, net, soon};
 
-/// A panel asks a listener at `at` for a link by way of `asked`, another of its addresses than the system
-/// would answer from; both talk.
+/// A panel connects to a listener at `at` through `asked`, another of its addresses than the system would
+/// answer from; both talk.
 async fn asks(at: &str, asked: &str) {
     let (net, options) = (net(), shared(1));
     let Ok(mut listener) =
@@ -35,8 +35,8 @@ async fn asks(at: &str, asked: &str) {
     }
 }
 
-/// All of 127.0.0.0/8 is on the loopback interface, and answers to 127.0.0.1 leave from there unless they are
-/// told otherwise.
+/// All of 127.0.0.0/8 is on the loopback interface, and answers to 127.0.0.1 leave from there unless set
+/// otherwise.
 #[tokio::test]
 async fn a_listener_at_every_address_answers_from_the_one_that_was_asked() {
     for asked in ["127.0.0.1", "127.0.0.2", "127.1.2.3"] {

@@ -1,4 +1,4 @@
-//! Links over datagrams when somebody is on the way, or nobody: garbage, replays, half-open handshakes,
+//! Links over datagrams with an attacker on the path, or a dead peer: garbage, replays, half-open handshakes,
 //! silence.
 
 use std::time::Duration;
@@ -17,7 +17,7 @@ use trimaran_wire::{Message, to_bytes};
 use crate::common::udp::{a_panel_gets_in, address, listener, shared, with};
 use crate::common::{Link, Listener, connect, format, introduce, last_failure, net, soon};
 
-/// The header of a packet: its form (1 is a first packet, 2 a retry), a version and whose it is.
+/// The header of a packet: its form (1 is a first packet, 2 a retry), a version and a connection id.
 fn header(form: u64, version: u64, id: [u8; 4]) -> Vec<u8> {
     [&(version << 2 | form).to_le_bytes()[..], &id].concat()
 }
@@ -37,8 +37,8 @@ async fn another_version_is_answered_with_ours_and_lets_nobody_in() {
     a_panel_gets_in(&mut listener, &endpoint, &options).await;
 }
 
-/// Whoever has another version says so once in plain sight: anyone could, so it is only said why nobody
-/// answered in time.
+/// A retry of another version is not authenticated, so it is only named as the cause if nobody else answers
+/// in time.
 #[tokio::test]
 async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
     let net = net();
@@ -68,8 +68,8 @@ async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
     assert!(*attempts > 1 && error.may_pass(), "{error:?}");
 }
 
-/// Somebody on the way answers each first packet before the listener can: with another version, and with
-/// cookies that are none.
+/// An attacker on the path answers each first packet before the listener can: with another version, and with
+/// invalid cookies.
 #[tokio::test]
 async fn forged_answers_to_a_first_packet_end_nothing() {
     let options = shared(1);
@@ -103,17 +103,17 @@ async fn forged_answers_to_a_first_packet_end_nothing() {
     }
 }
 
-/// The datagrams may be of one version and the messages in them of another.
+/// The datagrams may be of one version and their messages of another.
 #[tokio::test]
 async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
     let options = with(Trust::Plaintext);
     let (mut listener, endpoint) = listener(&options).await;
     let mut hello = BytesMut::new();
     introduce(&greeting(PANEL), SessionId(7), Lane::Frames).encode(&mut hello);
-    // Behind the header and the four letters of every hello; what follows may mean anything there.
+    // Behind the header and the four letters of every hello; the rest may have any meaning there.
     hello[8..10].copy_from_slice(&9_u16.to_le_bytes());
     hello[10..].fill(0xff);
-    // All frames will be whole.
+    // All frames will be complete.
     hello.put_u8(0);
     let mut connecting = Connecting::new(&Security::Plaintext, ConnectionId(5), &hello).unwrap();
     let stranger = UdpSocket::bind("127.0.0.1:0").await.unwrap();
@@ -137,7 +137,7 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
     a_panel_gets_in(&mut listener, &endpoint, &options).await;
 }
 
-/// A socket between a peer and a listener, which sees and may do everything.
+/// A socket between a peer and a listener, which sees everything and may change it.
 struct Relay {
     outside: UdpSocket,
     inside: UdpSocket,
@@ -153,7 +153,7 @@ impl Relay {
         (Self { outside, inside, peer: None }, endpoint)
     }
 
-    /// Passes on what comes until `done`; gives what went in.
+    /// Passes on packets until `done`; returns those that came in.
     async fn pass(&mut self, mut done: impl FnMut(&[u8], bool) -> bool) -> Vec<Vec<u8>> {
         let (mut inwards, mut a, mut b) = (Vec::new(), vec![0; 2000], vec![0; 2000]);
         loop {
@@ -178,7 +178,7 @@ impl Relay {
     }
 }
 
-/// A panel joins by way of `through`, and its first pose arrives.
+/// A panel connects through `through`, and its first pose arrives.
 async fn a_pose_goes_over(listener: &mut Listener, through: &Endpoint, options: &Options) -> (Link, Link) {
     let net = net();
     let (there, here) = tokio::join!(
@@ -191,7 +191,7 @@ async fn a_pose_goes_over(listener: &mut Listener, through: &Endpoint, options: 
     (there, here)
 }
 
-/// Everything that a peer said is said again ten times, by someone at its address.
+/// Every packet of a peer is repeated ten times, from its address.
 #[tokio::test]
 async fn replays_make_no_second_link_and_no_second_pose() {
     let (net, options) = (net(), shared(1));
@@ -213,7 +213,7 @@ async fn replays_make_no_second_link_and_no_second_pose() {
     drop(there);
 }
 
-/// Every packet is as long as it was, and whoever is on the way reads a pose in it, or does not.
+/// Packets have the same length, whether or not an observer on the path can read a pose in them.
 #[tokio::test]
 async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
     for (options, readable) in [(shared(1), false), (with(Trust::Plaintext), true)] {
@@ -229,12 +229,12 @@ async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
     }
 }
 
-/// Whoever repeats a first packet that was answered, and never uses its keys, holds a place for the time of a
-/// handshake at most.
+/// An attacker that repeats an answered first packet without using its keys holds a place no longer than the
+/// handshake timeout.
 #[tokio::test]
 async fn a_first_packet_that_somebody_repeats_is_no_link() {
     let net = net();
-    // Only the time of the handshake ends it.
+    // Only the handshake timeout ends it.
     let (idle_timeout, handshake_timeout) = (Duration::from_secs(3600), Duration::from_millis(300));
     let link = LinkConfig { idle_timeout, handshake_timeout, ..LinkConfig::default() };
     let options = Options { link, ..shared(1) };
@@ -262,8 +262,8 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
     a_panel_gets_in(&mut listener, &at, &options).await;
 }
 
-/// What somebody on the way saw of an earlier link must not keep its peer out, however long a handshake may
-/// take.
+/// Packets of an earlier link, repeated by an attacker, must not keep its peer out, however long a handshake
+/// may take.
 #[tokio::test]
 async fn a_first_packet_that_somebody_repeats_takes_no_place() {
     let net = net();
@@ -280,7 +280,7 @@ async fn a_first_packet_that_somebody_repeats_takes_no_place() {
 }
 
 impl Relay {
-    /// Passes on a handshake but for the listener's last word; gives the packet that it answered.
+    /// Passes on a handshake except for the listener's last packet; returns the packet that it answered.
     async fn keep_the_answer(&mut self) -> Vec<u8> {
         let (mut a, mut b, mut last) = (vec![0; 2000], vec![0; 2000], Vec::new());
         loop {
@@ -309,7 +309,7 @@ async fn ten_thousand_half_open_handshakes_shut_nobody_out() {
     let limits = Limits { handshakes: 4, ..Limits::default() };
     let options = Options { limits, ..shared(1) };
     let (mut listener, at) = listener(&options).await;
-    // A first packet as genuine as a stranger can see one: without a cookie of its own.
+    // The most genuine first packet that a stranger can see: without a cookie of its own.
     let lure = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     let there = Endpoint::Udp(lure.local_addr().unwrap().into());
     let mut first = vec![0; 2000];

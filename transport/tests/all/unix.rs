@@ -1,4 +1,4 @@
-//! Links over Unix sockets: the conformance suite, and what becomes of the socket's file.
+//! Links over Unix sockets: the conformance suite, and the socket's file.
 
 use std::fs;
 use std::io;
@@ -101,7 +101,7 @@ async fn a_live_listener_and_a_file_that_is_none_are_left_alone() {
     assert_eq!(fs::read_to_string(file_of(&endpoint)).unwrap(), "precious");
 }
 
-/// The real network on a machine where the other end of every Unix socket is another user's.
+/// The real network on a machine where the other end of every Unix socket belongs to another user.
 #[derive(Debug)]
 struct Elsewhere {
     net: Arc<dyn Net>,
@@ -182,7 +182,7 @@ async fn another_users_process_gets_no_link_from_either_side_unless_its_user_is_
     let here = net();
     let options = Options::default();
 
-    // The listener sees another user's process, and says no more to it.
+    // The listener sees another user's process, and sends it nothing more.
     let mut listener = Listener::bind(&elsewhere, &endpoint, greeting(ARM), &options).await.unwrap();
     let known = tokio::select! {
         link = connect(&here, &endpoint, greeting(PANEL), &options, soon(&here)) => panic!("{link:?}"),
@@ -191,7 +191,7 @@ async fn another_users_process_gets_no_link_from_either_side_unless_its_user_is_
     assert_eq!(foreigner(&known), Some(stranger), "{known:?}");
     drop(listener);
 
-    // Whoever connects sees another user's listener, which may give way to another.
+    // The connecting side sees another user's listener, which may be replaced.
     let (_folder, endpoint) = socket();
     let mut listener = bind(&endpoint, &options).await.unwrap();
     let cause = crate::common::obstacle(&elsewhere, &endpoint, greeting(PANEL), &options).await;
@@ -208,7 +208,7 @@ async fn another_users_process_gets_no_link_from_either_side_unless_its_user_is_
     assert!(accepted.is_ok());
 }
 
-/// Whose process was not let in, if that is what failed.
+/// The refused user, if that is the failure.
 fn foreigner(error: &HandshakeError) -> Option<ForeignUser> {
     match error {
         HandshakeError::NotLetIn(cause) => cause.get_ref()?.downcast_ref().copied(),

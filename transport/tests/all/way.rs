@@ -1,5 +1,5 @@
-//! Links over datagrams, QUIC and this project's own, when the way between the peers loses packets, or
-//! changes under the connection.
+//! Links over datagrams, QUIC and this project's own, when the path loses packets, or changes under the
+//! connection.
 
 use std::cell::Cell;
 
@@ -22,7 +22,7 @@ fn acquainted(quic: QuicOptions) -> [Options; 2] {
     })
 }
 
-/// Runs `talk` between two peers with a router between them that keeps what `keep` says; gives how many it
+/// Runs `talk` between two peers with a router between them that keeps packets by `keep`; returns how many it
 /// lost.
 async fn through_a_router(
     transport: &str,
@@ -92,7 +92,7 @@ async fn frames_are_complete_and_the_last_pose_comes_whatever_is_lost() {
     }
 }
 
-/// Talks on while the router does something each time.
+/// Keeps talking while the router changes something each time.
 async fn a_link_outlives(transport: &str, change: impl AsyncFn(&Router)) {
     let quic = QuicOptions::default();
     let lost = through_a_router(
@@ -116,11 +116,11 @@ async fn a_link_outlives_a_router_that_takes_another_address_towards_the_listene
     }
 }
 
-/// QUIC's clients stay where the listener was (RFC 9000, section 9).
+/// QUIC's clients do not follow a listener that moves (RFC 9000, section 9).
 #[tokio::test]
 async fn a_link_over_datagrams_outlives_a_router_that_takes_another_address_towards_who_connects() {
     a_link_outlives("udp", async |router| router.turn.notify_one()).await;
-    // One after the other: both at once would leave neither side where the other one sends to.
+    // One after the other: both at once would leave neither side at its known address.
     let turns = Cell::new(0);
     a_link_outlives("udp", async |router| {
         turns.set(turns.get() + 1);

@@ -1,4 +1,4 @@
-//! Links over WebSockets: the conformance suite, and who may open one.
+//! Links over WebSockets: the conformance suite, and admission.
 
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ use crate::common::{Listener, connect, introduce, last_failure, net, soon};
 const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
 
 fn web_sockets() -> Joined {
-    // Buffers that the tests' amounts exceed.
+    // Buffers smaller than the tests' amounts.
     let small = Some(64 * 1024);
     let tcp = TcpOptions { send_buffer: small, recv_buffer: small, ..TcpOptions::default() };
     Joined::at("ws://127.0.0.1:0/robot", Options { tcp, ..Options::default() }, OVERHEAD)
@@ -39,7 +39,7 @@ fn host(at: &Endpoint) -> String {
     at.at.to_string()
 }
 
-/// Asks for a WebSocket as a browser does; gives the answer's status.
+/// Asks for a WebSocket as a browser does; returns the answer's status.
 async fn status(at: &Endpoint, path: &str, headers: &str) -> u16 {
     let host = host(at);
     let mut stream = TcpStream::connect(&host).await.unwrap();
@@ -89,7 +89,7 @@ async fn a_page_from_elsewhere_gets_no_link_unless_it_is_allowed() {
     assert_eq!(status(&at, path, "Origin: http://evil.example\r\n").await, 403);
     let failure = loop {
         match last_failure(&mut listener).await {
-            // The pages that were let in have gone without a word.
+            // The admitted pages have gone without a close.
             HandshakeError::Io(e) if e.kind() == std::io::ErrorKind::PermissionDenied => break e,
             _ => {}
         }
@@ -98,7 +98,7 @@ async fn a_page_from_elsewhere_gets_no_link_unless_it_is_allowed() {
     assert_eq!(why.origin, "http://evil.example");
 }
 
-/// Those who connect and say nothing wait within the limits of handshakes: a panel gets in at once.
+/// Silent connections count within the limits of handshakes: a panel gets in at once.
 #[tokio::test]
 async fn those_who_never_ask_shut_nobody_out() {
     let (mut listener, at) = listen(&Options::default()).await;
@@ -116,7 +116,7 @@ async fn those_who_never_ask_shut_nobody_out() {
     assert!(panel.is_ok() && arm.is_ok(), "{panel:?} {arm:?}");
 }
 
-/// What comes in a WebSocket and is no message of it, or longer than is taken, ends the link.
+/// A WebSocket message that is invalid for a link, or too long, ends it.
 #[tokio::test]
 async fn text_and_long_messages_end_a_connection() {
     use futures_util::{SinkExt, StreamExt};
@@ -134,7 +134,7 @@ async fn text_and_long_messages_end_a_connection() {
     }
 }
 
-/// What costs work and brings nothing ends the connection long before a handshake may be late.
+/// Messages that cost work without data end the connection long before the handshake timeout.
 #[tokio::test]
 async fn what_brings_nothing_ends_a_connection() {
     use futures_util::{SinkExt, StreamExt};
@@ -164,7 +164,7 @@ async fn what_brings_nothing_ends_a_connection() {
     assert!(!ends(Message::Ping(Bytes::new()), 50).await, "some pings are taken");
 }
 
-/// Connections that are reset within anything are errors, as often as what is left of the link is asked.
+/// A reset at any point is an error, on every further call on the link.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_reset_at_any_moment_is_a_loss() {
     use futures_util::SinkExt;

@@ -1,21 +1,21 @@
-//! What somebody who sees a client's first packet of QUIC can forge: it knows the connection ids, and with
-//! them the keys of first packets (RFC 9001, section 5.2).
+//! Forgeries by an observer of a client's first QUIC packet: it knows the connection ids, and with them the
+//! keys of first packets (RFC 9001, section 5.2).
 
 use ring::aead::{AES_128_GCM, Aad, LessSafeKey, Nonce, UnboundKey};
 use rustls::Side;
 use rustls::crypto::ring::cipher_suite::TLS13_AES_128_GCM_SHA256;
 use rustls::quic::{Keys, Version};
 
-/// An answer that is not the listener's.
+/// A forged answer.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Forgery {
-    /// The listener speaks another version of QUIC only.
+    /// A claim that the listener speaks only another version of QUIC.
     VersionNegotiation,
-    /// It wants a proof of the address.
+    /// A request for address validation.
     Retry,
-    /// It closes the connection for this reason (RFC 9000, section 20.1).
+    /// A close of the connection for this reason (RFC 9000, section 20.1).
     Close(u16),
-    /// It knows no such connection.
+    /// A claim that the connection is unknown.
     StatelessReset,
 }
 
@@ -39,7 +39,7 @@ pub(crate) struct Initial {
 
 /// QUIC's version 1.
 const VERSION: [u8; 4] = [0, 0, 0, 1];
-/// The connection id of a listener that is none.
+/// The connection id of a listener that does not exist.
 const ELSEWHERE: [u8; 8] = *b"somebody";
 
 impl Initial {
@@ -52,7 +52,7 @@ impl Initial {
         Some(Self { source: source.to_vec(), destination: destination.to_vec() })
     }
 
-    /// A long header as the listener would write it, of a packet that comes from `from`.
+    /// A long header as from the listener, answering a packet from `from`.
     fn header(&self, first: u8, version: [u8; 4], from: &[u8]) -> Vec<u8> {
         let length = |id: &[u8]| [u8::try_from(id.len()).unwrap()];
         let (to, from_length) = (length(&self.source), length(from));
@@ -70,7 +70,7 @@ impl Initial {
         }
     }
 
-    /// The tag of a Retry is a checksum with a key that everybody knows (RFC 9001, section 5.8).
+    /// The tag of a Retry is a checksum with a public key (RFC 9001, section 5.8).
     fn retry(&self) -> Vec<u8> {
         const KEY: [u8; 16] = 0xbe0c690b9f66575a1d766b54e368c84e_u128.to_be_bytes();
         const NONCE: [u8; 12] = [0x46, 0x15, 0x99, 0xd3, 0x5d, 0x63, 0x2b, 0xf2, 0x23, 0x98, 0x25, 0xbb];

@@ -27,7 +27,7 @@ macro_rules! over_every_transport {
     };
 }
 
-/// A listener, where it is, and how a panel gets in.
+/// A listener, its endpoint, and the options of a panel.
 pub(crate) struct Meeting {
     pub(crate) listener: Listener,
     pub(crate) at: Endpoint,
@@ -40,7 +40,7 @@ pub(crate) struct Meeting {
 }
 
 impl Meeting {
-    /// At `endpoint`, with these options but for the keys.
+    /// A meeting at `endpoint`, with these options except for the keys.
     pub(crate) async fn at(endpoint: &str, options: &Options) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let endpoint = match endpoint {

@@ -1,4 +1,4 @@
-//! What the transport tests share: peers, and how they meet.
+//! Code shared by the transport tests: peers and how they connect.
 #![allow(dead_code, unused_imports, unused_macros, reason = "each test program uses a part")]
 
 #[cfg(feature = "quic")]
@@ -45,30 +45,30 @@ pub(crate) fn soon(net: &Arc<dyn Net>) -> Instant {
     net.now().after(Duration::from_secs(60))
 }
 
-/// The sizes of what peers say.
+/// The sizes of the peers' values.
 pub(crate) fn format() -> Format {
     Format::of::<Robot>()
 }
 
-/// What a peer says of itself, as it travels.
+/// A peer's hello as bytes.
 pub(crate) fn hello_bytes(who: &Greeting) -> Bytes {
     postcard::to_stdvec(who).unwrap().into()
 }
 
-/// The first message of whoever connects.
+/// The first message of a connecting peer.
 pub(crate) fn introduce(who: &Greeting, session: SessionId, lane: Lane) -> Message {
     let protocol = ProtocolName::new(Robot::NAME);
     Message::Hello(Hello { protocol, session, lane, application: hello_bytes(who) })
 }
 
-/// What a listener says to a peer that has another map.
+/// A listener's refusal of a peer with another map.
 pub(crate) fn other_map(listener: u64, connector: u64) -> Refusal {
     let why = format!("the listener has map {listener:#x}, the connecting peer map {connector:#x}");
     Refusal::Rejected(Rejection::new(1, &why))
 }
 
-/// A link over the transport that `endpoint` names, by a listener and a connector: the arm's end first, then
-/// the panel's.
+/// A link over the transport of `endpoint`, by a listener and a connector: the arm's end first, then the
+/// panel's.
 pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
     let net = net();
     let endpoint: Endpoint = endpoint.parse().unwrap();
@@ -81,8 +81,8 @@ pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
     (here.unwrap(), there.unwrap())
 }
 
-/// What stands in the way of a link of `who` to `at`, as the connecting side learns it: how its attempts end
-/// once the other side has had the time to answer one.
+/// The error of a link of `who` to `at` at the connecting side: how its attempts end once the other side has
+/// had time to answer one.
 pub(crate) async fn obstacle(
     net: &Arc<dyn Net>,
     at: &Endpoint,
@@ -119,7 +119,7 @@ pub(crate) async fn obstacle_of<P: Protocol>(
     unreachable!()
 }
 
-/// With which words `at` refuses `who`.
+/// The text with which `at` refuses `who`.
 pub(crate) async fn refusal(net: &Arc<dyn Net>, at: &Endpoint, who: Greeting, options: &Options) -> Refusal {
     match obstacle(net, at, who, options).await {
         HandshakeError::Refused(refusal) => refusal,
@@ -127,7 +127,7 @@ pub(crate) async fn refusal(net: &Arc<dyn Net>, at: &Endpoint, who: Greeting, op
     }
 }
 
-/// What became of the last connection to `listener` that did not make it to a link, once there is such a one.
+/// The last failure of a connection to `listener` before it became a link, once there is one.
 pub(crate) async fn last_failure(listener: &mut Listener) -> HandshakeError {
     let net = net();
     loop {

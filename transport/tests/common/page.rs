@@ -1,11 +1,11 @@
-//! What is logged, to be read again.
+//! Captures the log for tests.
 
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
 use tracing::subscriber::DefaultGuard;
 
-/// What is logged goes to a page.
+/// A writer for the log.
 #[derive(Clone, Default)]
 pub(crate) struct Page(Arc<Mutex<Vec<u8>>>);
 
@@ -20,7 +20,7 @@ impl Write for Page {
 }
 
 impl Page {
-    /// What this thread logs while the guard lives.
+    /// Captures this thread's log while the guard lives.
     pub(crate) fn log() -> (Self, DefaultGuard) {
         let page = Self::default();
         let writer = page.clone();
@@ -29,7 +29,7 @@ impl Page {
         (page, tracing::subscriber::set_default(subscriber))
     }
 
-    /// How many lines have all of `words`.
+    /// How many lines contain all of `words`.
     pub(crate) fn lines(&self, words: &[&str]) -> usize {
         let page = String::from_utf8(self.0.lock().unwrap().clone()).unwrap();
         page.lines().filter(|line| words.iter().all(|word| line.contains(word))).count()

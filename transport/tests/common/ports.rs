@@ -1,18 +1,18 @@
-//! Ports that have to be known before somebody listens on them.
+//! Ports that must be known before something listens on them.
 
 use std::net::{TcpListener, UdpSocket};
 use std::process;
 use std::sync::atomic::{AtomicU16, Ordering};
 
-/// Below the ports that systems give to whoever asks for any, so that nobody gets one of these by chance.
+/// Below the ports that systems hand out, so that nobody gets one of these by chance.
 const FIRST: u16 = 20_000;
 const COUNT: u16 = 12_000;
-/// How many a process has before those of the next process begin.
+/// How many ports a process has before those of the next process.
 const EACH: u32 = 16;
 
 static NEXT: AtomicU16 = AtomicU16::new(0);
 
-/// A port on which nobody listens, over TCP or UDP, and that nobody else gets here.
+/// A port on which nothing listens, over TCP or UDP, and that no other test gets.
 pub(crate) fn unused_port() -> u16 {
     let begin = (process::id() * EACH % u32::from(COUNT)) as u16;
     loop {

@@ -7,16 +7,15 @@ use tokio::net::UdpSocket;
 use tokio::sync::Notify;
 use trimaran_transport::Endpoint;
 
-/// Passes datagrams on between a peer and a listener, as a router does that translates addresses.
+/// Forwards datagrams between a peer and a listener, like a router with address translation.
 pub(crate) struct Router {
-    /// Where it is for the peer.
+    /// Its endpoint for the peer.
     pub(crate) at: Endpoint,
     outside: UdpSocket,
     listener: SocketAddr,
-    /// Rings when the router is to take another address towards the listener, as one does that was
-    /// restarted.
+    /// Tells the router to take another address towards the listener, as after a restart.
     pub(crate) restart: Notify,
-    /// Rings when it is to take another one towards the peer.
+    /// Tells it to take another one towards the peer.
     pub(crate) turn: Notify,
 }
 
@@ -33,8 +32,8 @@ impl Router {
         Self { at, outside, listener, restart: Notify::new(), turn: Notify::new() }
     }
 
-    /// Passes on for ever what `keep` says of a datagram and whether it goes to the listener; counts what it
-    /// does not.
+    /// Forwards datagrams for which `keep` returns true, given each one's direction, and counts the others.
+    /// Never ends.
     pub(crate) async fn pass(&self, lost: &Cell<u32>, mut keep: impl FnMut(&[u8], bool) -> bool) {
         let (mut inside, mut turned, mut peer) = (self.inside().await, None, None);
         let (mut a, mut b) = (vec![0; 2000], vec![0; 2000]);
@@ -63,8 +62,8 @@ impl Router {
         }
     }
 
-    /// Passes on for ever what `forge` has no answer for. What it has one for is answered with that in the
-    /// listener's name, and does not go on. Counts that.
+    /// Forwards datagrams for which `forge` has no answer. The others are answered with it in the listener's
+    /// name, not forwarded, and counted. Never ends.
     pub(crate) async fn pass_and_forge(
         &self,
         forged: &Cell<u32>,

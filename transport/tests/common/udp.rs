@@ -26,7 +26,7 @@ pub(crate) fn address(endpoint: &Endpoint) -> String {
     there.at.to_string()
 }
 
-/// A panel comes, is let in, and both ends talk.
+/// A panel connects, is admitted, and both ends talk.
 pub(crate) async fn a_panel_gets_in(listener: &mut Listener, at: &Endpoint, options: &Options) {
     let net = net();
     let (there, here) =

@@ -1,6 +1,6 @@
-//! What a byte of a packet costs who receives it: ordinary frames, and packets of a peer that knows the key
-//! and wants them to cost much. `cargo bench -p trimaran-udp --bench costs`; packets are in the clear, so
-//! that sealing is not among the costs.
+//! The receiver's cost per byte of a packet: ordinary frames, and packets of a peer that knows the key and
+//! makes them costly. `cargo bench -p trimaran-udp --bench costs`; packets are in plaintext, so that sealing
+//! is not among the costs.
 #![allow(clippy::disallowed_methods, reason = "a benchmark keeps the machine's time")]
 
 #[allow(unreachable_pub, dead_code, reason = "a test uses it too")]
@@ -15,9 +15,9 @@ use std::time::{Duration, Instant};
 
 use adversary::{Attack, Victim, attacks, frames_behind_one_that_never_arrives, ordinary};
 
-/// An attack that takes longer is cut off.
+/// A longer attack is cut off.
 const LONGEST: Duration = Duration::from_secs(1);
-/// How often each is tried: of each packet the fastest time counts, as others share the machine.
+/// How often each is tried: for each packet the fastest time counts, as others share the machine.
 const TRIES: usize = 7;
 
 fn main() {

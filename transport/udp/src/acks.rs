@@ -1,4 +1,4 @@
-//! Which packets arrived, and when to say so.
+//! Received packets, and when to acknowledge them.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -10,29 +10,28 @@ use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 use crate::recovery::REORDERING;
 
-/// So many packets are acknowledged at once, and fewer when they have waited: a frame comes as a burst of
+/// This many packets are acknowledged immediately, and fewer after a delay. A frame comes as a burst of
 /// packets, and an acknowledgement of each second one (RFC 9000, section 13.2.2) would be a fortieth of its
-/// bytes. As many as a sender lets leave at once.
+/// bytes. It is also the sender's largest burst.
 const MANY: u32 = 10;
-/// In how many acknowledgements a number is named: should all of them be lost, its packet is taken for lost.
+/// How many acknowledgements name a number. If all are lost, its packet counts as lost.
 const NAMED: usize = 8;
 
-/// The numbers received. It is the replay window as well: below its lowest range everything counts as
-/// received.
+/// The numbers received. It is also the replay window: below its lowest range everything counts as received.
 #[derive(Debug, Default)]
 pub(crate) struct Acks {
     numbers: RangeSet,
-    /// Those that are never acknowledged, for not all of their packets could be taken: they come once as
-    /// well.
+    /// Numbers that are never acknowledged, because not all of their packet could be taken. They are accepted
+    /// only once, too.
     refused: RangeSet,
     floor: PacketNumber,
     largest_at: Option<Instant>,
-    /// Packets that ask for an acknowledgement and have not been given one.
+    /// Packets that ask for an acknowledgement and have none yet.
     owed: u32,
-    /// Acknowledgements that were asked for one by one.
+    /// Immediate acknowledgements that were asked for.
     asked: u32,
     due: Option<Instant>,
-    /// The lowest number that came since the last acknowledgement, and those before each of the last ones.
+    /// The lowest number since the last acknowledgement, and those before each of the last ones.
     lowest: Option<PacketNumber>,
     named: VecDeque<PacketNumber>,
 }
@@ -52,7 +51,7 @@ impl Acks {
         self.numbers.iter().next_back().map_or(0, |range| range.end)
     }
 
-    /// A packet was received, and not all of it could be taken: its sender must take it for lost.
+    /// A packet was received but could not be taken completely: its sender must count it as lost.
     pub(crate) fn on_refused(&mut self, number: PacketNumber) {
         self.refused.insert(number..number + 1);
         while self.refused.len() > ACK_RANGES {
@@ -62,7 +61,7 @@ impl Acks {
         }
     }
 
-    /// A packet was received, and all of it taken.
+    /// A packet was received and taken completely.
     pub(crate) fn on_received(
         &mut self,
         now: Instant,
@@ -93,9 +92,9 @@ impl Acks {
         }
     }
 
-    /// Whether the sender finds out by this packet, the numbers below `highest` having been the ones before,
-    /// that one is lost: only from the third behind a gap on can it (the reordering threshold of
-    /// draft-ietf-quic-ack-frequency, section 6.2).
+    /// Whether this packet shows the sender that one is lost; the numbers received before ended at `highest`.
+    /// Only the third packet behind a gap can (the reordering threshold of draft-ietf-quic-ack-frequency,
+    /// section 6.2).
     fn shows_a_loss(&self, highest: PacketNumber, number: PacketNumber) -> bool {
         let (from, to) = (highest.saturating_sub(REORDERING), (number + 1).saturating_sub(REORDERING));
         self.numbers.end_of_run(from) < to
@@ -106,7 +105,7 @@ impl Acks {
         self.due
     }
 
-    /// The acknowledgement, if one is owed; it counts as given.
+    /// The acknowledgement, if one is owed; it is no longer owed then.
     pub(crate) fn take(&mut self, now: Instant) -> Option<Chunk<'static>> {
         if self.owed == 0 {
             return None;
@@ -184,7 +183,7 @@ mod tests {
         for number in (0..16).step_by(2) {
             assert_eq!(named.iter().filter(|other| **other == number).count(), NAMED, "{number}");
         }
-        // What comes late is named with all that came since, so that ranges stay few.
+        // A late packet is named together with all that came since, so that ranges stay few.
         acks.on_received(Instant::from_nanos(0), 5, Asks::Ack, DELAY);
         let Some(Chunk::Ack { numbers, .. }) = acks.take(Instant::from_nanos(0)) else { panic!("none") };
         assert_eq!(numbers.iter().next(), Some(4..7));

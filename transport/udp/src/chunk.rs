@@ -1,4 +1,4 @@
-//! The inside of a packet: a sequence of chunks.
+//! The contents of a packet: a sequence of chunks.
 
 use trimaran_wire::{Format, HEADER_BYTES, Kind};
 
@@ -11,98 +11,97 @@ mod codec;
 
 pub(crate) use codec::CLOSE;
 
-/// The ranges of packet numbers that an acknowledgement names at most; older ones have been named often
-/// enough.
+/// The most ranges of packet numbers in an acknowledgement; older ones have been named often enough.
 pub(crate) const ACK_RANGES: usize = 32;
 
-/// A lane that is a sequence of units: each is put together by itself, and they are passed on in order.
+/// A lane that is a sequence of units: each is assembled independently, and they are delivered in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UnitLane {
     /// A unit is a frame.
     Frames,
     /// A unit is a message.
     Messages,
-    /// A unit is a block. Its bytes leave when no other lane has anything to send.
+    /// A unit is a block. Its bytes are sent only when no other lane has anything to send.
     Bulk,
 }
 
 impl UnitLane {
-    /// Every lane, in the order of its precedence; of frames and messages neither waits for the other.
+    /// Every lane, in the order of its priority; frames and messages take turns.
     pub const ALL: [Self; 3] = [Self::Frames, Self::Messages, Self::Bulk];
 }
 
-/// How a part of a unit relates to what follows it.
+/// The relation of a part to the rest of its unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Tail {
     /// More of the unit follows.
     More,
-    /// Nothing follows for now: the receiver shall pass on what it has.
+    /// Nothing follows for now: the receiver delivers what it has.
     Pause,
-    /// The unit ends here, and is no whole frame.
+    /// The unit ends here, and is not a complete frame.
     End,
     /// The frame ends here; the hash of its items.
     Frame(u64),
 }
 
-/// Whether a packet is to be acknowledged.
+/// Whether a packet must be acknowledged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Asks {
     Nothing,
     Ack,
-    /// By an acknowledgement of its own, at once.
+    /// Immediately, by an acknowledgement of its own.
     AckNow,
 }
 
 /// One chunk.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Chunk<'a> {
-    /// Nothing: a byte that fills a packet up.
+    /// A padding byte.
     Pad,
-    /// Only to be acknowledged, at once.
+    /// Asks for an immediate acknowledgement.
     Ping,
     /// Packets that arrived; the newest one so many microseconds ago.
     Ack { delay_us: u64, numbers: RangeSet },
-    /// How many bytes and units the sender may send on a lane in all.
+    /// The total of bytes and units that the sender may send on a lane.
     MaxData { lane: UnitLane, bytes: u64, units: u64 },
-    /// The sender is gone.
+    /// The sender has closed the connection.
     Close,
-    /// A value of the latest lane, the `number`th that was published.
+    /// Value `number` of the latest lane, counted as published.
     Latest { number: u64, value: &'a [u8] },
     /// The latest lane ends behind value `number`, 0 if there was none, with the encoded close, or with
     /// none.
     LastLatest { number: u64, close: &'a [u8] },
     /// The sender reads no more of a lane.
     StopSending { lane: UnitLane },
-    /// Who receives at the address that this is sent to shall bring the cookie back from there.
+    /// Asks for the cookie back from the address to which this is sent.
     Challenge { cookie: CookieBytes },
     /// The cookie of a challenge.
     Response { cookie: CookieBytes },
-    /// Bytes of a unit. Those of messages and of blocks have no other tail than more and end.
+    /// Bytes of a unit. Those of messages and of blocks have no tails other than more and end.
     Part { lane: UnitLane, unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
-    /// What has not arrived of a frame will not come any more.
+    /// The missing bytes of a frame will not come.
     GiveUp { unit: u64, about: GivenUp, head: &'a [u8] },
     /// A repair shard of a block of a unit; with the frame's hash where the block ends the frame.
     Repair { unit: u64, block: Block, hash: Option<u64>, index: u8, data: &'a [u8] },
 }
 
-/// What is said of a frame when it is given up.
+/// The description of a frame that is given up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct GivenUp {
     /// The bytes of its unit.
     pub(crate) length: u64,
-    /// How many of them were sent, from the first on.
+    /// How many of them were sent, from the start.
     pub(crate) sent: u64,
     pub(crate) hash: u64,
-    /// How many items it has, where that does not follow from its length: its batches are messages.
+    /// The number of items, if it does not follow from the length: the batches are messages.
     pub(crate) coded: Option<u64>,
 }
 
-/// The first byte of a frame's unit whose batches are messages, so that they can be changes. Any other begins
-/// with the message begin.
+/// The first byte of a frame's unit whose batches are messages, and may be coded. Any other unit of a frame
+/// begins with the message begin.
 pub(crate) const CODED_UNIT: u8 = Kind::Coded.code();
 
-/// What a frame's unit starts with: the header and payload of begin, and a byte before them where its batches
-/// are messages.
+/// The start of a frame's unit: the header and payload of begin, and a byte before them if its batches are
+/// messages.
 pub(crate) const fn unit_head(format: &Format, coded: bool) -> usize {
     HEADER_BYTES + format.begin() + coded as usize
 }
@@ -113,7 +112,7 @@ pub(crate) fn part_overhead(unit: u64, offset: u64) -> usize {
 }
 
 impl Chunk<'_> {
-    /// What it asks of who receives it.
+    /// The acknowledgement that it asks for.
     pub(crate) const fn asks(&self) -> Asks {
         match self {
             Self::Ack { .. } | Self::Close | Self::Pad | Self::Challenge { .. } | Self::Response { .. } => {

@@ -1,18 +1,17 @@
-//! How much may be in flight: CUBIC (RFC 9438), with the validation of RFC 7661. There is no way to turn it
-//! off.
+//! The congestion window: CUBIC (RFC 9438), with the validation of RFC 7661. It cannot be turned off.
 
 use std::time::Duration;
 
 use trimaran_net::Instant;
 
-/// What a loss leaves of the window (RFC 9438, section 4.6).
+/// The window's factor after a loss (RFC 9438, section 4.6).
 const BETA: f64 = 0.7;
-/// How fast the window comes back, in segments per second cubed (RFC 9438, section 5).
+/// The growth of the window, in segments per second cubed (RFC 9438, section 5).
 const C: f64 = 0.4;
 /// The smallest window, in segments (RFC 9002, section 7.2).
 const MINIMUM: f64 = 2.0;
-/// The most bytes that a segment counts for in the window at the start (the same section: ten have 14,720),
-/// unless two segments are more.
+/// The most bytes that a segment counts for in the initial window (the same section: ten have 14,720), unless
+/// two segments are more.
 const LARGEST_INITIAL: f64 = 1_472.0;
 
 /// The congestion window. All sizes are in segments of the path inside, in bytes outside.
@@ -20,14 +19,14 @@ const LARGEST_INITIAL: f64 = 1_472.0;
 pub(crate) struct Window {
     segment: f64,
     window: f64,
-    /// The window at the start.
+    /// The initial window.
     initial: f64,
-    /// Nothing was made known of the path yet.
+    /// Nothing is known of the path yet.
     is_initial: bool,
     threshold: f64,
     /// The window before the last reduction.
     peak: f64,
-    /// What Reno would have.
+    /// The window of Reno.
     reno: f64,
     /// The start of congestion avoidance since the last reduction.
     epoch: Option<Instant>,
@@ -52,9 +51,8 @@ impl Window {
         }
     }
 
-    /// Packets have another size from now on; the window keeps its bytes, unless it is the initial one: that
-    /// is so many packets, as long as nothing has changed it, but not more bytes than [`LARGEST_INITIAL`]
-    /// allows.
+    /// Packets have another size from now on. The window keeps its bytes. An initial window that nothing has
+    /// changed keeps its number of packets, but not more bytes than [`LARGEST_INITIAL`] allows.
     pub(crate) fn set_segment(&mut self, segment: usize) {
         if self.is_initial {
             self.segment = segment as f64;
@@ -73,7 +71,7 @@ impl Window {
         (self.window * self.segment) as usize
     }
 
-    /// `bytes` sent at `sent` were acknowledged, `in_flight` having been in flight before.
+    /// `bytes` sent at `sent` were acknowledged; `in_flight` bytes were in flight before.
     pub(crate) fn on_ack(
         &mut self,
         now: Instant,
@@ -83,8 +81,8 @@ impl Window {
         rtt: Duration,
     ) {
         let recovering = self.recovery.is_some_and(|start| sent <= start);
-        // A window of which less than half is used says nothing about the path, and must not grow (RFC 7661,
-        // section 4.3).
+        // A window used by less than half says nothing about the path, and must not grow (RFC 7661, section
+        // 4.3).
         if recovering || in_flight * 2 < self.window() {
             return;
         }
@@ -115,13 +113,13 @@ impl Window {
         self.recovery = Some(now);
         self.is_initial = false;
         self.epoch = None;
-        // Fast convergence: who lost below the last peak leaves room to others (RFC 9438, section 4.7).
+        // Fast convergence: a loss below the last peak leaves room to others (RFC 9438, section 4.7).
         self.peak = if self.window < self.peak { self.window * (1.0 + BETA) / 2.0 } else { self.window };
         self.window = (self.window * BETA).max(MINIMUM);
         self.threshold = self.window;
     }
 
-    /// Everything sent over a long time was lost (RFC 9002, section 7.6).
+    /// All packets over a long time were lost (RFC 9002, section 7.6).
     pub(crate) fn on_persistent_congestion(&mut self) {
         self.threshold = (self.window * BETA).max(MINIMUM);
         self.is_initial = false;

@@ -36,20 +36,20 @@ pub use stats::{DeadlineTooShort, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET};
 
 /// One end of a connection: no socket, no clock.
 ///
-/// Hand it what arrives ([`Connection::handle`]) and the time when it is due ([`Connection::poll_timeout`],
-/// [`Connection::handle_timeout`]); after each call send what [`Connection::poll_transmit`] gives, until it
-/// gives nothing.
+/// Pass it arriving datagrams ([`Connection::handle`]) and the time when it is due
+/// ([`Connection::poll_timeout`], [`Connection::handle_timeout`]). After each call send the datagrams of
+/// [`Connection::poll_transmit`], until there are none.
 pub struct Connection {
     config: Config,
     keys: Keys,
     here: ConnectionId,
     there: ConnectionId,
-    /// Where the peer is, if it is followed.
+    /// The peer's address, if it is followed.
     peer_path: Option<PeerPath>,
     recovery: Recovery,
     pacer: Pacer,
     paced_until: Option<Instant>,
-    /// How much may be under way for the bulk lane to add to it.
+    /// The limit of packets in flight up to which the bulk lane may send.
     scavenger: Scavenger,
     mtu: Mtu,
     acks: Acks,
@@ -58,19 +58,19 @@ pub struct Connection {
     bulk: Units,
     latest_out: LatestOut,
     latest_in: LatestIn,
-    /// When the peer was answered, if its first packet shows how long a round trip takes.
+    /// When the peer was answered, if its first packet gives a round-trip time.
     answered: Option<Instant>,
-    /// Something came that only the peer can have sent.
+    /// A packet came that only the peer can have sent.
     confirmed: bool,
     /// How many pings are due: probes, or a keepalive. Each may exceed the window by one packet.
     pings: u8,
     last_received: Instant,
     last_sent: Instant,
-    /// What was counted: bytes sent, packets and bytes received.
+    /// Counters: bytes sent, packets and bytes received.
     sent_bytes: u64,
     received: u64,
     received_bytes: u64,
-    /// Packets that did not open.
+    /// Packets that failed to open.
     forged: u64,
     closed: Option<Closed>,
     close_due: bool,
@@ -88,7 +88,7 @@ impl fmt::Debug for Connection {
 }
 
 impl Connection {
-    /// A connection in the clear, between two ends that chose these ids: for trusted networks, and for tests.
+    /// A plaintext connection between two ends that chose these ids: for trusted networks, and for tests.
     #[must_use]
     pub fn plaintext(now: Instant, here: ConnectionId, there: ConnectionId, config: Config) -> Self {
         Self::new(now, here, there, config, Keys::Plaintext)
@@ -133,30 +133,30 @@ impl Connection {
         }
     }
 
-    /// Takes a time that a round trip was not longer than, until one is measured.
+    /// Takes an upper bound of a round trip, used until one is measured.
     pub(crate) fn guess_round_trip(&mut self, most: Duration) {
         self.recovery.rtt.guess(most);
     }
 
-    /// The peer is answered now, and says nothing under these keys before it has read that.
+    /// The peer is answered now, and sends nothing under these keys before it has read that.
     pub(crate) const fn on_answer(&mut self, now: Instant) {
         self.answered = Some(now);
     }
 
-    /// The name that this side gave the connection.
+    /// This side's id of the connection.
     #[must_use]
     pub const fn id(&self) -> ConnectionId {
         self.here
     }
 
-    /// Whether something has come that only a peer with these keys can have sent, and only now: a listener
-    /// may have answered a repeated first packet.
+    /// Whether a packet has come that only a peer with these keys can have sent, and only now: a listener may
+    /// have answered a repeated first packet.
     #[must_use]
     pub const fn is_confirmed(&self) -> bool {
         self.confirmed
     }
 
-    /// Passes on items in batches of at most `batch`, from now on.
+    /// Delivers items in batches of at most `batch`, from now on.
     pub const fn set_batch(&mut self, batch: BatchSize) {
         self.frames.inbox.set_batch(batch);
     }
@@ -166,23 +166,23 @@ impl Connection {
         self.frames.outbox.set_coded(coded);
     }
 
-    /// Sends something, so that the peer knows this side is there.
+    /// Sends a packet, so that the peer knows this side is there.
     pub fn ping(&mut self) {
         self.pings = self.pings.max(1);
     }
 
-    /// Why the connection is over, if it is.
+    /// Why the connection has ended, if it has.
     #[must_use]
     pub const fn closed(&self) -> Option<&Closed> {
         self.closed.as_ref()
     }
 
-    /// Closes at once: what has not arrived is lost. Whoever goes on to send is told again.
+    /// Closes at once: data that has not arrived is lost. A peer that keeps sending gets another close.
     pub fn close(&mut self) {
         self.end(Closed::Here);
     }
 
-    /// A probe is for a peer that is there, and for a path that is worth it: one that carries frames.
+    /// Whether to probe the MTU: the peer is there, and the path carries frames.
     fn may_probe(&self) -> bool {
         self.confirmed && self.recovery.room() >= self.config.max_datagram
     }

@@ -1,4 +1,4 @@
-//! Proof that a stranger receives at the address it sends from, without remembering the stranger.
+//! Address validation of strangers, without keeping state for them.
 
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
@@ -8,10 +8,10 @@ use zeroize::Zeroizing;
 
 use crate::packet::{ConnectionId, CookieBytes};
 
-/// How long a cookie is good: several round trips with losses, and no longer.
+/// The lifetime of a cookie: several round trips with losses, and no longer.
 const LIFE: Duration = Duration::from_secs(10);
 
-/// The secret of a listener, from which it makes cookies: 32 random bytes, drawn when it starts.
+/// A listener's secret for making cookies: 32 random bytes, drawn when it starts.
 pub(crate) struct TokenKey(Zeroizing<[u8; 32]>);
 
 impl TokenKey {
@@ -36,7 +36,7 @@ impl TokenKey {
     ) -> bool {
         let Some((time, hash)) = cookie.split_first_chunk() else { return false };
         let issued = Instant::from_nanos(u64::from_le_bytes(*time));
-        // Compared as keyed hashes, which takes the same time wherever they differ.
+        // Compared as keyed hashes, in constant time.
         let theirs = blake3::keyed_hash(&self.0, hash);
         let ours = blake3::keyed_hash(&self.0, &self.hash(issued, address, id).as_bytes()[..16]);
         issued <= now && now.since(issued) <= LIFE && theirs == ours

@@ -1,4 +1,4 @@
-//! The worked examples of WIRE.md are what this crate writes and reads.
+//! This crate writes and reads the worked examples of WIRE.md.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../../wire/tests/all/examples/mod.rs"]
@@ -59,14 +59,14 @@ fn numbers() -> RangeSet {
     numbers
 }
 
-/// The sizes of what the examples and the tests send. A coded batch says first how many items it has.
+/// The sizes of the values in examples and tests. A coded batch begins with its number of items.
 pub(crate) const FORMAT: Format = Format {
     latest: 72,
     header: 72,
     item: 4,
     count_coded: |bytes| bytes.first().map(|count| usize::from(*count)),
 };
-/// Sizes of which none divides the others.
+/// Sizes of which none divides another.
 pub(crate) const FORMAT_OF_12: Format = Format { latest: 5, header: 8, item: 12, ..FORMAT };
 
 pub(crate) fn config() -> Config {
@@ -100,7 +100,7 @@ fn given_up(hash: u64) -> GivenUp {
     GivenUp { length: 88, sent: 84, hash, coded: None }
 }
 
-/// The same frame, coded, and given up.
+/// The same frame, coded and given up.
 fn coded_given_up(hash: u64) -> GivenUp {
     GivenUp { length: 90, sent: 90, hash, coded: Some(2) }
 }
@@ -254,7 +254,7 @@ fn the_handshake_in_the_clear_is_the_examples() {
     assert_example("answer-no", &reply);
 }
 
-/// The Noise state of one side, its ephemeral key no secret, built without this crate's code.
+/// The Noise state of one side, with a public ephemeral key, built without this crate's code.
 fn noise(ephemeral: [u8; 32], initiates: bool) -> snow::HandshakeState {
     let prologue = b"trimaran/udp/3\x0a\x00\x00\x00";
     let builder = snow::Builder::new("Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s".parse().unwrap())
@@ -282,7 +282,7 @@ fn the_handshake_with_a_shared_key_is_the_examples() {
     Packet::Initial { version: VERSION, from: HERE, cookie: Some(cookie), noise: &message }.write(&mut out);
     assert_example("initial-shared", unfilled(&out, 39 + message.len()));
 
-    // The acceptor, which knows nothing of the fixed keys, reads the example.
+    // An acceptor without the fixed keys reads the example.
     let mut example = examples()["initial-shared"].clone();
     example.resize(MIN_DATAGRAM, 0);
     let acceptor = Acceptor::new(Security::PreShared(PSK.into()), SECRET).unwrap();

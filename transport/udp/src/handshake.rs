@@ -1,4 +1,4 @@
-//! From two strangers to a connection: a cookie, then one Noise message each way.
+//! The handshake: a cookie, then one Noise message each way.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -14,30 +14,28 @@ use crate::cookie::TokenKey;
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
 
-/// The most that a hello may have: a first packet has room for it, its cookie and its keys.
+/// The largest hello: a first packet has room for it, its cookie and its keys.
 pub const MAX_HELLO: usize = 1024;
 
-/// So many cookies are sent back at once, within [`FLOOD`]: more than a listener gives for first packets that
-/// were sent twice. Of further ones the newest goes with the next first packet, so that whoever forges them
-/// cannot make this side send without end.
+/// This many cookies are answered at once, within [`FLOOD`]: more than a listener sends for first packets
+/// that were repeated. Of further ones the newest goes with the next first packet, so forged cookies cannot
+/// make this side send without end.
 const COOKIES: u8 = 4;
 const FLOOD: Duration = Duration::from_millis(50);
 
-/// What makes peers trust each other. Both sides need the same kind. Secrets are wiped from memory when this
-/// is dropped.
+/// The authentication of peers. Both sides need the same kind. Secrets are wiped from memory when dropped.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Security {
-    /// Both hold this key (`Noise_NNpsk0`): who has it is a peer.
+    /// Both hold this key (`Noise_NNpsk0`), which makes a peer.
     PreShared(Zeroizing<[u8; 32]>),
     /// Each holds a key pair and knows the other's public key (`Noise_IK`, X25519).
     Pinned {
         /// The private key of this side.
         own: Zeroizing<[u8; 32]>,
-        /// The public keys of peers: a listener takes them all, who connects expects the first.
+        /// The public keys of peers: a listener admits all, the connecting side expects the first.
         peers: Vec<[u8; 32]>,
     },
-    /// Nothing is hidden and nobody is checked: only for trusted networks, and only when asked for by this
-    /// name.
+    /// No encryption and no authentication: only for trusted networks, and only when asked for by this name.
     Plaintext,
 }
 
@@ -51,7 +49,7 @@ impl fmt::Debug for Security {
     }
 }
 
-/// Why no connection came about.
+/// Why no connection was made.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum HandshakeError {
@@ -77,7 +75,7 @@ const PSK: &str = "Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s";
 const PINNED: &str = "Noise_IK_25519_ChaChaPoly_BLAKE2s";
 
 impl Half {
-    /// The initiator's connection id is bound to the handshake: it cannot be changed on the way.
+    /// The initiator's connection id is bound to the handshake: it cannot be changed on the path.
     fn new(security: &Security, initiator: ConnectionId, initiates: bool) -> Result<Self, HandshakeError> {
         let prologue = [b"trimaran/udp/3".as_slice(), &initiator.0.to_le_bytes()].concat();
         let build = |builder: Builder<'_>| {
@@ -134,17 +132,17 @@ impl Half {
     }
 }
 
-/// The connecting side until there is a connection. Send [`Connecting::initial`], and again whenever an
+/// The connecting side before there is a connection. Send [`Connecting::initial`], and again whenever an
 /// answer is overdue.
 pub struct Connecting {
     here: ConnectionId,
     half: Half,
     message: Vec<u8>,
-    /// The newest cookie: anyone on the way can forge one, so that no earlier one keeps out the listener's.
+    /// The newest cookie: anyone on the path can forge one, so no earlier one keeps out the listener's.
     cookie: Option<CookieBytes>,
-    /// When the first cookie came, and was sent back.
+    /// When the first cookie came and was answered.
     asked: Option<Instant>,
-    /// Since when cookies are counted, and how many of those came since were sent back at once.
+    /// Since when cookies are counted, and how many since then were answered at once.
     flood: (Instant, u8),
     claimed: Option<u64>,
 }
@@ -155,25 +153,25 @@ impl fmt::Debug for Connecting {
     }
 }
 
-/// What an answer did.
+/// The effect of an answer.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Progress {
-    /// Nothing: it was none, or a forged one.
+    /// None: it was invalid or forged.
     None(Connecting),
-    /// Send [`Connecting::initial`] again, now: it holds a cookie.
+    /// Send [`Connecting::initial`] again at once: it holds a cookie.
     Retry(Connecting),
-    /// The listener took the hello, and this is its answer.
+    /// The listener accepted the hello; this is its answer.
     Taken(Box<Connection>, Vec<u8>),
-    /// The listener refused, and this is its answer.
+    /// The listener refused; this is its answer.
     Refused(Vec<u8>),
 }
 
 impl Connecting {
-    /// Begins to connect; `here` is drawn at random, `hello` is what the listener shall read.
+    /// Begins to connect; `here` is drawn at random, `hello` is for the listener.
     ///
     /// # Errors
-    /// When the keys cannot be used or the hello is too long.
+    /// If the keys cannot be used or the hello is too long.
     pub fn new(security: &Security, here: ConnectionId, hello: &[u8]) -> Result<Self, HandshakeError> {
         if hello.len() > MAX_HELLO {
             return Err(HandshakeError::Long(hello.len()));
@@ -190,14 +188,14 @@ impl Connecting {
         Packet::Initial { version: VERSION, from: self.here, cookie, noise: &self.message }.write(out);
     }
 
-    /// The version that the listener has, as somebody said where nobody answered in this one. Only a hint:
-    /// anyone on the way can say so.
+    /// The listener's claimed version, if nobody answered in this one. Only a hint: anyone on the path can
+    /// claim it.
     #[must_use]
     pub fn claimed_version(&self) -> Option<u64> {
         self.claimed.filter(|_| self.cookie.is_none())
     }
 
-    /// Whether another cookie may be sent back at once.
+    /// Whether another cookie may be answered at once.
     fn may_answer(&mut self, now: Instant) -> bool {
         let (since, count) = &mut self.flood;
         if now.since(*since) >= FLOOD {
@@ -207,7 +205,7 @@ impl Connecting {
         *count <= COOKIES
     }
 
-    /// Takes a datagram from the listener, or from somebody who claims to be it.
+    /// Takes a datagram that claims to be from the listener.
     #[must_use]
     pub fn handle(mut self, now: Instant, datagram: &[u8], config: Config) -> Progress {
         match Packet::parse(datagram) {
@@ -248,7 +246,7 @@ impl Connecting {
     }
 }
 
-/// The listening side: it remembers nobody who has not shown that it receives at its address.
+/// The listening side: it keeps no state for peers before their address is validated.
 pub struct Acceptor {
     security: Security,
     token_key: TokenKey,
@@ -260,11 +258,11 @@ impl fmt::Debug for Acceptor {
     }
 }
 
-/// Someone with a good cookie and the right keys.
+/// The first packet of a peer with a valid cookie and the right keys.
 pub struct Initial {
     /// The id that its sender chose: with its address it tells a repeated packet from a second connection.
     pub from: ConnectionId,
-    /// What it says.
+    /// The hello.
     pub hello: Vec<u8>,
     /// The pinned key that its sender has proved to hold.
     pub key: Option<[u8; 32]>,
@@ -277,33 +275,33 @@ impl fmt::Debug for Initial {
     }
 }
 
-/// What to do about a datagram that belongs to no connection.
+/// What to do with a datagram for no connection.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Handled {
     /// Nothing.
     Ignore,
-    /// Send what was written into `out`. It is shorter than what came.
+    /// Send the datagram in `out`. It is shorter than the one received.
     Reply,
-    /// Nothing: someone who receives at its address, with keys that do not fit.
+    /// Nothing: the address is valid, but the keys do not fit.
     Stranger,
     /// Judge the hello, then [`Initial::take`] or [`Initial::refuse`].
     Initial(Box<Initial>),
 }
 
 impl Acceptor {
-    /// A acceptor with 32 random bytes as its secret.
+    /// An acceptor with 32 random bytes as its secret.
     ///
     /// # Errors
-    /// When the keys cannot be used.
+    /// If the keys cannot be used.
     pub fn new(security: Security, secret: [u8; 32]) -> Result<Self, HandshakeError> {
         Half::new(&security, ConnectionId(0), false)?;
         Ok(Self { security, token_key: TokenKey::new(secret) })
     }
 
-    /// Takes a datagram from `address`. Nothing is allocated before the cookie is found good.
+    /// Takes a datagram from `address`. Nothing is allocated before the cookie is validated.
     pub fn handle(&self, now: Instant, address: SocketAddr, datagram: &[u8], out: &mut Vec<u8>) -> Handled {
-        // A first packet is as long as any: what is shorter could be answered with more than it cost.
+        // All first packets have the full length: a shorter one could get an answer larger than itself.
         if datagram.len() < MIN_DATAGRAM {
             return Handled::Ignore;
         }
@@ -323,8 +321,8 @@ impl Acceptor {
         }
     }
 
-    /// Whether `datagram` is a first packet with a good cookie: [`Acceptor::handle`] answers others for
-    /// nearly nothing, and opens this one.
+    /// Whether `datagram` is a first packet with a valid cookie, which [`Acceptor::handle`] decrypts. Others
+    /// it answers for nearly nothing.
     #[must_use]
     pub fn would_decrypt(&self, now: Instant, address: SocketAddr, datagram: &[u8]) -> bool {
         let Ok(Packet::Initial { version: VERSION, from, cookie: Some(cookie), .. }) =
@@ -350,9 +348,8 @@ impl Acceptor {
 }
 
 impl Initial {
-    /// Takes the peer: `here` is free and drawn at random, `answer` is what the peer shall read. Writes the
-    /// packet into `out`, which it replaces; keep it, and send it again whenever the same first packet
-    /// comes again.
+    /// Accepts the peer: `here` is free and drawn at random, `answer` is for the peer. Writes the packet into
+    /// `out`, which it replaces; keep it, and send it again whenever the same first packet comes again.
     #[must_use]
     pub fn take(
         mut self,
@@ -368,8 +365,8 @@ impl Initial {
         Some(connection)
     }
 
-    /// Refuses the peer; `answer` says why. Writes the packet into `out`, which it replaces; nothing is to be
-    /// remembered.
+    /// Refuses the peer; `answer` says why. Writes the packet into `out`, which it replaces; no state needs
+    /// to be kept.
     pub fn refuse(mut self, answer: &[u8], out: &mut Vec<u8>) {
         let _unsaid = self.answer(0, ConnectionId(0), answer, out);
     }

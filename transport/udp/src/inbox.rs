@@ -1,4 +1,4 @@
-//! A lane of units as it is received: they are put together in any order, and passed on in theirs.
+//! Receiving a lane of units: they are assembled in any order, and delivered in theirs.
 
 use std::collections::BTreeMap;
 
@@ -18,16 +18,16 @@ use buffers::Buffers;
 use store::Pool;
 use unit::{Step, Unit};
 
-/// How many units may be under way.
+/// How many units may be open at once.
 const UNITS: u64 = 1024;
 
-/// What comes out of a lane.
+/// An item received on a lane.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Received {
     /// A message of the frames lane.
     Frame(FrameMessage),
-    /// A message of the messages lane, as the application wrote it.
+    /// A message of the messages lane, encoded by the application.
     Message(Bytes),
     /// A block of the bulk lane.
     Block(Bytes),
@@ -37,11 +37,11 @@ pub enum Received {
     Gone,
 }
 
-/// What a peer did on a lane of units that it must not do.
+/// A violation of the rules of a unit lane by a peer.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LaneViolation {
-    /// It sent more than it was allowed.
+    /// It sent more than flow control allowed.
     #[error("more was sent than allowed")]
     FlowControl,
     /// It ended a unit in two places, or sent bytes behind the end.
@@ -50,7 +50,7 @@ pub enum LaneViolation {
     /// Repair blocks of a unit overlap.
     #[error("repair blocks of a unit overlap")]
     Block,
-    /// A unit is no message.
+    /// A unit is not a message.
     #[error("a unit holds no message of the lane")]
     Unit,
     /// A unit does not decode.
@@ -65,20 +65,20 @@ pub enum LaneViolation {
 #[derive(Debug)]
 pub(crate) struct Inbox {
     lane: UnitLane,
-    /// Those of which anything came.
+    /// Units with any data received.
     units: BTreeMap<u64, Unit>,
     buffers: Buffers,
-    /// The number of the unit that is passed on now.
+    /// The number of the unit that is being delivered.
     first: u64,
-    /// Bytes of a full batch as it is passed on.
+    /// Bytes of a full batch when delivered.
     batch: usize,
     window: u64,
-    /// Bytes passed on, and bytes that the peer has used of what it may send.
+    /// Bytes delivered, and bytes of flow control used by the peer.
     taken: u64,
     used: u64,
     /// The repair shards that all units keep.
     repair: usize,
-    /// The max data that the peer was told of.
+    /// The flow control limits last sent to the peer.
     told: (u64, u64),
     pub(crate) frames_repaired: u64,
 }
@@ -100,7 +100,7 @@ impl Inbox {
         }
     }
 
-    /// What the peer may send before it hears of more.
+    /// The initial limit of units for the peer.
     pub(crate) const fn initial_units() -> u64 {
         UNITS
     }
@@ -109,8 +109,7 @@ impl Inbox {
         self.batch = full_batch(&self.buffers.format, batch, self.window);
     }
 
-    /// Throws away what has arrived, for nobody reads it. Says whether the peer should hear of the room
-    /// that this gives.
+    /// Discards received data that nobody reads. Returns whether to send the peer new limits.
     pub(crate) fn discard(&mut self) -> bool {
         self.units.clear();
         self.repair = 0;
@@ -118,18 +117,18 @@ impl Inbox {
         self.max_data_due()
     }
 
-    /// Whether [`Inbox::take`] would give a message or find a fault.
+    /// Whether [`Inbox::take`] would return an item or an error.
     pub(crate) fn is_readable(&self) -> bool {
         self.units.get(&self.first).is_some_and(|unit| unit.is_readable(self.batch, &self.buffers.format))
     }
 
-    /// Whether a good part of the window was used up since the peer was told.
+    /// Whether a good part of the window was used since the last limits were sent.
     pub(crate) const fn max_data_due(&self) -> bool {
         let (bytes, units) = self.told;
         self.taken + self.window - bytes >= self.window / 4 || self.first + UNITS - units >= UNITS / 4
     }
 
-    /// The bytes and units that the peer may send in all; it counts as told.
+    /// The limits of bytes and units for the peer; they count as sent.
     pub(crate) const fn announce_max_data(&mut self) -> (u64, u64) {
         self.told = (self.taken + self.window, self.first + UNITS);
         self.told
@@ -156,7 +155,7 @@ impl Inbox {
         })
     }
 
-    /// Does `work` on a unit, unless it was passed on before.
+    /// Calls `work` on a unit, unless it was delivered already.
     fn with_unit(
         &mut self,
         number: u64,
@@ -178,7 +177,7 @@ impl Inbox {
         Ok(())
     }
 
-    /// The next message, if it has arrived. After a violation there is none: what follows it means nothing.
+    /// The next item, if it has arrived. After a violation there is none: the rest has no meaning.
     pub(crate) fn take(&mut self) -> Result<Option<Received>, LaneViolation> {
         let taken = self.take_next();
         if taken.is_err() {
@@ -211,7 +210,7 @@ impl Inbox {
         }
     }
 
-    /// What was received, if it may come on this lane.
+    /// The received item, if it belongs on this lane.
     fn belongs(&self, item: Received) -> Result<Received, LaneViolation> {
         let belongs = match &item {
             Received::Frame(_) => self.lane == UnitLane::Frames,
@@ -222,28 +221,28 @@ impl Inbox {
         if belongs { Ok(item) } else { Err(LaneViolation::Unit) }
     }
 
-    /// What was done for what came, in steps of eight bytes or one look-up each.
+    /// The cost of received data, in steps of eight bytes or one look-up each.
     pub(crate) const fn work(&self) -> u64 {
         self.buffers.pool.work
     }
 }
 
-/// The bytes of a full batch. It takes a part of the window at most: the peer has no room to fill a larger
-/// one while nothing is passed on.
+/// The bytes of a full batch, at most a part of the window: the peer has no room to fill a larger one while
+/// nothing is delivered.
 const fn full_batch(format: &Format, batch: BatchSize, window: u64) -> usize {
     let room = (window / 4) as usize / format.item;
     let items = if batch.items() < room { batch.items() } else { room };
     if items == 0 { format.item } else { items * format.item }
 }
 
-/// What the peer has used of what it may send.
+/// The flow control used by the peer.
 struct FlowControl {
     used: u64,
     allowed: u64,
 }
 
 impl FlowControl {
-    /// Whether the peer may have sent that much of the unit.
+    /// Whether flow control allows that much of the unit.
     fn allows(&self, unit: &Unit, to: u64) -> Result<u64, LaneViolation> {
         let used = self.used.checked_add(to.saturating_sub(unit.highest));
         used.filter(|used| *used <= self.allowed).ok_or(LaneViolation::FlowControl)
@@ -268,7 +267,7 @@ pub(crate) mod tests {
         Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 4 << 20)
     }
 
-    /// A frame of these bytes of items as its unit's bytes, its header as large as `format` says.
+    /// The unit of a frame with these item bytes, its header as large as `format` says.
     pub(super) fn unit_of(format: &Format, items: &[u8]) -> Vec<u8> {
         let header = value(3).iter().copied().cycle().take(format.header).collect();
         let mut bytes = BytesMut::new();
@@ -280,7 +279,7 @@ pub(crate) mod tests {
         std::iter::from_fn(|| inbox.take().unwrap()).collect()
     }
 
-    /// The batches among what was received.
+    /// The batches among received items.
     pub(super) fn batches(items: &[Received]) -> impl Iterator<Item = &Bytes> {
         items.iter().filter_map(|item| match item {
             Received::Frame(FrameMessage::Batch(bytes)) => Some(bytes),

@@ -5,19 +5,19 @@ use xxhash_rust::xxh3::xxh3_128_with_seed;
 
 use crate::packet::{ConnectionId, HEADER, PacketNumber, TAG};
 
-/// What protects the packets of a connection.
+/// The keys of a connection's packets.
 ///
-/// The number of a packet is the nonce, and the key is chosen by the connection id: a packet whose header was
-/// changed does not open, although the header is not among the authenticated data of the Noise transport.
+/// The number of a packet is the nonce, and the connection id chooses the key. So a packet with a changed
+/// header does not open, although the header is not among the authenticated data of the Noise transport.
 pub(crate) enum Keys {
     /// Encrypted and authenticated.
     Noise(Box<StatelessTransportState>),
-    /// In the clear, with a hash against accidents, none against attackers.
+    /// In plaintext, with a hash against random errors, not against attackers.
     Plaintext,
 }
 
 impl Keys {
-    /// Seals `plain` behind the header that is in `out`.
+    /// Seals `plain` behind the header in `out`.
     pub(crate) fn seal(
         &self,
         to: ConnectionId,
@@ -39,7 +39,7 @@ impl Keys {
         }
     }
 
-    /// Opens what was sealed into `plain`, which it replaces; false when it is not what the peer sealed.
+    /// Opens a sealed packet into `plain`, which it replaces; false if the peer did not seal it.
     pub(crate) fn open(
         &self,
         to: ConnectionId,
@@ -50,7 +50,7 @@ impl Keys {
         let Some((body, tag)) = sealed.split_last_chunk::<TAG>() else { return false };
         match self {
             Self::Noise(noise) => {
-                // With room for the tag it is opened there; with less it would be opened elsewhere, and
+                // With room for the tag it is opened in place; otherwise it would be opened elsewhere, and
                 // moved.
                 plain.resize(sealed.len(), 0);
                 let opened = noise.read_message(number, sealed, plain);
@@ -70,5 +70,5 @@ fn checksum(to: ConnectionId, number: PacketNumber, plain: &[u8]) -> [u8; TAG] {
     xxh3_128_with_seed(plain, number ^ u64::from(to.0).rotate_left(32)).to_le_bytes()
 }
 
-/// What a sealed packet has beside its chunks, bytes.
+/// The bytes of a sealed packet beside its chunks.
 pub(crate) const OVERHEAD: usize = HEADER + TAG;

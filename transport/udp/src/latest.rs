@@ -1,4 +1,4 @@
-//! The latest lane, both ways: the newest value, and how the lane ends.
+//! The latest lane, in both directions: the newest value, and the end of the lane.
 
 use bytes::BytesMut;
 use trimaran_wire::{CloseReason, Decoder, FixedBytes, Format, Message};
@@ -6,9 +6,9 @@ use trimaran_wire::{CloseReason, Decoder, FixedBytes, Format, Message};
 use crate::chunk::Chunk;
 use crate::recovery::{Content, Contents};
 
-/// In how many packets a value rides along after its own.
+/// How many further packets carry a copy of a value.
 const COPIES: u32 = 2;
-/// The most that a value or an end has beside its bytes.
+/// The most bytes of a value or an end beside its contents.
 const OVERHEAD: usize = 16;
 
 /// How the peer's latest lane ended.
@@ -17,18 +17,18 @@ const OVERHEAD: usize = 16;
 pub enum LatestEnd {
     /// It closed the link.
     Closed(CloseReason),
-    /// It ended without.
+    /// It ended without a close.
     Gone,
 }
 
-/// Values as they are sent: only the newest counts.
+/// Sending values: only the newest counts.
 #[derive(Debug, Default)]
 pub(crate) struct LatestOut {
-    /// The number of the newest value, from 1, and whether it must be sent; whether it has arrived.
+    /// The number of the newest value, from 1, and its bytes; whether it must be sent; and has arrived.
     newest: Option<(u64, FixedBytes)>,
     due: bool,
     arrived: bool,
-    /// In how many more packets it rides along, in case that the first one is lost.
+    /// How many more packets carry a copy, in case the first one is lost.
     copies: u32,
     end: Option<End>,
 }
@@ -82,8 +82,8 @@ impl LatestOut {
         }
     }
 
-    /// Writes a copy of the newest value into a packet that leaves anyway, if one is wanted: who waits for
-    /// it need not wait for its loss to be noticed.
+    /// Writes a copy of the newest value into a packet that leaves anyway, if one is wanted: a reader need
+    /// not wait until its loss is noticed.
     pub(crate) fn write_copy(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Contents) {
         let Some((number, value)) = &self.newest else { return };
         let wanted = self.copies > 0 && !self.due && !self.arrived;
@@ -130,18 +130,18 @@ impl LatestOut {
     }
 }
 
-/// Values as they are received.
+/// Receiving values.
 #[derive(Debug)]
 pub(crate) struct LatestIn {
     format: Format,
     /// The newest number seen, and its value until it is read.
     seen: u64,
     unread: Option<FixedBytes>,
-    /// How the lane ends, and behind which value.
+    /// The end of the lane, and the last value before it.
     end: Option<(u64, LatestEnd)>,
 }
 
-/// A close that is none.
+/// An invalid close.
 #[derive(Debug)]
 pub(crate) struct NoCloseReason;
 
@@ -176,12 +176,12 @@ impl LatestIn {
         self.unread.take()
     }
 
-    /// The end, once the value before it has come.
+    /// The end, once the last value has come.
     pub(crate) fn end(&self) -> Option<&LatestEnd> {
         self.end.as_ref().filter(|(number, _)| self.seen >= *number).map(|(_, end)| end)
     }
 
-    /// Whether there is something that a reader has not seen.
+    /// Whether there is anything unread.
     pub(crate) fn is_readable(&self) -> bool {
         self.unread.is_some() || self.end().is_some()
     }

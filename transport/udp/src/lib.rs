@@ -1,8 +1,8 @@
 //! Frames and messages over datagrams: the state machine of a connection, without sockets or a clock.
 //!
-//! A [`Connection`] carries the lanes of a link in packets that fit the path: the newest value, sent
-//! again until it or a newer one has arrived, and three lanes of units: frames, messages, blocks. Each unit is put
-//! together by itself, so that the loss of a packet holds up no other one on the wire; they are passed on in
+//! A [`Connection`] carries the lanes of a link in packets that fit the path: the newest value, sent again
+//! until it or a newer one has arrived, and three lanes of units: frames, messages, blocks. Each unit is
+//! assembled independently, so a lost packet holds up no other unit on the wire; units are delivered in
 //! order.
 //!
 //! ```
@@ -28,15 +28,15 @@
 //! assert_eq!(far.latest(), Some(value));
 //! ```
 //!
-//! | module | what is in it |
+//! | module | contents |
 //! |---|---|
-//! | `handshake`, `cookie`, `keys` | how two strangers become a connection, and its keys |
-//! | `connection` | [`Connection`]: what came, what is to be sent, when to wake |
-//! | `latest`, `outbox`, `inbox` | the lanes: the newest value; units to be sent, and received |
-//! | `packet`, `chunk`, `wire`, `ranges` | packets and what they hold |
-//! | `recovery`, `acks`, `rtt`, `congestion`, `pacer`, `scavenger` | what is lost, and how much may be in flight |
+//! | `handshake`, `cookie`, `keys` | the handshake of a connection, and its keys |
+//! | `connection` | [`Connection`]: packets received, packets to send, timers |
+//! | `latest`, `outbox`, `inbox` | the lanes: the newest value; sending and receiving units |
+//! | `packet`, `chunk`, `wire`, `ranges` | packets and their contents |
+//! | `recovery`, `acks`, `rtt`, `congestion`, `pacer`, `scavenger` | loss detection and congestion control |
 //! | `repair` | forward error correction of frames |
-//! | `mtu`, `peer_path` | the size of datagrams; a peer that moves |
+//! | `mtu`, `peer_path` | path MTU discovery; path migration of the peer |
 
 mod acks;
 mod chunk;

@@ -1,4 +1,4 @@
-//! A peer that lies in every field that says how much, how many or which, under keys that are good.
+//! A peer with valid keys that lies in every field with a size, a count or a number.
 
 use bytes::{Bytes, BytesMut};
 use trimaran_net::Instant;
@@ -16,20 +16,20 @@ use crate::wire::Malformed;
 
 const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
-/// The most that a field can say.
+/// The largest value of a field.
 const MOST: u64 = u64::MAX;
 
 fn now() -> Instant {
     Instant::from_nanos(1_000_000_000)
 }
 
-/// How a connection ends that is told `plain`, if it does.
+/// How a connection that receives `plain` ends, if it does.
 fn told(plain: &[u8]) -> Option<Closed> {
     let mut connection = Connection::plaintext(now(), HERE, THERE, config());
     let mut packet = Vec::from(data_header(HERE, 0));
     assert!(Keys::Plaintext.seal(HERE, 0, plain, &mut packet));
     connection.handle(now(), &packet);
-    // Whatever it was told, it goes on answering, keeping its time and being read.
+    // It still answers, keeps its time and can be read.
     let (mut out, mut at) = (Vec::new(), now());
     for _ in 0..100 {
         while connection.poll_transmit(at, &mut out) {}
@@ -129,7 +129,7 @@ fn a_unit_on_the_wrong_lane_ends_the_connection() {
     for end in [lie(&part(UnitLane::Messages, &long)), lie(&part(UnitLane::Bulk, &long_block))] {
         assert!(matches!(end, Some(Closed::Lane(LaneViolation::Decode(_)))), "{end:?}");
     }
-    // The windows of these lanes are their own.
+    // These lanes have windows of their own.
     for own in [UnitLane::Messages, UnitLane::Bulk] {
         let end = lie(&Chunk::Part { lane: own, unit: 0, offset: 1 << 20, tail: Tail::More, data: b"1" });
         assert_eq!(end, lane(LaneViolation::FlowControl), "{own:?}");
@@ -159,7 +159,7 @@ fn lengths_beyond_the_packet_end_the_connection() {
     }
 }
 
-/// What only the liar itself has harm of.
+/// Only the liar itself is harmed.
 #[test]
 fn generous_max_data_and_high_numbers_of_values_are_taken_as_they_are() {
     assert_eq!(lie(&Chunk::MaxData { lane: UnitLane::Frames, bytes: MOST, units: MOST }), None);

@@ -1,4 +1,4 @@
-//! How large datagrams may be: 1,200 bytes, and more where a probe of that size has arrived (RFC 8899).
+//! Path MTU discovery: 1,200 bytes, and more where a probe of that size has arrived (RFC 8899).
 
 use std::time::Duration;
 
@@ -8,24 +8,24 @@ use crate::packet::MIN_DATAGRAM;
 
 /// How often a size is tried before it counts as too large.
 const TRIES: u32 = 3;
-/// The search ends when that few bytes are left to be gained.
+/// The search ends when at most this many bytes can be gained.
 const ENOUGH: usize = 16;
-/// The pause before the first probe: handshake and first frames go first.
+/// The pause before the first probe: the handshake and first frames go first.
 const FIRST: Duration = Duration::from_millis(100);
-/// How long a search is good for: the path may change (RFC 8899, section 5.1.1).
+/// How long a search is valid: the path may change (RFC 8899, section 5.1.1).
 const AGAIN: Duration = Duration::from_secs(600);
-/// And the pause before the next one where nothing arrived any more: it may have been a burst of losses.
+/// The pause before the next search if nothing arrives any more: it may have been a burst of losses.
 const DOUBT: Duration = Duration::from_secs(1);
 
 /// Searches for the largest datagram that arrives.
 #[derive(Debug)]
 pub(crate) struct Mtu {
     known: usize,
-    /// The largest that may still be tried.
+    /// The largest size that may still be tried.
     limit: usize,
     most: usize,
     tries: u32,
-    /// The size of the probe that is under way.
+    /// The size of the probe in flight.
     under_way: Option<usize>,
     next: Instant,
 }
@@ -36,7 +36,7 @@ impl Mtu {
         Self { known: MIN_DATAGRAM, limit: most, most, tries: 0, under_way: None, next: now.after(FIRST) }
     }
 
-    /// The size that is known to arrive.
+    /// The size known to arrive.
     pub(crate) const fn known(&self) -> usize {
         self.known
     }
@@ -47,13 +47,13 @@ impl Mtu {
         if done { None } else { Some(self.next) }
     }
 
-    /// The size of the probe that leaves now, if one is due.
+    /// The size of the probe to send now, if one is due.
     pub(crate) fn probe(&mut self, now: Instant) -> Option<usize> {
         self.due().filter(|due| *due <= now)?;
         if self.limit < self.known + ENOUGH {
             self.limit = self.most;
         }
-        // The largest is the likeliest: most paths carry what Ethernet does.
+        // The largest is the likeliest: most paths carry Ethernet's size.
         let size = if self.limit == self.most { self.most } else { (self.known + self.limit).div_ceil(2) };
         self.under_way = Some(size);
         Some(size)
@@ -75,7 +75,7 @@ impl Mtu {
         }
     }
 
-    /// Nothing arrives any more: perhaps the path has become narrower.
+    /// Nothing arrives any more: the path may have become narrower.
     pub(crate) fn on_black_hole(&mut self, now: Instant) {
         self.known = MIN_DATAGRAM;
         self.limit = self.most;
@@ -96,7 +96,7 @@ impl Mtu {
 mod tests {
     use super::*;
 
-    /// Searches a path that carries `carries` bytes; gives what was found and how many probes that took.
+    /// Searches a path that carries `carries` bytes; returns the size found and the number of probes.
     fn search(carries: usize, most: usize) -> (usize, u32) {
         let mut now = Instant::from_nanos(0);
         let (mut mtu, mut probes) = (Mtu::new(now, most), 0);

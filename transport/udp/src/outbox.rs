@@ -1,5 +1,4 @@
-//! A lane of units as it is sent: their bytes are kept until they are acknowledged, or not worth sending any
-//! more.
+//! Sending a lane of units: bytes are kept until they are acknowledged, or no longer worth sending.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -18,44 +17,44 @@ mod unit;
 
 use unit::Unit;
 
-/// What a unit costs beside its bytes, so that many small ones are not for nothing.
+/// The cost of a unit beside its bytes, so that many small ones are not free.
 const UNIT_COST: usize = 256;
 
-/// Units in order of their numbers. A unit is a frame, a message, a block, a close, or, empty, the end of
-/// the lane without one.
+/// Units in order of their numbers. A unit is a frame, a message, a block, a close, or, if empty, the end of
+/// the lane without a close.
 #[derive(Debug)]
 pub(crate) struct Outbox {
     lane: UnitLane,
     format: Format,
     units: VecDeque<Unit>,
-    /// Buffers for units to come.
+    /// Buffers for later units.
     spare: Spare,
     /// The number of the first unit kept.
     first: u64,
-    /// The units of which something is to be said that needs no window.
+    /// The units with something to send that needs no flow control.
     due: BTreeSet<u64>,
-    /// The first unit that has, or may get, bytes that were never sent.
+    /// The first unit that has, or may get, bytes not sent yet.
     fresh: u64,
-    /// The first unit that may have no deadline yet, and the first that may come to be late: deadlines rise.
+    /// The first unit that may have no deadline yet, and the first that may become late: deadlines rise.
     undated: u64,
     in_time: u64,
-    /// What the receiver allows in all.
+    /// The receiver's limit of bytes in all.
     allowed_bytes: u64,
     allowed_units: u64,
-    /// Bytes that were sent for the first time.
+    /// Bytes sent for the first time.
     offered: u64,
     kept: usize,
-    /// How long after its end a frame is worth sending; always, if not given.
+    /// How long after its end a frame is worth sending; always if `None`.
     pub(crate) frame_deadline: Option<Duration>,
     repair: Budget,
-    /// The bytes of the last frame: those of the next one will be about as many.
+    /// The size of the last frame: the next one will be about as large.
     last_length: usize,
-    /// Whether the batches of frames to come are messages.
+    /// Whether the batches of later frames are messages.
     coded: bool,
-    /// The newest frame all of which has arrived.
+    /// The newest frame that has arrived completely.
     pub(crate) confirmed: Option<FrameNumber>,
     pub(crate) frames_given_up: u64,
-    /// Parts that were sent again.
+    /// Parts that were retransmitted.
     pub(crate) repeated: u64,
     /// Repair shards that were sent.
     pub(crate) repair_sent: u64,
@@ -98,7 +97,7 @@ impl Outbox {
         }
     }
 
-    /// Bytes that wait for their acknowledgement, and what their units cost.
+    /// Bytes that wait for acknowledgement, and the cost of their units.
     pub(crate) const fn kept(&self) -> usize {
         self.kept
     }
@@ -108,7 +107,7 @@ impl Outbox {
     }
 
     /// Takes the next message of the lane, which a frame writer has put in order. A coded batch is ignored in
-    /// a frame that was not begun for such.
+    /// a frame that began without coding.
     pub(crate) fn put(&mut self, message: &FrameMessage, path: Path) {
         match message {
             FrameMessage::Batch(_) | FrameMessage::Coded(_) if self.is_coded() => {
@@ -129,7 +128,7 @@ impl Outbox {
         }
     }
 
-    /// Takes a message that is a unit by itself: that of an application, a block, or a close.
+    /// Takes a message that is a unit by itself: an application's message, a block, or a close.
     pub(crate) fn put_whole(&mut self, message: &Message, path: Path) {
         let unit = Unit::new(&self.format, path.shard, self.spare.take());
         self.add(unit);
@@ -190,7 +189,7 @@ impl Outbox {
         self.look(self.first + (self.units.len() as u64).saturating_sub(1));
     }
 
-    /// Finds out what is due of a unit with which something was done.
+    /// Updates the pending work of a changed unit.
     fn look(&mut self, number: u64) {
         if self.unit(number).is_some_and(|unit| unit.is_due()) {
             self.due.insert(number);
@@ -211,7 +210,7 @@ impl Outbox {
         }
     }
 
-    /// Throws everything away: nobody reads the lane.
+    /// Discards everything: nobody reads the lane.
     pub(crate) fn drop_all(&mut self) {
         self.first += self.units.len() as u64;
         self.units.clear();
@@ -224,12 +223,12 @@ impl Outbox {
         self.allowed_units = self.allowed_units.max(units);
     }
 
-    /// Whether [`Outbox::write_next`] has something, given room.
+    /// Whether [`Outbox::write_next`] has something to write, given room.
     pub(crate) fn has_due(&self) -> bool {
         self.next_due().is_some()
     }
 
-    /// The first unit of which something can be sent now.
+    /// The first unit that has something to send now.
     fn next_due(&self) -> Option<u64> {
         let due = self.due.first().copied();
         let at = usize::try_from(self.fresh.saturating_sub(self.first)).ok()?;
@@ -238,8 +237,8 @@ impl Outbox {
         next.filter(|number| *number < self.allowed_units)
     }
 
-    /// Writes the next chunk that is due into `out`, at most `room` bytes; older units and lost parts first.
-    /// A part that would fit alone, `whole`, is not cut up.
+    /// Writes the next pending chunk into `out`, at most `room` bytes; older units and lost parts first. A
+    /// part that would fit alone, `whole`, is not split.
     pub(crate) fn write_next(&mut self, room: usize, whole: usize, out: &mut Vec<u8>) -> Option<Content> {
         let number = self.next_due()?;
         let allowed = self.allowed_bytes.saturating_sub(self.offered);
@@ -275,7 +274,7 @@ mod tests {
 
     pub(super) const PATH: Path = Path { shard: 1136, loss: 0.0 };
 
-    /// Without repair.
+    /// A sender without repair.
     pub(super) fn sender(frame_deadline: Option<u64>) -> Outbox {
         let frame_deadline = frame_deadline.map(Duration::from_millis);
         let repair = Budget::new(Repair::Off, 15);
@@ -312,8 +311,8 @@ mod tests {
         let mut outbox = Outbox { format: Format { item: 250, ..FORMAT }, ..sender(None) };
         begin(&mut outbox, 0, PATH);
         outbox.put(&FrameMessage::Batch(vec![1; 250 * 9].into()), PATH);
-        // A full packet takes all up to the next shard, though these are no whole items, and so does the rest
-        // of a packet where the rest of the frame fits.
+        // A full packet takes everything up to the next shard, even if these are not whole items. So does the
+        // rest of a packet if the rest of the frame fits.
         for (room, expected) in [(1172, 0..1136), (1172, 1136..2272), (20, 0..0), (80, 2272..2330)] {
             let lane = UnitLane::Frames;
             let part = Content::Part { lane, unit: 0, range: expected.clone(), ended: false };

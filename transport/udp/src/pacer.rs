@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 
-/// How much may leave at once, in packets: the initial window of RFC 9002.
+/// The largest burst, in packets: the initial window of RFC 9002.
 const BURST: usize = 10;
-/// And with them what is due before a timer can ring, which is no finer than a millisecond and one late.
+/// Added to it are packets due before a timer can ring, which is as coarse as a millisecond and one late.
 const TICK: Duration = Duration::from_millis(2);
-/// And the most that may, in packets.
+/// The largest burst with these, in packets.
 const LARGEST: usize = 128;
 
 /// A bucket of bytes that fills at 5/4 of the window a round trip.
@@ -29,11 +29,10 @@ impl Pacer {
         self.segment = segment;
     }
 
-    /// When a packet of full size may leave: not after `now` if at once. One that waits was to leave at
-    /// `due`.
+    /// When a full packet may leave: not after `now` if at once. A waiting packet was to leave at `due`.
     ///
-    /// A machine that is busy rings late. What would have left by then leaves at once, or else a sender that
-    /// is let run seldom could send a burst each time and no more, however wide the path is.
+    /// On a busy machine timers ring late. Packets due by then leave at once. Otherwise a sender that runs
+    /// rarely could send only one burst each time, however wide the path is.
     pub(crate) fn ready(
         &mut self,
         now: Instant,
@@ -52,7 +51,7 @@ impl Pacer {
         }
         self.filled = Some(now);
         let missing = self.segment as f64 - self.tokens;
-        // Less than a byte is rounding.
+        // A fraction of a byte is rounding.
         if missing < 1.0 { now } else { now.after(Duration::from_secs_f64((missing / rate).max(1e-9))) }
     }
 
@@ -96,7 +95,7 @@ mod tests {
     #[test]
     fn what_a_timer_would_make_late_leaves_with_them() {
         let (idle, ms) = (Duration::from_secs(1), Duration::from_millis(1));
-        // 2.5 bytes a microsecond: five packets in two milliseconds. A slow path has none of them.
+        // 2.5 bytes a microsecond: five packets in two milliseconds. A slow path has none.
         assert_eq!(burst(idle, 20_000, 10 * ms), 15);
         assert_eq!(burst(idle, 20_000, 600 * ms), 10);
         assert_eq!(burst(idle, 200_000, 10 * ms), 60);
@@ -121,7 +120,7 @@ mod tests {
             }
             count
         };
-        // 2.5 bytes a microsecond, and the one that was due; ten and what is due in two milliseconds.
+        // 2.5 bytes a microsecond, and the one that was due; ten and those due in two milliseconds.
         assert_eq!((leave(true), leave(false)), (25, 15));
     }
 }

@@ -1,12 +1,12 @@
-//! The outside of a datagram: what it is, and for which connection.
+//! The outer layer of a datagram: its kind, and its connection.
 
 use crate::wire::{Malformed, Reader};
 
 /// The version of the datagrams' layout.
 pub const VERSION: u64 = 3;
 
-/// The smallest path that is used: every path of IPv6 carries that much, and the first packet of a connection
-/// is as long, so that a path that does not carry it is found at once (RFC 9000, section 14).
+/// The smallest path supported: every path of IPv6 carries that much. The first packet of a connection is as
+/// long, so that a path that does not carry it is detected at once (RFC 9000, section 14).
 pub const MIN_DATAGRAM: usize = 1200;
 
 /// Bytes that authenticate a packet.
@@ -15,33 +15,33 @@ pub(crate) const TAG: usize = 16;
 /// Bytes before the protected part of a data packet.
 pub(crate) const HEADER: usize = 12;
 
-/// The number of a data packet: 0 to 2^62 - 1, rising, never used twice under one key, whatever it carries.
+/// The number of a data packet: 0 to 2^62 - 1, rising, never used twice under one key, for any contents.
 ///
-/// It travels in full. Truncated as in QUIC it would save four of 1,200 bytes, and cost a state (the largest
-/// number so far) for reading a header; as it is, the number is the nonce and the header can be read by
+/// It is sent in full. Truncated as in QUIC it would save four of 1,200 bytes, and reading a header would
+/// need state (the largest number so far). In full, the number is the nonce and the header can be read by
 /// itself.
 pub(crate) type PacketNumber = u64;
 
-/// One past the last number. A connection that sends a million packets a second gets there after 146,000
+/// One past the last number. A connection that sends a million packets a second reaches it after 146,000
 /// years.
 pub(crate) const NUMBERS: PacketNumber = 1 << 62;
 
-/// Names a connection to the side that receives the datagram, which chose the name at random.
+/// The receiver's name for a connection, chosen by it at random.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ConnectionId(pub u32);
 
-/// What a listener gives a stranger to bring back: the time and a keyed hash of it and of the stranger's
+/// The cookie that a listener sends a stranger: the time and a keyed hash of it and of the stranger's
 /// address.
 pub(crate) type CookieBytes = [u8; 24];
 
-/// A datagram, its inside not yet opened.
+/// A datagram, with its contents unopened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Packet<'a> {
     /// Protected chunks.
     Data { to: ConnectionId, number: PacketNumber, sealed: &'a [u8] },
-    /// A stranger wants a connection.
+    /// A stranger asks for a connection.
     Initial { version: u64, from: ConnectionId, cookie: Option<&'a CookieBytes>, noise: &'a [u8] },
-    /// The stranger shall prove that it receives at its address.
+    /// The stranger must validate its address.
     Retry { version: u64, to: ConnectionId, cookie: &'a CookieBytes },
     /// The listener's half of the handshake.
     Answer { version: u64, to: ConnectionId, noise: &'a [u8] },
@@ -60,7 +60,7 @@ impl<'a> Packet<'a> {
         let number = word >> 2;
         match word & 3 {
             DATA => Ok(Self::Data { to: id, number, sealed: reader.rest() }),
-            // Of another version nothing further can be read.
+            // In another version nothing further can be read.
             INITIAL if number != VERSION => {
                 Ok(Self::Initial { version: number, from: id, cookie: None, noise: &[] })
             }
@@ -111,7 +111,7 @@ impl<'a> Packet<'a> {
     }
 }
 
-/// For which connection a datagram is, if it is a packet of one.
+/// The connection of a datagram, if it is a packet of one.
 #[must_use]
 pub fn destination(datagram: &[u8]) -> Option<ConnectionId> {
     match Packet::parse(datagram) {

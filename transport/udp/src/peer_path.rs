@@ -1,8 +1,8 @@
-//! Where the peer is, and whether it has gone elsewhere (RFC 9000, sections 8.2 and 9).
+//! Path migration of the peer (RFC 9000, sections 8.2 and 9).
 //!
-//! Unlike QUIC, which sends on to a new address at once and sparingly until the peer has answered from there,
-//! a connection goes on where it is until then: a frame is more than that address could be sent, and nobody
-//! who repeats packets from elsewhere leads it astray.
+//! QUIC sends on to a new address at once and sparingly until the peer has answered from there. Here a
+//! connection stays at the old address until then: a frame is more than the new one could be sent, and
+//! repeated packets from elsewhere do not lead it astray.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -14,24 +14,23 @@ use crate::cookie::TokenKey;
 use crate::keys::OVERHEAD;
 use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM};
 
-/// How many bytes may be sent, for each that came from there, to an address that has not answered (RFC 9000,
-/// section 8).
+/// How many bytes may be sent to an unvalidated address for each received from it (RFC 9000, section 8).
 const AMPLIFICATION: usize = 3;
-/// How often an address is asked.
+/// How often an address is challenged.
 const TRIES: u32 = 3;
-/// The pause after it was asked first; it doubles.
+/// The pause after the first challenge; it doubles.
 const PAUSE: Duration = Duration::from_millis(300);
 /// The shortest packet with a challenge.
 const SHORTEST: usize = OVERHEAD + 1 + size_of::<CookieBytes>();
 
-/// Where a packet came from, and how long it was.
+/// The source of a packet, and its length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Arrival {
     pub(crate) from: SocketAddr,
     pub(crate) bytes: usize,
 }
 
-/// A packet that goes elsewhere than all others: a chunk, filled up to so many bytes.
+/// A packet for another address than the peer's: a chunk, padded to `size` bytes.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Migration {
     pub(crate) to: SocketAddr,
@@ -42,13 +41,13 @@ pub(crate) struct Migration {
 /// How far the peer has moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Moved {
-    /// To another port of its address: a router gave it a new one, and the path is the same.
+    /// To another port of its address: a router changed it, and the path is the same.
     Port,
     /// To another address.
     Path,
 }
 
-/// Where the peer is, where it may be, and what the peer wants to know of this side.
+/// The address of the peer, a possible new one, and the peer's challenge of this side.
 pub(crate) struct PeerPath {
     remote: SocketAddr,
     token_key: TokenKey,
@@ -56,7 +55,7 @@ pub(crate) struct PeerPath {
     response: Option<Migration>,
 }
 
-/// Where the newest packet came from.
+/// The source of the newest packet.
 #[derive(Debug)]
 struct Candidate {
     at: SocketAddr,
@@ -67,7 +66,7 @@ struct Candidate {
 }
 
 impl PeerPath {
-    /// A peer at `remote`; 32 random bytes, of which nobody else learns.
+    /// A peer at `remote`; 32 random bytes that nobody else knows.
     pub(crate) fn new(remote: SocketAddr, secret: [u8; 32]) -> Self {
         Self { remote, token_key: TokenKey::new(secret), candidate: None, response: None }
     }
@@ -76,7 +75,7 @@ impl PeerPath {
         self.remote
     }
 
-    /// A packet of the peer came; `newest` when none that was sent later has come before.
+    /// A packet of the peer came; `newest` if no later one has come before.
     pub(crate) fn on_packet(&mut self, now: Instant, Arrival { from, bytes }: Arrival, newest: bool) {
         match &mut self.candidate {
             Some(candidate) if candidate.at == from => candidate.received += bytes,
@@ -88,14 +87,13 @@ impl PeerPath {
         }
     }
 
-    /// The peer asks whether this side receives where the packet came from. The answer goes there, and is as
-    /// long.
+    /// The peer challenges the packet's source address. The answer goes there, and is as long.
     pub(crate) fn on_challenge(&mut self, Arrival { from, bytes }: Arrival, cookie: CookieBytes) {
         self.response =
             Some(Migration { to: from, chunk: Chunk::Response { cookie }, size: bytes.min(MIN_DATAGRAM) });
     }
 
-    /// The peer brings a cookie back. Says how far it has moved, if it has.
+    /// The peer returns a cookie. Returns how far it has moved, if it has.
     pub(crate) fn on_response(
         &mut self,
         now: Instant,
@@ -110,12 +108,12 @@ impl PeerPath {
         Some(if before.ip() == from.ip() { Moved::Port } else { Moved::Path })
     }
 
-    /// When [`PeerPath::next`] has something to say.
+    /// When [`PeerPath::next`] has a packet.
     pub(crate) fn due(&self) -> Option<Instant> {
         self.candidate.as_ref().map(|candidate| candidate.due)
     }
 
-    /// The next packet that does not go to the peer's address.
+    /// The next packet for another address than the peer's.
     pub(crate) fn next(&mut self, now: Instant, here: ConnectionId) -> Option<Migration> {
         if self.response.is_none() && self.candidate.is_none() {
             return None;

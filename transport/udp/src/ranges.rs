@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use smallvec::SmallVec;
 
-/// Disjoint, non-empty, non-adjacent half-open ranges in rising order. There are few of them, and mostly one:
-/// that needs no memory of its own.
+/// Disjoint, non-empty, non-adjacent half-open ranges in rising order. They are few, and mostly one, which
+/// needs no memory of its own.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct RangeSet(SmallVec<[Range<u64>; 2]>);
 
@@ -19,7 +19,7 @@ impl RangeSet {
         self.0.is_empty()
     }
 
-    /// How many ranges.
+    /// The number of ranges.
     pub(crate) fn len(&self) -> usize {
         self.0.len()
     }
@@ -32,7 +32,7 @@ impl RangeSet {
         self.end_of_run(value) > value
     }
 
-    /// Where the range that holds `from` ends; `from` where none does.
+    /// The end of the range that holds `from`; `from` if none does.
     pub(crate) fn end_of_run(&self, from: u64) -> u64 {
         let first = self.0.partition_point(|range| range.end <= from);
         self.0.get(first).filter(|range| range.start <= from).map_or(from, |range| range.end)
@@ -44,7 +44,7 @@ impl RangeSet {
         self.0.get(first).is_some_and(|held| held.start < range.end)
     }
 
-    /// The ranges that reach `from` or beyond, each as a whole.
+    /// The ranges that reach `from` or beyond, uncut.
     pub(crate) fn reaching_over(&self, from: u64) -> Self {
         let first = self.0.partition_point(|range| range.end <= from);
         Self(self.0.get(first..).unwrap_or_default().into())
@@ -54,7 +54,7 @@ impl RangeSet {
         if range.is_empty() {
             return;
         }
-        // Those that it touches become one with it.
+        // Ranges that it touches are merged with it.
         let from = self.0.partition_point(|other| other.end < range.start);
         let to = self.0.partition_point(|other| other.start <= range.end);
         for other in self.0.drain(from..to) {
@@ -77,7 +77,7 @@ impl RangeSet {
         self.0.insert_many(from, below.into_iter().chain(above));
     }
 
-    /// Removes what of `range` is in the set, and gives it.
+    /// Removes `range` from the set, and returns the part that was in it.
     pub(crate) fn take(&mut self, range: &Range<u64>) -> Self {
         let mut taken = Self::default();
         for held in self.iter().filter(|held| held.start < range.end && held.end > range.start) {

@@ -1,4 +1,4 @@
-//! What was sent and has not been acknowledged: loss detection and probes (RFC 9002).
+//! Loss detection and probes for unacknowledged packets (RFC 9002).
 
 use std::time::Duration;
 
@@ -19,32 +19,31 @@ pub(crate) use flight::{Content, Contents, Sent};
 use share::LossShare;
 use skipped::Skipped;
 
-/// A packet is lost when one that many numbers later has arrived (RFC 9002, section 6.1.1).
+/// A packet is lost when one with a number this much higher has arrived (RFC 9002, section 6.1.1).
 pub(crate) const REORDERING: u64 = 3;
-/// Losses over that many probe timeouts are persistent congestion (section 7.6.1).
+/// Losses over this many probe timeouts are persistent congestion (section 7.6.1).
 const PERSISTENT: u32 = 3;
-/// So many packets are sent where nothing was acknowledged in time, in case one is lost as well (section
+/// This many probes are sent if nothing was acknowledged in time, in case one is lost as well (section
 /// 6.2.4).
 pub(crate) const PROBES: u8 = 2;
-/// More packets than these are hardly lost in a row: where nothing is heard of so many, their acknowledgement
-/// was lost.
+/// More packets are hardly lost in a row: if so many go unacknowledged, their acknowledgement was lost.
 const ROW: usize = 4;
-/// Probes are no further apart: one small packet a second harms no path, and a link that comes back is found
-/// at once.
+/// The longest pause between probes: one small packet a second harms no path, and a path that recovers is
+/// found at once.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
-/// What an acknowledgement or a timeout made known.
+/// The result of an acknowledgement or a timeout.
 #[derive(Debug, Default)]
 pub(crate) struct Verdict {
     pub(crate) arrived: Vec<Content>,
     pub(crate) lost: Contents,
 }
 
-/// What to send where nothing was acknowledged in time.
+/// The kind of probe if nothing was acknowledged in time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Probe {
-    /// Something that asks what has arrived.
+    /// Ask for an acknowledgement.
     Ask,
-    /// What may not have arrived.
+    /// Retransmit data that may be lost.
     Repeat,
 }
 
@@ -62,20 +61,20 @@ pub(crate) struct Recovery {
     /// When something was acknowledged, or first waited for an acknowledgement.
     progress: Option<Instant>,
     probes: u32,
-    /// More than [`ROW`] packets were under way when the last probes left.
+    /// More than [`ROW`] packets were in flight when the last probes left.
     unanswered: bool,
     loss: LossShare,
     max_ack_delay: Duration,
-    /// Room for what the next acknowledgement tells of.
+    /// A spare buffer for the next acknowledgement.
     spare: Vec<Content>,
-    /// When the round trip of this path was measured first.
+    /// The first round-trip measurement of this path.
     sampled: Option<Instant>,
     pub(crate) rtt: Rtt,
     pub(crate) window: Window,
     pub(crate) lost_packets: u64,
     /// Probes since the beginning.
     pub(crate) all_probes: u64,
-    /// How often an acknowledgement made this side look at a packet.
+    /// How many packets acknowledgements have looked up.
     pub(crate) visited: u64,
 }
 
@@ -106,27 +105,27 @@ impl Recovery {
         self.flight.next_number()
     }
 
-    /// Leaves numbers out from now on, as these 32 random bytes say.
+    /// Skips packet numbers from now on, chosen by these 32 random bytes.
     pub(crate) fn leave_numbers_out(&mut self, secret: [u8; 32]) {
         self.skipped = Skipped::new(secret, self.next_number());
     }
 
-    /// How many packets were sent.
+    /// The number of packets sent.
     pub(crate) fn sent(&self) -> u64 {
         self.next_number() - self.skipped.count()
     }
 
-    /// Bytes that the window leaves.
+    /// The room in the window, bytes.
     pub(crate) fn room(&self) -> usize {
         if self.flight.is_full() { 0 } else { self.window.window().saturating_sub(self.in_flight()) }
     }
 
-    /// The share of packets that is probably lost: from the first loss on, one of so many.
+    /// The estimated share of lost packets: from the first loss on, one of so many.
     pub(crate) const fn probable_loss(&self) -> f64 {
         self.loss.probable()
     }
 
-    /// Bytes that were sent, and neither acknowledged nor found lost.
+    /// Bytes sent, and neither acknowledged nor found lost.
     pub(crate) const fn in_flight(&self) -> usize {
         self.flight.bytes()
     }
@@ -136,18 +135,18 @@ impl Recovery {
         self.probes
     }
 
-    /// Whether it seems that acknowledgements are lost, rather than what they are for.
+    /// Whether acknowledgements seem to be lost, rather than their packets.
     pub(crate) const fn is_unanswered(&self) -> bool {
         self.unanswered
     }
 
-    /// Since when an acknowledgement has been awaited in vain.
+    /// Since when an expected acknowledgement is missing.
     pub(crate) fn unheard_since(&self) -> Option<Instant> {
         self.progress.filter(|_| self.in_flight() > 0)
     }
 
-    /// The packet with the next number was sent; `eliciting` is `None` when it asks for no acknowledgement.
-    /// Says what is lost because there is no place to remember it.
+    /// The packet with the next number was sent; `eliciting` is `None` if it asks for no acknowledgement.
+    /// Returns the contents of a packet that counts as lost because the records are full.
     pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) -> Contents {
         if let Some(sent) = &eliciting {
             if self.in_flight() == 0 {
@@ -199,7 +198,7 @@ impl Recovery {
         Ok(verdict)
     }
 
-    /// Takes back the room of a verdict, for another one.
+    /// Takes back the buffer of a verdict.
     pub(crate) fn reuse(&mut self, mut arrived: Vec<Content>) {
         arrived.clear();
         if arrived.capacity() > self.spare.capacity() {
@@ -212,8 +211,8 @@ impl Recovery {
         self.loss_time().or_else(|| self.probe_time())
     }
 
-    /// Finds packets that are lost by now; or else asks for probes. They repeat what the oldest packets in
-    /// flight carried; but where more are in flight than are lost in a row, the first ones only ask.
+    /// Finds lost packets, or else asks for probes. Probes repeat the oldest packets in flight; but if more
+    /// are in flight than are lost in a row, the first ones only ask.
     pub(crate) fn on_timeout(&mut self, now: Instant) -> (Verdict, Option<Probe>) {
         let mut verdict = Verdict::default();
         if self.loss_time().is_some_and(|at| at <= now) {
@@ -248,13 +247,13 @@ impl Recovery {
         Some(oldest.at.after(self.rtt.loss_delay()))
     }
 
-    /// Finds what is lost by now; `acked` are the numbers of the acknowledgement that shows it, if it is one.
+    /// Finds lost packets; `acked` are the numbers of the acknowledgement that shows it, if any.
     fn detect_losses(&mut self, now: Instant, acked: Option<&RangeSet>, verdict: &mut Verdict) {
         let Some(largest) = self.largest_acked else { return };
         let delay = self.rtt.loss_delay();
         let mut last = None;
-        // Since when nothing arrived, and the longest such time; what was sent before a round trip was
-        // measured does not count.
+        // Since when nothing arrived, and the longest such time; packets sent before a round trip was
+        // measured do not count.
         let (mut since, mut longest) = (None, Duration::ZERO);
         for number in self.flight.base()..largest {
             self.visited += 1;
@@ -268,7 +267,7 @@ impl Recovery {
                 continue;
             }
             let Some(sent) = self.flight.forget(number) else { continue };
-            // The loss of a probe says that it was too large, and nothing else (RFC 9000, section 14.4).
+            // The loss of a probe only says that it was too large (RFC 9000, section 14.4).
             if !sent.is_probe() {
                 self.lost_packets += 1;
                 self.loss.on_lost();
@@ -336,7 +335,7 @@ mod tests {
     fn a_lost_tail_is_probed_with_growing_pauses() {
         let mut recovery = sender();
         let sent = send(&mut recovery, 0);
-        // Nothing is measured: 100 ms, four times 50 ms, and 1 ms.
+        // Without a measurement: 100 ms, four times 50 ms, and 1 ms.
         assert_eq!(recovery.timeout(), Some(at(301)));
         let (verdict, probe) = recovery.on_timeout(at(301));
         assert_eq!((verdict.lost, probe), (smallvec![sent], Some(Probe::Repeat)));
@@ -412,8 +411,8 @@ mod tests {
         assert_eq!(recovery.window.window(), 7_000, "too many for accidents");
     }
 
-    /// Sends a packet each 20 ms, all of which are lost but those in `arrive`, and then one that arrives;
-    /// gives the window.
+    /// Sends a packet each 20 ms, all of which are lost except those in `arrive`, and then one that arrives;
+    /// returns the window.
     fn after_an_outage(sampled: bool, packets: u64, arrive: Range<u64>) -> usize {
         let mut recovery = sender();
         if sampled {

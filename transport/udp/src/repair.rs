@@ -1,5 +1,5 @@
-//! Forward error correction: from the bytes of a block of a frame, repair shards that stand in for any of
-//! them that are lost (Reed-Solomon, by `reed-solomon-simd`).
+//! Forward error correction: repair shards for the bytes of a block of a frame, which replace any lost ones
+//! (Reed-Solomon, by `reed-solomon-simd`).
 
 use std::ops::Range;
 
@@ -10,25 +10,25 @@ mod budget;
 pub use budget::Repair;
 pub(crate) use budget::{Budget, Path};
 
-/// How many shards a block has at most. Longer frames have several blocks, so that their beginnings need not
-/// wait for their ends.
+/// The most shards of a block. Longer frames have several blocks, so that their beginnings need not wait for
+/// their ends.
 pub(crate) const BLOCK: usize = 64;
-/// How many repair shards a block has at most.
+/// The most repair shards of a block.
 pub(crate) const MOST: usize = 32;
 /// The largest shard, bytes: no larger datagram is sent.
 pub(crate) const LARGEST: usize = 1500;
-/// The fewest bytes of a block of several shards that has several repair shards. To restore one costs as much
-/// as to restore thousands.
+/// The fewest bytes of a block of several shards with several repair shards. Restoring one costs as much as
+/// restoring thousands.
 const SMALLEST: usize = 512;
-/// What the decoder does for a block of any size (a Walsh transform over GF(2^16)), in steps of eight bytes.
+/// The decoder's cost for a block of any size (a Walsh transform over GF(2^16)), in steps of eight bytes.
 const DECODER: u64 = 1 << 17;
 
-/// The size of the shards of a block: a block that one shard holds has a shorter one.
+/// The size of a block's shards: a block of a single shard has a shorter one.
 pub(crate) fn shard_size(length: usize, shard: usize) -> usize {
     shard.min(length.next_multiple_of(2))
 }
 
-/// Repair shards of a block, cut into shards of `shard` bytes, an even number; the last one is filled up with
+/// Repair shards of a block, cut into shards of `shard` bytes, an even number; the last one is padded with
 /// zeros.
 pub(crate) fn protect(block: &[u8], shard: usize, count: usize) -> Vec<Vec<u8>> {
     let shards = block.chunks(shard).map(|part| {
@@ -36,22 +36,22 @@ pub(crate) fn protect(block: &[u8], shard: usize, count: usize) -> Vec<Vec<u8>> 
         part.resize(shard, 0);
         part
     });
-    // Refuses counts that cannot be, which gives no repair.
+    // Impossible counts are refused, and give no repair.
     encode(block.len().div_ceil(shard), count, shards).unwrap_or_default()
 }
 
-/// A repair shard as it is received, for the bytes `offset..offset + length` of a unit.
+/// A received repair shard's block, for the bytes `offset..offset + length` of a unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Block {
     pub(crate) offset: u64,
     pub(crate) length: u32,
     pub(crate) shard: u16,
-    /// How many repair shards there are.
+    /// The number of repair shards.
     pub(crate) count: u8,
 }
 
 impl Block {
-    /// Whether there can be such a block.
+    /// Whether such a block is possible.
     pub(crate) fn is_sound(self) -> bool {
         let (length, shard) = (self.length as usize, usize::from(self.shard));
         let sound = (2..=LARGEST).contains(&shard)
@@ -63,24 +63,24 @@ impl Block {
             && self.offset.checked_add(u64::from(self.length)).is_some()
     }
 
-    /// Where it lies.
+    /// Its range.
     pub(crate) const fn range(self) -> Range<u64> {
         self.offset..self.offset + self.length as u64
     }
 
-    /// How many shards it has.
+    /// The number of its shards.
     pub(crate) fn shard_count(self) -> usize {
         self.length.div_ceil(u32::from(self.shard).max(1)) as usize
     }
 
-    /// Where a shard lies.
+    /// The range of a shard.
     pub(crate) fn shard_at(self, index: usize) -> Range<u64> {
         let Range { start, end } = self.range();
         let from = start + index as u64 * u64::from(self.shard);
         from.min(end)..end.min(from + u64::from(self.shard))
     }
 
-    /// Where its shards lie.
+    /// The ranges of its shards.
     pub(crate) fn shards(self) -> impl Iterator<Item = Range<u64>> {
         (0..self.shard_count()).map(move |index| self.shard_at(index))
     }
@@ -94,8 +94,8 @@ impl Block {
         (from / shard) as usize..to.div_ceil(shard) as usize
     }
 
-    /// Restores the shards that did not come, if there are as many `repair` shards, which are named by their
-    /// index. `came` has a bit for each shard that came, and `read` appends the bytes of one of those.
+    /// Restores the missing shards, if there are as many `repair` shards, which are named by their index.
+    /// `came` has a bit for each received shard, and `read` appends the bytes of one of those.
     pub(crate) fn restore(
         self,
         came: u64,
@@ -112,8 +112,8 @@ impl Block {
         });
         let mut restored = match repair {
             [(_, only)] if self.count == 1 && came.count_ones() as usize + 1 == all => {
-                // One repair shard is the sum of all shards; and to add them is a thousandth of what the
-                // decoder does in any case.
+                // A single repair shard is the sum of all shards; adding them is a thousandth of the
+                // decoder's work.
                 let mut sum = only.clone();
                 there.for_each(|(_, bytes)| sum.iter_mut().zip(bytes).for_each(|(sum, byte)| *sum ^= byte));
                 (0..all).filter(|index| !has(*index)).map(|index| (index, sum.clone())).collect()
@@ -132,7 +132,7 @@ impl Block {
         restored.into_iter().map(cut).collect()
     }
 
-    /// What that costs, in steps of eight bytes or one look-up each.
+    /// The cost of that, in steps of eight bytes or one look-up each.
     pub(crate) fn cost(self) -> u64 {
         let shards = self.shard_count() as u64;
         let read = shards * u64::from(self.shard) / 8;

@@ -2,27 +2,27 @@
 
 use std::time::Duration;
 
-/// Timers are no finer than this (RFC 9002, section 6.1.2).
+/// The granularity of timers (RFC 9002, section 6.1.2).
 pub(crate) const GRANULARITY: Duration = Duration::from_millis(1);
 
-/// What the round trip is taken for before it was measured: local networks are faster, and RFC 9002's 333 ms
-/// would make a lost first packet cost a second.
+/// The assumed round trip before it is measured: local networks are faster, and RFC 9002's 333 ms would make
+/// a lost first packet cost a second.
 const INITIAL: Duration = Duration::from_millis(100);
 
-/// What timers and late acknowledgements add to a round trip without any queue.
+/// The time that timers and late acknowledgements add to a round trip without any queue.
 const SLACK: Duration = Duration::from_millis(3);
 
-/// How many round trips tell a queue from a busy machine.
+/// How many round trips distinguish a queue from a busy machine.
 const FEW: u32 = 32;
 
-/// A guess is not longer than what RFC 9002 (section 6.2.2) takes a round trip for: a first packet may have
+/// The longest guess, which is the initial round trip of RFC 9002 (section 6.2.2): a first packet may have
 /// been lost.
 const LONGEST_GUESS: Duration = Duration::from_millis(333);
 
 /// A smoothed round-trip time.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rtt {
-    /// Until something is measured.
+    /// Used until something is measured.
     guess: Duration,
     measured: Option<Measured>,
 }
@@ -36,11 +36,11 @@ struct Measured {
     lately: Lately,
 }
 
-/// The shortest round trip of the last few: a queue that stands makes all of them longer, a machine that is
-/// busy only some.
+/// The shortest of the last few round trips: a standing queue makes all of them longer, a busy machine only
+/// some.
 #[derive(Debug, Clone, Copy)]
 struct Lately {
-    /// Of those before the newest few, and of the newest few.
+    /// Before the newest few round trips, and of the newest few.
     before: Duration,
     now: Duration,
     count: u32,
@@ -72,12 +72,12 @@ impl Default for Rtt {
 }
 
 impl Rtt {
-    /// The handshake took a round trip, and no longer than this.
+    /// The handshake took a round trip, and at most this long.
     pub(crate) fn guess(&mut self, most: Duration) {
         self.guess = most.clamp(GRANULARITY, LONGEST_GUESS);
     }
 
-    /// Takes a sample; the peer held the acknowledgement back for `delay`.
+    /// Takes a sample; the peer delayed the acknowledgement by `delay`.
     pub(crate) fn sample(&mut self, latest: Duration, delay: Duration) {
         let Some(rtt) = &mut self.measured else {
             let lately = Lately::new(latest);
@@ -89,7 +89,7 @@ impl Rtt {
         rtt.latest = latest;
         rtt.minimum = rtt.minimum.min(latest);
         rtt.lately.sample(latest);
-        // A delay that would push the sample below the minimum is not believed.
+        // A delay that would push the sample below the minimum is ignored.
         let sample = if latest >= rtt.minimum + delay { latest - delay } else { latest };
         rtt.variation = (rtt.variation * 3 + rtt.smoothed.abs_diff(sample)) / 4;
         rtt.smoothed = (rtt.smoothed * 7 + sample) / 8;
@@ -106,22 +106,22 @@ impl Rtt {
         self.measured.map_or(self.guess, |rtt| rtt.smoothed)
     }
 
-    /// How long a packet is on its way, about; nothing where that was not measured.
+    /// The approximate one-way delay; zero if it was not measured.
     pub(crate) fn one_way(&self) -> Duration {
         self.measured.map_or(Duration::ZERO, |rtt| rtt.smoothed / 2)
     }
 
-    /// How long a packet is on its way at least, once that was measured.
+    /// The least one-way delay, once it was measured.
     pub(crate) fn least_one_way(&self) -> Option<Duration> {
         self.measured.map(|rtt| rtt.minimum / 2)
     }
 
-    /// The round trip that was measured last, and the shortest one, once there is any.
+    /// The last measured round trip, and the shortest one, once there is any.
     pub(crate) fn latest_and_least(&self) -> Option<(Duration, Duration)> {
         self.measured.map(|rtt| (rtt.latest, rtt.minimum))
     }
 
-    /// Whether packets wait somewhere on the path: all round trips take longer than they must.
+    /// Whether packets queue somewhere on the path: all round trips take longer than they must.
     pub(crate) fn queues(&self) -> bool {
         self.measured.is_some_and(|rtt| rtt.lately.shortest() > rtt.minimum + (rtt.minimum / 4).max(SLACK))
     }

@@ -1,37 +1,37 @@
-//! How much may be under way for the bulk lane to add to it: less than would queue on the path, so that what
-//! other lanes say later finds no queue (a scavenger, as LEDBAT is one: RFC 6817).
+//! The limit of data in flight up to which the bulk lane may send: less than would queue on the path, so that
+//! later data of other lanes finds no queue (a scavenger, like LEDBAT: RFC 6817).
 
 use std::time::Duration;
 
 use trimaran_net::Instant;
 
-/// So many packets may always be under way: one that travels, and one whose acknowledgement does.
+/// So many packets may always be in flight: one travels, and one is being acknowledged.
 const LEAST: usize = 2;
-/// So many packets may be at first: on 10 Mbit/s a frame waits 4 ms behind them, once.
+/// The initial window in packets: on 10 Mbit/s a frame waits 4 ms behind them, once.
 const FIRST: usize = 4;
-/// What timers and late acknowledgements add to a round trip without any queue.
+/// The time that timers and late acknowledgements add to a round trip without any queue.
 const SLACK: Duration = Duration::from_millis(2);
-/// While the window doubles it can leap far beyond the path: a sign of a queue is enough, so much smaller.
+/// Divides the threshold of a queue while the window doubles, as it can then leap far beyond the path.
 const CAUTION: u32 = 4;
-/// Fewer acknowledgements do not tell a queue from a delay that varies. So many of a window that doubles
-/// tell it before their round trip is over (as in HyStart++, RFC 9406, section 4.2).
+/// Fewer acknowledgements do not distinguish a queue from a varying delay. For a doubling window so many show
+/// it before their round trip ends (as in HyStart++, RFC 9406, section 4.2).
 const FEW: u32 = 2;
-/// What the window grows by in a round trip, once it does not double any more: a share of it that queues for
-/// less than what is taken for a queue.
+/// The share by which the window grows in a round trip after doubling: it queues for less than the threshold
+/// of a queue.
 const GROWTH: usize = 8;
-/// What a queue takes of a window that does not double any more, a share of it. A delay that varies looks
-/// like a queue now and then: half of it would keep the window small on a wireless network.
+/// The share by which a queue shrinks the window after doubling. A varying delay looks like a queue now and
+/// then: half would keep the window small on a wireless network.
 const SHRINK: usize = 4;
 
-/// A window that gives way to a queue.
+/// A window that yields to a queue.
 #[derive(Debug)]
 pub(crate) struct Scavenger {
     segment: usize,
     window: usize,
-    /// It grows by what is acknowledged, and so doubles behind each round trip, until all of one saw a queue.
-    /// From then on it grows by little, and a queue shrinks it.
+    /// It grows by acknowledged bytes, and so doubles in each round trip, until all of one saw a queue. From
+    /// then on it grows by little, and a queue shrinks it.
     doubles: bool,
-    /// From when on the round trips are those of this window.
+    /// The time from which round trips belong to this window.
     settled: Option<Instant>,
     round: Option<Round>,
 }
@@ -41,9 +41,9 @@ pub(crate) struct Scavenger {
 struct Round {
     ends: Instant,
     acknowledgements: u32,
-    /// The shortest round trip that was measured in it: a queue makes all of them longer.
+    /// The shortest round trip measured in it: a queue makes all of them longer.
     shortest: Duration,
-    /// Half of what may be under way was.
+    /// Half of the window was used.
     used_up: bool,
 }
 
@@ -58,13 +58,13 @@ impl Scavenger {
         self.window = self.window.max(LEAST * segment);
     }
 
-    /// Whether the bulk lane may add a packet to what is under way.
+    /// Whether the bulk lane may add a packet to those in flight.
     pub(crate) const fn allows(&self, in_flight: usize) -> bool {
         in_flight + self.segment <= self.window
     }
 
-    /// So many bytes were acknowledged that had been under way with others, `in_flight` in all. It took
-    /// `latest`, and the `least` that was ever measured on this path.
+    /// So many bytes were acknowledged that had been in flight with others, `in_flight` in all. The round
+    /// trip took `latest`, and the `least` ever measured on this path.
     pub(crate) fn on_ack(
         &mut self,
         now: Instant,
@@ -73,7 +73,7 @@ impl Scavenger {
         latest: Duration,
         least: Duration,
     ) {
-        // What is paced is never under way as a whole (RFC 7661, section 4.3).
+        // Paced data is never in flight as a whole (RFC 7661, section 4.3).
         let used_up = 2 * in_flight >= self.window;
         let caution = if self.doubles { CAUTION } else { 1 };
         let most = least + (least / 4).max(SLACK) / caution;
@@ -125,16 +125,16 @@ mod tests {
         Duration::from_secs_f64(ms / 1e3)
     }
 
-    /// A line of so many packets a millisecond, with a round trip of so many milliseconds and up to
-    /// `varies` more.
+    /// A line of so many packets a millisecond, with a round trip of so many milliseconds and up to `varies`
+    /// more.
     struct Line {
         packets: f64,
         trip: f64,
         varies: f64,
     }
 
-    /// Sends packets of blocks for a time, as many as may be. Gives the share of the line that they had, and
-    /// how long the last ones waited in the queue, milliseconds.
+    /// Sends packets of blocks for a time, as many as allowed. Returns their share of the line, and the time
+    /// the last ones waited in the queue, milliseconds.
     fn over(line: &Line, lasts: f64) -> (f64, f64) {
         let (mut scavenger, mut now, mut free, mut taken) = (Scavenger::new(SEGMENT), 0.0_f64, 0.0_f64, 0);
         let (mut under_way, mut least, mut dice, mut waited) = (VecDeque::new(), f64::INFINITY, 1_u32, 0.0);
@@ -163,7 +163,7 @@ mod tests {
         for (packets, trip) in [(1.0, 4.0), (1.0, 40.0), (10.0, 4.0), (10.0, 40.0), (100.0, 40.0)] {
             let (share, waited) = over(&Line { packets, trip, varies: 0.0 }, 5000.0);
             assert!(share > 0.8, "{packets} packets/ms, {trip} ms: {share} of the line");
-            // What is taken for a queue, and what is added before it is seen.
+            // The threshold of a queue, and the data added before it is seen.
             let most = 2.5 * (trip / 4.0).max(2.0) + 2.0 / packets;
             assert!(waited < most, "{packets} packets/ms, {trip} ms: {waited} ms in the queue");
         }
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn a_wide_line_is_reached_within_a_few_round_trips() {
-        // 4 packets, 8, 16, .. 128 are 252 in six round trips; each takes 40 ms and what it sends takes.
+        // 4 packets, 8, 16, .. 128 are 252 in six round trips; each takes 40 ms and the time of its packets.
         let (share, _) = over(&Line { packets: 10.0, trip: 40.0, varies: 0.0 }, 6.0 * 45.0);
         let packets = share * 10.0 * 6.0 * 45.0;
         assert!(packets > 220.0, "{packets} packets");

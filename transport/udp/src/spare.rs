@@ -1,26 +1,26 @@
-//! Buffers of what is over, kept for what comes.
+//! Used buffers, kept for later.
 
 use bytes::BytesMut;
 
-/// How many are kept: frames that are under way at once are few.
+/// How many are kept: few frames are open at once.
 const KEPT: usize = 4;
-/// How large each of them may be. A larger one is given back to the system.
+/// The largest kept buffer. A larger one is freed.
 const LARGEST: usize = 256 * 1024;
 
-/// A few empty buffers that have room already.
+/// A few empty buffers with allocated room.
 #[derive(Debug, Default)]
 pub(crate) struct Spare(Vec<BytesMut>);
 
 impl Spare {
-    /// An empty buffer, with room if one is there.
+    /// An empty buffer, with room if available.
     pub(crate) fn take(&mut self) -> BytesMut {
         self.0.pop().unwrap_or_default()
     }
 
-    /// Takes back a buffer that nobody else has a part of.
+    /// Takes back a buffer that nobody else shares.
     pub(crate) fn put(&mut self, mut buffer: BytesMut) {
         buffer.clear();
-        // Room before the beginning, left by what was taken from the front, counts as well.
+        // Room before the beginning, left by data taken from the front, counts as well.
         let has_room = buffer.try_reclaim(1);
         if has_room && buffer.capacity() <= LARGEST && self.0.len() < KEPT {
             self.0.push(buffer);

@@ -1,21 +1,21 @@
-//! Numbers in a packet: read with care, written plainly.
+//! Checked reading and plain writing of numbers in a packet.
 
 use thiserror::Error;
 
-/// Bytes that are no packet.
+/// Bytes that are not a packet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Malformed {
     /// The bytes end too early.
     #[error("it ends within the {what}")]
     Short {
-        /// What was being read.
+        /// The value being read.
         what: &'static str,
     },
-    /// A number that cannot be.
+    /// An invalid number.
     #[error("the {what} is out of range")]
     Range {
-        /// What was being read.
+        /// The value being read.
         what: &'static str,
     },
     /// No chunk has this code.

@@ -1,4 +1,4 @@
-//! Items in batches: what a frame mostly consists of.
+//! Items in batches, the bulk of a frame.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -7,17 +7,17 @@ use bytes::{Bytes, BytesMut};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// What a frame is made of: a value of fixed size for which every pattern of bytes is sound.
+/// An item of a frame: a value of fixed size for which every bit pattern is valid.
 ///
 /// Both methods are called for each item of a frame: mark them `#[inline]`.
 pub trait Item: Copy + PartialEq + fmt::Debug + Send + Sync + 'static {
-    /// How many bytes, 1 to 256.
+    /// The size in bytes, 1 to 256.
     const SIZE: usize;
 
-    /// Writes the item into `out`, which has [`Item::SIZE`] bytes.
+    /// Writes the item into `out` of [`Item::SIZE`] bytes.
     fn write(self, out: &mut [u8]);
 
-    /// Reads an item from `bytes`, which are [`Item::SIZE`].
+    /// Reads an item from `bytes`, [`Item::SIZE`] of them.
     fn read(bytes: &[u8]) -> Self;
 }
 
@@ -38,8 +38,7 @@ impl Item for u32 {
     }
 }
 
-/// How many items travel in one batch at most: `b` in the paper's bandwidth formula (section 3.3), 1 to
-/// 16,384.
+/// The largest number of items in a batch: `b` in the paper's bandwidth formula (section 3.3), 1 to 16,384.
 ///
 /// Small batches arrive sooner, large ones cost fewer headers. With items of 4 bytes the default, 256, costs
 /// 0.4 % in headers and fits one Ethernet frame.
@@ -59,7 +58,7 @@ impl BatchSize {
     /// A batch of at most `items` items.
     ///
     /// # Errors
-    /// When `items` is 0 or above 16,384.
+    /// If `items` is 0 or above 16,384.
     pub const fn new(items: u32) -> Result<Self, BatchSizeError> {
         if items == 0 || items > Self::MAX.0 as u32 {
             Err(BatchSizeError(items))
@@ -95,17 +94,17 @@ impl From<BatchSize> for u32 {
     }
 }
 
-/// 1 to 16,384 items as they travel: shared bytes, so that cloning or passing a batch on copies nothing.
+/// 1 to 16,384 encoded items: shared bytes, so that cloning or passing a batch on copies nothing.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Batch<I>(Bytes, PhantomData<fn() -> I>);
 
-/// Bytes that are no batch of items.
+/// Bytes that are not a batch of items.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("{bytes} bytes are not 1 to {max} items of {item} bytes", max = BatchSize::MAX.0)]
 pub struct BatchError {
-    /// How many bytes there were.
+    /// The number of bytes.
     pub bytes: usize,
-    /// How many an item has.
+    /// The bytes of an item.
     pub item: usize,
 }
 
@@ -113,7 +112,7 @@ impl<I: Item> Batch<I> {
     /// Takes bytes that hold items.
     ///
     /// # Errors
-    /// When there are none, too many, or a part of one.
+    /// If there are none, too many, or a part of one.
     pub fn new(bytes: Bytes) -> Result<Self, BatchError> {
         check(bytes.len(), I::SIZE)?;
         Ok(Self(bytes, PhantomData))
@@ -130,7 +129,7 @@ impl<I: Item> Batch<I> {
         self.0.chunks_exact(I::SIZE).map(I::read)
     }
 
-    /// The items as they travel.
+    /// The encoded items.
     #[must_use]
     pub const fn as_bytes(&self) -> &Bytes {
         &self.0
@@ -143,7 +142,7 @@ pub(crate) fn check(bytes: usize, item: usize) -> Result<(), BatchError> {
     if sound { Ok(()) } else { Err(BatchError { bytes, item }) }
 }
 
-/// Appends `items` as they travel.
+/// Appends encoded `items`.
 pub(crate) fn put_items<I: Item>(out: &mut BytesMut, items: &[I]) {
     let start = out.len();
     out.resize(start + items.len() * I::SIZE, 0);

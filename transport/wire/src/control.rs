@@ -1,4 +1,4 @@
-//! Control messages: who a peer is, whether it is taken, and how it leaves.
+//! Control messages: hello, answer and close.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use thiserror::Error;
 
 use crate::{Explanation, ProtocolName, Text};
 
-/// The version of the wire of links. Peers of different versions refuse each other.
+/// The version of the wire format of links. Peers of different versions refuse each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WireVersion(pub u16);
 
@@ -23,7 +23,7 @@ impl fmt::Display for WireVersion {
     }
 }
 
-/// Which of the lanes of a link a connection carries.
+/// The lane of a link that a connection carries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Lane {
     /// A cell of size one.
@@ -47,7 +47,7 @@ impl fmt::Display for Lane {
     }
 }
 
-/// A random number that one peer draws for one link: it pairs the connections of the link's lanes.
+/// A random number that one peer draws for one link; it joins the connections of the link's lanes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct SessionId(pub u64);
 
@@ -60,41 +60,41 @@ impl fmt::Display for SessionId {
 /// The most bytes of an application's hello.
 pub const MAX_HELLO: usize = 200;
 
-/// The first message of whoever connects.
+/// The first message of the connecting peer.
 ///
 /// On the wire it starts with a magic number and the version, in a layout that no version changes: so a peer
-/// of any other version can be told so.
+/// of any other version can be told.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hello {
-    /// What the application is called.
+    /// The name of the application's protocol.
     pub protocol: ProtocolName,
-    /// The link that this connection belongs to.
+    /// The link of this connection.
     pub session: SessionId,
-    /// The lane that this connection shall carry.
+    /// The lane of this connection.
     pub lane: Lane,
-    /// How the application's peer introduces itself: at most [`MAX_HELLO`] bytes.
+    /// The hello of the application's peer: at most [`MAX_HELLO`] bytes.
     pub application: Bytes,
 }
 
-/// The answer to a hello that was taken: how the application's peer introduces itself.
+/// The answer to an accepted hello, with the hello of the application's peer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Accept {
     /// As in [`Hello::application`].
     pub application: Bytes,
 }
 
-/// Why a listener does not take a peer: a number for programs and a text for people.
+/// Why a listener refuses a peer: a number for programs and a text for people.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, Error)]
 #[error("{why}")]
 pub struct Rejection {
     /// The application's own number.
     pub code: u16,
-    /// What a person should know. It has room for what both sides hold.
+    /// A text for people. It has room for the values of both sides.
     pub why: Text<400>,
 }
 
 impl Rejection {
-    /// A rejection with the application's own number; at most 400 bytes of the text travel.
+    /// A rejection with the application's own number; at most 400 bytes of the text are sent.
     #[must_use]
     pub fn new(code: u16, why: &str) -> Self {
         Self { code, why: Text::new(why) }
@@ -126,10 +126,10 @@ pub enum Refusal {
         /// Of the connecting peer.
         connector: ProtocolName,
     },
-    /// The application of the listening peer does not take the connecting one.
+    /// The listening peer's application refuses the connecting one.
     #[error(transparent)]
     Rejected(Rejection),
-    /// The connections of one session contradict each other, or carry the same lane.
+    /// The connections of one session contradict each other, or have the same lane.
     #[error("session {session}: the {lane} lane came twice or from a peer that calls itself something else")]
     Session {
         /// The session.
@@ -143,7 +143,7 @@ pub enum Refusal {
         /// The session.
         session: SessionId,
     },
-    /// The listening peer has too many peers or handshakes under way; trying again later may work.
+    /// The listening peer has too many peers or open handshakes; trying again later may work.
     #[error("the listener has too many peers or handshakes under way: try again")]
     Busy,
     /// The listening peer knows the connecting peer's key for another role.
@@ -160,28 +160,28 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// Whether the same peer may be let in when it tries again.
+    /// Whether the same peer may be admitted when it tries again.
     #[must_use]
     pub const fn is_passing(&self) -> bool {
-        // One lane may have found room where another found none.
+        // One lane may have found room where another did not.
         matches!(self, Self::Busy | Self::Unpaired { .. })
     }
 }
 
-/// How a peer leaves: a number for programs and a text for people.
+/// Why a peer leaves: a number for programs and a text for people.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CloseReason {
     /// The application's own number, or [`CloseReason::REFUSED`].
     pub code: u16,
-    /// What a person should know.
+    /// A text for people.
     pub why: Explanation,
 }
 
 impl CloseReason {
-    /// The code of a peer that connected and does not take the listener. Applications have the others.
+    /// The code of a connecting peer that refuses the listener. Applications have all others.
     pub const REFUSED: u16 = u16::MAX;
 
-    /// A reason with the application's own number; at most [`Explanation::MAX_BYTES`] of the text travel.
+    /// A reason with the application's own number; at most [`Explanation::MAX_BYTES`] of the text are sent.
     #[must_use]
     pub fn new(code: u16, why: &str) -> Self {
         Self { code, why: Explanation::new(why) }

@@ -1,4 +1,4 @@
-//! From bytes to messages, however the bytes are split and whatever they hold.
+//! From bytes to messages, for any split of the bytes and any contents.
 
 use bytes::BytesMut;
 use thiserror::Error;
@@ -6,18 +6,18 @@ use thiserror::Error;
 use crate::kind::{HEADER_BYTES, Kind, parse_header};
 use crate::{BatchError, Format, Message, WireVersion};
 
-/// Bytes that are not the wire's.
+/// Bytes that are not this protocol.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("at byte {offset} of the stream: {fault}")]
 pub struct DecodeError {
     /// Where the offending message starts, in bytes from the start of the stream.
     pub offset: u64,
-    /// What is wrong with it.
+    /// The fault of the message.
     #[source]
     pub fault: DecodeFault,
 }
 
-/// What is wrong with a message.
+/// The fault of a message.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum DecodeFault {
@@ -53,10 +53,10 @@ pub enum DecodeFault {
         /// The version of the other.
         theirs: WireVersion,
     },
-    /// A batch that is no whole number of items.
+    /// A batch that is not a whole number of items.
     #[error("the batch is bad: {cause}")]
     Batch {
-        /// How so.
+        /// The error.
         cause: BatchError,
     },
     /// A control message that postcard cannot read.
@@ -64,7 +64,7 @@ pub enum DecodeFault {
     Control {
         /// The kind.
         kind: Kind,
-        /// What postcard says.
+        /// The error of postcard.
         cause: postcard::Error,
     },
     /// A control message with something behind it.
@@ -72,7 +72,7 @@ pub enum DecodeFault {
     Trailing {
         /// The kind.
         kind: Kind,
-        /// How many.
+        /// The number of bytes.
         bytes: usize,
     },
     /// A message that ends before its fixed part does.
@@ -86,13 +86,13 @@ pub enum DecodeFault {
 /// Finds the messages in a stream of bytes.
 ///
 /// Feed it through [`Decoder::buffer`] or [`Decoder::push`], then call [`Decoder::next_message`] until it
-/// gives `None`. Items are not copied: a batch shares the buffer's memory.
+/// returns `None`. Items are not copied: a batch shares the buffer's memory.
 ///
-/// Memory: it holds what was fed and not yet taken. A header is judged as soon as its four bytes are there,
-/// so nothing waits for a length that no message has; a caller who takes all messages before reading on
-/// therefore never holds more than one largest batch and one read.
+/// Memory: it holds the bytes fed and not yet taken. A header is checked as soon as its four bytes are there,
+/// so nothing waits for an impossible length. A caller that takes all messages before reading on never holds
+/// more than one largest batch and one read.
 ///
-/// After an error the stream is lost, and each further call gives the same error.
+/// After an error the stream is lost, and each further call returns the same error.
 #[derive(Debug)]
 pub struct Decoder {
     format: Format,
@@ -119,22 +119,22 @@ impl Decoder {
         self.buffer.extend_from_slice(bytes);
     }
 
-    /// How many bytes wait for the rest of their message: 0 where the stream may end.
+    /// The bytes of an incomplete message: 0 where the stream may end.
     #[must_use]
     pub fn pending(&self) -> usize {
         self.buffer.len()
     }
 
-    /// How many bytes the messages taken so far had, headers included.
+    /// The bytes of the messages taken so far, headers included.
     #[must_use]
     pub const fn position(&self) -> u64 {
         self.offset
     }
 
-    /// Takes the next whole message; `None` when more bytes are needed.
+    /// Takes the next whole message; `None` if more bytes are needed.
     ///
     /// # Errors
-    /// When the bytes are not the wire's.
+    /// If the bytes are not this protocol.
     pub fn next_message(&mut self) -> Result<Option<Message>, DecodeError> {
         if let Some(error) = &self.failed {
             return Err(error.clone());

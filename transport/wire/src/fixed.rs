@@ -1,34 +1,34 @@
-//! Values that travel in a fixed number of bytes.
+//! Values encoded in a fixed number of bytes.
 
 use std::convert::Infallible;
 use std::error::Error;
 
 use smallvec::SmallVec;
 
-/// A value that travels in [`Fixed::SIZE`] bytes: what a latest lane holds, or what a frame begins with.
+/// A value encoded in [`Fixed::SIZE`] bytes: for the latest lane, or the header of a frame.
 ///
-/// Both sides must agree on every byte. Little-endian is the custom here.
+/// Both sides must agree on every byte. Little-endian is usual here.
 pub trait Fixed: Sized + Send + Sync + 'static {
-    /// How many bytes, at most [`MAX_FIXED`].
+    /// The size in bytes, at most [`MAX_FIXED`].
     const SIZE: usize;
 
-    /// What is wrong with bytes that are no such value.
+    /// The error for invalid bytes.
     type Error: Error + Send + Sync + 'static;
 
-    /// Writes the value into `out`, which has [`Fixed::SIZE`] bytes.
+    /// Writes the value into `out` of [`Fixed::SIZE`] bytes.
     fn write(&self, out: &mut [u8]);
 
-    /// Reads a value from `bytes`, which are [`Fixed::SIZE`].
+    /// Reads a value from `bytes`, [`Fixed::SIZE`] of them.
     ///
     /// # Errors
-    /// When they are no such value. The peer then counts as one that breaks the protocol.
+    /// If they are invalid. The peer then has broken the protocol.
     fn read(bytes: &[u8]) -> Result<Self, Self::Error>;
 }
 
 /// The most bytes of a [`Fixed`] value: with its headers it fits into one datagram of any network.
 pub const MAX_FIXED: usize = 1024;
 
-/// The bytes of a [`Fixed`] value. Up to 96 of them take no memory from the heap.
+/// The bytes of a [`Fixed`] value. Up to 96 of them need no heap allocation.
 pub type FixedBytes = SmallVec<[u8; 96]>;
 
 /// The bytes of `value`.
@@ -39,7 +39,7 @@ pub fn to_bytes<T: Fixed>(value: &T) -> FixedBytes {
     bytes
 }
 
-/// Nothing: for lanes that are not used, and frames that begin with their number only.
+/// No bytes: for unused lanes, and frames that begin with only their number.
 impl Fixed for () {
     const SIZE: usize = 0;
     type Error = Infallible;

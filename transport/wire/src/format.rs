@@ -1,29 +1,29 @@
-//! How large the values of an application are.
+//! The sizes of an application's values.
 
 use crate::{BatchSize, Fixed, Item, MAX_FIXED, Protocol, ProtocolName};
 
-/// The sizes of what an application sends, for the layers that know only bytes.
+/// The sizes of an application's values, for the layers that only handle bytes.
 #[derive(Debug, Clone, Copy)]
 pub struct Format {
     /// Bytes of a value of the latest lane.
     pub latest: usize,
-    /// Bytes of what a frame begins with, beside its number.
+    /// Bytes of a frame's header, beside its number.
     pub header: usize,
     /// Bytes of one item of a frame.
     pub item: usize,
-    /// How many items a coded batch stands for, as it says itself.
+    /// Reads the number of items that a coded batch claims.
     pub count_coded: fn(&[u8]) -> Option<usize>,
 }
 
 impl Default for Format {
-    /// The sizes of a protocol whose values have none.
+    /// The sizes of a protocol with empty values.
     fn default() -> Self {
         Self { latest: 0, header: 0, item: 1, count_coded: |_| None }
     }
 }
 
 impl Format {
-    /// The sizes of `P`'s types. Where they are not what their traits allow, this does not compile.
+    /// The sizes of `P`'s types. Sizes that their traits do not allow fail to compile.
     #[must_use]
     pub const fn of<P: Protocol>() -> Self {
         const {
@@ -46,7 +46,7 @@ impl Format {
         size.items() * self.item
     }
 
-    /// Bytes of the message that begins a frame, without the header of messages.
+    /// Bytes of the message that begins a frame, without the message header.
     #[must_use]
     pub const fn begin(&self) -> usize {
         4 + self.header

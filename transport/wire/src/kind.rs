@@ -1,4 +1,4 @@
-//! The four bytes before every message.
+//! The four-byte header of every message.
 
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -8,28 +8,28 @@ use crate::{BatchSize, Format, MAX_HELLO, Numbered};
 /// The bytes of a message's header: the kind, then the payload's length as 24 bits, little-endian.
 pub const HEADER_BYTES: usize = 4;
 
-/// The most bytes of a message of the messages lane, as postcard writes it.
+/// The most bytes of a message of the messages lane, encoded by postcard.
 pub const MAX_MESSAGE: usize = 16_384;
 
 /// The most bytes of a block of the bulk lane.
 pub const MAX_BLOCK: usize = 16_384;
 
-/// What a message is: the first byte of its header.
+/// The kind of a message: the first byte of its header.
 ///
-/// The upper half of the code says where it belongs: 0 control, 1 the latest lane, 2 the frames
-/// lane, 3 the messages lane, 4 the bulk lane.
+/// The upper half of the code is the lane: 0 control, 1 the latest lane, 2 the frames lane, 3 the messages
+/// lane, 4 the bulk lane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
-    /// Who connects, for which lane of which session.
+    /// A connecting peer's hello, with its session and lane.
     Hello = 0x01,
-    /// The hello was taken.
+    /// The hello was accepted.
     Accept = 0x02,
-    /// The hello was not taken, and why.
+    /// The hello was refused, and why.
     Refuse = 0x03,
-    /// The peer leaves, and why.
+    /// The peer closes, and why.
     Close = 0x04,
-    /// The sender has nothing to say, and lives.
+    /// The sender is idle, but alive.
     KeepAlive = 0x05,
     /// A value of the latest lane.
     Latest = 0x10,
@@ -43,7 +43,7 @@ pub enum Kind {
     End = 0x22,
     /// A batch of items of the frame that has begun, in the application's own shorter form.
     Coded = 0x24,
-    /// What the application says on the messages lane.
+    /// An application's message on the messages lane.
     Message = 0x30,
     /// A block of the bulk lane.
     Block = 0x40,
@@ -73,14 +73,13 @@ impl Kind {
         Self::ALL.into_iter().find(|kind| kind.code() == code)
     }
 
-    /// The byte that travels.
+    /// The byte on the wire.
     #[must_use]
     pub const fn code(self) -> u8 {
         self as u8
     }
 
-    /// The payload lengths this kind allows, in bytes. Whatever a peer claims beyond them is refused before
-    /// anything is stored.
+    /// The payload lengths this kind allows, in bytes. Other lengths are refused before anything is stored.
     #[must_use]
     pub const fn lengths(self, format: &Format) -> RangeInclusive<usize> {
         match self {
@@ -104,7 +103,7 @@ impl Kind {
         }
     }
 
-    /// The header of a message of this kind. 24 bits hold the length of whatever [`Kind::lengths`] allows.
+    /// The header of a message of this kind. All lengths of [`Kind::lengths`] fit into 24 bits.
     pub(crate) fn header(self, length: usize) -> [u8; HEADER_BYTES] {
         (u32::from(self.code()) | (length as u32) << 8).to_le_bytes()
     }

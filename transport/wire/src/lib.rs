@@ -1,11 +1,10 @@
-//! What links of any application have in common on the wire, byte for byte.
+//! The wire format that links of all applications share, byte for byte.
 //!
 //! Sans-IO: nothing here touches a socket or a clock. An application describes itself by [`Protocol`]: the
-//! types of its lanes, and how a peer introduces itself. `WIRE.md` beside this crate specifies every byte.
+//! types of its lanes, and its hello. `WIRE.md` beside this crate specifies every byte.
 //!
 //! Sending: a [`FrameWriter`] turns pushed items into [`FrameMessage`]s, [`Message::encode`] turns these into
-//! bytes. Receiving: a [`Decoder`] turns bytes into messages, a [`FrameAssembler`] checks them and judges
-//! each frame.
+//! bytes. Receiving: a [`Decoder`] turns bytes into messages, a [`FrameAssembler`] checks each frame.
 //!
 //! ```
 //! use bytes::BytesMut;
@@ -21,13 +20,13 @@
 //! # Ok::<(), trimaran_wire::BatchSizeError>(())
 //! ```
 //!
-//! | module | what it holds |
+//! | module | contents |
 //! |---|---|
-//! | `protocol`, `format` | what an application says over its links: the one trait it implements |
+//! | `protocol`, `format` | an application's protocol: the one trait it implements |
 //! | `fixed`, `batch` | values and items as bytes |
-//! | `frame` | a frame: written, checked, judged |
+//! | `frame` | frames: written and checked |
 //! | `control`, `text` | hello, accept, refusal, close, and the texts in them |
-//! | `kind`, `message`, `decode` | messages with their headers, and how they are found in a stream |
+//! | `kind`, `message`, `decode` | messages with their headers, and decoding them from a stream |
 //! | `serial` | numbers for lanes without an order of their own |
 
 mod batch;

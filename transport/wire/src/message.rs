@@ -1,4 +1,4 @@
-//! Every message, and how it is written.
+//! Messages, and how they are written.
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 use serde::Serialize;
@@ -10,21 +10,21 @@ use crate::{
     WireVersion, batch,
 };
 
-/// The bytes that every hello starts with, in every version: they tell a peer from a stranger.
+/// The first bytes of every hello, in every version: they distinguish a peer from a stranger.
 pub(crate) const MAGIC: [u8; 4] = *b"TRIM";
 
-/// Anything that travels.
+/// Any message on the wire.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Message {
-    /// Who connects.
+    /// A connecting peer's hello.
     Hello(Hello),
-    /// The hello was taken.
+    /// The hello was accepted.
     Accept(Accept),
-    /// The hello was not taken.
+    /// The hello was refused.
     Refuse(Refusal),
-    /// The peer leaves.
+    /// The peer closes.
     Close(CloseReason),
-    /// The peer has nothing to say, and lives.
+    /// The peer is idle, but alive.
     KeepAlive,
     /// A value of the latest lane.
     Latest(FixedBytes),
@@ -32,7 +32,7 @@ pub enum Message {
     Numbered(Numbered),
     /// A message of the frames lane.
     Frame(FrameMessage),
-    /// A message of the messages lane, as postcard writes it.
+    /// A message of the messages lane, encoded by postcard.
     Message(Bytes),
     /// A block of the bulk lane, which only the application understands.
     Block(Bytes),
@@ -51,7 +51,7 @@ impl From<CloseReason> for Message {
 }
 
 impl Message {
-    /// What the message is.
+    /// The kind of the message.
     #[must_use]
     pub const fn kind(&self) -> Kind {
         match self {
@@ -140,7 +140,7 @@ impl Message {
 }
 
 impl FrameMessage {
-    /// What the message is.
+    /// The kind of the message.
     #[must_use]
     pub const fn kind(&self) -> Kind {
         match self {
@@ -151,7 +151,7 @@ impl FrameMessage {
         }
     }
 
-    /// How many bytes its payload has.
+    /// The bytes of its payload.
     #[must_use]
     pub fn payload(&self) -> usize {
         match self {
@@ -183,7 +183,7 @@ impl FrameMessage {
     }
 }
 
-/// Appends what `write` does, with the header before it.
+/// Appends the output of `write`, with the header before it.
 fn with_header(out: &mut BytesMut, kind: Kind, write: impl FnOnce(&mut BytesMut)) {
     let start = out.len();
     out.put_slice(&[0; crate::HEADER_BYTES]);
@@ -194,7 +194,7 @@ fn with_header(out: &mut BytesMut, kind: Kind, write: impl FnOnce(&mut BytesMut)
 
 /// Appends `body` as postcard.
 fn put_control(out: &mut BytesMut, body: &impl Serialize) {
-    // Control types hold integers, options and short strings only: writing them to memory cannot fail.
+    // Control types hold only integers, options and short strings, so writing them to memory cannot fail.
     if let Ok(body) = postcard::to_stdvec(body) {
         out.put_slice(&body);
     }
@@ -221,7 +221,7 @@ fn parse_hello(mut payload: Bytes) -> Result<Message, DecodeFault> {
     Ok(Message::Hello(Hello { protocol, session, lane, application: payload }))
 }
 
-/// A refusal is for the connecting peer, so the version in it is the listener's.
+/// A refusal is for the connecting peer, so its version is the listener's.
 fn parse_refusal(payload: &[u8]) -> Result<Message, DecodeFault> {
     let (version, body) = payload.split_first_chunk().ok_or(DecodeFault::Short { kind: Kind::Refuse })?;
     let listener = WireVersion(u16::from_le_bytes(*version));

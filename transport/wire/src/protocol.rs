@@ -1,4 +1,4 @@
-//! What an application says over its links.
+//! An application's protocol over its links.
 
 use std::fmt;
 
@@ -9,11 +9,11 @@ use thiserror::Error;
 
 use crate::{Batch, BatchSize, Fixed, FrameEnd, FrameNumber, Item, Rejection};
 
-/// What an application says over its links, in which types.
+/// An application's protocol over its links, with its types.
 ///
 /// A link has a lane of each kind, each in both directions: the *latest* lane is a cell of size one, the
-/// *frames* lane carries frames of items, the *messages* lane small messages in order. For what it does not
-/// use an application takes `()`, and `u32` for the items.
+/// *frames* lane carries frames of items, the *messages* lane small messages in order. For unused lanes an
+/// application takes `()`, and `u32` for the items.
 ///
 /// ```
 /// use std::convert::Infallible;
@@ -57,33 +57,33 @@ use crate::{Batch, BatchSize, Fixed, FrameEnd, FrameNumber, Item, Rejection};
 /// assert_eq!((Format::of::<Robot>().latest, Format::of::<Robot>().begin()), (4, 4));
 /// ```
 pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
-    /// The protocol's name with its version, as ALPN (RFC 7301) has it: `robot/1`, say. Peers of different
+    /// The protocol's name with its version, as in ALPN (RFC 7301), such as `robot/1`. Peers of different
     /// names refuse each other. At most [`ProtocolName::MAX_BYTES`](crate::ProtocolName::MAX_BYTES).
     const NAME: &'static str;
 
-    /// How a peer introduces itself. At most [`MAX_HELLO`](crate::MAX_HELLO) bytes as postcard writes it.
+    /// A peer's introduction. At most [`MAX_HELLO`](crate::MAX_HELLO) bytes, encoded by postcard.
     type Hello: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
-    /// What the latest lane holds.
+    /// The value of the latest lane.
     type Latest: Fixed + Clone + PartialEq + fmt::Debug;
 
-    /// What a frame begins with, beside its number.
+    /// The header of a frame, beside its number.
     type Header: Fixed + Clone + PartialEq + fmt::Debug;
 
-    /// What a frame is made of.
+    /// The item of a frame.
     type Item: Item;
 
-    /// What is said beside values and frames, in order and without loss. At most
-    /// [`MAX_MESSAGE`](crate::MAX_MESSAGE) bytes as postcard writes it.
+    /// Messages beside values and frames, in order and without loss. At most
+    /// [`MAX_MESSAGE`](crate::MAX_MESSAGE) bytes, encoded by postcard.
     type Message: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
-    /// What the peer behind `hello` is called in messages and logs.
+    /// The name of the peer with `hello` in messages and logs.
     fn name(hello: &Self::Hello) -> String;
 
-    /// Whether the listener behind `ours` takes the peer behind `theirs`. It is asked of the listener.
+    /// Whether the listener with `ours` admits the peer with `theirs`. It is called at the listener.
     ///
     /// # Errors
-    /// When the two do not go together, and why: the peer is told.
+    /// If the two do not fit, with the reason that the peer is told.
     fn admit(_ours: &Self::Hello, _theirs: &Self::Hello) -> Result<(), Rejection> {
         Ok(())
     }
@@ -93,18 +93,18 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
         None
     }
 
-    /// By what a listener knows a peer that comes again. It takes the place of its old link, which may not be
-    /// known to be dead yet; whoever has that link lets it go. None: each link has a place of its own.
+    /// The identity by which a listener recognizes a peer that connects again. The new link takes the place
+    /// of the old one, which may not be known to be dead yet. `None`: each link has a place of its own.
     fn place(_hello: &Self::Hello) -> Option<u64> {
         None
     }
 
-    /// How items travel between these two, where their hellos decide it: for both directions.
+    /// How items travel between these two in both directions, if their hellos decide it.
     fn batching(_ours: &Self::Hello, _theirs: &Self::Hello) -> Option<Batching> {
         None
     }
 
-    /// How batches sent may travel shorter than plain. None means always plain.
+    /// A shorter encoding for sent batches. `None` means always plain.
     fn encoder(_delivery: Delivery) -> Option<Box<dyn BatchEncoder<Self::Item>>> {
         None
     }
@@ -114,7 +114,7 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
         None
     }
 
-    /// How many items a coded batch stands for, as it says itself; none where it cannot be read.
+    /// The number of items that a coded batch claims; `None` if it is invalid.
     fn count_coded(_bytes: &[u8]) -> Option<usize> {
         None
     }
@@ -123,33 +123,33 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
 /// How items travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Batching {
-    /// How many items travel in a batch at most.
+    /// The largest number of items in a batch.
     pub size: BatchSize,
     /// Whether batches go through the application's [encoder](Protocol::encoder).
     pub coded: bool,
 }
 
-/// What the layers below promise of the frames that are sent.
+/// The delivery guarantee for sent frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delivery {
-    /// They arrive in order, none before all of the one before it.
+    /// Frames arrive in order, each complete before the next one.
     Ordered,
-    /// They may be lost or late. [`BatchEncoder::confirmed`] tells which have arrived.
+    /// Frames may be lost or late. [`BatchEncoder::confirmed`] tells which have arrived.
     Lossy,
 }
 
-/// Writes batches shorter than plain, for instance as changes against what the receiver has already.
+/// Writes batches shorter than plain, for instance as changes against earlier frames of the receiver.
 pub trait BatchEncoder<I: Item>: fmt::Debug + Send {
     /// A frame begins.
     fn begin(&mut self, frame: FrameNumber);
 
-    /// The shorter form of the frame's next batch; none where it travels plain.
+    /// The shorter form of the frame's next batch; `None` if it travels plain.
     fn encode(&mut self, batch: &Batch<I>) -> Option<Bytes>;
 
     /// The frame ends.
     fn end(&mut self, end: &FrameEnd);
 
-    /// The receiver has all of `frame`. Told for [`Delivery::Lossy`] only.
+    /// The receiver has all of `frame`. Called for [`Delivery::Lossy`] only.
     fn confirmed(&mut self, frame: FrameNumber);
 }
 
@@ -161,17 +161,17 @@ pub trait BatchDecoder<I: Item>: fmt::Debug + Send {
     /// A batch of the frame came plain.
     fn plain(&mut self, batch: &Batch<I>);
 
-    /// The batch that came as `bytes`.
+    /// Decodes the batch in `bytes`.
     ///
     /// # Errors
-    /// When they are no such batch. The peer then counts as one that breaks the protocol.
+    /// If they are invalid. The peer then has broken the protocol.
     fn decode(&mut self, bytes: &[u8]) -> Result<Batch<I>, CodingError>;
 
     /// The frame ends.
     fn end(&mut self, end: &FrameEnd);
 }
 
-/// What is wrong with a coded batch: the application's own error.
+/// The application's own error about a coded batch.
 #[derive(Debug, Error)]
 #[error(transparent)]
 pub struct CodingError(#[from] pub Box<dyn std::error::Error + Send + Sync>);

@@ -1,8 +1,8 @@
-//! A value with a number: for lanes on which values may be lost, repeated or overtaken.
+//! A numbered value, for lanes on which values may be lost, repeated or overtaken.
 
 use crate::FixedBytes;
 
-/// Counts the values that were published on a link, from 0; after the last number comes 0 again.
+/// Counts the values published on a link, from 0; it wraps to 0 after the last number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Serial(pub u32);
 
@@ -16,8 +16,8 @@ pub struct Numbered {
 }
 
 impl Serial {
-    /// Whether this value was published after `other`, in the order of serial numbers (RFC 1982): right as
-    /// long as the two are fewer than 2^31 apart.
+    /// Whether this value was published after `other`, in serial number order (RFC 1982). Correct as long as
+    /// the two are fewer than 2^31 apart.
     #[must_use]
     pub const fn is_after(self, other: Self) -> bool {
         (self.0.wrapping_sub(other.0) as i32) > 0
@@ -31,16 +31,16 @@ impl Serial {
 }
 
 impl Numbered {
-    /// How many bytes the number has; the value's follow.
+    /// The bytes of the number; the value's follow.
     pub const NUMBER_BYTES: usize = 4;
 
-    /// What travels: the number as u32, little-endian, and the value.
+    /// Writes the number as u32, little-endian, and the value.
     pub fn write(&self, out: &mut impl bytes::BufMut) {
         out.put_u32_le(self.number.0);
         out.put_slice(&self.value);
     }
 
-    /// Reads what travels; none where it has another size than a number and a value of `size` bytes.
+    /// Reads both; `None` if the size is not that of a number and a value of `size` bytes.
     #[must_use]
     pub fn read(bytes: &[u8], size: usize) -> Option<Self> {
         let (number, value) = bytes.split_first_chunk()?;

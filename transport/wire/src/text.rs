@@ -1,4 +1,4 @@
-//! Short texts that travel.
+//! Short texts on the wire.
 
 use std::fmt;
 
@@ -10,19 +10,19 @@ use thiserror::Error;
 #[serde(try_from = "String", into = "String")]
 pub struct Text<const MAX: usize>(String);
 
-/// What a person should know, such as why a peer left.
+/// A text for people, such as why a peer left.
 pub type Explanation = Text<200>;
 
 /// The name of an application's protocol with its version, such as `robot/1`.
 pub type ProtocolName = Text<32>;
 
-/// A text that is longer than its kind may be.
+/// A text that is too long for its kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("a text of {bytes} bytes is longer than {most}")]
 pub struct TextError {
-    /// How many bytes of UTF-8 it has.
+    /// Its bytes of UTF-8.
     pub bytes: usize,
-    /// How many it may have.
+    /// The limit.
     pub most: usize,
 }
 
@@ -36,7 +36,7 @@ impl<const MAX: usize> Text<MAX> {
         Self(text[..text.floor_char_boundary(MAX)].to_owned())
     }
 
-    /// The text as it came: it may hold control characters.
+    /// The text as received: it may hold control characters.
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0

@@ -2,37 +2,37 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Why a visible drawable was not drawn: the first step on its way from the root of the tree to the picture
-/// that went wrong.
+/// Why a visible drawable was not drawn: the first wrong step on its path from the root of the tree to the
+/// picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FalseCullCause {
-    /// Another level was drawn in its place, or it is hidden by an occluder that is not of the frame's LOD
-    /// cut: the roles did not choose alike.
+    /// Another level was drawn in its place, or an occluder outside the frame's LOD cut hides it: the roles
+    /// chose differently.
     LevelMismatch,
     /// The rule of the paper's section 4.5.2 was on, and a node above it was drawn in its place.
     PixelCountRule,
-    /// A box on the way does not hold the surface that shows.
+    /// A box on the path does not contain the visible surface.
     BoxTooSmall,
-    /// A box that holds the surface was taken to be outside the frustum.
+    /// A box that contains the surface was classified as outside the frustum.
     OutsideFrustum,
     /// A box that reaches nearer than the near plane was tested instead of being taken as visible.
     NearPlane,
     /// The depth tested against was drawn from the camera of an earlier frame.
     StaleCamera,
-    /// The depth tested against lies in front of the surface that shows: two passes or two devices placed it
+    /// The tested depth lies in front of the visible surface: two passes or two devices placed it
     /// differently.
     OccluderTooNear,
-    /// The box given to the occlusion test covers none of the pixels at which the surface shows.
+    /// The box given to the occlusion test covers none of the surface's visible pixels.
     MissedSamples,
-    /// The box, before it is grown, is level with the depth tested against, and lost to it.
+    /// The box, before it is grown, is level with the tested depth, and lost to it.
     DepthTie,
     /// The box is clearly in front at a pixel of the surface, and the occlusion test said that it is hidden.
     #[serde(rename = "occlusion_test_hid")]
     TestHid,
     /// Every step keeps it, and more ids were sent than drawn.
     LostIds,
-    /// Every step keeps it when done again, and all ids arrived.
+    /// Every step keeps it when repeated, and all ids arrived.
     Unattributed,
 }
 

@@ -1,10 +1,10 @@
-//! Why something visible was not drawn: the way from the root down to it, step by step, each step held
-//! against the surface that the picture shows.
+//! Why something visible was not drawn: the path from the root down to it, step by step, each compared with
+//! the visible surface.
 //!
-//! The occlusion test and its depth are those of the culler of the frame (or of one that did its work again),
-//! and so is what comes before the test: the LOD cut, the frustum test, the boxes. What they are judged by is
-//! independent of them: where the f64 rasterizer puts the surface that is missing. The traversal may go wrong
-//! at any node above a drawable, and the first such step is the cause.
+//! The occlusion test and its depth are those of the culler of the frame (or of a repetition), and so are the
+//! steps before the test: the LOD cut, the frustum test, the boxes. The reference is independent of them: the
+//! missing surface by the f64 rasterizer. The traversal may go wrong at any node above a drawable, and the
+//! first such step is the cause.
 
 mod cause;
 mod steps;
@@ -27,38 +27,37 @@ use crate::id_buffer::{IdBuffer, Placement, rasterize};
 use crate::occlusion_test::triangles_of;
 use crate::raster::rasterize_triangle;
 
-/// Depths that differ by less than this fraction are of the same surface.
+/// Depths closer than this fraction are of the same surface.
 const SAME_DEPTH: f64 = 1e-4;
 
-/// What a culler did for a frame from which something is missing.
+/// A culler's work on a frame from which something is missing.
 #[derive(Debug, Clone, Copy)]
 pub struct CulledFrame<'f> {
     /// The scene.
     pub scene: &'f Scene,
     /// The frame's camera and size.
     pub view: &'f View,
-    /// What decided its LOD cut beside the view.
+    /// The inputs of its LOD cut beside the view.
     pub rule: &'f CutRule,
-    /// What OR drew.
+    /// The occluders that OR drew.
     pub occluders: &'f [DrawableId],
-    /// The depth that came of it, as the occlusion test had it: reversed, row by row from the top left.
+    /// The resulting depth, as the occlusion test had it: reversed, row by row from the top left.
     pub depth: &'f [f32],
-    /// How far behind their surfaces that depth has the occluders: by what theirs changes over this share of a
-    /// pixel. 0 where OR moves nothing.
+    /// How far the occluders' depth lies behind their surfaces: by its change over this share of a pixel. 0
+    /// if OR adds no bias.
     pub bias_px: f32,
     /// How many ids HC sent, if that is known.
     pub sent: Option<u64>,
-    /// What RVG drew.
+    /// The drawables that RVG drew.
     pub drawn: &'f [DrawableId],
-    /// Frames before it whose cameras OR may have drawn from by mistake: their views and what was drawn of
-    /// them.
+    /// Earlier frames whose cameras OR may have used by mistake: their views and drawables.
     pub before: &'f [(View, &'f [DrawableId])],
 }
 
 /// A drawable that owns pixels without culling and was not drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missing {
-    /// Which.
+    /// Its id.
     pub id: DrawableId,
     /// Its pixels, row by row from the top left.
     pub pixels: Vec<usize>,
@@ -81,11 +80,11 @@ pub fn causes<T: OcclusionTest>(
 struct Judge<'f, S> {
     frame: &'f CulledFrame<'f>,
     steps: S,
-    /// Each node of which a level was drawn.
+    /// Each node with a drawn level.
     drawn: Vec<u32>,
-    /// The occluders as the reference draws them; drawn when first asked for.
+    /// The occluders as the reference draws them; drawn on first use.
     occluders: Option<IdBuffer>,
-    /// This frame's occluders from the cameras of the frames before, and what was drawn of those frames;
+    /// This frame's occluders from the cameras of earlier frames, and the drawables of those frames;
     /// likewise.
     stale: Option<Vec<(View, IdBuffer)>>,
 }
@@ -129,8 +128,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         Ok(if lost { Cause::LostIds } else { Cause::Unattributed })
     }
 
-    /// Whether something else was drawn for the node: another of its levels, a node above it or nodes below
-    /// it.
+    /// Whether the node was replaced: by another of its levels, by an ancestor or by descendants.
     fn replaced(&self, target: NodeId) -> Option<Cause> {
         let scene = self.frame.scene;
         let was_drawn = |node: NodeId| self.drawn.binary_search(&node.0).is_ok();
@@ -142,7 +140,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         self.drawn.iter().any(below).then_some(Cause::LevelMismatch)
     }
 
-    /// What goes wrong at one node on the way down, if anything does.
+    /// The error at one node on the path down, if any.
     fn step(&mut self, node: &Node, surface: &[SurfacePoint]) -> Result<Option<Cause>, S::Error> {
         let prepared = if self.steps.outside(node) { Prepared::Outside } else { self.steps.prepare(node) };
         let test_box = match prepared {
@@ -167,7 +165,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         }))
     }
 
-    /// Why a box that holds the surface was found hidden; `bare` is the same without its half pixel.
+    /// Why a box that contains the surface was found hidden; `bare` is the same without its half pixel.
     fn hidden(&mut self, test_box: &TestBox, bare: &TestBox, surface: &[SurfacePoint]) -> Cause {
         let tested =
             |point: &SurfacePoint| f64::from(self.frame.depth.get(point.pixel).copied().unwrap_or_default());
@@ -191,7 +189,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         if clearly { Cause::TestHid } else { Cause::DepthTie }
     }
 
-    /// Why the depth tested against lies in front of the surface at all its pixels.
+    /// Why the tested depth lies in front of the surface at all its pixels.
     fn covered(&mut self, surface: &[SurfacePoint]) -> Cause {
         let frame = self.frame;
         let occluders = self.occluders();
@@ -216,13 +214,13 @@ impl<'f, S: Steps> Judge<'f, S> {
                 .collect()
         });
         // At most points: along edges a device may round to another surface. The depth of a large triangle is
-        // interpolated less exactly than the missing surface's own tolerance says.
+        // interpolated less precisely than the missing surface's own tolerance.
         let same = |(view, buffer): &(View, IdBuffer)| {
             let equal = |point: &&SurfacePoint| {
                 let tested = frame.depth.get(point.pixel).copied().map(f64::from);
                 let drawn = buffer.depth().get(point.pixel);
                 drawn.zip(tested).is_some_and(|(drawn, tested)| {
-                    // How a device sums the slopes along x and y is left to it.
+                    // Devices may combine the slopes along x and y differently.
                     let bias = f64::from(frame.bias_px) * buffer.slope(frame.scene, view, point.pixel);
                     let (same, farther) = (tested * SAME_DEPTH, drawn - tested);
                     farther.abs() <= same || (bias - same..=bias * SQRT_2 + same).contains(&farther)
@@ -239,7 +237,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         self.occluders.get_or_insert_with(draw)
     }
 
-    /// Whether the node's own boxes hold every point of the surface.
+    /// Whether the node's own boxes contain every point of the surface.
     fn holds(&self, node: &Node, surface: &[SurfacePoint]) -> bool {
         let view = self.frame.view;
         let (min, max) = node.world_box();
@@ -251,7 +249,7 @@ impl<'f, S: Steps> Judge<'f, S> {
             let from_eye = view.to_view().transpose() * point.place;
             let world = view.eye() + from_eye;
             let in_world = (min - slack).cmple(world).all() && world.cmple(max + slack).all();
-            // A frame without thickness cannot be turned back; its world box must do.
+            // A frame without thickness cannot be inverted; its world box must do.
             let in_local = to_local.is_none_or(|to_local| {
                 let local = to_local * (world - node.origin());
                 let slack = DVec3::from_array(
@@ -264,7 +262,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         })
     }
 
-    /// Whether the box that was tested holds every point of the surface.
+    /// Whether the tested box contains every point of the surface.
     fn box_holds(&self, test_box: &TestBox, surface: &[SurfacePoint]) -> bool {
         surface.iter().all(|point| {
             let offset = point.place - test_box.centre.as_dvec3();
@@ -276,7 +274,7 @@ impl<'f, S: Steps> Judge<'f, S> {
     }
 }
 
-/// Where a view is seen from, and which way.
+/// The position and orientation of a view.
 fn pose(view: &View) -> ([f64; 3], [f64; 4]) {
     (view.camera().eye(), view.camera().orientation())
 }
@@ -317,7 +315,7 @@ mod tests {
     use crate::cases::{Mesh, Object, build, looking};
     use crate::id_buffer::unproject;
 
-    /// Steps that answer the same at every node.
+    /// Steps with the same answer at every node.
     struct Told {
         outside: bool,
         prepared: Prepared,
@@ -348,7 +346,7 @@ mod tests {
         }
     }
 
-    /// A plate 0.5 m high and wide, 4 m ahead, at about 10 x 10 pixels: what is missing.
+    /// A plate 0.5 m high and wide, 4 m ahead, at about 10 x 10 pixels: the missing drawable.
     struct Plate {
         scene: Scene,
         view: View,
@@ -367,14 +365,14 @@ mod tests {
             Self { scene, view, missing: Missing { id, pixels }, truth }
         }
 
-        /// A box about the plate, so much thicker and larger to each side, metres.
+        /// A box about the plate, thicker and larger by this to each side, metres.
         fn grown(&self, more: f32) -> Prepared {
             let axes = [Vec3::X * (0.25 + more), Vec3::Y * (0.25 + more), Vec3::Z * more];
             Prepared::Test(TestBox { centre: Vec3::NEG_Z * 4.0, axes })
         }
 
-        /// The cause, if the occlusion test says what `shows` says and the depth tested against is `nearer`
-        /// times that of the plate at the plate's pixels.
+        /// The cause if the occlusion test answers `shows`, and the tested depth is `nearer` times the
+        /// plate's at its pixels.
         fn cause(&self, outside: bool, prepared: Prepared, shows: bool, nearer: f64) -> Cause {
             let depth: Vec<f32> = self.truth.depth().iter().map(|d| (d * nearer) as f32).collect();
             self.cause_of(Told { outside, prepared, shows }, &depth, Some(0), &self.missing)

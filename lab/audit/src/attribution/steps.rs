@@ -1,25 +1,25 @@
-//! The steps that a culler takes with a node, one by one, so that they can be judged.
+//! A culler's steps on a node, one by one, for checking.
 
 use trimaran_cull::{BoxMaker, CutRule, LodCut, OcclusionTest, Outline, Prepared, TestBox, View};
 use trimaran_scene::{Node, Scene};
 
-/// What HC's traversal does with one node.
+/// The steps of HC's traversal on one node.
 pub(super) trait Steps {
     type Error;
 
     /// Whether the node is outside the frustum, by its world box.
     fn outside(&self, node: &Node) -> bool;
 
-    /// What becomes of the node before any test.
+    /// The classification of the node before any test.
     fn prepare(&self, node: &Node) -> Prepared;
 
-    /// Whether the occlusion test says that the box shows.
+    /// Whether the occlusion test finds the box visible.
     fn shows(&mut self, test_box: TestBox) -> Result<bool, Self::Error>;
 
     /// The node's box without its half pixel, if it can be tested.
     fn bare(&self, node: &Node) -> Option<TestBox>;
 
-    /// How far the node's box is inflated against rounding and depth ties, metres.
+    /// How far the node's box is inflated for rounding and depth ties, metres.
     fn slack(&self, node: &Node) -> f64;
 }
 

@@ -1,4 +1,4 @@
-//! Where the surface of a missing drawable lies, by the f64 rasterizer.
+//! The surface of a missing drawable, by the f64 rasterizer.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use super::Missing;
 use crate::id_buffer::{Placement, triangles, unproject};
 use crate::raster::rasterize_triangle;
 
-/// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel
+/// A pixel's centre may be covered by a surface that ends this far beside it: corners move by the sub-pixel
 /// step.
 const SNAP_PX: f64 = 1.0 / 256.0;
 
@@ -22,20 +22,20 @@ pub(super) struct SurfacePoint {
     pub(super) place: DVec3,
     /// Reversed depth.
     pub(super) depth: f64,
-    /// By what fraction depths of this surface may differ between passes.
+    /// The relative tolerance of this surface's depths between passes.
     pub(super) tolerance: f64,
 }
 
 impl SurfacePoint {
-    /// How far from the surface this point may lie, metres.
+    /// The largest distance of this point from the surface, metres.
     pub(super) fn leeway(&self, view: &View) -> f64 {
         let focal = view.focal_x().min(view.focal_y());
         -self.place.z * (SNAP_PX / focal + self.tolerance)
     }
 }
 
-/// Where the f64 rasterizer puts the missing surface at its pixels. Pixels on its very edge may not be
-/// among them. `slack` is how far its node's box is inflated, metres.
+/// The missing surface at its pixels, by the f64 rasterizer. Pixels on its very edge may be absent. `slack`
+/// is how far its node's box is inflated, metres.
 pub(super) fn surface_of(missing: &Missing, scene: &Scene, view: &View, slack: f64) -> Vec<SurfacePoint> {
     let Some(drawable) = scene.drawables().get(missing.id.index()) else { return Vec::new() };
     let mut nearest: BTreeMap<usize, Option<SurfacePoint>> =
@@ -56,13 +56,12 @@ pub(super) fn surface_of(missing: &Missing, scene: &Scene, view: &View, slack: f
     nearest.into_values().flatten().collect()
 }
 
-/// By how much the reversed depth of a triangle changes over a step of the sub-pixel grid, right and down
-/// together.
+/// The change of a triangle's reversed depth over a step of the sub-pixel grid, right and down together.
 fn depth_of_a_snap(view: &View, [a, b, c]: &[DVec3; 3]) -> f64 {
     let normal = (*b - *a).cross(*c - *a);
     // Reversed depth is near / distance, which on the plane `normal . p = offset` is linear on the screen.
     let scale = f64::from(view.camera().near()) / normal.dot(*a);
     let gradient = ((normal.x / view.focal_x()).abs() + (normal.y / view.focal_y()).abs()) * scale.abs();
-    // A plane through the eye is seen edge on: nothing is known of depths on it.
+    // A plane through the eye is edge-on: its depth is undefined.
     if gradient.is_finite() { SNAP_PX * gradient } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! Scenes that are not what they say: made wrong on purpose, for checks that are to notice.
+//! Scenes with deliberate errors, which checks must notice.
 
 use trimaran_scene::{Drawable, Hierarchy, Node, ObjectRecord, Scene, SceneArrays, SceneError};
 

@@ -1,4 +1,4 @@
-//! Scenes by hand: objects in, a tree with boxes and levels out.
+//! Builds scenes by hand: a tree with boxes and levels from objects.
 
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_scene::{Geometry, Node, ObjectRecord, Rgba8, Scene, SceneArrays, SceneError, Vertex};
@@ -8,7 +8,7 @@ use trimaran_scene::{Geometry, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Sc
 pub struct Mesh {
     /// Corners, metres.
     pub positions: Vec<Vec3>,
-    /// Three a triangle.
+    /// Three indices per triangle.
     pub indices: Vec<u32>,
 }
 
@@ -108,8 +108,8 @@ impl Object {
         Self { linear, ..self }
     }
 
-    /// The same object with its bounding box as its coarsest level. No point of the box is farther from a
-    /// surface inside than the box's diagonal, nor the other way round.
+    /// The same object with its bounding box as its coarsest level. The error is at most the box's diagonal,
+    /// in both directions.
     #[must_use]
     pub fn with_box_level(mut self) -> Self {
         let (min, max) = self.mesh.bounds();
@@ -136,7 +136,7 @@ struct Draft<'o> {
     children: Vec<Self>,
 }
 
-/// A scene of `objects` under a tree that halves them by place, four children a node. With `merged` each
+/// A scene of `objects` under a tree that halves them by position, four children per node. With `merged` each
 /// interior node has one level, its own box, whose error is the box's diagonal.
 ///
 /// # Errors
@@ -179,7 +179,7 @@ fn leaf(index: usize, object: &Object) -> Draft<'_> {
     let (middle, half) = ((min.as_dvec3() + max.as_dvec3()) * 0.5, (max.as_dvec3() - min.as_dvec3()) * 0.5);
     let centre = object.origin + linear * middle;
     let reach = linear.x_axis.abs() * half.x + linear.y_axis.abs() * half.y + linear.z_axis.abs() * half.z;
-    // A few ulp more than the f64 sums above may have lost.
+    // A few ulp more than the rounding of the f64 sums above.
     let reach = reach + (centre.abs() + reach) * 1e-15;
     let stretch = stretch(object.linear);
     let error = object.coarser.iter().map(|(error, _)| error * stretch).fold(0.0, f32::max);

@@ -11,11 +11,10 @@ use trimaran_scene::{Scene, SceneError, random::Random};
 use super::builder::{Mesh, Object, build};
 use super::plant::{plant, plant_views};
 
-/// A scene and a camera path through it, on which nothing visible may be culled, and pictures with and
-/// without culling are equal.
+/// A scene and a camera path through it, on which culling must lose nothing visible and change no pixel.
 #[derive(Debug, Clone)]
 pub struct Case {
-    /// What is hard about it.
+    /// The difficulty.
     pub name: &'static str,
     /// The scene.
     pub scene: Arc<Scene>,
@@ -23,7 +22,7 @@ pub struct Case {
     pub views: Vec<View>,
 }
 
-/// Why a case could not be made: a mistake in this module.
+/// Why a case could not be made: a bug in this module.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CaseError {
@@ -62,7 +61,7 @@ pub fn looking(
 /// All hard cases.
 ///
 /// # Errors
-/// None, unless this module has a mistake.
+/// None, unless this module has a bug.
 pub fn hard_cases() -> Result<Vec<Case>, CaseError> {
     let mut cases = vec![
         across_the_near_plane()?,
@@ -258,10 +257,10 @@ fn looking_away() -> Result<Case, CaseError> {
     case("nothing visible, and back", &objects, vec![towards, away, away, towards, away, towards])
 }
 
-/// Every frame from another place in the plant: the last frame's visible set is never of use.
+/// Every frame from another place in the plant: the last frame's visible set is never useful.
 fn teleporting() -> Result<Case, CaseError> {
     let views = plant_views(9, 120, DVec3::ZERO, small()?, 60)?;
-    // Views change place every 13: steps of 17 never land in the same stretch twice running.
+    // Views change place every 13, so steps of 17 never stay in the same stretch.
     let views = (0..30).filter_map(|frame| views.get(frame * 17 % 60).copied()).collect();
     Ok(Case { name: "teleport every frame", scene: plant(9, 120, DVec3::ZERO)?, views })
 }

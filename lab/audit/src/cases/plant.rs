@@ -41,7 +41,7 @@ pub fn plant(seed: u64, objects: usize, origin: DVec3) -> Result<Arc<Scene>, Sce
 
 const OBJECTS_IN_A_ROOM: usize = 12;
 
-/// The rooms of a cube of rooms that holds so many objects.
+/// The rooms per side of a cube of rooms for this many objects.
 fn rooms_across(objects: usize) -> usize {
     (1..).find(|n| n * n * n * (OBJECTS_IN_A_ROOM + 3) >= objects).unwrap_or(1)
 }
@@ -80,8 +80,8 @@ fn fixture(random: &mut Random, corner: DVec3) -> Object {
     }
 }
 
-/// A camera path of `count` views through a [`plant`] of so many objects: small steps and turns, and a
-/// teleport every 13 views.
+/// A camera path of `count` views through a [`plant`] of this many objects: small steps and turns, and a jump
+/// every 13 views.
 ///
 /// # Errors
 /// None: the cameras are in range.

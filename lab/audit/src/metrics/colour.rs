@@ -1,4 +1,4 @@
-//! Images against images, by colour.
+//! Comparison of images by colour.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +18,7 @@ impl FlipMap {
         &self.values
     }
 
-    /// The mean, which FLIP's authors recommend where one figure must do.
+    /// The mean, which FLIP's authors recommend if one figure must do.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.values.iter().map(|&v| f64::from(v)).sum::<f64>() / self.values.len() as f64
@@ -33,7 +33,7 @@ impl FlipMap {
     }
 }
 
-/// One image against another, as it stands in a report.
+/// The difference of two images, in the form of a report.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ImageDifference {
     /// Peak signal-to-noise ratio over red, green and blue, decibels; `null` if the images are equal
@@ -105,7 +105,7 @@ pub fn flip(reference: &ImageRef<'_>, image: &ImageRef<'_>) -> Result<FlipMap, M
     Ok(FlipMap { values: map.to_vec() })
 }
 
-/// `image` against `reference` by colour, beside how far what it shows moved.
+/// `image` against `reference` by colour, combined with the given deviations.
 ///
 /// # Errors
 /// If they differ in size.

@@ -1,14 +1,14 @@
-//! How far pixels lie from where they should, condensed to two figures.
+//! The deviation of pixels from their correct place, in two figures.
 //!
-//! What a distance is, and to what, is the caller's business; here is which pixels count. For the
-//! *silhouette* those are the pixels that one picture covers and the other does not. The 95th percentile is
-//! taken over the outline pixels of both as well: covered pixels with an uncovered one above, below, left or
-//! right, whose distance is 0 where both pictures cover them.
+//! The caller defines the distances; this module defines which pixels count. For the *silhouette* those are
+//! the pixels covered by only one of the pictures. The 95th percentile also includes the outline pixels of
+//! both: covered pixels with an uncovered one above, below, left or right. Their distance is 0 if both
+//! pictures cover them.
 
 use super::image::same_size;
 use super::{Mask, MetricError};
 
-/// How far pixels lie from where they should, in pixels.
+/// The deviation of pixels from their correct place, in pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Deviation {
     /// The largest distance; 0 if nothing was measured.
@@ -28,9 +28,9 @@ impl Deviation {
     }
 }
 
-/// How far the border between what is covered and the background moved from `a` to `b`. `from_a` measures
+/// How far the border between covered pixels and the background moved from `a` to `b`. `from_a` measures
 /// pixels (indices, row by row) that only `a` covers, `from_b` those that only `b` covers: their distances in
-/// the same order, `None` for one that has nowhere to belong. That counts as the pictures' diagonal.
+/// the same order. `None` for one without a counterpart counts as the pictures' diagonal.
 ///
 /// # Errors
 /// If the masks differ in size.
@@ -50,7 +50,7 @@ pub fn silhouette(
     Ok(Deviation::of(distances, shared))
 }
 
-/// The pixels that `mask` covers and `other`, of the same size, does not.
+/// The pixels covered by `mask` and not by `other`, of the same size.
 fn without(mask: &Mask, other: &Mask) -> Vec<usize> {
     let pairs = mask.covered().iter().zip(other.covered()).enumerate();
     pairs.filter(|(_, (here, there))| **here && !**there).map(|(pixel, _)| pixel).collect()

@@ -1,4 +1,4 @@
-//! The images that are compared: borrowed, and checked once.
+//! Borrowed images for comparison, checked once.
 
 use thiserror::Error;
 use trimaran_cull::Image;
@@ -36,7 +36,7 @@ pub struct ImageRef<'a> {
     pixels: &'a [[u8; 4]],
 }
 
-/// An ID buffer, borrowed: which id owns each pixel, or `background` where nothing does.
+/// An ID buffer, borrowed: the owner of each pixel, or `background`.
 #[derive(Debug, Clone, Copy)]
 pub struct IdBufferRef<'a> {
     size: (u32, u32),
@@ -44,7 +44,7 @@ pub struct IdBufferRef<'a> {
     background: u32,
 }
 
-/// Which pixels something covers.
+/// A mask of covered pixels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mask {
     size: (u32, u32),
@@ -86,7 +86,7 @@ impl<'a> ImageRef<'a> {
 }
 
 impl<'a> IdBufferRef<'a> {
-    /// An ID buffer of `width` x `height` pixels; pixels that nothing owns hold `background`.
+    /// An ID buffer of `width` x `height` pixels; pixels without an owner hold `background`.
     ///
     /// # Errors
     /// If `ids` does not fill that size exactly, or a side is 0.
@@ -105,7 +105,7 @@ impl<'a> IdBufferRef<'a> {
         self.ids.iter().map(|&id| (id != self.background).then_some(id))
     }
 
-    /// The pixels that anything owns.
+    /// The pixels with an owner.
     #[must_use]
     pub fn coverage(&self) -> Mask {
         Mask { size: self.size, covered: self.owners().map(|owner| owner.is_some()).collect() }
@@ -157,7 +157,7 @@ fn checked(width: u32, height: u32, values: usize) -> Result<(u32, u32), MetricE
     if fits { Ok((width, height)) } else { Err(MetricError::Size { width, height, values }) }
 }
 
-/// A mask drawn in characters, `#` where it is covered, rows one after the other; white space says nothing.
+/// A mask drawn in characters, `#` for covered pixels, rows one after the other; white space is ignored.
 #[cfg(test)]
 pub(super) fn mask(width: u32, rows: &str) -> Mask {
     let covered: Vec<bool> = rows.chars().filter(|c| !c.is_whitespace()).map(|c| c == '#').collect();

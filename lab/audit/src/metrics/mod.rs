@@ -1,4 +1,4 @@
-//! How wrong an image is: pure functions over colour images and ID buffers.
+//! Measures of image errors: pure functions over colour images and ID buffers.
 //!
 //! Two sources of error are kept apart. *Culling error* is the image against that of the same LOD cut without
 //! culling: [`false_culls`], [`mismatching_pixels`]; it must be zero. *Level-of-detail error* is the image

@@ -1,11 +1,11 @@
-//! Exactly visible sets from ID buffers, and what culling lost of them.
+//! Exactly visible sets from ID buffers, and the losses by culling.
 
 use std::collections::BTreeMap;
 
 use super::image::same_size;
 use super::{IdBufferRef, Mask, MetricError, largest_blob};
 
-/// What culling lost.
+/// The losses by culling.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FalseCulls {
     /// Each id that owns pixels of the unculled image and was not drawn, with the pixels it owns; ascending.
@@ -14,8 +14,8 @@ pub struct FalseCulls {
     pub pixels: u64,
     /// The largest 8-connected blob of those pixels.
     pub largest_blob: u64,
-    /// Pixels whose owner in the culled image is another, although the unculled one was drawn: wrong without
-    /// a false cull, as when two passes compute different positions.
+    /// Pixels with another owner in the culled image, although the unculled owner was drawn: wrong without a
+    /// false cull, as when two passes compute different positions.
     pub other_owner_pixels: u64,
 }
 
@@ -37,8 +37,8 @@ pub fn exactly_visible_triangles(image: &IdBufferRef<'_>, primitives: &[u32]) ->
     Some(sorted_distinct(pairs).len() as u64)
 }
 
-/// What culling lost: `unculled` and `culled` are the ID buffers of the same LOD cut, `drawn` the ids that
-/// were drawn, in any order.
+/// The losses by culling: `unculled` and `culled` are the ID buffers of the same LOD cut, `drawn` the drawn
+/// ids, in any order.
 ///
 /// # Errors
 /// If the images differ in size.
@@ -54,7 +54,7 @@ pub fn false_culls(
     let mut nodes = BTreeMap::new();
     let mut lost = Vec::with_capacity(unculled.owners().len());
     let mut other_owner_pixels = 0;
-    // Neighbouring pixels mostly share their owner: one look-up a run of equal owners.
+    // Neighbouring pixels mostly share their owner: one look-up per run of equal owners.
     let mut run = (None, true);
     for (owner, shown) in unculled.owners().zip(culled.owners()) {
         if run.0 != owner {

@@ -46,7 +46,7 @@ pub trait DisplayWork {
     fn picture(&mut self) -> Result<Option<&Image>, RoleError>;
 }
 
-/// What a live display without a scene shows of an incomplete frame. In lockstep it always waits.
+/// How a live display without a scene shows an incomplete frame. In lockstep it always waits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum WhileLoading {
     /// Coarser drawables as stand-ins for missing ones. They are sent first.
@@ -63,7 +63,7 @@ pub struct Supplied {
     pub scene: Arc<Scene>,
     /// The size limit of packed geometry beside that of the current frame, bytes.
     pub memory: u64,
-    /// What is shown of an incomplete frame.
+    /// How an incomplete frame is shown.
     pub while_loading: WhileLoading,
 }
 

@@ -187,7 +187,7 @@ impl RoleError {
     }
 }
 
-/// What failed on a link.
+/// A failure of a link.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LinkError {

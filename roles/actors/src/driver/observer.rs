@@ -1,4 +1,4 @@
-//! What a display reports to an observer.
+//! The interface through which a display reports to an observer.
 
 use std::time::Duration;
 

@@ -182,7 +182,7 @@ fn the_schedule_is_that_of_the_paper() {
     let mut overlapped = 0;
     let place = |step: &Step| steps.iter().position(|other| other == step).unwrap();
     for frame in 0..FRAMES {
-        // The roles switch with every frame: who draws its occluders culls it (section 3.2).
+        // The roles switch with each frame: its culler draws its occluders (section 3.2).
         let culler = if frame % 2 == 0 { one } else { other };
         let of_frame = |step: &&Step| {
             matches!(step, Step::Clear(_, of) | Step::Draw(_, of, _) | Step::Complete(_, of) | Step::Test(_, of)
@@ -195,7 +195,7 @@ fn the_schedule_is_that_of_the_paper() {
         };
         assert_eq!(all.iter().filter(by).count(), all.len(), "frame {frame} is one culler's");
 
-        // Algorithm 4.2, OR: clear the depth, set the camera, draw what comes until the end of the frame.
+        // Algorithm 4.2, OR: clear the depth, set the camera, draw ids until the end of the frame.
         assert_eq!(all[0], &Step::Clear(culler, frame));
         let complete = all.iter().position(|step| matches!(step, Step::Complete(..))).unwrap();
         let drawing = &all[1..complete];

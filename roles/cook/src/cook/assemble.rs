@@ -21,14 +21,14 @@ use trimaran_scene::{
 /// The numbers of a mesh's pieces of geometry.
 #[derive(Debug, Default)]
 struct MeshNumbers {
-    /// One a level. Where there are clusters the finest level is theirs, and none.
+    /// One per level. If there are clusters, the finest level consists of them and has none.
     levels: Vec<u32>,
-    /// One a node of the cluster tree that is a cluster.
+    /// One per node of the cluster tree that is a cluster.
     clusters: Vec<Option<u32>>,
     part_levels: Vec<u32>,
 }
 
-/// What a node of the scene stands for.
+/// The origin of a scene's node.
 #[derive(Debug, Clone, Copy)]
 enum Place {
     /// A node of the tree over objects: an object if it is a leaf there.
@@ -79,14 +79,14 @@ pub(super) fn assemble(
     Ok(arrays)
 }
 
-/// What the nodes are made of.
+/// The inputs of the nodes.
 struct Parts<'a> {
     tree: &'a [TreeNode],
     leaves: &'a [Leaf],
     meshes: &'a [Option<LeveledMesh>],
-    /// Of each mesh.
+    /// One per mesh.
     numbers: Vec<MeshNumbers>,
-    /// Of each of the meshes' pieces of geometry.
+    /// One per piece of geometry of the meshes.
     solids: Vec<Option<Solid>>,
 }
 
@@ -116,7 +116,7 @@ impl<'a> Parts<'a> {
         cluster.map_or(0..0, |cluster| cluster.children.clone())
     }
 
-    /// An object, or what is merged of several.
+    /// An object, or a merged node of several.
     fn place_tree_node(
         &self,
         node: u32,
@@ -154,7 +154,7 @@ impl<'a> Parts<'a> {
         place_leaf(record, leaf, mesh);
         record.local_min = cluster.min.to_array();
         record.local_max = cluster.max.to_array();
-        // Both boxes hold the cluster, so what they share does, and it lies within the parent's.
+        // Both boxes contain the cluster, so their intersection does, and it lies within the parent's.
         let (parent_min, parent_max) = arrays.nodes.get(record.parent as usize).map_or_else(
             || (leaf.world.min, leaf.world.max),
             |parent| (DVec3::from_array(parent.world_min), DVec3::from_array(parent.world_max)),
@@ -173,7 +173,7 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// The sides that show of a piece of a placed mesh, in a node of this box.
+    /// The visible sides of a piece of a placed mesh, in a node of this box.
     fn sides(&self, leaf: &Leaf, number: u32, node: &Node) -> Sides {
         let (min, max) = node.world_box();
         let solid = self.solids.get(number as usize).copied().flatten();
@@ -226,7 +226,7 @@ fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookErr
     Ok(())
 }
 
-/// Adds the pieces of all meshes; returns their numbers, and of each piece what it is of.
+/// Adds the pieces of all meshes; returns their numbers, and the solid of each piece.
 fn add_meshes(
     meshes: &[Option<LeveledMesh>],
     arrays: &mut SceneArrays,
@@ -247,7 +247,7 @@ struct Pieces {
     part_levels: Vec<Piece>,
 }
 
-/// A piece of geometry, and the solids that it is of.
+/// A piece of geometry, and the solids to which it belongs.
 struct Piece {
     geometry: Geometry,
     solid: Option<Solid>,
@@ -303,7 +303,7 @@ impl Pieces {
     }
 }
 
-/// Some triangles, ready for flat shading, with the vertices that they need and no others.
+/// Some triangles, prepared for flat shading, with only the vertices that they use.
 fn piece(vertices: &[Vertex], triangles: &[u32]) -> Geometry {
     let mut numbers: HashMap<u32, u32> = HashMap::new();
     let mut own = Vec::new();
@@ -328,7 +328,7 @@ fn add_geometry(geometry: Geometry, arrays: &mut SceneArrays) -> Result<u32, Coo
 }
 
 /// Makes errors monotone: no level of a node may have a smaller error than one of a node below it. Merging
-/// adds to the errors of what it merges, so this changes nothing but what rounding left.
+/// adds the errors of its inputs, so this only corrects rounding.
 fn raise_errors(arrays: &mut SceneArrays) {
     let mut coarsest = vec![0.0_f32; arrays.nodes.len()];
     for (index, node) in arrays.nodes.iter().enumerate().rev() {

@@ -1,14 +1,14 @@
 //! The nearest point of a triangle mesh: a binary hierarchy of boxes over its triangles.
 //!
 //! Distances are computed in single precision to points that lie on a triangle by construction (clamped
-//! barycentric coordinates), so what comes out is, up to the rounding of a few operations, never below the
-//! true distance: a bound stays a bound even for slivers and degenerate triangles.
+//! barycentric coordinates). So the result is, up to the rounding of a few operations, never below the true
+//! distance: a bound stays a bound even for slivers and degenerate triangles.
 
 use glam::Vec3;
 
 use super::facets;
 
-/// Triangles in a leaf: fewer make the tree larger than it helps.
+/// Triangles per leaf: fewer enlarge the tree more than they help.
 const LEAF: usize = 4;
 
 #[derive(Debug, Clone, Copy)]
@@ -22,7 +22,7 @@ struct BoxNode {
     count: u32,
 }
 
-/// A mesh that can be asked for its nearest point.
+/// A mesh for nearest-point queries.
 #[derive(Debug)]
 pub(super) struct Bvh {
     nodes: Vec<BoxNode>,
@@ -30,11 +30,11 @@ pub(super) struct Bvh {
     triangles: Vec<[Vec3; 3]>,
     /// For each triangle the one that makes a flat convex quadrangle with it; itself if there is none.
     partners: Vec<u32>,
-    /// Where in the order of the leaves each triangle went.
+    /// The position of each triangle in the order of the leaves.
     places: Vec<u32>,
 }
 
-/// The nearest triangle found, and how far it is.
+/// The nearest triangle found, and its distance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Nearest {
     pub(super) distance: f32,
@@ -72,8 +72,8 @@ impl Bvh {
         self.places.iter().map(|&place| place.min(self.partner(place)))
     }
 
-    /// Walls on a facet's outline, upright on it: a point on each and the direction inwards, of length one.
-    /// None for a facet without area.
+    /// Walls on a facet's outline, perpendicular to it: a point on each and the unit vector inwards. None for
+    /// a facet without area.
     pub(super) fn walls(&self, facet: u32) -> [Option<(Vec3, Vec3)>; 4] {
         let Some(&[a, b, c]) = self.triangles.get(facet as usize) else { return [None; 4] };
         let partner = self.partner(facet);
@@ -164,7 +164,7 @@ impl Bvh {
     }
 }
 
-/// A triangle on its way into the hierarchy, and which one it was.
+/// A triangle during sorting, with its original index.
 #[derive(Debug, Clone, Copy)]
 struct Sorted {
     corners: [Vec3; 3],
@@ -235,7 +235,7 @@ fn squared_distance(p: Vec3, &[a, b, c]: &[Vec3; 3]) -> f32 {
     (ap - ab * v - ac * w.min(1.0 - v)).length_squared()
 }
 
-/// `a / b` as a barycentric coordinate: within 0 to 1, and 0 where rounding has left nothing to divide by.
+/// `a / b` as a barycentric coordinate: within 0 to 1, and 0 if rounding has left a zero divisor.
 fn part(a: f32, b: f32) -> f32 {
     let quotient = a / b;
     if quotient > 0.0 { quotient.min(1.0) } else { 0.0 }

@@ -7,29 +7,29 @@ use super::hausdorff::{self, Surface};
 
 /// A level is kept if it has at most this part of the triangles of the one before.
 const WORTH: f32 = 0.7;
-/// ... and if it saves at least so many. To draw a part costs as much as a few dozen triangles, and
-/// simplifying a small part shows: slats that overlap by a millimetre part by three.
+/// ... and if it saves at least this many. Drawing a part costs as much as a few dozen triangles, and
+/// simplifying a small part is visible: slats that overlap by a millimetre separate by three.
 const SAVED: usize = 20;
-/// Meshes of so few triangles are not simplified further.
+/// Meshes of this few triangles are not simplified further.
 pub(super) const FEW: usize = 24;
 
 /// Triangles of a level, three indices each, and its error.
 pub(super) type Triangles = (Vec<u32>, f32);
 
-/// Where a chain of levels begins and ends.
+/// The limits of a chain of levels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Aim {
-    /// So few triangles are not simplified further.
+    /// This few triangles are not simplified further.
     pub(super) few: usize,
-    /// How far the triangles that the chain begins with are from the finest ones.
+    /// The error of the chain's first triangles.
     pub(super) from_error: f32,
-    /// The chain ends where its error passes this.
+    /// The chain ends when its error exceeds this.
     pub(super) largest_error: f32,
 }
 
-/// Halves the triangles again and again, each level made from the one before and measured against those it
-/// began with. Returns the levels that were made, finest first. `simplify` gets the triangles, their vertices
-/// and the number of indices aimed at.
+/// Halves the triangles repeatedly; each level is made from the previous one and measured against the first.
+/// Returns the new levels, finest first. `simplify` gets the triangles, their vertices and the target number
+/// of indices.
 pub(super) fn halve(
     positions: &[Vec3],
     first: &[u32],
@@ -49,7 +49,7 @@ pub(super) fn halve(
         if level.is_empty() || level.len() as f32 > WORTH * former.len() as f32 || saved < SAVED {
             break;
         }
-        // The triangle inequality, where the first triangles are not the finest.
+        // The triangle inequality, if the first triangles are not the finest.
         error = error.max(aim.from_error + hausdorff::bound(&reference, &Surface::new(positions, &level)));
         if error > aim.largest_error {
             break;

@@ -1,9 +1,9 @@
-//! Cuts the finest level of a large mesh into clusters: pieces near each other that are culled one by one.
+//! Cuts the finest level of a large mesh into clusters of neighbouring triangles that are culled one by one.
 //!
-//! An object is the unit that a person names, not the unit that is seen: of a brick with a thousand triangles
-//! the camera sees the studs and never the tubes inside. So a mesh of many triangles has below it a small
-//! tree of its own, whose leaves draw a few dozen triangles each. All triangles stay as they are, each in
-//! exactly one cluster, in the mesh's own frame; the object's coarser levels stay whole.
+//! An object is a unit of names, not of visibility: of a brick with a thousand triangles the camera sees the
+//! studs and never the tubes inside. So a mesh of many triangles has a small tree of its own below it, whose
+//! leaves draw a few dozen triangles each. All triangles stay unchanged, each in exactly one cluster, in the
+//! mesh's own frame; the object's coarser levels stay whole.
 
 use std::ops::Range;
 
@@ -27,13 +27,13 @@ pub(super) struct ClusterNode {
     pub(super) min: Vec3,
     /// Its upper corner.
     pub(super) max: Vec3,
-    /// For a cluster its triangles: positions in the finest level's indices.
+    /// A cluster's triangles, as positions in the finest level's indices.
     pub(super) indices: Range<u32>,
-    /// For a part of a large mesh its levels but the finest, among those of all parts.
+    /// The levels of a part of a large mesh except the finest, among those of all parts.
     pub(super) levels: Range<u32>,
 }
 
-/// Cuts the triangles of `finest` and puts those of a cluster side by side. Returns the tree, empty if the
+/// Cuts the triangles of `finest`, and makes those of a cluster contiguous. Returns the tree, empty if the
 /// mesh is small.
 pub(super) fn cut(vertices: &[Vertex], finest: &mut Vec<u32>) -> Vec<ClusterNode> {
     let triangles = finest.as_chunks::<3>().0;

@@ -1,13 +1,13 @@
 //! Pairs of triangles that make a flat convex quadrangle: the two halves of a box's face or of a pipe's long
 //! strip.
 //!
-//! The distance to a convex set is a convex function. The larger the convex pieces of a surface, the sooner a
-//! bound over a triangle is settled from its corners; without pairs, a long strip must be cut wherever the
+//! The distance to a convex set is a convex function. The larger the convex pieces of a surface, the sooner
+//! its corners settle the bound over a triangle. Without pairs, a long strip would be cut wherever the
 //! diagonal between its halves passes below.
 
 use glam::Vec3;
 
-/// How far from flat a pair may be, as part of the largest coordinate. The certificate's allowance for
+/// The flatness tolerance of a pair, relative to the largest coordinate. The certificate's allowance for
 /// rounding covers it.
 pub(super) const FLATNESS: f32 = 5e-7;
 
@@ -57,7 +57,7 @@ pub(super) fn quadrangle(first: &[Vec3; 3], second: &[Vec3; 3]) -> [Vec3; 4] {
     let [a, b, c] = *first;
     let shared = |p: &Vec3| second.contains(p);
     let apex = second.iter().copied().find(|p| !first.contains(p)).unwrap_or(a);
-    // Turned so that the shared edge is the first.
+    // Rotated so that the shared edge is the first.
     let [p, q, r] = if !shared(&c) {
         [a, b, c]
     } else if !shared(&a) {
@@ -68,8 +68,8 @@ pub(super) fn quadrangle(first: &[Vec3; 3], second: &[Vec3; 3]) -> [Vec3; 4] {
     [p, apex, q, r]
 }
 
-/// A number that is the same for an edge from either side. Other edges may share it: what follows looks at
-/// the points.
+/// A key that is the same for an edge from either side. Other edges may share it, so the points are compared
+/// later.
 fn edge_key(p: Vec3, q: Vec3) -> u64 {
     let key = |v: Vec3| {
         // Adding zero turns -0 into 0.

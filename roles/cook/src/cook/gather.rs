@@ -1,4 +1,4 @@
-//! What a merged level is made of: a cut through the tree below its node.
+//! The inputs of a merged level: a cut through the tree below its node.
 
 use glam::{DVec3, Vec3};
 
@@ -13,9 +13,9 @@ use trimaran_scene::{Rgba8, Vertex};
 pub(super) struct Merged {
     /// The origin of the node's frame: the centre of the items' box.
     pub(super) origin: DVec3,
-    /// Holds the node's levels and all below it.
+    /// Contains the node's levels and all below it.
     pub(super) bounds: WorldBox,
-    /// Finest first; none where merging saved too little.
+    /// Finest first; none if merging saved too little.
     pub(super) levels: Vec<MergedLevel>,
 }
 
@@ -27,7 +27,7 @@ pub(super) struct MergedLevel {
     pub(super) error: f32,
 }
 
-/// All that is known when a node is merged: the leaves, and the nodes below it.
+/// The inputs for merging a node: the leaves, and the nodes below it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Below<'a> {
     pub(super) tree: &'a [TreeNode],
@@ -42,7 +42,7 @@ pub(super) struct Soup {
     pub(super) positions: Vec<Vec3>,
     pub(super) colours: Vec<Rgba8>,
     pub(super) indices: Vec<u32>,
-    /// The largest error of the levels gathered.
+    /// The largest error of the gathered levels.
     pub(super) error: f32,
 }
 
@@ -57,8 +57,7 @@ enum Chosen<'a> {
 
 impl<'a> Below<'a> {
     /// Gathers the levels below a node, in a frame about `origin`: of each object or merged node the coarsest
-    /// whose error is at most `error`, or the finest there is. `None` if that makes more than `most`
-    /// triangles.
+    /// with an error of at most `error`, or else the finest. `None` if that makes more than `most` triangles.
     pub(super) fn gather(&self, node: &TreeNode, origin: DVec3, error: f64, most: usize) -> Option<Soup> {
         let mut chosen = Vec::new();
         let mut triangles = 0;
@@ -74,7 +73,7 @@ impl<'a> Below<'a> {
         Some(soup)
     }
 
-    /// The number of triangles that stand below a node at the coarsest levels there are.
+    /// The number of triangles below a node at the coarsest levels.
     pub(super) fn fewest(&self, node: &TreeNode) -> usize {
         let mut triangles = 0;
         for child in node.children.clone() {
@@ -87,7 +86,7 @@ impl<'a> Below<'a> {
         triangles
     }
 
-    /// Goes down from a node to the levels of the cut, until `add` says no: then `None`.
+    /// Descends from a node to the levels of the cut, until `add` stops it: then `None`.
     fn visit(&self, index: u32, error: f64, add: &mut dyn FnMut(Chosen<'a>) -> bool) -> Option<()> {
         let Some(node) = self.tree.get(index as usize) else { return Some(()) };
         if let Some(leaf) = node.item.and_then(|item| self.leaves.get(item as usize)) {

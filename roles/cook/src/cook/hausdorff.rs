@@ -1,15 +1,15 @@
 //! The certificate: an upper bound of the two-sided Hausdorff distance between two triangle meshes.
 //!
-//! Branch and bound. The distance to a surface changes by at most the way one walks (it is 1-Lipschitz), and
+//! Branch and bound. The distance to a surface changes by at most the distance moved (it is 1-Lipschitz), and
 //! the distance to *one* triangle is a convex function, so over a piece of the other mesh it is greatest at a
-//! corner. Both bound the distance over a whole triangle from its corners alone; most triangles are settled
-//! by that. The rest are cut, worst first, until the worst bound is within 5 % of the largest distance seen:
-//! along the outline of the facet below, where two facets are equally far, or in halves. The same holds for
-//! two triangles that together are flat and convex (see `facets`), which is what "facet" means below.
+//! corner. Both bound the distance over a whole triangle from its corners alone, which settles most
+//! triangles. The rest are cut, worst first, until the worst bound is within 5 % of the largest distance
+//! seen: along the outline of the facet below, where two facets are equally far, or in halves. The same holds
+//! for two triangles that together are flat and convex (see `facets`); "facet" below means either.
 //!
-//! Measured on the levels of a real plant and of a building of bricks, 12,562 pairs of meshes: the work
-//! allowed ran out for 5, and the bound was within 5 % of the largest distance seen for all but 47, most of
-//! those below the floor.
+//! Measured on the levels of a real plant and of a building of bricks, 12,562 pairs of meshes: the work limit
+//! was reached for 5, and the bound was within 5 % of the largest distance seen for all but 47, most of those
+//! below the floor.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -22,22 +22,20 @@ use super::polygon::{Cut, Polygon};
 
 /// How far the bound may be above the largest distance seen: 5 %.
 const GAP: f32 = 1.05;
-/// Distances below this part of the meshes' extent are as good as none (0.1 pixels where the mesh fills
-/// 1,000).
+/// Distances below this fraction of the meshes' extent are negligible (0.1 pixels if the mesh fills 1,000).
 const FLOOR: f32 = 2e-4;
-/// Rounding of coordinates and distances, and facets that are not quite flat, as part of the largest
-/// coordinate.
+/// Rounding of coordinates and distances, and slightly curved facets, relative to the largest coordinate.
 pub(super) const ROUNDING: f32 = 2e-6 + 2.0 * FLATNESS;
-/// Searches for the nearest facet allowed for each triangle of the two meshes; where they run out, the bound
-/// is what has been shown until then.
+/// The limit of nearest-facet searches, per triangle of the two meshes; beyond it, the bound so far is
+/// returned.
 const SEARCHES: usize = 4;
-/// How far beyond a facet's outline a piece may reach, as part of the largest distance seen. Half the gap is
-/// left even where two walls meet at a right angle: the square root of 1 + 2 * 0.15^2 is 1.022.
+/// How far beyond a facet's outline a piece may reach, relative to the largest distance seen. Half the gap
+/// remains even if two walls meet at a right angle: the square root of 1 + 2 * 0.15^2 is 1.022.
 const SLACK: f32 = 0.15;
-/// A part that is not settled must have less than this part of the area it was cut from.
+/// A part that is not settled must have less than this fraction of the original area.
 const ENOUGH: f32 = 0.75;
 
-/// A mesh with its hierarchy, ready to be measured against others.
+/// A mesh with its hierarchy, prepared for measurements against others.
 #[derive(Debug)]
 pub(super) struct Surface<'a> {
     pub(super) positions: &'a [Vec3],
@@ -57,9 +55,9 @@ impl<'a> Surface<'a> {
 
 /// An upper bound of the two-sided Hausdorff distance between two meshes, given as positions and corner
 /// indices in one frame: no point of either is farther than this from the other. Within 5 % of the distance,
-/// unless that is below 2e-4 of the meshes' extent, or the work allowed for the two meshes' size runs out:
-/// the bound holds then too, but is looser. Two meshes without triangles are 0 apart; one without is
-/// infinitely far from one with.
+/// unless that is below 2e-4 of the meshes' extent, or the work limit for the meshes' size is reached: the
+/// bound is valid then too, but looser. Two meshes without triangles are 0 apart; one without is infinitely
+/// far from one with.
 ///
 /// Indices past the positions count as the origin. Not-finite positions give a meaningless result, never a
 /// panic.
@@ -101,11 +99,11 @@ pub(super) fn bound(a: &Surface<'_>, b: &Surface<'_>) -> f32 {
     search.lower.max(search.settled).max(open) + ROUNDING * extent
 }
 
-/// A part of a triangle whose bound is not yet good enough.
+/// A part of a triangle whose bound is not good enough yet.
 #[derive(Debug, Clone, Copy)]
 struct Piece {
     bound: f32,
-    /// Whether the mesh that distances go to is the first of the two.
+    /// Whether distances go to the first of the two meshes.
     to_first: bool,
     /// A facet near all of it: the bound is the distance to it unless it came from elsewhere.
     facet: u32,
@@ -136,10 +134,10 @@ impl Ord for Piece {
 struct Search {
     /// The largest distance seen at a point.
     lower: f32,
-    /// The largest bound that was good enough when it was found.
+    /// The largest bound that was good enough when found.
     settled: f32,
     floor: f32,
-    /// How often the nearest facet may still be searched.
+    /// How many nearest-facet searches are left.
     budget: usize,
     open: BinaryHeap<Piece>,
 }
@@ -158,7 +156,7 @@ impl Search {
         nearest
     }
 
-    /// What is nearest to each vertex that a triangle uses; `None` for the others.
+    /// The nearest facet of each vertex that a triangle uses; `None` for the others.
     fn corners(&mut self, from: &Surface<'_>, to: &Surface<'_>) -> Vec<Option<Nearest>> {
         let shared = std::ptr::eq(from.positions, to.positions);
         let mut found = vec![None; from.positions.len()];
@@ -183,7 +181,7 @@ impl Search {
         found
     }
 
-    /// Bounds all triangles of `from`; those that are not settled wait in the queue.
+    /// Bounds all triangles of `from`; those not settled wait in the queue.
     fn add_triangles(
         &mut self,
         from: &Surface<'_>,
@@ -216,7 +214,7 @@ impl Search {
         }
     }
 
-    /// Settles a piece, by what is nearest to its middle if need be, or lets it wait.
+    /// Settles a piece, if necessary by the facet nearest to its middle, or queues it.
     fn add(&mut self, mut piece: Piece, to: &Bvh, hint: u32) {
         if piece.bound > self.goal() {
             let middle = piece.polygon.centre();
@@ -237,7 +235,7 @@ impl Search {
         }
     }
 
-    /// Replaces a piece by parts whose bounds are lower. What held for the whole holds for each part.
+    /// Replaces a piece by parts with lower bounds. The whole's bounds hold for each part.
     fn refine(&mut self, piece: &Piece, to: &Bvh) {
         let much_larger = piece.polygon.extent() > 2.0 * to.extent_of(piece.facet);
         if !much_larger && (self.cut_to_outline(piece, to) || self.cut_between_facets(piece, to)) {
@@ -248,9 +246,9 @@ impl Search {
         }
     }
 
-    /// Cuts off what does not lie above the piece's facet. False if that is nothing, or all.
+    /// Cuts off the area that is not above the piece's facet. False if that is nothing, or all.
     fn cut_to_outline(&mut self, piece: &Piece, to: &Bvh) -> bool {
-        // A little beyond the outline the facet is hardly farther, and no slivers are left there.
+        // A little beyond the outline the facet is hardly farther, and this avoids slivers.
         let slack = SLACK * self.lower.max(self.floor);
         let mut above = piece.polygon;
         let mut outside = [None; 4];
@@ -278,8 +276,8 @@ impl Search {
         true
     }
 
-    /// Cuts where the piece's facet and the one nearest to its farthest corner are equally far. False if
-    /// there is no such line.
+    /// Cuts along the line at which the piece's facet and the one nearest to its farthest corner are equally
+    /// far. False if there is no such line.
     fn cut_between_facets(&mut self, piece: &Piece, to: &Bvh) -> bool {
         let far = piece.polygon.corners().iter().map(|&p| (to.distance_to(piece.facet, p), p));
         let Some((_, farthest)) = far.reduce(|m, next| if next.0 > m.0 { next } else { m }) else {
@@ -303,8 +301,8 @@ impl Search {
         helps
     }
 
-    /// Whether a part is a step on: settled, or clearly smaller than the whole. Cuts that only chip at a
-    /// piece never end.
+    /// Whether a part is progress: settled, or clearly smaller than the whole. Cuts that only chip at a piece
+    /// never end.
     fn helps(&self, whole: &Piece, part: &Piece) -> bool {
         part.bound <= self.goal() || part.polygon.area() < ENOUGH * whole.polygon.area()
     }

@@ -1,12 +1,11 @@
-//! Merged levels for interior nodes: what stands below, drawn as one small mesh.
+//! Merged levels for interior nodes: everything below, drawn as one small mesh.
 //!
-//! A node's merged levels are made from levels below it that are finer than they are to be, gathered in the
-//! node's frame. Many small parts that do not touch are what a simplifier of surfaces cannot thin but by
-//! dropping parts, and what it drops is far from what it leaves. So they are thinned by clustering their
-//! corners (`thin`), which also says how far the result is.
+//! A node's merged levels are made from finer levels below it, gathered in the node's frame. A surface
+//! simplifier can only thin many small disjoint parts by dropping some, and dropped parts are far from the
+//! rest. So their corners are clustered (`thin`), which also bounds the error of the result.
 //!
-//! A level's error is bounded by the triangle inequality: the largest error of what was gathered, plus the
-//! distance from that to the result.
+//! A level's error is bounded by the triangle inequality: the largest error of the gathered levels, plus the
+//! distance from these to the result.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -18,26 +17,25 @@ use super::thin::thin;
 use super::tree::{self, TreeNode};
 use super::{CookOptions, Phase, Progress};
 
-/// A merged level is kept if it has at most this part of the fewest triangles that would be drawn without it.
+/// A merged level is kept if it has at most this fraction of the fewest triangles without it.
 const WORTH: f64 = 0.7;
 /// Nodes over fewer triangles than this, all of objects, are not merged.
 const FEW: usize = 512;
-/// How far the finest merged level is to be from what was gathered for it, as part of the node's diagonal.
+/// The target distance of the finest merged level from the gathered ones, relative to the node's diagonal.
 /// Triangles grow with the square of its inverse.
 const NEAR: f64 = 0.035;
-/// A level is to be this many times as far as the finer one, and so is what is tried where a level would save
-/// too little.
+/// The ratio of the distances of successive levels, and of attempts when a level would save too little.
 const STEP: f64 = 1.5;
-/// ... and so many distances are tried.
+/// ... and this many distances are tried.
 const TRIES: i32 = 4;
-/// The most levels of a node. With one level each, what is drawn is up to a whole height of the tree finer
-/// than it need be: in the mean twice the triangles.
+/// The most levels of a node. With one level each, the cut would be up to a whole height of the tree too
+/// fine: on average twice the triangles.
 const LEVELS: usize = 2;
-/// The error of what is gathered, as part of the finest level's distance. It adds to the levels' own.
+/// The error of the gathered levels, relative to the finest level's distance. It adds to the levels' own.
 const FINE: f64 = 0.3;
-/// The most triangles gathered, as a multiple of those aimed at: beyond, coarser levels are gathered.
+/// The most triangles gathered, relative to the target: beyond it, coarser levels are gathered.
 const GATHERED: usize = 16;
-/// Rounding of positions to single precision about the node's origin, as part of the node's diagonal: 2^-24
+/// Rounding of positions to single precision about the node's origin, relative to the node's diagonal: 2^-24
 /// for each axis.
 const ROUNDING: f64 = 1.1e-7;
 
@@ -98,7 +96,7 @@ fn merge_levels(below: Below<'_>, node: &TreeNode, diagonal: f64, most: usize) -
     }
     let near = |step: i32| NEAR * diagonal * STEP.powi(step);
     let gather = |error, most| below.gather(node, node.bounds.centre(), error, most);
-    // Even the coarsest levels may be more triangles than wanted; there is nothing coarser then.
+    // Even the coarsest levels may be more triangles than wanted; nothing coarser exists then.
     let soup = (0..2 * TRIES)
         .find_map(|step| gather(FINE * near(step), GATHERED * most))
         .or_else(|| gather(f64::INFINITY, usize::MAX));

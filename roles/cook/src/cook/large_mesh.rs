@@ -1,17 +1,16 @@
-//! Large meshes: a terrain, a scanned hull. They are cut into parts that have levels of their own.
+//! Large meshes, such as a terrain or a scanned hull. They are cut into parts with levels of their own.
 //!
-//! A mesh whose levels are all of the whole is drawn finely everywhere if the eye is near any of it. So the
-//! triangles of a large mesh are cut into parts near each other, with a small tree over the parts below the
-//! object. A part's levels are made of its own triangles; the levels of a node over parts of the coarsest
-//! levels of the nodes below, and the object's own levels of all. So what is simplified and measured shrinks
-//! from height to height, and the work is a few times that for one level of the mesh.
+//! A mesh with levels only of the whole is drawn finely everywhere if the eye is near any of it. So a large
+//! mesh is cut into parts of neighbouring triangles, with a small tree over the parts below the object. A
+//! part's levels are made of its own triangles. The levels of a node over parts are made of the coarsest
+//! levels of the nodes below, and so are the object's own. So the input of simplification shrinks from height
+//! to height, and the work is a few times that for one level of the mesh.
 //!
-//! No cracks: a vertex that nodes share stays in all levels of either, and only the levels of a node that is
-//! above both may be without it. So the border of two nodes is the same line of edges whichever levels they
-//! are drawn at.
+//! No cracks: a vertex shared by nodes stays in all levels of either, and only the levels of a node above
+//! both may drop it. So the border of two nodes is the same line of edges at all their levels.
 //!
 //! A part's levels are measured against its finest triangles. Above, the triangle inequality bounds the
-//! error: the largest of the levels that a node's were made of, plus the distance from those.
+//! error: the largest error of a node's inputs, plus the distance from those.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -25,34 +24,33 @@ use trimaran_scene::Vertex;
 
 /// Meshes of more triangles than this are cut into parts.
 pub(super) const LARGE: usize = 1 << 16;
-/// The most triangles of a part. A level is drawn whole where any of its part is seen: of parts of 16,384
+/// The most triangles of a part. A level is drawn whole if any of its part is visible: with parts of 16,384
 /// triangles, 1.6 times as many were drawn on a walk over uneven ground.
 const PART: usize = 1 << 11;
-/// Levels of a part, and of a node over parts, end at so many triangles: eight of them are no more than a
+/// Levels of a part, and of a node over parts, end at this many triangles: eight of them are no more than a
 /// part.
 const COARSE: usize = PART / 8;
-/// ... or at this many times the vertices that must stay. With hardly any others to choose from, a level is
-/// far from what it stands for, and so are all above it: at a quarter of a million triangles over a bumpy
-/// ball, fourteen times as far.
+/// ... or at this many times the fixed vertices. With hardly any free ones, a level has a large error, and so
+/// have all above it: at a quarter of a million triangles over a bumpy ball, fourteen times as large.
 const FREE: usize = 5;
 
 /// A mesh in parts.
 #[derive(Debug)]
 pub(super) struct LargeMesh {
-    /// The tree over the parts, and below each the tree of its clusters. The first stands for the whole
+    /// The tree over the parts, with the tree of clusters below each. The first node stands for the whole
     /// mesh.
     pub(super) clusters: Vec<ClusterNode>,
-    /// The finest triangles, those of a cluster side by side.
+    /// The finest triangles, those of a cluster contiguous.
     pub(super) finest: Vec<u32>,
-    /// The levels of the parts and of the nodes over them but the first, as the nodes refer to them.
+    /// The levels of the parts and of the nodes over them except the first, by the nodes' references.
     pub(super) part_levels: Vec<Triangles>,
-    /// The levels of the whole mesh but the finest, finest first.
+    /// The levels of the whole mesh except the finest, finest first.
     pub(super) levels: Vec<Triangles>,
 }
 
 impl LargeMesh {
-    /// Cuts a mesh of more than [`LARGE`] triangles. Levels end where their error passes `coarsest_error` as
-    /// part of their node's diagonal.
+    /// Cuts a mesh of more than [`LARGE`] triangles. Levels end when their error exceeds `coarsest_error`
+    /// relative to their node's diagonal.
     pub(super) fn new(vertices: &[Vertex], positions: &[Vec3], finest: &[u32], coarsest_error: f32) -> Self {
         let parts = Parts::new(vertices, positions, finest);
         let mut chains = parts.all_levels(positions, coarsest_error);
@@ -62,7 +60,7 @@ impl LargeMesh {
             part_levels: Vec::new(),
             levels: chains.first_mut().map(std::mem::take).unwrap_or_default(),
         };
-        // From behind, so that levels of more come after those of less, as within a chain.
+        // From behind, so that levels of larger nodes come after those of smaller ones, as within a chain.
         for (node, chain) in mesh.clusters.iter_mut().zip(chains).rev() {
             let first = mesh.part_levels.len() as u32;
             mesh.part_levels.extend(chain);
@@ -113,13 +111,13 @@ fn blank(node: &TreeNode) -> ClusterNode {
     }
 }
 
-/// The parts, the tree over them, and what they share.
+/// The parts, the tree over them, and their shared vertices.
 #[derive(Debug)]
 struct Parts {
     tree: Vec<TreeNode>,
     /// The finest triangles of each part.
     triangles: Vec<Vec<u32>>,
-    /// For each vertex the lowest node with all triangles that meet at its place.
+    /// For each vertex the lowest node with all triangles at its position.
     homes: Vec<u32>,
 }
 
@@ -172,7 +170,7 @@ impl Parts {
         a
     }
 
-    /// The levels of each node but the finest, from the parts up to the whole mesh.
+    /// The levels of each node except the finest, from the parts up to the whole mesh.
     fn all_levels(&self, positions: &[Vec3], coarsest_error: f32) -> Vec<Vec<Triangles>> {
         let mut chains: Vec<Vec<Triangles>> = vec![Vec::new(); self.tree.len()];
         let is_part = |&node: &u32| self.tree.get(node as usize).is_some_and(|node| node.item.is_some());
@@ -199,11 +197,11 @@ impl Parts {
         let Some(record) = self.tree.get(node as usize) else { return Vec::new() };
         let mut first = (Vec::new(), 0.0);
         self.gather(node, chains, &mut first);
-        // A vertex whose home is above is shared with what lies beside this node.
+        // A vertex whose home is above is shared with this node's neighbours.
         let is_held = |vertex: u32| self.homes.get(vertex as usize).is_some_and(|&home| home < node);
         let submesh = Submesh::new(positions, &first.0, is_held);
         let aim = Aim {
-            // Nothing lies beside the whole mesh.
+            // The whole mesh has no neighbours.
             few: if node == 0 { FEW } else { COARSE.max(FREE * submesh.held_count()) },
             from_error: first.1,
             largest_error: coarsest_error * record.bounds.diagonal() as f32,
@@ -211,8 +209,8 @@ impl Parts {
         submesh.levels(aim)
     }
 
-    /// Adds what a node's levels are made of: the coarsest levels of the nodes below it, or the finest
-    /// triangles of a part.
+    /// Adds the inputs of a node's levels: the coarsest levels of the nodes below it, or the finest triangles
+    /// of a part.
     fn gather(&self, node: u32, chains: &[Vec<Triangles>], all: &mut Triangles) {
         let Some(record) = self.tree.get(node as usize) else { return };
         if let Some(part) = record.item.and_then(|item| self.triangles.get(item as usize)) {
@@ -248,8 +246,8 @@ mod tests {
         (positions.iter().map(vertex).collect(), positions, indices)
     }
 
-    /// What is measured, and how often, is a few times the mesh: each level of a node against what its first
-    /// one was made of.
+    /// The measurements, and their number, are a few times the mesh: each level of a node is measured against
+    /// its first input.
     #[test]
     fn the_work_is_a_few_times_that_for_one_level() {
         let (vertices, positions, finest) = field(256);

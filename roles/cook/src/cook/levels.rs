@@ -11,15 +11,15 @@ use super::{CookOptions, Phase, Progress, see_through};
 use crate::{Mesh, Model};
 use trimaran_scene::Vertex;
 
-/// Meshes farther from their origin than this many times their radius are recentred: a matrix that is applied
-/// in single precision would move them.
+/// Meshes farther from their origin than this many times their radius are recentred: a matrix applied in
+/// single precision would move them.
 const FAR: f32 = 4.0;
 
 /// One level: indices into the mesh's vertices, and its certified error in the mesh's frame.
 #[derive(Debug)]
 pub(super) struct Level {
     pub(super) indices: Vec<u32>,
-    /// The indices stay below this: coarser levels use fewer of the first vertices.
+    /// The upper bound of the indices: coarser levels use fewer of the first vertices.
     pub(super) vertex_count: u32,
     pub(super) error: f32,
 }
@@ -27,12 +27,12 @@ pub(super) struct Level {
 /// A mesh with its levels.
 #[derive(Debug)]
 pub(super) struct LeveledMesh {
-    /// What was subtracted from the model's positions.
+    /// The offset subtracted from the model's positions.
     pub(super) centre: Vec3,
     pub(super) vertices: Vec<Vertex>,
     /// Of the whole mesh, finest first.
     pub(super) levels: Vec<Level>,
-    /// Of the parts of a large mesh: its clusters' nodes say which are whose.
+    /// Levels of a large mesh's parts: its clusters' nodes refer to them.
     pub(super) part_levels: Vec<Level>,
     /// The tree of the finest level's clusters; empty for a small mesh.
     pub(super) clusters: Vec<ClusterNode>,
@@ -117,8 +117,7 @@ impl LeveledMesh {
     }
 }
 
-/// Recentres a mesh that is far from its origin, welds equal vertices, drops triangles that have two equal
-/// corners.
+/// Recentres a mesh far from its origin, welds equal vertices, drops triangles with two equal corners.
 fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
     let used = || mesh.indices.iter().filter_map(|&i| mesh.positions.get(i as usize).copied());
     let min = used().fold(Vec3::INFINITY, Vec3::min);
@@ -154,8 +153,7 @@ fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
     (!indices.is_empty()).then_some((centre, vertices, indices))
 }
 
-/// Orders the vertices so that each level uses the first few: those of the last level, the coarsest, come
-/// first.
+/// Orders the vertices so that each level uses the first few: those of the coarsest level come first.
 fn share_vertices(vertices: &[Vertex], chain: Vec<Triangles>) -> (Vec<Vertex>, Vec<Level>) {
     let mut order = vec![u32::MAX; vertices.len()];
     let mut shared = Vec::with_capacity(vertices.len());

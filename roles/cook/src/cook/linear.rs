@@ -1,4 +1,4 @@
-//! What a linear map does to lengths, and boxes in the world.
+//! Stretch factors of linear maps, and boxes in the world.
 
 use glam::{DMat3, DVec3, Vec3};
 
@@ -43,14 +43,14 @@ impl WorldBox {
         (self.max - self.min).length()
     }
 
-    /// Grown by a few units in the last place, so that it holds points computed with other roundings.
+    /// Grown by a few units in the last place, to contain points computed with other roundings.
     pub(super) fn padded(self) -> Self {
         let margin = 4.0 * f64::EPSILON * self.min.abs().max(self.max.abs());
         Self { min: self.min - margin, max: self.max + margin }
     }
 }
 
-/// An upper bound, tight to rounding, of the largest singular value of `a`: how much it stretches the longest
+/// An upper bound, tight to rounding, of the largest singular value of `a`: the largest stretch of a
 /// distance.
 ///
 /// The square root of the largest eigenvalue of `aᵀa`, by the trigonometric formula for symmetric 3x3

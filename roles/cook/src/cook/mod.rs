@@ -1,4 +1,4 @@
-//! Cooking: from a model to a scene that can be walked.
+//! Cooking: makes a scene of a model.
 //!
 //! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share
 //!    them. The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one,
@@ -6,7 +6,7 @@
 //! 2. A spatial tree is built over the objects (`tree`), each a leaf.
 //! 3. From the leaves up, each interior node gets up to two levels merged from levels below it (`hlod`,
 //!    `thin`).
-//! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`), and what is made of solids is marked
+//! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`), and solids are marked
 //!    (`solid`).
 //!
 //! Each level's error is certified: an upper bound of the two-sided Hausdorff distance to the finest geometry
@@ -40,16 +40,16 @@ use trimaran_scene::{Scene, SceneError};
 
 pub use hausdorff::hausdorff_bound;
 
-/// How to cook.
+/// The options of cooking.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CookOptions {
     /// The most triangles of a merged level of an interior node; most have fewer.
     pub merged_triangles: usize,
-    /// Levels of one mesh end where their certified error passes this part of the mesh's diagonal.
+    /// Levels of one mesh end when their certified error exceeds this fraction of the mesh's diagonal.
     pub coarsest_error: f32,
-    /// The most nodes of the scene. Each object is one, and a large mesh some for each hundred triangles, in
-    /// each of its instances: of a few numbers in a file may come more nodes than any memory holds. A
-    /// node takes about 200 bytes.
+    /// The most nodes of the scene. Each object is one, and a large mesh some per hundred triangles, in each
+    /// of its instances: a few numbers in a file may ask for more nodes than fit into memory. A node takes
+    /// about 200 bytes.
     pub max_nodes: usize,
 }
 
@@ -72,11 +72,11 @@ pub enum Phase {
     Assembling,
 }
 
-/// Told how far cooking is, from any thread. `()` ignores it.
+/// Receives the progress of cooking, from any thread. `()` ignores it.
 pub trait Progress: Sync {
     /// A stage of `steps` steps begins; the one before it has ended.
     fn begin(&self, phase: Phase, steps: usize);
-    /// So many more steps of the stage are done.
+    /// This many more steps of the stage are done.
     fn advance(&self, steps: usize);
 }
 
@@ -98,7 +98,7 @@ pub enum CookError {
         /// The number of objects.
         objects: usize,
     },
-    /// A placement that single precision cannot hold.
+    /// Single precision cannot hold a placement.
     #[error("object {object} ({name:?}) is too large or too far away: its placement overflows")]
     Placement {
         /// Index of the object.
@@ -106,24 +106,24 @@ pub enum CookError {
         /// Its name.
         name: String,
     },
-    /// It would have more nodes than are allowed.
+    /// The scene would have too many nodes.
     #[error(
         "the scene would have {nodes} nodes, {limit} are allowed; most are of objects like {object} ({name:?}), with {own} \
          each; if the model is as large as that, allow more with --max-nodes, or import it as several scenes"
     )]
     TooManyNodes {
-        /// How many nodes it would have, about.
+        /// The approximate number of nodes.
         nodes: usize,
-        /// How many are allowed.
+        /// The limit.
         limit: usize,
-        /// An object of the mesh whose objects take the most.
+        /// An object of the mesh with the most nodes over all its objects.
         object: usize,
         /// Its name.
         name: String,
         /// How many nodes it takes.
         own: usize,
     },
-    /// The scene would not be one: too many records, in practice.
+    /// The scene is invalid: too many records, in practice.
     #[error("the cooked scene would be malformed")]
     Scene(#[from] SceneError),
 }

@@ -1,4 +1,4 @@
-//! Where a surface lacks a face: openings that a plane across an axis closes.
+//! Missing faces of surfaces: openings that a plane across an axis closes.
 
 use std::collections::HashMap;
 
@@ -6,12 +6,11 @@ use glam::{DMat3, DVec3};
 
 use super::solid::Welded;
 
-/// An opening is flat if it is so within this share of its part's diagonal, and a slit that is no wider is
-/// none. Above what rounding makes of a plane, and less than half a millimetre in a part of 100 m.
+/// The flatness tolerance of an opening, relative to its part's diagonal; a narrower slit is no opening.
+/// Above the rounding of a plane, and less than half a millimetre in a part of 100 m.
 const FLAT: f64 = 4e-6;
 
-/// The most that an opening may be tilted against the world's axes: what rounding in f32 makes of a quarter
-/// turn.
+/// The largest tilt of an opening against the world's axes: the rounding of a quarter turn in f32.
 const TILT: f64 = 1e-6;
 
 /// Directions along the axes to which solids are open: towards lower x, y and z in the first three bits, and
@@ -22,8 +21,8 @@ pub(super) struct Openings(u8);
 impl Openings {
     pub(super) const NONE: Self = Self(0);
 
-    /// Those of a part with this border, and six times the volume that what closes them adds about a corner
-    /// of it. `None` if no planes across the axes close it.
+    /// The openings of a part with this border, and six times the volume that their closing planes add about
+    /// one of its corners. `None` if no planes across the axes close it.
     pub(super) fn of(
         border: Vec<[usize; 2]>,
         corner: DVec3,
@@ -43,7 +42,7 @@ impl Openings {
         Some((openings, six_fold))
     }
 
-    /// Those of either.
+    /// The union of both.
     pub(super) const fn with(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
@@ -52,8 +51,7 @@ impl Openings {
         self.0 |= 1 << (axis + if is_upper { 3 } else { 0 });
     }
 
-    /// The world's axis to which each leads, and whether towards its upper end. `None` for one that leads
-    /// along no axis.
+    /// The world's axis and end of each opening. `None` for one that is not along an axis.
     pub(super) fn in_world(self, linear: DMat3) -> impl Iterator<Item = Option<(usize, bool)>> {
         let columns = [linear.x_axis, linear.y_axis, linear.z_axis];
         let volume = linear.determinant();
@@ -68,8 +66,7 @@ impl Openings {
     }
 }
 
-/// The loops of a border. Each corner has as many edges that lead to it as edges that lead away, since each
-/// triangle has.
+/// The loops of a border. Each corner has as many incoming as outgoing edges, since each triangle has.
 fn loops(mut border: Vec<[usize; 2]>, mesh: &Welded) -> Option<Vec<Vec<DVec3>>> {
     border.sort_unstable(); // so that what is found does not depend on the order of a map
     let mut onwards: HashMap<usize, Vec<usize>> = HashMap::new();
@@ -87,10 +84,10 @@ fn loops(mut border: Vec<[usize; 2]>, mesh: &Welded) -> Option<Vec<Vec<DVec3>>> 
     Some(loops)
 }
 
-/// What closes a loop of a border.
+/// The closing plane of a border's loop.
 struct Opening {
     about: DVec3,
-    /// Twice its area, as a normal that leads out of the solid.
+    /// Twice its area, as a normal that points out of the solid.
     outwards: DVec3,
     area: f64,
     length: f64,
@@ -103,7 +100,7 @@ impl Opening {
         let about = points.first().copied().unwrap_or_default();
         let mut own = Self { about, outwards: DVec3::ZERO, area: 0.0, length: 0.0, min: about, max: about };
         for (&from, &to) in points.iter().zip(points.iter().cycle().skip(1)) {
-            // Against the border, as a triangle beside it runs.
+            // Against the border, like a triangle on its other side.
             own.outwards += (to - about).cross(from - about);
             own.length += from.distance(to);
             (own.min, own.max) = (own.min.min(from), own.max.max(from));
@@ -112,7 +109,7 @@ impl Opening {
         own
     }
 
-    /// The axis across which it is flat.
+    /// The axis perpendicular to it, if it is flat.
     fn axis_within(&self, width: f64) -> Option<usize> {
         (0..3).find(|&axis| self.max[axis] - self.min[axis] <= width)
     }

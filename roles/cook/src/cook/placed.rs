@@ -9,7 +9,7 @@ use super::linear::{WorldBox, largest_stretch};
 use crate::{Model, Object};
 use trimaran_scene::Vertex;
 
-/// An object with something to draw.
+/// An object with triangles.
 #[derive(Debug)]
 pub(super) struct Leaf {
     /// Index into the model's objects.
@@ -20,7 +20,7 @@ pub(super) struct Leaf {
     pub(super) linear: Mat3,
     /// The local frame's origin in the world.
     pub(super) origin: DVec3,
-    /// The most that `linear` stretches a distance.
+    /// The largest stretch of a distance by `linear`.
     pub(super) stretch: f64,
     /// The box around all vertices as stored, under the placement as stored.
     pub(super) world: WorldBox,
@@ -40,15 +40,15 @@ pub(super) fn place_objects(model: &Model, meshes: &[Option<LeveledMesh>]) -> Re
         .collect()
 }
 
-/// Refuses what would have more than `limit` nodes, before any are made. Nodes above the objects are at most
-/// as many.
+/// Refuses a scene of more than `limit` nodes, before any are made. Nodes above the objects are at most as
+/// many.
 pub(super) fn check_nodes(
     model: &Model,
     meshes: &[Option<LeveledMesh>],
     leaves: &[Leaf],
     limit: usize,
 ) -> Result<(), CookError> {
-    // How many objects place each mesh, and the first that does.
+    // How many objects place each mesh, and the first of them.
     let mut placed = vec![(0_usize, 0_u32); meshes.len()];
     for leaf in leaves {
         if let Some((count, first)) = placed.get_mut(leaf.mesh as usize) {
@@ -110,7 +110,7 @@ pub(super) fn round_up(value: f64) -> f32 {
     if f64::from(near) < value { near.next_up() } else { near }
 }
 
-/// The box around the mesh in the world. Levels use the finest one's vertices, so it holds all of them.
+/// The box around the mesh in the world. Levels use the finest one's vertices, so it contains all of them.
 fn bounds(to_world: &DAffine3, mesh: &LeveledMesh) -> WorldBox {
     if keeps_axes(&to_world.matrix3) {
         // The box of the corners is the box of all.
@@ -121,7 +121,7 @@ fn bounds(to_world: &DAffine3, mesh: &LeveledMesh) -> WorldBox {
     }
 }
 
-/// Whether each world axis depends on one local axis only.
+/// Whether each world axis depends on only one local axis.
 fn keeps_axes(a: &DMat3) -> bool {
     (0..3).all(|row| a.row(row).to_array().iter().filter(|&&c| c != 0.0).count() <= 1)
 }

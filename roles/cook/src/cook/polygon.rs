@@ -1,9 +1,8 @@
-//! Small convex polygons: the parts of a triangle that the certificate looks at one by one.
+//! Small convex polygons: the parts of a triangle in the certificate.
 
 use glam::Vec3;
 
-/// The most corners of a polygon: cuts add corners, and what has more is not cut by a line but left to
-/// [`Polygon::halves`].
+/// The most corners of a polygon: cuts add corners, and beyond this only [`Polygon::halves`] divides it.
 const MOST: usize = 8;
 
 /// A convex polygon, flat up to rounding.
@@ -55,7 +54,7 @@ impl Polygon {
         0.5 * fan.sum::<Vec3>().length()
     }
 
-    /// The polygon with one more corner; a ninth is left out, which callers keep from happening.
+    /// The polygon with one more corner; callers prevent a ninth, which would be ignored.
     fn with(mut self, corner: Vec3) -> Self {
         if let Some(slot) = self.corners.get_mut(self.count) {
             *slot = corner;
@@ -64,9 +63,9 @@ impl Polygon {
         self
     }
 
-    /// Cuts where `value` is zero, as if it were linear along each edge. `None` where that makes no two
-    /// convex parts: a value that changes its sign more than twice around the polygon or is no number, or
-    /// too many corners.
+    /// Cuts at the zero of `value`, treated as linear along each edge. `None` if there are no two convex
+    /// parts: the sign changes more than twice around the polygon, the value is NaN, or there are too many
+    /// corners.
     pub(super) fn cut(&self, value: impl Fn(Vec3) -> f32) -> Option<Cut> {
         let mut values = [0.0; MOST];
         for (slot, &corner) in values.iter_mut().zip(self.corners()) {
@@ -104,7 +103,7 @@ impl Polygon {
     }
 
     /// Two parts of about half its length: by a line across its longest edge's direction, or between two of
-    /// its corners where there are many.
+    /// its corners if it has many.
     pub(super) fn halves(&self) -> [Self; 2] {
         if self.count == MOST {
             let (low, high) = self.corners.split_at(MOST / 2);
@@ -153,7 +152,7 @@ mod tests {
         assert!(matches!(right().cut(|p| p.x), Some(Cut::Positive)));
         assert!(matches!(right().cut(|p| p.x - 5.0), Some(Cut::Negative)));
         assert!(right().cut(|_| f32::NAN).is_none());
-        // Positive at two corners that do not touch.
+        // Positive at two corners that are not adjacent.
         let square =
             Polygon::EMPTY.with(Vec3::ZERO).with(Vec3::X).with(Vec3::new(1.0, 1.0, 0.0)).with(Vec3::Y);
         assert!(square.cut(|p| (p.x - 0.5) * (p.y - 0.5)).is_none());

@@ -1,7 +1,7 @@
-//! Which objects are see-through, by the alpha of their colours.
+//! Finds see-through objects by the alpha of their colours.
 //!
-//! An object is see-through as a whole or not at all: a view state names objects. So one is see-through where
-//! more than half of its surface is. How much of it shows is the alpha of its vertices.
+//! An object is see-through as a whole or not at all, since a view state names objects. It is if more than
+//! half of its surface is. Its opacity is the alpha of its vertices.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -10,22 +10,22 @@ use trimaran_scene::Rgba8;
 
 use crate::{Mesh, Model};
 
-/// A colour with this alpha or more is opaque: rounding takes some.
+/// A colour with at least this alpha is opaque: rounding takes some.
 const OPAQUE: u8 = 250;
 
-/// The objects that are see-through.
+/// The see-through objects.
 pub(super) fn objects(model: &Model) -> ObjectSet {
     let meshes: Vec<bool> = model.meshes.par_iter().map(is_see_through).collect();
     let is_one = |mesh: u32| meshes.get(mesh as usize).copied().unwrap_or_default();
     (0..).zip(&model.objects).filter(|(_, object)| is_one(object.mesh)).map(|(number, _)| number).collect()
 }
 
-/// The colour itself, of an object that is not see-through.
+/// The colour with full alpha, for an object that is not see-through.
 pub(super) const fn solid(Rgba8([red, green, blue, _]): Rgba8) -> Rgba8 {
     Rgba8([red, green, blue, 255])
 }
 
-/// Whether more than half of the surface is.
+/// Whether more than half of the surface is see-through.
 pub(super) fn is_see_through(mesh: &Mesh) -> bool {
     if mesh.colours.iter().all(|&colour| is_opaque(colour)) {
         return false;
@@ -52,7 +52,7 @@ mod tests {
     use super::*;
     use crate::{CookOptions, Object, Source, cook};
 
-    /// A square of two triangles whose sides are so long, with the alphas of its corners.
+    /// A square of two triangles with this side, and the alphas of its corners.
     fn square(side: f32, alpha: [u8; 4]) -> Mesh {
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         Mesh {

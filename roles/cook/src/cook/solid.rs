@@ -1,15 +1,15 @@
-//! Which triangles are of solids: closed surfaces whose triangles all face outwards.
+//! Finds triangles of solids: closed surfaces whose triangles all face outwards.
 //!
-//! A ray from outside enters a solid before it leaves it, so it meets a triangle from its front first. What
-//! faces away is never seen, and need not be drawn.
+//! A ray from outside enters a solid before it leaves it, so it first meets a triangle from its front. Back
+//! faces are never visible, and need not be drawn.
 //!
 //! A surface may lack a face where it stands on another one, as LDraw's studs do. A plane closes such an
 //! opening. A ray from the plane's inner side leaves the solid there, and cannot enter it. So to eyes on the
-//! inner side of all openings, and outside of the solid, the front is still all that shows.
+//! inner side of all openings, and outside of the solid, still only the front is visible.
 //!
-//! Corners are the same if their positions are, to the bit. Triangles that hang together by edges make a
-//! part. A part is a solid if along each edge as many triangles run one way as the other, those that close
-//! its openings counted, and if it has a volume.
+//! Corners are equal if their positions are, to the bit. Triangles connected by edges make a part. A part is
+//! a solid if it has a volume, and along each edge as many triangles run one way as the other, including
+//! those that close its openings.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -20,14 +20,14 @@ use trimaran_scene::{Sides, Vertex};
 use super::linear::WorldBox;
 use super::opening::Openings;
 
-/// A part of less volume than this share of its diagonal's cube has none: far below any rod's or plate's, and
-/// far above what rounding in f64 makes of a sheet folded flat.
+/// The least volume of a solid, relative to its diagonal cubed: far below any rod's or plate's, and far above
+/// the f64 rounding of a sheet folded flat.
 const LEAST_VOLUME: f64 = 1e-12;
 
-/// What rounding makes of a box in the world, as a share of its diagonal.
+/// The rounding of a box in the world, relative to its diagonal.
 const ROUNDING: f64 = 1e-9;
 
-/// Something made of solids: the box around them, and to where they are open.
+/// A union of solids: the box around them, and their openings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Solid {
     min: Vec3,
@@ -37,9 +37,9 @@ pub(super) struct Solid {
 
 /// The parts of a mesh.
 pub(super) struct Solids {
-    /// Of each triangle, its part's first triangle.
+    /// For each triangle, its part's first triangle.
     firsts: Vec<usize>,
-    /// By their first triangles; `None` for a part that is no solid.
+    /// By their first triangles; `None` for a part that is not solid.
     parts: HashMap<usize, Option<Solid>>,
 }
 
@@ -85,12 +85,12 @@ impl Solids {
         Self { firsts: Vec::new(), parts: HashMap::new() }
     }
 
-    /// What all triangles are of.
+    /// The solids of all triangles.
     pub(super) fn of_all(&self) -> Option<Solid> {
         self.of(0..self.firsts.len())
     }
 
-    /// What these triangles are of; `None` if one of them is of no solid.
+    /// The solids of these triangles; `None` if one of them belongs to none.
     pub(super) fn of(&self, triangles: Range<usize>) -> Option<Solid> {
         let mut firsts = self.firsts.get(triangles)?.to_vec();
         firsts.sort_unstable();
@@ -110,7 +110,7 @@ impl Solid {
         }
     }
 
-    /// The sides that show of it, placed in the world by `linear` and `origin`, in a node of this box.
+    /// Its visible sides when placed in the world by `linear` and `origin`, in a node of this box.
     pub(super) fn sides(&self, linear: DMat3, origin: DVec3, node: WorldBox) -> Sides {
         let WorldBox { min, max } = WorldBox::placed(self.min, self.max, linear, origin);
         let [mut low, mut high] = [min, max];
@@ -120,28 +120,28 @@ impl Solid {
             else {
                 return Sides::BOTH;
             };
-            // All of space, but for what is beyond the end that is not open.
+            // All of space, except beyond the end that is not open.
             (low, high) = (DVec3::NEG_INFINITY, DVec3::INFINITY);
             match is_upper {
                 true => low[axis] = min[axis],
                 false => high[axis] = max[axis],
             }
         }
-        // Boxes around the same are the same but for rounding.
+        // Boxes around the same part are equal except for rounding.
         let slack = DVec3::splat(ROUNDING * node.diagonal());
         Sides::within(low + slack, high - slack, node.min, node.max)
     }
 }
 
-/// An edge, as its lesser corner runs to the other.
+/// An edge, directed from its lesser corner.
 struct Edge {
-    /// Triangles that run along it, less those that run against it.
+    /// Triangles that run along it, minus those that run against it.
     balance: i32,
     /// The last of its triangles.
     triangle: usize,
 }
 
-/// Triangles with corners that are the same where their positions are.
+/// Triangles whose corners with equal positions are identified.
 pub(super) struct Welded {
     triangles: Vec<[usize; 3]>,
     positions: Vec<DVec3>,
@@ -175,7 +175,7 @@ impl Welded {
     }
 }
 
-/// Triangles that hang together: each leads to another one of its part, and the first of a part to itself.
+/// Union-find of connected triangles: each points to another one of its part, a part's first to itself.
 struct Chains(Vec<usize>);
 
 impl Chains {
@@ -186,7 +186,7 @@ impl Chains {
     /// The first triangle of a triangle's part.
     fn first(&mut self, mut triangle: usize) -> usize {
         while let Some(&next) = self.0.get(triangle).filter(|next| **next != triangle) {
-            // Half the way for whoever comes after.
+            // Path halving for later calls.
             let after = self.0.get(next).copied().unwrap_or(next);
             if let Some(slot) = self.0.get_mut(triangle) {
                 *slot = after;
@@ -204,7 +204,7 @@ impl Chains {
     }
 }
 
-/// What is known of a part.
+/// The data of a part.
 struct Part {
     /// One of its corners.
     about: DVec3,
@@ -212,9 +212,9 @@ struct Part {
     max: DVec3,
     /// Six times its volume, summed over its triangles about that corner.
     six_fold: f64,
-    /// Edges without a partner, as their triangles run along them.
+    /// Edges without a partner, in the direction of their triangles.
     border: Vec<[usize; 2]>,
-    /// Several edges without a partner lie in the same place.
+    /// Several edges without a partner coincide.
     is_branched: bool,
 }
 
@@ -238,7 +238,7 @@ impl Part {
         }
     }
 
-    /// Closes its openings. `None` if it is no solid.
+    /// Closes its openings. `None` if it is not solid.
     fn solid(mut self, mesh: &Welded) -> Option<Solid> {
         if self.is_branched {
             return None;
@@ -247,7 +247,7 @@ impl Part {
         let (openings, six_fold) =
             Openings::of(std::mem::take(&mut self.border), self.about, diagonal, mesh)?;
         self.six_fold += six_fold;
-        // Not below that of rounding, nor below 0, as one that is inside out.
+        // Not below the rounding, nor below 0, as for an inside-out one.
         let is_solid = self.six_fold > 6.0 * LEAST_VOLUME * diagonal.powi(3);
         is_solid.then(|| Solid { min: self.min.as_vec3(), max: self.max.as_vec3(), openings })
     }
@@ -268,14 +268,14 @@ mod tests {
         faces.iter().flat_map(|&[a, b, c, d]| [a, b, c, c, d, a]).map(corner).collect()
     }
 
-    /// What triangles are of whose corners are given one after the other.
+    /// The solids of triangles, given by their corners in sequence.
     fn found(corners: &[[f32; 3]]) -> Option<Solid> {
         let vertices: Vec<Vertex> =
             corners.iter().map(|&corner| Vertex::new(corner, Rgba8([0, 0, 0, 255]))).collect();
         Solids::new(&vertices, &(0..corners.len() as u32).collect::<Vec<_>>()).of(0..corners.len() / 3)
     }
 
-    /// Whether they are of solids without an opening.
+    /// Whether they are solids without an opening.
     fn solid(corners: &[[f32; 3]]) -> bool {
         found(corners).is_some_and(|solid| solid.openings == Openings::NONE)
     }
@@ -294,7 +294,7 @@ mod tests {
         assert!(solid(&unit()));
         assert!(solid(&cuboid([700.0, 0.0, -3.0], [100.0, 0.005, 0.005])));
         assert!(solid(&cuboid([0.0; 3], [30.0, 30.0, 0.001])));
-        // Beside each other, with an edge in common, with a face in common, and one in the other.
+        // Side by side, with an edge in common, with a face in common, and one in the other.
         for (at, size) in
             [([5.0; 3], UNIT), ([1.0, 1.0, 0.0], UNIT), ([1.0, 0.0, 0.0], UNIT), ([0.2; 3], [0.5; 3])]
         {
@@ -302,7 +302,7 @@ mod tests {
         }
     }
 
-    /// A box without its face towards that end of an axis, which is at 0 or 1.
+    /// A box without its face at that end of an axis, which is at 0 or 1.
     fn open_box(axis: usize, end: f32) -> Corners {
         let unit = cuboid([0.0; 3], UNIT);
         let (triangles, _) = unit.as_chunks::<3>();
@@ -310,7 +310,7 @@ mod tests {
         triangles.iter().filter(is_left).flatten().copied().collect()
     }
 
-    /// A box around a unit box's eyes, as its node tells them.
+    /// The box around a unit box's eyes, by its node.
     fn eyes(solid: Solid, linear: DMat3) -> [DVec3; 2] {
         let node = WorldBox::placed(Vec3::ZERO, Vec3::ONE, linear, DVec3::ZERO);
         solid.sides(linear, DVec3::ZERO, node).eyes(node.min, node.max)
@@ -370,7 +370,7 @@ mod tests {
 
     #[test]
     fn a_stud_on_a_brick_is_open_to_where_it_stands() {
-        // Its rim lies in the brick's top, in which there is no hole.
+        // Its rim lies in the brick's top, which has no hole.
         let stud: Corners =
             open_box(1, 0.0).into_iter().map(|[x, y, z]| [3.0 + x, 2.0 + y, 3.0 + z]).collect();
         let brick = found(&[cuboid([0.0; 3], [8.0, 2.0, 8.0]), stud].concat()).unwrap();
@@ -426,7 +426,7 @@ mod tests {
         // And a triangle without area along an edge.
         unit.extend([[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]);
         assert!(solid(&unit));
-        // A slit is no opening, and a gap is one that no plane closes.
+        // A slit is no opening, and a gap is an opening that no plane closes.
         unit[0][0] = 1e-20;
         assert!(solid(&unit));
         unit[0] = [0.01, 0.01, 0.01];

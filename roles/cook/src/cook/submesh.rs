@@ -1,30 +1,29 @@
-//! A part of a large mesh that is simplified by itself: whatever it shares with what lies beside it stays
-//! where it is.
+//! A part of a large mesh that is simplified by itself: vertices shared with its neighbours stay fixed.
 //!
-//! Its vertices are numbered anew and stand about its own middle, so that what a part costs, and what is as
-//! good as no distance in it, go by the part's size and not by the whole mesh's.
+//! Its vertices are renumbered and centred on its own middle. So its cost, and the distances that are
+//! negligible in it, depend on the part's size and not on the whole mesh's.
 
 use glam::Vec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 
 use super::chain::{Aim, Triangles, halve};
 
-/// Triangles of a part, and which of their corners must stay.
+/// Triangles of a part, with fixed corners.
 #[derive(Debug)]
 pub(super) struct Submesh {
     /// The mesh's number of each vertex, ascending.
     numbers: Vec<u32>,
     /// About the submesh's middle.
     positions: Vec<Vec3>,
-    /// Three a triangle, in the submesh's numbers.
+    /// Three per triangle, in the submesh's numbers.
     indices: Vec<u32>,
     held: Vec<bool>,
-    /// Whether a vertex hangs together with one that is held. What does not may vanish as a whole.
+    /// Whether a vertex is connected to a fixed one. Others may vanish as a whole.
     anchored: Vec<bool>,
 }
 
 impl Submesh {
-    /// The triangles `indices` of a mesh. `is_held` says of a vertex whether it must stay.
+    /// The triangles `indices` of a mesh. `is_held` says whether a vertex must stay.
     pub(super) fn new(positions: &[Vec3], indices: &[u32], is_held: impl Fn(u32) -> bool) -> Self {
         let mut numbers = indices.to_vec();
         numbers.sort_unstable();
@@ -62,8 +61,8 @@ impl Submesh {
         levels
     }
 
-    /// Each kind of triangles gives up its share. The simplifier drops small components whole, held or not,
-    /// so those that are anchored are simplified without leave to do so.
+    /// Each kind of triangles is reduced in proportion. The simplifier may drop whole small components, even
+    /// fixed ones, so anchored triangles are simplified with that disabled.
     fn simplify(
         &self,
         former: &[u32],
@@ -98,7 +97,7 @@ impl Submesh {
     }
 }
 
-/// For each vertex, whether triangles lead from it to one that is held. Vertices at one place are one.
+/// For each vertex, whether triangles connect it to a fixed one. Vertices at one position are identified.
 fn anchored(positions: &[Vec3], indices: &[u32], held: &[bool]) -> Vec<bool> {
     let (count, places) = meshopt::generate_vertex_remap(positions, None);
     let place = |vertex: u32| places.get(vertex as usize).copied().unwrap_or_default();
@@ -119,12 +118,11 @@ fn anchored(positions: &[Vec3], indices: &[u32], held: &[bool]) -> Vec<bool> {
         .collect()
 }
 
-/// Disjoint sets of numbers: each number's entry is another one of its set that is nearer to the set's first,
-/// or itself.
+/// Union-find: each number points to another one of its set that is nearer to the set's first, or to itself.
 struct Groups(Vec<u32>);
 
 impl Groups {
-    /// The number that stands for the set. Halves the way there for those who ask later.
+    /// The representative of the set. Halves the path for later calls.
     fn first(&mut self, mut number: u32) -> u32 {
         loop {
             let next = self.0.get(number as usize).copied().unwrap_or(number);
@@ -154,7 +152,7 @@ mod tests {
     #[test]
     fn what_hangs_together_with_a_held_vertex_is_anchored() {
         let at = |x: f32| Vec3::new(x, 0.0, 0.0);
-        // Two triangles that meet at a place where each has a vertex of its own, and one by itself.
+        // Two triangles that meet at a position where each has a vertex of its own, and an isolated one.
         let positions = [0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(at);
         let indices: Vec<u32> = (0..9).collect();
         let held = |vertex: u32| {

@@ -1,14 +1,13 @@
-//! Thins triangles by clustering their corners, and says how far the result is.
+//! Thins triangles by clustering their corners, and bounds the error.
 //!
 //! Space is cut into cells. All corners in a cell become one, at the middle of the box around them, so none
 //! moves by more than half a cell's diagonal, and no point of a triangle by more than its corners. That alone
-//! bounds the distance, both ways, for each triangle whose corners are in three cells: nothing need be
-//! measured.
+//! bounds the distance, both ways, for each triangle whose corners are in three cells, without measuring.
 //!
-//! The others collapse to a segment or a point. Where that is an edge or a corner of what is left, they are
-//! near it. Where a facet of what is left is near all their corners, they are dropped too, and how far that
-//! is counts. For the rest one triangle stays that holds the segment or point, with a corner where it was: so
-//! nothing vanishes that is far from all that is left.
+//! The others collapse to a segment or a point. If that is an edge or a corner of the result, they are near
+//! it. If a facet of the result is near all their corners, they are dropped too, and that distance counts.
+//! For the rest one triangle stays that contains the segment or point, with an original corner: so nothing
+//! vanishes that is far from the result.
 
 use std::cmp::Ordering;
 
@@ -19,20 +18,20 @@ use super::gather::Soup;
 use super::hausdorff::ROUNDING;
 use trimaran_scene::{Rgba8, Vertex};
 
-/// The side of a cell, as part of the reach. Half of its diagonal is a little more than the reach, but hardly
-/// a cell is full.
+/// The side of a cell, relative to the reach. Half of its diagonal is a little more than the reach, but cells
+/// are hardly ever full.
 const SIDE: f32 = 1.3;
 
 /// Fewer triangles in place of others.
 #[derive(Debug)]
 pub(super) struct Thinned {
     corners: Vec<Vertex>,
-    /// No point of these or those is farther from the others than this.
+    /// No point of either is farther from the other than this.
     pub(super) error: f32,
 }
 
-/// Thins triangles so that none of their points is much farther than `reach` from what is left, nor the other
-/// way round. `None` if there is nothing to thin, or a reach for which there are no cells.
+/// Thins triangles so that none of their points is much farther than `reach` from the result, nor the other
+/// way round. `None` if there is nothing to thin, or the reach allows no cells.
 pub(super) fn thin(soup: &Soup, reach: f32) -> Option<Thinned> {
     let cells = Cells::new(soup, SIDE * reach)?;
     let image = |(index, corners): (u32, &[u32; 3])| Image::new(index, *corners, soup, &cells);
@@ -79,12 +78,12 @@ impl Thinned {
     }
 }
 
-/// Corners that become one.
+/// Clusters of corners.
 #[derive(Debug)]
 struct Cells {
     /// The cell of each vertex.
     of: Vec<u32>,
-    /// Where the corners of each cell go.
+    /// The new corner of each cell.
     middles: Vec<Vec3>,
     /// No corner moves farther than this.
     radius: f32,
@@ -126,7 +125,7 @@ impl Cells {
     }
 }
 
-/// What becomes of a triangle.
+/// The result for a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Shape {
     Triangle,
@@ -134,7 +133,7 @@ enum Shape {
     Point,
 }
 
-/// A triangle whose corners are in their cells' middles.
+/// A triangle with its corners moved to their cells' middles.
 #[derive(Debug, Clone, Copy)]
 struct Image {
     shape: Shape,
@@ -160,7 +159,7 @@ impl Image {
         Self { shape, cells: [x, if shape == Shape::Segment { z } else { y }, z], area, index }
     }
 
-    /// Triangles before segments before points, then like beside like, larger ones first.
+    /// Triangles before segments before points, then equal cells together, larger ones first.
     fn order(&self, other: &Self) -> Ordering {
         (self.shape.cmp(&other.shape).then(self.cells.cmp(&other.cells)))
             .then(other.area.total_cmp(&self.area))
@@ -172,14 +171,14 @@ impl Image {
     }
 }
 
-/// What is left.
+/// The result so far.
 #[derive(Debug)]
 struct Left<'a> {
     soup: &'a Soup,
     cells: &'a Cells,
-    /// Three a triangle.
+    /// Three per triangle.
     corners: Vec<Vertex>,
-    /// Pairs of cells between which there is an edge; sorted once all whole triangles are there.
+    /// Pairs of cells joined by an edge; sorted once all whole triangles are there.
     edges: Vec<[u32; 2]>,
     /// Whether the middle of each cell is a corner.
     used: Vec<bool>,
@@ -208,7 +207,7 @@ impl<'a> Left<'a> {
         }
     }
 
-    /// All that is left until now, to be searched.
+    /// The result so far, for searches.
     fn bvh(&mut self) -> Bvh {
         self.edges.sort_unstable();
         let positions: Vec<Vec3> =
@@ -217,7 +216,7 @@ impl<'a> Left<'a> {
         Bvh::new(&positions, &indices)
     }
 
-    /// Whether a segment is an edge of what is left, or a point a corner.
+    /// Whether a segment is an edge of the result, or a point a corner.
     fn holds(&self, image: &Image) -> bool {
         let [x, y, _] = image.cells;
         if x == y {
@@ -227,8 +226,8 @@ impl<'a> Left<'a> {
         }
     }
 
-    /// How far the triangles of a group are at most from what is left: from one facet of it. The distance to
-    /// a facet is greatest at a corner, because it is convex.
+    /// The largest distance of a group's triangles from one facet of the result. The distance to a facet is
+    /// greatest at a corner, because it is convex.
     fn farthest(&self, bvh: &Bvh, first: &Image, group: &[Image]) -> Option<f32> {
         let [x, y, _] = first.cells;
         let nearest = bvh.nearest(self.cells.middle(x).midpoint(self.cells.middle(y)), 0)?;
@@ -237,7 +236,7 @@ impl<'a> Left<'a> {
         Some(corners.map(distance).fold(0.0, f32::max))
     }
 
-    /// Keeps one triangle for a group: the largest that holds the segment or the point.
+    /// Keeps one triangle for a group: the largest that contains the segment or the point.
     fn keep_one(&mut self, group: &[Image]) {
         let area = |[a, b, c]: [Vec3; 3]| (b - a).cross(c - a).length_squared();
         let holders = group.iter().flat_map(|image| self.holders(image).map(move |corners| (image, corners)));
@@ -246,8 +245,8 @@ impl<'a> Left<'a> {
         }
     }
 
-    /// Triangles that hold a segment or point that a triangle collapsed to, and have all other points of that
-    /// triangle: of a segment, one of the two corners that met; of a point, two of three.
+    /// Triangles that contain the segment or point of a collapsed triangle, and all its other points: of a
+    /// segment, one of the two merged corners; of a point, two of three.
     fn holders(&self, image: &Image) -> impl Iterator<Item = [Vec3; 3]> + use<> {
         let corners = self.soup.triangle(image.index);
         let cells = corners.map(|corner| self.cells.cell(corner));
@@ -279,7 +278,7 @@ mod tests {
         Soup { colours: vec![GREY; positions.len()], positions, indices, error: 0.0 }
     }
 
-    /// What is left, each corner by itself.
+    /// The result, each corner by itself.
     fn left(thinned: Thinned) -> Vec<Vec3> {
         let (vertices, indices) = thinned.into_mesh();
         indices.iter().map(|&index| Vec3::from_array(vertices[index as usize].position)).collect()

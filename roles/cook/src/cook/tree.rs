@@ -1,10 +1,9 @@
 //! A spatial tree over boxes: binned surface heuristic, collapsed to eight children.
 //!
-//! A box's size is measured by the square of the sum of its edges: like its surface, but not zero for flat
-//! and line-like boxes. Where the boxes' centres coincide, or the tree grows too deep (centres that lie ever
-//! closer together), the items are halved in their order, so any input gives a tree of bounded depth.
-//! Outliers end up in subtrees of their own near the root, and a huge box beside tiny ones becomes a child of
-//! the node they share.
+//! A box's size is the square of the sum of its edges: like its surface, but not zero for flat and line-like
+//! boxes. If the boxes' centres coincide, or the tree grows too deep (centres ever closer together), the
+//! items are halved in their order, so any input gives a tree of bounded depth. Outliers end up in subtrees
+//! of their own near the root, and a huge box beside tiny ones becomes a child of the node they share.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -25,7 +24,7 @@ pub(super) struct TreeNode {
     pub(super) parent: Option<u32>,
     /// Empty for a leaf.
     pub(super) children: Range<u32>,
-    /// For a leaf the item it stands for.
+    /// The item of a leaf.
     pub(super) item: Option<u32>,
     /// The box around all items below.
     pub(super) bounds: WorldBox,
@@ -59,7 +58,7 @@ pub(super) fn build(boxes: &[WorldBox]) -> Vec<TreeNode> {
     nodes
 }
 
-/// The interior nodes, grouped by the longest way down to a leaf: a group needs only the groups before it.
+/// The interior nodes, grouped by the longest path down to a leaf: a group needs only the groups before it.
 pub(super) fn by_height(tree: &[TreeNode]) -> Vec<Vec<u32>> {
     let mut heights = vec![0_usize; tree.len()];
     let mut groups: Vec<Vec<u32>> = Vec::new();
@@ -79,8 +78,7 @@ pub(super) fn by_height(tree: &[TreeNode]) -> Vec<Vec<u32>> {
     groups
 }
 
-/// Cuts the items into groups of at most `most` that lie near each other; items keep their order within a
-/// group.
+/// Cuts the items into groups of at most `most` neighbours; items keep their order within a group.
 pub(super) fn groups(boxes: &[WorldBox], most: usize) -> Vec<Vec<u32>> {
     let mut items = items(boxes);
     let mut groups = Vec::new();
@@ -141,8 +139,8 @@ impl Binary {
     }
 }
 
-/// The children of a collapsed node: the largest inner ones are opened until there are eight. One that holds
-/// no more items than there is room for is opened whole.
+/// The children of a collapsed node: the largest inner ones are opened until there are eight. One whose items
+/// all fit is opened whole.
 fn collapse(subtree: &Binary) -> Vec<&Binary> {
     let Binary::Inner { halves, .. } = subtree else { return Vec::new() };
     let mut children: Vec<&Binary> = halves.iter().collect();
@@ -181,7 +179,7 @@ fn split(items: &mut [Item], depth: usize) -> Binary {
     Binary::Inner { bounds, count, halves: Box::new([halves.0, halves.1]) }
 }
 
-/// Divides at least two items by the best plane, or in their order where there is none.
+/// Divides at least two items by the best plane, or in their order without one.
 fn halve(items: &mut [Item], depth: usize) -> (&mut [Item], &mut [Item]) {
     let cut = if depth < DEEPEST { best_cut(items) } else { None };
     let middle = match cut {
@@ -191,8 +189,7 @@ fn halve(items: &mut [Item], depth: usize) -> (&mut [Item], &mut [Item]) {
     items.split_at_mut(middle)
 }
 
-/// Moves the items that are `wanted` to the front, keeping the order within both parts; returns how many they
-/// are.
+/// Moves the `wanted` items to the front, keeping the order within both parts; returns their number.
 fn partition(items: &mut [Item], wanted: impl Fn(&Item) -> bool) -> usize {
     let (front, back): (Vec<Item>, Vec<Item>) = items.iter().partition(|item| wanted(item));
     for (slot, item) in items.iter_mut().zip(front.iter().chain(&back)) {
@@ -218,7 +215,7 @@ impl Cut {
     }
 }
 
-/// The plane that makes the sum of (count x size) least; `None` if the centres cannot be told apart.
+/// The plane with the least sum of (count x size); `None` if all centres coincide.
 fn best_cut(items: &[Item]) -> Option<Cut> {
     let mut best: Option<(f64, Cut)> = None;
     for axis in 0..3 {
@@ -277,7 +274,7 @@ mod tests {
         WorldBox { min: centre - half, max: centre + half }
     }
 
-    /// Every item once, at most eight children, parents around children, and the greatest depth.
+    /// Asserts: every item once, at most eight children, parents around children. Returns the greatest depth.
     fn checked(boxes: &[WorldBox]) -> usize {
         let tree = build(boxes);
         let mut items: Vec<u32> = tree.iter().filter_map(|node| node.item).collect();

@@ -36,7 +36,7 @@ pub(super) enum Axis {
     Z,
 }
 
-/// What becomes an object of the model.
+/// The unit that becomes an object of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Grain {
     /// Each part by itself; equal shapes share a mesh.
@@ -118,7 +118,7 @@ pub(super) fn object_count(modules: &[Module], grain: Grain) -> usize {
     }
 }
 
-/// Makes a model of the modules, with round parts as fine as it takes to come near `triangles` in total.
+/// Makes a model of the modules, with round parts fine enough to come near `triangles` in total.
 pub(super) fn assemble(modules: &[Module], grain: Grain, triangles: usize, source: &str) -> Model {
     let mut uses: HashMap<Shape, usize> = HashMap::new();
     for part in modules.iter().flat_map(|m| &m.parts) {
@@ -136,7 +136,7 @@ pub(super) fn assemble(modules: &[Module], grain: Grain, triangles: usize, sourc
     model
 }
 
-/// The coarsest tolerance at which the parts have at least `triangles`, or the bound of what is sensible.
+/// The coarsest tolerance at which the parts have at least `triangles`, or the bound of the sensible range.
 fn tolerance_for(uses: &HashMap<Shape, usize>, triangles: usize) -> Tolerance {
     let total = |tolerance| -> usize {
         let count = |shape: Shape| {
@@ -206,11 +206,11 @@ fn place_trades(model: &mut Model, modules: &[Module], tolerance: Tolerance) {
     }
 }
 
-/// All that decides the merged mesh of some parts.
+/// A fingerprint of everything that determines the merged mesh of some parts.
 fn fingerprint(parts: &[&Part]) -> Vec<u64> {
     let mut words = Vec::with_capacity(parts.len() * 14);
     for part in parts {
-        // Shapes have no order of their own worth writing: their debug text is exact and short.
+        // Shapes have no natural order: their debug text is exact and short.
         words.push(xxhash_rust::xxh3::xxh3_64(format!("{:?} {:?}", part.shape, part.paint).as_bytes()));
         words.extend(part.place.to_cols_array().map(f64::to_bits));
     }

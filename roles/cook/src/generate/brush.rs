@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3};
 use crate::Mesh;
 use trimaran_scene::Rgba8;
 
-/// How finely curved surfaces are divided: the largest distance between a circle and its chords, in metres.
+/// The fineness of curved surfaces: the largest distance between a circle and its chords, in metres.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub(super) struct Tolerance(pub(super) f64);
 
@@ -14,14 +14,14 @@ impl Tolerance {
     const FEWEST: u32 = 8;
     const MOST: u32 = 4096;
 
-    /// Chords of a full circle of `radius` metres. Only a square root, so that every platform counts alike.
+    /// Chords of a full circle of `radius` metres. Uses only a square root, for equal counts everywhere.
     pub(super) fn chords(self, radius: f64) -> u32 {
         let exact = std::f64::consts::PI * (radius / (2.0 * self.0)).sqrt();
         (exact.ceil() as u32).clamp(Self::FEWEST, Self::MOST)
     }
 }
 
-/// Draws solids into a mesh; without one it only counts what it would draw.
+/// Draws solids into a mesh; without one it only counts.
 pub(super) struct Brush<'a> {
     mesh: Option<&'a mut Mesh>,
     place: DAffine3,
@@ -30,7 +30,7 @@ pub(super) struct Brush<'a> {
     triangles: usize,
 }
 
-/// Where a ring of a lathed surface lies in the mesh.
+/// The place of a ring of a lathed surface in the mesh.
 #[derive(Clone, Copy)]
 enum Ring {
     Pole(u32),
@@ -95,7 +95,7 @@ impl<'a> Brush<'a> {
         self.lathe_of(self.tolerance.chords(widest), profile);
     }
 
-    /// As [`Self::lathe`], of so many sides whatever the tolerance: nuts, square posts.
+    /// Like [`Self::lathe`], with this many sides at any tolerance: nuts, square posts.
     pub(super) fn lathe_of(&mut self, sides: u32, profile: &[(f64, f64)]) {
         let n = sides as usize;
         let on_axis = |&(radius, _): &(f64, f64)| radius == 0.0;
@@ -222,7 +222,7 @@ impl<'a> Brush<'a> {
     }
 }
 
-/// Cosines and sines of a full turn, by a sine that is the same everywhere.
+/// Cosines and sines of a full turn, by a portable sine.
 fn unit_circle(sides: u32) -> Vec<(f64, f64)> {
     (0..sides)
         .map(|i| {
@@ -248,7 +248,7 @@ mod tests {
         mesh
     }
 
-    /// Six times the signed volume: positive where all triangles wind counter-clockwise seen from outside.
+    /// Six times the signed volume: positive if all triangles wind counter-clockwise as seen from outside.
     fn volume(mesh: &Mesh) -> f64 {
         let at = |i: u32| mesh.positions[i as usize].as_dvec3();
         mesh.indices.chunks(3).map(|t| at(t[0]).dot(at(t[1]).cross(at(t[2])))).sum::<f64>() / 6.0

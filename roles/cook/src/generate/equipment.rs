@@ -1,4 +1,4 @@
-//! Equipment that stands in one quarter of a room, with its piping up to the rack.
+//! Equipment in one quarter of a room, with its piping up to the rack.
 
 use glam::DAffine3;
 
@@ -13,7 +13,7 @@ use super::{
 /// The radii of pipes in millimetres.
 pub(super) const PIPES: [u32; 7] = [13, 25, 40, 57, 84, 110, 162];
 
-/// A free area of a floor to put equipment on.
+/// A free area of a floor for equipment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pad {
     /// Lower corner, x and z, metres in the module's frame.
@@ -24,7 +24,7 @@ pub(super) struct Pad {
     pub(super) rack: f64,
 }
 
-/// Numbers of tags, so that no two pieces of equipment have one name.
+/// Numbers of tags, so that equipment has unique names.
 #[derive(Debug, Default)]
 pub(super) struct Tags(u32);
 

@@ -1,4 +1,4 @@
-//! What parts are painted with: one colour a purpose, as plants do it, and the trade that would draw them.
+//! The paint of parts: one colour per purpose, as in plants, and the trade that would draw them.
 
 use trimaran_scene::Rgba8;
 

@@ -16,13 +16,12 @@ use crate::Model;
 pub struct PlantOptions {
     /// Equal seeds make equal plants.
     pub seed: u64,
-    /// Objects wanted. Met exactly with one object a part (see `triangles`), to the last room otherwise;
+    /// Wanted objects. Met exactly with one object per part (see `triangles`), to the last room otherwise;
     /// never fewer than one room has, about 250.
     pub objects: usize,
-    /// Triangles wanted in total, instances counted each time. Met within a few percent by how finely round
-    /// parts are divided, down to eight sides. Up to 2,000 an object on average, each part is an object
-    /// of its own; above that, an object is all that one trade has in a room, as in models exported by
-    /// discipline.
+    /// Wanted triangles in total, instances counted each time. Met within a few percent by the fineness of
+    /// round parts, down to eight sides. Up to 2,000 per object on average, each part is an object of its
+    /// own; above that, an object is everything of one trade in a room, as in models exported by discipline.
     pub triangles: usize,
 }
 
@@ -45,7 +44,7 @@ impl PlantOptions {
         Self { seed, objects: 1_200, triangles: 13_000_000 }
     }
 
-    /// The same plant `factor` times as large: so many times the objects and the triangles.
+    /// The same plant, with `factor` times the objects and the triangles.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         let times = |count: usize| (count as f64 * factor).round() as usize;
@@ -53,7 +52,7 @@ impl PlantOptions {
     }
 }
 
-/// More triangles an object than this on average, and objects are merged by trade.
+/// With more triangles per object than this on average, objects are merged by trade.
 const FINEST_MEAN: usize = 2_000;
 /// Different rooms of a merged plant; the others repeat them.
 const MERGED_KINDS: usize = 16;
@@ -92,7 +91,7 @@ fn merged_modules(options: &PlantOptions) -> Vec<Module> {
     })
 }
 
-/// Builds as many rooms as fit into so many objects; at least one.
+/// Builds as many rooms as fit into this many objects; at least one.
 pub(super) fn fill_up_to(objects: usize, grain: Grain, build: impl Fn(usize) -> Vec<Module>) -> Vec<Module> {
     const SAMPLE: usize = 24;
     let mut rooms = (objects * SAMPLE / object_count(&build(SAMPLE), grain).max(1)).max(1);
@@ -118,7 +117,7 @@ pub(super) fn with_small_parts(mut modules: Vec<Module>, objects: usize, seed: u
     modules
 }
 
-/// Where rooms stand: storey by storey, row by row along x. The last storey may be incomplete.
+/// The layout of rooms: storey by storey, row by row along x. The last storey may be incomplete.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grid {
     rooms: usize,
@@ -138,7 +137,7 @@ impl Grid {
         Self { rooms, columns, rows: storey.div_ceil(columns) }
     }
 
-    /// So many rooms in `rows` rows and `storeys` storeys.
+    /// This many rooms in `rows` rows and `storeys` storeys.
     pub(super) const fn stack(rooms: usize, rows: usize, storeys: usize) -> Self {
         Self { rooms, columns: rooms.div_ceil(rows * storeys), rows }
     }
@@ -159,7 +158,7 @@ impl Grid {
             && (storey * self.rows + row) * self.columns + column < self.rooms
     }
 
-    /// Stairs lead from this cell to the one above: at the end of every fourth row.
+    /// Whether stairs lead from this cell to the one above: at the end of every fourth row.
     fn has_stairs(&self, [column, storey, row]: Cell) -> bool {
         column == 0 && row.is_multiple_of(4) && self.has([column, storey + 1, row])
     }
@@ -167,7 +166,7 @@ impl Grid {
     fn surroundings(&self, seed: u64, cell: Cell) -> Surroundings {
         let [column, storey, row] = cell;
         let mut random = Random::stream(seed, 2, cell.iter().fold(0, |key, &c| key << 20 | c as u64));
-        // Doors keep to one end of the aisle or the other, so that few rooms see through many.
+        // Doors are at one end of the aisle or the other, so that sight lines through many rooms are rare.
         let ends = [AISLE[0] + 0.05, AISLE[1] - DOOR[0] - 0.05];
         let [door_x, door_z] = [random.pick(ends), random.pick(ends)];
         // Along x every wall has its door, and along z those of the first column: so every room can be
@@ -190,7 +189,7 @@ impl Grid {
     }
 }
 
-/// Builds the rooms of a grid; `kind` says which rooms have equal content.
+/// Builds the rooms of a grid; rooms of equal `kind` have equal content.
 pub(super) fn rooms_of(grid: &Grid, seed: u64, kind: impl Fn(usize) -> usize) -> Vec<Module> {
     let lines = Random::stream(seed, 1, 0).bits();
     (0..grid.rooms)

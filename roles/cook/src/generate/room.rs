@@ -37,11 +37,11 @@ pub(super) enum Wall {
     None,
     /// No way through.
     Blind,
-    /// A door, its opening so far along the wall.
+    /// A door, with its opening this far along the wall.
     Door(f64),
 }
 
-/// What a room has around it.
+/// The surroundings of a room.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Surroundings {
     /// The walls at x = 0, z = 0, x = side and z = side.
@@ -54,15 +54,15 @@ pub(super) struct Surroundings {
     pub(super) roof: bool,
 }
 
-/// Seeds of a room: `lines` is shared by all rooms, so that pipes run on from one to the next; `content` is
-/// the room's own.
+/// Seeds of a room: all rooms share `lines`, so that pipes continue from one to the next; `content` is the
+/// room's own.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seeds {
     pub(super) lines: u64,
     pub(super) content: u64,
 }
 
-/// Builds everything of a room but its small parts.
+/// Builds a room without its small parts.
 pub(super) fn build(module: &mut Module, around: &Surroundings, seeds: Seeds, tags: &mut Tags) {
     let random = &mut Random::new(seeds.content);
     // Over stairs that lead up, everything at the ceiling ends short of them.
@@ -212,7 +212,7 @@ fn build_wall(module: &mut Module, side: usize, wall: Wall) {
 fn door(module: &mut Module, side: usize, start: f64) {
     let [width, height] = DOOR.map(|m| (m * 1000.0) as u32);
     let plane = if side < 2 { 0.0 } else { SIDE };
-    // x along the wall; the leaf stands open at a right angle, on the side of the opening that is nearer the
+    // x along the wall; the leaf stands open at a right angle, on the side of the opening nearer to the
     // equipment.
     let hinge_at_start = start < (AISLE[0] + AISLE[1] - DOOR[0]) / 2.0;
     let (turn, at): (DMat3, fn(f64, f64) -> DVec3) = if side.is_multiple_of(2) {

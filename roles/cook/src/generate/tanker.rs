@@ -23,9 +23,9 @@ use crate::Model;
 pub struct TankerOptions {
     /// Equal seeds make equal tankers.
     pub seed: u64,
-    /// Objects wanted: met exactly, but never fewer than the smallest tanker has, about 1,400.
+    /// Wanted objects: met exactly, but never fewer than the smallest tanker has, about 1,400.
     pub objects: usize,
-    /// Triangles wanted in total, instances counted each time; met within a few percent.
+    /// Wanted triangles in total, instances counted each time; met within a few percent.
     pub triangles: usize,
 }
 
@@ -42,7 +42,7 @@ impl TankerOptions {
         Self { seed, objects: 127_000, triangles: 82_000_000 }
     }
 
-    /// The same tanker `factor` times as large: so many times the objects and the triangles.
+    /// The same tanker, with `factor` times the objects and the triangles.
     #[must_use]
     pub fn scaled(self, factor: f64) -> Self {
         let times = |count: usize| (count as f64 * factor).round() as usize;
@@ -79,8 +79,8 @@ pub fn tanker(options: &TankerOptions) -> Model {
     assemble(&[rooms, hull].concat(), Grain::Part, options.triangles, "tanker")
 }
 
-/// A ship with so many rooms aft, from the keel (engine room and stores) up to the bridge, and as many tanks
-/// as go with them.
+/// A ship with this many rooms aft, from the keel (engine room and stores) up to the bridge, and a matching
+/// number of tanks.
 fn ship(rooms: usize, seed: u64) -> Vec<Module> {
     let grid = Grid::stack(rooms, (BEAM / SIDE) as usize, (DECK / STOREY) as usize + 4);
     let mut modules = rooms_of(&grid, seed, |index| index);

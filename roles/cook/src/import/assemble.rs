@@ -1,5 +1,4 @@
-//! What all importers share at the end: welding a mesh, placing it, and joining the files' parts into one
-//! model.
+//! Shared by all importers at the end: welds meshes, places them, and joins the files' parts into one model.
 
 use std::path::Path;
 
@@ -12,7 +11,7 @@ use super::{ImportError, Imported, Part};
 use crate::{Mesh, Model, Object, Source};
 use trimaran_scene::{Extent, Group, ObjectAttributes, Rgba8};
 
-/// Position and colour as one run of bytes: what two corners must share to be one vertex.
+/// Position and colour as one run of bytes: corners with equal keys are one vertex.
 #[derive(Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 struct Key {
@@ -20,15 +19,14 @@ struct Key {
     colour: [u8; 4],
 }
 
-/// Joins vertices of equal position and colour, and drops vertices that no triangle uses. Files split
-/// vertices for the sake of normals and textures; the model has neither. Triangles stay as they are, flat
-/// ones too.
+/// Joins vertices of equal position and colour, and drops unused vertices. Files split vertices for normals
+/// and textures, which the model lacks. Triangles stay unchanged, flat ones too.
 pub(super) fn weld(mesh: &Mesh) -> Mesh {
     let keys: Vec<Key> = mesh
         .positions
         .iter()
         .zip(&mesh.colours)
-        // Adding zero makes -0 into 0, which is the same place in other bytes.
+        // Adding zero turns -0 into 0, which is the same position in other bytes.
         .map(|(&position, &Rgba8(colour))| Key { position: (position + Vec3::ZERO).to_array(), colour })
         .collect();
     if keys.is_empty() || mesh.indices.is_empty() {
@@ -44,7 +42,7 @@ pub(super) fn weld(mesh: &Mesh) -> Mesh {
     }
 }
 
-/// A mesh about the middle of its box, and where that is: single precision then holds what it can.
+/// A mesh centred on the middle of its box, and that middle: this keeps single precision accurate.
 pub(super) fn centred(positions: &[DVec3], colours: Vec<Rgba8>, indices: Vec<u32>) -> (Mesh, DVec3) {
     let (low, high) = bounds(positions);
     // Half first: the sum could overflow.
@@ -53,23 +51,23 @@ pub(super) fn centred(positions: &[DVec3], colours: Vec<Rgba8>, indices: Vec<u32
     (weld(&Mesh { positions, colours, indices }), origin)
 }
 
-/// Whether each triangle has two corners in one place: nothing of it would be in the scene.
+/// Whether each triangle has two corners in one place, so that nothing of it would be in the scene.
 pub(super) fn draws_nothing(mesh: &Mesh) -> bool {
     let at = |corner: u32| mesh.positions.get(corner as usize);
     let is_flat = |&[a, b, c]: &[u32; 3]| at(a) == at(b) || at(b) == at(c) || at(c) == at(a);
     mesh.indices.as_chunks::<3>().0.iter().all(is_flat)
 }
 
-/// The farthest that anything may lie from the origin along an axis, metres: what single precision has of it
-/// is 100 km coarse there, and squares and volumes still are numbers.
+/// The largest coordinate, metres: single precision is 100 km coarse there, and squares and volumes are still
+/// finite.
 pub(super) const FARTHEST: f64 = 1e15;
 
-/// Whether a place is no farther than [`FARTHEST`].
+/// Whether a point is within [`FARTHEST`].
 pub(super) fn is_in_reach(place: DVec3) -> bool {
     place.abs().max_element() <= FARTHEST && !place.is_nan()
 }
 
-/// Whether a box of these lower and upper corners is no farther than [`FARTHEST`], as it is and once placed.
+/// Whether a box of these lower and upper corners is within [`FARTHEST`], before and after placing.
 pub(super) fn is_near((low, high): (DVec3, DVec3), to_world: &DAffine3) -> bool {
     let corners = [low, high].map(|a| [low, high].map(|b| [low, high].map(|c| DVec3::new(a.x, b.y, c.z))));
     let is_near = |&place: &DVec3| is_in_reach(place) && is_in_reach(to_world.transform_point3(place));
@@ -82,9 +80,9 @@ pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
-/// Places `mesh` in the part, flattening the mesh itself where the matrix is singular: an object must keep an
-/// invertible matrix, and a flattened one can still be seen. Each of those is a mesh of its own, which the
-/// budget must have room for.
+/// Places `mesh` in the part. If the matrix is singular, flattens the mesh itself: an object must keep an
+/// invertible matrix, and a flattened one is still visible. Each of those is a mesh of its own, which counts
+/// against the budget.
 pub(super) fn place(
     part: &mut Part,
     budget: &Budget,
@@ -129,7 +127,7 @@ pub(super) fn merge<'a>(
         }
         append(&mut model, part)?;
     }
-    // Of a model without any object all files are without one.
+    // Without any object, no file is listed as lacking objects.
     if !model.objects.is_empty() {
         for file in without {
             let mut of_file = ImportReport::default();
@@ -183,8 +181,7 @@ fn append(model: &mut Model, part: Model) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// The index that the first of `more` items gets behind `present` ones, if all of them can have a 32-bit
-/// index.
+/// The index of the first of `more` items behind `present` ones, if all of them fit 32 bits.
 fn index(present: usize, more: usize, what: &'static str) -> Result<u32, ImportError> {
     match (u32::try_from(present), u32::try_from(present.saturating_add(more))) {
         (Ok(first), Ok(_)) => Ok(first),

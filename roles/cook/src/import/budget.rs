@@ -1,4 +1,4 @@
-//! How much an import may make. What a file asks for is counted before memory is taken for it.
+//! The limits of an import. A file's requests are counted before memory is allocated for them.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -10,12 +10,12 @@ use std::sync::{Mutex, PoisonError};
 
 use thiserror::Error;
 
-/// The most that an import may make of all its files together.
+/// The limits of an import over all its files together.
 ///
 /// A small file can ask for a great deal: a thousand meshes may share one array of positions, and a thousand
-/// nodes one list of instances. Memory while importing stays below 64 times the size of the files (those that
-/// they refer to included, and packed ones by what they unpack to), plus 64 bytes a triangle, 128 a vertex,
-/// 512 an object and 8 a byte of attributes of what is allowed here, plus 64 MiB.
+/// nodes one list of instances. Memory while importing stays below 64 times the size of the files (including
+/// those that they refer to, and unpacked sizes of packed ones), plus 64 bytes a triangle, 128 a vertex, 512
+/// an object and 8 a byte of attributes of these limits, plus 64 MiB.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportLimits {
     /// Triangles as stored: each mesh once. At most [`ImportLimits::MOST_TRIANGLES`] counts.
@@ -28,26 +28,26 @@ pub struct ImportLimits {
     pub objects: u64,
     /// How deep nodes or groups may be nested.
     pub depth: u32,
-    /// Bytes of attributes: those of the files that they stand in, and again for each further object or group
-    /// that has the same ones.
+    /// Bytes of attributes: those in the files, and again for each further object or group with the same
+    /// ones.
     pub attribute_bytes: u64,
 }
 
-/// What memory an object may take for its name without counting as another one, bytes.
+/// The memory for an object's name without counting as another object, bytes.
 pub const NAME_UNIT: u64 = 256;
 
-/// How many texels of a texture take the memory that is promised for a vertex.
+/// How many texels of a texture take the memory of a vertex.
 const TEXELS_A_VERTEX: u64 = 4;
 
 impl ImportLimits {
-    /// More triangles than this cannot be numbered by their corners.
+    /// The limit of numbering triangles by their corners.
     pub const MOST_TRIANGLES: u64 = Self::MOST_RECORDS / 3;
-    /// More vertices or objects than this cannot be numbered.
+    /// The limit of numbering vertices or objects.
     pub const MOST_RECORDS: u64 = u32::MAX as u64 - 1;
 }
 
 impl Default for ImportLimits {
-    /// Far beyond any plant known: the largest models that this was made for store a few million triangles.
+    /// Far beyond any known plant: the largest models that this was made for store a few million triangles.
     fn default() -> Self {
         Self {
             triangles: 200_000_000,
@@ -59,7 +59,7 @@ impl Default for ImportLimits {
     }
 }
 
-/// What is counted.
+/// A limited quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Resource {
@@ -76,7 +76,7 @@ pub enum Resource {
 }
 
 impl Resource {
-    /// The flag of `trimaran import` that allows more.
+    /// The flag of `trimaran import` that raises the limit.
     #[must_use]
     pub const fn flag(self) -> &'static str {
         match self {
@@ -101,7 +101,7 @@ impl fmt::Display for Resource {
     }
 }
 
-/// A file asks for more than is allowed.
+/// A file exceeds a limit.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error(
     "with {user} the import has more than {limit} {resource}; if the model is as large as that, allow more with {}, \
@@ -109,15 +109,15 @@ impl fmt::Display for Resource {
     resource.flag()
 )]
 pub struct OverBudget {
-    /// What there is too much of.
+    /// The exceeded quantity.
     pub resource: Resource,
     /// How much is allowed.
     pub limit: u64,
-    /// What asked for it: a mesh, a node, a group, an object.
+    /// The requester: a mesh, a node, a group, an object.
     pub user: String,
 }
 
-/// What the files of one import have asked for so far.
+/// The requests of one import's files so far.
 #[derive(Debug)]
 pub(super) struct Budget {
     limits: ImportLimits,
@@ -152,8 +152,7 @@ impl Budget {
         Ok(bytes)
     }
 
-    /// Opens a regular file: the model's, or one beside it. Pipes and devices are refused: they may never
-    /// end.
+    /// Opens a regular file: the model's, or one beside it. Refuses pipes and devices, which may never end.
     pub(super) fn open(&self, path: &Path) -> io::Result<File> {
         self.look_for(path);
         if fs::metadata(path)?.is_file() {
@@ -163,9 +162,9 @@ impl Budget {
         }
     }
 
-    /// Notes that the model depends on a file, whether it is there or not.
+    /// Notes that the model depends on a file, even if it does not exist.
     pub(super) fn look_for(&self, path: &Path) {
-        // A panic elsewhere leaves the set whole.
+        // A panic elsewhere leaves the set intact.
         let mut looked_for = self.looked_for.lock().unwrap_or_else(PoisonError::into_inner);
         if !looked_for.contains(path) {
             looked_for.insert(path.to_owned());
@@ -177,7 +176,7 @@ impl Budget {
         self.looked_for.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
     }
 
-    /// Asks for a mesh's triangles and vertices; `user` is named if they are too many.
+    /// Counts a mesh's triangles and vertices; `user` is named if they exceed the limit.
     pub(super) fn mesh(
         &self,
         triangles: u64,
@@ -188,12 +187,12 @@ impl Budget {
         take(&self.vertices, vertices, Resource::Vertices, self.limits.vertices, &user)
     }
 
-    /// Asks for a texture's texels, four of which count as a vertex. Whether there is room for them.
+    /// Counts a texture's texels, four per vertex. Returns whether there is room for them.
     pub(super) fn texels(&self, texels: u64) -> bool {
         self.mesh(0, texels.div_ceil(TEXELS_A_VERTEX), String::new).is_ok()
     }
 
-    /// Asks for `count` objects, each with a name of `name_length` bytes.
+    /// Counts `count` objects, each with a name of `name_length` bytes.
     pub(super) fn objects(
         &self,
         count: u64,
@@ -204,12 +203,12 @@ impl Budget {
         take(&self.objects, count.saturating_mul(each), Resource::Objects, self.limits.objects, &user)
     }
 
-    /// Asks for so many bytes of attributes more.
+    /// Counts this many more bytes of attributes.
     pub(super) fn attributes(&self, bytes: u64, user: impl Fn() -> String) -> Result<(), OverBudget> {
         take(&self.attribute_bytes, bytes, Resource::AttributeBytes, self.limits.attribute_bytes, &user)
     }
 
-    /// Asks to go `depth` deep.
+    /// Checks a nesting depth.
     pub(super) fn depth(&self, depth: usize, user: impl Fn() -> String) -> Result<(), OverBudget> {
         if depth as u64 <= u64::from(self.limits.depth) {
             return Ok(());
@@ -218,8 +217,8 @@ impl Budget {
     }
 }
 
-/// Adds to a count unless it would pass the limit. It says nothing about other memory, so that the order is
-/// of no consequence.
+/// Adds to a count unless it would exceed the limit. The counter guards no other memory, so the memory order
+/// does not matter.
 fn take(
     used: &AtomicU64,
     more: u64,

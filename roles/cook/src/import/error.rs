@@ -11,14 +11,14 @@ use super::report::Warning;
 use super::rvm::RvmError;
 use crate::ModelError;
 
-/// Why files could not be imported: which file, where in it, and what to do.
+/// Why files could not be imported: the file, the place in it, and the remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ImportError {
-    /// Nothing to import.
+    /// There are no files.
     #[error("no input files: name at least one .glb, .gltf, .rvm, .rev or .obj file")]
     NoFiles,
-    /// An option makes no sense.
+    /// An option is invalid.
     #[error("the {option} is {value}; it must be a positive, finite number")]
     Option {
         /// The option.
@@ -31,16 +31,16 @@ pub enum ImportError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// The name tells of no format that is known here.
+    /// The name has no known ending.
     #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev or .obj", path = path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
-    /// The name tells of one format and the first bytes of another.
+    /// The name has the ending of one format and the first bytes are of another.
     #[error(
         "{path} is not what its name says: a {expected} file starts with {magic}; it may be damaged, or have the wrong ending",
         path = path.display()
@@ -48,39 +48,39 @@ pub enum ImportError {
     WrongMagic {
         /// The file.
         path: PathBuf,
-        /// The format that the name tells of.
+        /// The format of the ending.
         expected: &'static str,
-        /// What such a file starts with.
+        /// The first bytes of that format.
         magic: &'static str,
     },
-    /// A file of a format that is not read as gzip packs it.
+    /// A packed file of a format that is not read when packed.
     #[error("{path} is packed with gzip, and only OBJ is read so: unpack it first, as with gunzip", path = path.display())]
     Packed {
         /// The file.
         path: PathBuf,
     },
-    /// What gzip packed is cut off or damaged.
+    /// The packed data is cut off or damaged.
     #[error("{path} cannot be unpacked: {source}; it is damaged: get it again", path = path.display())]
     Unpack {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: io::Error,
     },
-    /// A packed file that is larger than any model that gzip packs.
+    /// A packed file is larger than any packed model.
     #[error("{path} unpacks to more than {limit} bytes; if it is a model, unpack it with gunzip and import that", path = path.display())]
     UnpacksToMore {
         /// The file.
         path: PathBuf,
-        /// How many bytes it may unpack to.
+        /// The limit of its unpacked size.
         limit: u64,
     },
-    /// A glTF file is malformed or needs what is not supported.
+    /// A glTF file is malformed or needs an unsupported feature.
     #[error("{path}: {source}", path = path.display())]
     Gltf {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: Box<GltfError>,
     },
     /// An RVM file is malformed.
@@ -88,7 +88,7 @@ pub enum ImportError {
     Rvm {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: RvmError,
     },
     /// An OBJ file is malformed.
@@ -96,10 +96,10 @@ pub enum ImportError {
     Obj {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The error.
         source: ObjError,
     },
-    /// No object is left of any file.
+    /// No file has an object left.
     #[error(
         "{} nothing to draw: no object with a surface is left{}; \
          export the model as faces (OBJ, glTF) or with its primitives (RVM)",
@@ -109,21 +109,21 @@ pub enum ImportError {
     NothingToDraw {
         /// The files' names.
         files: Vec<String>,
-        /// What was left out of them, the first ones.
+        /// The first warnings.
         warnings: Vec<Warning>,
     },
-    /// The files are fine one by one, but what they make cannot be used.
+    /// The files are valid one by one, but their model is not.
     #[error("{path}: {source}", path = path.display())]
     Model {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The error.
         source: ModelError,
     },
     /// More objects or meshes than 32-bit indices can name.
     #[error("the files hold more than 4 thousand million {what} together; import them as several scenes")]
     TooLarge {
-        /// What there is too much of.
+        /// Their kind.
         what: &'static str,
     },
 }

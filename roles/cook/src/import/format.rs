@@ -1,4 +1,4 @@
-//! Which format a file is in: its name says, its first bytes confirm.
+//! Detects a file's format: by its name, confirmed by its first bytes.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Bytes at the start of a review file that [`Self::of`] looks at.
+    /// How many first bytes of a review file [`Self::of`] reads.
     pub(super) const START: u64 = 256;
 
     /// Whether a file has the name of a review file.
@@ -35,7 +35,7 @@ impl Format {
         let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
         let wrong = |expected, magic| Err(ImportError::WrongMagic { path: path.to_owned(), expected, magic });
         match ending.as_deref() {
-            // Either form under either name: the bytes say which.
+            // Either form under either name: the bytes decide.
             Some("glb" | "gltf") if bytes.starts_with(b"glTF") || first_visible(bytes) == Some(b'{') => {
                 Ok(Self::Gltf)
             }
@@ -46,7 +46,7 @@ impl Format {
                 ".rvm",
                 "the word HEAD: four bytes a letter in the binary form, a line in the text form",
             ),
-            // Text of any kind: it has no first bytes to know it by.
+            // Text of any kind: it has no characteristic first bytes.
             Some("obj") => Ok(Self::Obj),
             _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
         }

@@ -8,31 +8,31 @@ use flate2::bufread::GzDecoder;
 
 use super::ImportError;
 
-/// What every file that gzip packed begins with.
+/// The first bytes of every gzip file.
 const MAGIC: &[u8] = b"\x1F\x8B";
 
-/// The most bytes that a file of `packed` bytes may unpack to. Text of coordinates shrinks to a third; to a
-/// sixtieth only what was made to.
+/// The largest unpacked size of a file of `packed` bytes. Text of coordinates shrinks to a third; only
+/// malicious files shrink to a sixtieth.
 const fn most(packed: usize) -> u64 {
     (64 << 20) + 64 * packed as u64
 }
 
-/// A file as it was before gzip.
+/// A file before packing by gzip.
 pub(super) struct Unpacked<'b> {
     /// Its name without `.gz`.
     pub name: PathBuf,
     pub bytes: Cow<'b, [u8]>,
-    /// Bytes behind what gzip packed, if they say anything.
+    /// The number of bytes behind the packed data, unless they are padding.
     pub behind: usize,
 }
 
-/// A file as it was before gzip, if it is packed. Of packed files only Wavefront OBJ is read.
+/// A file before gzip, if it is packed. Of packed files only Wavefront OBJ is read.
 pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>, ImportError> {
     let owned = || path.to_owned();
     let named = ending(path).as_deref() == Some("gz");
     let mut inner = if named { path.with_extension("") } else { owned() };
     if !bytes.starts_with(MAGIC) {
-        // Browsers unpack what they fetch, and keep its name.
+        // Browsers unpack downloads, and keep the name.
         if named && ending(&inner).as_deref() != Some("obj") {
             let magic = "the bytes 1F 8B";
             return Err(ImportError::WrongMagic { path: owned(), expected: ".gz", magic });
@@ -64,8 +64,8 @@ fn ending(path: &Path) -> Option<String> {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase())
 }
 
-/// What gzip packed, and how many bytes that say anything are behind it. Several streams one behind the other
-/// are one file; what is no further stream is padding, or was added by whatever carried the file.
+/// The unpacked data, and the number of significant bytes behind it. Several consecutive streams are one
+/// file; anything else is padding, or was added in transfer.
 fn unpack(path: &Path, bytes: &[u8]) -> Result<(Vec<u8>, usize), ImportError> {
     let limit = most(bytes.len());
     let mut text = Vec::new();
@@ -107,7 +107,7 @@ mod tests {
     #[test]
     fn obj_is_unpacked_whatever_its_name_says_of_gzip() {
         let text = b"v 0 0 0\n";
-        // Several streams one behind the other are one file.
+        // Several consecutive streams are one file.
         let twice = [packed(text), packed(text)].concat();
         for (name, inner) in
             [("a.obj.gz", "a.obj"), ("b/A.OBJ.GZ", "b/A.OBJ"), ("a.gz", "a.obj"), ("a.obj", "a.obj")]

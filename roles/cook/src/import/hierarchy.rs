@@ -1,4 +1,4 @@
-//! From the tree in a file to the groups of its objects.
+//! Makes the groups of objects from the tree in a file.
 
 use std::ops::Range;
 
@@ -15,8 +15,8 @@ pub(super) struct Branch {
     pub attributes: Vec<Attribute>,
 }
 
-/// The groups of branches that have objects. Branches are in the order in which a walk meets them, and
-/// `leaves` are the numbers of those that became objects, ascending.
+/// The groups of branches that have objects. Branches are in depth-first order, and `leaves` are the numbers
+/// of those that became objects, ascending.
 pub(super) fn groups(branches: Vec<Branch>, leaves: &[u32]) -> Vec<Group> {
     let before = |end: u32| leaves.partition_point(|&leaf| leaf < end) as u32;
     let mut groups = Vec::new();

@@ -1,13 +1,13 @@
-//! From files to a [`Model`]: glTF 2.0, AVEVA review files (RVM) and Wavefront OBJ.
+//! Imports files as a [`Model`]: glTF 2.0, AVEVA review files (RVM) and Wavefront OBJ.
 //!
-//! [`import`] takes any number of files and makes one model of them. What a walk needs is kept (shape, place,
-//! base colour, name); animation and materials beyond the base colour are not. The world of the
-//! result is right-handed, y up, in metres, whatever the files' own frames are.
+//! [`import`] takes any number of files and makes one model of them. It keeps the data of a walk (shape,
+//! place, base colour, name), but not animation and materials beyond the base colour. The world of the result
+//! is right-handed, y up, in metres, whatever the files' own frames are.
 //!
-//! Files come from strangers. No importer panics on bad bytes or allocates what a length field claims; each
-//! ends in an [`ImportError`] that names the file, the place in it and the cause. [`ImportLimits`] bound what
-//! files may ask for, and so the memory and the time that an import takes. What can be left out without a
-//! hole in the model (points, lines, textures) is left out and counted in [`ImportReport::warnings`].
+//! Files are not trusted. No importer panics on bad bytes or allocates by a length field alone; each ends in
+//! an [`ImportError`] that names the file, the place in it and the cause. [`ImportLimits`] bound the requests
+//! of files, and so the memory and the time of an import. Parts that can be left out without a hole in the
+//! model (points, lines, textures) are left out and counted in [`ImportReport::warnings`].
 
 mod assemble;
 mod budget;
@@ -40,7 +40,7 @@ pub use rvm::{RvmError, RvmPlace};
 use self::budget::Budget;
 use crate::Model;
 
-/// The axis that points to the sky in a file.
+/// The upward axis of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UpAxis {
     /// y up: glTF by its specification, OBJ by custom.
@@ -49,18 +49,18 @@ pub enum UpAxis {
     Z,
 }
 
-/// How to read files.
+/// The options of reading files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
-    /// The farthest a tessellated surface may be from the true one, metres. No curve is cut finer than a
+    /// The largest distance of a tessellated surface from the true one, metres. No curve is cut finer than a
     /// ten-thousandth of its size. Only RVM has curved surfaces.
     pub chord_tolerance: f64,
-    /// The axis that points up; `None` is each format's own: y for glTF and OBJ, z for RVM.
+    /// The upward axis; `None` is each format's own: y for glTF and OBJ, z for RVM.
     pub up: Option<UpAxis>,
-    /// Metres a unit of length, for OBJ and RVM; `None` is each format's own: 1 for OBJ, 0.001 for RVM. glTF
-    /// is in metres by its specification and ignores it.
+    /// Metres per unit of length, for OBJ and RVM; `None` is each format's own: 1 for OBJ, 0.001 for RVM.
+    /// glTF is in metres by its specification and ignores it.
     pub unit: Option<f64>,
-    /// The most that may be made.
+    /// The limits.
     pub limits: ImportLimits,
 }
 
@@ -70,7 +70,7 @@ impl Default for ImportOptions {
     }
 }
 
-/// A model and what importing it met.
+/// A model with the report of its import.
 #[derive(Debug, Clone)]
 pub struct Imported {
     /// The model, checked: [`Model::check`] holds.
@@ -80,13 +80,13 @@ pub struct Imported {
 }
 
 impl Imported {
-    /// How many warnings say why a model has nothing to draw.
+    /// How many warnings are named when a model has nothing to draw.
     const REASONS: usize = 5;
 
-    /// The model, if anything of it can be drawn.
+    /// The model, if it has anything to draw.
     ///
     /// # Errors
-    /// If nothing can: it names the files, and what was left out of them.
+    /// If it has nothing: names the files, and their warnings.
     pub fn with_objects(self) -> Result<Self, ImportError> {
         let meshes = &self.model.meshes;
         let mut drawn = self.model.objects.iter().filter_map(|object| meshes.get(object.mesh as usize));
@@ -99,7 +99,7 @@ impl Imported {
     }
 }
 
-/// How far an import has come: told after each file.
+/// The progress of an import, after each file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress<'a> {
     /// The file that was just read.
@@ -112,12 +112,12 @@ pub struct Progress<'a> {
 
 /// Reads `paths` into one model: the files' objects one after the other, in the order given.
 ///
-/// The format is told by the file's name and confirmed by its first bytes. Files are read in parallel, and
+/// The format follows from the file's name, and its first bytes confirm it. Files are read in parallel, and
 /// `progress` is called after each, in the order in which they finish. The result does not depend on that
 /// order.
 ///
 /// # Errors
-/// The first file, in the order given, that cannot be read; or options that make no sense.
+/// The first file, in the order given, that cannot be read; or invalid options.
 pub fn import(
     paths: &[PathBuf],
     options: &ImportOptions,
@@ -145,10 +145,10 @@ pub fn import(
     assemble::merge(&budget, paths.iter().map(PathBuf::as_path).zip(parts))
 }
 
-/// Reads one file that is in memory. `name` tells the format; files that it refers to are not read.
+/// Reads one file that is in memory. `name` decides the format; files that it refers to are not read.
 ///
 /// # Errors
-/// If the file cannot be used, as with [`import`]; or options that make no sense.
+/// If the file cannot be used, as with [`import`]; or invalid options.
 pub fn import_bytes(name: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Imported, ImportError> {
     options.check()?;
     let budget = Budget::new(options.limits);
@@ -156,7 +156,7 @@ pub fn import_bytes(name: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     assemble::merge(&budget, [(name, part)])
 }
 
-/// One file's part of the model, its objects in the world frame, and what reading it met.
+/// One file's part of the model, its objects in the world frame, with the report.
 struct Part {
     model: Model,
     report: ImportReport,
@@ -165,7 +165,7 @@ struct Part {
 fn import_file(path: &Path, options: &ImportOptions, budget: &Budget) -> Result<Part, ImportError> {
     let unread = |source| ImportError::Read { path: path.to_owned(), source };
     if Format::is_named_as_review(path) {
-        // These may be larger than the memory: they are read bit by bit.
+        // These may be larger than memory, so they are read in pieces.
         let file = budget.open(path).map_err(unread)?;
         let mut start = Vec::new();
         (&file).take(Format::START).read_to_end(&mut start).map_err(unread)?;
@@ -178,7 +178,7 @@ fn import_file(path: &Path, options: &ImportOptions, budget: &Budget) -> Result<
     read(path, Some(path), &bytes, options, budget)
 }
 
-/// Reads a file called `name`, which lies at `path` if anywhere.
+/// Reads a file called `name`, at `path` if it is on disk.
 fn read(
     name: &Path,
     path: Option<&Path>,

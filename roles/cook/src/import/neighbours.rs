@@ -1,4 +1,4 @@
-//! The files that a model refers to: in its folder or below, each read once.
+//! Files that a model refers to: in its folder or below, each read once.
 
 use std::collections::HashMap;
 use std::ffi::OsString;
@@ -9,18 +9,17 @@ use std::sync::Arc;
 
 use super::budget::Budget;
 
-/// Files beside a document, and those that were read already: naming one a thousand times costs no more than
-/// once.
+/// Files beside a document, with a cache: naming one a thousand times costs no more than once.
 pub(super) struct Neighbours<'b> {
-    /// None if the document itself is no file.
+    /// None if the document itself is not a file.
     folder: Option<PathBuf>,
     read: HashMap<PathBuf, Arc<Vec<u8>>>,
-    /// The names in folders that were searched, by their lower case.
+    /// The names in searched folders, by their lower case.
     listed: HashMap<PathBuf, HashMap<String, OsString>>,
     budget: &'b Budget,
 }
 
-/// Why a neighbour could not be had.
+/// Why a neighbour could not be read.
 pub(super) enum NotThere {
     /// The name leads out of the folder, or there is no folder.
     Elsewhere,
@@ -29,17 +28,17 @@ pub(super) enum NotThere {
 }
 
 impl<'b> Neighbours<'b> {
-    /// Those of the document at `path`; with `None` there are none.
+    /// The neighbours of the document at `path`; with `None` there are none.
     pub(super) fn of(path: Option<&Path>, budget: &'b Budget) -> Self {
         let folder = path.map(|path| path.parent().unwrap_or(Path::new("")).to_owned());
         Self { folder, read: HashMap::new(), listed: HashMap::new(), budget }
     }
 
-    /// The bytes of the file called `name`, which must be in the document's folder or below. A model from a
-    /// stranger must not name any other file of this machine. Also whether they were asked for before.
+    /// The bytes of the file called `name`, which must be in the document's folder or below: an untrusted
+    /// model must not read other files of this machine. Also whether they were requested before.
     ///
-    /// Models come from Windows: if there is no such file, backslashes divide folders, and then the case of
-    /// letters does not matter.
+    /// Models come from Windows: if there is no such file, backslashes divide folders, and then case is
+    /// ignored.
     pub(super) fn read(&mut self, name: &Path) -> Result<(Arc<Vec<u8>>, bool), NotThere> {
         let divided = PathBuf::from(name.to_string_lossy().replace('\\', "/"));
         let missing = match self.read_exactly(name) {
@@ -63,7 +62,7 @@ impl<'b> Neighbours<'b> {
     }
 
     fn read_at(&mut self, path: PathBuf) -> Result<(Arc<Vec<u8>>, bool), NotThere> {
-        // By its true name: `a.bin` and `./a.bin` are one file.
+        // By its canonical name: `a.bin` and `./a.bin` are one file.
         let unread = |source| NotThere::Unread(path.clone(), source);
         self.budget.look_for(&path);
         let true_path = fs::canonicalize(&path).map_err(unread)?;
@@ -81,7 +80,7 @@ impl<'b> Neighbours<'b> {
         self.folder.as_ref().filter(|_| is_plain).map(|folder| folder.join(name))
     }
 
-    /// The path of the file whose name differs from `name` only in the case of letters.
+    /// The path of the file whose name equals `name` except for case.
     pub(super) fn in_any_case(&mut self, name: &Path) -> Option<PathBuf> {
         self.path(name)?;
         let mut found = self.folder.clone()?;

@@ -1,34 +1,33 @@
-//! Plane polygons with holes as triangles.
+//! Triangulates plane polygons with holes.
 //!
-//! A polygon's contours come in any order and direction. Which are holes follows from what lies in what: a
-//! contour within an odd number of others is a hole, so an island in a hole is drawn.
+//! A polygon's contours come in any order and direction. Holes follow from nesting: a contour within an odd
+//! number of others is a hole, so an island in a hole is drawn.
 
 use std::collections::HashSet;
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-/// Polygons of more corners than this are not cut well. To find what lies in what takes time by the square of
-/// the contours, and cutting by the square of the corners where they cross: a second for so many, a day for a
-/// million.
+/// Polygons with more corners than this are not cut exactly. Nesting takes time quadratic in the contours,
+/// and cutting quadratic in the corners if they cross: a second for this many, a day for a million.
 const MOST_CORNERS: usize = 8_192;
 
-/// Cuts polygons into triangles; keeps its memory from one to the next.
+/// Triangulates polygons; reuses its memory.
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
     large_polygons: u64,
 }
 
-/// A contour laid flat.
+/// A contour projected to 2D.
 struct Contour {
     points: Vec<DVec2>,
     /// Number of its first corner among those of all contours.
     first: u32,
     /// Twice the area; positive if it winds like the polygon.
     area: f64,
-    /// How many contours it lies within.
+    /// How many contours contain it.
     depth: usize,
-    /// Index of the smallest contour that it lies within.
+    /// Index of the smallest contour that contains it.
     parent: Option<usize>,
 }
 
@@ -37,7 +36,7 @@ impl Triangulator {
         Self { earcut: Earcut::new(), large_polygons: 0 }
     }
 
-    /// How many polygons had too many corners to be cut well.
+    /// How many polygons had too many corners to be cut exactly.
     pub(super) const fn large_polygons(&self) -> u64 {
         self.large_polygons
     }
@@ -64,7 +63,7 @@ impl Triangulator {
         }
         let mut triangles = Vec::new();
         if contours.iter().map(|contour| contour.points.len()).sum::<usize>() > MOST_CORNERS {
-            // Better too much than a hole where a wall should be.
+            // An overfilled polygon is better than a hole in a wall.
             self.large_polygons += 1;
             for contour in &contours {
                 self.fill(contour, &[], &mut triangles);
@@ -105,7 +104,7 @@ impl Triangulator {
         let wanted = outer.area.abs() - holes.iter().map(|hole| hole.area.abs()).sum::<f64>();
         let covered: f64 = corners.as_chunks::<3>().0.iter().map(|triangle| twice(triangle).abs()).sum();
         if covered < 0.999 * wanted {
-            // A contour that crosses itself or a hole: better too much than a hole where a wall should be.
+            // A contour crosses itself or a hole: an overfilled polygon is better than a hole in a wall.
             corners = cover(outer.points.len() as u32);
         }
         for triangle in corners.as_chunks::<3>().0 {
@@ -118,9 +117,9 @@ impl Triangulator {
     }
 }
 
-/// Triangles that cover all that a contour of so many corners surrounds, holes too: every other corner is cut
-/// off, and again, so that few triangles meet at any. At the middle of a fan all would, and simplifying them
-/// would take time by the square of their number.
+/// Triangles that cover everything inside a contour of this many corners, holes too: every other corner is
+/// cut off, repeatedly, so that few triangles meet at any. In a fan all would meet at one, and simplifying
+/// them would take quadratic time.
 fn cover(corners: u32) -> Vec<u32> {
     let mut triangles = Vec::new();
     let mut ring: Vec<u32> = (0..corners).collect();
@@ -134,9 +133,8 @@ fn cover(corners: u32) -> Vec<u32> {
     triangles
 }
 
-/// Triangles of a polygon whose contours have no area by their sums. A bow tie surrounds as much one way as
-/// the other: better too much than a hole where a wall should be. A contour that goes back where it came from
-/// has no surface.
+/// Triangles of a polygon whose signed areas cancel. A bow tie encloses as much one way as the other: an
+/// overfilled polygon is better than a hole in a wall. A contour that retraces its own path has no surface.
 fn crossed(polygon: &[Vec<DVec3>]) -> Vec<[u32; 3]> {
     let mut triangles = Vec::new();
     let mut first = 0;
@@ -153,7 +151,7 @@ fn crossed(polygon: &[Vec<DVec3>]) -> Vec<[u32; 3]> {
     triangles
 }
 
-/// Twice the area of the largest triangle at the first corner and the one farthest from it.
+/// Twice the area of the largest triangle with the first corner and the one farthest from it.
 fn spread(corners: &[DVec3]) -> f64 {
     let Some(&origin) = corners.first() else { return 0.0 };
     let from_first = || corners.iter().map(|corner| corner - origin);
@@ -161,8 +159,8 @@ fn spread(corners: &[DVec3]) -> f64 {
     from_first().map(|corner| corner.cross(far.unwrap_or_default()).length()).fold(0.0, f64::max)
 }
 
-/// A point and the normal of the contour with the largest area (Newell's sum); none if all are flat, or
-/// surround as much one way as the other.
+/// A point and the normal of the contour with the largest area (Newell's sum); none if all are flat, or their
+/// areas cancel.
 fn plane(polygon: &[Vec<DVec3>]) -> Option<(DVec3, DVec3)> {
     let normals = polygon.iter().filter_map(|contour| {
         let origin = *contour.first()?;
@@ -172,7 +170,7 @@ fn plane(polygon: &[Vec<DVec3>]) -> Option<(DVec3, DVec3)> {
     });
     let (contour, origin, sum) =
         normals.max_by(|(.., a), (.., b)| a.length_squared().total_cmp(&b.length_squared()))?;
-    // What rounding leaves of a sum of nothing has no direction.
+    // A sum that is only rounding has no direction.
     let has_area = sum.length() > 1e-9 * spread(contour);
     Some((origin, sum.try_normalize().filter(|_| has_area)?))
 }
@@ -183,7 +181,7 @@ fn area(points: &[DVec2]) -> f64 {
     points.iter().zip(next).map(|(a, b)| a.perp_dot(*b)).sum()
 }
 
-/// Finds what lies in what, among contours sorted from large to small.
+/// Determines the nesting of contours sorted from large to small.
 fn nest(contours: &mut [Contour]) {
     for index in 1..contours.len() {
         let (larger, rest) = contours.split_at_mut(index);
@@ -282,7 +280,7 @@ mod tests {
         assert!(areas(vec![bow]).1 > 1.0);
     }
 
-    /// As much one way as the other, exactly or but for rounding.
+    /// The areas cancel, exactly or except for rounding.
     #[test]
     fn a_bow_tie_is_covered_and_a_way_there_and_back_is_not() {
         for scale in [1.0, 0.1, 1e-5] {
@@ -292,8 +290,7 @@ mod tests {
         }
     }
 
-    /// Squares within squares, a hundred thousand of them: by the square of their number this would take
-    /// hours.
+    /// Squares within squares, a hundred thousand of them: in quadratic time this would take hours.
     #[test]
     fn very_many_contours_are_filled_and_counted() {
         let polygon: Vec<_> = (1..=100_000).map(|half| square(f64::from(half))).collect();
@@ -306,8 +303,8 @@ mod tests {
         assert_eq!(covering.count(), 2);
     }
 
-    /// Each corner is across the middle from the last one, so that all sides cross: cutting this well would
-    /// take days.
+    /// Each corner is opposite to the last one, so that all sides cross: cutting this exactly would take
+    /// days.
     #[test]
     fn a_contour_of_very_many_corners_that_cross_is_covered() {
         let corners = 1_000_000;
@@ -330,7 +327,7 @@ mod tests {
             for &[a, b, c] in triangles.as_chunks::<3>().0 {
                 sides.extend([[a, b], [b, c], [c, a]]);
             }
-            // What is inside has a twin that leads back.
+            // Inner edges have a twin in the other direction.
             let outside: Vec<_> = sides.iter().filter(|[a, b]| !sides.contains(&[*b, *a])).collect();
             assert_eq!(outside.len() as u32, corners);
             assert!(outside.iter().all(|[a, b]| *b == (a + 1) % corners), "{corners}: {outside:?}");

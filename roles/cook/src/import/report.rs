@@ -1,9 +1,9 @@
-//! What an import met, for people to judge it by.
+//! The report of an import, for people to judge it by.
 
 use std::fmt;
 use std::path::PathBuf;
 
-/// Counts of an import, and what was left out.
+/// Counts of an import, and its warnings.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ImportReport {
     /// Files read.
@@ -16,36 +16,36 @@ pub struct ImportReport {
     pub triangles: u64,
     /// Triangles as stored: each mesh once.
     pub unique_triangles: u64,
-    /// RVM primitives whose tessellation differs by more than 5 % from the box that the file stores with
-    /// them. A few are right: writers store loose boxes for sheared snouts and eccentric pyramids.
+    /// RVM primitives whose tessellation differs by more than 5 % from the box stored with them. A few are
+    /// correct: writers store loose boxes for sheared snouts and eccentric pyramids.
     pub box_mismatches: u64,
     /// Parts (objects and the groups that they are in) of files that have attribute files.
     pub parts: u64,
-    /// Those of `parts` that an attribute file names.
+    /// How many of `parts` an attribute file names.
     pub parts_matched: u64,
-    /// What was left out or repaired: each kind once a file and detail, with how often.
+    /// Omissions and repairs: each kind once per file and detail, with its count.
     pub warnings: Vec<Warning>,
-    /// Every file that the model depends on: those that were read, and those that would have been if they
-    /// were there. In order, each once.
+    /// Every file that the model depends on: those that were read, and missing ones that would have been. In
+    /// order, each once.
     pub looked_for: Vec<PathBuf>,
 }
 
-/// Something that an import left out or repaired.
+/// An omission or repair of an import.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Warning {
-    /// What it was, and what was done.
+    /// Its kind.
     pub kind: WarningKind,
     /// The name of the model's file.
     pub file: String,
-    /// What it is about where the kind does not say: a library, a material, an extension. Empty if nothing.
+    /// A detail beyond the kind: a library, a material, an extension. Empty if there is none.
     pub detail: String,
-    /// The first objects that it happened to, [`Warning::OBJECTS`] at most.
+    /// The first affected objects, at most [`Warning::OBJECTS`].
     pub objects: Vec<String>,
     /// How often it happened.
     pub count: u64,
 }
 
-/// What an import left out or repaired, and what was done.
+/// A kind of omission or repair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum WarningKind {
@@ -53,20 +53,20 @@ pub enum WarningKind {
     PointsOrLines,
     /// glTF and OBJ materials whose colour comes from a texture: drawn in their base colour.
     TexturedMaterial,
-    /// OBJ material libraries that cannot be read: what uses them is drawn grey.
+    /// OBJ material libraries that cannot be read: surfaces with their materials are drawn grey.
     MaterialsMissing,
     /// Uses of OBJ materials that no library defines: drawn grey.
     MaterialUndefined,
-    /// Lines of OBJ files and their libraries that do not say what they should: a vertex without a place or a
-    /// colour that is no number. Each costs itself only.
+    /// Malformed lines of OBJ files and their libraries: a vertex without a place, or a colour that is not a
+    /// number. Each costs only itself.
     MalformedLine,
-    /// OBJ faces with a corner at a vertex that is not there or has no place: left out.
+    /// OBJ faces with a corner at a vertex that does not exist or has no place: left out.
     FaceLeftOut,
     /// OBJ curves and surfaces that are not faces: left out.
     FreeForm,
     /// OBJ statements that are unknown, or that would read another file or run a program: left out.
     UnknownStatement,
-    /// glTF textures that cannot be read: what they are on is drawn in its base colour.
+    /// glTF textures that cannot be read: their surfaces are drawn in the base colour.
     TextureUnread,
     /// glTF materials whose texture changes within a triangle: each triangle has the mean of the texture over
     /// it.
@@ -75,40 +75,40 @@ pub enum WarningKind {
     SkinnedNode,
     /// glTF nodes that are hidden in the file: left out with all below them.
     HiddenNode,
-    /// glTF nodes and instances whose place cannot be told: left out with all below them.
+    /// glTF nodes and instances with an invalid place: left out with all below them.
     NodeLeftOut,
     /// glTF triangles with a corner that is not finite or does not exist: left out.
     TriangleLeftOut,
-    /// glTF metadata that cannot be told of whole objects: left out.
+    /// glTF metadata that does not apply to whole objects: left out.
     MetadataLeftOut,
-    /// What is not JSON in a glTF document and can be read in one way only: read so.
+    /// Faulty JSON in a glTF document with only one possible reading: read so.
     JsonMended,
-    /// Values of a glTF document that are not what the format has there: left out.
+    /// Values of a glTF document with the wrong type: left out.
     FieldLeftOut,
-    /// glTF buffers, and compressed views of them, that cannot be read: what needs them is left out.
+    /// Unreadable glTF buffers and compressed views: everything that needs them is left out.
     BytesLeftOut,
     /// glTF primitives that are broken: left out.
     PrimitiveLeftOut,
-    /// glTF references to what is not there, or to what has its place already: left out.
+    /// glTF references to missing targets, or to nodes that have a place already: left out.
     ReferenceLeftOut,
-    /// glTF nodes with a mesh that the scene that is read does not have: left out.
+    /// glTF nodes with a mesh outside of the scene that is read: left out.
     OutsideScene,
     /// Extensions that a glTF file requires and that change no shape: left out.
     ExtensionLeftOut,
-    /// RVM insulation and obstruction volumes: they are room kept free, not things, and would hide what is in
-    /// them.
+    /// RVM insulation and obstruction volumes: they are reserved space, not things, and would hide their
+    /// content.
     VolumeLeftOut,
     /// Objects whose matrix flattens them: their mesh was flattened instead.
     FlattenedObject,
-    /// Objects without a single triangle: left out. In OBJ one that is a line or a point is none.
+    /// Objects without a single triangle: left out. In OBJ a line or a point is no object.
     EmptyObject,
-    /// RVM and glTF objects whose triangles are all lines or points, a cylinder of diameter 0 say: kept by
-    /// their names, and not drawn.
+    /// RVM and glTF objects whose triangles are all lines or points, such as a cylinder of diameter 0: kept
+    /// by their names, and not drawn.
     NoArea,
     /// Files of which no object is left, where others have objects.
     FileWithoutObject,
-    /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a
-    /// contour that is as large by itself is drawn without its notches.
+    /// Polygons with so many corners that exact cutting could take for ever: their holes are filled, and an
+    /// equally large single contour is drawn without its notches.
     LargePolygon,
     /// RVM primitives that are broken: left out.
     BrokenPrimitive,
@@ -118,38 +118,38 @@ pub enum WarningKind {
     UnknownChunk,
     /// RVM chunks of a known kind that cannot be read: left out.
     BrokenChunk,
-    /// RVM groups that say only a part of what a group says: kept with that.
+    /// RVM groups with incomplete data: kept with that.
     BrokenGroup,
     /// Ends of RVM groups that never began: ignored.
     ExtraGroupEnd,
     /// RVM groups that never end: ended where their model ends.
     GroupLeftOpen,
-    /// RVM models without their last chunk: read to where they stop.
+    /// RVM models without their last chunk: read to their end.
     EndMissing,
-    /// Bytes behind the last chunk of an RVM model that are no model: ignored.
+    /// Bytes behind the last chunk of an RVM model that are no further model: ignored.
     BehindEnd,
-    /// Bytes behind what gzip packed that gzip did not pack: ignored.
+    /// Bytes behind gzip data that are not gzip data: ignored.
     BehindPacked,
-    /// RVM groups whose number stands for no known colour: drawn grey.
+    /// RVM groups with an unknown colour number: drawn grey.
     UnknownColour,
     /// RVM groups that are more than 100 % transparent: drawn opaque.
     SenselessTransparency,
-    /// Encodings of an RVM file that are not known: names are read as UTF-8, or else Latin-1.
+    /// Unknown encodings of an RVM file: names are read as UTF-8, or else Latin-1.
     UnknownEncoding,
-    /// Names in an RVM file that are not in the encoding that it names: read as UTF-8, or else Latin-1.
+    /// Names in an RVM file that are not in its declared encoding: read as UTF-8, or else Latin-1.
     WrongEncoding,
     /// Attribute files beside an RVM file that cannot be read: left out.
     AttributesUnread,
-    /// Lines of attribute files that are no attribute of a group: left out.
+    /// Lines of attribute files that are not an attribute of a group: left out.
     AttributeLineLeftOut,
-    /// Attribute files that name no part of their RVM file: left out.
+    /// Attribute files that match no part of their RVM file: left out.
     AttributesUnmatched,
     /// Warnings beyond [`ImportReport::MOST_WARNINGS`] of a file: counted, not listed.
     Further,
 }
 
 impl ImportReport {
-    /// How many different warnings of a file are listed. A file can make up any number of names.
+    /// How many different warnings of a file are listed. A file can have any number of names.
     pub const MOST_WARNINGS: usize = 1_000;
 
     /// How often each kind of warning came.
@@ -165,27 +165,27 @@ impl ImportReport {
         counts
     }
 
-    /// Notes that something happened `count` more times, to nothing that has a name.
+    /// Notes that something happened `count` more times, without a name.
     pub(super) fn warn(&mut self, kind: WarningKind, count: u64) {
         self.note(kind, "", None, count);
     }
 
-    /// Notes that something happened once to an object; `detail` says with what, or is empty.
+    /// Notes that something happened once to an object; `detail` names its cause, or is empty.
     pub(super) fn warn_of(&mut self, kind: WarningKind, detail: &str, object: &str) {
         self.note(kind, detail, Some(object), 1);
     }
 
-    /// Notes that something happened `count` more times to an object; `detail` says with what, or is empty.
+    /// Notes that something happened `count` more times to an object; `detail` names its cause, or is empty.
     pub(super) fn warn_many(&mut self, kind: WarningKind, detail: &str, object: &str, count: u64) {
         self.note(kind, detail, Some(object), count);
     }
 
-    /// Notes that something happened `count` more times, of which `detail` says with what.
+    /// Notes that something happened `count` more times; `detail` names its cause.
     pub(super) fn warn_about(&mut self, kind: WarningKind, detail: &str, count: u64) {
         self.note(kind, detail, None, count);
     }
 
-    /// Notes that something happened `count` more times, and the first objects that it happened to.
+    /// Notes that something happened `count` more times, with the first affected objects.
     pub(super) fn warn_first(&mut self, kind: WarningKind, detail: &str, objects: &[String], count: u64) {
         objects.iter().for_each(|object| self.note(kind, detail, Some(object), 1));
         self.note(kind, detail, None, count.saturating_sub(objects.len() as u64));
@@ -226,8 +226,7 @@ impl ImportReport {
         }
     }
 
-    /// Adds what the import of one file met, whose name is `file`; what its model has is counted in the
-    /// whole.
+    /// Adds the report of one file, whose name is `file`; the model is counted as a whole.
     pub(super) fn absorb(&mut self, other: Self, file: &str) {
         self.box_mismatches += other.box_mismatches;
         self.parts += other.parts;
@@ -242,16 +241,16 @@ impl Warning {
     pub const OBJECTS: usize = 3;
 }
 
-/// The longest that a name may be in a warning, bytes.
+/// The longest name in a warning, bytes.
 const LONGEST_NAME: usize = 200;
 
-/// A name of a file's own as long as it may be in a warning.
+/// A file's own name, cut to the length for a warning.
 fn cut(name: &str) -> &str {
     name.get(..name.floor_char_boundary(LONGEST_NAME)).unwrap_or(name)
 }
 
 impl fmt::Display for Warning {
-    /// One line: the file, how often, what was done, and to which objects.
+    /// One line: the file, the count, the kind, and the objects.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { kind, file, detail, objects, count } = self;
         write!(f, "{file}: {count} {kind}")?;

@@ -1,5 +1,5 @@
-//! Giant meshes: their parts have levels of their own, which meet without cracks and are as near as they
-//! claim.
+//! Giant meshes: their parts have levels of their own, which meet without cracks and keep their certified
+//! errors.
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
@@ -61,7 +61,7 @@ fn hull(n: u32) -> Mesh {
     mesh
 }
 
-/// `count` octahedra strewn about: a file that knows no parts, or what a scanner saw that is not there.
+/// `count` octahedra strewn about: a file without parts, or noise of a scanner.
 fn rubble(count: u32) -> Mesh {
     let mut mesh = Mesh::default();
     for index in 0..count {
@@ -99,8 +99,8 @@ fn cooked(mut mesh: Mesh, places: &[DVec3]) -> Scene {
     cook(&model, &CookOptions::default(), &()).unwrap()
 }
 
-/// A cut through the tree: `choose` says at which level to draw a node, or to ask its children. Leaves are
-/// drawn at some level.
+/// A cut through the tree: `choose` returns the level at which to draw a node, or none to visit its children.
+/// Leaves are drawn at some level.
 fn cut(scene: &Scene, mut choose: impl FnMut(&Node, &[Drawable]) -> Option<usize>) -> Vec<Drawable> {
     let mut drawn = Vec::new();
     let mut open = vec![0];
@@ -124,7 +124,7 @@ fn triangles(scene: &Scene, drawable: &Drawable) -> Vec<[DVec3; 3]> {
     scene.triangles(drawable).map(|corners| corners.map(place)).collect()
 }
 
-/// The edges that are not run along as often one way as the other: borders and cracks.
+/// The edges not used equally often in both directions: borders and cracks.
 fn open_edges(scene: &Scene, drawn: &[Drawable]) -> usize {
     let mut runs: HashMap<[[u64; 3]; 2], i64> = HashMap::new();
     for [a, b, c] in drawn.iter().flat_map(|drawable| triangles(scene, drawable)) {
@@ -146,7 +146,7 @@ fn random_cut(scene: &Scene, seed: u64) -> Vec<Drawable> {
     })
 }
 
-/// Each part and what lies over parts: nodes of an object that have levels with an error.
+/// Parts and the nodes over them: nodes of an object with levels that have an error.
 fn with_levels(scene: &Scene) -> impl Iterator<Item = (u32, &Node)> {
     let coarse = |node: &Node| node.levels().any(|id| scene.drawables()[id.index()].error > 0.0);
     (0..).zip(scene.nodes()).filter(move |(_, node)| node.object != Node::NONE && coarse(node))
@@ -182,7 +182,7 @@ fn distance_to_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
         .min(distance_to_segment(point, c, a))
 }
 
-/// The farthest that corners and middles of some triangles of `from` are from those of `to`.
+/// The largest distance of corners and middles of some triangles of `from` from those of `to`.
 fn farthest(from: &[[DVec3; 3]], to: &[[DVec3; 3]], samples: usize) -> f64 {
     let some = from.iter().step_by(from.len().div_ceil(samples));
     some.flat_map(|&[a, b, c]| [a, (a + b + c) / 3.0])

@@ -25,8 +25,8 @@ fn samples(mesh: &Triangles, n: usize) -> Vec<Vec3> {
     mesh.iter().flat_map(grid).collect()
 }
 
-/// The farthest that a sample of `a` is from the samples of `b`: below the true distance by the spacing of
-/// `a`, above it by that of `b`.
+/// The largest distance of a sample of `a` from the samples of `b`: below the true distance by at most the
+/// spacing of `a`, above it by that of `b`.
 fn one_sided(a: &Triangles, b: &Triangles, n: usize) -> f32 {
     let to = samples(b, n);
     let nearest = |p: Vec3| to.iter().map(|q| p.distance_squared(*q)).fold(f32::INFINITY, f32::min).sqrt();
@@ -54,7 +54,7 @@ proptest! {
         let n = 24;
         let spacing = longest_edge(&a).max(longest_edge(&b)) / n as f32;
         let (bound, sampled) = (bound(&a, &b), two_sided(&a, &b, n));
-        // Sampling the other mesh finds distances that are too large by at most the spacing.
+        // Sampling the other mesh overestimates distances by at most the spacing.
         prop_assert!(bound >= sampled - spacing, "bound {bound}, sampled {sampled}");
         prop_assert!(bound <= 1.05 * (sampled + spacing) + 1e-4, "bound {bound}, sampled {sampled}");
     }

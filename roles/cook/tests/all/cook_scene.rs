@@ -1,4 +1,4 @@
-//! Whole scenes: what cooking promises about trees, boxes, levels and errors.
+//! Whole scenes: cooking's guarantees about trees, boxes, levels and errors.
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use trimaran_cook::{CookError, CookOptions, cook};
@@ -97,7 +97,7 @@ fn each_object_is_one_subtree_whose_leaves_have_all_its_triangles() {
     assert!(scene.nodes().iter().all(|node| node.child_count <= 8));
 }
 
-/// A mesh of some clusters, placed a thousand times: no node is made where too many would be.
+/// A mesh of some clusters, placed a thousand times: no node is made if there would be too many.
 #[test]
 fn more_nodes_than_allowed_are_refused_with_the_object_that_takes_most() {
     let mut model = rack();
@@ -188,7 +188,7 @@ fn no_point_of_the_finest_geometry_is_farther_from_a_merged_level_than_its_error
         corners.as_chunks::<3>().0.to_vec()
     };
     let is_below = |node: u32, top: u32| scene.ancestors(NodeId(node)).any(|(above, _)| above.0 == top);
-    // The finest level of what is drawn below: that without an error.
+    // The finest levels below: those without an error.
     let merged = scene
         .drawables()
         .iter()
@@ -211,8 +211,7 @@ fn no_point_of_the_finest_geometry_is_farther_from_a_merged_level_than_its_error
                 for point in [a, (a + b) / 2.0, (a + b + c) / 3.0] {
                     let squared =
                         coarse.iter().map(|&t| squared_distance_to(point, t)).fold(f64::INFINITY, f64::min);
-                    // The grid on the coarse triangles finds distances that are too large by at most its
-                    // spacing.
+                    // The grid on the coarse triangles overestimates distances by at most its spacing.
                     let most = f64::from(level.error) + longest / 24.0;
                     assert!(squared.sqrt() <= most, "drawable {id}: {} of {most}", squared.sqrt());
                     checked += 1;
@@ -223,7 +222,7 @@ fn no_point_of_the_finest_geometry_is_farther_from_a_merged_level_than_its_error
     assert!(checked > 100, "{checked}");
 }
 
-/// A level that left out what is far from all else would be useless: as coarse as the way to it.
+/// A level that left out distant parts would be useless: its error would be their distance.
 #[test]
 fn merged_levels_are_small_and_near_what_they_stand_for() {
     let mut model = rack();
@@ -296,7 +295,7 @@ fn a_placement_beyond_single_precision_is_refused_by_name() {
 }
 
 /// Slats of 32 triangles: half of them would be saved, but that is less than a draw costs, and the slats
-/// would part.
+/// would separate.
 #[test]
 fn a_small_part_is_drawn_as_it_is() {
     let mut model = rack();

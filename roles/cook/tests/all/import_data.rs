@@ -1,4 +1,4 @@
-//! Imports real scenes and compares counts with what is known of them. Needs the data folder: see `Data`.
+//! Imports real scenes and compares counts with known ones. Needs the data folder: see `Data`.
 
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use glam::DVec3;
 use trimaran_cook::import::{ImportOptions, Imported, WarningKind, import};
 use trimaran_scene::Attribute;
 
-/// What the whole program's tests on real models use as well.
+/// Shared with the whole program's tests on real models.
 #[path = "../../../../tests/common/data.rs"]
 #[allow(dead_code, unreachable_pub, reason = "each test file uses its part of this")]
 mod data;
@@ -45,7 +45,7 @@ fn town_hall_with_sheared_nodes() {
     assert_eq!(sheared.count(), 22);
     let nodes: HashSet<u32> = model.objects.iter().map(|object| object.source_index).collect();
     assert_eq!(nodes.len(), 2_799);
-    // The parts are placed y down, and the root turns y and z around: the hall stands on its floor.
+    // The parts are placed y down, and the root swaps y and z: the hall stands on its floor.
     let heights = model.objects.iter().map(|object| object.to_world.translation.y);
     let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), y| (low.min(y), high.max(y)));
     assert!(low == 0.0 && (0.49..0.50).contains(&high), "from {low} to {high}");
@@ -66,9 +66,9 @@ fn platform_from_its_review_files() {
     // 129 more have no triangle.
     assert_eq!((report.files, report.objects, report.meshes), (8, 9_720, 9_720));
     assert_eq!(model.sources[3].name, "HA-MECH.RVM");
-    // A tessellator that lets both directions of a torus use up the whole tolerance, evenly all around, makes
-    // 0.92 million; halving the tolerance between them makes 1.03 million. No curve here is large enough
-    // for its tolerance to depend on its size.
+    // With the whole tolerance for each direction of a torus, evenly all around, there would be 0.92 million;
+    // with half of it for each, 1.03 million. No curve here is large enough for its tolerance to depend on
+    // its size.
     assert_eq!(report.triangles, 950_820);
     // Sheared snouts and eccentric pyramids, whose stored boxes are loose; an independent reader finds 232.
     assert!(report.box_mismatches <= 232, "{}", report.box_mismatches);
@@ -87,7 +87,7 @@ fn every_part_has_the_attributes_of_its_own_path() {
     let value = |attributes: &[Attribute], name: &str| {
         attributes.iter().find(|of| *of.name == *name).map(|of| of.value.to_string())
     };
-    // Groups below the file's, and objects. Those with a name of their own say it.
+    // Groups below the file's, and objects. Those with a name of their own have it as attribute.
     let groups = hierarchy.groups.iter().skip(1).map(|group| (&*group.name, &*group.attributes));
     let objects = (0..).zip(&model.objects).map(|(id, of)| (&*of.name, hierarchy.attributes_of(id)));
     let (mut parts, mut own) = (0, 0);
@@ -105,7 +105,7 @@ fn every_part_has_the_attributes_of_its_own_path() {
     assert_eq!(value(&site.attributes, "Description").unwrap(), "PSUP - HC - WEATHER DECK");
 }
 
-/// Small files of kinds that other readers bear: what they say is in the folder's own README.
+/// Small files of kinds that other readers accept, described in the folder's own README.
 #[test]
 fn small_gltf_files_that_other_readers_bear() {
     let Some(data) = Data::find() else { return };

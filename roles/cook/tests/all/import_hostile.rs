@@ -1,5 +1,5 @@
-//! The corpus of the fuzz targets for models and scenes, as it is, cut off, and with bytes, numbers and
-//! measures changed at random: what comes is a sound model or an error.
+//! The corpus of the fuzz targets for models and scenes, unchanged, cut off, and with bytes, numbers and
+//! measures changed at random: the result is a valid model or an error.
 
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -38,7 +38,7 @@ fn every_cut_of_a_binary_file_is_an_error() {
         assert!(import_bytes("a.glb", &glb[..end]).is_err(), "cut at {end}");
     }
     let rvm = input("rvm", "one-of-each-in-two-groups-with-a-colour");
-    // Of the last chunk the letters are enough.
+    // The letters of the last chunk are enough.
     let (rvm, _) = rvm.split_at(rvm.len() - 16);
     let mut cut_behind_all_groups = Vec::new();
     for end in 0..rvm.len() {
@@ -46,7 +46,7 @@ fn every_cut_of_a_binary_file_is_an_error() {
         assert!(imported.report.counts().contains(&(WarningKind::EndMissing, 1)), "cut at {end}");
         cut_behind_all_groups.push(end);
     }
-    // Behind the last group, and before the first letter of the next chunk is whole.
+    // After the last group, before the next chunk's first letter is complete.
     assert!(cut_behind_all_groups.len() <= 4, "{cut_behind_all_groups:?}");
     assert!(cut_behind_all_groups.array_windows().all(|[a, b]| a + 1 == *b), "{cut_behind_all_groups:?}");
 }
@@ -78,7 +78,7 @@ proptest! {
 }
 
 proptest! {
-    // Huge measures make as many triangles as a curve may have: few cases.
+    // Huge measures make the most triangles that a curve may have: few cases.
     #![proptest_config(ProptestConfig { cases: 32, ..Default::default() })]
 
     /// Measures of any size, finite or not.

@@ -1,5 +1,5 @@
-//! Small files that ask for a great deal: each ends in an error that names the file, what asked, and the
-//! remedy; and takes no more memory than [`ImportLimits`] promises.
+//! Small files with huge requests: each ends in an error that names the file, the requester, and the remedy;
+//! and takes no more memory than [`ImportLimits`] promises.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -16,9 +16,9 @@ use crate::import_files::{RvmWriter, floats, glb, import_beside, reals};
 struct Hostile {
     name: &'static str,
     bytes: Vec<u8>,
-    /// What there is too much of; none for a file that is dense but takes nothing that is counted.
+    /// The exceeded limit; none for a file that is dense but takes nothing that is counted.
     asks_for: Option<Resource>,
-    /// What the error says of who asked.
+    /// The requester that the error names.
     user: &'static str,
     /// The attribute file beside it.
     beside: Vec<u8>,
@@ -32,7 +32,7 @@ const LIMITS: ImportLimits = ImportLimits {
     attribute_bytes: 4 << 20,
 };
 
-/// What [`ImportLimits`] promises for a file of so many bytes.
+/// The memory limit that [`ImportLimits`] promises for a file of this many bytes.
 fn promised(file: usize) -> u64 {
     let attributes = 8 * LIMITS.attribute_bytes;
     64 * file as u64
@@ -44,7 +44,7 @@ fn promised(file: usize) -> u64 {
 }
 
 /// A document with the given nodes and primitives. Its accessors: 0 are `vertices` positions, 1 as many
-/// indices; 2 and 3 are as many positions and indices that are all zero and stand nowhere; 4 and 5 are three
+/// indices; 2 and 3 are as many positions and indices, all zero and without bytes; 4 and 5 are three
 /// positions and three indices.
 fn document(nodes: &str, primitives: &str, vertices: usize) -> Vec<u8> {
     let json = format!(
@@ -67,7 +67,7 @@ fn document(nodes: &str, primitives: &str, vertices: usize) -> Vec<u8> {
     glb(&json, &bin)
 }
 
-/// A triangle, and a view of so many elements of 256 bytes, all of them zero and compressed.
+/// A triangle, and a view of this many elements of 256 bytes, all of them zero and compressed.
 fn compressed(count: usize) -> Vec<u8> {
     let packed = meshopt::encode_vertex_buffer(&vec![[0u32; 64]; count]).unwrap();
     let json = format!(
@@ -128,7 +128,7 @@ fn spheres(count: usize, diameter: f32) -> Vec<u8> {
     rvm(|file| (0..count).fold(file, |file, _| file.primitive(9, [0.0; 3], [-1.0; 3], [1.0; 3], &sphere)))
 }
 
-/// Everything that is known to make much of little.
+/// All known ways to make much of little.
 fn hostile() -> Vec<Hostile> {
     let one_node = r#"{"mesh":0}"#;
     let shared = r#"{"attributes":{"POSITION":0}}"#;
@@ -287,7 +287,7 @@ fn primitives_take_what_they_use_of_a_shared_array() {
     assert_eq!(import_hostile(&file).unwrap(), 2_000);
 }
 
-/// Each file in a process of its own, whose peak of memory the system keeps.
+/// Each file in a process of its own, whose peak memory the system records.
 #[cfg(target_os = "linux")]
 #[test]
 fn no_file_takes_more_memory_than_is_promised() {
@@ -299,7 +299,7 @@ fn no_file_takes_more_memory_than_is_promised() {
     };
     if let Ok(number) = std::env::var(NUMBER) {
         let file = hostile().swap_remove(number.parse().unwrap());
-        // What making the files took is not the importer's.
+        // The memory for making the files does not count for the importer.
         std::fs::write("/proc/self/clear_refs", "5").unwrap();
         let before = peak();
         let _refused = import_hostile(&file);

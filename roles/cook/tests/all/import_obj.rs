@@ -1,4 +1,4 @@
-//! OBJ files as exporters write them, and what other readers bear: one test a kind.
+//! OBJ files as exporters write them, with deviations that other readers accept: one test per kind.
 
 use std::io::Write;
 
@@ -27,7 +27,7 @@ fn triangles(imported: &Imported) -> u64 {
     imported.report.triangles
 }
 
-/// A file that is as it should be.
+/// Imports a file that must be without warnings.
 fn clean(text: impl AsRef<[u8]>) -> Imported {
     let imported = read(text);
     assert_eq!(imported.report.warnings, []);
@@ -63,7 +63,7 @@ fn colours(imported: &Imported) -> Vec<[u8; 4]> {
     colours
 }
 
-/// The colours of a triangle in a material that a library says this of.
+/// The colours of a triangle in a material with this library text.
 fn in_material(said: &str) -> Vec<[u8; 4]> {
     let text = format!("mtllib a.mtl\nusemtl m\n{TRIANGLE}");
     colours(&read_beside(&text, &[("a.mtl", &format!("newmtl m\n{said}"))]))
@@ -126,7 +126,7 @@ fn utf16_is_read_with_and_without_its_mark() {
     }
 }
 
-/// Folders of Windows, and letters of Shift-JIS and GBK, whose second byte may be a backslash.
+/// Windows paths, and letters of Shift-JIS and GBK, whose second byte may be a backslash.
 #[test]
 fn a_backslash_at_the_end_of_a_name_joins_no_lines() {
     let named = |word: &str, name: &[u8]| {
@@ -145,7 +145,7 @@ fn a_backslash_at_the_end_of_a_name_joins_no_lines() {
     assert!(warning(&imported).contains("(b.mtl)"), "{:?}", said(&imported));
 }
 
-/// What programs of Windows write for what is no number has a `#` in it.
+/// Windows programs write NaN with a `#` in it.
 #[test]
 fn numbers_that_are_none_cost_their_line() {
     let imported = read(format!("{TRIANGLE}v 0 0 -1.#IND\nv 0 1.#QNAN 0\nf 1 2 4\nf 1 2 5\nf 1 2 3 # 1.\n"));
@@ -177,7 +177,7 @@ fn words_in_any_case_and_marks_within_are_no_other_words() {
     );
 }
 
-/// Fields of fixed width, and stretches that a disk lost.
+/// Fields of fixed width, and stretches lost by a disk.
 #[test]
 fn bytes_of_zero_are_white_space_and_counted() {
     let zeros = "\0".repeat(5000);
@@ -232,7 +232,7 @@ fn objects_alone_and_groups_alone_are_objects() {
         assert_eq!(names(&imported.model), ["unnamed_object", "a b", "d"]);
         assert!(groups(&imported.model).is_empty());
     }
-    // A group that stands above an object does not hold it.
+    // A group above an object does not contain it.
     let imported = clean(format!("{TRIANGLE}g default\no a\nf 1 2 3\no b\nf 1 2 3\n"));
     assert_eq!((names(&imported.model).len(), groups(&imported.model)), (3, vec![]));
 }
@@ -294,7 +294,7 @@ fn materials_that_nothing_defines_are_named_with_their_objects() {
     let said = warning(&imported);
     assert!(said.contains("2 uses of materials that no library defines: drawn grey (\"Steel\")"), "{said}");
     assert!(said.ends_with("first in \"grate\", \"post\""), "{said}");
-    // What stands there but draws nothing is no fault; nor is what programs write for no material.
+    // Statements that draw nothing are no fault; nor is the notation of programs for no material.
     clean(format!("usemtl Steel\nusemtl (null)\n{TRIANGLE}"));
     let many: String = (0..5000).map(|number| format!("usemtl {number}\nf 1 2 3\n")).collect();
     let imported = read(format!("{TRIANGLE}{many}"));
@@ -507,7 +507,7 @@ fn a_face_that_crosses_itself_evenly_is_covered() {
 
 #[test]
 fn every_object_that_is_left_has_a_place_in_the_scene() {
-    // Of no area either, but with a box.
+    // Also without area, but with a box.
     let imported = clean("o line\nv 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\no good\nv 0 1 0\nf 1 2 4\n");
     let scene = cook(&imported.model, &CookOptions::default(), &()).unwrap();
     assert!(scene.objects().iter().all(|object| (object.node as usize) < scene.nodes().len()));
@@ -530,11 +530,11 @@ fn packed_files_are_read() {
         said(&imported)
             .contains(&"a.obj.gz: 1 stretches of bytes behind what gzip packed ignored (8 bytes)".into())
     );
-    // Unpacked by what fetched it.
+    // Unpacked by the downloading program.
     assert_eq!(triangles(&import_bytes("a.obj.gz", TRIANGLE.as_bytes()).unwrap()), 1);
 }
 
-/// Cutting it well would take time by the square of its corners.
+/// Cutting it exactly would take time quadratic in its corners.
 #[test]
 fn a_face_of_very_many_corners_is_drawn() {
     use std::fmt::Write;
@@ -589,7 +589,7 @@ fn a_file_without_an_object_is_told_beside_others_and_refused_alone() {
     assert!(read(&files[2..]).unwrap_err().to_string().starts_with("c.obj has nothing to draw"));
 }
 
-/// How a file may be written without meaning anything else.
+/// Variations of a file with the same meaning.
 #[derive(Debug, Clone)]
 struct Style {
     end: &'static str,

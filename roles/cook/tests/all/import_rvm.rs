@@ -1,4 +1,4 @@
-//! RVM files written by hand: groups, colours, units, and how each fault is told.
+//! RVM files written by hand: groups, colours, units, and the messages for faults.
 
 use glam::{DVec3, Vec3};
 use trimaran_cook::import::{
@@ -68,7 +68,7 @@ fn unit_axis_and_tolerance_are_the_callers() {
     let triangles_at =
         |chord_tolerance| run(ImportOptions { chord_tolerance, ..Default::default() }).report.triangles;
     assert_eq!(triangles_at(1e-4), 158 * 4 - 4);
-    // Finer than a ten-thousandth of the radius is no curve cut.
+    // No curve is cut finer than a ten-thousandth of the radius.
     assert_eq!([triangles_at(1e-5), triangles_at(1e-9)], [223 * 4 - 4; 2]);
 }
 
@@ -114,7 +114,7 @@ fn a_primitive_that_does_not_fill_its_box_is_counted() {
     assert_eq!(import_bytes("a.rvm", &file).unwrap().report.box_mismatches, 2);
 }
 
-/// What was left out or repaired: which, of what, of which objects, and how often.
+/// A warning: its kind, detail, objects and count.
 type Met = (WarningKind, String, Vec<String>, u64);
 
 fn met(imported: &Imported) -> Vec<Met> {
@@ -155,7 +155,7 @@ fn faults_are_told_with_their_place() {
     assert!(matches!(error(&letters), RvmError::Malformed { at: RvmPlace::Byte(at), .. } if at == begun));
 }
 
-/// A chunk says where the next one begins.
+/// A chunk contains the offset of the next one.
 #[test]
 fn a_length_that_points_backwards_or_out_of_the_file_is_an_error() {
     for id in ["PRIM", "WHAT", "CNTE"] {
@@ -239,7 +239,7 @@ fn a_group_that_never_ends_ends_with_its_model() {
     assert_eq!(met(&imported), [of(WarningKind::GroupLeftOpen, "", &["/PUMP", "/SITE"])]);
 }
 
-/// The bytes of the second count from its own beginning, or from that of the file.
+/// The offsets of the second count from its own beginning, or from that of the file.
 #[test]
 fn several_models_behind_one_another_are_all_read() {
     let colour = |index: u8| [word(1), word(5), vec![index, 2, 3, 0]].concat();

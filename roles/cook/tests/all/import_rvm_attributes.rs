@@ -1,4 +1,4 @@
-//! Attribute files beside RVM files: where they are found, how they are read, and whom they speak of.
+//! Attribute files beside RVM files: finding them, reading them, and matching their groups.
 
 use std::path::PathBuf;
 
@@ -29,7 +29,7 @@ fn said(text: &str) -> String {
     FIRST.to_owned() + text
 }
 
-/// Name and value of all that is said of an object.
+/// Name and value of all attributes of an object.
 fn of(imported: &Imported, object: u32) -> Vec<(&str, &str)> {
     imported.model.hierarchy.attributes_of(object).iter().map(|of| (&*of.name, &*of.value)).collect()
 }
@@ -66,12 +66,12 @@ fn attributes_are_found_beside_the_file_and_in_a_folder_of_its_name() {
         let imported = import_beside("a.rvm", &one(), &others).unwrap();
         assert_eq!(of(&imported, 0), [("TYPE", "near")], "{name}");
     }
-    // In the case of letters of another system; of the folder as well.
+    // In another system's case; of the folder as well.
     for name in ["A.Att", "a.Txt", "A/B.att"] {
         let imported = import_beside("a.rvm", &one(), &[(name, near.as_bytes())]).unwrap();
         assert_eq!((of(&imported, 0), warnings(&imported)), (vec![("TYPE", "near")], vec![]), "{name}");
     }
-    // A text that says something else.
+    // A text of another kind.
     let others = [("a.txt", &b"read me"[..]), ("a/b.Att", far.as_bytes()), ("a/c.log", near.as_bytes())];
     let imported = import_beside("a.rvm", &one(), &others).unwrap();
     assert_eq!((of(&imported, 0), warnings(&imported)), (vec![("TYPE", "far")], vec![]));
@@ -123,7 +123,7 @@ fn names_and_values_may_be_in_any_encoding() {
     }
 }
 
-/// Wherever the letters stand: only the first bytes of a file are looked at to know it.
+/// For any position of the letters: only the first bytes of a file identify it.
 #[test]
 fn a_marked_file_is_known_whatever_the_model_is_in() {
     let model = RvmWriter::in_encoding("GBK").open("/A", 2).cuboid([0.0; 3], [1.0; 3]).close().finish();
@@ -157,7 +157,7 @@ fn quotes_and_spaces_around_a_value_or_a_name_are_no_part_of_it() {
     assert_eq!(imported.model.objects[0].name, "/A");
 }
 
-/// The same path twice, as where a file has several models.
+/// The same path twice, as in a file with several models.
 #[test]
 fn parts_of_one_path_share_what_is_said_and_each_copy_counts() {
     let model = file(|file| (0..40).fold(file, |file, _| part(file, "/A").close()));
@@ -198,7 +198,7 @@ fn an_attribute_file_that_cannot_be_used_is_told() {
     );
 }
 
-/// A pipe beside the model would be waited for without end.
+/// Reading a pipe beside the model would never end.
 #[cfg(unix)]
 #[test]
 fn a_pipe_beside_the_file_is_told_and_not_waited_for() {

@@ -1,4 +1,4 @@
-//! The text form of RVM files: what holds for the binary form holds for it.
+//! The text form of RVM files: it behaves like the binary form.
 
 use glam::{DVec3, Vec3};
 use trimaran_cook::import::{ImportError, Imported, RvmError, RvmPlace, WarningKind};
@@ -16,7 +16,7 @@ fn open(name: &str, material: u32) -> String {
 
 const CLOSE: &str = "CNTE\n     1     2\n";
 
-/// A primitive at (1, 2, 3) metres, with what is behind its matrix.
+/// A primitive at (1, 2, 3) metres, with the text after its matrix.
 fn primitive(kind: u32, rest: &str) -> String {
     let rows = "0.001 0.0 0.0 1.0\n0.0 0.001 0.0 2.0\n0.0 0.0 0.001 3.0";
     format!("PRIM\n     1     1\n{kind:6}\n{rows}\n{rest}\n")
@@ -222,7 +222,7 @@ fn blank_lines_may_stand_anywhere() {
         panic!("{error:?}")
     };
     assert_eq!(line as usize, 2 * (text.lines().count() - 3 * 2) + 2);
-    // What should begin a chunk and does not is told.
+    // A line that should begin a chunk and does not causes a warning.
     let lost = text.replacen("PRIM\n     1     1\n", "PRIM\n", 1);
     let imported = read(&lost);
     assert_eq!(imported.report.triangles, 36);

@@ -1,7 +1,7 @@
-//! The scene files among the fuzz targets' inputs: what they are, and how they are made.
+//! The scene files among the fuzz targets' inputs: their properties, and how to make them.
 //!
-//! A change of the format makes them anew:
-//! `cargo test -p trimaran-cook --test all scene_corpus:: -- --ignored`.
+//! Remake them after a change of the format: `cargo test -p trimaran-cook --test all scene_corpus:: --
+//! --ignored`.
 
 use std::fs;
 use std::path::Path;
@@ -20,7 +20,7 @@ const NODES: usize = 0;
 const NAMES: usize = 4;
 const GEOMETRY: usize = 7;
 
-/// What becomes of a file.
+/// The result for a file.
 fn outcome(file: &[u8]) -> &'static str {
     let cause = |cause: &ReadCause| match cause {
         ReadCause::Damaged => "damaged",
@@ -42,7 +42,7 @@ fn outcome(file: &[u8]) -> &'static str {
 /// Makes a file.
 type Make = fn() -> Vec<u8>;
 
-/// Each file, and what becomes of it as it is and with its checksums put right. Broken is all but sound.
+/// Each file, with its results unchanged and with corrected checksums. All but "sound" are broken.
 const FILES: [(&str, [&str; 2], Make); 29] = [
     ("empty", ["cut", "cut"], Vec::new),
     ("only-the-header", ["cut", "cut"], || one_triangle()[..HEADER].to_vec()),
@@ -236,14 +236,14 @@ fn two_objects() -> Vec<u8> {
     cooked(vec![bumps(1), bumps(2)], &in_a_grid(2))
 }
 
-/// The second of two objects is. It is of the newest format.
+/// The second of two objects is see-through. The file is of the newest format.
 fn see_through() -> Vec<u8> {
     let mut glass = bumps(2);
     glass.colours.fill(Rgba8([20, 30, 200, 60]));
     cooked(vec![bumps(1), glass], &in_a_grid(2))
 }
 
-/// A number of so many bytes, little-endian.
+/// A number of this many bytes, little-endian.
 fn number(file: &[u8], at: usize, bytes: usize) -> usize {
     file[at..at + bytes].iter().rev().fold(0, |number, &byte| number << 8 | usize::from(byte))
 }
@@ -258,7 +258,7 @@ fn changed(mut file: Vec<u8>, change: impl FnOnce(&mut [u8])) -> Vec<u8> {
     sealed(&file)
 }
 
-/// The byte in the middle of a page is another one.
+/// Changes the byte in the middle of a page.
 fn damaged(mut file: Vec<u8>, page: usize) -> Vec<u8> {
     let at = entry(&file, page);
     let middle = number(&file, at, 8) + number(&file, at + 8, 4) / 2;
@@ -266,7 +266,7 @@ fn damaged(mut file: Vec<u8>, page: usize) -> Vec<u8> {
     file
 }
 
-/// The file with other pages: bytes, and how long they say they are unpacked.
+/// The file with other pages: their bytes, and their declared unpacked lengths.
 fn with_pages(file: &[u8], change: impl Fn(usize, &[u8]) -> Option<(Vec<u8>, u32)>) -> Vec<u8> {
     let count = number(file, 12, 4);
     let (mut out, mut directory) = (file[..HEADER].to_vec(), file[entry(file, 0)..].to_vec());
@@ -290,7 +290,7 @@ fn with_names(page: &[u8], length: u32) -> Vec<u8> {
     sealed(&file)
 }
 
-/// The same scene, its records as they are within frames of zstd: a changed byte is a changed record.
+/// The same scene with its records uncompressed within zstd frames: a changed byte is a changed record.
 fn not_packed(file: &[u8]) -> Vec<u8> {
     let scene = Scene::open_bytes(Path::new("a.scene"), file).unwrap();
     let names: String = (0..scene.objects().len() as u32).map(|i| scene.object_name(i).unwrap()).collect();
@@ -308,18 +308,18 @@ fn not_packed(file: &[u8]) -> Vec<u8> {
     with_pages(file, |page, _| unpacked.get(page).map(|bytes| (stored(bytes), bytes.len() as u32)))
 }
 
-/// The head of a frame of zstd that says how long its content is (RFC 8878).
+/// The head of a zstd frame with its content's length (RFC 8878).
 fn frame(length: u32) -> Vec<u8> {
     [&[0x28, 0xb5, 0x2f, 0xfd, 0xa0][..], &length.to_le_bytes()].concat()
 }
 
-/// The head of a block: of the bytes as they are (kind 0), or of one byte that is repeated (1).
+/// The head of a block: of raw bytes (kind 0), or of one repeated byte (1).
 fn block_header(last: bool, kind: u32, length: u32) -> [u8; 3] {
     let [a, b, c, _] = (u32::from(last) | kind << 1 | length << 3).to_le_bytes();
     [a, b, c]
 }
 
-/// A frame of zstd with the bytes as they are. There are fewer than 128 KiB.
+/// A zstd frame with raw bytes, fewer than 128 KiB.
 fn stored(bytes: &[u8]) -> Vec<u8> {
     let length = bytes.len() as u32;
     [&frame(length), &block_header(true, 0, length)[..], bytes].concat()

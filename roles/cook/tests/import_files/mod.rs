@@ -89,7 +89,7 @@ impl RvmWriter {
         self.chunk("CNTB", &body)
     }
 
-    /// Opens a group of version 3, which says how transparent it is.
+    /// Opens a group of version 3, which has a transparency.
     pub(crate) fn open_transparent(self, name: &str, material: u32, percent: u8) -> Self {
         let rest = vec![percent, 0, 0, 0];
         let body = [word(3), string(name.as_bytes()), reals(&[0.0; 3]), word(material), rest].concat();

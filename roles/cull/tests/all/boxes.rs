@@ -1,4 +1,4 @@
-//! Boxes hold what is in them, and show wherever it shows.
+//! Boxes contain their nodes' geometry, and are visible wherever it is.
 
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_audit::cases::{Mesh, Object, build, looking};
@@ -66,8 +66,8 @@ fn a_box_that_is_not_finite_is_visible() {
     assert_eq!(maker.prepare(&node), visible, "too large for f32");
 }
 
-/// Cubes, flats, lines and points from far below a pixel to several, anywhere in the picture: before an
-/// empty background both occlusion tests show every one of them.
+/// Cubes, flats, lines and points from far below a pixel to several, anywhere in the picture: before an empty
+/// background both occlusion tests show every one of them.
 #[test]
 fn boxes_of_any_size_and_shape_show_when_nothing_is_before_them() {
     let view = view();
@@ -80,7 +80,7 @@ fn boxes_of_any_size_and_shape_show_when_nothing_is_before_them() {
     let mut answers = Vec::new();
     for index in 0..4000 {
         let y = random.between(2.0, 200.0);
-        // Wholly within the picture, so that the edge of the frustum decides nothing.
+        // Wholly within the picture, so that the edge of the frustum does not matter.
         let place = DVec3::new(random.between(-0.5, 0.5) * y, y, random.between(-0.35, 0.35) * y);
         let size = 0.05 * y * random.between(-12.0, 0.0).exp2();
         let half =
@@ -101,8 +101,8 @@ fn boxes_of_any_size_and_shape_show_when_nothing_is_before_them() {
     }
 }
 
-/// Whatever f32 arithmetic makes of a vertex, the box holds it; sheared, mirrored, scaled and far from
-/// its origin.
+/// The box contains every vertex as f32 arithmetic places it; sheared, mirrored, scaled and far from its
+/// origin.
 #[test]
 fn boxes_hold_their_vertices_as_a_gpu_places_them() {
     let mut random = Random::new(2);

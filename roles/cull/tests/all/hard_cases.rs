@@ -8,8 +8,8 @@ fn case(name: &str) -> Case {
     hard_cases().unwrap().into_iter().find(|case| case.name == name).unwrap()
 }
 
-/// Walks a case with both occlusion tests and both ways to place vertices, asserts that culling is exact in
-/// every frame, and gives the frames of the one with rasterized boxes.
+/// Walks a case with both occlusion tests and both ways to place vertices. Asserts that culling is exact in
+/// every frame, and returns the frames with rasterized boxes.
 fn assert_exact(name: &str) -> Vec<FrameReport> {
     let case = case(name);
     let walk = |testing, placement, epsilon| {
@@ -77,7 +77,7 @@ fn nothing_visible_and_back() {
     let frames = assert_exact("nothing visible, and back");
     let emitted: Vec<usize> = frames.iter().map(|frame| frame.emitted.len()).collect();
     assert_eq!(emitted[1..3], [0, 0]);
-    // After a frame without anything visible there are no occluders: all in the frustum is drawn again.
+    // After a frame with nothing visible there are no occluders: all in the frustum is drawn again.
     assert_eq!((frames[3].occluders.len(), emitted[3]), (0, 2));
 }
 
@@ -94,7 +94,7 @@ fn far_from_the_origin_is_as_at_the_origin() {
 #[test]
 fn a_teleport_culls_nothing_falsely() {
     assert_exact("teleport every frame");
-    // This path teleports every 13 views; the frame after one draws more, and nothing is lost.
+    // This path jumps every 13 views; the frame after a jump draws more, and nothing is lost.
     let frames = assert_exact("origin at 0");
     assert!(frames[13].emitted.len() >= frames[14].emitted.len());
 }

@@ -108,9 +108,8 @@ fn a_box_that_cannot_be_judged_shows() {
     assert_eq!(answers, [0, 1, 1, 1]);
 }
 
-/// A plate of a real platform, seen almost along its side, whose corner falls on pixel centres. The
-/// rasterizer moved the side outwards by a 540th of a pixel; there its depth is 0.5 mm nearer than
-/// any corner.
+/// A plate of a real platform, seen almost edge-on, whose corner falls on pixel centres. The rasterizer moved
+/// the side outwards by a 540th of a pixel; there its depth is 0.5 mm nearer than any corner.
 #[test]
 fn a_side_that_the_rasterizer_moves_past_its_corner_does_not_hide_its_box() {
     let viewport = Viewport::new(384, 384).unwrap();
@@ -135,8 +134,8 @@ fn a_side_that_the_rasterizer_moves_past_its_corner_does_not_hide_its_box() {
     assert_eq!(answers, [1]);
 }
 
-/// A box smaller than a pixel, between the centres of four: it shows if its outline is grown, and misses them
-/// all if that was left to whoever made the box.
+/// A box smaller than a pixel, between the centres of four: it is visible if its outline is grown, and misses
+/// them all if the box itself should have been grown.
 #[test]
 fn outlines_are_grown_where_boxes_are_not() {
     let viewport = Viewport::new(8, 8).unwrap();
@@ -155,7 +154,7 @@ fn outlines_are_grown_where_boxes_are_not() {
 }
 
 /// Boxes with slanted fronts just behind the depth of every pixel: only single pixels hide them. A small one
-/// is looked at to the end; a large one has more pixels than are looked at, and counts as visible.
+/// is tested to the end; a large one exceeds the budget of texels, and counts as visible.
 #[test]
 fn a_box_that_takes_too_long_counts_as_visible() {
     let viewport = Viewport::new(64, 64).unwrap();
@@ -172,7 +171,7 @@ fn a_box_that_takes_too_long_counts_as_visible() {
         let mut front = IdBuffer::new(viewport);
         let [a, b, c] = test_box.axes.map(Vec3::as_dvec3);
         let middle = test_box.centre.as_dvec3() + c;
-        // Beyond its edges as well, so that nothing but the front's slope decides.
+        // Beyond its edges as well, so that only the front's slope decides.
         for [a, b] in [[a, b], [b, -a], [-a, -b], [-b, a]].map(|axes| axes.map(|axis| axis * 20.0)) {
             rasterize_triangle(&view, [middle, middle + a, middle + b], |hit| front.cover(hit));
         }

@@ -1,4 +1,4 @@
-//! What is left out because a narrower picture does not show it.
+//! Drawables removed because a narrower picture does not show them.
 
 use std::collections::BTreeSet;
 

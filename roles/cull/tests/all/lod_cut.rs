@@ -28,7 +28,7 @@ fn a_rule_needs_a_finite_bound_above_zero() {
 
 #[test]
 fn the_coarsest_level_within_the_bound_is_chosen() {
-    // Focal length 50 px, nearest depth 99 m: 1 m is seen as 0.505 px on the axis, a little more with the
+    // Focal length 50 px, nearest depth 99 m: 1 m projects to 0.505 px on the axis, a little more with the
     // box's width.
     let scene = crate_scene(1.0, DVec3::new(0.0, 100.0, 0.0));
     let choice = |epsilon| choose(&scene, NodeId(0), &view(), LodRule::new(epsilon).unwrap());
@@ -58,7 +58,7 @@ fn an_interior_node_above_the_bound_is_refined_though_it_has_a_level() {
 #[test]
 fn the_group_that_looks_largest_is_refined() {
     let half = Vec3::splat(0.5);
-    // Eight crates near the eye, and far off eight as far from each other: four groups of four.
+    // Eight crates near the eye, and eight far off and widely spaced: four groups of four.
     let row = |y: f64| (0..8).map(move |i| DVec3::new(f64::from(i) * 1.5 - 5.25, y, 0.0));
     let objects = row(80.0).chain(row(8.0)).map(|at| Object::new(Mesh::cuboid(-half, half, 1)).at(at));
     let scene = build(&objects.collect::<Vec<_>>(), false).unwrap();
@@ -94,8 +94,8 @@ fn what_is_outside_the_frustum_is_not_of_the_cut() {
     }
 }
 
-/// A short distance at depth z and |p| from the eye is seen at most as f |p| / z^2 times itself: off the axis
-/// as well, the bound is no more than that.
+/// A short distance at depth z and |p| from the eye projects to at most f |p| / z^2 times itself: off the
+/// axis as well, the bound is no more than that.
 #[test]
 fn the_bound_is_tight_for_a_small_box_anywhere_in_the_frustum() {
     let view = looking(DVec3::ZERO, DVec3::Y, 90.0, Viewport::new(200, 100).unwrap(), 0).unwrap();
@@ -114,7 +114,7 @@ fn the_bound_is_tight_for_a_small_box_anywhere_in_the_frustum() {
     }
 }
 
-/// What can be seen of a wall beside the eye is as far away as the edge of the picture.
+/// The visible part of a wall beside the eye is as far away as the edge of the picture.
 #[test]
 fn the_bound_of_a_box_beside_the_frustum_is_that_of_its_part_in_the_frustum() {
     let wall = Mesh::cuboid(Vec3::new(30.0, 1.0, -1.0), Vec3::new(31.0, 300.0, 1.0), 1);
@@ -154,7 +154,7 @@ fn a_box_that_is_not_finite_is_refined() {
     }
 }
 
-/// Any machine must get these very bits.
+/// Any machine must compute exactly these bits.
 #[test]
 fn the_projected_error_has_golden_bits() {
     let orientation = [0.1, -0.2, 0.3, 0.927_361_849_549_570_4];
@@ -170,8 +170,7 @@ fn the_projected_error_has_golden_bits() {
 }
 
 proptest! {
-    /// Nothing in the box, displaced within the box by the error, moves farther on the screen than the bound
-    /// says.
+    /// No point of the box, displaced within it by the error, moves farther on the screen than the bound.
     #[test]
     fn the_bound_holds(seed: u64, fov in 1.0..170.0_f64, half in 0.01..30.0_f32, error in 0.001..20.0_f64) {
         let mut random = Random::new(seed);
@@ -222,7 +221,7 @@ fn what_can_stand_in_is_coarser_within_the_bound_and_of_objects_drawn_alike() {
     assert_eq!(coarser(lod.into(), own[1], 1e9), [own[2], above[0]]);
     assert_eq!(coarser(lod.into(), above[0], 1e9), []);
     assert_eq!(coarser(lod.into(), DrawableId(99), 1e9), []);
-    // A metre is seen as 2.6 px or so.
+    // A metre projects to about 2.6 px.
     assert_eq!(coarser(lod.into(), own[0], 0.1), [own[1]]);
     assert_eq!(coarser(lod.into(), own[0], 1e-3), []);
 

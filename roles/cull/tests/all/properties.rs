@@ -1,4 +1,4 @@
-//! What holds of cuts, occluders and orders in any plant and from anywhere in it.
+//! Properties of cuts, occluders and orders in any plant and from anywhere in it.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -67,7 +67,7 @@ proptest! {
             for width in [1, 2, 8, 64] {
                 let large = cut.large_drawables(width);
                 prop_assert!(large.iter().all(|id| set.contains(id)), "{} nodes a level", width);
-                // Each level refines so many nodes at most, of up to eight children each.
+                // Each level refines at most this many nodes, of up to eight children each.
                 prop_assert!(large.len() <= 8 * width * 32, "{} of {}", large.len(), width);
             }
         }
@@ -113,7 +113,7 @@ proptest! {
             prop_assert!(each.is_subset(&new), "all of them on the new cut");
             let at_once: BTreeSet<DrawableId> = occluders(&scene, &pair[1], rule, &sent).unwrap().into_iter().collect();
             prop_assert_eq!(&each, &at_once, "however they are batched");
-            // Whatever the new cut has on a path of what was sent is due.
+            // All of the new cut on a path of a sent id is due.
             let old_nodes = nodes_of(&scene, &sent);
             for &id in &new {
                 let node = scene.drawables()[id.index()].node;
@@ -221,7 +221,7 @@ fn an_occlusion_test_that_fails_or_miscounts_stops_the_traversal() {
     assert!(matches!(uncounted, CullError::NeedsPixelCount), "{uncounted}");
 }
 
-/// An occlusion test to which every box shows at so many pixels.
+/// An occlusion test that finds every box visible at this many pixels.
 struct Shows(u32);
 
 impl trimaran_cull::OcclusionTest for Shows {

@@ -59,7 +59,7 @@ impl OcclusionTest for Device {
 }
 
 struct Culled {
-    /// What came, each time that something did.
+    /// The output, part by part.
     parts: Vec<Vec<DrawableId>>,
     rounds: u32,
     stats: CullStats,
@@ -121,7 +121,7 @@ fn rounds_hide_what_the_first_one_could_not_and_never_a_pixel() {
             assert!(culled.rounds <= 4);
             hidden_later += culled.stats.hidden_later;
 
-            // The same walk, less what was hidden later, in the same order.
+            // The same traversal, less the drawables hidden later, in the same order.
             let (all, visible) = (one.visible(), culled.visible());
             let mut kept = all.iter().filter(|id| visible.contains(id));
             assert!(visible.iter().all(|id| kept.next() == Some(id)));

@@ -1,5 +1,5 @@
-//! Hidden, isolated and see-through objects, and sections: what the LOD cut makes of them, and that culling
-//! stays exact under them.
+//! Hidden, isolated and see-through objects, and sections: their effect on the LOD cut, and exact culling
+//! with them.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "a test that cannot go on has failed")]
 
 use std::collections::BTreeSet;
@@ -55,7 +55,7 @@ fn object_of(scene: &Scene, id: DrawableId) -> u32 {
     scene.nodes()[scene.drawables()[id.index()].node as usize].object
 }
 
-/// The objects that have something on the cut, each with all that is below a node of several.
+/// The objects with something on the cut, each with all that is below a node of several.
 fn objects_on(scene: &Scene, cut: &[DrawableId]) -> BTreeSet<u32> {
     let mut open: Vec<u32> = cut.iter().map(|id| scene.drawables()[id.index()].node).collect();
     let mut objects = BTreeSet::new();
@@ -83,7 +83,7 @@ proptest! {
             let cut = lod_cut(&scene, view, &rule);
             let shown = objects_on(&scene, &cut);
             prop_assert!(shown.iter().all(|object| state.appearance(*object, false) != Appearance::Hidden));
-            // Coarser levels may bring in objects beside the picture; at the finest ones it is just these.
+            // Coarser levels may bring in objects beside the picture; the finest ones show just these.
             for object in all.iter().filter(|object| state.appearance(**object, false) != Appearance::Hidden) {
                 prop_assert!(shown.contains(object), "object {} is missing", object);
             }
@@ -116,7 +116,7 @@ proptest! {
         }
     }
 
-    /// What sections cut away is not drawn at all where a node is wholly beyond one.
+    /// Nodes wholly beyond a section are not drawn.
     #[test]
     fn sections_cut_pixels_away_and_nodes_beyond_them(seed: u64) {
         let (scene, views) = setting(seed);

@@ -1,4 +1,4 @@
-//! Pictures in a window of the system: copied to its images by the device, without a way through the host.
+//! Pictures in a window of the system: the device copies them to the window's images, without the host.
 
 mod surface;
 mod swapchain;
@@ -14,13 +14,13 @@ use crate::{Gpu, GpuError};
 use surface::{MakeSurface, Surface};
 use swapchain::Swapchain;
 
-/// When a picture that is ready takes the place of the one that is shown.
+/// When a new picture replaces the shown one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum PresentMode {
     /// At the screen's next refresh, each in its turn. Every window has this mode.
     #[default]
     Fifo,
-    /// At the screen's next refresh, the newest one. What is older is never shown.
+    /// At the screen's next refresh, the newest one. Older ones are never shown.
     Mailbox,
     /// At once, in the middle of a refresh as well: the picture may be torn.
     Immediate,
@@ -30,7 +30,7 @@ impl PresentMode {
     /// Every mode.
     pub const ALL: [Self; 3] = [Self::Fifo, Self::Mailbox, Self::Immediate];
 
-    /// Its name, as Vulkan has it.
+    /// Vulkan's name for it.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -52,13 +52,12 @@ impl PresentMode {
 /// A window's inside in pixels of the screen; 0 on both sides while it is minimized.
 pub type WindowSize = [u32; 2];
 
-/// How long a window may have no image to draw to. Then whoever draws looks after other things first.
+/// How long to wait for a free image of a window, before the caller handles other things.
 const ACQUIRE_NS: u64 = 100_000_000;
 
-/// Shows pictures in one window: see [`PicturePass::present`](crate::PicturePass::present).
+/// Presents pictures in one window: see [`PicturePass::present`](crate::PicturePass::present).
 ///
-/// Whatever becomes of the window, resized, minimized, on another screen, its images are made anew where that
-/// is needed.
+/// When the window is resized, minimized or moved to another screen, its images are made anew if necessary.
 pub struct Presenter {
     gpu: Arc<Gpu>,
     loader: khr::swapchain::Device,
@@ -71,25 +70,25 @@ pub struct Presenter {
     acquired: Option<Acquired>,
 }
 
-/// An image of the window that is to be filled.
+/// An image of the window to fill.
 #[derive(Clone)]
 pub(crate) struct Acquired {
-    /// Whose image it is: to be kept until it is filled.
+    /// The owner of the image: kept until the image is filled.
     pub(crate) swapchain: Arc<Swapchain>,
     index: u32,
     pub(crate) image: vk::Image,
     pub(crate) extent: vk::Extent2D,
     /// Signalled when the image may be filled.
     pub(crate) available: vk::Semaphore,
-    /// To be signalled when it is.
+    /// To be signalled when it is filled.
     pub(crate) filled: vk::Semaphore,
 }
 
 impl Presenter {
-    /// Shows pictures of a device, which was [opened for windows](Gpu::open_for_windows), in a window.
+    /// Presents pictures of a device that was [opened for windows](Gpu::open_for_windows).
     ///
     /// # Errors
-    /// If the device cannot show pictures there, or the window has no such mode.
+    /// If the device cannot present there, or the window lacks the mode.
     pub fn new<W>(gpu: &Arc<Gpu>, window: Arc<W>, mode: PresentMode) -> Result<Self, GpuError>
     where
         W: HasDisplayHandle + HasWindowHandle + Send + Sync + 'static,
@@ -106,15 +105,15 @@ impl Presenter {
         Ok(Self { gpu, loader, make_surface, surface, mode, swapchain: None, is_stale: true, acquired })
     }
 
-    /// Takes an image of the window, whose inside is of this size, and gives the size of the picture to draw.
-    /// `None` where nothing can be shown now: the window is minimized, or all its images are in use. Waits a
-    /// tenth of a second at most.
+    /// Acquires an image of the window, whose inner size is given, and returns the size of the picture to
+    /// draw. `None` if nothing can be shown now: the window is minimized, or all its images are in use. Waits
+    /// a tenth of a second at most.
     ///
     /// # Errors
     /// If the device fails.
     pub fn acquire(&mut self, window: WindowSize) -> Result<Option<Viewport>, GpuError> {
         if self.acquired.is_none() {
-            // An image may be too old for the window at once again, while that is being resized.
+            // An image may be outdated again at once, while the window is being resized.
             for _ in 0..3 {
                 if !self.fit(window)? {
                     return Ok(None);
@@ -135,7 +134,7 @@ impl Presenter {
         self.acquired.take()
     }
 
-    /// Shows the image, once it is filled.
+    /// Presents the image, once it is filled.
     pub(crate) fn present(
         &mut self,
         Acquired { swapchain, index, filled, .. }: &Acquired,
@@ -154,7 +153,7 @@ impl Presenter {
         Ok(())
     }
 
-    /// Makes images that fit the window where there are none. Gives whether there are any.
+    /// Makes images that fit the window if there are none. Returns whether there are any.
     fn fit(&mut self, window: WindowSize) -> Result<bool, GpuError> {
         let fits = |swapchain: &Arc<Swapchain>| swapchain.window() == window;
         if !self.is_stale && self.swapchain.as_ref().is_some_and(fits) {
@@ -168,7 +167,7 @@ impl Presenter {
                 drop(old);
                 match Surface::new(&self.gpu, &self.make_surface) {
                     Ok(surface) => self.surface = Arc::new(surface),
-                    // The window itself is gone: its owner will hear of it.
+                    // The window itself is gone: its owner will be told.
                     Err(GpuError::Vulkan { source: vk::Result::ERROR_SURFACE_LOST_KHR, .. }) => {}
                     Err(error) => return Err(error),
                 }
@@ -179,7 +178,7 @@ impl Presenter {
         Ok(!self.is_stale)
     }
 
-    /// Takes an image, if there is a free one.
+    /// Acquires an image, if there is a free one.
     fn take_image(&mut self) -> Result<bool, GpuError> {
         let Some(swapchain) = &self.swapchain else { return Ok(false) };
         let available = swapchain.next_available();
@@ -193,7 +192,7 @@ impl Presenter {
         Ok(usable && self.acquired.is_some())
     }
 
-    /// Remembers what a call has said of the images. Gives whether it has done its work.
+    /// Notes a call's result for the images. Returns whether the call has succeeded.
     fn note(&mut self, said: Result<bool, vk::Result>) -> Result<bool, GpuError> {
         match said {
             Ok(suboptimal) => {

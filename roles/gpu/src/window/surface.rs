@@ -1,4 +1,4 @@
-//! What a device shows pictures on: a window's surface.
+//! A window's surface, for presentation.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use super::PresentMode;
 use crate::error::During as _;
 use crate::{Gpu, GpuError};
 
-/// Makes the surface, of a window that it keeps.
+/// Makes the surface of a window, which it keeps alive.
 pub(super) type MakeSurface = Box<dyn Fn(&Gpu) -> Result<vk::SurfaceKHR, vk::Result> + Send>;
 
 /// The surface of a window.
@@ -20,23 +20,23 @@ pub(super) fn of_window(
     let lost = |_| vk::Result::ERROR_SURFACE_LOST_KHR;
     let (display, handle) = (window.display_handle().map_err(lost)?, window.window_handle().map_err(lost)?);
     let (entry, instance, _) = gpu.platform();
-    // SAFETY: both handles are valid, and stay so as long as the window, which whoever calls keeps for as
-    // long as the surface; the instance has the extensions of the display (`Gpu::open_for_windows`).
+    // SAFETY: both handles are valid, and stay so as long as the window, which the caller keeps for as long
+    // as the surface; the instance has the extensions of the display (`Gpu::open_for_windows`).
     unsafe { ash_window::create_surface(entry, instance, display.as_raw(), handle.as_raw(), None) }
 }
 
-/// A window's surface, and what the device says of it.
+/// A window's surface, and its properties on the device.
 pub(super) struct Surface {
     gpu: Arc<Gpu>,
     loader: khr::surface::Instance,
     handle: vk::SurfaceKHR,
 }
 
-/// The formats of a window's images that are used: what is written to them is sRGB already.
+/// The accepted formats of a window's images: the written values are sRGB already.
 const FORMATS: [vk::Format; 2] = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
 
 impl Surface {
-    /// A surface on which the device can show pictures.
+    /// A surface to which the device can present.
     pub(super) fn new(gpu: &Arc<Gpu>, make: &MakeSurface) -> Result<Self, GpuError> {
         let (entry, instance, physical) = gpu.platform();
         let handle = make(gpu).during("opening a window's surface")?;
@@ -78,14 +78,14 @@ impl Surface {
         Err(GpuError::NoPresentMode { wanted: mode.name(), found })
     }
 
-    /// How large its images are at present, how many there may be, and the like.
+    /// The present size of its images, their possible number, and the like.
     pub(super) fn capabilities(&self) -> Result<vk::SurfaceCapabilitiesKHR, vk::Result> {
         let (_, _, physical) = self.gpu.platform();
         // SAFETY: device and surface are of one instance.
         unsafe { self.loader.get_physical_device_surface_capabilities(physical, self.handle) }
     }
 
-    /// The format of its images, if it has one of those that are used.
+    /// The format of its images, if one of the accepted ones.
     pub(super) fn format(&self) -> Result<Option<vk::Format>, GpuError> {
         let (_, _, physical) = self.gpu.platform();
         // SAFETY: device and surface are of one instance.

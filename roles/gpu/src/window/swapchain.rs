@@ -1,4 +1,4 @@
-//! The images of a window, which take turns in being shown.
+//! A window's swapchain.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -9,11 +9,11 @@ use super::surface::Surface;
 use super::{Acquired, PresentMode, WindowSize};
 use crate::Gpu;
 
-/// Signals of images that were acquired. A picture pass has two pictures under way, and the third one is
-/// waited for before another begins: one more than that is never still in use.
+/// Semaphores of acquired images. A picture pass has two pictures under way, and waits for a third one before
+/// it begins another: so one more than that is never still in use.
 const AVAILABLE: usize = 3;
 
-/// Images of a window of one size. What fills one of them holds an [`Arc`] of it until that is done.
+/// Images of a window of one size. Work that fills one of them holds an [`Arc`] of it until that is done.
 pub(crate) struct Swapchain {
     gpu: Arc<Gpu>,
     loader: khr::swapchain::Device,
@@ -23,15 +23,15 @@ pub(crate) struct Swapchain {
     window: WindowSize,
     available: Vec<vk::Semaphore>,
     next: AtomicUsize,
-    /// One an image: it is acquired again only when what showed it has waited.
+    /// One per image: it is acquired again only after its presentation has waited.
     filled: Vec<vk::Semaphore>,
-    // After the images, which are of it.
+    // Dropped after the images, which belong to it.
     _surface: Arc<Surface>,
 }
 
 impl Swapchain {
-    /// Images for a window that is inside of this size; `None` where it has no inside at present. The images
-    /// of `old` are shown no more.
+    /// Images for a window of this inner size; `None` if that is zero at present. The images of `old` are
+    /// presented no more.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         loader: &khr::swapchain::Device,
@@ -59,8 +59,8 @@ impl Swapchain {
             .present_mode(mode.to_vk())
             .clipped(true)
             .old_swapchain(old.map_or(vk::SwapchainKHR::null(), |old| old.handle));
-        // SAFETY: the surface lives, and what is asked of it is what it has said it can; the old swapchain,
-        // if there is one, is of the same surface or of one that is lost.
+        // SAFETY: the surface lives, and the request is within its capabilities; the old swapchain, if there
+        // is one, is of the same surface or of one that is lost.
         let handle = unsafe { loader.create_swapchain(&info, None) }?;
         // From here on a failure destroys what exists: see `Drop`.
         let mut made = Self {
@@ -105,7 +105,7 @@ impl Swapchain {
         self.available.get(next).copied().unwrap_or_default()
     }
 
-    /// An image that was acquired with this semaphore.
+    /// The image acquired with this semaphore.
     pub(super) fn acquired(self: &Arc<Self>, index: u32, available: vk::Semaphore) -> Option<Acquired> {
         let next = (self.next.load(Ordering::Relaxed) + 1) % AVAILABLE;
         self.next.store(next, Ordering::Relaxed);
@@ -115,7 +115,7 @@ impl Swapchain {
     }
 }
 
-/// The size of the images: the window's own where that knows it, else the one that is asked for.
+/// The size of the images: the window's own if it is defined, else the requested one.
 fn extent(capabilities: &vk::SurfaceCapabilitiesKHR, window: WindowSize) -> vk::Extent2D {
     let known = capabilities.current_extent;
     if known.width != u32::MAX {
@@ -131,7 +131,7 @@ fn extent(capabilities: &vk::SurfaceCapabilitiesKHR, window: WindowSize) -> vk::
     }
 }
 
-/// Nothing behind the window shines through it, where the system lets it say so.
+/// Opaque composition, if the system supports it.
 fn alpha(supported: vk::CompositeAlphaFlagsKHR) -> vk::CompositeAlphaFlagsKHR {
     if supported.contains(vk::CompositeAlphaFlagsKHR::OPAQUE) {
         vk::CompositeAlphaFlagsKHR::OPAQUE
@@ -144,9 +144,9 @@ impl Drop for Swapchain {
     fn drop(&mut self) {
         let Some(device) = self.gpu.to_destroy() else { return };
         let queue = self.gpu.queue();
-        // SAFETY: whatever fills an image holds an `Arc` of this until it is done, so that the queue has
-        // nothing left of it but what shows images; it is locked, and waited for, before they and their
-        // semaphores go. A lost device shows nothing any more.
+        // SAFETY: work that fills an image holds an `Arc` of this until it is done, so that the queue has
+        // only presentations of it left. It is locked, and waited for, before images and semaphores go. A
+        // lost device presents nothing any more.
         unsafe {
             let _lost = device.queue_wait_idle(*queue);
             for semaphore in self.available.iter().chain(&self.filled) {

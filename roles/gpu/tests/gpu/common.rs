@@ -9,16 +9,16 @@ use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, Optional};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{FlatObject, Rgba8, Scene, SceneArrays};
 
-/// An open device that must have nothing to complain of when it goes.
+/// An open device without validation messages when it is dropped.
 pub(crate) struct CheckedGpu(Arc<Gpu>);
 
 impl CheckedGpu {
-    /// A device, or `None` where there is no Vulkan at all and the test may be skipped.
+    /// A device, or `None` if there is no Vulkan at all and the test may be skipped.
     pub(crate) fn open() -> Option<Self> {
         Self::with(GpuOptions::default())
     }
 
-    /// The same, opened in this way, and validated.
+    /// The same, opened with these options, and validated.
     pub(crate) fn with(options: GpuOptions) -> Option<Self> {
         match Gpu::open(&GpuOptions { validation: true, ..options }) {
             Ok(gpu) => Some(Self(gpu)),
@@ -94,12 +94,12 @@ pub(crate) fn upload(gpu: &Arc<Gpu>, objects: &[FlatObject]) -> Arc<GpuScene> {
     GpuScene::new(gpu, &Arc::new(scene(objects))).unwrap()
 }
 
-/// All drawables of a scene of so many objects.
+/// All drawables of a scene of this many objects.
 pub(crate) fn ids(count: usize) -> Vec<DrawableId> {
     (0..count as u32).map(DrawableId).collect()
 }
 
-/// The nearest that anything is seen in these tests, metres.
+/// The near distance of these tests, metres.
 pub(crate) const NEAR: f32 = 0.125;
 
 /// A camera at `eye` that looks along -z, 90 degrees high, into a picture of this size.

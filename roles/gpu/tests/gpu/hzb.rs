@@ -11,7 +11,7 @@ use trimaran_scene::{FlatObject, random::Random};
 use crate::common::{CheckedGpu, ids, lacks_float64, triangles, upload, view, wall};
 use crate::occlusion_tests::{random_box, upright, walls};
 
-/// A device that can test against a pyramid, or `None` where there is none and the test is skipped.
+/// A device that can test against a pyramid, or `None` without one, to skip the test.
 fn open() -> Option<CheckedGpu> {
     CheckedGpu::open().filter(|gpu| !lacks_float64(gpu))
 }
@@ -30,9 +30,9 @@ fn on_host(pass: &mut OccluderPass, view: &View, boxes: &[TestBox]) -> Vec<u32> 
     answers
 }
 
-/// Asserts that host and device say the same of each box behind what is drawn, and gives the answers.
+/// Asserts that host and device agree on each box behind the drawn depth, and returns the answers.
 fn assert_same(pass: &mut OccluderPass, view: &View, boxes: &[TestBox]) -> Vec<u32> {
-    // The device first, so that it does not find what the host has waited for.
+    // The device first, so that it does not benefit from the host's wait.
     let mut answers = vec![9; 7];
     pass.hzb_test().unwrap().test(view, boxes, &mut answers).unwrap();
     let expected = on_host(pass, view, boxes);
@@ -68,7 +68,7 @@ fn random_boxes_get_the_hosts_answers_after_each_part_of_a_frame() {
         let boxes: Vec<_> =
             (0..2400).map(|i| random_box(&mut random, [3.0, 1.0, 0.2, 0.05, 0.01, 0.002][i % 6])).collect();
         let mut before = vec![1; boxes.len()];
-        // As a culler does that draws on within a frame: more depth, and the same boxes again.
+        // Like a culler that adds occluders within a frame: more depth, and the same boxes again.
         for part in [&[][..], &[0, 1], &[2], &[3]] {
             let part: Vec<_> = part.iter().copied().map(DrawableId).collect();
             pass.draw(&part).unwrap();
@@ -82,7 +82,7 @@ fn random_boxes_get_the_hosts_answers_after_each_part_of_a_frame() {
     assert!((all / 5..all * 4 / 5).contains(&hidden), "{hidden} of {all} hidden: the test tests little");
 }
 
-/// Boxes whose answers hang on few texels, on rounding, or on what the projection makes of them.
+/// Boxes whose answers depend on few texels, on rounding, or on the projection's result.
 fn hard_boxes() -> Vec<(&'static str, TestBox)> {
     let turned = |angle: f32, half: Vec3, centre: Vec3| {
         let turn = Mat3::from_rotation_x(angle) * Mat3::from_rotation_y(0.3);
@@ -123,7 +123,7 @@ fn hard_boxes() -> Vec<(&'static str, TestBox)> {
 #[test]
 fn hard_boxes_get_the_hosts_answers() {
     let Some(gpu) = open() else { return };
-    // A thin wall with an edge, a slanted one behind it, and one far away that hides all.
+    // A thin wall with an edge, a slanted one behind it, and a distant one that hides everything.
     let slanted = triangles(&[[-20.0, -20.0, -6.0], [20.0, -20.0, -6.0], [0.0, 20.0, -16.0]]);
     let objects =
         [wall(Vec3::new(0.0, 0.0, -4.0), 3.0, 3.0), slanted, wall(Vec3::new(0.0, 0.0, -25.0), 99.0, 99.0)];
@@ -154,8 +154,8 @@ fn hard_boxes_get_the_hosts_answers() {
     }
 }
 
-/// Slanted plates just behind a slanted wall, which only single pixels hide: small ones are looked at to the
-/// end, large ones take more texels than are looked at. Somewhere between them one takes the very last.
+/// Slanted plates just behind a slanted wall, which only single pixels hide. Small ones are tested to the
+/// end, large ones exceed the budget of texels. Somewhere between them one takes the very last texel.
 #[test]
 fn plates_that_take_all_texels_there_are_get_the_hosts_answers() {
     let Some(gpu) = open() else { return };
@@ -177,8 +177,8 @@ fn plates_that_take_all_texels_there_are_get_the_hosts_answers() {
     assert!((1000..5000).contains(&hidden), "{hidden} of {} hidden", boxes.len());
 }
 
-/// Boxes whose outline, as far as it is grown, ends exactly at the centre of the one column that is open: the
-/// last bit of sums and products says whether they show.
+/// Boxes whose grown outline ends exactly at the centre of the one open column: the last bit of sums and
+/// products decides whether they are visible.
 #[test]
 fn boxes_that_rounding_decides_on_get_the_hosts_answers() {
     let Some(gpu) = open() else { return };
@@ -230,7 +230,7 @@ fn batches_of_any_size_and_pictures_that_change_theirs_get_the_hosts_answers() {
     assert!(matches!(error, GpuError::OtherSize { .. }), "{error}");
 }
 
-/// On a driver for the CPU without f64, as SwiftShader.
+/// On a CPU driver without f64, such as SwiftShader.
 #[test]
 fn a_device_without_f64_says_so() {
     let Some(gpu) = CheckedGpu::open().filter(|gpu| lacks_float64(gpu)) else { return };

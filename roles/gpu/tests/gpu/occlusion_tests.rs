@@ -30,7 +30,7 @@ pub(crate) fn random_box(random: &mut Random, size: f64) -> TestBox {
     }
 }
 
-/// Walls at odd places, upright and slanted, that hide about half of what is behind them.
+/// Walls at odd places, upright and slanted, that hide about half of the space behind them.
 pub(crate) fn walls() -> Vec<FlatObject> {
     let slanted = triangles(&[[-5.0, -5.0, -4.0], [5.0, -5.0, -9.0], [0.0, 6.0, -7.0]]);
     vec![
@@ -40,7 +40,7 @@ pub(crate) fn walls() -> Vec<FlatObject> {
     ]
 }
 
-/// What each occlusion test says of `boxes` behind `occluders`.
+/// The answers of each occlusion test on `boxes` behind `occluders`.
 struct Answers {
     reference: Vec<u32>,
     query: Vec<u32>,
@@ -57,7 +57,7 @@ fn ask(gpu: &CheckedGpu, scene: &Arc<Scene>, view: &View, boxes: &[TestBox]) -> 
     let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();
     pass.begin(view).unwrap();
     pass.draw(&all).unwrap();
-    // Not finished: a occlusion test waits by itself for what was drawn.
+    // Not finished: an occlusion test waits for pending draws by itself.
     let (mut query, mut raster) = (Vec::new(), Vec::new());
     pass.query_test().unwrap().test(view, boxes, &mut query).unwrap();
     pass.raster_test().unwrap().test(view, boxes, &mut raster).unwrap();
@@ -92,7 +92,7 @@ fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
     }
 }
 
-/// As culling in rounds does.
+/// Like culling in rounds.
 #[test]
 fn occluders_can_be_added_after_boxes_were_tested() {
     let Some(gpu) = CheckedGpu::open() else { return };
@@ -126,7 +126,7 @@ fn occluders_can_be_added_after_boxes_were_tested() {
     assert!(!with_hzb || part.1 != together.1);
 }
 
-/// A pass whose views change their size answers as one that was made for each of them.
+/// A pass with views of changing size answers like new ones for each.
 #[test]
 fn pictures_that_change_their_size_get_the_answers_of_new_ones() {
     let Some(gpu) = CheckedGpu::open() else { return };
@@ -234,7 +234,7 @@ fn batches_of_any_size_are_answered_in_order() {
     pass.raster_test().unwrap().test(&view, &boxes, &mut all).unwrap();
     assert_eq!(all.len(), boxes.len());
     for count in [0, 1, 2, 999, 1000, 1001, 4500] {
-        // What was in the answers before must not stay.
+        // Earlier content of the answers must not stay.
         let (mut query, mut raster) = (vec![9; 7], vec![9; 7]);
         pass.query_test().unwrap().test(&view, &boxes[..count], &mut query).unwrap();
         pass.raster_test().unwrap().test(&view, &boxes[..count], &mut raster).unwrap();

@@ -1,4 +1,4 @@
-//! What the passes draw, pixel by pixel.
+//! The passes' output, pixel by pixel.
 
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_cull::{Image, Viewport};
@@ -174,7 +174,7 @@ fn no_draws_give_the_background() {
     occluders.begin(&view).unwrap();
     occluders.draw(&ids(1)).unwrap();
     occluders.finish().unwrap();
-    // Nothing of the frame before may be left.
+    // Nothing of the frame before may remain.
     occluders.begin(&view).unwrap();
     occluders.draw(&[]).unwrap();
     occluders.finish().unwrap();

@@ -1,5 +1,5 @@
-//! What sections cut away in the three passes: the reference's pixels, and nothing in the occluders' depth
-//! that the picture lacks.
+//! Sections in the three passes: the pixels equal the reference's, and the occluders' depth has nothing that
+//! the picture lacks.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub(crate) fn plane(location: DVec3, direction: DVec3) -> Section {
     Section::Plane(SectionPlane::new(location.to_array(), direction.to_array()).unwrap())
 }
 
-/// None to three planes and boxes through the scene. One box in two ends where walls do.
+/// Up to three planes and boxes through the scene. One box in two ends at walls.
 pub(crate) fn random_sections(random: &mut Random, scene: &Scene) -> Sections {
     let (min, max) = scene.nodes()[0].world_box();
     let count = random.below(4);
@@ -45,7 +45,7 @@ fn a_plane_cuts_walls_in_every_pass_and_shows_what_is_behind() {
     let walls = [2.0, 4.0].map(|distance| wall(Vec3::new(0.0, 0.0, -distance), 99.0, 99.0));
     let mut passes = Passes::new(&gpu, Arc::new(scene(&walls)));
     let slanted = Sections::new(&[plane(DVec3::new(0.0, 0.0, -2.0), DVec3::new(1.0, 0.0, 1.0))]).unwrap();
-    // Other sizes with every frame, and whole frames among them.
+    // Other sizes with every frame, including whole frames.
     for size in [16, 64, 4, 32] {
         let whole = view(size, size, DVec3::ZERO);
         let alone = ids(2).into_iter().map(|id| passes.draw(&whole, &[id])).collect::<Vec<_>>();
@@ -65,7 +65,7 @@ fn a_plane_cuts_walls_in_every_pass_and_shows_what_is_behind() {
             assert_eq!(drawn.items[i][0], shows.map_or(ItemImage::BACKGROUND, |wall| wall as u32), "{at}");
             assert!(near(drawn.depth[i]) && near(drawn.occluders[i]), "{at}");
             let expected = shows.map_or(BACKGROUND, |wall| alone[wall].pixels[i]);
-            // Another shader may round a colour otherwise.
+            // Another shader may round a colour differently.
             assert!(drawn.pixels[i].iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= 1), "{at}");
         }
     }
@@ -76,7 +76,7 @@ fn six_boxes_keep_what_is_in_all_of_them() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let mut passes = Passes::new(&gpu, Arc::new(scene(&[wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)])));
     let all = DVec3::splat(50.0);
-    // Each bounds another side, at -1 or 1 metre; the last ones are not left out.
+    // Each bounds another side, at -1 or 1 metre, to check that the last ones are used.
     let kept = |axis: usize, sign: f64| {
         let (mut low, mut high) = (-all, all);
         *if sign < 0.0 { &mut low[axis] } else { &mut high[axis] } = sign;
@@ -112,7 +112,7 @@ fn planes_as_far_as_numbers_go_cut_everything_or_nothing() {
     }
 }
 
-/// Rounding alone says which pixels of it are cut away.
+/// Only rounding decides which of its pixels are cut away.
 #[test]
 fn of_a_surface_in_the_plane_itself_the_occluders_draw_no_more_than_the_picture() {
     let Some(gpu) = CheckedGpu::open() else { return };
@@ -157,7 +157,7 @@ fn random_sections_cut_a_plant_as_the_reference_does_and_the_occluders_are_no_mo
         cut_pixels += drawn.items.len();
         margin += drawn.occluders.iter().zip(&drawn.depth).filter(|(a, b)| a != b).count();
     }
-    // Surfaces that touch tie within f32's rounding, and so do those that lie in a section's plane.
+    // Surfaces that touch tie within f32's rounding, and so do those in a section's plane.
     assert!(differing * 500 < pixels, "{differing} of {pixels} pixels differ");
     assert!(margin * 100 < cut_pixels, "the occluders' margin costs {margin} of {cut_pixels} pixels");
     assert!(changed * 5 > pixels, "sections change {changed} of {pixels} pixels: the test tests little");

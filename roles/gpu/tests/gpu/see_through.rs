@@ -1,4 +1,4 @@
-//! Drawables of which the rest shines through.
+//! See-through drawables.
 
 use glam::{DVec3, Vec3};
 use trimaran_audit::cases::{plant, plant_views};
@@ -10,7 +10,7 @@ use trimaran_scene::{FlatObject, Rgba8, random::Random};
 use crate::common::{CheckedGpu, upload, view, wall};
 use crate::sections::{plane, random_sections};
 
-/// What a picture shows, and how far it is there.
+/// A picture and its depth.
 #[derive(Debug, Clone, PartialEq)]
 struct Picture {
     pixels: Vec<[u8; 4]>,
@@ -44,7 +44,7 @@ fn blend(over: [u8; 4], under: [u8; 4]) -> [f32; 3] {
     [mix(0), mix(1), mix(2)]
 }
 
-/// Asserts that the pixel has this colour but for `steps` of rounding.
+/// Asserts that the pixel has this colour within `steps` of rounding.
 fn assert_near(pixel: [u8; 4], expected: [f32; 3], steps: f32, what: &str) {
     let near = pixel.iter().zip(expected).all(|(&got, expected)| (f32::from(got) - expected).abs() <= steps);
     assert!(near, "{what}: {pixel:?} for {expected:?}");
@@ -157,7 +157,7 @@ fn sections_cut_panes_too() {
     for i in 0..through.pixels.len() {
         if i % 16 < 8 {
             let expected = uncut.pixels[i];
-            // Another shader may round a colour otherwise.
+            // Another shader may round a colour differently.
             assert!(through.pixels[i].iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= 1), "pixel {i}");
             assert_ne!(through.pixels[i], wall.pixels[i]);
         } else {
@@ -166,7 +166,7 @@ fn sections_cut_panes_too() {
     }
 }
 
-/// Culling leaves out what is hidden.
+/// Culling leaves out hidden panes.
 #[test]
 fn a_picture_is_the_same_to_the_bit_without_the_panes_that_are_hidden() {
     let Some(gpu) = CheckedGpu::open() else { return };
@@ -201,7 +201,7 @@ fn a_picture_is_the_same_to_the_bit_without_the_panes_that_are_hidden() {
     assert!(hidden > 50 && seen > 50, "{hidden} hidden, {seen} seen: the test tests little");
 }
 
-/// Glass of a model that lets more through than what a user makes see-through.
+/// The model's glass may be more transparent than a user's see-through objects.
 #[test]
 fn a_smaller_alpha_of_the_colour_is_the_share() {
     let clear = 51;

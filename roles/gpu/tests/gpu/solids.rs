@@ -1,4 +1,4 @@
-//! Solids, of which the passes draw the front alone: the picture of both sides.
+//! Solids, drawn with only their fronts, look the same as with both sides.
 
 use std::sync::Arc;
 
@@ -33,14 +33,14 @@ fn heap(random: &mut Random) -> Vec<FlatObject> {
         .collect()
 }
 
-/// The passes over all objects, of which these sides show.
+/// The passes over all objects, with these visible sides.
 fn passes(gpu: &CheckedGpu, objects: &[FlatObject], sides: Sides) -> Passes {
     let mut arrays = SceneArrays::flat(objects);
     arrays.drawables.iter_mut().for_each(|drawable| drawable.sides = sides);
     Passes::new(gpu, Arc::new(Scene::from_arrays(arrays).unwrap()))
 }
 
-/// At how many pixels another object shows. None is lost.
+/// The number of pixels that show another object. None is lost.
 fn differing_pixels(both: &mut Passes, other: &mut Passes, view: &View, all: &[DrawableId]) -> usize {
     let [both, other] = [both.draw(view, all), other.draw(view, all)];
     for (both, other) in both.items.iter().zip(&other.items) {
@@ -72,7 +72,7 @@ fn solids_look_the_same_from_anywhere_outside_of_them_and_inside() {
 fn what_is_open_below_looks_the_same_from_above_and_from_below() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let mut random = Random::new(32);
-    // Upright cubes without their lower faces, which stand apart: nothing else hides what is in them.
+    // Upright cubes without their lower faces, spaced apart so that nothing else hides their insides.
     let objects: Vec<_> = (0..9)
         .map(|i| {
             let place = DVec3::new(f64::from(i % 3) * 2.0 - 2.0, 0.0, f64::from(i / 3) * 2.0 - 2.0);
@@ -139,7 +139,7 @@ fn a_solid_is_drawn_from_both_sides_where_the_eye_is_in_it_or_something_opens_it
     let cut = outside.with_sections(Sections::new(&[plane(DVec3::Z, DVec3::Z)]).unwrap());
     let drawn = front.draw(&cut, &ids(1));
     assert!(drawn == both.draw(&cut, &ids(1)) && drawn != front.draw(&outside, &ids(1)));
-    // Seen through.
+    // See-through.
     let through = |passes: &mut Passes| {
         passes.picture.begin(&outside).unwrap();
         passes.picture.draw_see_through(&ids(1)).unwrap();

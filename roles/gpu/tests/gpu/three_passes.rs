@@ -1,4 +1,4 @@
-//! The three passes over one scene, and what they draw of the same ids.
+//! The three passes over one scene, and their output for the same ids.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub(crate) struct Passes {
     items: ItemPass,
 }
 
-/// What they draw of the same ids, row by row.
+/// Their output for the same ids, row by row.
 #[derive(PartialEq)]
 pub(crate) struct Drawn {
     pub(crate) occluders: Vec<f32>,
@@ -56,7 +56,7 @@ impl Passes {
         }
     }
 
-    /// At how many pixels the items are not the reference's.
+    /// The number of pixels at which the items differ from the reference's.
     pub(crate) fn differing(&self, view: &View, ids: &[DrawableId], drawn: &Drawn) -> usize {
         let expected = rasterize(&self.scene, view, ids.iter().copied(), Placement::Single);
         let expected = expected.ids().iter().map(|id| id.map_or(NOTHING, |id| [id.drawable.0, id.triangle]));
@@ -65,7 +65,7 @@ impl Passes {
 }
 
 impl Drawn {
-    /// Asserts what holds of passes that draw the same ids.
+    /// Asserts the properties of passes that draw the same ids.
     pub(crate) fn check(&self, at: &str) {
         for (i, (&occluder, &depth)) in self.occluders.iter().zip(&self.depth).enumerate() {
             assert!(occluder <= depth, "{at}, pixel {i}: an occluder at {occluder}, the picture at {depth}");

@@ -1,5 +1,4 @@
-//! Whole walks on the device: occluders, culling and item buffer, on the hard cases that the CPU reference
-//! walks too.
+//! Whole walks on the device: occluders, culling and ID buffer, on the same hard cases as the CPU reference.
 
 use std::sync::Arc;
 
@@ -22,7 +21,7 @@ enum TestKind {
     Query,
     Raster,
     Pyramid,
-    /// The pyramid on the device, where it can be.
+    /// The pyramid on the device, if supported.
     DevicePyramid,
 }
 
@@ -38,7 +37,7 @@ struct Walk<'g> {
     _gpu: &'g CheckedGpu,
 }
 
-/// What a frame drew, and what should have shown.
+/// A frame's drawables, and those that should be visible.
 struct Frame {
     culled: ItemImage,
     truth: ItemImage,
@@ -111,7 +110,7 @@ impl<'g> Walk<'g> {
     }
 }
 
-/// Walks a case and asserts that culling changes no pixel; gives what was drawn of what was in the cut.
+/// Walks a case and asserts that culling changes no pixel; returns the drawn share of the cut.
 fn assert_exact(gpu: &CheckedGpu, case: &Case, occlusion_test: TestKind) -> (usize, usize) {
     let (mut drawn, mut whole) = (0, 0);
     for epsilon in [0.5, 4.0] {
@@ -179,7 +178,7 @@ fn culling_by_the_depth_pyramid_gives_the_same_ids_on_host_and_device() {
     }
 }
 
-/// Other objects hidden, other sections and another error bound with every frame.
+/// Other hidden objects, other sections and another error bound with every frame.
 #[test]
 fn culling_is_exact_whatever_is_hidden_or_cut_away_with_every_occlusion_test() {
     let Some(gpu) = CheckedGpu::open() else { return };

@@ -28,7 +28,7 @@ fn sheet(n: u32, x: f32, y: f32, z: f32) -> FlatObject {
     FlatObject { indices: (0..n * n).flat_map(square).collect(), ..triangles(&corners) }
 }
 
-/// So many sheets at several depths, some before others; each takes about 40 kB.
+/// This many sheets at several depths, some before others; each takes about 40 kB.
 fn sheets(count: u32) -> Scene {
     let sheet = |i: u32| {
         let (x, y) = ((i * 5 % 7) as f32 * 0.6 - 2.0, (i * 3 % 5) as f32 * 0.7 - 1.7);
@@ -92,7 +92,7 @@ fn a_frame_is_begun_while_the_last_one_still_holds_all_of_the_memory() {
     let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
     let [first, second] = [&front, &back].map(|ids| picture(&mut pass, &view, ids));
     assert!(first != second);
-    // As a display does that prepares a frame while the last one is drawn.
+    // Like a display that prepares a frame while the last one is drawn.
     pass.begin(&view).unwrap();
     pass.draw(&front).unwrap();
     pass.flush().unwrap();
@@ -159,7 +159,7 @@ fn a_drawable_larger_than_the_memory_is_an_error_that_says_how_much_it_takes() {
         }
         other => panic!("{other:?}"),
     }
-    // What fits can still be drawn.
+    // Drawables that fit can still be drawn.
     assert!(picture(&mut pass, &view, &[DrawableId(0)]).iter().any(|pixel| pixel[..3] != [0; 3]));
 }
 
@@ -185,7 +185,7 @@ fn a_damaged_piece_is_an_error_of_the_frame_that_needs_it() {
     assert!(matches!(fault.cause, ReadCause::Changed), "{fault:?}");
     assert!(fault.bytes.contains(&(end * 3 / 4)), "{fault}");
     assert!(fault.to_string().contains("sheets.scene"), "{fault}");
-    // What is on the device already is drawn as before.
+    // Geometry on the device is drawn as before.
     assert!(picture(&mut pass, &view, &ids[..1]) == before);
 }
 
@@ -229,7 +229,7 @@ proptest! {
         let mut occluders = OccluderPass::new(&drawn[1], view.viewport()).unwrap();
         for frame in &frames {
             let ids: Vec<DrawableId> = frame.iter().copied().map(DrawableId).collect();
-            // Occluders first, not waited for, as of a display that culls for itself.
+            // Occluders first, not waited for, as in a display that culls for itself.
             occluders.begin(&view).unwrap();
             occluders.draw(&ids).unwrap();
             occluders.flush().unwrap();

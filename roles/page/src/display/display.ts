@@ -93,7 +93,7 @@ export class Display {
   #newestFound = 0;
   #view: { version: number; state: ViewState };
   #latency = 0;
-  /** When the newest set came, and the time since the one before. */
+  /** When the newest set came, and how long it took after the one before. */
   #came = 0;
   #interval = 0;
   #geometryLatency = 0;

@@ -16,7 +16,7 @@ const FASTEST_FALL = 30;
 const SMOOTH = 0.09;
 
 export class Walk {
-  /** Where the feet are. */
+  /** The position of the feet. */
   readonly feet: Point;
   /** Metres a second upwards. */
   #rise = 0;

@@ -22,7 +22,7 @@ export function chooseUnit(chosen: Unit): void {
   }
 }
 
-/** A length of so many metres, in whole millimetres or as fine in feet and inches. */
+/** A length of this many metres, in whole millimetres or as fine in feet and inches. */
 export function lengthText(metres: number, unit: Unit): string {
   return written(metres, unit, moreDigits(metres));
 }

@@ -1,10 +1,10 @@
 //! Seeded camera paths through a scene: walks at eye height.
 //!
-//! Places to start are drawn near objects, each object as likely as another, so that walks begin where the
-//! detail is; of them the one with the best view in the densest crowd is taken. From there the walker's reach
-//! is explored cell by cell, with stairs and doors, and a line through it is walked, looking to the side
-//! where there is most to see. A scene without floors is hovered through in the same way; one without any
-//! room to move in is circled from outside.
+//! Candidate starts are drawn near objects, with equal probability per object, so that walks begin where the
+//! detail is. The one with the best view in the densest surroundings is taken. From there the reachable
+//! ground is explored cell by cell, with stairs and doors, and a line through it is walked, looking to the
+//! side with most to see. In a scene without floors the walker hovers; one without any room to move in is
+//! circled from outside.
 
 use glam::DVec3;
 use thiserror::Error;
@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{Node, Scene, random::Random};
 
-/// What path to make.
+/// The options of an automatic path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AutoPathOptions {
     /// Equal seeds make equal paths through equal scenes.
@@ -55,8 +55,8 @@ pub enum PathKind {
 /// A camera path and how it was made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AutoPath {
-    /// The path, with a near plane at half the clearance: whatever the walker keeps clear of is not cut
-    /// open, up to a field of view of 100 degrees either way.
+    /// The path, with a near plane at half the clearance, so that it cuts nothing open, up to a field of view
+    /// of 100 degrees either way.
     pub path: PosePath,
     /// How the camera moves.
     pub kind: PathKind,
@@ -64,7 +64,7 @@ pub struct AutoPath {
     /// part or a toy: a fifteenth of its diagonal, or four times the diagonal of its median object,
     /// whichever is less.
     pub eye_height: f64,
-    /// No surface comes nearer to an eye than this, metres: 0.15 eye heights.
+    /// The least distance between an eye and any surface, metres: 0.15 eye heights.
     pub clearance: f64,
     /// Metres moved in a frame at full speed: 1.4 m/s at 30 frames a second for an eye height of 1.7 m.
     pub step: f64,
@@ -77,7 +77,7 @@ pub enum AutoPathError {
     /// An eye height that is not a length.
     #[error("the eye height is {0}; it must be a positive finite number of metres")]
     EyeHeight(f64),
-    /// No frames, or a field of view that no camera has.
+    /// There are no frames, or the field of view is out of range.
     #[error("no walk can be made with these options")]
     Options(#[from] PathError),
 }
@@ -86,21 +86,21 @@ pub enum AutoPathError {
 const HUMAN: f64 = 1.7;
 /// Scenes of at least this diagonal are of human scale, metres.
 const HUMAN_SCENE: f64 = 25.0;
-/// The leaves whose sizes are looked at, at most.
+/// The most leaves whose sizes are measured.
 const MOST_MEASURED: u32 = 1 << 16;
 /// Candidates for a place to start.
 const CANDIDATES: usize = 160;
-/// Cells to explore from a start.
+/// The most cells to explore from a start.
 const CELLS: usize = 1500;
-/// A start that reaches fewer cells than this is a trap.
+/// A start with fewer reachable cells than this is a dead end.
 const FEWEST_CELLS: usize = 24;
 /// Starts to explore before giving up.
 const STARTS: usize = 12;
 
-/// Makes a camera path through a scene. Never fails for the scene's sake: see [`PathKind`].
+/// Makes a camera path through a scene. Every scene has one: see [`PathKind`].
 ///
 /// # Errors
-/// If the options make no path.
+/// If the options are invalid.
 pub fn auto(scene: &Scene, options: &AutoPathOptions) -> Result<AutoPath, AutoPathError> {
     if let Some(height) = options.eye_height.filter(|h| !(h.is_finite() && *h > 0.0)) {
         return Err(AutoPathError::EyeHeight(height));
@@ -126,7 +126,7 @@ fn natural_eye_height(scene: &Scene) -> f64 {
     if scene_diagonal >= HUMAN_SCENE || scene_diagonal == 0.0 {
         return HUMAN;
     }
-    // Of a large scene some leaves tell as well as all.
+    // In a large scene a sample of the leaves suffices.
     let step = scene.leaf_count().div_ceil(MOST_MEASURED).max(1);
     let leaves = (0..scene.leaf_count()).step_by(step as usize).filter_map(|leaf| scene.leaf(leaf));
     let mut diagonals: Vec<f64> = leaves.map(|(_, leaf)| diagonal(leaf)).filter(|&d| d > 0.0).collect();
@@ -140,7 +140,7 @@ fn diagonal(node: &Node) -> f64 {
     min.distance(max)
 }
 
-/// Looks for ground to walk on.
+/// Searches for ground to walk on.
 struct Explorer<'a> {
     space: &'a Space<'a>,
     body: Body,
@@ -174,7 +174,7 @@ impl Explorer<'_> {
         Some(poses)
     }
 
-    /// The ground around the first of the starts that is no trap.
+    /// The ground around the first start that is no dead end.
     fn flood(&self, starts: &mut impl Iterator<Item = DVec3>) -> Option<Flood> {
         starts
             .map(|start| Flood::from(self.space, &self.body, start, CELLS))
@@ -207,16 +207,16 @@ impl Explorer<'_> {
             Footing::Air => Some(at),
             Footing::Floor => {
                 let floor = self.space.ray(at, DVec3::NEG_Y, 4.0 * height)?.distance;
-                // From inside a solid the ray finds its underside: stand anew on what is really below the
-                // eye.
+                // From inside a solid the ray finds its underside: stand on the real floor below the eye
+                // instead.
                 self.body.stand(self.space, at + DVec3::Y * (height - floor))
             }
         }
     }
 
-    /// How much there is to see and to be hidden by: what the best view is worth, times the logarithm of the
-    /// number of objects near. Inside a closed tank it is low, in a full room high. `None` in the air
-    /// where there is next to nothing: such a place is better seen from outside.
+    /// The interest of a place: the worth of its best view, times the logarithm of the number of objects
+    /// near. Inside a closed tank it is low, in a full room high. `None` in the air with next to nothing
+    /// near: such a place is better seen from outside.
     fn interest(&self, eye: DVec3) -> Option<f64> {
         let crowd = self.space.crowd(eye, 4.0 * self.body.eye_height, 1000);
         let desert = self.body.footing == Footing::Air && crowd < 4;
@@ -257,7 +257,7 @@ mod tests {
     use trimaran_cook::Model;
     use trimaran_cook::generate::{PlantOptions, plant};
 
-    /// Asserts what every path promises: its frames, their clearance all along the way, one teleport.
+    /// Asserts the guarantees of every path: its frames, their clearance all along the way, one teleport.
     fn check(scene: &Scene, made: &AutoPath, options: &AutoPathOptions) {
         let frames = made.path.frames();
         assert_eq!(frames.len(), options.frames as usize);

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::{Pose, PoseError};
 
-/// A camera path: at least one frame, and a field of view that a camera can have.
+/// A camera path: at least one frame, and a valid field of view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PosePath {
     vfov_deg: f64,
@@ -23,29 +23,29 @@ pub enum PathError {
     /// The text is not JSON, or a value in it has the wrong type; the cause names line and column.
     #[error("the path is not the JSON of a walk")]
     Json(#[from] serde_json::Error),
-    /// A path without frames leads nowhere.
+    /// The path has no frames.
     #[error("the path has no frames; give at least one in `frames`")]
     NoFrames,
-    /// The vertical field of view is not one of a perspective camera.
+    /// The vertical field of view is out of range.
     #[error("`vfov_deg` is {0}; it must lie between 0.00115 and 179.99885 degrees")]
     FieldOfView(f64),
-    /// The near distance is not one of a camera.
+    /// The near distance is out of range.
     #[error("`near` is {0}; it must be a positive finite number of metres")]
     Near(f64),
     /// The picture has no pixels.
     #[error("`width` x `height` is {0} x {1}; neither may be 0")]
     Size(u32, u32),
-    /// A frame holds no pose.
+    /// A frame has no valid pose.
     #[error("frame {frame} of the path is unusable")]
     Frame {
         /// Its index in `frames`, from 0.
         frame: usize,
-        /// What is wrong with it.
+        /// The error.
         source: PoseError,
     },
 }
 
-/// What the file holds; keys that are not listed here are ignored.
+/// The file's content; other keys are ignored.
 #[derive(Deserialize)]
 struct RawPath {
     width: Option<u32>,
@@ -66,7 +66,7 @@ impl PosePath {
     /// A path with a vertical field of view of `vfov_deg` degrees.
     ///
     /// # Errors
-    /// If there are no frames, or the field of view is not one of a perspective camera.
+    /// If there are no frames, or the field of view is out of range.
     pub fn new(vfov_deg: f64, frames: Vec<Pose>) -> Result<Self, PathError> {
         // The range of a camera's field of view: its half-angle's tangent lies in 1e-5 ..= 1e5.
         if !(0.001_15..=179.998_85).contains(&vfov_deg) {
@@ -101,12 +101,11 @@ impl PosePath {
         Ok(Self { size: Some((width, height)), ..self })
     }
 
-    /// Reads a path: `{"vfov_deg": .., "frames": [{"eye": [x, y, z], "forward": [..], "up": [..]}, ..]}`,
-    /// with `width`, `height` (pixels, only together) and `near` (metres) if it likes. Other keys are
-    /// ignored.
+    /// Reads a path: `{"vfov_deg": .., "frames": [{"eye": [x, y, z], "forward": [..], "up": [..]}, ..]}`, and
+    /// optionally `width`, `height` (pixels, only together) and `near` (metres). Other keys are ignored.
     ///
     /// # Errors
-    /// Says what is wrong and names the frame and the vector.
+    /// The error, with the frame and the vector.
     pub fn from_json(text: &str) -> Result<Self, PathError> {
         let raw: RawPath = serde_json::from_str(text)?;
         let frames = raw
@@ -125,7 +124,7 @@ impl PosePath {
         Ok(path)
     }
 
-    /// Writes the path as [`Self::from_json`] reads it. Every number survives bit for bit.
+    /// Writes the path for [`Self::from_json`]. Every number survives bit for bit.
     #[must_use]
     pub fn to_json(&self) -> String {
         let frames: Vec<Value> = self
@@ -147,7 +146,7 @@ impl PosePath {
             path["width"] = json!(width);
             path["height"] = json!(height);
         }
-        // One frame a line: a path is read and compared by people too.
+        // One frame per line, for people who read and compare paths.
         path.to_string().replace("},{", "},\n{")
     }
 
@@ -239,7 +238,7 @@ mod tests {
         }
     }
 
-    /// The folder of real data, or nothing where tests may do without it.
+    /// The folder of real data, or nothing if tests may do without it.
     fn data() -> Option<PathBuf> {
         let folder = env::var_os("TRIMARAN_DATA").map(PathBuf::from).filter(|f| f.join("truth").is_dir());
         assert!(

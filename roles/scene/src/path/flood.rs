@@ -1,4 +1,4 @@
-//! The ground a walker can reach: cells of a lattice, each linked to the one it was first reached from.
+//! A walker's reachable ground: cells of a lattice, each linked to the one from which it was first reached.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -11,13 +11,13 @@ use super::space::Space;
 pub(super) struct Body {
     /// Height of the eye above the floor.
     pub(super) eye_height: f64,
-    /// No surface comes nearer to the eye than this.
+    /// The least distance between the eye and any surface.
     pub(super) clearance: f64,
-    /// Whether it needs a floor, or hovers at the height it starts at.
+    /// Whether it needs a floor, or hovers at its starting height.
     pub(super) footing: Footing,
 }
 
-/// What carries the walker.
+/// The walker's support.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Footing {
     Floor,
@@ -25,12 +25,12 @@ pub(super) enum Footing {
 }
 
 impl Body {
-    /// From cell to cell of the lattice.
+    /// The lattice spacing.
     pub(super) fn stride(&self) -> f64 {
         self.eye_height / 4.0
     }
 
-    /// The most that the floor may rise or fall over one stride: a slope of 43 degrees, steeper than stairs.
+    /// The largest rise or fall of the floor over one stride: a slope of 43 degrees, steeper than stairs.
     fn rise(&self) -> f64 {
         self.stride() * 0.95
     }
@@ -47,9 +47,9 @@ impl Body {
         }
     }
 
-    /// Whether the walker can move its eye straight from one point to another: nothing comes within the
-    /// clearance of the eye's path, nor (nearer in) of the waist's and the shins'. A walker in the air
-    /// has only its eye.
+    /// Whether the walker can move its eye straight between two points: nothing is within the clearance of
+    /// the eye's path, nor within smaller ones of the waist's and the shins'. A hovering walker has only its
+    /// eye.
     pub(super) fn passes(&self, space: &Space<'_>, from: DVec3, to: DVec3) -> bool {
         let free = |down: f64, clearance: f64| {
             let down = DVec3::Y * (down * self.eye_height);
@@ -70,7 +70,7 @@ impl Body {
     }
 }
 
-/// Where a walker can get to from one point.
+/// The ground reachable from one point.
 #[derive(Debug)]
 pub(super) struct Flood {
     cells: Vec<Cell>,
@@ -86,7 +86,7 @@ struct Cell {
 }
 
 impl Flood {
-    /// Explores from `start`, an eye that stands, until nothing new is in reach or `most` cells are known.
+    /// Explores from `start`, a standing eye, until nothing new is reachable or `most` cells are known.
     pub(super) fn from(space: &Space<'_>, body: &Body, start: DVec3, most: usize) -> Self {
         let mut flood = Self { cells: vec![Cell { eye: start, parent: 0, depth: 0 }] };
         let mut known: HashMap<(i32, i32), Vec<usize>> = HashMap::from([((0, 0), vec![0])]);
@@ -130,7 +130,7 @@ impl Flood {
         (0..self.cells.len()).max_by_key(|&cell| self.cells[cell].depth).unwrap_or(0)
     }
 
-    /// The eyes along the way from one cell to another, through the cell from which both were reached.
+    /// The eyes along the path from one cell to another, through the cell from which both were reached.
     pub(super) fn way(&self, from: usize, to: usize) -> Vec<DVec3> {
         let (mut up, mut down) = (vec![from], vec![to]);
         let (mut a, mut b) = (from, to);

@@ -1,4 +1,4 @@
-//! Where to look: the sides from which much can be seen, near and far, rather than a wall close by.
+//! Chooses the viewing direction: towards sides with much to see, near and far, rather than a wall close by.
 
 use std::{collections::BTreeSet, f64::consts::TAU};
 
@@ -12,15 +12,14 @@ const COLUMNS: usize = 24;
 const LEANS: [f64; 3] = [-0.35, 0.0, 0.35];
 /// Columns to each side of the middle one that count as one view: 75 degrees in all.
 const HALF_VIEW: usize = 2;
-/// How much of a view's worth turning to it may cost, a radian: a gaze that has found something stays with
-/// it.
+/// The cost of turning, per radian, so that the gaze does not change for a small gain.
 const TURNING: f64 = 3.0;
 
-/// What rays from one place meet, all around.
+/// The hits of rays from one place, all around.
 #[derive(Debug)]
 pub(super) struct Panorama {
     columns: Vec<[Option<Hit>; LEANS.len()]>,
-    /// Surfaces nearer than this fill the view and show nothing.
+    /// Surfaces nearer than this block the view.
     close: f64,
     reach: f64,
 }
@@ -36,13 +35,13 @@ impl Panorama {
         Self { columns: (0..COLUMNS).map(column).collect(), close: 0.6 * eye_height, reach }
     }
 
-    /// What the best view from here is worth.
+    /// The worth of the best view from here.
     pub(super) fn best(&self) -> f64 {
         (0..COLUMNS).map(|column| self.worth(column)).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// The direction with the best view among those at most 1.2 radians off `heading`, a little better if it
-    /// is near `gaze`. All are angles from +z towards +x.
+    /// The direction with the best view within 1.2 radians of `heading`, with a bonus near `gaze`. All are
+    /// angles from +z towards +x.
     pub(super) fn look(&self, heading: f64, gaze: f64) -> f64 {
         let near = |column: &usize| wrapped(yaw(*column) - heading).abs() <= 1.2;
         let worth = |column| self.worth(column) - TURNING * wrapped(yaw(column) - gaze).abs();
@@ -50,8 +49,8 @@ impl Panorama {
         best.map_or(heading, yaw)
     }
 
-    /// What there is to see around a column: each object once, each ray by how far it goes. Emptiness is
-    /// worth nothing, a surface close by less than nothing.
+    /// The worth of the view around a column: each object once, each ray by its length. Emptiness is worth
+    /// nothing, a close surface less than nothing.
     fn worth(&self, middle: usize) -> f64 {
         let columns = (COLUMNS + middle - HALF_VIEW..=COLUMNS + middle + HALF_VIEW).map(|c| c % COLUMNS);
         let hits: Vec<Hit> =
@@ -95,8 +94,8 @@ mod tests {
     fn the_gaze_turns_from_a_wall_to_what_stands_beyond() {
         let scene = wall_and_posts();
         let panorama = Panorama::around(&Space::new(&scene), DVec3::ZERO, 1.7);
-        // One column away from the wall, it is out of arm's reach and a post in view; the next column shows
-        // another post, for more turning than it is worth.
+        // One column away from the wall, it is out of reach and a post in view; the next column shows another
+        // post, for more turning than it is worth.
         assert_eq!(panorama.look(0.0, 0.0), yaw(1));
         assert!(panorama.worth(1) > panorama.worth(0) + 3.0 && panorama.worth(2) > panorama.worth(1));
         assert_eq!(panorama.look(0.0, yaw(3)), yaw(3), "a gaze on the posts stays");

@@ -1,12 +1,12 @@
-//! One pose of a camera path: where the camera stands and where it looks.
+//! One pose of a camera path: an eye and a viewing direction.
 
 use glam::{DMat3, DQuat, DVec3};
 use thiserror::Error;
 use trimaran_proto::{Camera, CameraError, FrameNumber};
 
-/// A pose: eye and directions in world space. Always turns into a proper camera frame: everything is finite
-/// and up is not parallel to forward. Forward and up need not be unit vectors, nor perpendicular; they are
-/// kept as given, so that a file written again is the file that was read.
+/// A pose: eye and directions in world space. It always makes a valid camera frame: everything is finite and
+/// up is not parallel to forward. Forward and up need not be unit vectors, nor perpendicular; they are kept
+/// as given, so that writing a file again reproduces it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     eye: DVec3,
@@ -33,13 +33,13 @@ pub enum PoseError {
 }
 
 impl Pose {
-    /// Below this sine of the angle between forward and up there is no telling where right is.
+    /// Below this sine of the angle between forward and up, the right direction is undefined.
     const LEAST_SINE: f64 = 1e-6;
 
-    /// A pose at `eye` (world, metres) that looks along `forward` with `up` upwards in the picture.
+    /// A pose at `eye` (world, metres), looking along `forward`, with `up` upwards in the picture.
     ///
     /// # Errors
-    /// Names the vector that cannot be used.
+    /// The name of the invalid vector.
     pub fn new(eye: DVec3, forward: DVec3, up: DVec3) -> Result<Self, PoseError> {
         for (name, vector) in [("eye", eye), ("forward", forward), ("up", up)] {
             if !vector.is_finite() {

@@ -1,4 +1,4 @@
-//! From places to frames: walking a line at a steady speed, turning smoothly.
+//! Makes frames from places: walks a line at a steady speed, turning smoothly.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use super::{
 };
 use crate::random::Random;
 
-/// Paces at which the walker moves.
+/// The walker's speeds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
     /// Metres a frame.
@@ -20,7 +20,7 @@ pub(super) struct Pace {
 }
 
 /// A line of eyes through a flood, at least `length` metres long if the ground allows: to the farthest cell,
-/// then on to random ones. Corners that need not be are cut.
+/// then on to random ones. Needless corners are cut.
 pub(super) fn line(
     space: &Space<'_>,
     body: &Body,
@@ -44,8 +44,7 @@ pub(super) fn line(
     line
 }
 
-/// The same way with fewer corners: from each point straight to the farthest of the next ones that can be
-/// walked to.
+/// The same path with fewer corners: from each point straight to the farthest of the next ones within reach.
 fn shortcut(space: &Space<'_>, body: &Body, way: &[DVec3]) -> Vec<DVec3> {
     const AHEAD: usize = 24;
     let mut line: Vec<DVec3> = way.first().copied().into_iter().collect();
@@ -65,9 +64,9 @@ fn shortcut(space: &Space<'_>, body: &Body, way: &[DVec3]) -> Vec<DVec3> {
     line
 }
 
-/// Walks a line in `frames` frames. The gaze turns to where `look` says, given the eye, the angle of the way
-/// ahead and the gaze's own; it swings a little from side to side, and the walker waits while the way lies
-/// behind. At the end of the line it stands and looks around.
+/// Walks a line in `frames` frames. `look` chooses the gaze from the eye, the angle of the path ahead and the
+/// present gaze; it swings a little from side to side. The walker waits while the path lies behind it. At the
+/// end of the line it stands and looks around.
 pub(super) fn walk(
     line: &[DVec3],
     frames: usize,
@@ -75,7 +74,7 @@ pub(super) fn walk(
     random: &mut Random,
     look: impl Fn(DVec3, f64, f64) -> f64,
 ) -> Vec<Pose> {
-    /// Looks are chosen every so many frames.
+    /// The number of frames between choices of a gaze.
     const GLANCE: usize = 10;
     let lengths: Vec<f64> = line
         .windows(2)
@@ -113,7 +112,7 @@ pub(super) fn walk(
             }
             let turn = wrapped(view + swing - gaze);
             gaze += turn.clamp(-pace.turn, pace.turn);
-            // Full speed while the way lies ahead or aside, none while it lies behind.
+            // Full speed while the path lies ahead or aside, none while it lies behind.
             let off = wrapped(aim - gaze).abs();
             distance += pace.step * (2.4 - off).clamp(0.0, 1.0);
             let (sine, cosine) = libm::sincos(gaze);

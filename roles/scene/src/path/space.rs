@@ -1,4 +1,4 @@
-//! Where there is room in a scene: rays and clearances against its finest geometry.
+//! Free space in a scene: rays and clearances against its finest geometry.
 
 use std::{
     cell::{Cell, RefCell},
@@ -11,12 +11,11 @@ use glam::{DMat3, DVec3};
 use super::triangles::{Triangles, ray_box, ray_triangle, segment_triangle};
 use crate::{Node, NodeId, Scene};
 
-/// Answers what a walker asks of a scene: what is along a ray, how near is the nearest surface. Distances are
-/// in metres, in the world frame, against the finest level of every leaf.
+/// A walker's queries to a scene: the hit of a ray, and the distance to the nearest surface. Distances are in
+/// metres, in the world frame, against the finest level of every leaf.
 ///
-/// The scene's own tree leads to the leaves; a mesh gets a tree of its triangles when a query first comes
-/// near it, once for all its instances. A leaf whose matrix cannot be inverted counts as solid throughout its
-/// box.
+/// The scene's own tree leads to the leaves; a mesh gets a tree of its triangles on the first query near it,
+/// once for all its instances. A leaf whose matrix cannot be inverted counts as solid throughout its box.
 #[derive(Debug)]
 pub struct Space<'a> {
     scene: &'a Scene,
@@ -24,12 +23,12 @@ pub struct Space<'a> {
     meshes: RefCell<HashMap<u32, Rc<Triangles>>>,
 }
 
-/// What a ray met.
+/// The hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// How far away, metres.
+    /// The distance, metres.
     pub distance: f64,
-    /// The leaf that was met.
+    /// The leaf hit.
     pub leaf: NodeId,
 }
 
@@ -118,7 +117,7 @@ impl<'a> Space<'a> {
     fn leaf_ray(&self, node: &Node, origin: DVec3, direction: DVec3, limit: f64, entry: f64) -> Option<f64> {
         let linear = node.linear().as_dmat3();
         let Some(inverse) = inverse(linear) else { return Some(entry) };
-        // An affine map keeps the multiple of the direction at which they meet.
+        // An affine map preserves the hit's multiple of the direction.
         let (origin, direction) = (inverse * (origin - node.origin()), inverse * direction);
         let reciprocal = direction.recip();
         let nearest = Cell::new(None);
@@ -142,8 +141,8 @@ impl<'a> Space<'a> {
         let linear = node.linear().as_dmat3();
         let Some(inverse) = inverse(linear) else { return 0.0 };
         let (from, to) = (from - node.origin(), to - node.origin());
-        // The box, in the local frame, of all that is within `limit` of the segment: a ball there is an
-        // ellipsoid, whose extent along an axis is the length of the inverse's row.
+        // The box, in the local frame, of the segment grown by `limit`: a ball there is an ellipsoid, whose
+        // extent along an axis is the length of the inverse's row.
         let (a, b) = (inverse * from, inverse * to);
         let rows = inverse.transpose();
         let reach = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length()) * limit;
@@ -213,7 +212,7 @@ mod tests {
     #[test]
     fn a_singular_leaf_is_solid() {
         let mut model = boxes(&[([2.0, -1.0, -1.0], [3.0, 1.0, 1.0])]);
-        // Invertible in f64, as a model must be, and no longer so in the f32 of a scene.
+        // Invertible in f64, as a model must be, but not in the scene's f32.
         model.objects[0].to_world = DAffine3::from_scale(DVec3::new(1e-60, 1e-60, 1.0));
         let scene = uncooked(&model);
         let space = Space::new(&scene);

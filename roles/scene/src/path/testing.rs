@@ -6,7 +6,7 @@ use trimaran_cook::{Mesh, Model, Object, Rgba8, Source};
 
 use crate::{FlatObject, Scene, SceneArrays};
 
-/// A scene with every object of the model at its finest level only.
+/// A scene with every object of the model, only at its finest level.
 pub(crate) fn uncooked(model: &Model) -> Scene {
     let flat = |object: &Object| {
         let Mesh { positions, indices, .. } = model.meshes[object.mesh as usize].clone();

@@ -1,4 +1,4 @@
-//! The triangles of one mesh in a box tree, and the distances a walker asks for.
+//! The triangles of one mesh in a box tree, with a walker's distance queries.
 
 use glam::{DVec3, Vec3};
 
@@ -87,15 +87,14 @@ fn centre(triangle: &Triangle, axis: usize) -> f32 {
 /// not.
 pub(super) fn ray_box(origin: DVec3, inverse: DVec3, min: DVec3, max: DVec3) -> (f64, f64) {
     let (a, b) = ((min - origin) * inverse, (max - origin) * inverse);
-    // Where the line lies in a face, zero times infinity is not a number: that axis then does not limit the
-    // line at all.
+    // If the line lies in a face, zero times infinity is NaN: then that axis does not limit the line at all.
     let undecided = (a + b).is_nan_mask();
     let near = DVec3::select(undecided, DVec3::NEG_INFINITY, a.min(b));
     let far = DVec3::select(undecided, DVec3::INFINITY, a.max(b));
     (near.x.max(near.y).max(near.z), far.x.min(far.y).min(far.z))
 }
 
-/// Where a ray meets a triangle, either side of it, as a multiple of `direction` (Moeller and Trumbore 1997).
+/// The hit of a ray on a triangle, from either side, in lengths of `direction` (Moeller and Trumbore 1997).
 pub(super) fn ray_triangle(origin: DVec3, direction: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);

@@ -1,4 +1,4 @@
-//! From arrays to the bytes of a cooked file: the same arrays always make the same bytes.
+//! Encodes arrays as a cooked file: the same arrays always make the same bytes.
 
 use bytemuck::{NoUninit, Zeroable};
 use rayon::prelude::*;
@@ -8,16 +8,16 @@ use super::geometry::GeometryPlace;
 use super::layout::{Entry, Firsts, Header, MAGIC, OLDEST, Section, Totals, VERSION};
 use super::{Drawable, Extent, Geometry, Node, SceneArrays, SceneError, hierarchy_bytes};
 
-/// Pieces of geometry fill a page until it has so many bytes: reading one of them reads and checks them all.
+/// The size from which a page of geometry counts as full: reading one piece reads and checks its whole page.
 const GEOMETRY_PAGE: usize = 32 << 10;
 
 /// zstd's level: higher ones gain little on pages of this size, and cook longer.
 const ZSTD_LEVEL: i32 = 3;
 
-/// Begins a frame that zstd skips; its length follows (RFC 8878, 3.1.2).
+/// Begins a zstd skippable frame; its length follows (RFC 8878, 3.1.2).
 const SKIPPED: u32 = 0x184D_2A50;
 
-/// A page: its bytes in the file, and what the directory says of it.
+/// A page: its bytes in the file, and its directory entry.
 struct Page {
     bytes: Vec<u8>,
     entry: Entry,
@@ -96,8 +96,8 @@ fn count(what: &'static str, count: usize) -> Result<u32, SceneError> {
     number.ok_or(SceneError::TooMany { what, count })
 }
 
-/// Works out what depends on all that is above or below a node. Children stand after their parents, so one
-/// pass comes to all above first, and one from the end to all below.
+/// Computes the fields that depend on ancestors or descendants. Children stand after their parents, so one
+/// pass from the front visits ancestors first, and one from the end descendants.
 fn set_sums(nodes: &mut [Node]) {
     nodes.par_iter_mut().for_each(|node| {
         node.reach = node.own_reach();
@@ -122,7 +122,7 @@ fn set_sums(nodes: &mut [Node]) {
     }
 }
 
-/// Tells each object its node: the first of its nodes, as its parts stand after it.
+/// Sets each object's node: the first of its nodes, as its parts stand after it.
 fn set_nodes(arrays: &mut SceneArrays) {
     let SceneArrays { nodes, objects, .. } = arrays;
     objects.iter_mut().for_each(|object| object.node = Node::NONE);
@@ -133,7 +133,7 @@ fn set_nodes(arrays: &mut SceneArrays) {
     }
 }
 
-/// Works out what the objects of each group take.
+/// Computes the extents of each group's objects.
 fn set_extents(arrays: &mut SceneArrays) -> Result<(), SceneError> {
     let SceneArrays { nodes, drawables, objects, hierarchy, .. } = arrays;
     hierarchy.check(objects.len() as u32)?;
@@ -194,7 +194,7 @@ fn records<T: NoUninit + Sync>(records: &[T], section: Section) -> Vec<Page> {
     pages.map(|page| Page::packed(bytemuck::cast_slice(page), section)).collect()
 }
 
-/// Says in the directory what the nodes of each page begin with.
+/// Sets the first numbers of each page of nodes in the directory.
 fn set_firsts(pages: &mut [Page], nodes: &[Node]) {
     let mut firsts = Firsts::START;
     for (page, nodes) in pages.iter_mut().zip(nodes.chunks(Section::Nodes.per_page())) {
@@ -217,9 +217,9 @@ fn totals(arrays: &SceneArrays) -> Totals {
 
 impl Page {
     fn packed(unpacked: &[u8], section: Section) -> Self {
-        // Into a vector zstd always packs: there is room, and the level is one that it has.
+        // Packing into memory does not fail: there is room, and the level is valid.
         let mut bytes = zstd::bulk::compress(unpacked, ZSTD_LEVEL).unwrap_or_default();
-        // Names that are all alike are packed tighter than a reader unpacks: a frame that zstd skips follows.
+        // All-equal names pack more tightly than readers accept: a skippable frame follows as padding.
         let missing = section.least_packed(unpacked.len()).saturating_sub(bytes.len());
         if missing > 0 {
             bytes.extend_from_slice(&SKIPPED.to_le_bytes());
@@ -245,8 +245,8 @@ impl Page {
     }
 }
 
-/// The see-through objects, if there are any: how many runs of numbers, and each as `ObjectSet` codes it.
-/// Then the sources' names: each a length and that many bytes of UTF-8. All numbers are u32, little-endian.
+/// The see-through objects, if there are any: the number of runs, then each as `ObjectSet` codes it. Then the
+/// sources' names: each a length and that many bytes of UTF-8. All numbers are u32, little-endian.
 fn encode_sources(sources: &[String], see_through: &ObjectSet) -> Vec<u8> {
     let mut bytes = Vec::new();
     if !see_through.is_empty() {
@@ -261,8 +261,8 @@ fn encode_sources(sources: &[String], see_through: &ObjectSet) -> Vec<u8> {
     bytes
 }
 
-/// The reverse of [`encode_sources`] in a file of this version and so many objects; `None` if the bytes are
-/// not such a list.
+/// The reverse of [`encode_sources`] in a file of this version with this many objects; `None` if the bytes
+/// are invalid.
 pub(super) fn decode_sources(
     mut bytes: &[u8],
     version: u32,

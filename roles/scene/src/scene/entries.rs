@@ -1,4 +1,4 @@
-//! How what drawing needs of drawables travels: packed, several at a time.
+//! The wire format of drawables' records: packed, several at a time.
 //!
 //! Numbers that rise or repeat are written as differences, in the order given, and then the bytes of all
 //! entries column by column: first the first byte of each, and so on. Entries that are near each other have
@@ -20,12 +20,12 @@ pub const MOST_ENTRIES: usize = 256;
 const LEVEL: i32 = 3;
 const SIZE: usize = size_of::<DrawableEntry>();
 
-/// The bytes are no packed entries.
+/// The bytes are not valid packed entries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the records of drawables cannot be unpacked")]
 pub struct EntriesError;
 
-/// Packs entries: as many as there are up to [`MOST_ENTRIES`], and those behind are left out.
+/// Packs entries: the first [`MOST_ENTRIES`]; later ones are ignored.
 #[must_use]
 pub fn pack_entries(entries: &[DrawableEntry]) -> Vec<u8> {
     let entries = entries.get(..MOST_ENTRIES).unwrap_or(entries);
@@ -37,15 +37,15 @@ pub fn pack_entries(entries: &[DrawableEntry]) -> Vec<u8> {
     let columns: Vec<u8> =
         (0..SIZE).flat_map(|column| rows.iter().skip(column).step_by(SIZE).copied()).collect();
     let mut packed = (entries.len() as u16).to_le_bytes().to_vec();
-    // Packing into memory fails only for want of memory.
+    // Packing into memory fails only if memory runs out.
     packed.extend(zstd::bulk::compress(&columns, LEVEL).unwrap_or_default());
     packed
 }
 
-/// Unpacks what [`pack_entries`] has made. What it allocates is bounded by [`MOST_ENTRIES`].
+/// Unpacks the output of [`pack_entries`]. Its allocation is bounded by [`MOST_ENTRIES`].
 ///
 /// # Errors
-/// If the bytes are anything else.
+/// If the bytes are invalid.
 pub fn unpack_entries(packed: &[u8]) -> Result<Vec<DrawableEntry>, EntriesError> {
     let (count, packed) = packed.split_first_chunk().ok_or(EntriesError)?;
     let count = usize::from(u16::from_le_bytes(*count));
@@ -73,7 +73,7 @@ pub fn unpack_entries(packed: &[u8]) -> Result<Vec<DrawableEntry>, EntriesError>
     Ok(entries)
 }
 
-/// Changes the numbers of an entry by those of the one before it.
+/// Changes the numbers of an entry by those of the previous one.
 fn apply(entry: &mut DrawableEntry, before: &DrawableEntry, change: fn(u32, u32) -> u32) {
     entry.id = change(entry.id, before.id);
     entry.node = change(entry.node, before.node);

@@ -1,4 +1,4 @@
-//! What of a scene could not be read: the first of all, each page, and the last that a thread asked for.
+//! Unreadable parts of a scene: the first fault, each page, and each thread's last fault.
 
 use std::{
     cell::RefCell,
@@ -17,7 +17,7 @@ use super::{ReadError, layout::Section};
 pub(super) type PageNumber = (Section, usize);
 
 thread_local! {
-    /// What this thread has asked for last that could not be read, and of which scene.
+    /// This thread's last fault, and its scene.
     static HERE: RefCell<Option<(u64, ReadError)>> = const { RefCell::new(None) };
 }
 
@@ -42,13 +42,13 @@ impl Faults {
         self.first.get()
     }
 
-    /// What this thread has asked for last that could not be read.
+    /// This thread's last fault.
     pub(super) fn here(&self) -> Option<ReadError> {
         let of_this = |(scene, fault): &(u64, ReadError)| (*scene == self.scene).then(|| fault.clone());
         HERE.with_borrow(|here| here.as_ref().and_then(of_this))
     }
 
-    /// This thread has asked for something that cannot be read.
+    /// This thread has requested something unreadable.
     pub(super) fn note(&self, fault: ReadError) {
         if self.first.get().is_none() {
             tracing::warn!(%fault, "part of the scene cannot be read");
@@ -57,13 +57,13 @@ impl Faults {
         HERE.set(Some((self.scene, fault)));
     }
 
-    /// The same of a page, which is not tried again.
+    /// The same for a page, which is not tried again.
     pub(super) fn note_page(&self, (section, page): PageNumber, fault: ReadError) {
         self.pages.write().insert((section as usize, page), fault.clone());
         self.note(fault);
     }
 
-    /// Whether the page is known to be unreadable; this thread has asked for it.
+    /// Whether the page is known to be unreadable; notes this thread's request.
     pub(super) fn has(&self, (section, page): PageNumber) -> bool {
         let fault = self.pages.read().get(&(section as usize, page)).cloned();
         let is_known = fault.is_some();

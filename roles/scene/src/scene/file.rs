@@ -26,8 +26,7 @@ pub(super) struct SceneFile {
     directory: Vec<Entry>,
 }
 
-/// Why a scene could not be saved. Nothing is left behind under the name asked for, and an older file of that
-/// name stays.
+/// Why a scene could not be saved. The requested name then has no partial file, and keeps an older one.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SaveError {
@@ -36,11 +35,11 @@ pub enum SaveError {
         "cannot write the scene {path:?}: {source}; check that its folder exists, is writable and has {bytes} bytes free"
     )]
     Io {
-        /// The file asked for.
+        /// The requested file.
         path: PathBuf,
         /// The size of the scene.
         bytes: u64,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
     /// The scene's own file cannot be read.
@@ -51,7 +50,7 @@ pub enum SaveError {
 impl SceneFile {
     pub(super) fn open(path: &Path) -> Result<Self, OpenError> {
         let io_error = |source| OpenError::Io { path: path.to_owned(), source };
-        // Opening a pipe would wait for whoever writes to it.
+        // Opening a pipe would wait for its writer.
         if !fs::metadata(path).map_err(io_error)?.is_file() {
             return Err(io_error(io::Error::other("it is not a regular file")));
         }
@@ -68,7 +67,7 @@ impl SceneFile {
         Ok(Self { path: path.to_owned(), source, header, directory })
     }
 
-    /// No file: a header without pages, where what is read is an error.
+    /// No file: a header without pages, so that every read is an error.
     pub(super) fn absent(outline: &SceneOutline) -> Self {
         let SceneOutline { hash, nodes, drawables, geometries, objects } = *outline;
         let mut header = Header { nodes, drawables, geometries, objects, ..Header::zeroed() };
@@ -83,7 +82,7 @@ impl SceneFile {
         &self.header
     }
 
-    /// A page of a section, unpacked and as its hash says; `records` are those it holds, for errors.
+    /// A page of a section, unpacked and verified by its hash; `records` are its records, for errors.
     pub(super) fn unpack(
         &self,
         section: Section,
@@ -125,7 +124,7 @@ impl SceneFile {
         }
     }
 
-    /// A piece of geometry, packed; `page` is the page of the last one that was read, which may be the same.
+    /// A piece of geometry, packed; `page` caches the page of the last read.
     pub(super) fn geometry<'p>(
         &self,
         number: usize,
@@ -144,13 +143,13 @@ impl SceneFile {
         piece.ok_or_else(|| self.error(Section::Geometry, of, &one, ReadCause::Damaged))
     }
 
-    /// How long a page of geometry is.
+    /// The length of a page of geometry.
     pub(super) fn geometry_page_length(&self, page: u32) -> Option<u32> {
         let pages = self.directory.get(self.header.pages(Section::Geometry))?;
         Some(pages.get(page as usize)?.length)
     }
 
-    /// What the nodes of a page begin with, and those of the page after it.
+    /// The first numbers of a page of nodes, and of the next page.
     pub(super) fn firsts(&self, page: usize) -> [Firsts; 2] {
         let pages = self.directory.get(self.header.pages(Section::Nodes)).unwrap_or_default();
         let Header { nodes, drawables, leaves, .. } = self.header;
@@ -159,7 +158,7 @@ impl SceneFile {
         [firsts(page), firsts(page + 1)]
     }
 
-    /// The page of nodes that has the leaf of this number.
+    /// The page of nodes with the leaf of this number.
     pub(super) fn page_of_leaf(&self, leaf: u32) -> usize {
         let pages = self.directory.get(self.header.pages(Section::Nodes)).unwrap_or_default();
         pages.partition_point(|entry| entry.firsts.leaf <= leaf).saturating_sub(1)
@@ -214,7 +213,7 @@ impl SceneFile {
         pages.get(page).copied().unwrap_or(Zeroable::zeroed())
     }
 
-    /// A page as it lies in the file, and as its hash says.
+    /// A page as stored in the file, verified by its hash.
     fn page(
         &self,
         section: Section,
@@ -248,7 +247,7 @@ impl SceneFile {
         ReadError { path: self.path.clone(), bytes, what: format!("page {page}"), cause }
     }
 
-    /// Says that a page's records break a rule.
+    /// Reports that a page's records break a rule.
     pub(super) fn malformed(
         &self,
         section: Section,
@@ -260,7 +259,7 @@ impl SceneFile {
     }
 }
 
-/// Reads and checks header and directory, and the file's length, before more memory is taken.
+/// Reads and checks header, directory and the file's length, before allocating more memory.
 fn read_directory(source: &Source, path: &Path) -> Result<(Header, Vec<Entry>), OpenError> {
     let io_error = |error| OpenError::Io { path: path.to_owned(), source: error };
     let damaged = |what| OpenError::Damaged { path: path.to_owned(), what };
@@ -330,7 +329,7 @@ pub(super) fn write_atomically(
     let temporary = out.into_inner().map_err(io::IntoInnerError::into_error)?;
     temporary.as_file().sync_all()?;
     temporary.persist(path)?;
-    // The rename itself is on the disk only once the folder is; systems that cannot open folders do without.
+    // The rename is durable only after syncing the folder; systems that cannot open folders skip this.
     if let Ok(folder) = File::open(folder) {
         folder.sync_all()?;
     }

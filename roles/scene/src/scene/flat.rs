@@ -4,12 +4,12 @@ use glam::{DVec3, Mat3, Vec3};
 
 use super::{Drawable, Geometry, Node, ObjectRecord, Rgba8, SceneArrays, Shading, Sides, Vertex};
 
-/// An object of a flat scene: triangles of one colour in a local frame, and where that is.
+/// An object of a flat scene: triangles of one colour in a local frame, and the frame's place.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlatObject {
     /// Corners, in the local frame.
     pub positions: Vec<Vec3>,
-    /// Three a triangle.
+    /// Three indices per triangle.
     pub indices: Vec<u32>,
     /// Of all triangles.
     pub colour: Rgba8,
@@ -20,8 +20,8 @@ pub struct FlatObject {
 }
 
 impl SceneArrays {
-    /// A root and below it one leaf an object, with its finest level alone: object `i` is drawable `i` and
-    /// node `i + 1`.
+    /// A root with one leaf per object, only at its finest level: object `i` is drawable `i` and node `i +
+    /// 1`.
     #[must_use]
     pub fn flat(objects: &[FlatObject]) -> Self {
         let mut arrays =
@@ -86,7 +86,7 @@ impl FlatObject {
         let linear = self.linear.as_dmat3();
         let world = || local.clone().map(|at| self.origin + linear * at.as_dvec3());
         let (min, max) = (world().fold(DVec3::MAX, DVec3::min), world().fold(DVec3::MIN, DVec3::max));
-        // More than the sums of any order lose.
+        // More than the rounding of sums in any order.
         let rounding = 1e-12 * (min.abs().max(max.abs()));
         Node {
             parent: 0,

@@ -1,6 +1,6 @@
-//! The triangles of a drawable: how they are packed, and where they lie in a file.
+//! The triangles of a drawable: their packing, and their place in a file.
 //!
-//! A piece is packed by meshoptimizer's codecs, without loss, so that it can be had alone: a vertex codec
+//! A piece is packed by meshoptimizer's codecs, without loss, so that it can be read alone: a vertex codec
 //! over whole [`Vertex`]es, and an index codec. The index codec may turn a triangle's corners; as the first
 //! one carries colour and normal, two bits a triangle say how to turn it back.
 //!
@@ -23,11 +23,11 @@ use super::Vertex;
 pub struct Geometry {
     /// The corners.
     pub vertices: Vec<Vertex>,
-    /// Three a triangle, of `vertices`. The first of the three carries the triangle's colour and normal.
+    /// Three per triangle, into `vertices`. The first of the three carries the triangle's colour and normal.
     pub indices: Vec<u32>,
 }
 
-/// Where a piece of geometry lies, and how large it is.
+/// The place and size of a piece of geometry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GeometryPlace {
@@ -44,7 +44,7 @@ pub struct GeometryPlace {
 }
 
 impl GeometryPlace {
-    /// Of a piece that lies in no page, of so many bytes packed.
+    /// A piece outside of any page, with this many bytes packed.
     pub(super) fn alone(geometry: &Geometry, length: usize) -> Self {
         let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
         let (vertices, triangles) = (count(geometry.vertices.len()), count(geometry.triangles()));
@@ -52,17 +52,17 @@ impl GeometryPlace {
     }
 }
 
-/// Why bytes are no geometry.
+/// Why bytes are not valid geometry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum GeometryError {
-    /// The counts at its start do not go with its length.
+    /// The counts at its start do not match its length.
     #[error("it is {0} bytes long, too short for what it says it holds")]
     Length(usize),
     /// The codec cannot unpack its vertices.
     #[error("its vertices cannot be unpacked")]
     Vertices,
-    /// The codec cannot unpack its indices, or one has no vertex.
+    /// The codec cannot unpack its indices, or one is out of range.
     #[error("its indices cannot be unpacked")]
     Indices,
     /// A position is NaN or infinite.
@@ -70,8 +70,8 @@ pub enum GeometryError {
     Position(usize),
 }
 
-/// The most triangles that a byte of packed indices may stand for, and vertices that a triangle may have.
-/// So what is unpacked is bounded by what was packed.
+/// The most triangles per byte of packed indices, and vertices per triangle. They bound the unpacked size by
+/// the packed one.
 const TRIANGLES_A_BYTE: usize = 1;
 const VERTICES_A_TRIANGLE: usize = 3;
 
@@ -115,10 +115,10 @@ impl Geometry {
         Some([bytemuck::cast_slice(&sizes), &vertices, &turns, &indices].concat())
     }
 
-    /// Unpacks what [`pack`](Self::pack) has made. What it allocates is bounded by the length of `bytes`.
+    /// Unpacks the output of [`pack`](Self::pack). Its allocation is bounded by the length of `bytes`.
     ///
     /// # Errors
-    /// If the bytes are anything else.
+    /// If the bytes are invalid.
     pub fn unpack(bytes: &[u8]) -> Result<Self, GeometryError> {
         let short = GeometryError::Length(bytes.len());
         let (sizes, rest) = bytes.split_first_chunk::<12>().ok_or(short)?;
@@ -143,7 +143,7 @@ impl Geometry {
     }
 }
 
-/// The corners with the one of this number first, in the same order round. 3 stands for 0.
+/// The corners rotated so that the one of this number is first. 3 stands for 0.
 const fn turned([a, b, c]: [u32; 3], first: u8) -> [u32; 3] {
     match first {
         1 => [b, c, a],

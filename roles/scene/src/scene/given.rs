@@ -1,4 +1,4 @@
-//! A scene of which only what was given is there: what a display holds that has no file of it.
+//! A partial scene: a display's parts of a scene that it has no file of.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use trimaran_proto::{DrawableId, SceneOutline};
 use super::file::SceneFile;
 use super::{Drawable, Geometry, GeometryError, GeometryPlace, Node, NodeId, Scene, Sides};
 
-/// What drawing needs of a drawable and its node.
+/// A record of a drawable and its node, for drawing.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct DrawableEntry {
@@ -36,35 +36,35 @@ pub struct DrawableEntry {
     pub triangles: u32,
     /// [`Drawable::sides`].
     pub sides: Sides,
-    /// An object that the drawable shows. A level of several objects is drawn only where all of them look
-    /// alike, so that any of them tells how.
+    /// An object that the drawable shows. A level of several objects is drawn only if all of them look alike,
+    /// so any of them suffices.
     pub object: u32,
-    /// How many objects the drawable shows, 1 for an object and for a part of one; and
-    /// [`SEE_THROUGH`](Self::SEE_THROUGH) where the model has these see-through.
+    /// How many objects the drawable shows, 1 for an object and for a part of one; plus
+    /// [`SEE_THROUGH`](Self::SEE_THROUGH) if the model has these see-through.
     pub objects: u32,
 }
 
-/// Why something was not taken into a scene.
+/// Why data was rejected.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum GiveError {
-    /// A drawable, node, piece of geometry or object of this number is not in the outline.
+    /// A number of a drawable, node, piece of geometry or object exceeds the outline.
     #[error("it has {what} {number}, and the scene only {count} of these")]
     Number {
-        /// What.
+        /// Its kind.
         what: &'static str,
         /// Its number.
         number: u32,
-        /// How many the scene has.
+        /// The scene's count.
         count: u32,
     },
-    /// A record holds what none of a cooked scene does.
+    /// A record holds a value that no cooked scene has.
     #[error("{0} is malformed: {1}")]
     Malformed(DrawableId, &'static str),
-    /// A record differs from one that was given before.
+    /// A record differs from an earlier one.
     #[error("{0} came once more, and is another one")]
     Other(DrawableId),
-    /// A piece of geometry differs from one that was given before.
+    /// A piece of geometry differs from an earlier one.
     #[error("the geometry {0} came once more, and is another one")]
     OtherGeometry(u32),
     /// A piece of geometry cannot be unpacked.
@@ -72,11 +72,11 @@ pub enum GiveError {
     Geometry {
         /// Its number.
         number: u32,
-        /// What is wrong with it.
+        /// The error.
         #[source]
         cause: GeometryError,
     },
-    /// A drawable and its geometry do not go together.
+    /// A drawable and its geometry do not match.
     #[error("{0} has another number of triangles than its geometry")]
     Triangles(DrawableId),
 }
@@ -88,7 +88,7 @@ struct GivenNode {
     see_through: bool,
 }
 
-/// What was given.
+/// The received parts.
 #[derive(Debug)]
 pub(super) struct Given {
     outline: SceneOutline,
@@ -100,8 +100,7 @@ pub(super) struct Given {
 }
 
 impl GiveError {
-    /// Whether what was given before may be what is wrong. It stays, so that nothing right can take its
-    /// place.
+    /// Whether earlier data may be the wrong one. It stays, so right data cannot replace it.
     #[must_use]
     pub const fn doubts_what_is_there(&self) -> bool {
         matches!(self, Self::Other(_) | Self::OtherGeometry(_) | Self::Triangles(_))
@@ -109,10 +108,10 @@ impl GiveError {
 }
 
 impl DrawableEntry {
-    /// The bit of [`objects`](Self::objects) that says that the model has these see-through.
+    /// The bit of [`objects`](Self::objects) for objects that the model has see-through.
     pub const SEE_THROUGH: u32 = 1 << 31;
 
-    /// Of a drawable of `scene`. `None` if there is none of this number, or it cannot be read.
+    /// The record of a drawable of `scene`. `None` if it does not exist or cannot be read.
     #[must_use]
     pub fn of(scene: &Scene, id: DrawableId) -> Option<Self> {
         let drawable = scene.drawables().get(id.index())?;
@@ -184,8 +183,8 @@ fn an_object(scene: &Scene, node: &Node) -> Option<u32> {
 }
 
 impl Scene {
-    /// A scene of which nothing is there but what is [given](Self::give). Of nodes it has what
-    /// [`DrawableEntry`] has; a node of several objects names one of them.
+    /// A scene with only the parts [given](Self::give) to it. Its nodes have the fields of [`DrawableEntry`];
+    /// a node of several objects names one of them.
     #[must_use]
     pub fn empty(outline: SceneOutline) -> Self {
         let given = Given {
@@ -199,7 +198,7 @@ impl Scene {
         Self::of_nothing(Arc::new(SceneFile::absent(&outline)), given)
     }
 
-    /// What others have to know of it before they are given any of it.
+    /// The outline, which a receiver needs before any part.
     #[must_use]
     pub fn outline(&self) -> SceneOutline {
         let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
@@ -212,16 +211,16 @@ impl Scene {
         }
     }
 
-    /// Whether all of it is there, or can be read: whether it was not [empty](Self::empty) at first.
+    /// Whether all of it is present or can be read: it was not [empty](Self::empty) at first.
     #[must_use]
     pub const fn is_whole(&self) -> bool {
         self.given.is_none()
     }
 
-    /// Takes what drawing needs of a drawable, of a scene that was [empty](Self::empty).
+    /// Takes a drawable's record, in a scene that was [empty](Self::empty).
     ///
     /// # Errors
-    /// If it cannot be of this scene; nothing is taken then.
+    /// If it does not fit this scene; nothing is taken then.
     pub fn give(&self, entry: &DrawableEntry) -> Result<(), GiveError> {
         let Some(given) = &self.given else { return Ok(()) };
         entry.check(&given.outline)?;
@@ -230,7 +229,7 @@ impl Scene {
         if other_node || given.drawables.get(&entry.id).is_some_and(|known| *known != drawable) {
             return Err(GiveError::Other(DrawableId(entry.id)));
         }
-        // Of two that are given at once one comes first.
+        // Of two concurrent ones, the first is kept.
         let same_node = *given.nodes.insert(entry.node, Box::new(node)) == node;
         given.has_see_through.fetch_or(node.see_through, Ordering::Relaxed);
         match *given.drawables.insert(entry.id, Box::new(drawable)) == drawable && same_node {
@@ -239,10 +238,10 @@ impl Scene {
         }
     }
 
-    /// Takes a piece of geometry as it lies in the file, of a scene that was [empty](Self::empty).
+    /// Takes a piece of geometry as stored in the file, in a scene that was [empty](Self::empty).
     ///
     /// # Errors
-    /// If it cannot be of this scene; nothing is taken then.
+    /// If it does not fit this scene; nothing is taken then.
     pub fn give_geometry(&self, number: u32, packed: Bytes) -> Result<(), GiveError> {
         let Some(given) = &self.given else { return Ok(()) };
         let count = given.outline.geometries;
@@ -259,7 +258,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Forgets a piece of geometry that was given; gives how many bytes it had. Its sizes stay known.
+    /// Removes a given piece of geometry; returns its size in bytes. Its sizes stay known.
     pub fn take_back_geometry(&self, number: u32) -> usize {
         let given = self.given.as_ref();
         given.and_then(|given| given.geometry.write().remove(&number)).map_or(0, |bytes| bytes.len())
@@ -268,7 +267,7 @@ impl Scene {
     /// Whether a drawable can be drawn: a scene from a file has all of its own.
     ///
     /// # Errors
-    /// If what was given of it does not go together.
+    /// If its parts do not match.
     pub fn has(&self, id: DrawableId) -> Result<bool, GiveError> {
         let Some(given) = &self.given else { return Ok(id.index() < self.drawables().len()) };
         let Some(drawable) = given.drawables.get(&id.0) else { return Ok(false) };
@@ -306,7 +305,7 @@ impl Given {
         self.nodes.get(&node).is_some_and(|node| node.see_through)
     }
 
-    /// A piece of geometry, if it is there.
+    /// A piece of geometry, if present.
     pub(super) fn geometry(&self, number: u32) -> Option<Bytes> {
         self.geometry.read().get(&number).cloned()
     }

@@ -7,8 +7,8 @@ fn geometry(triangles: u32) -> Geometry {
     Geometry { vertices: (0..triangles + 2).map(vertex).collect(), indices }
 }
 
-/// A root with a level of its own, and two leaves of an object each, of which the second is see-through. The pieces
-/// of geometry have one, two and three triangles.
+/// A root with a level of its own, and two leaves of an object each; the second is see-through. The pieces of
+/// geometry have one, two and three triangles.
 fn scene() -> Scene {
     let root = Node {
         world_max: [4.0, 1.0, 0.0],

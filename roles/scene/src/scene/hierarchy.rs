@@ -1,4 +1,4 @@
-//! How objects are grouped in the files that they came from, and what those files say of them.
+//! The grouping of objects in their source files, and the files' attributes.
 
 use std::{ops::Range, sync::Arc};
 
@@ -9,14 +9,13 @@ use super::SceneError;
 
 /// The groups of a scene's objects, and the attributes of both.
 ///
-/// Objects are numbered as a walk down the hierarchy meets them. So the objects of a group, with those of the
+/// Objects are numbered in depth-first order of the hierarchy. So the objects of a group, with those of the
 /// groups below it, are a run of numbers.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Hierarchy {
-    /// Each behind the one that it is in, and behind all that is in its elder siblings. The outermost are the
-    /// files.
+    /// Each group follows its parent, and everything in its elder siblings. The outermost are the files.
     pub groups: Vec<Group>,
-    /// What is said of objects, in the order of their numbers. Most models say nothing of most.
+    /// Attributes of objects, in the order of their numbers. In most models most objects have none.
     pub attributes: Vec<ObjectAttributes>,
 }
 
@@ -25,20 +24,20 @@ pub struct Hierarchy {
 pub struct Group {
     /// Its name in its file; empty if it has none.
     pub name: Arc<str>,
-    /// Index of the group that it is in; none for the outermost.
+    /// Index of its parent group; none for the outermost.
     pub parent: Option<u32>,
     /// Its objects, with those of the groups in it.
     pub objects: Range<u32>,
-    /// What its file says of it, in the file's order.
+    /// Its attributes, in the file's order.
     pub attributes: Vec<Attribute>,
-    /// What it takes in the world. [`Scene::from_arrays`](crate::Scene::from_arrays) works it out.
+    /// Its extent in the world. [`Scene::from_arrays`](crate::Scene::from_arrays) computes it.
     pub extent: Extent,
 }
 
-/// What objects take in the world.
+/// The extent of objects in the world.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Extent {
-    /// Lower corner of the box around them, metres. Above the upper one where there is nothing.
+    /// Lower corner of the box around them, metres. Above the upper one if there is nothing.
     pub min: [f64; 3],
     /// Upper corner.
     pub max: [f64; 3],
@@ -46,7 +45,7 @@ pub struct Extent {
     pub triangles: u64,
 }
 
-/// What is said of an object.
+/// The attributes of an object.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ObjectAttributes {
     /// The object's number.
@@ -55,7 +54,7 @@ pub struct ObjectAttributes {
     pub attributes: Vec<Attribute>,
 }
 
-/// A name and a value, as a file has them. Equal texts of a scene that was read are one.
+/// A name and a value, as in the file. Equal texts of a scene that was read share memory.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Attribute {
     /// Such as `DESCRIPTION`.
@@ -72,7 +71,7 @@ impl Default for Extent {
 }
 
 impl Extent {
-    /// That of this and of the other one.
+    /// The union of both.
     #[must_use]
     pub fn and(self, other: &Self) -> Self {
         let triangles = self.triangles.saturating_add(other.triangles);
@@ -83,20 +82,19 @@ impl Extent {
 }
 
 impl Hierarchy {
-    /// What is said of an object; nothing for most.
+    /// The attributes of an object; none for most.
     #[must_use]
     pub fn attributes_of(&self, object: u32) -> &[Attribute] {
         let found = self.attributes.binary_search_by_key(&object, |of| of.object);
         found.ok().and_then(|index| self.attributes.get(index)).map_or(&[], |of| &of.attributes)
     }
 
-    /// Checks what readers rely on: groups lie within each other, one behind the other, and there are only so
-    /// many objects.
+    /// Checks the invariants of readers: groups are nested and consecutive, and within the number of objects.
     ///
     /// # Errors
-    /// Names the first group, or the first object's attributes, that break a rule.
+    /// The first group, or the first object's attributes, that break a rule.
     pub fn check(&self, objects: u32) -> Result<(), SceneError> {
-        // Where the next child of each group may begin, and last where the next of the outermost may.
+        // The least start of the next child of each group, and last that of the next outermost one.
         let mut next: Vec<u32> = Vec::with_capacity(self.groups.len());
         let mut outermost = 0;
         for (index, group) in self.groups.iter().enumerate() {

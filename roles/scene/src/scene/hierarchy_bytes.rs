@@ -1,5 +1,5 @@
-//! The hierarchy as it lies in a file: bytes of postcard. It is read by hand, so that equal texts become one and
-//! what it takes in memory has a limit.
+//! The hierarchy in the file's format: bytes of postcard. It is decoded by hand, so that equal texts share
+//! memory and the total is bounded.
 
 use std::{collections::HashSet, ops::Range, sync::Arc};
 
@@ -7,11 +7,11 @@ use serde::Deserialize;
 
 use super::{Attribute, Extent, Group, Hierarchy, ObjectAttributes, SceneArrays, SceneError};
 
-/// What a hierarchy takes in memory at most: so many times its bytes, and so many bytes.
+/// The memory limit of a hierarchy: this many times its bytes, plus this many bytes.
 const LARGEST_RATIO: usize = 8;
 const FREE: usize = 16 << 20;
 
-/// What a text takes beside its bytes: two counts, and its place among the others.
+/// The memory of a text beside its bytes: two counts, and its entry among the others.
 const TEXT: usize = 48;
 
 /// The hierarchy as bytes.
@@ -28,7 +28,7 @@ pub(super) fn encode(arrays: &SceneArrays) -> Result<Vec<u8>, SceneError> {
     Ok(bytes)
 }
 
-/// The reverse; `None` if the bytes are no hierarchy, or one that takes much more memory than they have.
+/// The reverse; `None` if the bytes are invalid, or would take much more memory than their size.
 pub(super) fn decode(bytes: &[u8]) -> Option<Hierarchy> {
     let mut reader = Reader { rest: bytes, texts: HashSet::new(), left: FREE + LARGEST_RATIO * bytes.len() };
     let groups = reader.list(Reader::group)?;
@@ -68,7 +68,7 @@ impl<'b> Reader<'b> {
 
     fn list<T>(&mut self, each: impl Fn(&mut Self) -> Option<T>) -> Option<Vec<T>> {
         let count: usize = self.take()?;
-        // Each has a byte at least.
+        // Each has at least a byte.
         if count > self.rest.len() {
             return None;
         }

@@ -1,7 +1,7 @@
-//! Where things lie in a cooked file, and the tree of hashes over it.
+//! The layout of a cooked file, and the tree of hashes over it.
 //!
-//! A file is a [`Header`], then pages one behind the other, then a directory of the pages. A page is what is
-//! read, checked and unpacked at once: some records of one kind, or the triangles of some drawables.
+//! A file is a [`Header`], then pages one behind the other, then a directory of the pages. A page is read,
+//! checked and unpacked as a whole: some records of one kind, or the triangles of some drawables.
 //!
 //! | pages | of what | packed by |
 //! |---|---|---|
@@ -29,14 +29,14 @@ use super::{Drawable, Node, ObjectRecord};
 pub(super) const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
 /// The newest format that this build reads and writes.
 pub const VERSION: u32 = 7;
-/// The oldest one, which is written where nothing is see-through: builds before can read that as well.
+/// The oldest one, written if nothing is see-through: earlier builds can read that as well.
 pub const OLDEST: u32 = 6;
-/// A page unpacks to at most so many times its bytes. It is so few that a small file cannot ask for much
+/// The largest ratio of a page's unpacked to its packed bytes. It keeps a small file from requesting much
 /// memory.
 pub(super) const LARGEST_RATIO: usize = 4096;
 
-/// The pages of names and of the hierarchy, which are one each, unpack to so many times their bytes where that
-/// is more than so many bytes: opening a small file takes little memory, whatever it says.
+/// The single pages of names and of the hierarchy have a lower ratio above this size, so that opening a small
+/// file takes little memory.
 const LARGEST_TEXT_RATIO: usize = 32;
 const FREE_TEXT: usize = 16 << 20;
 
@@ -71,11 +71,11 @@ pub(super) struct Header {
     pub(super) check: [u8; 8],
 }
 
-/// Sums over the whole scene, which nobody has to read it for.
+/// Sums over the whole scene, available without reading it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
 #[repr(C)]
 pub struct Totals {
-    /// The triangles of all leaves at their finest level: the model as it came, instances counted each.
+    /// The triangles of all leaves at their finest level: the original model, instances counted each.
     pub full_detail_triangles: u64,
     /// The triangles of all levels, instances counted once.
     pub stored_triangles: u64,
@@ -83,7 +83,7 @@ pub struct Totals {
     pub stored_vertices: u64,
 }
 
-/// What the directory says of a page.
+/// The directory's entry of a page.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Entry {
@@ -93,7 +93,7 @@ pub(super) struct Entry {
     pub(super) length: u32,
     /// Bytes when unpacked.
     pub(super) unpacked: u32,
-    /// Of a page of nodes: what its nodes begin with. Else 0.
+    /// The first numbers of a page of nodes. Else 0.
     pub(super) firsts: Firsts,
     /// Zero.
     pub(super) reserved: u32,
@@ -101,8 +101,8 @@ pub(super) struct Entry {
     pub(super) hash: [u8; 32],
 }
 
-/// What the nodes of a page begin with: so a page can be checked, and a leaf be found by its number, without
-/// the pages before.
+/// The first numbers of a page of nodes. With them a page can be checked, and a leaf found by number, without
+/// the earlier pages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Firsts {
@@ -118,7 +118,7 @@ impl Firsts {
     /// Of the first page.
     pub(super) const START: Self = Self { child: 1, drawable: 0, leaf: 0 };
 
-    /// What comes after a node.
+    /// The numbers after a node.
     pub(super) fn after(self, node: &Node) -> Self {
         Self {
             child: self.child.saturating_add(node.child_count),
@@ -153,7 +153,7 @@ impl Section {
         Self::Geometry,
     ];
 
-    /// The records of a page are two to the power of this.
+    /// The binary logarithm of a page's records.
     pub(super) const fn page_bits(self) -> u32 {
         match self {
             Self::Nodes => 8,
@@ -166,7 +166,7 @@ impl Section {
         1 << self.page_bits()
     }
 
-    /// The pages of so many records.
+    /// The pages of this many records.
     const fn pages(self, records: u32) -> usize {
         (records as usize).div_ceil(self.per_page())
     }
@@ -184,7 +184,7 @@ impl Section {
         }
     }
 
-    /// The fewest bytes of a page that unpacks to so many.
+    /// The least bytes of a page that unpacks to this many.
     pub(super) const fn least_packed(self, unpacked: usize) -> usize {
         match self {
             Self::Names | Self::Sources | Self::Hierarchy if unpacked > FREE_TEXT => {
@@ -194,7 +194,7 @@ impl Section {
         }
     }
 
-    /// What its records are called in errors.
+    /// The name of its records in errors.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Nodes => "nodes",
@@ -230,13 +230,13 @@ impl Header {
         first..first
     }
 
-    /// Fills in fingerprint and check; all else is there.
+    /// Sets fingerprint and check; all other fields are set already.
     pub(super) fn seal(&mut self, directory: &[Entry]) {
         self.fingerprint = self.hash(directory);
         self.check = self.checksum();
     }
 
-    /// What the fingerprint should be.
+    /// The correct fingerprint.
     pub(super) fn hash(&self, directory: &[Entry]) -> [u8; 32] {
         let bytes = bytemuck::bytes_of(self);
         let before = std::mem::offset_of!(Self, fingerprint);
@@ -253,14 +253,13 @@ impl Header {
         std::array::from_fn(|index| hash.as_bytes().get(index).copied().unwrap_or_default())
     }
 
-    /// What peers compare: the first half of the fingerprint.
+    /// The hash that peers compare: the first half of the fingerprint.
     pub(super) fn scene_hash(&self) -> SceneHash {
         let half = self.fingerprint.first_chunk::<16>().copied().unwrap_or_default();
         SceneHash(u128::from_le_bytes(half))
     }
 
-    /// Whether the directory describes pages one behind the other, and sections of the sizes that their
-    /// counts need.
+    /// Whether the directory describes consecutive pages, and sections of the sizes required by their counts.
     pub(super) fn fits(&self, directory: &[Entry]) -> bool {
         let mut end = size_of::<Self>() as u64;
         let sound = directory.iter().all(|entry| {

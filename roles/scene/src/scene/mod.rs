@@ -1,4 +1,4 @@
-//! The cooked scene: what all roles share, in memory or in a file, read as it is needed.
+//! The cooked scene, shared by all roles, in memory or in a file, loaded on demand.
 
 mod encode;
 mod entries;
@@ -51,15 +51,15 @@ pub fn looks_like_a_scene(head: &[u8]) -> bool {
     head.starts_with(&layout::MAGIC)
 }
 
-/// A cooked scene, of which what was asked for is in memory.
+/// A cooked scene, with the requested parts in memory.
 ///
-/// Records are read from its file, a page at a time, when they are first asked for, and stay. Geometry is
-/// read each time. Each page is checked when it is read: its bytes against the fingerprint, and its records
-/// against the rules, so that later code can trust them: every index is in range, every box finite, errors
-/// never fall towards the root.
+/// Records are read from its file a page at a time, on first use, and stay. Geometry is read each time. Each
+/// page is checked when it is read: its bytes against the fingerprint, and its records against the rules, so
+/// that later code can trust them: every index is in range, every box finite, errors never fall towards the
+/// root.
 ///
-/// What cannot be read is not there. Whoever went through the scene asks [`fault_here`](Self::fault_here)
-/// before it uses what it found: culling and drawing do.
+/// Unreadable parts appear absent. After a traversal check [`fault_here`](Self::fault_here) before using the
+/// result: culling and drawing do.
 #[derive(Debug)]
 pub struct Scene {
     file: Arc<SceneFile>,
@@ -71,11 +71,11 @@ pub struct Scene {
     sources: Vec<String>,
     see_through: ObjectSet,
     faults: Faults,
-    /// Where there is no file: what others gave.
+    /// The given parts, if there is no file.
     given: Option<Box<Given>>,
 }
 
-/// Reads geometry, and keeps the last page of it: pieces with numbers near each other share pages.
+/// Reads geometry, and caches the last page: pieces with near numbers share pages.
 #[derive(Debug)]
 pub struct GeometryReader<'s> {
     scene: &'s Scene,
@@ -83,11 +83,11 @@ pub struct GeometryReader<'s> {
 }
 
 impl Scene {
-    /// Checks the arrays and makes a scene of them, as it lies in a file. Works out each node's
+    /// Checks the arrays and makes a scene of them, in the file's form. Computes each node's
     /// [`reach`](Node::reach).
     ///
     /// # Errors
-    /// Names the first record that is malformed.
+    /// The first malformed record.
     pub fn from_arrays(arrays: SceneArrays) -> Result<Self, SceneError> {
         let whole = (0..).zip(&arrays.objects).find(|(_, object)| arrays.name_of(object).is_none());
         if let Some((index, _)) = whole {
@@ -95,14 +95,14 @@ impl Scene {
         }
         let bytes = encode::encode(arrays)?;
         let source = Source::Memory(bytes);
-        // What was encoded a moment ago opens, unless its records break a rule.
+        // Freshly encoded bytes can be opened, unless their records break a rule.
         let unread = |_| SceneError::Malformed { what: "file", index: 0, why: "it cannot be read back" };
         let file = SceneFile::read(source, Path::new("in memory")).map_err(unread)?;
         let scene = Self::unread(Arc::new(file)).map_err(rule)?;
         if scene.check_records().is_ok() {
             return Ok(scene);
         }
-        // Pages were checked in any order. Once more in theirs, for the first record that breaks a rule.
+        // Pages were checked in any order. Again in order, for the first record that breaks a rule.
         let scene = Self::unread(scene.file).map_err(rule)?;
         let _ = (scene.nodes().iter().count(), scene.places().iter().count());
         let _ = (scene.drawables().iter().count(), scene.objects().iter().count());
@@ -111,20 +111,20 @@ impl Scene {
     }
 
     /// Opens a scene that [`Scene::save`] wrote: reads and checks its header, its directory and the top of
-    /// its tree. All else is checked when it is first asked for.
+    /// its tree. All else is checked on first use.
     ///
-    /// **What was opened never changes.** A file that is replaced or deleted is read on as it was. One that
-    /// is overwritten where it stands no longer matches its fingerprint: what was read stays, and what was not
-    /// is a [`fault`](Self::fault).
+    /// **An open scene never changes.** A file that is replaced or deleted stays readable. One that is
+    /// overwritten in place no longer matches its fingerprint: loaded parts stay, and others are a
+    /// [`fault`](Self::fault).
     ///
     /// # Errors
-    /// Says what is wrong with the file and what to do about it. [`OpenError::may_pass`] tells a file that is
-    /// not there yet or is being written from one that stays unusable.
+    /// The error in the file, and the remedy. [`OpenError::may_pass`] tells a file that is not there yet or
+    /// is being written from one that stays unusable.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         Self::of(Arc::new(SceneFile::open(path)?)).map_err(OpenError::Read)
     }
 
-    /// Opens a scene whose file is in memory. `name` is what errors call it.
+    /// Opens a scene whose file is in memory. `name` names it in errors.
     ///
     /// # Errors
     /// As [`Scene::open`].
@@ -133,7 +133,7 @@ impl Scene {
         Self::of(Arc::new(file)).map_err(OpenError::Read)
     }
 
-    /// The same scene with nothing of it in memory yet: for whoever goes through much of it once.
+    /// The same scene with nothing of it in memory yet, for passing through much of it once.
     ///
     /// # Errors
     /// If the top of its tree cannot be read any more.
@@ -151,7 +151,7 @@ impl Scene {
         }
     }
 
-    /// A scene none of whose records are read.
+    /// A scene with no records loaded.
     fn unread(file: Arc<SceneFile>) -> Result<Self, ReadError> {
         let header = file.header();
         let of_all = 0..header.objects as usize;
@@ -173,7 +173,7 @@ impl Scene {
         })
     }
 
-    /// A scene without pages, but for what is given.
+    /// A scene without pages, with only the given parts.
     fn of_nothing(file: Arc<SceneFile>, given: Given) -> Self {
         let header = file.header();
         Self {
@@ -228,7 +228,7 @@ impl Scene {
         Records::new(self, &self.drawables)
     }
 
-    /// Where each piece of geometry lies, and how large it is: [`Drawable::geometry`] is the number of one.
+    /// The place and size of each piece of geometry, by the numbers of [`Drawable::geometry`].
     #[must_use]
     pub const fn places(&self) -> Records<'_, GeometryPlace> {
         Records::new(self, &self.places)
@@ -243,7 +243,7 @@ impl Scene {
     /// A piece of geometry, to read one; for many make one [`reader`](Self::reader).
     ///
     /// # Errors
-    /// If there is none of this number, or it cannot be read.
+    /// If it does not exist, or cannot be read.
     pub fn geometry(&self, number: u32) -> Result<Geometry, ReadError> {
         self.reader().read(number)
     }
@@ -283,20 +283,20 @@ impl Scene {
         &self.sources
     }
 
-    /// The objects that the model has see-through: a view begins with them so. Empty where the scene comes
-    /// over a link: [`is_see_through`](Self::is_see_through) knows of what has come.
+    /// The objects that the model has see-through, with which a view begins. Empty if the scene comes over a
+    /// link: [`is_see_through`](Self::is_see_through) covers the received parts.
     #[must_use]
     pub const fn see_through(&self) -> &ObjectSet {
         &self.see_through
     }
 
-    /// Whether the model has anything see-through that is here.
+    /// Whether any present part of the model is see-through.
     #[must_use]
     pub fn has_see_through(&self) -> bool {
         !self.see_through.is_empty() || self.given().is_some_and(Given::has_see_through)
     }
 
-    /// Whether the model has `object` see-through, that `node` is, is a part of or has below it.
+    /// Whether the model has `object` see-through, which `node` is, is a part of, or contains.
     #[must_use]
     pub fn is_see_through(&self, node: NodeId, object: u32) -> bool {
         match self.given() {
@@ -305,7 +305,7 @@ impl Scene {
         }
     }
 
-    /// How the objects are grouped in their files, and what is said of them. It is read anew each time.
+    /// The grouping of the objects in their files, and their attributes. It is read anew each time.
     ///
     /// # Errors
     /// If it cannot be read.
@@ -319,8 +319,8 @@ impl Scene {
         Ok(hierarchy)
     }
 
-    /// A drawable's triangles, in its node's local frame. None if they cannot be read, and
-    /// [`fault`](Self::fault) says why.
+    /// A drawable's triangles, in its node's local frame. None if they cannot be read; see
+    /// [`fault`](Self::fault).
     pub fn triangles(&self, drawable: &Drawable) -> impl Iterator<Item = [Vec3; 3]> + use<> {
         let geometry = self.geometry(drawable.geometry).unwrap_or_else(|fault| {
             self.set_fault(fault);
@@ -336,7 +336,7 @@ impl Scene {
         })
     }
 
-    /// A node and all above it, up to the root.
+    /// A node and all its ancestors, up to the root.
     pub fn ancestors(&self, node: NodeId) -> impl Iterator<Item = (NodeId, &Node)> {
         let get = |id: u32| self.nodes().get(id as usize).map(|node| (NodeId(id), node));
         std::iter::successors(get(node.0), move |(_, node)| get(node.parent))
@@ -354,21 +354,21 @@ impl Scene {
         self.file.header().scene_hash()
     }
 
-    /// The first thing that could not be read, if any. Whatever was found in the scene since is not all that
-    /// there is.
+    /// The first unreadable part that was requested, if any. Results from the scene since then are
+    /// incomplete.
     #[must_use]
     pub fn fault(&self) -> Option<&ReadError> {
         self.faults.first()
     }
 
-    /// The last thing that could not be read of what the calling thread has asked for, if any. Others that ask
-    /// for other parts of the scene go on.
+    /// The last unreadable part that the calling thread has requested, if any. Threads that request other
+    /// parts are not affected.
     #[must_use]
     pub fn fault_here(&self) -> Option<ReadError> {
         self.faults.here()
     }
 
-    /// Bytes of records that are in memory, and of geometry that was given.
+    /// Bytes of records in memory, and of given geometry.
     #[must_use]
     pub fn resident_bytes(&self) -> u64 {
         let bytes = self.given().map_or(0, Given::bytes)
@@ -379,7 +379,7 @@ impl Scene {
         bytes as u64
     }
 
-    /// Reads and checks all of the file. What was read of its records stays in memory.
+    /// Reads and checks all of the file. Its records stay in memory.
     ///
     /// # Errors
     /// The first fault, if there is one.
@@ -399,7 +399,7 @@ impl Scene {
         Err(self.file.malformed(Section::Nodes, 0, &(0..self.nodes().len()), error))
     }
 
-    /// What [`totals`](Self::totals) should be.
+    /// The correct [`totals`](Self::totals).
     fn summed(&self) -> Totals {
         let leaves = self.nodes().iter().filter(|node| node.is_leaf());
         let finest = leaves.filter_map(|leaf| self.drawables().get(leaf.first_drawable as usize));
@@ -425,10 +425,10 @@ impl Scene {
         }
     }
 
-    /// A piece of geometry as it lies in the file: see [`Geometry::unpack`].
+    /// A piece of geometry as stored in the file: see [`Geometry::unpack`].
     ///
     /// # Errors
-    /// If there is none of this number, or it cannot be read.
+    /// If it does not exist, or cannot be read.
     pub fn packed_geometry(&self, number: u32) -> Result<Vec<u8>, ReadError> {
         self.reader().packed(number, <[u8]>::to_vec)
     }
@@ -464,7 +464,7 @@ impl GeometryReader<'_> {
     /// A piece of geometry.
     ///
     /// # Errors
-    /// If there is none of this number, or it cannot be read.
+    /// If it does not exist, or cannot be read.
     pub fn read(&mut self, number: u32) -> Result<Geometry, ReadError> {
         let (geometry, length) = self.packed(number, |bytes| (Geometry::unpack(bytes), bytes.len()))?;
         let place = self.scene.places().get(number as usize);
@@ -476,7 +476,7 @@ impl GeometryReader<'_> {
         }
     }
 
-    /// What `take` makes of a piece as it lies in the file.
+    /// Applies `take` to a piece as stored in the file.
     fn packed<T>(&mut self, number: u32, take: impl FnOnce(&[u8]) -> T) -> Result<T, ReadError> {
         let scene = self.scene;
         let missing = || {
@@ -510,10 +510,10 @@ impl ObjectRecord {
     }
 }
 
-/// What is wrong with an object that cannot be named.
+/// The error of an object with an invalid name.
 const NO_NAME: &str = "its name is not a range of whole characters of the names";
 
-/// What rule of the format was broken.
+/// The broken rule of the format.
 fn rule(error: ReadError) -> SceneError {
     match error.cause {
         ReadCause::Malformed(error) => error,

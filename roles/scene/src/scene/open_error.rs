@@ -16,10 +16,10 @@ pub enum OpenError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file is something else.
+    /// The file is of another kind.
     #[error("{path:?} is not a cooked scene; make one with `trimaran import`")]
     Foreign {
         /// The file.
@@ -48,22 +48,22 @@ pub enum OpenError {
         /// The length it has.
         actual: u64,
     },
-    /// The file was written to while it was read, and what was read is no scene.
+    /// The file was written to while it was read, so the result is not a scene.
     #[error(
         "the scene {path:?} changed while it was read: {source}; wait until it is written, then try again"
     )]
     Changed {
         /// The file.
         path: PathBuf,
-        /// What was wrong with what was read.
+        /// The error in the data read.
         source: Box<Self>,
     },
-    /// The file's bytes are not those that were written.
+    /// The file's bytes have changed since they were written.
     #[error("the scene {path:?} is damaged ({what}); copy it again, or import again")]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// Which check failed.
+        /// The failed check.
         what: &'static str,
     },
     /// The top of its tree cannot be read.
@@ -72,9 +72,8 @@ pub enum OpenError {
 }
 
 impl OpenError {
-    /// Whether the same file may open a little later with nobody mending anything: it is not there yet, is
-    /// still being copied (cut short), or changed while it was read. Everything else stays as it is until
-    /// somebody acts.
+    /// Whether the same file may open a little later without a repair: it does not exist yet, is still being
+    /// copied (cut short), or changed while it was read.
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {
@@ -87,7 +86,7 @@ impl OpenError {
         }
     }
 
-    /// The same error of a file that was written to meanwhile. Where it says so already, it stays as it is.
+    /// The same error for a file that was written to meanwhile. Unchanged if it says so already.
     pub(super) fn while_changing(self, path: &Path) -> Self {
         match self {
             Self::Foreign { .. } | Self::Version { .. } | Self::Damaged { .. } => {

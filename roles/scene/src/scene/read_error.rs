@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::{GeometryError, SceneError};
 
-/// Why part of an open scene cannot be read: which, where in the file, and what is wrong.
+/// Why part of an open scene cannot be read: the part, its place in the file, and the cause.
 #[derive(Debug, Clone, Error)]
 #[error(
     "the scene {} cannot be read at bytes {} to {} ({what}){}",
@@ -18,23 +18,23 @@ use super::{GeometryError, SceneError};
 pub struct ReadError {
     /// The file.
     pub path: PathBuf,
-    /// Where the bytes lie in it.
+    /// Their offsets in the file.
     pub bytes: Range<u64>,
-    /// What they hold.
+    /// Their content.
     pub what: String,
-    /// What is wrong with them.
+    /// The cause.
     #[source]
     pub cause: ReadCause,
 }
 
-/// What is wrong with part of a scene.
+/// The cause of a read error.
 #[derive(Debug, Clone, Error)]
 #[non_exhaustive]
 pub enum ReadCause {
     /// The system cannot read it.
     #[error("the file cannot be read")]
     Io(#[source] Arc<io::Error>),
-    /// The bytes are not those that were written.
+    /// The bytes have changed since they were written.
     #[error("it is damaged: its checksum does not match")]
     Damaged,
     /// The file was written to since it was opened.
@@ -49,7 +49,7 @@ pub enum ReadCause {
 }
 
 impl ReadError {
-    /// The file's name alone: guests of a service are told of it, and not in which folder it is.
+    /// The file's name alone: clients of a service see it, and must not learn its folder.
     fn name(&self) -> String {
         let name = self.path.file_name().unwrap_or(self.path.as_os_str());
         format!("{name:?}")

@@ -1,4 +1,4 @@
-//! The records of a cooked scene, laid out as they stand in memory, on the GPU and in the file.
+//! The records of a cooked scene, in the same layout in memory, on the GPU and in the file.
 
 use std::ops::Range;
 
@@ -46,22 +46,22 @@ pub struct Node {
     /// The number of levels. A leaf has at least one; an interior node may have none and is then always
     /// refined.
     pub drawable_count: u32,
-    /// The object that the node is, or is a part of: an index into the scene's objects. [`Node::NONE`] for
-    /// nodes of several.
+    /// The object of the node, or of which it is a part: an index into the scene's objects. [`Node::NONE`]
+    /// for nodes of several.
     pub object: u32,
-    /// How far from the origin of its frame a vertex of this node or of one below it may be, world metres
-    /// (measured along the frame's linear part). [`Scene::from_arrays`](crate::Scene::from_arrays) works it
-    /// out.
+    /// The largest distance of a vertex of this node or its descendants from the origin of its frame, world
+    /// metres (measured along the frame's linear part). [`Scene::from_arrays`](crate::Scene::from_arrays)
+    /// computes it.
     pub reach: f32,
-    /// How many objects the node is or has below it; 1 for an object and for a part of one.
-    /// [`Scene::from_arrays`](crate::Scene::from_arrays) works it out.
+    /// How many objects the node contains; 1 for an object and for a part of one.
+    /// [`Scene::from_arrays`](crate::Scene::from_arrays) computes it.
     pub objects: u32,
-    /// How many nodes are above it, at most [`Node::DEEPEST`]; 0 for the root.
-    /// [`Scene::from_arrays`](crate::Scene::from_arrays) works it out.
+    /// How many ancestors it has, at most [`Node::DEEPEST`]; 0 for the root.
+    /// [`Scene::from_arrays`](crate::Scene::from_arrays) computes it.
     pub depth: u32,
 }
 
-/// A node at one level of detail: its triangles, and how far they may be from the finest geometry.
+/// A node at one level of detail: its triangles, and their distance bound to the finest geometry.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Drawable {
@@ -76,17 +76,17 @@ pub struct Drawable {
     pub geometry: u32,
     /// How many triangles it has.
     pub triangles: u32,
-    /// Which sides of its triangles can show.
+    /// The sides of its triangles that can be visible.
     pub sides: Sides,
 }
 
-/// Which sides of a drawable's triangles can show: both to eyes within a box, and to others the front alone.
+/// The visible sides of a drawable's triangles: both to eyes within a box, only the front to others.
 ///
-/// The front is where corners run counter-clockwise in the node's local frame. The box reaches beyond the
-/// node's by a distance at each of its six faces. It is no smaller than what its maker asked for.
+/// Corners of the front run counter-clockwise in the node's local frame. The box extends the node's by a
+/// distance at each of its six faces. It is no smaller than requested.
 ///
-/// Four bits a face: at the lower ends of x, y and z first, then at the upper ones. 0 reaches no farther, and
-/// 15 without end. With any other number n the distance is 2^(n - 7) times the diagonal of the node's box.
+/// Four bits a face: at the lower ends of x, y and z first, then at the upper ones. 0 adds nothing, and 15 is
+/// unbounded. For any other n the distance is 2^(n - 7) times the diagonal of the node's box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub struct Sides(u32);
@@ -94,7 +94,7 @@ pub struct Sides(u32);
 impl Sides {
     /// Both, to all eyes.
     pub const BOTH: Self = Self(0xff_ffff);
-    /// The front alone to eyes outside of the node's box.
+    /// Only the front, to eyes outside of the node's box.
     pub const FRONT: Self = Self(0);
 
     /// Both to eyes within the box from `low` to `high`, in the world, metres. Corners may be infinite.
@@ -110,8 +110,8 @@ impl Sides {
         Self(faces.as_flattened().iter().rev().fold(0, |bits, &beyond| bits << 4 | reach(beyond)))
     }
 
-    /// The lower and the upper corner of the box around the eyes to which both show, in the world, metres.
-    /// Corners may be infinite.
+    /// The lower and the upper corner of the box around the eyes to which both are visible, in the world,
+    /// metres. Corners may be infinite.
     #[must_use]
     pub fn eyes(self, node_min: DVec3, node_max: DVec3) -> [DVec3; 2] {
         let diagonal = node_min.distance(node_max);
@@ -120,19 +120,19 @@ impl Sides {
         [node_min - DVec3::new(x0, y0, z0), node_max + DVec3::new(x1, y1, z1)]
     }
 
-    /// Whether it is made of solids: the box around the eyes ends at all faces.
+    /// Whether it is made of solids: the box around the eyes is bounded at all faces.
     #[must_use]
     pub fn are_of_solids(self) -> bool {
         self.is_known() && (0..24).step_by(4).all(|bit| self.0 >> bit & 15 != ENDLESS)
     }
 
-    /// Whether there is nothing in it but six faces.
+    /// Whether only the bits of the six faces are set.
     pub(super) const fn is_known(self) -> bool {
         self.0 <= Self::BOTH.0
     }
 }
 
-/// The number of a face without end.
+/// The number of an unbounded face.
 const ENDLESS: u32 = 15;
 
 /// How far a face is moved out, metres.
@@ -176,8 +176,8 @@ impl Node {
     /// Stands for "no parent" and "no object".
     pub const NONE: u32 = u32::MAX;
 
-    /// The most nodes that may be above one: far more than any tree of boxes needs, and so few that going up
-    /// takes a bounded time.
+    /// The most ancestors of a node: far more than any tree of boxes needs, and a bound for upward
+    /// traversals.
     pub const DEEPEST: u32 = 1024;
 
     /// The children, as indices of nodes.
@@ -221,7 +221,7 @@ impl Node {
         (DVec3::from_array(self.world_min), DVec3::from_array(self.world_max))
     }
 
-    /// How far from the origin of its frame a point of its local box may be, world metres: see
+    /// The largest distance of a point of its local box from the origin of its frame, world metres: see
     /// [`Node::reach`].
     #[must_use]
     pub fn own_reach(&self) -> f32 {
@@ -243,7 +243,7 @@ impl Node {
     }
 }
 
-/// What a leaf draws, for reports: the object's name and where it came from.
+/// The object of a leaf, for reports: its name and its source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct ObjectRecord {
@@ -256,7 +256,7 @@ pub struct ObjectRecord {
     /// Length of the name in bytes (UTF-8).
     pub name_length: u32,
     /// The node of the whole object; [`Node::NONE`] for one without triangles.
-    /// [`Scene::from_arrays`](crate::Scene::from_arrays) works it out.
+    /// [`Scene::from_arrays`](crate::Scene::from_arrays) computes it.
     pub node: u32,
 }
 
@@ -275,9 +275,9 @@ pub struct SceneArrays {
     pub names: String,
     /// The source files' names.
     pub sources: Vec<String>,
-    /// The objects that the model has see-through: a view begins with them so.
+    /// The objects that the model has see-through, with which a view begins.
     pub see_through: ObjectSet,
-    /// How the objects are grouped, and what is said of them.
+    /// The grouping of the objects, and their attributes.
     pub hierarchy: Hierarchy,
 }
 
@@ -301,7 +301,7 @@ mod tests {
         let far = Sides::within(min - DVec3::X * 7.0, max + DVec3::Z * 0.1, min, max);
         assert_eq!(far.eyes(min, max), [DVec3::new(-7.0, 0.0, 0.0), max + DVec3::Z * (7.0 / 64.0)]);
         assert_eq!(far, Sides(0x10_0007));
-        // Farther than any number says, and from a point.
+        // Farther than any number can express, and from a point.
         assert!(!Sides::within(min, max + DVec3::X * 1e4, min, max).are_of_solids());
         assert_eq!(Sides::within(min, max, min, min).eyes(min, min)[1], DVec3::INFINITY);
         assert!(far.are_of_solids() && !Sides(1 << 24).is_known());

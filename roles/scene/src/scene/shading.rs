@@ -1,36 +1,35 @@
-//! What flat shading needs of a triangle, carried by its first corner.
+//! Data for flat shading of a triangle, carried by its first corner.
 //!
 //! A flat attribute of a triangle is that of its first corner (Vulkan's provoking vertex). So a triangle's
-//! corners are turned until the first is one that no triangle of another normal or colour begins with, and
-//! where there is none, a corner is doubled. Then light is worked out once a vertex and not once a pixel.
-//! Triangles keep their order, their winding and their corners' positions.
+//! corners are rotated until the first is one that begins no triangle of another normal or colour; if there
+//! is none, a corner is duplicated. Then lighting is computed per vertex and not per pixel. Triangles keep
+//! their order, their winding and their corners' positions.
 
 use glam::{DVec3, Vec3};
 
 use super::Vertex;
 use crate::Rgba8;
 
-/// A unit vector along the axes of a node's local frame, folded: the vector is scaled so that the sizes of
-/// its coordinates add up to 1; if z is negative, (x, y) is replaced by the mirror image in the nearest of
-/// the four lines |x| + |y| = 1, and z is left out. 32767 is 1.
+/// A unit vector along the axes of a node's local frame, in octahedral encoding. The vector is scaled so that
+/// its absolute coordinates add up to 1. If z is negative, (x, y) is mirrored in the nearest of the four
+/// lines |x| + |y| = 1, and z is dropped. 32767 is 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Normal(pub [i16; 2]);
 
 impl Normal {
-    /// Stands for "no triangle begins here": -1 has two codes, and this is the one that directions do not
-    /// use.
+    /// Stands for "no triangle begins here": -1 has two codes, and directions do not use this one.
     pub const NONE: Self = Self([i16::MIN; 2]);
 
-    /// The direction at right angles to a triangle, on the side from which its corners run counter-clockwise.
-    /// Any for a triangle without area.
+    /// The normal of a triangle, on the side from which its corners run counter-clockwise. Arbitrary for a
+    /// triangle without area.
     #[must_use]
     pub fn of(corners: [[f32; 3]; 3]) -> Self {
         let [a, b, c] = corners.map(|corner| Vec3::from_array(corner).as_dvec3());
         let across = (b - a).cross(c - a);
         let length = across.abs().element_sum();
         let flat = if length > 0.0 { across / length } else { DVec3::Z };
-        // No -0, so that one direction has one code.
+        // Avoids -0, so that one direction has one code.
         let flat = flat + DVec3::ZERO;
         let [x, y] = if flat.z < 0.0 {
             [(1.0 - flat.y.abs()).copysign(flat.x), (1.0 - flat.x.abs()).copysign(flat.y)]
@@ -50,11 +49,11 @@ impl Normal {
     }
 }
 
-/// Makes triangles over one array of vertices ready for flat shading.
+/// Prepares triangles over one array of vertices for flat shading.
 #[derive(Debug, Clone)]
 pub struct Shading {
     vertices: Vec<Vertex>,
-    /// The vertices' own colours: a triangle's is that of the corner it began with.
+    /// The vertices' original colours: a triangle's is that of its original first corner.
     given: Vec<Rgba8>,
 }
 
@@ -66,9 +65,9 @@ impl Shading {
         Self { vertices, given }
     }
 
-    /// Turns triangles: three indices each, of the vertices given. Afterwards each triangle's first corner
-    /// carries its colour and normal. Another array of triangles over the same vertices may follow.
-    /// Indices past the vertices are left for the scene's check to refuse.
+    /// Rotates triangles: three indices each, into the given vertices. Afterwards each triangle's first
+    /// corner carries its colour and normal. Another array of triangles over the same vertices may follow.
+    /// Indices out of range are left for the scene's check to refuse.
     pub fn turn(&mut self, indices: &mut [u32]) {
         let Some(last) = indices.iter().max().copied().filter(|&last| (last as usize) < self.given.len())
         else {
@@ -90,8 +89,8 @@ impl Shading {
                     .map(|&other| other as usize)
                     .filter(|&t| !turned[t] && facets[t] == facet)
             };
-            // A corner that carries the facet already, or a free one, or one to double: in each case one that
-            // serves many triangles.
+            // Prefers a corner that carries the facet already, then a free one, then one to duplicate; among
+            // equals one that serves many triangles.
             let rank = |&corner: &u32| (self.readiness(corner, facet), alike(corner).count());
             let Some(shared) = triangles[start].into_iter().max_by_key(rank) else { continue };
             let served: Vec<usize> = alike(shared).collect();
@@ -120,8 +119,8 @@ impl Shading {
         Facet { normal: Normal::of(positions), colour: self.given[corners[0] as usize] }
     }
 
-    /// How little it costs to begin a facet at a vertex: 2 if it carries the facet, 1 if it is free, 0 if it
-    /// has to be doubled.
+    /// The cost of beginning a facet at a vertex: 2 if it carries the facet, 1 if it is free, 0 if it must be
+    /// duplicated.
     fn readiness(&self, vertex: u32, Facet { normal, colour }: Facet) -> u8 {
         match self.vertices[vertex as usize] {
             vertex if vertex.normal == normal && vertex.colour == colour => 2,
@@ -130,7 +129,7 @@ impl Shading {
         }
     }
 
-    /// The vertex, or its double, that carries the facet from now on.
+    /// The vertex, or its duplicate, that carries the facet from now on.
     fn carry(&mut self, vertex: u32, facet: Facet) -> u32 {
         let Facet { normal, colour } = facet;
         let carrier = Vertex { normal, colour, ..self.vertices[vertex as usize] };
@@ -143,16 +142,16 @@ impl Shading {
     }
 }
 
-/// What a triangle's first corner carries.
+/// The data of a triangle's first corner.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Facet {
     normal: Normal,
     colour: Rgba8,
 }
 
-/// The triangles that meet at each vertex.
+/// The triangles at each vertex.
 struct Meeting {
-    /// Where each vertex's triangles begin, and past the last one's.
+    /// The start of each vertex's triangles, and the end of the last one's.
     starts: Vec<u32>,
     triangles: Vec<u32>,
 }
@@ -164,7 +163,7 @@ impl Meeting {
         for &corner in triangles.as_flattened() {
             starts[corner as usize] += 1;
         }
-        // Each vertex's end, which filling from behind moves to its start.
+        // The end of each vertex's triangles; filling from behind moves it to the start.
         let mut end = 0;
         for start in &mut starts {
             end += *start;
@@ -208,8 +207,8 @@ mod tests {
         7, 5,
     ];
 
-    /// Turns the triangles and checks that each is the one given, turned at most, and begins with its colour
-    /// and normal.
+    /// Rotates the triangles, and checks that each is at most a rotation of the given one, and begins with
+    /// its colour and normal.
     fn turned(vertices: &[Vertex], levels: &[&[u32]]) -> (Vec<Vertex>, Vec<Vec<u32>>) {
         let mut shading = Shading::new(vertices.to_vec());
         let mut after = Vec::new();

@@ -1,4 +1,4 @@
-//! Where a scene's bytes are: a file, or memory.
+//! The source of a scene's bytes: a file, or memory.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -11,7 +11,7 @@ pub(super) enum Source {
     Memory(Vec<u8>),
 }
 
-/// What tells that a file was written to.
+/// Reveals whether a file was written to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Stamp {
     length: u64,

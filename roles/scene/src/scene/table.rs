@@ -1,4 +1,4 @@
-//! Arrays of records whose pages are read when they are first asked for.
+//! Arrays of records whose pages are loaded on first use.
 
 use std::cell::Cell;
 use std::ops::{Index, Range};
@@ -12,22 +12,22 @@ use super::given::Given;
 use super::layout::Section;
 use super::{ReadError, Scene, SceneError};
 
-/// The pages of an array, each there once it was asked for. What is there stays as long as the scene.
+/// The pages of an array, each loaded on first use, and kept as long as the scene.
 #[derive(Debug)]
 pub(super) struct Pages<T> {
     pages: Box<[OnceLock<Box<[T]>>]>,
     length: usize,
     section: Section,
-    /// The records of a page are two to the power of this.
+    /// The binary logarithm of a page's records.
     bits: u32,
     check: Check<T>,
     given: FindGiven<T>,
 }
 
-/// Finds a record among those that were given.
+/// Finds a record among the given ones.
 pub(super) type FindGiven<T> = fn(&Given, u32) -> Option<&T>;
 
-/// Checks the records of a page, the first of which has the number given.
+/// Checks the records of a page, whose first record has the given number.
 pub(super) type Check<T> = fn(&Scene, usize, &[T]) -> Result<(), SceneError>;
 
 impl<T: Pod> Pages<T> {
@@ -48,7 +48,7 @@ impl<T: Pod> Pages<T> {
         Self { pages: Box::default(), ..self }
     }
 
-    /// Records that are in memory.
+    /// Records in memory.
     pub(super) fn resident(&self) -> usize {
         self.pages.iter().filter_map(OnceLock::get).map(|page| page.len()).sum()
     }
@@ -56,8 +56,8 @@ impl<T: Pod> Pages<T> {
 
 /// An array of a scene's records, numbered from 0.
 ///
-/// Records are read from the file a page at a time, when one of them is first asked for. One that cannot be
-/// read is not there, and [`Scene::fault`] says why from then on.
+/// Records are read from the file a page at a time, on first use. Unreadable ones appear absent, and
+/// [`Scene::fault`] says why from then on.
 #[derive(Debug)]
 pub struct Records<'s, T> {
     scene: &'s Scene,
@@ -89,7 +89,7 @@ impl<'s, T: Pod> Records<'s, T> {
         self.len() == 0
     }
 
-    /// The record of this number; `None` past the last one, and where it cannot be read.
+    /// The record of this number; `None` past the last one, and if it cannot be read.
     #[must_use]
     #[inline]
     pub fn get(self, index: usize) -> Option<&'s T> {
@@ -116,12 +116,12 @@ impl<'s, T: Pod> Records<'s, T> {
         self.get(0)
     }
 
-    /// All records in order. Reads all of them: what cannot be read is left out.
+    /// All records in order. Reads all of them, and skips unreadable ones.
     pub fn iter(self) -> impl DoubleEndedIterator<Item = &'s T> + Clone {
         self.range(0..self.len())
     }
 
-    /// The records of these numbers that are there.
+    /// The present ones of these records.
     pub fn range(self, which: Range<usize>) -> impl DoubleEndedIterator<Item = &'s T> + Clone {
         which.filter_map(move |index| self.get(index))
     }
@@ -132,8 +132,8 @@ impl<'s, T: Pod> Records<'s, T> {
         self.iter().copied().collect()
     }
 
-    /// Reads those of these records that were not read yet, on all threads of rayon's pool: for whoever is
-    /// about to look at many of them. Numbers past the last record mean nothing. Says whether there were any.
+    /// Loads those of these records that are not loaded yet, on all threads of rayon's pool, before reading
+    /// many of them. Numbers past the last record are ignored. Returns whether any was loaded.
     pub fn read_ahead(self, numbers: impl Iterator<Item = usize>) -> bool
     where
         T: Send + Sync,
@@ -151,7 +151,7 @@ impl<'s, T: Pod> Records<'s, T> {
             unread.par_iter().for_each(|page| {
                 self.load(*page);
             });
-            // What another thread could not read was asked for by this one.
+            // Pages that another thread could not read were requested by this one.
             unread.iter().filter(|page| is_unread(page)).for_each(|page| {
                 self.load(*page);
             });
@@ -159,7 +159,7 @@ impl<'s, T: Pod> Records<'s, T> {
         !unread.is_empty()
     }
 
-    /// Reads what was not read yet.
+    /// Loads the rest.
     pub(super) fn load_all(self)
     where
         T: Send + Sync,
@@ -179,7 +179,7 @@ impl<'s, T: Pod> Records<'s, T> {
     #[cold]
     fn load(self, page: usize) -> Option<&'s [T]> {
         if CHECKING.get().is_some() {
-            // Whoever checks reads it, and then checks again.
+            // The caller loads it, and then checks again.
             CHECKING.set(Some(Some((self.pages.section, page))));
             return None;
         }
@@ -193,7 +193,7 @@ impl<'s, T: Pod> Records<'s, T> {
         self.pages.pages.get(page)?.get().map(|records| &**records)
     }
 
-    /// Reads and checks a page, and keeps it. Returns a page that has to be there first, if any.
+    /// Reads and checks a page, and keeps it. Returns a page that must be loaded first, if any.
     fn check(self, page: usize) -> Result<Option<PageNumber>, ReadError> {
         let (section, numbers, file) = (self.pages.section, self.numbers(page), self.scene.file());
         // The layout was checked when the file was opened: as many records as the page holds.
@@ -212,12 +212,12 @@ impl<'s, T: Pod> Records<'s, T> {
 }
 
 thread_local! {
-    /// While this thread checks a page: the last one that the check asked for and that was not there.
+    /// While this thread checks a page: the last missing page that the check requested.
     static CHECKING: Cell<Option<Option<PageNumber>>> = const { Cell::new(None) };
 }
 
-/// Reads a page, and before it all that its check asks for. One after the other and not one within the other:
-/// a tree may be as deep as it has pages.
+/// Loads a page, and before it all pages that its check requests. Iterative instead of recursive: a tree may
+/// be as deep as it has pages.
 fn load(scene: &Scene, page: PageNumber) -> Result<(), ReadError> {
     let mut open = vec![page];
     while let Some(&(section, page)) = open.last() {
@@ -238,7 +238,7 @@ fn load(scene: &Scene, page: PageNumber) -> Result<(), ReadError> {
 }
 
 /// # Panics
-/// Past the last record, as of a slice. Code that a file can lead astray uses [`Records::get`].
+/// Past the last record, like a slice. Code with numbers from a file uses [`Records::get`].
 impl<T: Pod> Index<usize> for Records<'_, T> {
     type Output = T;
 

@@ -152,11 +152,11 @@ fn opened(bytes: &[u8]) -> Result<Scene, OpenError> {
     Scene::open_bytes(Path::new("a.scene"), bytes)
 }
 
-/// A file taken apart. What is put together again has right lengths and hashes, whatever was changed.
+/// A file taken apart. Putting it together sets correct lengths and hashes, whatever was changed.
 struct Apart {
     header: Header,
     directory: Vec<Entry>,
-    /// As they lie in the file.
+    /// As stored in the file.
     pages: Vec<Vec<u8>>,
 }
 
@@ -176,7 +176,7 @@ impl Apart {
         self.header.pages(section).nth(page).unwrap()
     }
 
-    /// Where a page lies in the file.
+    /// The place of a page in the file.
     fn range(&self, section: Section, page: usize) -> Range<u64> {
         let entry = self.directory[self.number(section, page)];
         entry.offset..entry.offset + u64::from(entry.length)
@@ -193,7 +193,7 @@ impl Apart {
         bytemuck::pod_collect_to_vec(&zstd::bulk::decompress(&self.pages[number], unpacked).unwrap())
     }
 
-    /// Replaces a page. What it says of its unpacked length stays.
+    /// Replaces a page, keeping its declared unpacked length.
     fn replace(&mut self, section: Section, page: usize, unpacked: &[u8]) {
         let number = self.number(section, page);
         self.pages[number] = zstd::bulk::compress(unpacked, 3).unwrap();
@@ -345,7 +345,7 @@ fn geometry_that_cannot_be_packed_is_named() {
     }
 }
 
-/// Rules that [`Scene::from_arrays`] cannot break, as it works these fields out.
+/// Rules for fields that [`Scene::from_arrays`] computes itself.
 #[test]
 fn every_rule_that_only_a_file_can_break_is_named_with_its_record() {
     type Change = fn(&mut Apart);
@@ -394,7 +394,7 @@ fn every_rule_that_only_a_file_can_break_is_named_with_its_record() {
     }
 }
 
-/// The directory says what the children and levels of each page begin with. A page is checked by that.
+/// The directory has the first children and levels of each page, by which a page is checked.
 #[test]
 fn a_directory_that_says_other_firsts_is_found_by_the_page_before_and_the_page_itself() {
     let refused = |change: fn(&mut Entry)| {
@@ -411,7 +411,7 @@ fn a_directory_that_says_other_firsts_is_found_by_the_page_before_and_the_page_i
     let message = opened(&file.bytes()).unwrap_err().to_string();
     assert!(message.contains("(nodes 512 to 767)"), "{message}");
 
-    // Without the page before it, which is what a lazy reader has: one that is asked for first.
+    // Without the page before it, like a lazy reader that starts there.
     let mut file = Apart::of(tree());
     file.entry(Section::Nodes, 18).firsts.drawable -= 1;
     let scene = opened(&file.bytes()).unwrap();
@@ -464,7 +464,7 @@ fn a_leaf_below_each_of(count: u32) -> SceneArrays {
     arrays
 }
 
-/// Each page of records is checked alone; what it takes from other pages is looked at here.
+/// Each page of records is checked alone; this tests its relations to other pages.
 #[test]
 fn rules_between_far_nodes_are_checked() {
     let page = Section::Nodes.per_page() as u32;
@@ -484,7 +484,7 @@ fn rules_between_far_nodes_are_checked() {
     }
     assert_eq!(refusal(arrays), "node 256 is malformed: its children are not next in breadth-first order");
 
-    // A box that sticks out of that of a node many pages before it.
+    // A box that exceeds that of a node many pages before it.
     let last = sound().nodes.len() - 1;
     let mut arrays = sound();
     arrays.nodes[last].world_min[0] = -1.0;
@@ -572,7 +572,7 @@ fn leaves_are_found_by_their_numbers() {
     for past in [4089, 4090, u32::MAX] {
         assert!(scene.leaf(past).is_none());
     }
-    // One that is far from all that was read takes its own page, and those of the nodes above it.
+    // A page far from all loaded ones is loaded with those of its ancestors.
     let scene = opened(&bytes).unwrap();
     let before = scene.resident_bytes();
     assert!(scene.leaf(4088).is_some());
@@ -607,7 +607,7 @@ fn a_saved_scene_opens_as_it_was() {
         let before = Scene::from_arrays(arrays.clone()).unwrap();
         let after = Scene::open(&path).unwrap();
         assert_eq!(after.check().map_err(|error| error.to_string()), Ok(()));
-        // Node and object records have fields that were worked out.
+        // Node and object records have computed fields.
         assert_eq!(after.nodes(), before.nodes());
         let plain = |node: &Node| Node { reach: 0.0, objects: 0, depth: 0, ..*node };
         assert!(after.nodes().iter().map(plain).eq(arrays.nodes.iter().map(plain)));
@@ -651,7 +651,7 @@ fn the_same_arrays_make_the_same_bytes_on_any_number_of_threads() {
     let bytes = on(1);
     assert!(bytes == on(4));
     assert!(bytes == encoded(tree()), "what is saved is what was encoded");
-    // Saved once more by who opened it.
+    // Saved again by the process that opened it.
     let (_folder, path, _) = saved(two_leaves());
     opened(&bytes).unwrap().save(&path).unwrap();
     assert!(std::fs::read(&path).unwrap() == bytes);
@@ -704,8 +704,8 @@ fn a_file_cut_anywhere_is_refused() {
     assert!(message.contains("longer than it was when written"), "{message}");
 }
 
-/// There is no byte that nothing covers: the header's are checked by itself, the directory's by the
-/// fingerprint, and each page's by the directory.
+/// Every byte is covered: the header's by itself, the directory's by the fingerprint, and each page's by the
+/// directory.
 #[test]
 fn a_flipped_bit_anywhere_is_refused_or_is_a_fault_where_it_is() {
     let bytes = encoded(two_leaves());
@@ -735,7 +735,7 @@ fn a_flipped_bit_anywhere_is_refused_or_is_a_fault_where_it_is() {
         }
     }
     assert_eq!(at_open + later, 3 * pages.len());
-    // Nodes, drawables and places are what opening a small scene reads, and the sources.
+    // Opening a small scene reads nodes, drawables, places, and the sources.
     let file = Apart::new(&bytes);
     let lazy = [Section::Objects, Section::Names, Section::Hierarchy, Section::Geometry]
         .map(|section| file.range(section, 0));
@@ -840,7 +840,7 @@ fn a_page_that_unpacks_to_more_or_less_than_it_says_is_damaged() {
     assert!(!names(right, 7));
     assert!(!names(&[right, b"x"].concat(), 6));
     assert!(!names(b"R\xffhrzz", 6), "no UTF-8");
-    // Two gigabytes out of a few bytes: no such memory is asked for.
+    // Two gigabytes out of a few bytes: such memory is not allocated.
     assert!(!names(right, 1 << 31));
     // Sixteen megabytes out of about a thousand bytes, were they unpacked.
     assert!(!names(&[b'x'; 1 << 24], 1 << 24));
@@ -874,7 +874,7 @@ fn sources_that_are_no_list_are_refused_at_open() {
     }
 }
 
-/// zstd makes very little of names that are all alike.
+/// zstd packs all-equal names very tightly.
 #[test]
 fn names_that_are_all_alike_are_saved_and_read() {
     let name = "Rohr".repeat(1 << 20);
@@ -888,7 +888,7 @@ fn names_that_are_all_alike_are_saved_and_read() {
     assert_eq!(scene.object_name(0), Some("RohrR"));
 }
 
-/// Nodes each of which has but one child.
+/// Nodes with only one child each.
 fn a_chain_of(count: u32) -> SceneArrays {
     let mut arrays = two_leaves();
     let (root, leaf) = (arrays.nodes[0], arrays.nodes[1]);
@@ -913,11 +913,11 @@ fn a_tree_is_as_deep_as_it_may_be_and_no_deeper() {
     assert_eq!(message, "node 1025 is malformed: it is deeper in the tree than any may be");
 }
 
-/// A page needs the one before it, and no stack holds so many.
+/// A page needs the one before it, and no stack is deep enough for all.
 #[test]
 fn a_hostile_chain_of_nodes_is_refused_from_its_end() {
     let bytes = encoded(a_chain_of(200_000));
-    // It reads the second drawable, and that its node, the last.
+    // Reads the second drawable, which in turn reads its node, the last.
     let read = move || opened(&bytes).map(|scene| scene.hash()).unwrap_err();
     let error = thread::Builder::new().stack_size(128 << 10).spawn(read).unwrap().join().unwrap();
     let OpenError::Read(ReadError { cause: ReadCause::Malformed(error), .. }) = error else {
@@ -965,11 +965,11 @@ fn opening_reads_the_top_and_more_when_it_is_asked_for() {
     let scene = opened(&encoded(arrays.clone())).unwrap();
     let top = scene.resident_bytes();
     assert!(top > 0 && top < all as u64 / 4, "{top} of {all} bytes are read at once");
-    // What was read already takes nothing more.
+    // Loaded pages take nothing more.
     assert!(scene.nodes().get(255).is_some());
     assert_eq!(scene.resident_bytes(), top);
 
-    // A leaf at the end: its page, and those of the nodes above it.
+    // A leaf at the end: its page, and those of its ancestors.
     assert!(scene.nodes().get(TREE - 1).is_some_and(|node| node.object == 4095));
     let page = (Section::Nodes.per_page() * size_of::<Node>()) as u64;
     let grown = scene.resident_bytes() - top;
@@ -1133,7 +1133,7 @@ fn a_damaged_page_of_geometry_is_an_error_of_its_pieces_alone() {
     assert!(scene.fault().is_none(), "the records are whole");
     assert_eq!(scene.check().unwrap_err().bytes, range);
 
-    // Who asks for triangles learns of it from the scene.
+    // A reader of triangles learns of it from the scene.
     let drawable = scene.drawables().iter().find(|d| scene.places()[d.geometry as usize].page == 1).unwrap();
     assert_eq!(scene.triangles(&scene.drawables()[0]).count(), 1);
     assert!(scene.fault().is_none());
@@ -1155,7 +1155,7 @@ fn geometry_of_other_sizes_than_its_place_says_is_an_error() {
     file.places(|places| places[0].vertices = 4);
     assert!(opened(&file.bytes()).unwrap().geometry(0).is_err());
 
-    // Bytes that no codec has made.
+    // Bytes not made by the codec.
     let mut file = Apart::of(two_leaves());
     file.pages[7].iter_mut().skip(12).for_each(|byte| *byte = !*byte);
     let error = opened(&file.bytes()).unwrap().check().unwrap_err();

@@ -1,8 +1,8 @@
-//! What makes records a scene. Everything later code relies on without looking is checked here, once: when
-//! a page of records is first read.
+//! The rules of records. All invariants of later code are checked here, once: when a page of records is first
+//! read.
 //!
-//! A check may ask for records that stand before it, and of drawables for their nodes. So it never comes
-//! back to the page that is being checked.
+//! A check may request earlier records, and for drawables their nodes. So it never comes back to the page
+//! being checked.
 
 mod drawables;
 mod nodes;
@@ -14,18 +14,18 @@ use super::layout::Section;
 use super::table::{self, Pages};
 use super::{Drawable, NO_NAME, Node, ObjectRecord, Scene};
 
-/// Why records are not a scene.
+/// Why records are not a valid scene.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum SceneError {
-    /// A record refers to something that is not there, or breaks the order the format promises.
+    /// A record has an invalid reference, or breaks the format's order.
     #[error("{what} {index} is malformed: {why}")]
     Malformed {
         /// The kind of record.
         what: &'static str,
         /// Its index.
         index: usize,
-        /// What is wrong.
+        /// The error.
         why: &'static str,
     },
     /// The scene has no nodes.
@@ -41,10 +41,10 @@ pub enum SceneError {
     },
 }
 
-/// A rule of the format: what is wrong with a record, if anything.
+/// A rule of the format: the error of a record, if any.
 type Check = Result<(), &'static str>;
 
-/// Says which record broke a rule.
+/// Names the record that broke a rule.
 fn malformed(what: &'static str, index: usize) -> impl FnOnce(&'static str) -> SceneError {
     move |why| SceneError::Malformed { what, index, why }
 }
@@ -78,7 +78,7 @@ pub(super) fn object_pages(count: usize) -> Pages<ObjectRecord> {
         }
         Ok(())
     };
-    // Who draws needs no objects.
+    // Drawing needs no objects.
     Pages::new(Section::Objects, count, check, |_, _| None)
 }
 

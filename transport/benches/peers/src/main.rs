@@ -38,7 +38,7 @@ struct Args {
     /// Frames a round, one at a time and again without a pause.
     #[arg(long, default_value_t = 300)]
     frames: u32,
-    /// Each end is a thread beside a worker of its runtime, as in a role, and pinned to no core.
+    /// Each end is a thread beside a worker of its runtime, as in a role, and is not pinned.
     #[arg(long)]
     as_roles: bool,
     /// Each end is given to `block_on`, not to a task.

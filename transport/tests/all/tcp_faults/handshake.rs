@@ -22,17 +22,17 @@ fn quick() -> Options {
     }
 }
 
-/// A connection to `address` on which `message` was said.
+/// A connection to `address` on which `message` was sent.
 async fn dial(address: SocketAddr, message: &Message) -> TcpStream {
     let mut stream = TcpStream::connect(address).await.unwrap();
     stream.write_all(&bytes(std::slice::from_ref(message))).await.unwrap();
     stream
 }
 
-/// Everything that comes until the end of the stream.
+/// Everything that arrives until the end of the stream.
 async fn answers(stream: &mut TcpStream) -> Vec<Message> {
     let mut decoder = Decoder::new(format());
-    // A reset is as good an end as any.
+    // A reset is a valid end, too.
     while stream.read_buf(decoder.buffer(1024)).await.is_ok_and(|n| n > 0) {}
     std::iter::from_fn(|| decoder.next_message().unwrap()).collect()
 }
@@ -67,7 +67,7 @@ async fn fewer_lanes_than_four_are_refused_in_time() {
 }
 
 /// Another machine, or the same one after a moment, may have another map, release or room: so no refusal is
-/// the last word.
+/// final.
 #[tokio::test]
 async fn whatever_a_listener_refuses_for_is_tried_again() {
     let net = net();
@@ -105,7 +105,7 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
     let (mut listener, address) = listener(&net, &Options::default()).await;
     let frames = hello(Lane::Frames);
     let (mut one, mut two) = (dial(address, &frames).await, dial(address, &frames).await);
-    // Whichever is read last is the one too many.
+    // The last one read is the one too many.
     let (refused, mut frames) = tokio::select! {
         refused = answers(&mut one) => (refused, two),
         refused = answers(&mut two) => (refused, one),
@@ -129,7 +129,7 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
 #[tokio::test]
 async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     let net = net();
-    // Who is inside stays there until it is sent away.
+    // Open handshakes stay until they are refused.
     let handshake_timeout = Duration::from_secs(3600);
     let limits = Limits { handshakes: 5, ..Limits::default() };
     let options = Options {
@@ -155,7 +155,7 @@ async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     assert_eq!(listener.turned_away().no_room, 4);
 }
 
-/// A server that says what makes no sense once, and then nothing to those who come again.
+/// A server that answers once with nonsense, and then not at all.
 async fn no_peer(server: TcpListener) {
     let mut connections = Vec::new();
     loop {

@@ -15,8 +15,8 @@ use trimaran_wire::{Accept, FrameMessage, Message, to_bytes};
 
 use crate::common::{Link, connect, hello_bytes, net, soon};
 
-/// The link that the arm has to a panel of bare sockets, and these: of the frames lane, of the latest lane,
-/// of the messages lane and of the bulk lane.
+/// The arm's link to a panel of bare sockets, and these: of the frames lane, of the latest lane, of the
+/// messages lane and of the bulk lane.
 async fn raw_panel() -> (Link, [TcpStream; 4]) {
     raw_panel_of(&Options::default()).await
 }
@@ -36,7 +36,7 @@ async fn raw_panel_of(options: &Options) -> (Link, [TcpStream; 4]) {
         connection(Lane::Bulk).await,
     ];
     let link = listener.accept(soon(&net)).await.unwrap();
-    // Read, lest closing with unread data resets the connection.
+    // Read first, because closing with unread data resets the connection.
     let mut accept =
         vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
     for stream in &mut panel {
@@ -135,7 +135,7 @@ async fn frames_that_break_the_rules_are_errors() {
     assert_eq!(violation(error(&mut link.frames_rx).await), expected);
 }
 
-/// A command cut short, one with something behind it, and one that is longer than any may be.
+/// A command cut short, one with something behind it, and one that is too long.
 #[tokio::test]
 async fn a_message_that_is_none_is_an_error() {
     for message in [&[7][..], &[7, 1, b'x', 0], &[7; MAX_MESSAGE + 1]] {
@@ -172,7 +172,7 @@ async fn death_within_a_message_says_where() {
 #[tokio::test]
 async fn a_reset_is_a_loss() {
     let (mut link, [frames, _latest, _messages, _bulk]) = raw_panel().await;
-    // What a killed process with unread data looks like.
+    // As for a killed process with unread data.
     frames.set_zero_linger().unwrap();
     drop(frames);
     let error = error(&mut link.frames_rx).await;
@@ -193,7 +193,7 @@ async fn close_survives_unread_data() {
     here.frames_tx.push(&points(1000)).await.unwrap();
     here.latest_tx.publish(pose(0)).unwrap();
     there.close(CloseReason::new(1, "interrupted")).await.unwrap();
-    // What was said on one lane was said on both.
+    // The peer sent the same on both lanes.
     let said = here.latest_rx.latest().await.unwrap_err();
     assert!(matches!(said, RecvError::Closed { .. }), "{said:?}");
     let error = receive(&mut here.frames_rx).await.unwrap_err();

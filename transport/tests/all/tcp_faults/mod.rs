@@ -1,5 +1,4 @@
-//! Strangers, liars and the dead, over real sockets: what they do ends in a typed error at the peer that
-//! meets them.
+//! Strangers, lying and dying peers over real sockets: each ends in a typed error at the other peer.
 
 mod handshake;
 mod link;

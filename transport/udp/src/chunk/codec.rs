@@ -31,11 +31,11 @@ const REPAIR: u8 = 0x30;
 const LAST_REPAIR: u8 = 0x33;
 const MESSAGE_PART: u8 = 0x40;
 const BLOCK_PART: u8 = 0x50;
-/// What the code of a part has beside that of its lane where its unit ends, and is no whole frame.
+/// Added to the code of a part whose unit ends without being a complete frame, beside that of its lane.
 const END: u8 = 2;
 
 impl<'a> Chunk<'a> {
-    /// The byte that is the chunk [`Chunk::Pad`].
+    /// The byte of the chunk [`Chunk::Pad`].
     pub(crate) const FILLING: u8 = PAD;
 
     pub(crate) fn write(&self, out: &mut Vec<u8>) {
@@ -209,7 +209,7 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// The lane of a chunk with that code, which is one of those that each lane has.
+/// The lane of a chunk with this code, of a kind that each lane has.
 const fn lane_of(code: u8) -> UnitLane {
     match code {
         MESSAGES_MAX_DATA | STOP_MESSAGES | MESSAGE_PART | 0x42 => UnitLane::Messages,

@@ -1,4 +1,4 @@
-//! How a connection ends.
+//! The causes of a connection's end.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::inbox::LaneViolation;
 use crate::wire::Malformed;
 
-/// Why a connection is over.
+/// Why a connection has ended.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Closed {
@@ -23,7 +23,7 @@ pub enum Closed {
     /// The peer sends, but acknowledges nothing.
     #[error("the peer acknowledged nothing for {0:?}")]
     Deaf(Duration),
-    /// The peer sent what is no packet, under its own key.
+    /// The peer sent an invalid packet under its own key.
     #[error("the peer sent a packet that is none")]
     Malformed(#[from] Malformed),
     /// The peer broke the rules of a lane.
@@ -32,10 +32,10 @@ pub enum Closed {
     /// The peer acknowledged a packet that was never sent.
     #[error("the peer acknowledged a packet that was never sent")]
     NeverSent,
-    /// The peer ended its latest lane with bytes that are no close.
+    /// The peer ended its latest lane with an invalid close.
     #[error("the peer ended its latest lane with bytes that are no close")]
     Reason,
-    /// So many packets did not open that one could be forged by chance.
+    /// So many packets failed to open that a forgery could succeed by chance.
     #[error("too many packets did not open: somebody tries to forge them")]
     Forged,
     /// All packet numbers are used, or a packet could not be sealed.

@@ -1,4 +1,4 @@
-//! What a connection is told when it is made.
+//! The configuration of a connection.
 
 use std::time::Duration;
 
@@ -6,37 +6,36 @@ use trimaran_wire::{BatchSize, Format};
 
 use crate::repair::Repair;
 
-/// What holds for a connection. Both ends must agree on the window.
+/// The configuration of a connection. Both ends must agree on the window.
 #[derive(Debug, Clone, Copy)]
 pub struct Config {
-    /// The sizes of what travels. Both ends must agree on them.
+    /// The sizes of the application's values. Both ends must agree on them.
     pub format: Format,
-    /// How many items are passed on at once at most. Default 256.
+    /// The most items delivered at once. Default 256.
     pub batch: BatchSize,
-    /// Whether batches of frames sent from here may travel coded. Default not.
+    /// Whether batches of frames sent from here may be coded. Default not.
     pub coded: bool,
-    /// Bytes of the frames lane that the receiver keeps for a reader who does not read. Default 4 MiB.
+    /// Bytes of the frames lane that the receiver buffers for a slow reader. Default 4 MiB.
     pub window: u64,
     /// Bytes that the sender keeps until they are acknowledged. Default 4 MiB.
     pub send_buffer: usize,
-    /// How long an acknowledgement may wait for company. Default 1 ms.
+    /// How long an acknowledgement may be delayed. Default 1 ms.
     pub ack_delay: Duration,
-    /// How long nothing may arrive, or nothing that was sent be acknowledged, before the peer counts as
-    /// dead. Default 20 s; a quarter of it without traffic sends a ping.
+    /// The time without any arrival, or without an acknowledgement of sent data, after which the peer counts
+    /// as dead. Default 20 s; a quarter of it without traffic sends a ping.
     pub idle_timeout: Duration,
-    /// How long after its end a frame sent from here is worth sending: whatever cannot arrive in time is
-    /// given up, and the peer gets the frame with gaps. `None`, the default, for always.
+    /// How long after its end a frame sent from here is worth sending. Data that cannot arrive in time is
+    /// given up, and the peer gets the frame with gaps. `None`, the default, for ever.
     pub frame_deadline: Option<Duration>,
-    /// When frames sent from here get repair. Default while packets are lost.
+    /// When frames sent from here get forward error correction. Default while packets are lost.
     pub repair: Repair,
-    /// How many bytes repair may cost, percent of those without: its packets, and the headers of those that
-    /// are smaller for it. Default 15; 0 for none.
+    /// The largest cost of repair, percent of the bytes without it: its packets, and the headers of those
+    /// that are smaller for it. Default 15; 0 for none.
     pub repair_percent: u8,
-    /// How many packets may be under way at first, 2 at least; ten leave at once, those behind them over the
-    /// round trip. Default 20: a frame of 16 kB and its repair are 17. RFC 9002 (section 7.2)
-    /// recommends 10.
+    /// The initial window in packets, at least 2; ten leave at once, the rest over the round trip. Default
+    /// 20: a frame of 16 kB and its repair are 17. RFC 9002 (section 7.2) recommends 10.
     pub initial_window: u16,
-    /// The largest datagram that is tried, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500
+    /// The largest datagram that is probed, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500
     /// less the headers of IPv6 and UDP.
     pub max_datagram: usize,
 }

@@ -1,4 +1,4 @@
-//! The lanes as their owner uses them: what is given to the connection, and what is taken from it.
+//! The lanes as the connection's owner uses them.
 
 use bytes::Bytes;
 use trimaran_wire::{CloseReason, FixedBytes, FrameMessage, FrameNumber, Message};
@@ -10,24 +10,24 @@ use crate::keys::OVERHEAD;
 use crate::latest::LatestEnd;
 use crate::repair::{LARGEST, Path};
 
-/// What a full packet has beside its part or repair shard at most, bytes: the chunk's own fields, or a short
-/// acknowledgement too.
+/// The most bytes of a full packet beside its part or repair shard: the chunk's own fields, and perhaps a
+/// short acknowledgement.
 const BESIDE: usize = 36;
 
 impl Connection {
-    /// Whether something may be sent on the lane: what waits for its acknowledgement leaves room.
+    /// Whether the lane takes more to send: data that waits for acknowledgement leaves room.
     #[must_use]
     pub const fn is_writable(&self, lane: UnitLane) -> bool {
         self.units(lane).is_writable()
     }
 
-    /// Whether everything that was sent has arrived.
+    /// Whether all sent data has arrived.
     #[must_use]
     pub fn is_drained(&self) -> bool {
         UnitLane::ALL.into_iter().all(|lane| self.is_lane_drained(lane)) && self.latest_out.is_drained()
     }
 
-    /// Whether everything that was sent on the lane has arrived.
+    /// Whether all data sent on the lane has arrived.
     #[must_use]
     pub fn is_lane_drained(&self, lane: UnitLane) -> bool {
         self.units(lane).outbox.is_empty()
@@ -39,32 +39,32 @@ impl Connection {
         self.latest_out.is_drained()
     }
 
-    /// Whether [`Connection::recv`] would give something.
+    /// Whether [`Connection::recv`] would return something.
     #[must_use]
     pub fn is_readable(&self, lane: UnitLane) -> bool {
         self.units(lane).inbox.is_readable()
     }
 
-    /// Whether the peer reads the lane no more: what is sent on it is thrown away.
+    /// Whether the peer no longer reads the lane: data sent on it is discarded.
     #[must_use]
     pub const fn is_stopped(&self, lane: UnitLane) -> bool {
         self.units(lane).stopped
     }
 
-    /// The newest frame sent from here all of which has arrived: what the peer reads later may refer to it.
+    /// The newest frame sent from here that has arrived completely: later ones may refer to it.
     #[must_use]
     pub const fn confirmed_frame(&self) -> Option<FrameNumber> {
         self.frames.outbox.confirmed
     }
 
     /// Sends a message of the frames lane; a frame writer has put the messages in order. Frames take coded
-    /// batches where [`Connection::set_coded`] or [`Config::coded`](super::Config::coded) said so before they
+    /// batches if [`Connection::set_coded`] or [`Config::coded`](super::Config::coded) allowed it before they
     /// began.
     pub fn send(&mut self, message: &FrameMessage) {
         self.frames.outbox.put(message, self.path());
     }
 
-    /// Sends a message of the messages lane, as the application wrote it: at most
+    /// Sends a message of the messages lane, encoded by the application: at most
     /// [`MAX_MESSAGE`](trimaran_wire::MAX_MESSAGE) bytes.
     pub fn say(&mut self, message: Bytes) {
         self.messages.outbox.put_whole(&Message::Message(message), self.path());
@@ -81,7 +81,7 @@ impl Connection {
         self.units_mut(lane).outbox.end_with(reason, path);
     }
 
-    /// Says behind everything else on the lane that nothing more comes.
+    /// Sends an end without a close behind everything else on the lane.
     pub fn gone(&mut self, lane: UnitLane) {
         let path = self.path();
         self.units_mut(lane).outbox.gone(path);
@@ -93,12 +93,12 @@ impl Connection {
         Path { shard: most & !15, loss: self.recovery.probable_loss() }
     }
 
-    /// Says that the lane is not read any more: the peer need not send what is left of it.
+    /// Stops reading the lane: the peer need not send the rest of it.
     pub fn stop_reading(&mut self, lane: UnitLane) {
         self.units_mut(lane).stop_reading();
     }
 
-    /// Publishes a value: it replaces the one before. It is sent again until it or a newer one has arrived.
+    /// Publishes a value: it replaces the one before, and is sent again until it or a newer one has arrived.
     pub fn publish(&mut self, value: FixedBytes) {
         self.latest_out.publish(value);
     }
@@ -108,7 +108,7 @@ impl Connection {
         self.latest_out.end(reason);
     }
 
-    /// The newest value of the peer, if it was not read before.
+    /// The newest value of the peer, if it was not read yet.
     pub fn latest(&mut self) -> Option<FixedBytes> {
         self.latest_in.take()
     }
@@ -119,14 +119,14 @@ impl Connection {
         self.latest_in.end()
     }
 
-    /// Whether there is a value or an end of the latest lane to read.
+    /// Whether a value or an end of the latest lane can be read.
     #[must_use]
     pub fn is_latest_readable(&self) -> bool {
         self.latest_in.is_readable()
     }
 
-    /// What comes next on the lane. What arrived before an end of the connection is still given, up to the
-    /// first unit that breaks the rules of the lane.
+    /// The next item of the lane. Items that arrived before the connection ended are still returned, up to
+    /// the first unit that breaks the rules of the lane.
     pub fn recv(&mut self, lane: UnitLane) -> Option<Received> {
         self.units_mut(lane).recv().unwrap_or_else(|violation| {
             self.end(violation.into());

@@ -1,4 +1,4 @@
-//! What arrives: packets, and what acknowledgements say of those that left.
+//! Arriving packets, and the acknowledgements in them.
 
 use std::time::Duration;
 
@@ -11,12 +11,12 @@ use crate::peer_path::Arrival;
 use crate::recovery::{Content, Verdict};
 use crate::wire::Reader;
 
-/// So many packets that do not open end a connection: with more of them somebody could come to forge one (RFC
-/// 9001, section 6.6, for ChaCha20-Poly1305).
+/// This many packets that fail to open end a connection: with more an attacker could forge one (RFC 9001,
+/// section 6.6, for ChaCha20-Poly1305).
 const FORGED: u64 = 1 << 36;
 
 impl Connection {
-    /// Takes a datagram for this connection. What does not open, came before, or belongs elsewhere is
+    /// Takes a datagram for this connection. Packets that fail to open, are repeated, or belong elsewhere are
     /// ignored.
     pub fn handle(&mut self, now: Instant, datagram: &[u8]) {
         self.receive(now, None, datagram);
@@ -39,8 +39,8 @@ impl Connection {
             }
             self.locate(now, arrival, self.acks.is_newest(number));
             if self.closed.is_some() {
-                // The close was lost, unless this one crossed it: two ends that answer each other's would
-                // never stop.
+                // The close was lost, unless this one crossed it: two ends that answer each other's close
+                // would never stop.
                 self.close_due = plain != [CLOSE];
                 self.acks.on_received(now, number, Asks::Nothing, self.config.ack_delay);
                 self.plain = plain;
@@ -60,8 +60,8 @@ impl Connection {
         self.plain = plain;
     }
 
-    /// Says what acknowledgement the packet asks for; nothing if it must not get one, for not all of it could
-    /// be taken.
+    /// Returns the acknowledgement that the packet asks for; `None` if it must not get one, because not all
+    /// of it could be taken.
     fn take_chunks(
         &mut self,
         now: Instant,

@@ -1,50 +1,50 @@
-//! What became of a connection's packets, and what is known of its path.
+//! Counts of a connection's packets, and the state of its path.
 
 use std::time::Duration;
 
 use super::Connection;
 
-/// Packets and the path, as one end sees them: what it counted since it was made, and what it knows now.
+/// Packets and the path as seen by one end: counts since it was made, and the present state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PathStats {
-    /// Packets that were sent, whatever they held.
+    /// Packets sent, with any contents.
     pub sent: u64,
     /// Their bytes, without the headers of UDP and IP.
     pub sent_bytes: u64,
-    /// Packets of the peer that arrived, each once.
+    /// Packets of the peer that arrived, without duplicates.
     pub received: u64,
     /// Their bytes, without the headers of UDP and IP.
     pub received_bytes: u64,
-    /// Packets for this connection that did not open: broken on the way, or forged.
+    /// Packets for this connection that failed to open: damaged on the path, or forged.
     pub forged: u64,
     /// Packets that were sent and found lost. Probes for larger datagrams are not counted.
     pub lost: u64,
-    /// Parts of frames, messages and blocks that were sent again.
+    /// Parts of frames, messages and blocks that were retransmitted.
     pub repeated: u64,
     /// Repair shards that were sent.
     pub repair_sent: u64,
-    /// Frames of the peer that are whole only because of their repair.
+    /// Frames of the peer that are complete only because of repair.
     pub frames_repaired: u64,
-    /// Frames sent from here that were given up, for they could not arrive in time.
+    /// Frames sent from here that were given up, because they could not arrive in time.
     pub frames_given_up: u64,
-    /// Times that nothing was acknowledged for so long that something was sent only to be.
+    /// Probes sent because nothing was acknowledged for a timeout.
     pub probes: u64,
-    /// The largest datagram that is known to arrive, bytes.
+    /// The largest datagram known to arrive, bytes.
     pub datagram_size: usize,
     /// The smoothed round-trip time; 100 ms before it is measured.
     pub round_trip: Duration,
     /// How many bytes may be in flight (the congestion window).
     pub window: usize,
-    /// How many are.
+    /// The bytes in flight.
     pub in_flight: usize,
-    /// Whether frames sent from here have no more time than the way to the peer takes
+    /// Whether the deadline of frames sent from here is shorter than the one-way delay
     /// ([`Connection::deadline_too_short`]).
     pub deadline_too_short: bool,
 }
 
 impl PathStats {
-    /// What was counted since `earlier`, and what is known now.
+    /// The counts since `earlier`, and the present state.
     #[must_use]
     pub const fn since(&self, earlier: &Self) -> Self {
         Self {
@@ -64,39 +64,39 @@ impl PathStats {
     }
 }
 
-/// Frames have no more time than the way to the peer takes: hardly any can come whole.
+/// The frames' deadline is shorter than the one-way delay: hardly any can arrive complete.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeadlineTooShort {
-    /// How long a frame may take ([`Config::frame_deadline`](crate::Config::frame_deadline)).
+    /// The deadline of a frame ([`Config::frame_deadline`](crate::Config::frame_deadline)).
     pub deadline: Duration,
-    /// How long a packet is on its way at least: half of the shortest round trip.
+    /// The least one-way delay: half of the shortest round trip.
     pub way: Duration,
 }
 
 /// The most steps that a byte of the peer's packets costs ([`Connection::work`]).
 pub const STEPS_PER_BYTE: u64 = 320;
-/// The most steps that a packet costs beside its bytes: what it carried is looked at when it is known whether
-/// it arrived.
+/// The most steps that a packet costs beside its bytes: its contents are looked at once its arrival or loss
+/// is known.
 pub const STEPS_PER_PACKET: u64 = 64;
 
 impl Connection {
-    /// Whether the deadline of the frames sent from here is over before anything can have come; known once
-    /// the way was measured.
+    /// Whether the deadline of frames sent from here ends before anything can arrive; known once the path was
+    /// measured.
     #[must_use]
     pub fn deadline_too_short(&self) -> Option<DeadlineTooShort> {
         let (deadline, way) = (self.frames.outbox.frame_deadline?, self.recovery.rtt.least_one_way()?);
         (way >= deadline).then_some(DeadlineTooShort { deadline, way })
     }
 
-    /// What the peer's packets have cost so far, in steps: eight bytes copied, cleared or computed on, or a
-    /// look at something that is kept. No more than [`STEPS_PER_BYTE`] for each byte received and
-    /// [`STEPS_PER_PACKET`] for each packet sent or received.
+    /// The cost of the peer's packets so far, in steps: eight bytes copied, cleared or computed on, or one
+    /// look-up. At most [`STEPS_PER_BYTE`] for each byte received and [`STEPS_PER_PACKET`] for each packet
+    /// sent or received.
     #[must_use]
     pub const fn work(&self) -> u64 {
         self.frames.work() + self.messages.work() + self.bulk.work() + self.recovery.visited
     }
 
-    /// What became of the packets, and what is known of the path.
+    /// The counts of packets, and the state of the path.
     #[must_use]
     pub fn stats(&self) -> PathStats {
         let (recovery, outbox) = (&self.recovery, &self.frames.outbox);

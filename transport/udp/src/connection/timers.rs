@@ -1,4 +1,4 @@
-//! When something is due by itself, and what is done then.
+//! The timers of a connection.
 
 use trimaran_net::Instant;
 
@@ -7,11 +7,11 @@ use crate::packet::MIN_DATAGRAM;
 use crate::peer_path::PeerPath;
 use crate::recovery::{PROBES, Probe};
 
-/// After so many probes without an answer a path may have become narrower.
+/// After so many unanswered probes a path may have become narrower.
 const BLACK_HOLE: u32 = 3;
 
 impl Connection {
-    /// When [`Connection::handle_timeout`] is due, if nothing happens before.
+    /// When [`Connection::handle_timeout`] is due, if nothing happens earlier.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Instant> {
         if self.closed.is_some() {
@@ -20,7 +20,7 @@ impl Connection {
         let keepalive = self.last_sent.after(self.config.idle_timeout / 4);
         let idle_timeout = self.last_received.after(self.config.idle_timeout);
         let mut next = keepalive.min(idle_timeout);
-        // One after the other, as it is asked with every packet: a chain of iterators takes twice the
+        // One after the other, because this runs for every packet: a chain of iterators takes twice the
         // instructions.
         let mut or_at = |due: Option<Instant>| {
             if let Some(due) = due {
@@ -41,7 +41,7 @@ impl Connection {
         Some(next)
     }
 
-    /// Does what is due at `now`.
+    /// Handles the timers due at `now`.
     pub fn handle_timeout(&mut self, now: Instant) {
         if self.closed.is_some() {
             return;
@@ -73,7 +73,7 @@ impl Connection {
         }
     }
 
-    /// Takes over the size of datagrams that is known to arrive.
+    /// Adopts the size of datagrams that is known to arrive.
     pub(super) fn resize(&mut self) {
         self.recovery.window.set_segment(self.mtu.known());
         self.pacer.set_segment(self.mtu.known());

@@ -1,4 +1,4 @@
-//! What leaves: packets, filled with what is due.
+//! Filling packets with pending chunks.
 
 use trimaran_net::Instant;
 
@@ -9,13 +9,13 @@ use crate::packet::{NUMBERS, data_header};
 use crate::recovery::{Content, Contents, Sent, Verdict};
 use crate::rtt::GRANULARITY;
 
-/// The bytes of a packet that is a ping.
+/// The bytes of a packet with only a ping.
 const QUESTION: usize = 1 + OVERHEAD;
-/// How many of them leave in a round trip at most.
+/// The most of these in a round trip.
 const QUESTIONS: u32 = 4;
 
 impl Connection {
-    /// Writes the next datagram into `out`, which it replaces; false when there is none now.
+    /// Writes the next datagram into `out`, which it replaces; false if there is none now.
     pub fn poll_transmit(&mut self, now: Instant, out: &mut Vec<u8>) -> bool {
         let mut plain = std::mem::take(&mut self.plain);
         plain.clear();
@@ -26,7 +26,7 @@ impl Connection {
         made
     }
 
-    /// Fills a packet; gives what it carried if it asks for an acknowledgement.
+    /// Fills a packet; returns its contents if it asks for an acknowledgement.
     fn write_chunks(&mut self, now: Instant, plain: &mut Vec<u8>) -> Option<Contents> {
         let all = self.mtu.known() - OVERHEAD;
         if self.closed.is_some() {
@@ -43,7 +43,7 @@ impl Connection {
             && let Some(ack) = self.acks.take(now)
         {
             ack.write(plain);
-            // A packet that leaves anyway.
+            // This packet leaves anyway.
             self.latest_out.write_copy(all.saturating_sub(plain.len()), plain, &mut contents);
             if !contents.is_empty() {
                 return Some(contents);
@@ -56,8 +56,8 @@ impl Connection {
             }
             return (!contents.is_empty()).then_some(contents);
         }
-        // Where acknowledgements are lost, each second packet asks for one (RFC 9000, section 13.2.2): of one
-        // or two a frame, losses in a row may take all.
+        // Where acknowledgements are lost, each second packet asks for one (RFC 9000, section 13.2.2): with
+        // one or two a frame, consecutive losses may take all.
         let asks = self.recovery.is_unanswered() && self.recovery.next_number().is_multiple_of(2);
         let ping = self.pings > 0 || has_data && asks;
         if ping {
@@ -68,7 +68,7 @@ impl Connection {
         self.messages.write_words(plain, &mut contents);
         self.bulk.write_words(plain, &mut contents);
         self.latest_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
-        // In turn: neither of the two waits for all of the other one.
+        // In turn: neither of the two waits for all data of the other.
         let (first, second) = match self.recovery.next_number() % 2 {
             0 => (&mut self.messages, &mut self.frames),
             _ => (&mut self.frames, &mut self.messages),
@@ -87,7 +87,7 @@ impl Connection {
         (!contents.is_empty()).then_some(contents)
     }
 
-    /// Fills a packet up to the size that is to be tried.
+    /// Fills a packet up to the probed size.
     fn write_probe(&mut self, now: Instant, plain: &mut Vec<u8>, contents: &mut Contents) {
         if let Some(size) = self.mtu.probe(now) {
             Chunk::Ping.write(plain);
@@ -96,7 +96,7 @@ impl Connection {
         }
     }
 
-    /// Whether window and pacer allow a full packet now. A probe always may leave.
+    /// Whether window and pacer allow a full packet now. A probe may always be sent.
     fn may_send(&mut self, now: Instant) -> bool {
         let due = self.paced_until.take();
         if self.pings > 0 {
@@ -113,8 +113,8 @@ impl Connection {
         ready <= now
     }
 
-    /// When to ask what has arrived, where acknowledgements are lost and what is under way leaves room in the
-    /// window for a question only. It is no probe: those exceed the window, and come ever more rarely.
+    /// When to send a ping: acknowledgements are lost, and the window has room only for that. It is not a
+    /// probe: those exceed the window, and become ever rarer.
     pub(super) fn question_due(&self) -> Option<Instant> {
         let room = self.recovery.room();
         let stuck = self.recovery.is_unanswered() && (QUESTION..self.mtu.known()).contains(&room);
@@ -126,7 +126,7 @@ impl Connection {
         self.has_precedence() || self.bulk.outbox.has_due() && self.has_room_for_bulk()
     }
 
-    /// Whether there is anything that goes before blocks.
+    /// Whether anything has priority over blocks.
     fn has_precedence(&self) -> bool {
         self.latest_out.is_due()
             || self.frames.has_due()
@@ -134,8 +134,7 @@ impl Connection {
             || self.bulk.has_words_due()
     }
 
-    /// Whether blocks may have what room there is: nothing else wants it, and it is not under way what would
-    /// queue.
+    /// Whether bulk may send: no other lane is due, and the data in flight would not queue.
     fn has_room_for_bulk(&self) -> bool {
         !self.has_precedence() && self.scavenger.allows(self.recovery.in_flight())
     }

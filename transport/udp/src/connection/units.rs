@@ -7,25 +7,25 @@ use crate::outbox::Outbox;
 use crate::recovery::{Content, Contents};
 use crate::repair::{Budget, Repair};
 
-/// Bytes of the messages lane that the receiver keeps for a reader who does not read, and that the sender
-/// keeps until they are acknowledged: four of the longest messages.
+/// Bytes of the messages lane that the receiver buffers for a slow reader, and that the sender keeps until
+/// they are acknowledged: four of the longest messages.
 pub(crate) const MESSAGES_WINDOW: u64 = 64 * 1024;
-/// The same of the bulk lane: 100 Mbit/s over a round trip of 40 ms.
+/// The same for the bulk lane: 100 Mbit/s over a round trip of 40 ms.
 pub(crate) const BULK_WINDOW: u64 = 512 * 1024;
 
-/// What is sent and received on one lane, and what the peer must be told of it.
+/// Both directions of one lane, and pending control chunks about it.
 #[derive(Debug)]
 pub(super) struct Units {
     lane: UnitLane,
     pub(super) outbox: Outbox,
     pub(super) inbox: Inbox,
     pub(super) max_data_due: bool,
-    /// The peer's side of the lane is not read here.
+    /// This side does not read the lane.
     unread: bool,
     pub(super) stop_sending_due: bool,
     /// The peer does not read the lane.
     pub(super) stopped: bool,
-    /// What waits for its acknowledgement leaves no room beyond so many bytes.
+    /// The limit of bytes that wait for acknowledgement.
     send_buffer: usize,
 }
 
@@ -44,8 +44,8 @@ impl Units {
         Self::new(UnitLane::Frames, outbox, Inbox::new(UnitLane::Frames, format, batch, window), send_buffer)
     }
 
-    /// Messages or blocks, so many bytes of them in each direction: they have no deadline, and no repair.
-    /// What is lost of them is sent again.
+    /// Messages or blocks, with this window in each direction. They have no deadline and no repair; lost data
+    /// is retransmitted.
     pub(super) fn records(lane: UnitLane, config: &Config, window: u64) -> Self {
         let format = config.format;
         let allowed = (window, Inbox::initial_units());
@@ -70,7 +70,7 @@ impl Units {
         self.outbox.kept() < self.send_buffer
     }
 
-    /// The peer does not read any more.
+    /// The peer stops reading.
     pub(super) fn on_stop(&mut self) {
         self.stopped = true;
         self.outbox.drop_all();
@@ -82,7 +82,7 @@ impl Units {
         self.max_data_due |= self.inbox.discard();
     }
 
-    /// Throws away what has come, if nobody reads it.
+    /// Discards received data, if nobody reads it.
     pub(super) fn discard_unread(&mut self) {
         if self.unread {
             self.max_data_due |= self.inbox.discard();
@@ -95,7 +95,7 @@ impl Units {
         Ok(received)
     }
 
-    /// What the peer's packets have cost on this lane, in steps.
+    /// The cost of the peer's packets on this lane, in steps.
     pub(super) const fn work(&self) -> u64 {
         self.inbox.work() + self.outbox.visited
     }
@@ -104,12 +104,12 @@ impl Units {
         self.has_words_due() || self.outbox.has_due()
     }
 
-    /// Whether the peer must be told something of the lane.
+    /// Whether a control chunk of the lane is due.
     pub(super) const fn has_words_due(&self) -> bool {
         self.max_data_due || self.stop_sending_due
     }
 
-    /// Writes what the peer must be told of the lane.
+    /// Writes the control chunks of the lane that are due.
     pub(super) fn write_words(&mut self, plain: &mut Vec<u8>, contents: &mut Contents) {
         let lane = self.lane;
         if std::mem::take(&mut self.max_data_due) {
@@ -123,7 +123,7 @@ impl Units {
         }
     }
 
-    /// Fills a packet that has room for `all` bytes with what is due of units.
+    /// Fills a packet that has room for `all` bytes with pending unit data.
     pub(super) fn write(&mut self, all: usize, plain: &mut Vec<u8>, contents: &mut Contents) {
         while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
             contents.push(content);

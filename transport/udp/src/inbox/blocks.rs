@@ -1,5 +1,5 @@
-//! The blocks of a unit for which repair came: what is missing of each is counted, so that each is restored
-//! once, when it can be.
+//! The blocks of a unit with repair. Missing shards are counted, so each block is restored once, when it can
+//! be.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -8,21 +8,21 @@ use super::LaneViolation;
 use super::store::{Pool, Store};
 use crate::repair::Block;
 
-/// Blocks by where they begin. They do not overlap: else the same bytes could be restored over and over.
+/// Blocks by offset. They do not overlap: otherwise the same bytes could be restored over and over.
 #[derive(Debug, Default)]
 pub(super) struct Blocks {
     known: BTreeMap<u64, Guarded>,
-    /// Where the last of those ends that were forgotten, as all of their bytes were passed on.
+    /// The end of the last forgotten block, all of whose bytes were delivered.
     forgotten: u64,
     /// How many repair shards are kept.
     kept: usize,
 }
 
-/// A block, and what of it came.
+/// A block, and its received shards.
 #[derive(Debug)]
 pub(super) struct Guarded {
     pub(super) block: Block,
-    /// A bit for each shard all of which came.
+    /// A bit for each complete shard.
     pub(super) came: u64,
     /// Repair shards by their index.
     pub(super) repair: Vec<(u8, Vec<u8>)>,
@@ -33,7 +33,7 @@ impl Guarded {
         self.block.shard_count() - self.came.count_ones() as usize
     }
 
-    /// Looks again at the shards that `range` touches.
+    /// Updates the shards that `range` touches.
     fn look(&mut self, range: Range<u64>, store: &Store, pool: &mut Pool) {
         for index in self.block.shards_in(range) {
             let shard = self.block.shard_at(index);
@@ -48,7 +48,7 @@ impl Blocks {
         self.kept
     }
 
-    /// Whether a repair shard of `block` is of use: something of it is missing.
+    /// Whether a repair shard of `block` is useful: some of the block is missing.
     pub(super) fn wants(&self, block: Block, store: &Store, pool: &mut Pool) -> Result<bool, LaneViolation> {
         pool.work += 16;
         if let Some(known) = self.known.get(&block.offset).filter(|known| known.block == block) {
@@ -78,8 +78,8 @@ impl Blocks {
         }
     }
 
-    /// Bytes of `range` came: gives the blocks among those that it touches that can be restored now. Their
-    /// repair is not kept any longer.
+    /// Bytes of `range` came: returns the blocks among those that it touches that can be restored now. Their
+    /// repair is no longer kept.
     pub(super) fn restorable(&mut self, range: Range<u64>, store: &Store, pool: &mut Pool) -> Vec<Guarded> {
         let mut restorable = Vec::new();
         if self.known.is_empty() || range.is_empty() {
@@ -104,7 +104,7 @@ impl Blocks {
         restorable
     }
 
-    /// What lies before `base` was passed on.
+    /// Data before `base` was delivered.
     pub(super) fn release(&mut self, base: u64, pool: &mut Pool) {
         while let Some(first) = self.known.first_entry().filter(|first| first.get().block.range().end <= base)
         {
@@ -115,7 +115,7 @@ impl Blocks {
         }
     }
 
-    /// No more comes.
+    /// No more data comes.
     pub(super) fn clear(&mut self) {
         self.known.clear();
         self.kept = 0;

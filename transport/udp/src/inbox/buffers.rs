@@ -1,5 +1,5 @@
-//! What the lane's bytes lie in on their way to the reader: buffers that are used again and again, so that in
-//! steady state nothing is allocated for what arrives.
+//! Reused buffers for a lane's data on its way to the reader, so that in steady state arrivals allocate
+//! nothing.
 
 use bytes::{Bytes, BytesMut};
 use trimaran_wire::{Decoder, Format, Message};
@@ -7,7 +7,7 @@ use trimaran_wire::{Decoder, Format, Message};
 use super::LaneViolation;
 use super::store::Pool;
 
-/// Room for items that is made at once. A reader that keeps a batch keeps all that shares its room.
+/// The allocation unit for items. A reader that keeps a batch keeps its whole page.
 const PAGE: usize = 16 * 1024;
 
 #[derive(Debug)]
@@ -15,7 +15,7 @@ pub(super) struct Buffers {
     pub(super) format: Format,
     /// For units.
     pub(super) pool: Pool,
-    /// For batches: used again from its beginning once the reader has dropped all that lie in it.
+    /// For batches: reused from the beginning once the reader has dropped all in it.
     page: BytesMut,
     /// For messages, in the same way.
     decoder: Decoder,
@@ -27,7 +27,7 @@ impl Buffers {
         Self { format, pool, page, decoder: Decoder::new(format) }
     }
 
-    /// A copy of `length` bytes, which come in pieces, for the reader to keep.
+    /// A copy of `length` bytes from several pieces, for the reader to keep.
     pub(super) fn copy<'a>(&mut self, length: usize, pieces: impl Iterator<Item = &'a [u8]>) -> Bytes {
         if self.page.capacity() < length {
             self.page.reserve(length.max(PAGE));
@@ -36,7 +36,7 @@ impl Buffers {
         self.page.split().freeze()
     }
 
-    /// The one message that the pieces are.
+    /// Decodes the one message in the pieces.
     pub(super) fn decode<'a>(
         &mut self,
         pieces: impl Iterator<Item = &'a [u8]>,

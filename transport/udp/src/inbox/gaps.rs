@@ -1,4 +1,4 @@
-//! What stands in for bytes of a frame that are lost: repair, or word that they do not come any more.
+//! Replacements for lost bytes of a frame: repair, or a notice that they will not come.
 
 use super::blocks::Guarded;
 use super::store::Pool;
@@ -7,12 +7,12 @@ use super::{FlowControl, Inbox, LaneViolation};
 use crate::chunk::{GivenUp, Tail};
 use crate::repair::Block;
 
-/// How many repair shards of all units together are kept; more are not taken.
+/// The most repair shards kept for all units together; more are refused.
 const REPAIR: usize = 256;
 
 impl Inbox {
-    /// Takes a repair shard; `hash` is that of the frame which the block ends. Says whether there was a place
-    /// for it: if not, its packet must not be acknowledged, for the sender would count on it.
+    /// Takes a repair shard; `hash` is that of the frame which the block ends. Returns whether there was room
+    /// for it. If not, its packet must not be acknowledged, or the sender would rely on it.
     pub(crate) fn put_repair(
         &mut self,
         number: u64,
@@ -36,7 +36,7 @@ impl Inbox {
                 return Ok(());
             }
             let found = match (block.shard_count(), room) {
-                // It is the one shard.
+                // It has a single shard.
                 (1, _) => return put_restored(unit, flow, pool, vec![(block.offset, cut(data, block))]),
                 (_, true) => unit.keep_repair(block, index, data, pool),
                 (_, false) => {
@@ -49,7 +49,7 @@ impl Inbox {
         Ok(has_place)
     }
 
-    /// Takes word that no more comes of a frame.
+    /// Takes the notice that no more of a frame comes.
     pub(crate) fn give_up(&mut self, number: u64, about: GivenUp, head: &[u8]) -> Result<(), LaneViolation> {
         let format = self.buffers.format;
         self.with_unit(number, |unit, flow, pool| {
@@ -68,7 +68,7 @@ fn cut(data: &[u8], block: Block) -> Vec<u8> {
     data.get(..block.length as usize).unwrap_or(data).to_vec()
 }
 
-/// Restores lost bytes of the blocks that were found.
+/// Restores lost bytes of the given blocks.
 pub(super) fn restore(
     unit: &mut Unit,
     flow: &mut FlowControl,
@@ -92,7 +92,7 @@ fn put_restored(
         let to = offset + bytes.len() as u64;
         flow.use_up_to(unit, to)?;
         unit.highest = unit.highest.max(to);
-        // No further block comes of it: blocks do not overlap.
+        // No further block results: blocks do not overlap.
         unit.put(offset, &bytes, pool);
         unit.repaired = true;
     }
@@ -110,12 +110,12 @@ mod tests {
     use crate::chunk::UnitLane;
     use crate::examples::{FORMAT, FORMAT_OF_12};
 
-    /// A frame of the items 0, 1, .. as its unit's bytes.
+    /// The unit of a frame of the items 0, 1, ..
     fn frame_of(count: u32) -> Vec<u8> {
         unit_of(&FORMAT, &(0..count).flat_map(u32::to_le_bytes).collect::<Vec<_>>())
     }
 
-    /// The items of 4 bytes that were received.
+    /// The received items of 4 bytes.
     fn items_of(received: &[Received]) -> Vec<u32> {
         let bytes: Vec<u8> = batches(received).flatten().copied().collect();
         bytes.chunks(4).map(|item| u32::from_le_bytes(item.try_into().unwrap())).collect()
@@ -333,7 +333,7 @@ mod tests {
         assert_eq!((inbox.frames_repaired, inbox.first), (1, 1));
     }
     proptest! {
-        /// Of each item of 12 bytes all or nothing is passed on, and all of those that came whole.
+        /// Items of 12 bytes are delivered whole or not at all, and all that came whole are delivered.
         #[test]
         fn a_frame_with_gaps_passes_on_whole_items_wherever_parts_were_cut(
             count in 1u64..300, lost in prop::collection::vec((0u64..3600, 1u64..100), 0..12), batch in 1u32..40,

@@ -1,5 +1,5 @@
-//! The bytes of a unit, which come in any order: in pages, so that a byte far ahead costs a page and not all
-//! that is missing before it.
+//! The bytes of a unit, in any order: in pages, so that a byte far ahead costs one page and not the whole gap
+//! before it.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -8,12 +8,12 @@ use std::ops::Range;
 pub(super) const PAGE: usize = 2048;
 /// The bits of a page's bytes, in words.
 const WORDS: usize = PAGE / 64;
-/// How many pages are kept for units to come: 256 KiB.
+/// How many free pages are kept for later units: 256 KiB.
 const FREE: usize = 128;
-/// How many empty lists of pages are kept: frames that are under way at once are few.
+/// How many empty page lists are kept: few frames are open at once.
 const LISTS: usize = 4;
 
-/// A few thousand bytes, and a bit for each that has come.
+/// A few thousand bytes, and a bit for each received one.
 #[derive(Debug)]
 struct Page {
     bytes: [u8; PAGE],
@@ -28,13 +28,13 @@ impl Page {
 
 type Pages = VecDeque<Option<Box<Page>>>;
 
-/// Pages of units that are over, for units to come, so that in steady state nothing is allocated.
+/// Pages of finished units, for later ones, so that in steady state nothing is allocated.
 #[derive(Debug, Default)]
 pub(super) struct Pool {
     #[expect(clippy::vec_box, reason = "pages go from list to list without being copied")]
     pages: Vec<Box<Page>>,
     lists: Vec<Pages>,
-    /// What was done to bytes that came, in steps of eight bytes or one look-up each.
+    /// The cost of received bytes, in steps of eight bytes or one look-up each.
     pub(super) work: u64,
 }
 
@@ -59,7 +59,7 @@ impl Pool {
         self.pages.extend(page.filter(|_| self.pages.len() < FREE));
     }
 
-    /// Takes back what a unit had.
+    /// Takes back a unit's pages.
     pub(super) fn take_back(&mut self, store: Store) {
         let Store { mut pages, .. } = store;
         while let Some(page) = pages.pop_front() {
@@ -71,22 +71,22 @@ impl Pool {
     }
 }
 
-/// The bytes of a unit that came, without those that nobody will ask for any more.
+/// The received bytes of a unit, without those that are no longer needed.
 #[derive(Debug, Default)]
 pub(super) struct Store {
     pages: Pages,
-    /// The number of the first of them.
+    /// The number of the first page.
     first: u64,
     ready: u64,
 }
 
 impl Store {
-    /// Up to where all bytes from the beginning on have come, or were passed over.
+    /// The end of the bytes that are complete from the beginning on, received or passed over.
     pub(super) const fn ready(&self) -> u64 {
         self.ready
     }
 
-    /// Bytes came; none of them lies before what was released.
+    /// Stores received bytes; none of them lies before the released ones.
     pub(super) fn write(&mut self, offset: u64, data: &[u8], pool: &mut Pool) {
         let mut rest = data;
         for (number, within) in pieces(offset..offset.saturating_add(data.len() as u64)) {
@@ -106,7 +106,7 @@ impl Store {
         self.settle(pool);
     }
 
-    /// The page with that number, made if need be.
+    /// The page with that number, created if needed.
     fn page_mut(&mut self, number: u64, pool: &mut Pool) -> Option<&mut Page> {
         let at = usize::try_from(number.checked_sub(self.first)?).ok()?;
         if self.pages.len() <= at {
@@ -122,7 +122,7 @@ impl Store {
         self.pages.get(at)?.as_deref()
     }
 
-    /// Finds how far nothing is missing now.
+    /// Finds the end of the complete bytes.
     fn settle(&mut self, pool: &mut Pool) {
         while let Some(page) = self.page(self.ready / PAGE as u64) {
             let within = (self.ready % PAGE as u64) as usize;
@@ -136,7 +136,7 @@ impl Store {
         }
     }
 
-    /// Whether all bytes of `range` have come and are still there.
+    /// Whether all bytes of `range` were received and are still kept.
     pub(super) fn has(&self, range: Range<u64>) -> bool {
         if range.end <= self.ready && range.start >= self.first * PAGE as u64 {
             return true;
@@ -147,20 +147,20 @@ impl Store {
         })
     }
 
-    /// The bytes of `range`, piece by piece; what is not there any more is left out.
+    /// The bytes of `range`, piece by piece; released ones are left out.
     pub(super) fn read(&self, range: Range<u64>) -> impl Iterator<Item = &[u8]> {
         pieces(range).filter_map(|(number, within)| self.page(number)?.bytes.get(within))
     }
 
-    /// The first bytes from `from` on that came, up to the next gap or `most` of them.
+    /// The first received bytes from `from` on, up to the next gap or `most` of them.
     pub(super) fn next_piece(&self, from: u64, most: u64, pool: &mut Pool) -> Option<Range<u64>> {
         let start = self.next(from, true, u64::MAX, pool)?;
         let end = self.next(start, false, start.saturating_add(most), pool)?;
         Some(start..end)
     }
 
-    /// The first place from `from` on whose byte came, or did not, or `limit` if that is before it. What came
-    /// ends somewhere.
+    /// The first place from `from` on whose byte has come, or has not, depending on `came`; at most `limit`.
+    /// Received data always ends somewhere.
     fn next(&self, from: u64, came: bool, limit: u64, pool: &mut Pool) -> Option<u64> {
         let mut at = from.max(self.first * PAGE as u64);
         while at < limit {
@@ -186,7 +186,7 @@ impl Store {
         Some(limit)
     }
 
-    /// What lies before `base` was passed on, or will not come; nobody asks for what lies before `kept`.
+    /// Data before `base` was delivered, or will not come; data before `kept` is no longer needed.
     pub(super) fn release(&mut self, base: u64, kept: u64, pool: &mut Pool) {
         self.ready = self.ready.max(base);
         while (self.first + 1) * PAGE as u64 <= kept {
@@ -199,14 +199,14 @@ impl Store {
         }
     }
 
-    /// How many pages it has.
+    /// The number of its pages.
     #[cfg(test)]
     pub(super) fn pages(&self) -> usize {
         self.pages.iter().flatten().count()
     }
 }
 
-/// The pages that a range lies in, and which of their bytes.
+/// The pages of a range, and their bytes in it.
 fn pieces(range: Range<u64>) -> impl Iterator<Item = (u64, Range<usize>)> {
     let size = PAGE as u64;
     let pages = if range.is_empty() { 0..0 } else { range.start / size..range.end.div_ceil(size) };
@@ -217,7 +217,7 @@ fn pieces(range: Range<u64>) -> impl Iterator<Item = (u64, Range<usize>)> {
     })
 }
 
-/// The words that the bits of such bytes of a page lie in, and which bits.
+/// The bitmap words for these bytes of a page, and the bits in them.
 fn words(within: Range<usize>) -> impl Iterator<Item = (usize, u64)> {
     (within.start / 64..within.end.div_ceil(64)).map(move |word| {
         let from = within.start.saturating_sub(word * 64).min(63);

@@ -13,48 +13,48 @@ mod pass;
 #[derive(Debug, Default)]
 pub(super) struct Unit {
     store: Store,
-    /// What lies before was passed on.
+    /// Data before this was delivered.
     pub(super) base: u64,
     pub(super) highest: u64,
-    /// Up to where everything shall be passed on.
+    /// Everything up to here is delivered without waiting for a full batch.
     pause: u64,
     end: Option<(u64, Tail)>,
     frame: Option<FrameNumber>,
-    /// Whether its batches are messages, and how many items those passed on had.
+    /// Whether its batches are messages, and the number of items delivered.
     coded: bool,
     items: u64,
-    /// No more comes, and there are gaps.
+    /// No more data comes, and there are gaps.
     given_up: Option<GivenUp>,
     blocks: Blocks,
     pub(super) repaired: bool,
 }
 
-/// What is next in a unit.
+/// The next item of a unit.
 pub(super) enum Step {
     Wait,
     Item(Received),
-    /// The unit is over.
+    /// The unit has ended.
     Last(Option<Received>),
 }
 
 impl Unit {
-    /// A unit that nothing has come of.
+    /// A unit without received data.
     pub(super) fn new(store: Store) -> Self {
         Self { store, ..Self::default() }
     }
 
-    /// What its bytes lie in, for another unit.
+    /// Its pages, for another unit.
     pub(super) fn into_store(self) -> Store {
         self.store
     }
 
-    /// How many pages its bytes take.
+    /// The number of its pages.
     #[cfg(test)]
     pub(super) fn pages(&self) -> usize {
         self.store.pages()
     }
 
-    /// How many repair shards it keeps.
+    /// The number of repair shards it keeps.
     pub(super) const fn repair_shards(&self) -> usize {
         self.blocks.kept()
     }
@@ -63,7 +63,7 @@ impl Unit {
         self.given_up.is_some()
     }
 
-    /// Notes how what ends at `to` relates to the unit's end.
+    /// Notes the relation of data that ends at `to` to the unit's end.
     pub(super) fn note(&mut self, to: u64, tail: Tail) -> Result<(), LaneViolation> {
         let beyond = self.end.is_some_and(|(end, _)| to > end);
         let ends = matches!(tail, Tail::End | Tail::Frame(_));
@@ -82,7 +82,7 @@ impl Unit {
         Ok(())
     }
 
-    /// Bytes came. Gives the blocks that can be restored for it.
+    /// Stores received bytes. Returns the blocks that can be restored now.
     pub(super) fn put(&mut self, offset: u64, data: &[u8], pool: &mut Pool) -> Vec<Guarded> {
         let skip = (self.base.saturating_sub(offset) as usize).min(data.len());
         let (offset, data) = (offset + skip as u64, data.get(skip..).unwrap_or_default());
@@ -90,12 +90,12 @@ impl Unit {
         self.blocks.restorable(offset..offset + data.len() as u64, &self.store, pool)
     }
 
-    /// Whether a repair shard of `block` is of use.
+    /// Whether a repair shard of `block` is useful.
     pub(super) fn wants_repair(&self, block: Block, pool: &mut Pool) -> Result<bool, LaneViolation> {
         self.blocks.wants(block, &self.store, pool)
     }
 
-    /// Keeps a repair shard that is of use. Gives the block if it can be restored for it.
+    /// Keeps a useful repair shard. Returns the block if it can be restored now.
     pub(super) fn keep_repair(
         &mut self,
         block: Block,
@@ -107,14 +107,14 @@ impl Unit {
         self.blocks.restorable(block.offset..block.offset + 1, &self.store, pool)
     }
 
-    /// The pieces of a block that did not come.
+    /// The missing pieces of a block.
     pub(super) fn restore(&self, found: &Guarded, pool: &mut Pool) -> Vec<(u64, Vec<u8>)> {
         let Guarded { block, came, repair } = found;
         pool.work += block.cost();
         block.restore(*came, |range, out| self.store.read(range).for_each(|piece| out.extend(piece)), repair)
     }
 
-    /// Nothing more comes of a frame; `head` is the end of its beginning.
+    /// No more of a frame comes; `head` is the end of its beginning.
     pub(super) fn give_up(
         &mut self,
         about: GivenUp,

@@ -1,4 +1,4 @@
-//! What became of what was sent: arrived, lost, restored, or not worth sending any more.
+//! The delivery status of sent data: arrived, lost, restored, or no longer worth sending.
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use trimaran_net::Instant;
 use super::{Outbox, UNIT_COST, Unit};
 
 impl Outbox {
-    /// Gives up frames that are not worth sending any more: what leaves at `now` arrives at `arrival`.
+    /// Gives up frames that are no longer worth sending: data sent at `now` arrives at `arrival`.
     pub(crate) fn expire(&mut self, now: Instant, arrival: Instant) {
         let Some(deadline) = self.frame_deadline else { return };
         self.undated = self.undated.max(self.first);
@@ -31,7 +31,7 @@ impl Outbox {
         }
     }
 
-    /// By when the next frame has to arrive.
+    /// The deadline of the next frame.
     pub(crate) fn deadline(&self) -> Option<Instant> {
         self.frame_deadline?;
         let over = usize::try_from(self.in_time.saturating_sub(self.first)).ok()?;
@@ -48,7 +48,7 @@ impl Outbox {
         self.on_arrival(number, |unit| unit.on_repair_ack(offset, index));
     }
 
-    /// Something of a unit has arrived; `note` says how many bytes that freed.
+    /// Something of a unit has arrived; `note` returns the number of bytes freed.
     fn on_arrival(&mut self, number: u64, note: impl FnOnce(&mut Unit) -> usize) {
         let Some(unit) = self.unit(number) else { return };
         let freed = note(unit);
@@ -59,7 +59,7 @@ impl Outbox {
         self.forget_arrived();
     }
 
-    /// A part was lost: it is sent again, unless repair makes up for it.
+    /// A part was lost: it is retransmitted, unless repair makes up for it.
     pub(crate) fn on_loss(&mut self, number: u64, range: Range<u64>, ended: bool) {
         if let Some(unit) = self.unit(number) {
             unit.on_loss(range, ended);
@@ -74,7 +74,7 @@ impl Outbox {
         }
     }
 
-    /// Sends all again that was lost: nothing is heard of the repair that could make up for it.
+    /// Retransmits all lost data: nothing is heard of the repair that could make up for it.
     pub(crate) fn stop_waiting(&mut self) {
         let waited: Vec<u64> = (self.first..)
             .zip(&mut self.units)
@@ -203,7 +203,7 @@ mod tests {
         assert_eq!(outbox.frames_given_up, 1, "the first one only");
     }
 
-    /// A frame of so many bytes in parts of a hundred, and two repair shards or more; all of them sent.
+    /// A frame of so many bytes in parts of a hundred, and at least two repair shards; all sent.
     fn repaired(bytes: usize) -> (Outbox, Vec<Content>) {
         let mut outbox = Outbox { repair: Budget::new(Repair::On, 100), ..sender(None) };
         let (path, items) = (Path { shard: 100, loss: 0.0 }, vec![1; bytes - 80]);
@@ -215,7 +215,7 @@ mod tests {
         (outbox, sent)
     }
 
-    /// What is sent next.
+    /// The next content to be sent.
     fn again(outbox: &mut Outbox) -> Option<Content> {
         outbox.write_next(1172, 1172, &mut Vec::new())
     }
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn the_end_of_a_frame_is_said_again_where_repair_does_not_tell_of_it() {
-        // 64 shards: the block is over before it is known that the frame is.
+        // 64 shards: the block ends before the end of the frame is known.
         let (mut outbox, sent) = repaired(6400);
         for content in &sent {
             match content {

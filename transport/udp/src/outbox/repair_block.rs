@@ -1,28 +1,28 @@
-//! A block of a unit that has repair: what of it the receiver can do without, by what has arrived.
+//! A block of a unit with repair: which parts the receiver can do without, by the arrivals.
 
 use std::ops::Range;
 
 use crate::ranges::RangeSet;
 use crate::repair::Block;
 
-/// A block, and what became of its repair shards.
+/// A block, and the delivery status of its repair shards.
 #[derive(Debug)]
 pub(super) struct RepairBlock {
     block: Block,
-    /// Whether its repair shards say as well that the frame ends there.
+    /// Whether its repair shards also mark the end of the frame.
     ends: bool,
-    /// Repair shards by index, as bits: those that arrived, and those that were found lost. Probes may take
-    /// one for lost that arrives.
+    /// Repair shards by index, as bits: arrived ones, and those found lost. Probes may count one as lost that
+    /// arrives.
     arrived: u32,
     lost: u32,
 }
 
-/// What is to be done about the lost shards of a block.
+/// The action for the lost shards of a block.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Need {
     /// Nothing: the receiver has restored them.
     Restored,
-    /// These are sent again. The others can be restored, or will be once more has arrived.
+    /// Retransmit these. The others can be restored, or will be once more has arrived.
     Again(Vec<Range<u64>>),
 }
 
@@ -47,8 +47,8 @@ impl RepairBlock {
         self.lost |= 1 << index;
     }
 
-    /// What is needed where the bytes `acked` have arrived and those `waiting` were lost. Only as many shards
-    /// are sent again as the repair cannot make up for that has arrived or still may.
+    /// The action if the bytes `acked` have arrived and those `waiting` were lost. Only shards are
+    /// retransmitted that the repair, arrived or still in flight, cannot make up for.
     pub(super) fn need(&self, acked: &RangeSet, waiting: &RangeSet) -> Need {
         let (mut missing, mut lost) = (0, Vec::new());
         for shard in self.block.shards() {

@@ -16,39 +16,39 @@ mod write;
 
 #[derive(Debug)]
 pub(super) struct Unit {
-    /// Bytes from `base` on; what lies before is acknowledged.
+    /// Bytes from `base` on; data before it is acknowledged.
     data: BytesMut,
     base: u64,
     sent: u64,
     acked: RangeSet,
-    /// What has to be sent again; and what was lost as well, but may be restored from repair.
+    /// Bytes to retransmit; and lost bytes that may be restored from repair.
     lost: RangeSet,
     waiting: RangeSet,
     /// The blocks that have repair.
     repair_blocks: Vec<RepairBlock>,
-    /// The end, once it is known, and whether it must be sent, and whether it has arrived.
+    /// The end, once it is known; whether it must be sent; whether it has arrived.
     end: Option<Tail>,
     end_due: bool,
     end_acked: bool,
-    /// Parts do not reach over multiples of it, so that a lost packet is one lost shard.
+    /// Parts do not cross multiples of it, so that a lost packet is one lost shard.
     shard: usize,
-    /// Up to where repair was made, or was not wanted.
+    /// Up to here repair was made, or was not wanted.
     protected: u64,
     repair: VecDeque<Repair>,
     deadline: Option<Instant>,
     given_up: Option<GivingUp>,
-    /// The frame that it is, if it is one.
+    /// The frame number, if it is a frame.
     frame: Option<FrameNumber>,
     /// Whether its batches are messages.
     coded: bool,
-    /// How many items it has, once it is over.
+    /// The number of items, once it has ended.
     items: u32,
     /// The bytes of its beginning, and of an item.
     head: usize,
     item: usize,
 }
 
-/// A repair shard that waits to be sent.
+/// A repair shard to be sent.
 #[derive(Debug)]
 struct Repair {
     block: Block,
@@ -57,7 +57,7 @@ struct Repair {
     data: Vec<u8>,
 }
 
-/// A frame that is not worth sending any more.
+/// A frame that is no longer worth sending.
 #[derive(Debug)]
 struct GivingUp {
     about: GivenUp,
@@ -66,7 +66,7 @@ struct GivingUp {
 }
 
 impl Unit {
-    /// A unit in a buffer that is empty.
+    /// A unit in an empty buffer.
     pub(super) fn new(format: &Format, shard: usize, data: BytesMut) -> Self {
         Self {
             data,
@@ -117,12 +117,12 @@ impl Unit {
         self.items = items;
     }
 
-    /// The frame, if all of it has arrived.
+    /// The frame, if it has arrived completely.
     pub(super) fn whole_frame(&self) -> Option<FrameNumber> {
         self.frame.filter(|_| self.has_arrived() && self.given_up.is_none())
     }
 
-    /// Adds what `write` appends; says how many bytes.
+    /// Adds the bytes that `write` appends; returns their number.
     pub(super) fn append(&mut self, write: impl FnOnce(&mut BytesMut)) -> usize {
         let before = self.data.len();
         write(&mut self.data);
@@ -138,13 +138,13 @@ impl Unit {
         self.end.is_some()
     }
 
-    /// How many bytes the unit has so far.
+    /// The bytes of the unit so far.
     pub(super) fn written(&self) -> u64 {
         self.base + self.data.len() as u64
     }
 
-    /// Makes repair for the blocks that are complete, or, of a frame that is over, for all. What is no whole
-    /// frame gets none.
+    /// Makes repair for the blocks that are complete, or, for a finished frame, for all. A unit that is not a
+    /// complete frame gets none.
     pub(super) fn protect(&mut self, budget: &mut Budget, path: Path) {
         let over = self.is_ended();
         if !budget.is_open() || self.end == Some(Tail::End) {
@@ -179,7 +179,7 @@ impl Unit {
         }
     }
 
-    /// By when the frame has to arrive, if that is still worth something.
+    /// The deadline of the frame, if it is still worth sending.
     pub(super) fn deadline(&self) -> Option<Instant> {
         self.deadline.filter(|_| self.given_up.is_none() && !self.has_arrived())
     }
@@ -188,7 +188,7 @@ impl Unit {
         self.deadline().is_some_and(|deadline| deadline <= arrival)
     }
 
-    /// Says how many bytes that freed.
+    /// Returns the number of bytes freed.
     pub(super) fn give_up(&mut self) -> usize {
         let Some(Tail::Frame(hash)) = self.end else { return 0 };
         let length = self.written();
@@ -205,7 +205,7 @@ impl Unit {
         self.repair_blocks.clear();
         self.repair.clear();
         self.end_due = false;
-        // From here on it is the word of giving up that has to arrive, whatever became of the end itself.
+        // From here on the notice of giving up has to arrive, regardless of the end itself.
         self.end_acked = false;
         freed
     }

@@ -1,4 +1,4 @@
-//! The packets under way, and what they carry.
+//! The packets in flight, and their contents.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -9,11 +9,11 @@ use trimaran_net::Instant;
 use crate::chunk::UnitLane;
 use crate::packet::PacketNumber;
 
-/// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the
-/// oldest count as lost.
+/// How many packets are remembered at most: far more than a window of honest ones. Beyond it the oldest count
+/// as lost.
 const REMEMBERED: usize = 16 * 1024;
 
-/// What a packet carried, as far as its loss or arrival matters.
+/// The contents of a packet that matter for its loss or arrival.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Content {
     Part {
@@ -35,19 +35,19 @@ pub(crate) enum Content {
     GiveUp {
         unit: u64,
     },
-    /// A repair shard of the block at `offset`: of use while it is fresh, and never sent again.
+    /// A repair shard of the block at `offset`: useful while it is fresh, and never retransmitted.
     Repair {
         unit: u64,
         offset: u64,
         index: u8,
     },
-    /// Only to find out whether a datagram of that size arrives.
+    /// A probe whether a datagram of that size arrives.
     Probe {
         size: usize,
     },
 }
 
-/// What packets carry; of most packets it needs no memory of its own.
+/// The contents of a packet; for most packets without a heap allocation.
 pub(crate) type Contents = SmallVec<[Content; 2]>;
 
 /// A packet in flight.
@@ -64,10 +64,10 @@ impl Sent {
     }
 }
 
-/// The packets that ask for an acknowledgement and have none; the others are not tracked.
+/// The unacknowledged packets that ask for an acknowledgement; the others are not tracked.
 #[derive(Debug, Default)]
 pub(super) struct Flight {
-    /// Packets from number `base` on; `None` where one was acknowledged, lost, or asked for nothing.
+    /// Packets from number `base` on; `None` if one was acknowledged, lost, or asked for nothing.
     packets: VecDeque<Option<Sent>>,
     base: PacketNumber,
     bytes: usize,
@@ -79,22 +79,22 @@ impl Flight {
         self.base + self.packets.len() as u64
     }
 
-    /// The lowest number that may be under way.
+    /// The lowest number that may be in flight.
     pub(super) const fn base(&self) -> PacketNumber {
         self.base
     }
 
-    /// The bytes under way.
+    /// The bytes in flight.
     pub(super) const fn bytes(&self) -> usize {
         self.bytes
     }
 
-    /// Whether data have to wait: keep-alives and acknowledgements still find a place when they do not.
+    /// Whether data must wait: keep-alives and acknowledgements still have room then.
     pub(super) fn is_full(&self) -> bool {
         self.packets.len() >= REMEMBERED / 2
     }
 
-    /// The packet with the next number leaves. Gives one that must be forgotten for it.
+    /// The packet with the next number leaves. Returns one that must be forgotten for it.
     pub(super) fn push(&mut self, eliciting: Option<Sent>) -> Option<Sent> {
         self.bytes += eliciting.as_ref().map_or(0, |sent| sent.bytes);
         self.packets.push_back(eliciting);
@@ -103,7 +103,7 @@ impl Flight {
         overflow
     }
 
-    /// Those under way in the order of their numbers, below `end` if it is given.
+    /// Packets in flight in the order of their numbers, below `end` if it is given.
     pub(super) fn iter(&self, end: Option<PacketNumber>) -> impl Iterator<Item = &Sent> {
         let count = end.map_or(usize::MAX, |end| self.index(end).unwrap_or(0));
         self.packets.iter().take(count).flatten()
@@ -113,7 +113,7 @@ impl Flight {
         self.packets.get(self.index(number)?)?.as_ref()
     }
 
-    /// Takes a packet that is not under way any more.
+    /// Takes out a packet that is no longer in flight.
     pub(super) fn forget(&mut self, number: PacketNumber) -> Option<Sent> {
         let at = self.index(number)?;
         let sent = self.packets.get_mut(at)?.take()?;
@@ -121,14 +121,14 @@ impl Flight {
         Some(sent)
     }
 
-    /// Takes all that are under way.
+    /// Takes out all packets in flight.
     pub(super) fn forget_all(&mut self) -> impl Iterator<Item = Sent> {
         self.base = self.next_number();
         self.bytes = 0;
         std::mem::take(&mut self.packets).into_iter().flatten()
     }
 
-    /// Frees the places below the first packet under way.
+    /// Frees the entries below the first packet in flight.
     pub(super) fn trim(&mut self) {
         while self.packets.front().is_some_and(Option::is_none) {
             self.packets.pop_front();

@@ -1,26 +1,26 @@
-//! The share of packets that is lost.
+//! The share of lost packets.
 
-/// Up to that share of losses, and while nothing queues, losses are taken for random loss on the path (as BBR
-/// does: section 4.5.2 of draft-ietf-ccwg-bbr).
+/// Up to this share, and while nothing queues, losses count as random loss on the path (as in BBR: section
+/// 4.5.2 of draft-ietf-ccwg-bbr).
 const RANDOM_LOSS: f64 = 0.02;
-/// It is counted over about that many packets: enough that losses in bursts, of one packet in a hundred, are
-/// hardly ever taken for two.
+/// It is counted over about this many packets: enough that bursts of losses, at one packet in a hundred,
+/// hardly ever look like two.
 const MEMORY: f64 = 4096.0;
-/// So large a share of about so many packets is no accident, however few were lost before: the window has
-/// grown beyond the path.
+/// Such a share of about so many packets is not random, even after few losses: the window has outgrown the
+/// path.
 const SUDDEN: f64 = 0.1;
 const SUDDEN_MEMORY: f64 = 256.0;
-/// For repair, which costs little when it comes too early, about so many at first, and later so many.
+/// For repair, which costs little when it comes too early: about so many packets at first, and later so many.
 const FIRST_MEMORY: f64 = 64.0;
 const GUESS_MEMORY: f64 = 1024.0;
 
-/// The share of packets that was lost lately.
+/// The recent share of lost packets.
 #[derive(Debug)]
 pub(super) struct LossShare {
     sure: f64,
     sudden: f64,
     probable: f64,
-    /// How many packets the probable share counts.
+    /// The number of packets in the probable share.
     memory: f64,
 }
 
@@ -29,7 +29,7 @@ impl LossShare {
         Self { sure: 0.0, sudden: 0.0, probable: 0.0, memory: FIRST_MEMORY }
     }
 
-    /// Whether so much is lost that it is no accident.
+    /// Whether the losses are too many to be random.
     pub(super) fn is_congestion(&self) -> bool {
         self.sure > RANDOM_LOSS || self.sudden > SUDDEN
     }
@@ -59,8 +59,8 @@ impl LossShare {
 mod tests {
     use super::*;
 
-    /// How many packets pass before losses count as congestion, of which the first `lost` of each `of` are
-    /// lost; none of 50,000 if never.
+    /// The packets until losses count as congestion, if the first `lost` of each `of` are lost; none if never
+    /// within 50,000.
     fn until_congestion(lost: u32, of: u32) -> Option<u32> {
         let mut share = LossShare::new();
         (0..50_000).find(|packet| {
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn few_losses_are_accidents_in_a_row_as_well_and_many_are_not() {
         assert_eq!((until_congestion(1, 100), until_congestion(20, 2000)), (None, None));
-        // Half of a window, a twentieth for long.
+        // Half of a window at once, or a twentieth for long.
         assert!(until_congestion(1, 2).is_some_and(|packets| packets < 64));
         assert!(until_congestion(1, 20).is_some_and(|packets| (1000..3000).contains(&packets)));
     }

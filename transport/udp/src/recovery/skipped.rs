@@ -1,5 +1,5 @@
-//! Numbers that no packet has, so that a peer which acknowledges what it did not receive is found out (RFC
-//! 9000, section 21.4).
+//! Skipped packet numbers, which detect a peer that acknowledges packets it did not receive (RFC 9000,
+//! section 21.4).
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -9,11 +9,10 @@ use zeroize::Zeroizing;
 use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 
-/// The first number is left out among about so many packets; later ones ever more rarely, up to one in
-/// 16,384.
+/// The first number is skipped among about so many packets; later ones ever more rarely, up to one in 16,384.
 const FIRST: u64 = 64;
 const DOUBLINGS: u32 = 8;
-/// How many of them are remembered: of older ones nobody speaks any more.
+/// How many of them are remembered: older ones are no longer acknowledged.
 const REMEMBERED: usize = 8;
 
 /// Chooses the numbers; without a secret, none.
@@ -35,7 +34,7 @@ impl fmt::Debug for Skipped {
 }
 
 impl Skipped {
-    /// Chooses by 32 random bytes, of which the peer knows nothing; `from` on.
+    /// Chooses by 32 random bytes unknown to the peer, from `from` on.
     pub(super) fn new(secret: [u8; 32], from: PacketNumber) -> Self {
         let mut skipped = Self { secret: Some(secret.into()), ..Self::default() };
         skipped.choose(from);
@@ -50,7 +49,7 @@ impl Skipped {
         self.count = self.count.saturating_add(1);
     }
 
-    /// Whether no packet gets `number`, the next one; asked once a number.
+    /// Whether `number`, the next one, is skipped; asked once for each number.
     pub(super) fn leaves_out(&mut self, number: PacketNumber) -> bool {
         if self.secret.is_none() || number < self.next {
             return false;
@@ -63,12 +62,12 @@ impl Skipped {
         true
     }
 
-    /// Whether one of them is among `numbers`.
+    /// Whether a skipped number is among `numbers`.
     pub(super) fn is_in(&self, numbers: &RangeSet) -> bool {
         self.last.iter().any(|number| numbers.contains(*number))
     }
 
-    /// How many were left out.
+    /// The number of skipped ones.
     pub(super) const fn count(&self) -> u64 {
         (self.count as u64).saturating_sub(1)
     }

@@ -1,24 +1,24 @@
-//! How much repair frames get.
+//! The amount of repair for frames.
 
 use super::{BLOCK, MOST};
 
-/// How often a block may be lost in spite of its repair, so that it waits for a repetition: half as often as
-/// would show at p99.9.
+/// How often a block may be lost in spite of its repair and wait for a retransmission: half as often as would
+/// show at p99.9.
 const FAILURES: f64 = 5e-4;
-/// Where so few blocks are lost with what their own share pays for, it is enough: of a hundredth of the
-/// packets, 15 and two of repair, a third shard would cost twenty times as much for each wait that it spares
-/// as the second one does.
+/// If so few blocks are lost with the repair that their own share pays for, it is enough. At 15 packets and
+/// two of repair, of which a hundredth is lost, a third shard would cost twenty times as much for each wait
+/// that it spares as the second.
 const RARE: f64 = 2e-3;
 /// Below this share of lost packets a path is clean.
 const CLEAN: f64 = 5e-4;
-/// The share of losses that is taken for granted where repair is always sent.
+/// The share of losses assumed where repair is always sent.
 const EXPECTED: f64 = 0.01;
-/// What a packet costs beside its bytes of a frame, about: this protocol's fields and tag, the headers of UDP
-/// and IPv4, and its share of an acknowledgement.
+/// The approximate cost of a packet beside its bytes of a frame: this protocol's fields and tag, the headers
+/// of UDP and IPv4, and its share of an acknowledgement.
 const BESIDE: usize = 76;
 /// A frame of fewer packets is not cut smaller: the packets would cost more than the repair.
 const FEW: usize = 7;
-/// How many bytes of repair may be saved up for later.
+/// How many bytes of repair may be saved for later.
 const SAVINGS: f64 = 64.0 * 1024.0;
 
 /// When frames get repair.
@@ -27,31 +27,31 @@ const SAVINGS: f64 = 64.0 * 1024.0;
 #[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Repair {
-    /// Never: what is lost is sent again.
+    /// Never: lost data is retransmitted.
     Off,
-    /// While packets are lost, as much as the share that is lost asks for.
+    /// While packets are lost, as much as their share requires.
     #[default]
     Auto,
-    /// Always, on a clean path as if a hundredth of the packets were lost: so that the first loss costs no
-    /// time either.
+    /// Always, on a clean path as if a hundredth of the packets were lost, so that even the first loss costs
+    /// no time.
     On,
 }
 
-/// What is known of the path when something is put into the frames lane.
+/// The state of the path when data is put into the frames lane.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Path {
-    /// How many bytes a part has at most: with them a packet is full.
+    /// The most bytes of a part: with them a packet is full.
     pub(crate) shard: usize,
-    /// The share of packets that is lost.
+    /// The share of lost packets.
     pub(crate) loss: f64,
 }
 
-/// What may be spent on repair: a share of the bytes that would be sent without.
+/// The budget for repair: a share of the bytes that would be sent without.
 #[derive(Debug)]
 pub(crate) struct Budget {
     share: f64,
     saved: f64,
-    /// The share of losses that is taken for granted.
+    /// The assumed share of losses.
     expected: f64,
 }
 
@@ -66,20 +66,19 @@ impl Budget {
         self.share > 0.0
     }
 
-    /// So many bytes were sent again: losses cost them as well.
+    /// So many bytes were retransmitted: losses cost them as well.
     pub(crate) fn on_repeated(&mut self, bytes: usize) {
         self.saved = (self.saved - (bytes + BESIDE) as f64).max(0.0);
     }
 
-    /// The share of losses that repair is made for, if there is to be any.
+    /// The share of losses to repair, if any.
     fn loss(&self, path: Path) -> Option<f64> {
         Some(path.loss.max(self.expected)).filter(|loss| *loss >= CLEAN && self.is_open())
     }
 
-    /// How many repair shards a block of `length` bytes gets that is cut into shards of `shard` bytes: as
-    /// many as it needs and as its share of bytes pays for, or, where those are far too few, what earlier
-    /// blocks have saved; but one at least. So a frame of few packets has more than its share; it is
-    /// small.
+    /// The number of repair shards for a block of `length` bytes, cut into shards of `shard` bytes: as many
+    /// as it needs and its share of bytes pays for, or, if those are far too few, the savings of earlier
+    /// blocks; but at least one. So a frame of few packets has more than its share; it is small.
     pub(crate) fn spend(&mut self, length: usize, shard: usize, path: Path) -> usize {
         if length == 0 || shard == 0 {
             return 0;
@@ -97,9 +96,9 @@ impl Budget {
         count
     }
 
-    /// The size of the shards of a frame that will have about `length` bytes: smaller than a packet allows
-    /// where that makes the repair cheaper that is needed, or allows more where not all of it can be had.
-    /// Two of 15 shards and their packets are less than two of 12.
+    /// The size of the shards of a frame that will have about `length` bytes: smaller than a packet allows if
+    /// that makes the needed repair cheaper, or allows more where not all of it is affordable. Two of 15
+    /// shards and their packets are less than two of 12.
     pub(crate) fn shard(&self, length: usize, path: Path) -> usize {
         let fewest = length.div_ceil(path.shard.max(1));
         let Some(loss) = self.loss(path).filter(|_| (FEW..=BLOCK / 2).contains(&fewest)) else {
@@ -117,7 +116,7 @@ impl Budget {
     }
 }
 
-/// A way to cut some bytes into shards, where full packets would be the `fewest`.
+/// A way to cut bytes into shards; with full packets there would be `fewest`.
 #[derive(Debug, Clone, Copy)]
 struct Cut {
     length: usize,
@@ -131,12 +130,12 @@ impl Cut {
         (self.length + self.fewest * BESIDE) as f64
     }
 
-    /// Bytes that so many repair shards and the smaller packets cost.
+    /// The bytes that so many repair shards and the smaller packets cost.
     fn cost(self, repair: usize) -> f64 {
         ((self.shards - self.fewest) * BESIDE + repair * self.shard()) as f64
     }
 
-    /// How many repair shards that many bytes pay.
+    /// How many repair shards that many bytes pay for.
     fn affords(self, bytes: f64) -> usize {
         ((bytes - self.cost(0)).max(0.0) / self.shard() as f64) as usize
     }
@@ -147,13 +146,13 @@ impl Cut {
     }
 }
 
-/// The fewest repair shards with which a block of so many shards is whole but for one time in 2,000, if
+/// The fewest repair shards with which a block of so many shards is complete except for one time in 2,000, if
 /// losses are independent.
 fn needed(shards: usize, loss: f64) -> usize {
     (1..MOST).find(|repair| more_lost_than(*repair, shards + repair, loss) <= FAILURES).unwrap_or(MOST)
 }
 
-/// How probable it is that of `all` packets more than `most` are lost.
+/// The probability that of `all` packets more than `most` are lost.
 fn more_lost_than(most: usize, all: usize, loss: f64) -> f64 {
     let keep = 1.0 - loss.min(0.99);
     let mut exactly = keep.powi(all as i32);

@@ -1,4 +1,4 @@
-//! Packets of a peer that knows the key and wants each of their bytes to cost as much as it can.
+//! Packets of a peer that knows the key and makes each of their bytes as costly as it can.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test or a benchmark that cannot go on has failed")]
 
 use std::net::SocketAddr;
@@ -15,7 +15,7 @@ pub const HERE: ConnectionId = ConnectionId(10);
 pub const THERE: ConnectionId = ConnectionId(20);
 /// Chunks of a packet of 1,200 bytes.
 const ROOM: usize = 1172;
-/// The max data that a connection gives at first, bytes.
+/// The initial flow control limit of a connection, bytes.
 const WINDOW: u64 = 4 << 20;
 
 pub fn start() -> Instant {
@@ -25,12 +25,12 @@ pub fn start() -> Instant {
 /// One way to spend this side's time.
 pub struct Attack {
     pub name: &'static str,
-    /// Packets that only bring the connection into the state that is attacked.
+    /// Packets that only bring the connection into the attacked state.
     pub before: Vec<Vec<u8>>,
     pub packets: Vec<Vec<u8>>,
 }
 
-/// A connection under attack: each packet is taken, what came is read, and what is to be said is said.
+/// A connection under attack: it takes each packet, reads received data, and sends its packets.
 pub struct Victim {
     pub connection: Connection,
     pub now: Instant,
@@ -87,21 +87,21 @@ impl Packets {
         }
     }
 
-    /// What was collected since the last time.
+    /// The packets collected since the last call.
     fn take(&mut self) -> Vec<Vec<u8>> {
         self.flush();
         std::mem::take(&mut self.done)
     }
 }
 
-/// The beginning of a frame, as its unit begins.
+/// The beginning of a frame's unit.
 fn beginning() -> Vec<u8> {
     let mut bytes = BytesMut::new();
     begin(0).encode(&mut bytes);
     bytes.to_vec()
 }
 
-/// Bytes of a unit in parts of a thousand, but for those in `missing`.
+/// Bytes of a unit in parts of a thousand, except those in `missing`.
 fn parts(packets: &mut Packets, unit: u64, length: u64, missing: &[u64]) {
     for offset in (0..length).step_by(1000) {
         if !missing.contains(&offset) {
@@ -114,7 +114,7 @@ fn parts(packets: &mut Packets, unit: u64, length: u64, missing: &[u64]) {
 /// Shards of a thousand bytes, 64 of them in a block, two of them missing.
 const FULL: u64 = 64_000;
 
-/// Everything that is tried. `times` is how often the dearest step is taken.
+/// All attacks. `times` is how often the costliest step is taken.
 pub fn attacks(times: u64) -> Vec<Attack> {
     vec![
         repair_for_many_blocks_in_one_place(times),
@@ -165,7 +165,7 @@ fn repair_for_many_blocks_side_by_side(times: u64) -> Attack {
     Attack { name: "repair for many blocks side by side", before, packets: packets.take() }
 }
 
-/// Blocks of two shards and two of repair, as small as may be, each restored.
+/// The smallest blocks of two shards and two of repair, each restored.
 fn small_blocks(times: u64) -> Attack {
     let mut packets = Packets::default();
     for at in 0..times {
@@ -176,7 +176,7 @@ fn small_blocks(times: u64) -> Attack {
     Attack { name: "small blocks of two repair shards", before: Vec::new(), packets: packets.take() }
 }
 
-/// Blocks of two shards and one of repair, as small as may be, each restored.
+/// The smallest blocks of two shards and one of repair, each restored.
 fn small_blocks_of_one_repair_shard(times: u64) -> Attack {
     let mut packets = Packets::default();
     for at in 0..times {
@@ -187,7 +187,7 @@ fn small_blocks_of_one_repair_shard(times: u64) -> Attack {
     Attack { name: "small blocks of one repair shard", before: Vec::new(), packets: packets.take() }
 }
 
-/// Blocks of two shards of 512 bytes and two of repair: what comes last of each is a byte.
+/// Blocks of two shards of 512 bytes and two of repair: the last piece of each is one byte.
 fn blocks_that_a_byte_completes(times: u64) -> Attack {
     let mut packets = Packets::default();
     for at in 0..times.min(4000) {
@@ -199,7 +199,7 @@ fn blocks_that_a_byte_completes(times: u64) -> Attack {
     Attack { name: "blocks that a byte completes", before: Vec::new(), packets: packets.take() }
 }
 
-/// More repair than there is place for.
+/// More repair than there is room for.
 fn repair_without_an_end(times: u64) -> Attack {
     let mut packets = Packets::default();
     for at in 0..times {
@@ -209,8 +209,7 @@ fn repair_without_an_end(times: u64) -> Attack {
     Attack { name: "more repair than there is place for", before: Vec::new(), packets: packets.take() }
 }
 
-/// A frame of which a single byte comes, at the end of all that may be sent, and then word that no more
-/// comes.
+/// A frame of which a single byte comes, at the end of the window, and then a notice that no more comes.
 fn a_byte_at_the_end_of_the_window(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times.min(200) {
@@ -231,7 +230,7 @@ fn bytes_backwards(times: u64) -> Attack {
     Attack { name: "bytes with gaps, backwards", before: Vec::new(), packets: packets.take() }
 }
 
-/// Items with gaps between them, passed on once the frame is given up.
+/// Items with gaps between them, delivered once the frame is given up.
 fn bytes_with_gaps(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times.div_ceil(4000) {
@@ -243,7 +242,7 @@ fn bytes_with_gaps(times: u64) -> Attack {
     Attack { name: "items with gaps, given up", before: Vec::new(), packets: packets.take() }
 }
 
-/// The last unit that may be sent, in packets of their own; and all units before it end.
+/// The last unit allowed, in packets of its own; and all units before it end.
 fn the_last_unit_allowed(times: u64) -> Attack {
     let mut packets = Packets::default();
     for round in 0..times.div_ceil(2000) {
@@ -257,7 +256,7 @@ fn the_last_unit_allowed(times: u64) -> Attack {
     Attack { name: "the last unit allowed", before: Vec::new(), packets: packets.take() }
 }
 
-/// Units that are nothing but their end.
+/// Units that consist only of their end.
 fn ends_of_units(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times {
@@ -266,7 +265,7 @@ fn ends_of_units(times: u64) -> Attack {
     Attack { name: "units of nothing", before: Vec::new(), packets: packets.take() }
 }
 
-/// Acknowledgements of the same packets, with as many ranges as may be.
+/// Acknowledgements of the same packets, with as many ranges as allowed.
 fn acknowledgements(times: u64) -> Attack {
     let mut packets = Packets::default();
     (0..100).for_each(|_| {
@@ -302,7 +301,7 @@ fn pings_in_packets_of_their_own(times: u64) -> Attack {
     Attack { name: "pings", before: Vec::new(), packets: packets.take() }
 }
 
-/// Frames as an honest peer sends them.
+/// Frames of an honest peer.
 pub fn ordinary(frames: u32, items: u32) -> Attack {
     let mut sender = Connection::plaintext(start(), THERE, HERE, config());
     let mut receiver = Connection::plaintext(start(), HERE, THERE, config());
@@ -335,8 +334,8 @@ pub fn send_frame(sender: &mut Connection, frame: u32, items: u32) {
     sender.send(&FrameMessage::End(FrameEnd { frame: FrameNumber(frame), items, hash: 0 }));
 }
 
-/// A sender of small frames, all of which its peer acknowledges but the first: what is kept behind it, and
-/// then pings.
+/// A sender of small frames, of which its peer acknowledges all but the first: the rest is kept behind it,
+/// and then pings.
 pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim, Vec<Vec<u8>>) {
     let mut victim = Victim::new();
     let (mut out, mut number) = (Vec::new(), 0);
@@ -353,7 +352,7 @@ pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim,
         let mut arrived = Vec::new();
         while victim.connection.poll_transmit(victim.now, &mut out) {
             let word = u64::from_le_bytes(out[..8].try_into().unwrap());
-            // The oldest unit is written first: a part of unit 0, from its beginning on.
+            // The oldest unit is written first: a part of unit 0, from its beginning.
             if !out.windows(3).take(60).any(|bytes| bytes == [0x23, 0, 0]) {
                 arrived.push((word >> 2, (word >> 2) + 1));
             }
@@ -374,7 +373,7 @@ pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim,
     (victim, packets)
 }
 
-/// Ranges that touch become one.
+/// Merges ranges that touch.
 fn merged(ranges: &[(u64, u64)]) -> Vec<(u64, u64)> {
     let mut merged: Vec<(u64, u64)> = Vec::new();
     for (from, to) in ranges {

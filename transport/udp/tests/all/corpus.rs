@@ -1,4 +1,4 @@
-//! What the fuzz targets look for, on what they have found so far, and a little further.
+//! Runs the checks of the fuzz targets on their corpus, and on broken copies of it.
 
 #[allow(unreachable_pub, reason = "the fuzz targets use it too")]
 #[path = "../../../../fuzz/src/costs.rs"]

@@ -1,4 +1,4 @@
-//! What a peer that knows the key can make this side do: bounded by what it sends.
+//! The cost that a peer with the key can cause on this side: bounded by its packets.
 
 use std::time::Duration;
 
@@ -6,8 +6,8 @@ use trimaran_udp::{STEPS_PER_BYTE, STEPS_PER_PACKET};
 
 use crate::adversary::{Attack, Victim, attacks, frames_behind_one_that_never_arrives, ordinary};
 
-/// Steps for each byte of the packets, those that were allowed for packets as such taken off; and whether the
-/// connection is still open.
+/// The steps for each byte of the packets, less the allowance for packets as such; and whether the connection
+/// is still open.
 fn steps(victim: &mut Victim, packets: &[Vec<u8>]) -> f64 {
     let counts = |victim: &Victim| {
         let stats = victim.connection.stats();
@@ -46,7 +46,7 @@ fn ordinary_frames_cost_a_step_a_byte() {
 fn a_packet_costs_as_much_however_many_frames_wait_for_their_acknowledgement() {
     let cost = |frames| {
         let (mut victim, pings) = frames_behind_one_that_never_arrives(frames, 100);
-        // What timers cost is none of a packet's.
+        // The cost of timers is not a packet's.
         victim.now = victim.now.after(Duration::from_secs(1));
         victim.answer();
         let before = victim.connection.work();

@@ -1,4 +1,4 @@
-//! Strangers at the acceptor.
+//! Strangers at an acceptor.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -36,7 +36,7 @@ fn keypair() -> snow::Keypair {
     snow::Builder::new("Noise_IK_25519_ChaChaPoly_BLAKE2s".parse().unwrap()).generate_keypair().unwrap()
 }
 
-/// Fetches a cookie and knocks with it.
+/// Fetches a cookie and sends a first packet with it.
 fn initial(acceptor: &Acceptor, connecting: Connecting) -> (Connecting, Option<Initial>, Vec<u8>) {
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     connecting.initial(&mut first);
@@ -159,13 +159,13 @@ fn a_cookie_does_not_work_from_elsewhere_or_later() {
     assert!(matches!(acceptor.handle(now(), address(), &first[..1199], &mut out), Handled::Ignore));
 }
 
-/// What anyone on the way can say to who connects as id 10: a retry of some version, with some cookie.
+/// A retry that anyone on the path can send to the peer with id 10: some version, some cookie.
 fn retry(version: u64, cookie: u8) -> Vec<u8> {
     let word = version << 2 | 2;
     [&word.to_le_bytes()[..], &10_u32.to_le_bytes(), &[cookie; 24]].concat()
 }
 
-/// Goes on to a connection, from a listener that answers what it always does.
+/// Continues to a connection, with a listener that always answers the same.
 fn go_on(mut connecting: Connecting, acceptor: &Acceptor) -> Connection {
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     for _ in 0..3 {
@@ -209,14 +209,14 @@ fn a_forged_cookie_does_not_lock_the_true_one_out() {
     let Progress::Retry(connecting) = connecting.handle(now(), &retry(VERSION, 5), config()) else {
         panic!("no retry")
     };
-    // The listener's own comes behind it.
+    // The listener's own cookie comes behind it.
     assert!(matches!(acceptor.handle(now(), address(), &first, &mut reply), Handled::Reply));
     let Progress::Retry(connecting) = connecting.handle(now(), &reply, config()) else {
         panic!("the first cookie keeps it out")
     };
     connecting.initial(&mut first);
     assert!(matches!(acceptor.handle(now(), address(), &first, &mut reply), Handled::Initial(_)));
-    // A cookie that was sent back is not sent back again.
+    // A cookie is answered only once.
     let progress = connecting.handle(now(), &first[..0], config());
     assert!(matches!(progress, Progress::None(_)), "{progress:?}");
 }
@@ -239,7 +239,7 @@ fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
         };
     }
     assert!((2..=12).contains(&sent), "{sent} first packets in a tenth of a second");
-    // A first packet with a cookie that is none is answered with one.
+    // A first packet with an invalid cookie is answered with a valid one.
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     connecting.initial(&mut first);
     assert!(matches!(acceptor.handle(now(), address(), &first, &mut reply), Handled::Reply));

@@ -1,4 +1,4 @@
-//! The datagram protocol between two ends in one thread: pairs, handshakes, what attacks cost.
+//! The datagram protocol between two ends in one thread: pairs, handshakes, and the cost of attacks.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[allow(unreachable_pub, dead_code, reason = "a benchmark uses it too")]

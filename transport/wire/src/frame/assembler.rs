@@ -1,4 +1,4 @@
-//! What arrives on the frames lane, judged.
+//! Checks of the arriving frames lane.
 
 use std::fmt;
 
@@ -7,23 +7,23 @@ use thiserror::Error;
 use super::{Digest, FrameEnd, FrameOutcome};
 use crate::FrameNumber;
 
-/// What came on the frames lane.
+/// A message of the frames lane.
 #[derive(Debug, Clone, Copy)]
 pub enum FrameStep<'b> {
     /// A frame begins.
     Begin(FrameNumber),
     /// Items of the frame that has begun.
     Batch {
-        /// How many.
+        /// The number of items.
         items: usize,
-        /// As they travel plain.
+        /// The items in plain encoding.
         bytes: &'b [u8],
     },
     /// The frame ends.
     End(FrameEnd),
 }
 
-/// Checks what arrives on the frames lane: order, count and hash.
+/// Checks arriving frames: order, count and hash.
 pub struct FrameAssembler {
     most: u32,
     open: Option<Digest>,
@@ -53,7 +53,7 @@ impl FrameAssembler {
     /// Takes the next step.
     ///
     /// # Errors
-    /// When it cannot come now or contradicts what came before. The peer cannot be trusted after that.
+    /// If it cannot come now or contradicts earlier steps. The peer cannot be trusted after that.
     pub fn take(&mut self, step: FrameStep<'_>) -> Result<Option<FrameOutcome>, FrameViolation> {
         match step {
             FrameStep::Begin(frame) => self.begin(frame).map(|()| None),
@@ -113,7 +113,7 @@ impl FrameAssembler {
     }
 }
 
-/// A peer that breaks the order of the frames lane, or whose items are not those that it announced.
+/// A peer breaks the order of the frames lane, or sends other items than announced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum FrameViolation {
@@ -136,7 +136,7 @@ pub enum FrameViolation {
     /// Items came outside of a frame.
     #[error("{count} items came outside of a frame")]
     ItemsOutsideFrame {
-        /// How many.
+        /// The number of items.
         count: usize,
     },
     /// An end came outside of a frame.
@@ -158,7 +158,7 @@ pub enum FrameViolation {
     Beyond {
         /// The frame.
         frame: FrameNumber,
-        /// The most that it may have.
+        /// The limit.
         most: u32,
     },
     /// More items came than the end announces.
@@ -166,9 +166,9 @@ pub enum FrameViolation {
     TooMany {
         /// The frame.
         frame: FrameNumber,
-        /// What the end says.
+        /// The announced number.
         announced: u32,
-        /// What came.
+        /// The received number.
         received: u64,
     },
     /// As many items came as announced, but not the same ones.
@@ -176,9 +176,9 @@ pub enum FrameViolation {
     Hash {
         /// The frame.
         frame: FrameNumber,
-        /// What the end says.
+        /// The announced hash.
         announced: u64,
-        /// What came.
+        /// The received hash.
         received: u64,
     },
 }

@@ -1,4 +1,4 @@
-//! A frame of items: written, checked, judged.
+//! Frames of items: written and checked.
 
 mod assembler;
 mod writer;
@@ -36,16 +36,16 @@ impl fmt::Display for FrameNumber {
     }
 }
 
-/// How a frame begins.
+/// The start of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameStart<H> {
     /// The frame's number: it rises from frame to frame.
     pub frame: FrameNumber,
-    /// What the application says with it.
+    /// The application's header.
     pub header: H,
 }
 
-/// What a receiver of frames learns.
+/// An event for a receiver of frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FrameEvent<P: Protocol> {
     /// A frame begins.
@@ -56,14 +56,14 @@ pub enum FrameEvent<P: Protocol> {
     End(FrameOutcome),
 }
 
-/// How a frame ends: what must have arrived by then.
+/// The end of a frame: its number of items and their hash.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameEnd {
     /// The frame that ends.
     pub frame: FrameNumber,
-    /// How many items it had.
+    /// Its number of items.
     pub items: u32,
-    /// XXH3-64 (seed 0) of the items in order, as they travel plain.
+    /// XXH3-64 (seed 0) of the items in order, in plain encoding.
     pub hash: u64,
 }
 
@@ -74,7 +74,7 @@ pub enum FrameMessage {
     Begin {
         /// Its number.
         frame: FrameNumber,
-        /// What the application says with it.
+        /// The application's header.
         header: FixedBytes,
     },
     /// Whole items of the frame that has begun, plain.
@@ -85,7 +85,7 @@ pub enum FrameMessage {
     End(FrameEnd),
 }
 
-/// What became of a frame.
+/// The outcome of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrameOutcome {
     /// Every item arrived, in order.
@@ -94,9 +94,9 @@ pub enum FrameOutcome {
     Incomplete {
         /// The frame.
         frame: FrameNumber,
-        /// How many items were sent.
+        /// The number of items sent.
         expected: u32,
-        /// How many arrived.
+        /// The number that arrived.
         received: u32,
     },
 }

@@ -12,7 +12,7 @@ use crate::{BatchSize, FrameNumber, Item};
 
 /// Turns begin, pushed items and finish into messages: items are gathered into batches of `b`.
 ///
-/// It hands each message to the `emit` of the call that completed it.
+/// It passes each message to the `emit` of the call that completed it.
 pub struct FrameWriter<I> {
     batch: BatchSize,
     most: u32,
@@ -22,7 +22,7 @@ pub struct FrameWriter<I> {
     items: PhantomData<fn(I)>,
 }
 
-/// Bytes for which room is made at once; small batches are carved from it, so that few of them allocate.
+/// The size of an allocation; small batches share one, so that few of them allocate.
 const ROOM: usize = 16 * 1024;
 
 impl<I> fmt::Debug for FrameWriter<I> {
@@ -51,7 +51,7 @@ impl<I: Item> FrameWriter<I> {
     /// Begins a frame.
     ///
     /// # Errors
-    /// When one is open, or `frame` is not above the frame before.
+    /// If one is open, or `frame` is not above the frame before.
     pub fn begin(&mut self, frame: FrameNumber) -> Result<(), FrameOrderError> {
         let wanted = frame;
         if let Some(digest) = &self.open {
@@ -68,7 +68,7 @@ impl<I: Item> FrameWriter<I> {
     /// Adds items to the open frame, and emits every batch that is full.
     ///
     /// # Errors
-    /// When no frame is open, or it would have more items than it may; then none of them is added.
+    /// If no frame is open, or it would exceed its limit of items; then none of them is added.
     pub fn push(
         &mut self,
         mut items: &[I],
@@ -83,7 +83,7 @@ impl<I: Item> FrameWriter<I> {
         while !items.is_empty() {
             let free = full.saturating_sub(self.pending.len()) / I::SIZE;
             let (now, later) = items.split_at(free.min(items.len()));
-            // Less than a batch may be left of the room: enough for the last items of a frame.
+            // The rest of an allocation may be smaller than a batch: enough for the last items of a frame.
             if self.pending.is_empty() && self.pending.capacity() < now.len() * I::SIZE {
                 self.pending.reserve(full.max(ROOM.min(items.len() * I::SIZE)));
             }
@@ -96,10 +96,10 @@ impl<I: Item> FrameWriter<I> {
         Ok(())
     }
 
-    /// Emits what is pending without waiting for a full batch.
+    /// Emits pending items without waiting for a full batch.
     ///
     /// # Errors
-    /// When no frame is open.
+    /// If no frame is open.
     pub fn flush(&mut self, mut emit: impl FnMut(FrameMessage)) -> Result<(), FrameOrderError> {
         let digest = self.open.as_mut().ok_or(FrameOrderError::NoneOpen)?;
         if !self.pending.is_empty() {
@@ -110,15 +110,15 @@ impl<I: Item> FrameWriter<I> {
         Ok(())
     }
 
-    /// Ends the open frame: emits what is pending, then the end.
+    /// Ends the open frame: emits pending items, then the end.
     ///
     /// # Errors
-    /// When no frame is open.
+    /// If no frame is open.
     pub fn finish(&mut self, mut emit: impl FnMut(FrameMessage)) -> Result<FrameEnd, FrameOrderError> {
         self.flush(&mut emit)?;
         let digest = self.open.take().ok_or(FrameOrderError::NoneOpen)?;
         let frame = digest.frame;
-        // No more were taken than that.
+        // The limit has kept the number below that.
         let items = u32::try_from(digest.items).unwrap_or(self.most);
         let end = FrameEnd { frame, items, hash: digest.hasher.digest() };
         emit(FrameMessage::End(end));
@@ -154,7 +154,7 @@ pub enum FrameOrderError {
     TooMany {
         /// The frame.
         frame: FrameNumber,
-        /// The most that it may have.
+        /// The limit.
         most: u32,
     },
 }

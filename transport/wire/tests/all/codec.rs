@@ -1,4 +1,4 @@
-//! The codec as a whole: whatever is written is read, however it is split; whatever is read does no harm.
+//! The codec as a whole: written data reads back, for any split; garbage does no harm.
 
 #[allow(unreachable_pub, reason = "the fuzz targets share the file, and see it as public")]
 #[path = "../../../../fuzz/src/checks.rs"]
@@ -13,7 +13,7 @@ use trimaran_wire::{
     WireVersion,
 };
 
-/// Of an application whose values and headers take more room than a [`FixedBytes`] has on the stack, and
+/// The sizes of an application whose values and headers need more than a [`FixedBytes`] has on the stack, and
 /// less.
 const FORMAT: Format = Format { latest: 120, header: 8, item: 4, count_coded: |_| None };
 
@@ -247,7 +247,7 @@ fn the_fuzz_corpus_does_no_harm() {
     frames.iter().for_each(|bytes| checks::frames(bytes));
 }
 
-/// The longest that each type allows is within what its kind allows, so that no peer refuses it for its
+/// The longest value of each type is within the limits of its kind, so that no peer refuses it for its
 /// length.
 #[test]
 fn the_longest_control_messages_are_taken() {

@@ -1,10 +1,10 @@
-//! What a decoder says of bytes that are not the wire's.
+//! A decoder's errors for bytes that are not this protocol.
 
 use trimaran_wire::{BatchError, DecodeFault, Decoder, Format, Kind, Message, Refusal, WireVersion};
 
 const FORMAT: Format = Format { latest: 12, header: 8, item: 4, count_coded: |_| None };
 
-/// A message of this kind, whatever it holds.
+/// A message of this kind with any payload.
 fn message(kind: Kind, payload: &[u8]) -> Vec<u8> {
     let header = u32::from(kind.code()) | (payload.len() as u32) << 8;
     [&header.to_le_bytes()[..], payload].concat()

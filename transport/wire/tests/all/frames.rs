@@ -1,4 +1,4 @@
-//! A frame's order and size, held by who writes it and by who reads it.
+//! A frame's order and size, checked by its writer and its reader.
 
 use trimaran_wire::{
     BatchSize, FrameAssembler, FrameEnd, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep,
@@ -16,7 +16,7 @@ fn items(count: u32) -> Vec<u32> {
     (0..count).collect()
 }
 
-/// Both ends count, whether the items come in one batch or in many.
+/// Both ends count, for one batch or many.
 #[test]
 fn a_frame_of_more_items_than_it_may_have_is_refused_at_both_ends() {
     for batch in [1, 3, 16_384] {

@@ -1,4 +1,4 @@
-//! The worked examples of WIRE.md are what this crate writes and reads.
+//! This crate writes and reads the worked examples of WIRE.md.
 
 use std::collections::BTreeMap;
 
@@ -104,8 +104,8 @@ fn another_versions_hello_says_which() {
     assert!(error.contains("the peer speaks version 4 of the protocol, this one version 3"), "{error}");
 }
 
-/// What a length of the page comes to: a sum of numbers, each of which may be followed by a letter to be
-/// multiplied with.
+/// The value of a length in the page: a sum of numbers, each of which may be multiplied by a letter that
+/// follows it.
 fn length(written: &str, format: &Format) -> usize {
     let factor = |word: &str| match word {
         "L" => format.latest,
@@ -192,7 +192,7 @@ fn a_fixed_value_reads_back_or_says_why_not() {
     assert_eq!((to_bytes(&()).len(), <()>::read(&[])), (0, Ok(())));
 }
 
-/// As large as values may be: they are on the heap then, and no different.
+/// The largest values are on the heap, and behave the same.
 #[test]
 fn a_value_may_have_a_kilobyte() {
     #[derive(Debug, PartialEq)]

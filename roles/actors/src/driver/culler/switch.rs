@@ -197,7 +197,7 @@ impl Switch {
                 self.unsaid = Some(RoleMessage::Switched { key });
             }
             (RoleMessage::Part, _) => self.part(),
-            // Of a meeting that is over.
+            // It belongs to an earlier meeting.
             _ => {}
         }
     }

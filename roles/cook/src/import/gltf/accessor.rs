@@ -1,16 +1,16 @@
-//! Typed arrays out of buffers: dense, strided, sparse and quantized accessors.
+//! Reads typed arrays out of buffers: dense, strided, sparse and quantized accessors.
 
 use super::buffers::Bytes;
 use super::json::{Accessor, BufferView, Document};
 
-/// Reads accessors of one document. Errors are texts that the caller completes with who needed the accessor.
+/// Reads accessors of one document. Errors are texts to which the caller adds the accessor's user.
 pub(super) struct Accessors<'a> {
     accessors: &'a [Accessor],
     views: &'a [BufferView],
     buffers: &'a [Bytes<'a>],
     /// The bytes of the views that were compressed.
     decompressed: &'a [Option<Vec<u8>>],
-    /// Bytes in all buffers: bounds what an accessor without bytes of its own may claim.
+    /// Bytes in all buffers: bounds the count of an accessor without bytes of its own.
     total: u64,
 }
 
@@ -25,7 +25,7 @@ enum Component {
     F32,
 }
 
-/// What is wrong with an accessor whose bytes are nowhere.
+/// The error of an accessor without bytes.
 const NO_VIEW: &str = "its buffer view does not exist";
 
 type Result<T> = std::result::Result<T, &'static str>;
@@ -55,12 +55,12 @@ impl<'a> Accessors<'a> {
         self.accessor(index).is_ok_and(|accessor| accessor.buffer_view.is_some())
     }
 
-    /// Whether an accessor's whole numbers stand for 0..1 or -1..1.
+    /// Whether an accessor's integers stand for 0..1 or -1..1.
     pub(super) fn is_normalized(&self, index: u32) -> bool {
         self.accessor(index).is_ok_and(|accessor| accessor.normalized)
     }
 
-    /// Numbers a vector of this accessor: 1 to 4.
+    /// Numbers per vector of this accessor: 1 to 4.
     pub(super) fn lanes(&self, index: u32) -> Result<usize> {
         match self.accessor(index)?.kind.as_str() {
             "SCALAR" => Ok(1),
@@ -71,13 +71,12 @@ impl<'a> Accessors<'a> {
         }
     }
 
-    /// How many elements the accessor says it has, before any is read. Reading it may find that there are not
-    /// as many.
+    /// The declared number of elements. Reading may find fewer.
     pub(super) fn count(&self, index: u32) -> Result<u64> {
         Ok(self.accessor(index)?.count)
     }
 
-    /// Whether each element stands in the buffer, so that some can be read without the others.
+    /// Whether each element is in the buffer, so that some can be read without the others.
     pub(super) fn is_dense(&self, index: u32) -> bool {
         self.accessor(index).is_ok_and(|accessor| accessor.sparse.is_none() && accessor.buffer_view.is_some())
     }
@@ -88,8 +87,8 @@ impl<'a> Accessors<'a> {
         self.vectors_at(index, None, self.is_normalized(index))
     }
 
-    /// As [`Accessors::vectors`]; with `picks` only those elements, of an accessor that [is
-    /// dense](Accessors::is_dense). Whether integers are scaled is for the caller to say.
+    /// Like [`Accessors::vectors`]; with `picks` only those elements, of an accessor that [is
+    /// dense](Accessors::is_dense). The caller decides whether integers are scaled.
     pub(super) fn vectors_at<const N: usize>(
         &self,
         index: u32,
@@ -141,7 +140,7 @@ impl<'a> Accessors<'a> {
     ) -> Result<Vec<T>> {
         let mut elements = match accessor.buffer_view {
             Some(view) => self.dense(view, accessor.byte_offset, accessor.count, size, &decode)?,
-            // Only sparse values: the rest is zero and has no bytes that would bound the count.
+            // Only sparse values: the rest is zero, without bytes that would bound the count.
             None if accessor.count <= self.total => vec![zero; accessor.count as usize],
             None => return Err("it claims more elements than the file has bytes"),
         };
@@ -181,7 +180,7 @@ impl<'a> Accessors<'a> {
         Ok((0..elements.count).filter_map(|index| elements.get(index)).map(decode).collect())
     }
 
-    /// Where `count` elements of `size` bytes lie; all of them are there.
+    /// The place of `count` elements of `size` bytes; all of them exist.
     fn strided(&self, view: u32, offset: u64, count: u64, size: usize) -> Result<Strided<'a>> {
         let (bytes, stride) = self.bytes(view)?;
         let stride = match stride {
@@ -194,14 +193,14 @@ impl<'a> Accessors<'a> {
         };
         let bytes = usize::try_from(offset).ok().and_then(|offset| bytes.get(offset..));
         let bytes = bytes.ok_or("its offset is past the end of its buffer view")?;
-        // The last element needs its own bytes only, not a whole stride.
+        // The last element needs only its own bytes, not a whole stride.
         let room = if bytes.len() < size { 0 } else { (bytes.len() - size) / stride + 1 };
         let count = usize::try_from(count).ok().filter(|&count| count <= room);
         let count = count.ok_or("it reaches past the end of its buffer view")?;
         Ok(Strided { bytes, stride, size, count })
     }
 
-    /// The bytes of a view, and the step from one element to the next if it prescribes one.
+    /// The bytes of a view, and its stride if it has one.
     fn bytes(&self, index: u32) -> Result<(&'a [u8], Option<u64>)> {
         let view = self.views.get(index as usize).ok_or(NO_VIEW)?;
         if let Some(Some(bytes)) = self.decompressed.get(index as usize) {
@@ -210,7 +209,7 @@ impl<'a> Accessors<'a> {
         }
         let buffer = self.buffers.get(view.buffer as usize).ok_or("its buffer does not exist")?.as_slice();
         let range = usize::try_from(view.byte_offset).ok().zip(usize::try_from(view.byte_length).ok());
-        // Of a view that reaches past the end there is what the buffer has: an accessor may need no more.
+        // A view that reaches past the end has the buffer's bytes: an accessor may need no more.
         let bytes =
             range.and_then(|(start, length)| buffer.get(start..start.checked_add(length)?.min(buffer.len())));
         Ok((bytes.ok_or("its buffer view reaches past the end of the buffer")?, view.byte_stride))

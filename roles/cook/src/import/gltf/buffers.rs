@@ -1,4 +1,4 @@
-//! The bytes that a glTF document refers to: in the container, in data URIs, or in files beside it.
+//! Loads the bytes that a glTF document refers to: in the container, in data URIs, or in files beside it.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 pub(super) enum Bytes<'a> {
     /// In the container.
     Within(&'a [u8]),
-    /// From elsewhere: a file may be the bytes of several buffers.
+    /// From elsewhere: several buffers may share a file.
     Shared { bytes: Arc<Vec<u8>>, length: usize },
 }
 
@@ -40,9 +40,8 @@ impl Bytes<'_> {
     }
 }
 
-/// Loads all buffers of a document. One that is not there has no bytes, and one that is shorter than the
-/// document says has those that it has: what needs more is left out where it is read. One that only stands
-/// for bytes that others have compressed may be empty.
+/// Loads all buffers of a document. A missing one is empty, and a short one has the bytes that exist: the
+/// reader of missing bytes leaves its part out. A fallback buffer of compressed data may be empty.
 pub(super) fn load<'a>(
     resources: &mut Resources<'_, '_>,
     buffers: &[Buffer],
@@ -78,10 +77,10 @@ pub(super) fn load<'a>(
     buffers.iter().enumerate().map(&mut load).collect()
 }
 
-/// What a document refers to by an address: data URIs, and files beside it.
+/// The targets of a document's URIs: data URIs, and files beside it.
 pub(super) struct Resources<'n, 'b>(pub &'n mut Neighbours<'b>);
 
-/// Why an address leads to nothing.
+/// Why a URI cannot be loaded.
 #[derive(Debug, Error)]
 pub(super) enum ResourceFault {
     #[error("{0}")]
@@ -100,9 +99,8 @@ impl ResourceFault {
 }
 
 impl Resources<'_, '_> {
-    /// The bytes at an address. Addresses are percent-encoded, but some exporters write names as they are,
-    /// some write the backslashes of Windows, and some whole paths of the machine that they ran on: then the
-    /// file of that name beside the document is meant.
+    /// The bytes at a URI. URIs are percent-encoded, but some exporters write plain names, Windows
+    /// backslashes, or whole paths of their machine: then the file of that name beside the document is meant.
     pub(super) fn fetch(&mut self, uri: &str) -> Result<Arc<Vec<u8>>, ResourceFault> {
         use ResourceFault::{Malformed, Unread};
         let uri = uri.trim();
@@ -135,7 +133,7 @@ impl Resources<'_, '_> {
     }
 }
 
-/// Whether an address is the bytes themselves.
+/// Whether a URI contains the bytes themselves.
 pub(super) fn is_data(uri: &str) -> bool {
     uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
 }
@@ -155,7 +153,7 @@ fn from_base64(mut data: Vec<u8>) -> Result<Vec<u8>, ResourceFault> {
     BASE64.decode(data).map_err(|_| ResourceFault::Malformed("its data URI is not base64"))
 }
 
-/// A name without the folders that it leaves again: `a/../b` is `b`.
+/// A name without redundant folders: `a/../b` is `b`.
 fn without_detours(name: &str) -> String {
     let mut parts: Vec<&str> = Vec::new();
     for part in name.split('/') {

@@ -23,12 +23,12 @@ pub(super) struct Column {
     array_offset_type: Option<String>,
     #[serde(deserialize_with = "text")]
     string_offset_type: Option<String>,
-    /// In place of the property's.
+    /// Replaces the property's.
     offset: Option<Value>,
     scale: Option<Value>,
 }
 
-/// How many numbers a value has at most: a row of one is a line in a page.
+/// The most numbers of a value: a row is shown as one line in a page.
 const MOST_NUMBERS: u64 = 4_096;
 
 /// The type of a number.
@@ -109,7 +109,7 @@ impl Column {
         Ok(if lanes == 1 { numbers.swap_remove(0) } else { Value::Array(numbers) })
     }
 
-    /// A number as the property means it: normalized, scaled and moved.
+    /// A number with its property's normalization, scale and offset.
     fn scaled(&self, number: Number, kind: Kind, property: &Property, lane: usize) -> Number {
         let of = |own: &Option<Value>, all: &Option<Value>| {
             let value = own.as_ref().or(all.as_ref())?;
@@ -128,7 +128,7 @@ impl Column {
     }
 }
 
-/// Where a value of a length of its own begins and ends.
+/// The range of a value of variable length.
 fn span(accessors: &Accessors<'_>, view: u32, kind: Option<&str>, at: u64) -> Result<(u64, u64)> {
     let (bytes, kind) = (accessors.view_bytes(view)?, Kind::new(kind.unwrap_or("UINT32"))?);
     let offset = |at| kind.read(bytes, at)?.as_u64().ok_or("an offset is no whole number");
@@ -153,7 +153,7 @@ impl Kind {
         })
     }
 
-    /// What stands for 1 where numbers are normalized.
+    /// The value for 1 in normalized numbers.
     fn largest(self) -> f64 {
         match self {
             Self::Signed(size) => 2f64.powi(8 * size as i32 - 1) - 1.0,

@@ -13,9 +13,8 @@ const JSON: &[u8] = b"JSON";
 const BIN: &[u8] = b"BIN\0";
 
 impl<'a> Container<'a> {
-    /// Takes a file apart (glTF 2.0 specification, section 4). Chunks of other kinds are skipped, as it
-    /// demands. The chunks say how long the file is, whatever its header says, and what is behind them is
-    /// let be.
+    /// Takes a file apart (glTF 2.0 specification, section 4). Skips chunks of other kinds, as required. The
+    /// chunks determine the length, whatever the header says, and bytes behind them are ignored.
     pub(super) fn parse(file: &'a [u8]) -> Result<Self, GltfError> {
         if !file.starts_with(b"glTF") {
             return Ok(Self { json: bare(file), bin: None });
@@ -48,7 +47,7 @@ impl<'a> Container<'a> {
     }
 }
 
-/// JSON without what programs put around it: a byte order mark, and zeros to fill a chunk.
+/// JSON without added bytes: a byte order mark, and zeros to fill a chunk.
 fn bare(json: &[u8]) -> &[u8] {
     let json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
     let end =

@@ -1,4 +1,4 @@
-//! Primitives that Draco has compressed: KHR_draco_mesh_compression.
+//! Draco-compressed primitives: KHR_draco_mesh_compression.
 
 use draco_core::{DataType, DecodeLimits, DecoderBuffer, Mesh, MeshDecoder, PointAttribute};
 
@@ -13,14 +13,14 @@ pub(super) struct Decoded<'a> {
     draco: &'a Draco,
 }
 
-/// What Draco needs for a triangle and a vertex while it decompresses them, in those of a mesh.
+/// Draco's memory for a triangle and a vertex during decompression, in those of a mesh.
 const TIMES: u64 = 4;
 
-/// The decompressed attributes of a vertex take at most so many bytes.
+/// The most bytes of a vertex's decompressed attributes.
 const BYTES_A_VERTEX: u64 = 256;
 
 impl<'a> Decoded<'a> {
-    /// The arrays of a primitive that is compressed and has none in plain; `place` says which it is.
+    /// The arrays of a compressed primitive without plain ones; `place` names it.
     pub(super) fn of(
         primitive: &'a Primitive,
         accessors: &Accessors<'_>,
@@ -44,7 +44,7 @@ impl<'a> Decoded<'a> {
         let counts = count(primitive.indices)
             .and_then(|corners| Ok((corners, count(primitive.attributes.get("POSITION").copied())?)));
         let (corners, vertices) = counts.map_err(|what| malformed(what.into()))?;
-        // The document says how much there is, and no more is decompressed than it says.
+        // The document declares the size, and no more is decompressed.
         let faces = (corners / 3).max(1);
         let vertices = vertices.max(1);
         budget.mesh(faces.saturating_mul(TIMES), vertices.saturating_mul(TIMES), place)?;
@@ -73,8 +73,7 @@ impl<'a> Decoded<'a> {
         self.mesh.faces().iter().flatten().map(|&corner| u32::from(corner)).collect()
     }
 
-    /// An attribute's vectors of `N` numbers, if it has them; with `scaled` whole numbers become 0..1, or
-    /// -1..1.
+    /// An attribute's vectors of `N` numbers, if it has them; with `scaled` integers become 0..1, or -1..1.
     pub(super) fn vectors<const N: usize>(&self, name: &str, scaled: bool) -> Option<Vec<[f32; N]>> {
         let attribute = self.attribute(name)?;
         let mut numbers = attribute.read_f32s(self.vertices(), N);
@@ -94,7 +93,7 @@ impl<'a> Decoded<'a> {
     }
 }
 
-/// What stands for 1 where whole numbers are scaled.
+/// The value for 1 in scaled integers.
 fn largest(kind: DataType) -> Option<f32> {
     match kind {
         DataType::Int8 => Some(f32::from(i8::MAX)),

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::import::OverBudget;
 
-/// What is wrong with a glTF file, where in it, and what to do.
+/// An error in a glTF file, its place, and the remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum GltfError {
@@ -16,18 +16,18 @@ pub enum GltfError {
     Container {
         /// Byte in the file.
         offset: usize,
-        /// What is wrong there.
+        /// The error.
         what: &'static str,
     },
     /// The JSON does not parse.
     #[error("the JSON does not parse: {0}; the file may be cut off or changed by hand: export it again")]
     Json(#[from] serde_json::Error),
-    /// A value in the JSON is not what the format has there.
+    /// A value in the JSON has the wrong type.
     #[error("{part} is malformed: {what}; export it again, or correct the file there")]
     Field {
-        /// What it is in: a node, a mesh, an accessor.
+        /// Its container: a node, a mesh, an accessor.
         part: String,
-        /// The value, and what is wrong with it.
+        /// The value, and its error.
         what: String,
     },
     /// The file is of another version of glTF.
@@ -39,20 +39,20 @@ pub enum GltfError {
         /// The version that it claims, or needs at least.
         version: String,
     },
-    /// The file cannot be read without an extension that is not supported.
+    /// The file requires an unsupported extension.
     #[error("it needs the extension {extension}, which is not supported: export it again without it")]
     Extension {
         /// The extension.
         extension: String,
     },
-    /// A buffer cannot be had.
+    /// A buffer cannot be loaded.
     #[error("buffer {buffer} cannot be read from {path}: {source}; a .gltf needs its buffers beside it", path = path.display())]
     BufferFile {
         /// Index of the buffer.
         buffer: usize,
-        /// Where it was looked for.
+        /// Its expected path.
         path: PathBuf,
-        /// What the system says.
+        /// The system's error.
         source: io::Error,
     },
     /// A buffer's address or content is malformed.
@@ -60,10 +60,10 @@ pub enum GltfError {
     Buffer {
         /// Index of the buffer.
         buffer: usize,
-        /// What is wrong with it.
+        /// The error.
         what: &'static str,
     },
-    /// An accessor that geometry is read from is malformed.
+    /// An accessor of geometry is malformed.
     #[error(
         "accessor {accessor}, needed by {user}, is malformed: {what}; export it again, or correct the file \
          there"
@@ -71,9 +71,9 @@ pub enum GltfError {
     Accessor {
         /// Index of the accessor.
         accessor: u32,
-        /// What needs it: a mesh's primitive or a node.
+        /// Its user: a mesh's primitive or a node.
         user: String,
-        /// What is wrong with it.
+        /// The error.
         what: &'static str,
     },
     /// The compressed bytes of a buffer view are malformed.
@@ -84,10 +84,10 @@ pub enum GltfError {
     Packed {
         /// Index of the buffer view.
         view: u32,
-        /// What is wrong with it.
+        /// The error.
         what: &'static str,
     },
-    /// A primitive that Draco has compressed is malformed.
+    /// A Draco-compressed primitive is malformed.
     #[error(
         "{mesh} cannot be decompressed (KHR_draco_mesh_compression): {what}; decompress the file with \
          `gltf-transform copy`, or export it again without compression"
@@ -95,7 +95,7 @@ pub enum GltfError {
     Draco {
         /// The mesh and primitive, with its name.
         mesh: String,
-        /// What is wrong with it.
+        /// The error.
         what: String,
     },
     /// A mesh is malformed.
@@ -103,7 +103,7 @@ pub enum GltfError {
     Mesh {
         /// The mesh and primitive, with its name.
         mesh: String,
-        /// What is wrong with it.
+        /// The error.
         what: String,
     },
     /// A node is malformed.
@@ -111,24 +111,24 @@ pub enum GltfError {
     Node {
         /// The path to the node from its root.
         node: String,
-        /// What is wrong with it.
+        /// The error.
         what: &'static str,
     },
-    /// It asks for more than is allowed.
+    /// It exceeds a limit.
     #[error(transparent)]
     Budget(#[from] OverBudget),
-    /// The scene to show is not there, or names a node that is not.
+    /// The scene to show does not exist, or names a node that does not.
     #[error("scene {scene} is malformed: {what}; export it again, or correct the file there")]
     Scene {
         /// Index of the scene.
         scene: u32,
-        /// What is wrong with it.
+        /// The error.
         what: &'static str,
     },
 }
 
 impl GltfError {
-    /// What is wrong, without where that is.
+    /// The error without its place.
     pub(super) fn what(&self) -> String {
         match self {
             Self::Accessor { accessor, what, .. } => format!("accessor {accessor}: {what}"),

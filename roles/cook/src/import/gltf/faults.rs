@@ -1,14 +1,14 @@
-//! What is left out of a document because it is broken, and why.
+//! Broken parts of a document that are left out, with the causes.
 
 use std::collections::BTreeSet;
 
 use super::GltfError;
 use crate::import::report::{ImportReport, WarningKind};
 
-/// How many different causes are told apart: a file can make up any number.
+/// How many different causes are distinguished: a file can have any number.
 const MOST_TOLD: usize = 100;
 
-/// Counts what is left out, and keeps the first cause: an import that has nothing left says that one.
+/// Counts omissions, and keeps the first cause, for an import with nothing left.
 #[derive(Default)]
 pub(super) struct Faults {
     pub report: ImportReport,
@@ -17,7 +17,7 @@ pub(super) struct Faults {
 }
 
 impl Faults {
-    /// Counts something that is left out because of `detail`, which happened to `object`.
+    /// Counts an omission because of `detail`, of `object`.
     pub(super) fn note(&mut self, kind: WarningKind, detail: &str, object: &str) {
         self.note_many(kind, detail, object, 1);
     }
@@ -32,7 +32,7 @@ impl Faults {
         self.report.warn_many(kind, detail, object, count);
     }
 
-    /// Keeps the cause of what is left out.
+    /// Keeps the cause of an omission.
     pub(super) fn cause(&mut self, why: impl FnOnce() -> GltfError) {
         self.first.get_or_insert_with(why);
     }

@@ -1,5 +1,5 @@
-//! Colours that change within a triangle. A scene has one colour a triangle, so such a triangle is cut until
-//! each piece has about one.
+//! Colours that change within a triangle. A scene has one colour per triangle, so such a triangle is cut
+//! until each piece has about one.
 
 use std::collections::HashMap;
 
@@ -14,14 +14,14 @@ pub(super) struct Coloured<'a> {
     pub triangles: &'a mut Vec<[u32; 3]>,
 }
 
-/// How much two corners of a piece may differ, of 255: the finest that makes few enough pieces is taken.
+/// The allowed differences between a piece's corners, of 255: the finest feasible one is taken.
 const STEPS: [u8; 3] = [24, 48, 96];
-/// So many pieces are few enough for any mesh, and for a larger one twice its triangles.
+/// This many pieces are few enough for any mesh, and for a larger one twice its triangles.
 const FEW: usize = 16_384;
 
 impl Coloured<'_> {
-    /// Cuts triangles where their colours change. An edge is cut or not by the colours of its ends alone, so
-    /// that triangles which share it stay side by side.
+    /// Cuts triangles where their colours change. Only the colours of its ends decide whether an edge is cut,
+    /// so triangles that share it stay joined.
     pub(super) fn cut(&mut self) {
         let most = FEW.max(2 * self.triangles.len());
         for step in STEPS {
@@ -45,9 +45,9 @@ impl Coloured<'_> {
 struct Cut<'c, 'a> {
     surface: &'c mut Coloured<'a>,
     step: u8,
-    /// The vertex in the middle of an edge that was cut, by the edge's ends.
+    /// The middle vertex of a cut edge, by the edge's ends.
     middles: HashMap<(u32, u32), u32>,
-    /// How many vertices there were at first.
+    /// The initial number of vertices.
     whole: usize,
 }
 
@@ -59,7 +59,7 @@ impl Cut<'_, '_> {
         for number in 0..self.surface.triangles.len() {
             open.extend(self.surface.triangles.get(number).copied());
             while let Some([a, b, c]) = open.pop() {
-                // From the corner before the first edge that is cut, the cases are these four.
+                // Starting from the corner before the first cut edge, these four cases remain.
                 let edges = [(a, b), (b, c), (c, a)].map(|(from, to)| self.middle(from, to));
                 match edges {
                     [None, None, None] => pieces.push([a, b, c]),
@@ -102,7 +102,7 @@ impl Cut<'_, '_> {
     }
 }
 
-/// How much two colours differ as they are kept: the most of any channel.
+/// The difference of two colours as stored: the largest of any channel.
 fn difference(a: [f32; 4], b: [f32; 4]) -> u8 {
     let kept = |[r, g, b, a]: [f32; 4]| [byte(srgb(r)), byte(srgb(g)), byte(srgb(b)), byte(a)];
     let pairs = kept(a).into_iter().zip(kept(b));
@@ -185,7 +185,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the colours, the pieces cover what the whole did, and every edge within has two sides.
+        /// For any colours, the pieces cover the whole, and every inner edge has two sides.
         #[test]
         fn pieces_cover_the_whole_without_a_crack(colours in prop::array::uniform4(
             prop::array::uniform4(0.0f32..1.0),

@@ -1,9 +1,8 @@
-//! The parts of a glTF document that a model needs, as they stand in the JSON.
+//! The parts of a glTF document that a model needs, as in the JSON.
 //!
-//! Nothing here is checked beyond its type, and that as leniently as its meaning allows: an index is checked
-//! where it is followed. The `gltf` crate is not used for this: it keeps matrices as f32, which at the
-//! coordinates of a plant (1e6 m) is 6 cm, and both its check of a document and its reader of containers can
-//! panic on hostile input.
+//! Only types are checked here, as leniently as the meaning allows: an index is checked on use. The `gltf`
+//! crate is not used: it keeps matrices as f32, which at the coordinates of a plant (1e6 m) is 6 cm, and both
+//! its check of a document and its reader of containers can panic on hostile input.
 
 use std::collections::BTreeMap;
 
@@ -56,7 +55,7 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Parses a document. One that is not quite the format is read as far as it goes.
+    /// Parses a document. A faulty one is read as far as possible.
     pub(super) fn parse(json: &[u8], faults: &mut Faults) -> Result<Self, GltfError> {
         let mut document = match serde_json::from_slice(json) {
             Ok(document) => document,
@@ -79,7 +78,7 @@ impl Document {
         Ok(tolerant::read(&json, faults)?)
     }
 
-    /// Makes what is no number into what stands for nothing. Places stay: without one, a node is left out.
+    /// Replaces NaN by defaults. Places stay: without one, a node is left out.
     fn settle(&mut self, faults: &mut Faults) {
         let mut weights = 0;
         let of_meshes = self.meshes.iter_mut().filter_map(|mesh| mesh.weights.as_mut());
@@ -98,15 +97,15 @@ impl Document {
         }
     }
 
-    /// What an object is called that places `mesh` by `node`: as the node, or else as the mesh.
+    /// The name of an object that places `mesh` by `node`: the node's, or else the mesh's.
     pub(super) fn object_name(&self, node: u32, mesh: u32) -> &str {
         let node = self.nodes.get(node as usize).and_then(|node| node.name.as_deref());
         let mesh = || self.meshes.get(mesh as usize).and_then(|mesh| mesh.name.as_deref());
         node.or_else(mesh).unwrap_or_default()
     }
 
-    /// What is said of the object that a node is: by the node, and by the mesh what the node does not say. Of
-    /// several it is said once, of their group.
+    /// The attributes of the object of a node: the node's, completed by the mesh's. If a node has several,
+    /// their group has them.
     pub(super) fn attributes_of_one(&self, node: u32) -> Vec<Attribute> {
         let one = self.nodes.get(node as usize).filter(|node| !self.is_several(node));
         one.map(|node| self.attributes(node)).unwrap_or_default()
@@ -125,13 +124,13 @@ impl Document {
         !node.children.is_empty() || self.is_several(node)
     }
 
-    /// How many bytes what a mesh says of each of its objects takes.
+    /// The bytes of a mesh's attributes for each of its objects.
     pub(super) fn text_of_mesh(&self, mesh: u32) -> u64 {
         let extras = self.meshes.get(mesh as usize).and_then(|mesh| mesh.extras.as_deref());
         attributes(extras).iter().map(|one| (one.name.len() + one.value.len()) as u64).sum()
     }
 
-    /// What is said by a node and its mesh.
+    /// The attributes of a node and its mesh.
     pub(super) fn attributes(&self, node: &Node) -> Vec<Attribute> {
         let mut all = attributes(node.extras.as_deref());
         let mesh = node.mesh.and_then(|mesh| self.meshes.get(mesh as usize));
@@ -146,7 +145,7 @@ impl Document {
     }
 }
 
-/// Extras as names and values. Values that are no text are written as JSON.
+/// Extras as names and values. Values other than text are written as JSON.
 fn attributes(extras: Option<&Value>) -> Vec<Attribute> {
     let attribute = |name: &str, value: &Value| {
         let value = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
@@ -159,7 +158,7 @@ fn attributes(extras: Option<&Value>) -> Vec<Attribute> {
     }
 }
 
-/// What tells a document of glTF 1.0: objects by name where 2.0 has arrays.
+/// The marks of a glTF 1.0 document: objects by name instead of 2.0's arrays.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct Head {
@@ -202,8 +201,8 @@ pub(super) struct Node {
     pub mesh: Option<u32>,
     #[serde(deserialize_with = "maybe_whole")]
     pub skin: Option<u32>,
-    /// Column-major, to the parent's frame. Boxed, as all that few nodes have: an empty node takes two bytes
-    /// of a file.
+    /// Column-major, to the parent's frame. Boxed, like all rare members: an empty node takes two bytes of a
+    /// file.
     #[serde(deserialize_with = "vector")]
     pub matrix: Option<Box<[f64; 16]>>,
     #[serde(deserialize_with = "vector")]
@@ -213,11 +212,11 @@ pub(super) struct Node {
     pub rotation: Option<Box<[f64; 4]>>,
     #[serde(deserialize_with = "vector")]
     pub scale: Option<Box<[f64; 3]>>,
-    /// Of the mesh's morph targets, in place of the mesh's own.
+    /// For the mesh's morph targets, replacing the mesh's own.
     #[serde(deserialize_with = "reals")]
     pub weights: Option<Box<[f32]>>,
     pub extensions: Option<Box<NodeExtensions>>,
-    /// Whatever its maker says of it.
+    /// The author's own data.
     pub extras: Option<Box<Value>>,
 }
 
@@ -253,7 +252,7 @@ pub(super) struct Visibility {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Instancing {
-    /// Accessors of one element an instance: TRANSLATION, ROTATION, SCALE and others.
+    /// Accessors with one element per instance: TRANSLATION, ROTATION, SCALE and others.
     #[serde(deserialize_with = "wholes_by_name")]
     pub attributes: BTreeMap<String, u32>,
 }
@@ -265,7 +264,7 @@ pub(super) struct Mesh {
     pub name: Option<String>,
     #[serde(deserialize_with = "or_default")]
     pub primitives: Vec<Primitive>,
-    /// Of the primitives' morph targets.
+    /// For the primitives' morph targets.
     #[serde(deserialize_with = "reals")]
     pub weights: Option<Box<[f32]>>,
     pub extras: Option<Box<Value>>,
@@ -274,7 +273,7 @@ pub(super) struct Mesh {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Primitive {
-    /// Accessors of one element a vertex: POSITION, COLOR_0, TEXCOORD_0 and others.
+    /// Accessors with one element per vertex: POSITION, COLOR_0, TEXCOORD_0 and others.
     #[serde(deserialize_with = "wholes_by_name")]
     pub attributes: BTreeMap<String, u32>,
     #[serde(deserialize_with = "maybe_whole")]
@@ -290,14 +289,14 @@ pub(super) struct Primitive {
 }
 
 impl Primitive {
-    /// How the features of its triangles are numbered: the attribute's name and what the numbers mean.
+    /// The numbering of its triangles' features: the attribute's name, and the meaning of the numbers.
     pub(super) fn features(&self) -> Option<(String, &FeatureIds)> {
         let ids = self.extensions.as_ref()?.features.as_ref()?.with_table()?;
         Some((format!("_FEATURE_ID_{}", ids.attribute?), ids))
     }
 }
 
-/// A morph target: what is added to positions, times its weight.
+/// A morph target: offsets of positions, multiplied by its weight.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Target {
@@ -314,7 +313,7 @@ pub(super) struct PrimitiveExtensions {
     pub features: Option<Features>,
 }
 
-/// A primitive whose arrays Draco has compressed.
+/// A primitive with arrays compressed by Draco.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Draco {
@@ -381,7 +380,7 @@ pub(super) struct BufferView {
 }
 
 impl BufferView {
-    /// How its bytes are compressed, if they are.
+    /// Its compression, if it has one.
     pub(super) fn packed(&self) -> Option<&Packed> {
         let extensions = self.extensions.as_ref()?;
         extensions.khr.as_ref().or(extensions.ext.as_ref())
@@ -397,7 +396,7 @@ pub(super) struct ViewExtensions {
     pub khr: Option<Packed>,
 }
 
-/// Where the compressed bytes of a buffer view are, and what they turn into.
+/// The compressed bytes of a buffer view, and their decompressed form.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Packed {
@@ -427,7 +426,7 @@ pub(super) struct Buffer {
 }
 
 impl Buffer {
-    /// Whether it only stands for bytes that others have compressed.
+    /// Whether it is only a fallback for compressed bytes.
     pub(super) fn is_fallback(&self) -> bool {
         let all = self.extensions.as_ref().map(|of| [of.ext.as_ref(), of.khr.as_ref()]);
         all.is_some_and(|all| all.into_iter().flatten().any(|fallback| fallback.fallback == Some(true)))

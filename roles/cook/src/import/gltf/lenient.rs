@@ -1,4 +1,4 @@
-//! JSON as exporters write it: null for what is absent, and 5126.0 for 5126.
+//! JSON in exporters' variants: null for absent values, and 5126.0 for 5126.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -28,7 +28,7 @@ where
     }
 }
 
-/// A whole number, or none: null, or what is negative, which stands for none in many a program.
+/// A whole number, or none: null, or a negative one, which means none in many programs.
 pub(super) fn maybe_whole<'de, D, T>(json: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,
@@ -37,13 +37,13 @@ where
     Whole::deserialize(json)?.narrow()
 }
 
-/// Whole numbers, without those that stand for none.
+/// Whole numbers, without those that mean none.
 pub(super) fn wholes<'de, D: Deserializer<'de>>(json: D) -> Result<Vec<u32>, D::Error> {
     let all = Option::<Vec<Narrow>>::deserialize(json)?.unwrap_or_default();
     Ok(all.into_iter().filter_map(|Narrow(number)| number).collect())
 }
 
-/// Whole numbers with names, without those that stand for none.
+/// Whole numbers by name, without those that mean none.
 pub(super) fn wholes_by_name<'de, D: Deserializer<'de>>(json: D) -> Result<BTreeMap<String, u32>, D::Error> {
     let all = Option::<BTreeMap<String, Narrow>>::deserialize(json)?.unwrap_or_default();
     Ok(all.into_iter().filter_map(|(name, Narrow(number))| Some((name, number?))).collect())
@@ -60,7 +60,7 @@ pub(super) fn maybe_signed<'de, D: Deserializer<'de>>(json: D) -> Result<Option<
     }
 }
 
-/// A text; a number is taken as it stands.
+/// A text; a number is taken literally.
 pub(super) fn text<'de, D: Deserializer<'de>>(json: D) -> Result<Option<String>, D::Error> {
     Ok(match Option::<Value>::deserialize(json)? {
         None | Some(Value::Null) => None,
@@ -69,7 +69,7 @@ pub(super) fn text<'de, D: Deserializer<'de>>(json: D) -> Result<Option<String>,
     })
 }
 
-/// A truth; languages without any have 0 and 1.
+/// A boolean; languages without booleans write 0 and 1.
 pub(super) fn maybe_flag<'de, D: Deserializer<'de>>(json: D) -> Result<Option<bool>, D::Error> {
     match Value::deserialize(json)? {
         Value::Null => Ok(None),
@@ -80,23 +80,23 @@ pub(super) fn maybe_flag<'de, D: Deserializer<'de>>(json: D) -> Result<Option<bo
     }
 }
 
-/// A truth that is false if there is none.
+/// A boolean; false if absent.
 pub(super) fn flag<'de, D: Deserializer<'de>>(json: D) -> Result<bool, D::Error> {
     Ok(maybe_flag(json)?.unwrap_or_default())
 }
 
-/// A number that may be none. What is no number is NaN: so JavaScript writes NaN as null.
+/// An optional number. Other values become NaN: JavaScript writes NaN as null.
 pub(super) fn real<'de, D: Deserializer<'de>>(json: D) -> Result<Option<f32>, D::Error> {
     Ok(Option::<Real>::deserialize(json)?.map(|Real(number)| number as f32))
 }
 
-/// Numbers; what is no number is NaN.
+/// Numbers; other values become NaN.
 pub(super) fn reals<'de, D: Deserializer<'de>>(json: D) -> Result<Option<Box<[f32]>>, D::Error> {
     let all = Option::<Vec<Real>>::deserialize(json)?;
     Ok(all.map(|all| all.into_iter().map(|Real(number)| number as f32).collect()))
 }
 
-/// `N` numbers, or none. What is no number is NaN, and so are all where there are more or fewer.
+/// `N` numbers, or none. Other values become NaN, and so do all if the count is wrong.
 pub(super) fn vector<'de, D, const N: usize>(json: D) -> Result<Option<Box<[f64; N]>>, D::Error>
 where
     D: Deserializer<'de>,
@@ -110,7 +110,7 @@ pub(super) fn pair<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 2]
     Ok(vector::<D, 2>(json)?.map(|pair| pair.map(|number| number as f32)))
 }
 
-/// A colour with alpha, which may lack the alpha; otherwise as [`vector`].
+/// A colour with optional alpha; otherwise as [`vector`].
 pub(super) fn colour<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 4]>, D::Error> {
     let read = json.deserialize_any(Numbers::<4>)?;
     Ok(read.map(|(all, count)| match (all.map(|number| number as f32), count) {
@@ -120,7 +120,7 @@ pub(super) fn colour<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 
     }))
 }
 
-/// A number without a fraction, however it is written.
+/// A number without a fraction, in any notation.
 enum Whole {
     Number(u64),
     Negative,
@@ -153,7 +153,7 @@ impl<'de> Deserialize<'de> for Whole {
 struct Digits;
 
 impl Digits {
-    /// Up to here every whole number has a double of its own.
+    /// Up to here every whole number is exact as a double.
     const MOST: u64 = 1 << 53;
 }
 
@@ -194,7 +194,7 @@ impl Visitor<'_> for Digits {
     }
 }
 
-/// A number; NaN if it is none.
+/// A number; NaN for other values.
 struct Real(f64);
 
 impl<'de> Deserialize<'de> for Real {
@@ -247,7 +247,7 @@ impl<'de> Visitor<'de> for Decimal {
     }
 }
 
-/// The first `N` numbers of a list, and how many it has.
+/// The first `N` numbers of a list, and its length.
 struct Numbers<const N: usize>;
 
 impl<'de, const N: usize> Visitor<'de> for Numbers<N> {
@@ -268,7 +268,7 @@ impl<'de, const N: usize> Visitor<'de> for Numbers<N> {
         Ok((count > 0).then_some((all, count)))
     }
 
-    /// As JavaScript writes its typed arrays: `{"0":1,"1":2}`. One without members is an empty list.
+    /// JavaScript's form of typed arrays: `{"0":1,"1":2}`. One without members is an empty list.
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
         let (mut all, mut count) = ([f64::NAN; N], 0);
         while let Some((key, Real(number))) = map.next_entry::<String, _>()? {

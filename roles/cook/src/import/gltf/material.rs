@@ -1,4 +1,4 @@
-//! What a material says of colour: its base colour, the texture over it, and what its alpha means.
+//! A material's colour: its base colour, the texture over it, and the meaning of alpha.
 
 use serde::{Deserialize, Deserializer};
 use trimaran_scene::Rgba8;
@@ -43,7 +43,7 @@ struct SpecularGlossiness {
     diffuse_texture: Option<TextureInfo>,
 }
 
-/// Which texture, and where on it.
+/// A reference to a texture, and its mapping.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct TextureInfo {
@@ -55,7 +55,7 @@ pub(super) struct TextureInfo {
 }
 
 impl TextureInfo {
-    /// Which of the primitive's texture coordinates it takes.
+    /// The index of its texture coordinates.
     pub(super) fn coordinates(&self) -> u32 {
         self.transform().and_then(|transform| transform.tex_coord).unwrap_or(self.tex_coord)
     }
@@ -97,7 +97,7 @@ pub(super) struct Texture {
 }
 
 impl Texture {
-    /// Its image: the first of those that can be read.
+    /// Its image: the first that can be read.
     pub(super) fn image(&self) -> Option<u32> {
         let extensions = self.extensions.as_ref();
         let webp = extensions.and_then(|of| of.webp.as_ref()?.source);
@@ -153,7 +153,7 @@ enum AlphaMode {
     Blend,
 }
 
-/// Some programs write it in small letters.
+/// Some programs write it in lower case.
 fn alpha_mode<'de, D: Deserializer<'de>>(json: D) -> Result<AlphaMode, D::Error> {
     let name = Option::<String>::deserialize(json)?.map(|name| name.to_ascii_uppercase());
     Ok(match name.as_deref() {
@@ -163,19 +163,19 @@ fn alpha_mode<'de, D: Deserializer<'de>>(json: D) -> Result<AlphaMode, D::Error>
     })
 }
 
-/// What alpha means.
+/// The meaning of alpha.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Alpha {
     /// Nothing.
     Opaque,
-    /// Less than this, of 255, is a hole; the rest is solid.
+    /// Alpha below this, of 255, is a hole; the rest is solid.
     Mask(u8),
-    /// How much is seen of what it is on.
+    /// Alpha is opacity.
     Blend,
 }
 
 impl Material {
-    /// Makes what is no number into what stands for nothing, and says what it was.
+    /// Replaces NaN by defaults, and returns the names of the values.
     pub(super) fn settle(&mut self) -> Vec<&'static str> {
         let mut found = Vec::new();
         let glossy = self.extensions.as_mut().and_then(|all| all.specular_glossiness.as_mut());
@@ -222,7 +222,7 @@ impl Material {
         }
     }
 
-    /// What the alpha of its colours means.
+    /// The meaning of its colours' alpha.
     pub(super) fn alpha(&self) -> Alpha {
         match self.alpha_mode {
             AlphaMode::Opaque => Alpha::Opaque,
@@ -231,7 +231,7 @@ impl Material {
         }
     }
 
-    /// What the alpha of its texture means, before it is multiplied by the base colour's.
+    /// The meaning of its texture's alpha, before it is multiplied by the base colour's.
     pub(super) fn texture_alpha(&self) -> Alpha {
         match self.alpha_mode {
             // 0 by 0 is no hole: nothing is below 0.
@@ -249,7 +249,7 @@ impl Material {
     }
 }
 
-/// A linear colour with straight alpha as it is kept.
+/// A linear colour with straight alpha, in the stored form.
 pub(super) fn encoded([r, g, b, a]: [f32; 4]) -> Rgba8 {
     Rgba8([byte(srgb(r)), byte(srgb(g)), byte(srgb(b)), byte(a)])
 }

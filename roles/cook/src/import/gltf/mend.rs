@@ -1,22 +1,22 @@
-//! JSON that a strict reader refuses for a trifle, made into JSON: what programs write that put texts
-//! together themselves, or that write what their own reader takes.
+//! Repairs JSON that a strict reader refuses for minor errors, from programs that assemble it by hand or test
+//! it only with their own reader.
 
 use std::borrow::Cow;
 use std::fmt::Write;
 
 use encoding_rs::WINDOWS_1252;
 
-/// JSON, and what was mended in it, with how often.
+/// JSON, with its repairs and their counts.
 #[derive(Default)]
 pub(super) struct Mended {
     pub json: Vec<u8>,
     pub faults: Vec<(&'static str, u64)>,
 }
 
-/// How deep values may be nested: as deep as the reader of JSON goes, which has a few levels of its own.
+/// The deepest nesting of values: that of the JSON reader, which has a few levels of its own.
 const DEEPEST: usize = 100;
 
-/// Mends what can be read in one way only. Line breaks stay, so that a message's line is that of the file.
+/// Repairs errors with only one possible reading. Line breaks stay, for line numbers in messages.
 pub(super) fn mend(mut rest: &[u8]) -> Mended {
     let mut mended = Mended { json: Vec::with_capacity(rest.len()), ..Mended::default() };
     let mut depth = 0;
@@ -56,7 +56,7 @@ pub(super) fn mend(mut rest: &[u8]) -> Mended {
     mended
 }
 
-/// How long the text is that begins here, with its quotes.
+/// The length of the text that begins here, with its quotes.
 fn string(rest: &[u8]) -> usize {
     let mut is_escaped = false;
     let end = rest.iter().skip(1).position(|byte| {
@@ -67,7 +67,7 @@ fn string(rest: &[u8]) -> usize {
     end.map_or(rest.len(), |end| end + 2)
 }
 
-/// How long the value is that begins here.
+/// The length of the value that begins here.
 fn nested(rest: &[u8]) -> usize {
     let (mut at, mut depth) = (0, 0usize);
     while let Some(&byte) = rest.get(at) {
@@ -95,7 +95,7 @@ impl Mended {
         }
     }
 
-    /// A bracket that closes; a comma before it stands for nothing.
+    /// A closing bracket; a comma before it is dropped.
     fn close(&mut self, bracket: u8) {
         let end = self.json.trim_ascii_end().len();
         if self.json.get(..end).is_some_and(|json| json.ends_with(b",")) {
@@ -170,7 +170,7 @@ impl Mended {
     }
 }
 
-/// How long the escape is that begins here, and what stands for it.
+/// The length of the escape that begins here, and its replacement.
 fn escape(text: &str) -> (usize, Cow<'_, str>) {
     let unit = |at: usize| {
         let digits = text.get(at..at + 6)?.strip_prefix("\\u")?;
@@ -179,11 +179,11 @@ fn escape(text: &str) -> (usize, Cow<'_, str>) {
     let whole = |length: usize| (length, Cow::Borrowed(text.get(..length).unwrap_or_default()));
     match (unit(0), unit(6), text.as_bytes().get(1)) {
         (Some(0xd800..=0xdbff), Some(0xdc00..=0xdfff), _) => whole(12),
-        // Half a letter of UTF-16.
+        // Half a surrogate pair of UTF-16.
         (Some(0xd800..=0xdfff), ..) => (6, Cow::Borrowed("\\ufffd")),
         (Some(_), ..) => whole(6),
         (None, _, Some(b'"' | b'\\' | b'/' | b'b' | b'f' | b'n' | b'r' | b't')) => whole(2),
-        // A backslash that stands for itself, as in the names of Windows.
+        // A literal backslash, as in Windows paths.
         (None, ..) => (1, Cow::Borrowed("\\\\")),
     }
 }

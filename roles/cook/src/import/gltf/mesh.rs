@@ -1,4 +1,4 @@
-//! A glTF mesh, which may be several primitives, as one mesh with a colour a vertex, or as one a feature.
+//! Reads a glTF mesh of several primitives as one mesh with vertex colours, or as one per feature.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ use crate::import::assemble::weld;
 use crate::import::budget::Budget;
 use crate::import::report::WarningKind;
 
-/// A mesh of the document, and how much its morph targets count.
+/// A mesh of the document, with the weights of its morph targets.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shape {
     /// Index of the mesh.
@@ -26,22 +26,22 @@ pub(super) struct Shape {
     pub weights: Vec<f32>,
 }
 
-/// A mesh, and what was left out of it.
+/// A mesh, and its omissions.
 #[derive(Default)]
 pub(super) struct Imported {
-    /// What belongs to each feature, and what to none.
+    /// The mesh of each feature, and of none.
     pub pieces: BTreeMap<Option<Feature>, Mesh>,
     /// Primitives that are points or lines.
     pub without_surface: u64,
-    /// Triangles with a corner that is not finite or not there.
+    /// Triangles with a corner that is not finite or does not exist.
     pub left_out: u64,
     /// Materials whose texture has several colours within a triangle.
     pub averaged: Vec<u32>,
-    /// Materials whose texture has no place on the mesh.
+    /// Materials whose texture cannot be mapped to the mesh.
     pub unplaced: Vec<u32>,
-    /// What is broken and was left out, and how often.
+    /// Broken parts that were left out, with counts.
     pub broken: BTreeMap<(WarningKind, String), u64>,
-    /// The first cause of it.
+    /// The first cause.
     pub cause: Option<GltfError>,
 }
 
@@ -59,10 +59,10 @@ impl Imported {
     }
 }
 
-/// How many different causes in a mesh are told apart.
+/// How many different causes in a mesh are distinguished.
 const MOST_TOLD: usize = 100;
 
-/// What meshes are made from.
+/// The inputs of meshes.
 #[derive(Clone, Copy)]
 pub(super) struct Input<'a> {
     pub document: &'a Document,
@@ -113,7 +113,7 @@ pub(super) fn import(from: Input<'_>, shape: &Shape) -> Result<Imported, GltfErr
     Ok(imported)
 }
 
-/// How much of a mesh's name is told.
+/// The longest name of a mesh in messages.
 const LONGEST_NAME: usize = 100;
 
 /// Reads one primitive.
@@ -121,20 +121,20 @@ struct Reader<'a> {
     from: Input<'a>,
     primitive: &'a Primitive,
     weights: &'a [f32],
-    /// Says which primitive it is.
+    /// Names the primitive.
     place: &'a dyn Fn() -> String,
 }
 
-/// Where a primitive's arrays are, and how its triangles are made of them.
+/// The arrays of a primitive, and its corners.
 struct Arrays<'a> {
     source: Source<'a>,
     mode: Mode,
-    /// The corners, each the number of a vertex; `None` if they are the vertices in order.
+    /// The corners as numbers of vertices; `None` if they are the vertices in order.
     corners: Option<Vec<u32>>,
 }
 
 enum Source<'a> {
-    /// In accessors: of which these elements are the vertices, or all.
+    /// In accessors: the vertices are these elements, or all.
     Plain {
         picks: Option<Vec<u32>>,
     },
@@ -143,7 +143,7 @@ enum Source<'a> {
 
 const POSITION: &str = "POSITION";
 const COLOUR: &str = "COLOR_0";
-/// A corner that is not there.
+/// A corner that does not exist.
 const NOWHERE: u32 = u32::MAX;
 
 impl Reader<'_> {
@@ -210,7 +210,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Colours a surface and adds it to what a feature has.
+    /// Colours a surface and adds it to a feature's mesh.
     fn append_piece(
         &self,
         imported: &mut Imported,
@@ -253,8 +253,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Finds the primitive's arrays and reads its corners. What they come to is asked for before anything is
-    /// read. A thousand primitives may share one array of positions, so each takes those that it uses.
+    /// Finds the primitive's arrays and reads its corners. Sizes are counted before anything is read. A
+    /// thousand primitives may share one array of positions, so each takes only those that it uses.
     fn arrays(&self, mode: Mode, named: [Option<&str>; 2]) -> Result<Arrays<'_>, GltfError> {
         let Input { accessors, budget, .. } = self.from;
         if let Some(decoded) = Decoded::of(self.primitive, accessors, budget, self.place) {
@@ -298,8 +298,8 @@ impl Reader<'_> {
         Ok(Arrays { source: Source::Plain { picks }, mode, corners: Some(corners) })
     }
 
-    /// An attribute's vectors, if it has them. Whether whole numbers stand for 0..1 the accessor says, if the
-    /// format does not.
+    /// An attribute's vectors, if it has them. If the format does not define whether integers stand for 0..1,
+    /// the accessor decides.
     fn vectors<const N: usize>(
         &self,
         arrays: &Arrays<'_>,
@@ -336,7 +336,7 @@ impl Reader<'_> {
         Ok(positions)
     }
 
-    /// What a morph target adds to each vertex.
+    /// The offsets of a morph target for each vertex.
     fn moves(&self, arrays: &Arrays<'_>, index: u32, vertices: usize) -> Result<Vec<[f32; 3]>, GltfError> {
         let accessors = self.from.accessors;
         let picks = match &arrays.source {
@@ -352,7 +352,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The morph targets that count: their accessors and weights.
+    /// The morph targets with an effect: their accessors and weights.
     fn targets(&self) -> impl Iterator<Item = (u32, f32)> {
         let weighted = self.primitive.targets.iter().zip(self.weights);
         weighted
@@ -360,7 +360,7 @@ impl Reader<'_> {
             .filter_map(|(of, &weight)| Some((of.position?, weight)))
     }
 
-    /// A linear colour a vertex, if they have colours of their own: times the material's.
+    /// A linear colour per vertex, if there are vertex colours: multiplied by the material's.
     fn colours(
         &self,
         arrays: &Arrays<'_>,
@@ -373,7 +373,7 @@ impl Reader<'_> {
             Source::Plain { .. } => None,
         };
         let lanes = lanes.map_or_else(|| self.from.accessors.lanes(index), Ok).map_err(self.broken(index))?;
-        // Whole numbers stand for 0..1 by the specification, even where an exporter forgot to say so.
+        // Integers stand for 0..1 by the specification, even if an exporter forgot the flag.
         let colours = if lanes == 3 {
             let colours = self.vectors::<3>(arrays, COLOUR, Some(true))?.unwrap_or_default();
             colours.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect()
@@ -384,14 +384,14 @@ impl Reader<'_> {
             return Err(self.broken(index)("it has not one colour a vertex"));
         }
         let factor = material.factor();
-        // Also makes 0 of what is no number.
+        // Also maps NaN to 0.
         let within = |value: f32| if value > 0.0 { value.min(1.0) } else { 0.0 };
         let times =
             |colour: [f32; 4]| [0, 1, 2, 3].map(|channel: usize| within(colour[channel] * factor[channel]));
         Ok(Some(colours.into_iter().map(times).collect()))
     }
 
-    /// The triangles all of whose corners are there and finite; `left_out` counts the others.
+    /// The triangles whose corners all exist and are finite; `left_out` counts the others.
     fn triangles(&self, arrays: &Arrays<'_>, positions: &[Vec3], left_out: &mut u64) -> Vec<[u32; 3]> {
         let in_order: Vec<u32>;
         let corners = match &arrays.corners {
@@ -412,7 +412,7 @@ impl Reader<'_> {
 }
 
 impl Mode {
-    /// The most triangles that so many corners make.
+    /// The most triangles of this many corners.
     const fn most_triangles(self, corners: u64) -> u64 {
         match self {
             Self::Triangles => corners / 3,
@@ -420,9 +420,8 @@ impl Mode {
         }
     }
 
-    /// Calls `emit` for each triangle, all wound as the specification says (section 3.7.2.1). Corners that do
-    /// not fill a triangle are dropped, and so are the triangles without area that only link two pieces
-    /// of a strip.
+    /// Calls `emit` for each triangle, wound as specified (section 3.7.2.1). Drops corners that do not fill a
+    /// triangle, and degenerate triangles that only link two pieces of a strip.
     fn triangles(self, corners: &[u32], mut emit: impl FnMut([u32; 3])) {
         match self {
             Self::Triangles => corners.as_chunks::<3>().0.iter().for_each(|&triangle| emit(triangle)),

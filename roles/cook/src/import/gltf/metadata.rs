@@ -1,5 +1,5 @@
-//! Tables of properties (EXT_structural_metadata), a row of which is said of a feature: of some triangles of
-//! a mesh (EXT_mesh_features), or of an instance (EXT_instance_features).
+//! Tables of properties (EXT_structural_metadata). A row describes a feature: some triangles of a mesh
+//! (EXT_mesh_features), or an instance (EXT_instance_features).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use super::lenient::{flag, maybe_signed, maybe_whole, or_default, text, whole};
 use super::nodes::Placement;
 use crate::import::report::{ImportReport, WarningKind};
 
-/// What a feature is: a row of a property table.
+/// A feature: a row of a property table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Feature {
     pub table: u32,
@@ -51,7 +51,7 @@ struct Class {
     properties: BTreeMap<String, Property>,
 }
 
-/// What the values of a property are.
+/// The type of a property's values.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Property {
@@ -74,7 +74,7 @@ pub(super) struct Property {
     pub normalized: bool,
     pub offset: Option<Value>,
     pub scale: Option<Value>,
-    /// The value that stands for none.
+    /// The value that means none.
     no_data: Option<Value>,
     default: Option<Value>,
 }
@@ -108,7 +108,7 @@ pub(super) struct Table {
     properties: BTreeMap<String, Column>,
 }
 
-/// The features of a primitive or of a node's instances, in several ways.
+/// The features of a primitive or of a node's instances, in several numberings.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Features {
@@ -116,8 +116,7 @@ pub(super) struct Features {
     feature_ids: Vec<FeatureIds>,
 }
 
-/// How features are numbered: by an attribute, or as vertices and instances are. Those of textures are not
-/// read.
+/// A numbering of features: by an attribute, or by vertex or instance number. Those of textures are not read.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct FeatureIds {
@@ -149,7 +148,7 @@ impl FeatureIds {
     }
 }
 
-/// What is said of a feature.
+/// The attributes of a feature.
 #[derive(Debug, Default)]
 pub(super) struct Row {
     pub name: Option<String>,
@@ -208,14 +207,14 @@ impl Metadata {
     }
 }
 
-/// Looks features up, and keeps what could not be told.
+/// Looks features up, and keeps unreadable ones.
 pub(super) struct Lookup<'a> {
     document: &'a Document,
     accessors: &'a Accessors<'a>,
     metadata: Option<&'a Metadata>,
     told: BTreeSet<u32>,
     unread: BTreeSet<String>,
-    /// The node whose instances were looked up last, and their features.
+    /// The node of the last instance look-up, and its features.
     instances: Option<(u32, Vec<Option<Feature>>)>,
 }
 
@@ -232,7 +231,7 @@ impl<'a> Lookup<'a> {
         }
     }
 
-    /// What is said of a placement's piece that is a feature, or of an instance that is one.
+    /// The attributes of a placement's feature piece, or of an instance that is a feature.
     pub(super) fn row(&mut self, placement: &Placement, piece: Option<Feature>) -> Option<Row> {
         let metadata = self.metadata?;
         let feature = piece.or_else(|| self.of_instance(placement))?;
@@ -268,7 +267,7 @@ impl<'a> Lookup<'a> {
         Some(numbers.into_iter().map(|[number]| ids.feature(number)).collect())
     }
 
-    /// Says what is not told of any object.
+    /// Warns of properties that apply to no object.
     pub(super) fn warn(self, report: &mut ImportReport) {
         let Some(metadata) = self.metadata else { return };
         for why in self.unread {

@@ -48,7 +48,7 @@ use super::{ImportOptions, Part, UpAxis};
 use crate::{Mesh, Model};
 use trimaran_scene::ObjectAttributes;
 
-/// Extensions that may be required: those that are read, and those that change nothing that a model keeps.
+/// Supported required extensions: those that are read, and those that do not affect a model.
 const SUPPORTED: [&str; 20] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -71,11 +71,11 @@ const SUPPORTED: [&str; 20] = [
     "KHR_xmp_json_ld",
     "MSFT_lod",
 ];
-/// Likewise, by how their names begin: of materials, base colours are kept.
+/// Likewise, by prefix: of materials, only base colours are kept.
 const SUPPORTED_PREFIXES: [&str; 4] = ["KHR_materials_", "EXT_texture_", "KHR_texture_", "MSFT_texture_"];
 
-/// Parts of the names of other extensions that change no shape: of materials, lights, motion, what belongs
-/// together, and what is said of it.
+/// Parts of names of other extensions that do not affect shapes: of materials, lights, motion, grouping and
+/// metadata.
 const SHAPELESS: [&str; 16] = [
     "_materials_",
     "_material_",
@@ -127,7 +127,7 @@ pub(super) fn import(
     warn(&mut faults, &document, &mut imported, &placements, &numbers);
     part.report = std::mem::take(&mut faults.report);
 
-    // What each shape is among the model's meshes.
+    // The index of each shape among the model's meshes.
     let mut meshes = Vec::new();
     for Imported { pieces, .. } in imported {
         let first = part.model.meshes.len() as u32;
@@ -179,7 +179,7 @@ pub(super) fn import(
     }
 }
 
-/// The different shapes that placements have, and the number of each placement's.
+/// The distinct shapes of placements, and the index of each placement's.
 fn shapes(document: &Document, placements: &[Placement]) -> (Vec<Shape>, Vec<usize>) {
     let mut shapes: Vec<Shape> = Vec::new();
     let mut known = HashMap::new();
@@ -206,7 +206,7 @@ fn materials(document: &Document, shapes: &[Shape]) -> BTreeSet<u32> {
     meshes.flat_map(|mesh| &mesh.primitives).filter_map(|primitive| primitive.material).collect()
 }
 
-/// Says what the meshes and the model lack.
+/// Warns of omissions of the meshes and the model.
 fn warn(
     faults: &mut Faults,
     document: &Document,

@@ -1,4 +1,4 @@
-//! Walks the node tree of a document and places every mesh it meets.
+//! Traverses the node tree of a document and places every mesh.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ pub(super) struct Placement {
     pub node: u32,
     /// Index of the mesh in the document; it exists.
     pub mesh: u32,
-    /// Which of the node's instances it is.
+    /// The number of the node's instance.
     pub instance: u32,
     /// The mesh's frame to the world's.
     pub to_world: DAffine3,
@@ -27,9 +27,9 @@ pub(super) struct Placement {
 
 const NONE: u32 = u32::MAX;
 
-/// All placements of the scene that the document shows, in the order of a walk from parents to children, and
-/// the branches of that walk. Leaves of a branch are numbers of placements. Nodes that are hidden, or whose
-/// place cannot be told, are left out with all below them.
+/// All placements of the scene that the document shows, in depth-first order, and the branches of that
+/// traversal. Leaves of a branch are numbers of placements. Hidden nodes, and nodes with an invalid place,
+/// are left out with all below them.
 pub(super) fn place(
     document: &Document,
     accessors: &Accessors<'_>,
@@ -52,7 +52,7 @@ pub(super) fn place(
         Some(scene) => Cow::Borrowed(&*scene.nodes),
         None => all.clone().filter(|root| !is_child(root)).collect(),
     };
-    // A root that is somebody's child has its place there, if that one is met.
+    // A root that is also a child is placed below its parent, if that one is visited.
     let (below, top): (Vec<u32>, Vec<u32>) = roots.iter().partition(|root| is_child(root));
     for root in top.into_iter().chain(below) {
         walk.place_tree(root, file_to_world)?;
@@ -85,7 +85,7 @@ struct Walk<'a> {
     accessors: &'a Accessors<'a>,
     budget: &'a Budget,
     faults: &'a mut Faults,
-    /// A node's parent once it was met; a root's is itself. Nodes have one parent at most, so there is no
+    /// A node's parent once it was visited; a root's is itself. Nodes have at most one parent, so there is no
     /// second visit, which also ends cycles.
     parents: Vec<u32>,
     placements: Vec<Placement>,
@@ -94,7 +94,7 @@ struct Walk<'a> {
     left_out: Vec<u32>,
 }
 
-/// A node whose children are being walked.
+/// A node whose children are being traversed.
 struct Open<'a> {
     node: u32,
     to_world: DAffine3,
@@ -123,7 +123,7 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Places the mesh of a node, if it has one. Nothing if the node is left out.
+    /// Places the mesh of a node, if it has one. Returns none if the node is left out.
     fn visit(
         &mut self,
         index: u32,
@@ -176,7 +176,7 @@ impl<'a> Walk<'a> {
         Ok(Some(Open { node: index, to_world, children: node.children.iter(), branch }))
     }
 
-    /// Places the mesh of a node: once, or once an instance.
+    /// Places the mesh of a node: once, or once per instance.
     fn place_mesh(
         &mut self,
         index: u32,
@@ -230,13 +230,13 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Leaves out instances whose places cannot be told.
+    /// Leaves out instances with invalid places.
     fn lose_instances(&mut self, name: &str, why: GltfError) {
         self.faults.note(WarningKind::NodeLeftOut, &format!("instances: {}", why.what()), name);
         self.faults.cause(|| why);
     }
 
-    /// Leaves out a reference to a node, or of one.
+    /// Leaves out a reference to a node, or from one.
     fn no_reference(&mut self, index: u32, parent: u32, what: &'static str) {
         self.faults.note(WarningKind::ReferenceLeftOut, what, &label(self.document, index));
         let path = || path(self.document, &self.parents, index, parent);
@@ -247,7 +247,7 @@ impl<'a> Walk<'a> {
         self.parents.get(node as usize) == Some(&NONE)
     }
 
-    /// Counts what is below the nodes that were left out as met.
+    /// Counts everything below omitted nodes as visited.
     fn close_left_out(&mut self) {
         while let Some(node) = self.left_out.pop() {
             let children = self.document.nodes.get(node as usize).map(|node| &*node.children);
@@ -262,8 +262,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The scene to show: the default one, else the first. Without any, every node that is nobody's child is
-    /// shown.
+    /// The scene to show: the default one, else the first. Without any, every node without a parent is shown.
     fn scene(&mut self) -> Option<&'a Scene> {
         let Document { scene, scenes, .. } = self.document;
         let named = scene.and_then(|index| scenes.get(index as usize));
@@ -276,8 +275,8 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// How many instances a node has: as many as each of the attributes that place them has elements, or else as
-/// any other has. Nothing is read yet.
+/// How many instances a node has: the elements of each of its placing attributes, or else of any other.
+/// Nothing is read yet.
 fn instance_count(
     accessors: &Accessors<'_>,
     node: u32,
@@ -297,11 +296,11 @@ fn instance_count(
     }
 }
 
-/// The instance attributes that say where an instance is.
+/// The instance attributes that place an instance.
 const PLACING: [&str; 3] = ["TRANSLATION", "ROTATION", "SCALE"];
 
-/// The placements of EXT_mesh_gpu_instancing, relative to the node: translation, rotation and scale an
-/// instance; none of an instance where they make no map. All attributes have equal counts.
+/// The placements of EXT_mesh_gpu_instancing, relative to the node: translation, rotation and scale per
+/// instance; none for an invalid map. All attributes have equal counts.
 fn instances(
     accessors: &Accessors<'_>,
     node: u32,
@@ -309,7 +308,7 @@ fn instances(
     count: u64,
 ) -> Result<Vec<Option<DAffine3>>, GltfError> {
     let attributes: &BTreeMap<String, u32> = &instancing.attributes;
-    // The budget has room for so many.
+    // The budget has room for this many.
     let is_placed = PLACING.iter().any(|name| attributes.contains_key(*name));
     let mut all = vec![Trs::default(); if is_placed { 0 } else { count as usize }];
     if let Some(&index) = attributes.get("TRANSLATION") {
@@ -355,8 +354,8 @@ impl Default for Trs {
 }
 
 impl Trs {
-    /// The map, or nothing if the rotation has no direction. Files keep rotations as rounded numbers:
-    /// normalize.
+    /// The map, or none if the rotation has no direction. Files contain rounded rotations, so it is
+    /// normalized.
     fn matrix(&self) -> Option<DAffine3> {
         let length = self.rotation.length();
         (length.is_normal()).then(|| {
@@ -365,10 +364,10 @@ impl Trs {
     }
 }
 
-/// How far the last row of a matrix may be from 0 0 0 1: exporters multiply matrices in single precision.
+/// The tolerance of a matrix's last row against 0 0 0 1: exporters multiply matrices in single precision.
 const ROUNDING: f64 = 1e-5;
 
-/// A map to the world, if it is one that shapes and their volumes can be followed by.
+/// A map to the world, if it is invertible enough for shapes and their volumes.
 fn usable(to_world: DAffine3) -> Result<DAffine3, &'static str> {
     if to_world.is_finite() && to_world.matrix3.determinant().is_finite() {
         Ok(to_world)
@@ -377,7 +376,7 @@ fn usable(to_world: DAffine3) -> Result<DAffine3, &'static str> {
     }
 }
 
-/// A node's own matrix, exactly as it stands: it may shear and mirror, so it is never taken apart.
+/// A node's own matrix, unchanged: it may shear and mirror, so it is never decomposed.
 fn local(node: &Node) -> Result<DAffine3, &'static str> {
     if let Some(columns) = &node.matrix {
         let matrix = DMat4::from_cols_array(columns);
@@ -397,7 +396,7 @@ fn local(node: &Node) -> Result<DAffine3, &'static str> {
     trs.matrix().ok_or("its rotation is not a quaternion")
 }
 
-/// A node as a reader of the file finds it: "node 7 (pump/shaft)".
+/// A node's name in messages: "node 7 (pump/shaft)".
 fn path(document: &Document, parents: &[u32], index: u32, parent: u32) -> String {
     let mut names = vec![label(document, index)];
     let (mut at, mut above) = (index, parent);

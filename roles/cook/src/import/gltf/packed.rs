@@ -1,4 +1,4 @@
-//! Buffer views that meshoptimizer has compressed: EXT_meshopt_compression and KHR_meshopt_compression.
+//! Buffer views compressed by meshoptimizer: EXT_meshopt_compression and KHR_meshopt_compression.
 
 use meshopt::{
     decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat, decode_index_buffer,
@@ -15,11 +15,11 @@ use crate::import::report::WarningKind;
 
 type Result<T> = std::result::Result<T, &'static str>;
 
-/// What a compressed view counts as a vertex, bytes.
+/// The bytes of a compressed view that count as a vertex.
 const BYTES_A_VERTEX: u64 = 32;
 
-/// The decompressed bytes of each compressed view. One that cannot be decompressed has those that stand in
-/// its place, if there are any.
+/// The decompressed bytes of each compressed view. If decompression fails, its fallback bytes, if there are
+/// any.
 pub(super) fn decompress(
     views: &[BufferView],
     buffers: &[Bytes<'_>],
@@ -62,7 +62,7 @@ fn compressed<'a>(packed: &Packed, buffers: &'a [Bytes<'_>]) -> Result<&'a [u8]>
         .ok_or("its compressed bytes reach past the end of the buffer")
 }
 
-/// How many elements of how many bytes a view decompresses into.
+/// The number and size of a view's decompressed elements.
 #[derive(Clone, Copy)]
 struct Size {
     count: usize,
@@ -70,7 +70,7 @@ struct Size {
 }
 
 impl Size {
-    /// No more elements than so many compressed bytes can hold: memory is taken for all of them at once.
+    /// At most as many elements as the bytes can hold: memory is allocated for all at once.
     fn of(packed: &Packed, bytes: usize) -> Result<Self> {
         let sizes = usize::try_from(packed.count).ok().zip(usize::try_from(packed.byte_stride).ok());
         let (count, stride) = sizes.ok_or("its count is too large")?;
@@ -121,7 +121,7 @@ fn longs(indices: Vec<u32>) -> Vec<u8> {
     indices.into_iter().flat_map(u32::to_le_bytes).collect()
 }
 
-/// An element of `N` words; arrays as long as these have no default of their own.
+/// An element of `N` words; arrays of this length have no default of their own.
 #[derive(Clone, Copy)]
 struct Element<const N: usize>([u32; N]);
 
@@ -137,7 +137,7 @@ fn elements<const N: usize>(count: usize, bytes: &[u8]) -> Result<Vec<u32>> {
     Ok(elements.into_iter().flat_map(|Element(words)| words).collect())
 }
 
-/// Elements of so many words, one behind the other. The decoder takes an element's size from its type.
+/// Consecutive elements of this many words. The decoder takes an element's size from its type.
 fn vertices(words: usize, count: usize, bytes: &[u8]) -> Result<Vec<u32>> {
     macro_rules! by_size {
         ($($size:literal)*) => {
@@ -151,7 +151,7 @@ fn vertices(words: usize, count: usize, bytes: &[u8]) -> Result<Vec<u32>> {
         33 34 35 36 37 38 39 40 41 42 43 44 45 46 47 48 49 50 51 52 53 54 55 56 57 58 59 60 61 62 63 64)
 }
 
-/// Turns what was written for the sake of compression into numbers again.
+/// Decodes the filters that were applied for better compression.
 fn filter(name: &str, stride: usize, words: &mut [u32]) -> Result<()> {
     match (name, stride) {
         ("NONE", _) => {}
@@ -204,7 +204,7 @@ mod tests {
         let bytes = encode_index_buffer(&indices, 302).unwrap();
         let long = read(&packed("TRIANGLES", None, 900, 4), &bytes).unwrap();
         let short = read(&packed("TRIANGLES", None, 900, 2), &bytes).unwrap();
-        // The codec may turn a triangle's corners.
+        // The codec may rotate a triangle's corners.
         let sorted = |corners: &[u32]| {
             let mut all: Vec<_> = corners.to_vec();
             all.chunks_mut(3).for_each(<[u32]>::sort_unstable);

@@ -1,4 +1,4 @@
-//! A primitive's triangles while they get their colours.
+//! A primitive's triangles during colouring.
 
 use glam::Vec3;
 
@@ -29,8 +29,8 @@ impl Surface {
         }
     }
 
-    /// Colours each triangle by a texture, and leaves out those that are all hole. Whether the texture has
-    /// several colours within one.
+    /// Colours each triangle by a texture, and leaves out those that are all hole. Returns whether the
+    /// texture has several colours within one.
     pub(super) fn paint(
         &mut self,
         texture: &Placed<'_>,
@@ -47,7 +47,7 @@ impl Surface {
             match alpha {
                 Alpha::Opaque => colour[3] = 1.0,
                 Alpha::Mask(_) if mean.colour[3] == 0.0 => continue,
-                // How much of it is no hole.
+                // The share without holes.
                 Alpha::Mask(_) => colour[3] = mean.colour[3],
                 Alpha::Blend => {}
             }
@@ -63,7 +63,7 @@ impl Surface {
         varies
     }
 
-    /// Settles what alpha means, leaves out triangles that are a hole, and cuts those whose colour changes.
+    /// Applies alpha, leaves out triangles that are holes, and cuts those whose colour changes.
     pub(super) fn shade(&mut self, material: &Material) {
         if let Alpha::Mask(cutoff) = material.alpha() {
             let cutoff = f32::from(cutoff) / 255.0;

@@ -1,5 +1,5 @@
-//! Base colour textures. A model has a colour a triangle and no textures: that of a textured triangle is the
-//! mean of the texels under it, taken in linear light.
+//! Base colour textures. A model has one colour per triangle and no textures: that of a textured triangle is
+//! the mean of the texels under it, in linear light.
 
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -15,14 +15,14 @@ use super::material::{Alpha, Material, TextureInfo, TextureTransform, encoded, l
 use crate::import::budget::Budget;
 use crate::import::report::{ImportReport, WarningKind};
 
-/// The textures of a document that its base colours need.
+/// The textures that a document's base colours need.
 pub(super) struct Textures {
-    /// By image and what its alpha means.
+    /// By image and the meaning of its alpha.
     pyramids: HashMap<(u32, Alpha), Pyramid>,
 }
 
 impl Textures {
-    /// Those of the given materials. One that cannot be read is warned about, and is not there.
+    /// The textures of the given materials. An unreadable one causes a warning, and is absent.
     pub(super) fn load<'a>(
         document: &Document,
         accessors: &Accessors<'_>,
@@ -67,7 +67,7 @@ impl Textures {
         Self { pyramids }
     }
 
-    /// The texture of a material and where it lies, if it has one that could be read.
+    /// The texture of a material and its mapping, if it has one that could be read.
     pub(super) fn of<'t>(&'t self, document: &Document, material: &'t Material) -> Option<Placed<'t>> {
         let info = material.texture()?;
         let texture = document.textures.get(info.index as usize)?;
@@ -78,7 +78,7 @@ impl Textures {
     }
 }
 
-/// What an image is called in a warning.
+/// The name of an image in a warning.
 fn image_name(document: &Document, index: u32) -> String {
     let image = document.images.get(index as usize);
     let file = |uri: &&str| !is_data(uri);
@@ -115,7 +115,7 @@ impl AsRef<[u8]> for Encoded<'_> {
     }
 }
 
-/// What lies beyond a texture's edge.
+/// How a texture continues beyond its edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wrap {
     Repeat,
@@ -144,7 +144,7 @@ impl Wrap {
     }
 }
 
-/// A texture as a material has it.
+/// A texture with a material's mapping.
 pub(super) struct Placed<'t> {
     pyramid: &'t Pyramid,
     wrap: [Wrap; 2],
@@ -156,15 +156,15 @@ pub(super) struct Placed<'t> {
 pub(super) struct Mean {
     /// Linear, with straight alpha.
     pub colour: [f32; 4],
-    /// Whether the texture has more than this one colour there.
+    /// Whether the texture has more than one colour there.
     pub varies: bool,
 }
 
-/// A triangle is looked at in at most the square of this many places: twice as dense as its texels.
+/// A triangle is sampled at most at the square of this many places: twice as dense as its texels.
 const MOST_STEPS: u32 = 16;
 
 impl Placed<'_> {
-    /// Which of a primitive's texture coordinates it takes.
+    /// The index of its texture coordinates.
     pub(super) fn coordinates(&self) -> u32 {
         self.info.coordinates()
     }
@@ -205,8 +205,8 @@ fn centres(steps: u32) -> impl Iterator<Item = (f32, f32)> {
 }
 
 impl TextureTransform {
-    /// KHR_texture_transform: scaled, then turned, then moved. Texture coordinates grow downwards, so that
-    /// counter-clockwise is what is seen.
+    /// KHR_texture_transform: scaled, then rotated, then moved. Texture coordinates grow downwards, so
+    /// rotations appear counter-clockwise.
     fn apply(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         let [scale_u, scale_v] = self.scale.unwrap_or([1.0; 2]);
         let [move_u, move_v] = self.offset.unwrap_or_default();
@@ -216,8 +216,8 @@ impl TextureTransform {
     }
 }
 
-/// An image and its halves, quarters and so on, each texel the mean of those that it stands for: so a look at
-/// a triangle costs the same however many texels it has.
+/// A mip pyramid: each texel is the mean of those that it covers, so sampling a triangle costs the same for
+/// any number of texels.
 #[derive(Debug)]
 struct Pyramid {
     /// The finest first, the coarsest a single texel.
@@ -230,12 +230,12 @@ struct Level {
     height: u32,
     /// sRGB with straight alpha, by rows.
     texels: Vec<[u8; 4]>,
-    /// Whether each stands for several colours; of the finest level none does.
+    /// Whether each covers several colours; in the finest level none does.
     mixed: Vec<bool>,
 }
 
 impl Pyramid {
-    /// Decodes an image. Its size is asked of the budget before memory is taken.
+    /// Decodes an image. Its size is counted before memory is allocated.
     fn decode(bytes: &[u8], alpha: Alpha, budget: &Budget) -> Result<Self, String> {
         let reader = || -> Result<_, String> {
             let mut reader = ImageReader::new(Cursor::new(bytes))
@@ -286,7 +286,7 @@ impl Pyramid {
         self.levels.first().map_or([0; 2], |level| [level.width, level.height])
     }
 
-    /// The level that is so many times halved, or the coarsest.
+    /// The level after this many halvings, or the coarsest.
     fn level(&self, halvings: usize) -> &Level {
         static NONE: Level = Level { width: 0, height: 0, texels: Vec::new(), mixed: Vec::new() };
         self.levels.get(halvings).or(self.levels.last()).unwrap_or(&NONE)
@@ -294,7 +294,7 @@ impl Pyramid {
 }
 
 impl Level {
-    /// Adds up one texel more.
+    /// Adds one texel.
     fn add(&self, sum: &mut Sum, x: u32, y: u32) {
         let at = y as usize * self.width as usize + x as usize;
         sum.add(self.texels.get(at).copied().unwrap_or([255; 4]));
@@ -323,7 +323,7 @@ impl Level {
     }
 }
 
-/// Texels added up in linear light. Colours weigh as much as they are opaque: what is clear has none.
+/// Texels added up in linear light. Colours are weighted by opacity: clear ones have no weight.
 #[derive(Default)]
 struct Sum {
     first: Option<[u8; 4]>,

@@ -1,7 +1,7 @@
-//! A document one part of which is not as the format has it: only that part is lost.
+//! Reads a document with a faulty part, losing only that part.
 //!
-//! This reads what the strict reader has refused. It goes item by item (a node, a mesh, an accessor), so that
-//! no more than one item is in memory as plain JSON.
+//! This reads documents that the strict reader has refused. It goes item by item (a node, a mesh, an
+//! accessor), so that no more than one item is in memory as plain JSON.
 
 use std::fmt;
 
@@ -15,18 +15,18 @@ use super::faults::Faults;
 use super::json::Document;
 use crate::import::report::WarningKind;
 
-/// Reads a document as far as it goes; fails where it is no JSON, or no object.
+/// Reads a document as far as possible; fails if it is no JSON, or no object.
 pub(super) fn read(json: &[u8], faults: &mut Faults) -> serde_json::Result<Document> {
     let mut reader = serde_json::Deserializer::from_slice(json);
     reader.deserialize_map(Members(faults))
 }
 
-/// How many values of an item are mended; one with more of them is left out.
+/// How many values of an item are repaired; an item with more faults is left out.
 const MOST_MENDED: usize = 64;
-/// How many values an item that is mended may have: mending takes it several times.
+/// How many values a repaired item may have: repairing reads it several times.
 const MOST_VALUES: usize = 100_000;
 
-/// Notes that what is at `path` within an item is not what it should be.
+/// Notes that the value at `path` within an item is faulty.
 fn note(faults: &mut Faults, item: &str, path: &str, why: &str) {
     let detail = if path == "." { why.to_owned() } else { format!("{path}: {why}") };
     faults.note(WarningKind::FieldLeftOut, &detail, item);
@@ -46,7 +46,7 @@ impl<'de> Visitor<'de> for Members<'_> {
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Document, A::Error> {
         let mut all = Document::default();
         let faults = &mut *self.0;
-        // Of a member that is there twice, the last one counts.
+        // Of a duplicate member, the last one counts.
         while let Some(key) = map.next_key::<String>()? {
             match &*key {
                 "scenes" => all.scenes = map.next_value_seed(Items::piecewise("scene", faults))?,
@@ -83,7 +83,7 @@ impl<'de> Visitor<'de> for Members<'_> {
 /// A list of items.
 struct Items<'f, T> {
     item: &'static str,
-    /// Whether what is wrong within an item can be left out without the rest meaning something else.
+    /// Whether a faulty value within an item can be left out without changing the meaning of the rest.
     piecewise: bool,
     faults: &'f mut Faults,
     items: Vec<T>,
@@ -122,7 +122,7 @@ impl<'de, T: DeserializeOwned + Default> Visitor<'de> for Items<'_, T> {
         Ok(self.items)
     }
 
-    /// Some languages have one kind of empty list only.
+    /// Some languages have only one kind of empty list.
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Vec<T>, A::Error> {
         let mut count = 0u64;
         while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {
@@ -160,7 +160,7 @@ impl<'de, T: DeserializeOwned + Default> Visitor<'de> for Items<'_, T> {
     }
 }
 
-/// An item without what is not as it should be.
+/// An item without its faulty values.
 fn mended<T: DeserializeOwned + Default>(
     mut value: Value,
     item: &str,
@@ -196,7 +196,7 @@ fn mended<T: DeserializeOwned + Default>(
     T::default()
 }
 
-/// How many values are in one.
+/// How many values it contains.
 fn values(value: &Value) -> usize {
     1 + match value {
         Value::Array(all) => all.iter().map(values).sum(),
@@ -205,7 +205,7 @@ fn values(value: &Value) -> usize {
     }
 }
 
-/// A path as it is told: without numbers, so that what is wrong a thousand times is one fault.
+/// A path for messages: without numbers, so that a thousandfold error is one fault.
 fn unnumbered(path: &Path) -> String {
     let mut names = Vec::new();
     for segment in path {
@@ -216,8 +216,8 @@ fn unnumbered(path: &Path) -> String {
     if names.is_empty() { ".".to_owned() } else { names.join(".") }
 }
 
-/// Makes nothing of what is at a path: null, or, where null is there and not enough, an object without
-/// members, or else nothing of what it is in. Whether there was something to leave out.
+/// Removes the value at a path: sets it to null, or, if null is there and still faulty, to an empty object,
+/// or else removes its container. Returns whether anything was removed.
 fn leave_out(value: &mut Value, path: &Path) -> bool {
     let mut segments: Vec<&Segment> = path.iter().collect();
     while !segments.is_empty() {

@@ -1,4 +1,4 @@
-//! From an OBJ file's faces to objects with meshes of their own.
+//! Makes objects with their own meshes from an OBJ file's faces.
 
 use std::collections::HashMap;
 
@@ -17,7 +17,7 @@ use crate::import::report::{ImportReport, Warning, WarningKind};
 use crate::import::{OverBudget, Part};
 use trimaran_scene::Rgba8;
 
-/// What a face without a material is drawn in.
+/// The colour of a face without a material.
 const GREY: [f64; 3] = [0.6; 3];
 /// How many undefined materials are named.
 const MOST_NAMED: usize = 100;
@@ -116,16 +116,16 @@ fn branches(objects: &[Heading], outers: &[String]) -> Vec<Branch> {
     branches
 }
 
-/// An object in the making; its memory serves all of them.
+/// The current object; its memory is reused for all of them.
 struct Shape<'p> {
-    /// Of the file's vertices, in the world frame.
+    /// The file's vertices, in the world frame.
     places: &'p [DVec3],
-    /// For each of them the last run that used it, and its number in the object there.
+    /// For each vertex the last run that used it, and its number in that object.
     seen: Vec<[u32; 2]>,
     run: u32,
     /// The object's vertices: number in the file, and material.
     used: Vec<(u32, u32)>,
-    /// Of its faces, one behind the other: numbers among `used`.
+    /// The consecutive corners of its faces: numbers among `used`.
     corners: Vec<u32>,
     /// How many corners each of its faces has.
     faces: Vec<u32>,
@@ -138,7 +138,7 @@ impl Shape<'_> {
         self.faces.clear();
     }
 
-    /// Takes the faces of a run, whose corners are next, but for those that cannot be drawn.
+    /// Takes the faces of a run, whose corners are next, except those that cannot be drawn.
     fn add(
         &mut self,
         run: &Run,
@@ -205,8 +205,8 @@ impl Shape<'_> {
     }
 }
 
-/// A vertex's own colour times its material's, as glTF has it. Material libraries keep colours as they are to
-/// be shown. The casts clamp.
+/// A vertex's own colour times its material's, as in glTF. Material libraries store colours in display form.
+/// The casts clamp.
 fn colour(tints: &Scale<'_>, vertex: u32, material: Option<&Material>) -> Rgba8 {
     let opacity = material.map_or(1.0, Material::opacity);
     let diffuse = material.and_then(|material| material.diffuse);
@@ -223,10 +223,10 @@ fn colour(tints: &Scale<'_>, vertex: u32, material: Option<&Material>) -> Rgba8 
     Rgba8(rgba.map(|part| (part * 255.0).round() as u8))
 }
 
-/// Materials that nothing defines.
+/// Undefined materials.
 struct Undefined(HashMap<u32, Use>);
 
-/// Where an undefined material is used.
+/// The use of an undefined material.
 struct Use {
     name: String,
     count: u64,

@@ -1,10 +1,10 @@
-//! What is wrong in a file, kind by kind: how often, and where first.
+//! The faults of a file by kind: their count, and the first place.
 
 use std::collections::BTreeMap;
 
 use crate::import::report::{ImportReport, Warning, WarningKind};
 
-/// Faults by their kind, and by what they are in or of: a library, a word.
+/// Faults by kind, and by their context: a library, a word.
 #[derive(Default)]
 pub(super) struct Faults(BTreeMap<(WarningKind, String), Fault>);
 
@@ -17,7 +17,7 @@ struct Fault {
 }
 
 impl Faults {
-    /// Notes that in a line something is wrong; `what` is asked only if it is the first such line.
+    /// Notes a fault in a line; `what` is called only for the first such line.
     pub(super) fn note(
         &mut self,
         kind: WarningKind,
@@ -40,10 +40,10 @@ impl Faults {
         }
     }
 
-    /// The first fault of the file itself, for which something was left out.
+    /// The first fault of the file itself that caused an omission.
     pub(super) fn first(&self) -> Option<String> {
         let is_of_file = |kind: WarningKind, of: &str| match kind {
-            // What these are of is a library.
+            // Here the context is a library.
             WarningKind::MalformedLine | WarningKind::TexturedMaterial => of.is_empty(),
             _ => true,
         };
@@ -53,7 +53,7 @@ impl Faults {
         Some(format!("line {line}: {what}"))
     }
 
-    /// Tells the report.
+    /// Adds them to the report.
     pub(super) fn report(self, report: &mut ImportReport) {
         for ((kind, of), Fault { count, line, what, objects }) in self.0 {
             let of = if of.is_empty() { of } else { format!("{of}, ") };

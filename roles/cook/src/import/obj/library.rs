@@ -1,4 +1,4 @@
-//! Finding the material libraries that an OBJ file names.
+//! Finds the material libraries that an OBJ file names.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -16,7 +16,7 @@ const MOST_NAMED: usize = 100;
 /// The files beside an OBJ file.
 pub(super) struct Libraries<'b> {
     neighbours: Neighbours<'b>,
-    /// Those that cannot be read, and why if they are there; how often each was asked for.
+    /// Missing or unreadable ones, with the error if they exist; and how often each was requested.
     missing: HashMap<String, u64>,
     further: u64,
 }
@@ -26,8 +26,7 @@ impl<'b> Libraries<'b> {
         Self { neighbours, missing: HashMap::new(), further: 0 }
     }
 
-    /// Reads what a line names: one library, whose name may have spaces, or several. Those that were read
-    /// before are not read again.
+    /// Reads the libraries of a line: one, whose name may have spaces, or several. Each is read once.
     pub(super) fn read(&mut self, names: &str, materials: &mut Materials, faults: &mut Faults) {
         let names = names.trim_matches('"');
         if self.library(names, materials, faults) {
@@ -49,7 +48,7 @@ impl<'b> Libraries<'b> {
         }
     }
 
-    /// Tells the report what is missing.
+    /// Adds missing ones to the report.
     pub(super) fn report(self, report: &mut ImportReport) {
         let mut missing: Vec<(String, u64)> = self.missing.into_iter().collect();
         missing.sort_unstable();
@@ -59,8 +58,8 @@ impl<'b> Libraries<'b> {
         report.warn_about(WarningKind::MaterialsMissing, "further ones", self.further);
     }
 
-    /// Whether the library of this name is there, or of its last part: programs write whole paths of the
-    /// machine that they ran on.
+    /// Whether the library of this name exists, or of its last part: programs write whole paths of their
+    /// machine.
     fn library(&mut self, name: &str, materials: &mut Materials, faults: &mut Faults) -> bool {
         let last = name.rsplit(['/', '\\']).next().unwrap_or(name);
         let found = match self.neighbours.read(Path::new(name)) {
@@ -92,7 +91,7 @@ impl<'b> Libraries<'b> {
     }
 }
 
-/// Names that end in `.mtl`, one behind the other, and what is left.
+/// Consecutive names that end in `.mtl`, and the rest.
 fn split(names: &str) -> Vec<&str> {
     let lower = names.to_ascii_lowercase();
     let ends = lower.match_indices(".mtl").map(|(at, ending)| at + ending.len());

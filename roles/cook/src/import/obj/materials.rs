@@ -1,4 +1,4 @@
-//! Materials by their names, and what a material library (.mtl) says of them.
+//! Materials by name, and the reader of material libraries (.mtl).
 
 use std::collections::HashMap;
 
@@ -7,22 +7,22 @@ use super::parse::excerpt;
 use super::text::{Lines, name, numbers, statement};
 use crate::import::report::WarningKind;
 
-/// The number of no material at all.
+/// The number for no material.
 pub(super) const NO_MATERIAL: u32 = u32::MAX;
 
-/// What is kept of a material.
+/// The kept properties of a material.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Material {
-    /// `Kd`, the base colour, each part from 0 to 1.
+    /// `Kd`, the base colour, each component from 0 to 1.
     pub(super) diffuse: Option<[f64; 3]>,
-    /// `d`: how opaque it is.
+    /// `d`: its opacity.
     dissolve: Option<f64>,
-    /// `Tr`: how transparent it is.
+    /// `Tr`: its transparency.
     transparency: Option<f64>,
 }
 
 impl Material {
-    /// How opaque it is, from 0 to 1. Programs that write both `d` and `Tr` do not agree about the second.
+    /// Its opacity, from 0 to 1. Programs that write both `d` and `Tr` disagree about the second.
     pub(super) fn opacity(&self) -> f64 {
         self.dissolve.or(self.transparency.map(|transparency| 1.0 - transparency)).unwrap_or(1.0)
     }
@@ -38,9 +38,9 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// The number of the material of this name: the one that was defined last. It may be defined later.
+    /// The number of the material of this name: the last defined one. It may be defined later.
     pub(super) fn wanted(&mut self, name: &str) -> u32 {
-        // Of `steel #2`, the second part may be a comment.
+        // In `steel #2`, the second part may be a comment.
         let short = name.split_once(" #").map(|(short, _)| short.trim_end());
         let known = |name: &str| self.defined.get(name).copied();
         if let Some(known) = known(name).or_else(|| short.and_then(known)) {
@@ -57,13 +57,13 @@ impl Materials {
         number
     }
 
-    /// A material by its number; none where none is defined.
+    /// A material by its number; none if undefined.
     pub(super) fn get(&self, number: u32) -> Option<&Material> {
         self.list.get(number as usize)
     }
 
-    /// Gives those that were used before they were defined what was defined since. Returns the others: number
-    /// and name.
+    /// Gives materials that were used before their definition the later one. Returns the others: number and
+    /// name.
     pub(super) fn settle(&mut self) -> HashMap<u32, String> {
         let mut undefined = HashMap::new();
         for (name, number) in std::mem::take(&mut self.wanted) {
@@ -81,7 +81,7 @@ impl Materials {
         (self.list.len() as u32).saturating_sub(1)
     }
 
-    /// Reads a library's text. A line that is wrong costs what it says, and is noted.
+    /// Reads a library's text. A faulty line is skipped and noted.
     pub(super) fn read(&mut self, text: &str, library: &str, faults: &mut Faults) {
         let mut current = None;
         let mut current_name = String::new();
@@ -122,8 +122,8 @@ impl Materials {
     }
 }
 
-/// A colour of one to three values: those that are not there are as the first one. Full is 1, or 255 where
-/// one is above 2: some programs write a little more than 1.
+/// A colour of one to three values: missing ones equal the first. Full is 1, or 255 if one is above 2: some
+/// programs write a little more than 1.
 fn colour(rest: &str) -> Option<[f64; 3]> {
     let mut words = rest.split_ascii_whitespace();
     let first = value(words.next()?)?;
@@ -133,7 +133,7 @@ fn colour(rest: &str) -> Option<[f64; 3]> {
     Some(colour.map(|value| (value / full).clamp(0.0, 1.0)))
 }
 
-/// A number from 0 to 1. `d -halo 0.3` is seen through at its edges only by programs that trace rays.
+/// A number from 0 to 1. `d -halo 0.3` is only see-through at its edges in ray tracers.
 fn part(rest: &str) -> Option<f64> {
     let mut words = rest.split_ascii_whitespace().skip_while(|word| word.eq_ignore_ascii_case("-halo"));
     value(words.next()?).map(|value| value.clamp(0.0, 1.0))

@@ -1,9 +1,8 @@
 //! Wavefront OBJ, with the base colours of its material libraries.
 //!
-//! Each run of faces under one `o` or `g` name becomes an object, also where the name comes again: exporters
-//! give many parts one name. `g` names under an `o` name are in a group of its name. Exporters write what no
-//! specification has, and other readers bear it: what is wrong costs the line or the face that it is in, and
-//! is counted.
+//! Each run of faces under one `o` or `g` name becomes an object, even if the name is repeated: exporters
+//! give many parts one name. `g` names under an `o` name are in a group of its name. Exporters deviate from
+//! the specification, and other readers tolerate it: a fault costs its line or its face, and is counted.
 
 mod assemble;
 mod faults;
@@ -27,20 +26,20 @@ use super::report::{ImportReport, WarningKind};
 use super::{ImportOptions, OverBudget, Part, UpAxis};
 use crate::Model;
 
-/// What is wrong with an OBJ file, and where.
+/// An error in an OBJ file, and its place.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ObjError {
     /// The bytes are no text.
     #[error(transparent)]
     NotText(#[from] NotText),
-    /// Something is wrong with all of it.
+    /// Nothing in it is usable.
     #[error("nothing of it can be drawn: {first}; export it as polygons, and see that it is an OBJ file")]
     Nothing {
-        /// The first line that something is wrong with, and what.
+        /// The first faulty line, and its error.
         first: String,
     },
-    /// It asks for more than is allowed.
+    /// It exceeds a limit.
     #[error(transparent)]
     Budget(#[from] OverBudget),
 }
@@ -63,7 +62,7 @@ pub(super) fn import(
         options.file_to_world(UpAxis::Y) * DAffine3::from_scale(DVec3::splat(options.unit.unwrap_or(1.0)));
     assemble::assemble(parsed, &file_to_world, budget, &mut faults, &mut part)?;
     match faults.first().filter(|_| part.model.objects.is_empty()) {
-        // Zeros may stand in a text; a file of which nothing else can be used is none.
+        // Text may contain zeros; a file with zeros and nothing usable is not text.
         Some(_) if text.contains('\0') => Err(NotText::Binary.into()),
         Some(first) => Err(ObjError::Nothing { first }),
         None => {
@@ -168,7 +167,7 @@ mod tests {
         let text = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n";
         let Part { model, .. } = parse(text).unwrap();
         assert_eq!(model.meshes[0].colours[1], Rgba8([0, 255, 0, 255]));
-        // Those that have none are grey.
+        // Those without one are grey.
         let Part { model, .. } = parse(&text.replacen(" 1 0 0\n", "\n", 1)).unwrap();
         let colours: Vec<_> = model.meshes[0].colours.iter().map(|colour| colour.0).collect();
         assert_eq!(colours, [[153, 153, 153, 255], [0, 255, 0, 255], [0, 0, 255, 255]]);

@@ -14,11 +14,11 @@ use crate::import::budget::Budget;
 use crate::import::neighbours::Neighbours;
 use crate::import::report::WarningKind;
 
-/// The name of an object that has none.
+/// The name of an object without one.
 pub(super) const UNNAMED: &str = "unnamed_object";
 
-/// Statements that say nothing of what is kept: normals, places in textures, smoothing, and the parts of
-/// free-form curves and surfaces, which are counted where they are drawn.
+/// Ignored statements: normals, texture coordinates, smoothing, and the parts of free-form curves and
+/// surfaces, which are counted where they are drawn.
 const IGNORED: &[&str] = &[
     "vn",
     "vt",
@@ -53,12 +53,12 @@ const FREE_FORM: &[&str] = &["surf", "curv", "curv2", "bzp", "bsp", "cdc", "cdp"
 /// Statements that would read another file, or run a program.
 const NEVER_DONE: &[&str] = &["call", "csh"];
 
-/// A file's contents. Numbers of vertices that are too large are still there.
+/// A file's contents. Vertex numbers out of range are still there.
 pub(super) struct Parsed {
-    /// In the file's frame; NaN where a line does not say.
+    /// In the file's frame; NaN for malformed lines.
     pub(super) vertices: Vec<DVec3>,
     pub(super) tints: Tints,
-    /// The corners of all faces, one face behind the other: numbers of vertices from 0 on.
+    /// The corners of all faces in sequence: numbers of vertices from 0 on.
     pub(super) corners: Vec<u32>,
     pub(super) faces: Vec<Face>,
     /// The faces of one object and one material.
@@ -84,7 +84,7 @@ pub(super) struct Run {
     pub(super) faces: u32,
 }
 
-/// What stands above an object's faces.
+/// The names above an object's faces.
 pub(super) struct Heading {
     /// Index of the name that `o` gave.
     pub(super) outer: Option<u32>,
@@ -104,7 +104,7 @@ struct Parser<'a, 'b> {
     is_new: bool,
 }
 
-/// Reads a file's statements. What is wrong costs the statement that it is in, and is noted.
+/// Reads a file's statements. A fault costs its statement, and is noted.
 pub(super) fn parse<'a>(
     text: &str,
     neighbours: Neighbours<'a>,
@@ -176,13 +176,13 @@ impl Parser<'_, '_> {
         self.faults.note(WarningKind::MalformedLine, "", number, "", what);
     }
 
-    /// The name of the object that the next face will be in.
+    /// The name of the next face's object.
     fn parsed_name(&self) -> String {
         let names = [&*self.group, &*self.outer, UNNAMED];
         names.into_iter().find(|name| !name.is_empty()).unwrap_or_default().to_owned()
     }
 
-    /// Adds a vertex, whatever the line says: faces count them.
+    /// Adds a vertex even for a malformed line: faces count them.
     fn vertex(&mut self, number: u32, rest: &str) {
         let mut values = [f64::NAN; 7];
         let mut count = 0;
@@ -247,7 +247,7 @@ impl Parser<'_, '_> {
         Ok(())
     }
 
-    /// Makes the object and the run that the next face is in.
+    /// Makes the object and the run of the next face.
     fn begin_run(&mut self) -> Result<(), OverBudget> {
         if !std::mem::take(&mut self.is_new) {
             return Ok(());
@@ -287,8 +287,8 @@ impl Parser<'_, '_> {
     }
 }
 
-/// The number of the vertex that a corner is at, from 0 on, where `vertices` came before it. It may come
-/// later, or never.
+/// The vertex number of a corner, from 0 on, with `vertices` read so far. The vertex may come later, or
+/// never.
 fn corner(word: &str, vertices: usize) -> Result<u32, &'static str> {
     let number = word.split_once('/').map_or(word, |(number, _)| number);
     let from_one: i64 = number.parse().map_err(|_| "no number of a vertex")?;
@@ -303,7 +303,7 @@ fn corner(word: &str, vertices: usize) -> Result<u32, &'static str> {
     u32::try_from(from_zero).map_err(|_| "there is no such vertex")
 }
 
-/// The beginning of something that a file says, in quotes.
+/// The beginning of a text from a file, in quotes.
 pub(super) fn excerpt(text: &str) -> String {
     const MOST: usize = 60;
     match text.char_indices().nth(MOST).and_then(|(end, _)| text.get(..end)) {

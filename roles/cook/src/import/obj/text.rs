@@ -1,24 +1,24 @@
-//! The text of OBJ files and their libraries: how it is encoded, and its lines.
+//! The text of OBJ files and their libraries: its encoding and its lines.
 
 use std::borrow::Cow;
 
 use encoding_rs::{Encoding, UTF_16BE, UTF_16LE, WINDOWS_1252};
 use thiserror::Error;
 
-/// Why bytes are no text that can be read.
+/// Why bytes are not readable text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum NotText {
     /// UTF-32, which no program writes by default.
     #[error("it is in UTF-32: save it as UTF-8")]
     Utf32,
-    /// Zeros that are no letters' halves, among other bytes that no text has.
+    /// Zeros that are not halves of letters, among other control characters.
     #[error("it is binary, not text; it may be damaged, or have the wrong ending")]
     Binary,
 }
 
-/// The text of bytes in UTF-8 or UTF-16. A line that is not UTF-8 is read as Windows-1252, of which Latin-1
-/// is a part. Zeros within it stay.
+/// Text from bytes in UTF-8 or UTF-16. A line that is not UTF-8 is read as Windows-1252, of which Latin-1 is
+/// a part. Zeros within it stay.
 pub(super) fn decode(bytes: &[u8]) -> Result<Cow<'_, str>, NotText> {
     if bytes.starts_with(b"\xFF\xFE\0\0") || bytes.starts_with(b"\0\0\xFE\xFF") {
         return Err(NotText::Utf32);
@@ -57,8 +57,8 @@ fn unmarked_utf16(bytes: &[u8]) -> Option<&'static Encoding> {
     mostly(1).then_some(UTF_16LE).or_else(big)
 }
 
-/// Whether a file with zeros is no text. Programs write texts out of padded fields, and a disk that failed
-/// leaves stretches of zeros; but no text has more than a few of the other control characters.
+/// Whether a file with zeros is binary. Programs write padded fields as text, and failed disks leave
+/// stretches of zeros; but text has at most a few of the other control characters.
 fn is_binary(bytes: &[u8]) -> bool {
     let start = bytes.get(..1 << 16).unwrap_or(bytes);
     let others = start.iter().filter(|&&byte| byte != 0).count();
@@ -66,15 +66,15 @@ fn is_binary(bytes: &[u8]) -> bool {
     50 * start.iter().filter(is_control).count() > others
 }
 
-/// A line's word and what follows it. Files that were joined have byte order marks at the start of lines.
+/// A line's word and the rest. Joined files have byte order marks at the start of lines.
 pub(super) fn statement(line: &str) -> (&str, &str) {
     let line = line.trim_start_matches(|letter: char| letter.is_ascii_whitespace() || letter == '\u{feff}');
     let end = line.bytes().position(|byte| byte.is_ascii_whitespace()).unwrap_or(line.len());
     line.split_at_checked(end).unwrap_or((line, ""))
 }
 
-/// The lines of a text, each with its number from 1 on. They end with LF, CRLF or CR. A line that ends with a
-/// backslash goes on in the next one, unless it is a comment or a name.
+/// The lines of a text, each with its number from 1 on. They end with LF, CRLF or CR. A backslash at the end
+/// continues a line, unless it is a comment or a name.
 pub(super) struct Lines<'t> {
     rest: &'t str,
     number: u32,
@@ -85,7 +85,7 @@ impl<'t> Lines<'t> {
         Self { rest: text, number: 0 }
     }
 
-    /// The next line of the text as it stands.
+    /// The next line of the text, unprocessed.
     fn line(&mut self) -> Option<&'t str> {
         if self.rest.is_empty() {
             return None;
@@ -124,14 +124,14 @@ impl<'t> Iterator for Lines<'t> {
     }
 }
 
-/// What stands before the backslash of a line that goes on.
+/// The part before the backslash of a continued line.
 fn continued(line: &str) -> Option<&str> {
     let head = line.trim_ascii_end().strip_suffix('\\')?;
-    // Comments hold names of folders of Windows.
+    // Comments may contain Windows paths.
     (without_comment(head).len() == head.len()).then_some(head)
 }
 
-/// Whether a statement may go on behind a backslash. Names may end in one: folders of Windows, and letters in
+/// Whether a backslash may continue a statement. Names may end in one: Windows paths, and letters in
 /// Shift-JIS or GBK, whose second byte it may be.
 fn may_go_on(head: &str) -> bool {
     let (word, rest) = statement(head);
@@ -140,16 +140,16 @@ fn may_go_on(head: &str) -> bool {
     !is_name && (!is("mtllib") || rest.ends_with(|letter: char| letter.is_ascii_whitespace()))
 }
 
-/// The numbers of a line: what stands before a `#`, but for that of `1.#IND` and its like, which programs of
-/// Windows write for what is no number.
+/// The numbers of a line: the part before a `#`, except that of `1.#IND` and similar, which Windows programs
+/// write for NaN.
 pub(super) fn numbers(rest: &str) -> &str {
     let begins = |&(at, _): &(usize, &str)| !rest.get(..at).is_some_and(|before| before.ends_with('.'));
     let comment = rest.match_indices('#').find(begins);
     comment.and_then(|(at, _)| rest.get(..at)).unwrap_or(rest)
 }
 
-/// A name: all of a line but for white space around it, and but for a comment. `Tank #5` is a name, and in
-/// `Tank # the old one` only the first word is.
+/// A name: a whole line without surrounding white space and a comment. `Tank #5` is a name, and in `Tank #
+/// the old one` only the first word is.
 pub(super) fn name(rest: &str) -> &str {
     without_comment(rest).trim()
 }

@@ -1,13 +1,13 @@
-//! Colours of vertices, which many programs write behind the coordinates.
+//! Vertex colours, which many programs write after the coordinates.
 
-/// What stands behind coordinates, by the vertex: three or four values.
+/// The values after each vertex's coordinates: three or four.
 #[derive(Default)]
 pub(super) struct Tints(Vec<[f32; 4]>);
 
-/// How a file's values are meant.
+/// The interpretation of a file's values.
 pub(super) struct Scale<'t> {
     tints: &'t Tints,
-    /// Whether the first of four values is a weight, and not the last one an opacity.
+    /// Whether the first of four values is a weight, rather than the last one an opacity.
     weighted: bool,
     /// The value of full colour.
     full: f32,
@@ -17,20 +17,20 @@ pub(super) struct Scale<'t> {
 const NONE: [f32; 4] = [f32::NAN; 4];
 
 impl Tints {
-    /// Tells what stands behind a vertex's coordinates; a fourth value that is not there is NaN.
+    /// Sets the values after a vertex's coordinates; a missing fourth value is NaN.
     pub(super) fn set(&mut self, vertex: usize, values: [f64; 4]) {
         self.0.resize(vertex, NONE);
         self.0.push(values.map(|value| value as f32));
     }
 
-    /// Looks how the file means its values. Full colour is 1, or 255 where a value is above 2: some programs
-    /// write a little more than 1. Of four values the first one is the weight that the format has there, if
-    /// it is 1 in all vertices or if the last one is 0 in all. Else the last one is an opacity.
+    /// Determines the interpretation of the file's values. Full colour is 1, or 255 if a value is above 2:
+    /// some programs write a little more than 1. Of four values the first one is the format's weight, if it
+    /// is 1 in all vertices or if the last one is 0 in all. Else the last one is an opacity.
     pub(super) fn scale(&self) -> Scale<'_> {
         let fours = || self.0.iter().filter(|values| values.iter().all(|value| !value.is_nan()));
         let weighted = fours().all(|[first, ..]| *first == 1.0) || fours().all(|[.., last]| *last == 0.0);
         let largest = |largest: f32, [a, b, c, d]: &[f32; 4]| {
-            // Infinite ones are no colours.
+            // Infinite values are no colours.
             [a, b, c, d]
                 .into_iter()
                 .filter(|value| value.is_finite())

@@ -1,8 +1,8 @@
-//! The attribute file that AVEVA's programs write beside a review file: what is said of its groups.
+//! The attribute file that AVEVA's programs write beside a review file, for its groups.
 //!
-//! A text: the first line says by which words it is divided, and then `NEW name` opens a group, `END` closes
-//! it, and between them stand groups, and attributes, `name := value`, each on a line or several divided by
-//! `&end&`. There is no public specification; the facts here are those that readers of the format agree on.
+//! A text: the first line defines the delimiting words. Then `NEW name` opens a group and `END` closes it.
+//! Between them are groups and attributes, `name := value`, each on a line or several divided by `&end&`.
+//! There is no public specification; these facts are common to readers of the format.
 
 use std::collections::HashMap;
 
@@ -10,21 +10,21 @@ use trimaran_scene::Attribute;
 
 use super::encoding::lines;
 
-/// What the first line begins with.
+/// The beginning of the first line.
 const MAGIC: &str = "CADC_Attributes_File";
 
-/// What attribute files say: a tree of groups.
+/// The content of attribute files: a tree of groups.
 #[derive(Debug, Default)]
 pub(super) struct Attributes {
-    /// Each behind the one that it is in, and in front of all that is not in it and opens later.
+    /// In depth-first order, by opening.
     nodes: Vec<Node>,
     /// Numbers of names.
     names: HashMap<String, usize>,
     /// The nodes of each name, ascending.
     of_name: Vec<Vec<u32>>,
-    /// The nodes of each name within a node, or within none.
+    /// The nodes of each name by their parent, or without one.
     within: HashMap<(Option<u32>, usize), Vec<u32>>,
-    /// Whether any group is in another one.
+    /// Whether any group is nested.
     nested: bool,
 }
 
@@ -32,22 +32,22 @@ pub(super) struct Attributes {
 #[derive(Debug)]
 struct Node {
     parent: Option<u32>,
-    /// Number behind that of the last node in it.
+    /// The end of its descendants' numbers.
     end: u32,
     attributes: Vec<Attribute>,
 }
 
-/// Lines of an attribute file that say nothing that is kept.
+/// Lines of an attribute file without kept content.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct OddLines {
     pub count: u64,
     /// Number of the first one, from 1 on.
     pub first: usize,
-    /// How that one begins.
+    /// The beginning of that line.
     pub text: String,
 }
 
-/// The words that divide a file.
+/// The delimiting words of a file.
 struct Words<'t> {
     start: &'t str,
     end: &'t str,
@@ -55,13 +55,13 @@ struct Words<'t> {
     separator: &'t str,
 }
 
-/// Whether a text is that of an attribute file.
+/// Whether a text is an attribute file.
 pub(super) fn is_attributes(text: &str) -> bool {
     text.trim_start_matches(is_blank).starts_with(MAGIC)
 }
 
 impl Attributes {
-    /// Adds what an attribute file says. Returns the lines that say no attribute, if there are any.
+    /// Adds the content of an attribute file. Returns the lines that are not attributes, if there are any.
     pub(super) fn add(&mut self, text: &str) -> Option<OddLines> {
         let start = text.trim_start_matches(is_blank);
         let before = text.len() - start.len();
@@ -134,23 +134,23 @@ impl Attributes {
         self.nodes.len()
     }
 
-    /// Whether no group is in another one.
+    /// Whether no group is nested.
     pub(super) const fn is_flat(&self) -> bool {
         !self.nested
     }
 
-    /// The group that a group is in.
+    /// The parent of a group.
     pub(super) fn parent(&self, node: u32) -> Option<u32> {
         self.nodes.get(node as usize).and_then(|node| node.parent)
     }
 
-    /// The groups of a name that lie directly in one, or in none.
+    /// The groups of a name directly within one, or at the top.
     pub(super) fn children(&self, within: Option<u32>, name: &str) -> &[u32] {
         let name = self.names.get(name);
         name.and_then(|&name| self.within.get(&(within, name))).map_or(&[], Vec::as_slice)
     }
 
-    /// The only group of a name that lies anywhere within one, or within none.
+    /// The only group of a name anywhere within one, or in the file.
     pub(super) fn only(&self, within: Option<u32>, name: &str) -> Option<u32> {
         let nodes = self.names.get(name).and_then(|&name| self.of_name.get(name))?;
         let inside = within.map_or(0..u32::MAX, |around| {
@@ -162,7 +162,7 @@ impl Attributes {
         found.next().is_none().then_some(only)
     }
 
-    /// What is said of a group.
+    /// The attributes of a group.
     pub(super) fn of(&mut self, node: u32) -> Option<&mut Vec<Attribute>> {
         self.nodes.get_mut(node as usize).map(|node| &mut node.attributes)
     }
@@ -173,7 +173,7 @@ fn is_blank(letter: char) -> bool {
 }
 
 impl<'t> Words<'t> {
-    /// Those of a first line, such as `v1.0 , start: NEW , end: END , name_end: := , sep: &end&`.
+    /// Parses a first line, such as `v1.0 , start: NEW , end: END , name_end: := , sep: &end&`.
     fn parse(line: &'t str) -> Self {
         let mut words = Self { start: "NEW", end: "END", name_end: ":=", separator: "&end&" };
         for part in line.split(',').map(str::trim) {
@@ -224,7 +224,7 @@ mod tests {
         all
     }
 
-    /// What is said of the group at a path.
+    /// The attributes of the group at a path.
     fn at(all: &mut Attributes, path: &[&str]) -> Vec<(String, String)> {
         let node = path.iter().fold(None, |around, name| Some(all.children(around, name)[0])).unwrap();
         all.of(node).unwrap().iter().map(|of| (of.name.to_string(), of.value.to_string())).collect()
@@ -287,7 +287,7 @@ mod tests {
         for other in ["", "CADC", "HEAD\nNEW A\nEND\n", "read me\n"] {
             assert!(!is_attributes(other), "{other:?}");
         }
-        // A file that ends early, and one that closes too much.
+        // A file that ends early, and one with too many ends.
         for odd in ["NEW A\n x := 1", "END\nNEW A\n x := 1\nEND", "NEW\nEND\nNEW A\nx := 1"] {
             let mut all = read(&format!("CADC_Attributes_File v1.0\n{odd}"));
             assert_eq!(at(&mut all, &["A"]), owned(&[("x", "1")]), "{odd:?}");

@@ -1,5 +1,5 @@
-//! The attribute files of an RVM file: beside it under its name, or else in a folder of its name. The case of
-//! letters does not matter: models come from Windows.
+//! The attribute files of an RVM file: beside it under its name, or else in a folder of its name. Case is
+//! ignored: models come from Windows.
 
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -11,14 +11,14 @@ use crate::import::budget::{Budget, OverBudget};
 use crate::import::neighbours::Neighbours;
 use crate::import::report::{ImportReport, WarningKind};
 
-/// What endings attribute files have. Those whose case is as here come first.
+/// The endings of attribute files. Names with exactly this case come first.
 const ENDINGS: [&str; 4] = ["att", "ATT", "txt", "TXT"];
 
-/// Bytes at the start of a file that tell whether it is an attribute file.
+/// How many first bytes identify an attribute file.
 const START: u64 = 256;
 
-/// What is said of the groups of the file at `path`, whose names are in `encoding`; none if it has no
-/// attribute files.
+/// The attributes of the groups of the file at `path`, whose names are in `encoding`; none without attribute
+/// files.
 pub(super) fn attributes_of(
     path: &Path,
     encoding: Encoding,
@@ -38,7 +38,7 @@ pub(super) fn attributes_of(
         }
     }
     let folder = path.with_extension("");
-    // That of a file without an ending would be the file.
+    // For a file without an ending this would be the file itself.
     if folder == path {
         return Ok(None);
     }
@@ -63,7 +63,7 @@ fn files_of(folder: &Path, budget: &Budget) -> Vec<PathBuf> {
     files
 }
 
-/// Adds what a file says, if it is an attribute file. Each of its bytes counts.
+/// Adds the content of a file, if it is an attribute file. Each of its bytes counts.
 fn add(
     all: &mut Attributes,
     path: &Path,

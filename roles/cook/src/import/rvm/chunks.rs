@@ -1,15 +1,15 @@
-//! The chunks of a binary RVM file, one after the other: a file is never in memory as a whole.
+//! The chunks of a binary RVM file, read in sequence: a file is never in memory as a whole.
 //!
-//! A chunk is four letters (each in four bytes), the byte at which the next chunk begins, a word of unknown
-//! use, and a body. The byte is 32 bits wide and wraps in files of more than 4 GiB. A model may stand behind
-//! another one in the same file; its bytes then count from its own beginning.
+//! A chunk is four letters (each in four bytes), the offset of the next chunk, a word of unknown use, and a
+//! body. The offset has 32 bits and wraps in files of more than 4 GiB. A model may follow another one in the
+//! same file; its offsets then count from its own beginning.
 
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 
 use super::reader::Reader;
 use super::{RvmError, RvmPlace};
 
-/// What a file begins with: the header of a chunk HEAD.
+/// The first bytes of a file: the header of a chunk HEAD.
 pub(super) const MAGIC: [u8; 16] = letters(*b"HEAD");
 
 /// Bytes of a chunk's header.
@@ -19,12 +19,12 @@ const HEADER: u64 = 24;
 #[derive(Debug)]
 pub(super) struct Chunks<S> {
     source: BufReader<S>,
-    /// Where the source stands.
+    /// The source's position.
     position: u64,
     /// Where the next chunk begins.
     next: u64,
     length: u64,
-    /// Where the model begins: its bytes count from there.
+    /// The beginning of the model: offsets count from there.
     base: u64,
     body: Vec<u8>,
 }
@@ -52,7 +52,7 @@ impl<S: Read + Seek> Chunks<S> {
         self.length
     }
 
-    /// The next chunk; none where the file ends, or only zeros follow.
+    /// The next chunk; none at the end of the file, or if only zeros follow.
     pub(super) fn next(&mut self) -> Result<Option<Chunk>, RvmError> {
         let at = self.next;
         self.go_to(at)?;
@@ -61,7 +61,7 @@ impl<S: Read + Seek> Chunks<S> {
         let words = header.as_chunks::<4>().0;
         let letters = |word: &[u8; 4]| if let [0, 0, 0, letter] = *word { Some(letter) } else { None };
         let id: Option<Vec<u8>> = words.iter().take(4).map(letters).collect();
-        // The last chunk may be cut short, and may say anything of the next one.
+        // The last chunk may be cut short, and its next offset may be anything.
         if id.as_ref().is_some_and(|id| id.starts_with(b"END")) {
             self.next = at + header.len() as u64;
             return Ok(Some(Chunk { id: *b"END:", at, body: 0 }));
@@ -100,7 +100,7 @@ impl<S: Read + Seek> Chunks<S> {
         Ok(Chunk { id, at, body: length - HEADER })
     }
 
-    /// The body of a chunk that was just met.
+    /// The body of the chunk just returned.
     pub(super) fn body(&mut self, chunk: &Chunk) -> Result<Reader<'_>, RvmError> {
         self.go_to(chunk.at + HEADER)?;
         self.body.clear();
@@ -108,7 +108,7 @@ impl<S: Read + Seek> Chunks<S> {
         Ok(Reader::new(&self.body))
     }
 
-    /// Goes on at the next model behind the last chunk of one. Returns whether anything but zeros was passed.
+    /// Continues at the next model after one's last chunk. Returns whether non-zero bytes were skipped.
     pub(super) fn skip_to_next_model(&mut self) -> Result<bool, RvmError> {
         // The version of the last chunk.
         self.next = (self.next + 4).min(self.length);
@@ -158,7 +158,7 @@ impl<S: Read + Seek> Chunks<S> {
     }
 }
 
-/// Letters as they stand in a header.
+/// Letters in the encoding of a header.
 const fn letters([a, b, c, d]: [u8; 4]) -> [u8; 16] {
     [0, 0, 0, a, 0, 0, 0, b, 0, 0, 0, c, 0, 0, 0, d]
 }

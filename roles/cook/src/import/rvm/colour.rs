@@ -1,4 +1,4 @@
-//! The colours that a group's material number stands for.
+//! The colours of material numbers.
 
 use std::collections::HashMap;
 
@@ -92,10 +92,10 @@ const NAMED: [u32; 50] = [
     0x8c_44_14, // dark brown
 ];
 
-/// What a number without a colour is drawn in.
+/// The colour for unknown numbers.
 pub(super) const GREY: [u8; 3] = [0x78; 3];
 
-/// The colour of `material`: the file's own definition of it, else the standard one.
+/// The colour of `material`: the file's own definition, else the standard one.
 pub(super) fn of(material: u32, redefined: &HashMap<u32, [u8; 3]>) -> Option<[u8; 3]> {
     redefined.get(&material).copied().or_else(|| {
         let standard = match material {

@@ -1,8 +1,8 @@
-//! In which characters a file's names are.
+//! The character encoding of a file's names.
 //!
-//! The head of a file may name an encoding, in words that differ from program to program: "Unicode UTF-8",
-//! "Japanese Shift-JIS", "Code Page 1251". Bytes are read in it if they can be. All others are UTF-8 if they
-//! can be, and else Windows-1252, of which Latin-1 is a part.
+//! The head of a file may name an encoding, in words that vary between programs: "Unicode UTF-8", "Japanese
+//! Shift-JIS", "Code Page 1251". Bytes are read in it if valid. All others are read as UTF-8 if valid, and
+//! else as Windows-1252, of which Latin-1 is a part.
 
 use encoding_rs::{Encoding as Table, ISO_2022_JP, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
@@ -10,8 +10,7 @@ use encoding_rs::{Encoding as Table, ISO_2022_JP, UTF_8, UTF_16BE, UTF_16LE, WIN
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Encoding(Option<&'static Table>);
 
-/// Words of labels that are in no standard, and the label that each stands for. The first that a label has
-/// counts.
+/// Non-standard words of labels, and the standard label of each. The first match counts.
 const WORDS: [(&str, &str); 15] = [
     ("shift", "shift_jis"),
     ("japan", "shift_jis"),
@@ -30,7 +29,7 @@ const WORDS: [(&str, &str); 15] = [
     ("western", "windows-1252"),
 ];
 
-/// Code pages of Windows whose label is not `windows-` and their number.
+/// Windows code pages whose label is not `windows-` and their number.
 const PAGES: [(u32, &str); 12] = [
     (866, "ibm866"),
     (932, "shift_jis"),
@@ -47,7 +46,7 @@ const PAGES: [(u32, &str); 12] = [
 ];
 
 impl Encoding {
-    /// The encoding that a label names; `None` if it is not known. An empty label names none.
+    /// The encoding of a label; `None` if unknown. An empty label names none.
     pub(super) fn named(label: &str) -> Option<Self> {
         let label = label.trim().to_lowercase();
         if label.is_empty() {
@@ -58,7 +57,7 @@ impl Encoding {
             .filter(|w| !w.is_empty())
             .collect();
         let pairs = words.windows(2).map(|pair| pair.join("-"));
-        // "chinese" alone does not say which.
+        // "chinese" alone is ambiguous.
         let single = words.iter().rev().filter(|&&word| word != "chinese").map(|&word| word.to_owned());
         let mut labels = std::iter::once(words.join("-")).chain(pairs).chain(single);
         let standard = labels.find_map(|label| table(&label).or_else(|| table(&label.replace('-', ""))));
@@ -67,7 +66,7 @@ impl Encoding {
         standard.or_else(page).or_else(word).map(|table| Self(Some(table)))
     }
 
-    /// A name of a file, and whether it is in the encoding that the file names.
+    /// A name of a file, and whether it is valid in the file's declared encoding.
     pub(super) fn decode(self, bytes: &[u8]) -> (String, bool) {
         let named = self.0.and_then(|table| table.decode_without_bom_handling_and_without_replacement(bytes));
         match named {
@@ -76,7 +75,7 @@ impl Encoding {
         }
     }
 
-    /// A whole text file, which says itself if it is Unicode.
+    /// A whole text file, which may be marked as Unicode.
     pub(super) fn decode_file(self, bytes: &[u8]) -> String {
         let unicode = Table::for_bom(bytes).or(match bytes {
             [0, first, ..] if *first != 0 => Some((UTF_16BE, 0)),
@@ -85,7 +84,7 @@ impl Encoding {
         });
         if let Some((table, mark)) = unicode {
             let text = bytes.get(mark..).unwrap_or_default();
-            // Marked as UTF-8, but by a program that then writes something else. The end may cut a character.
+            // Marked as UTF-8, but followed by another encoding. The end may cut a character.
             let is_utf8 = || str::from_utf8(text).map_or_else(|error| error.error_len().is_none(), |_| true);
             if table != UTF_8 || is_utf8() {
                 return table.decode_without_bom_handling(text).0.into_owned();
@@ -96,13 +95,13 @@ impl Encoding {
         {
             return text.to_owned();
         }
-        // A line alone: one that is not as the others spoils none of them.
+        // Line by line, so that a bad one does not affect the others.
         let lines = bytes.split_inclusive(|&byte| byte == b'\n');
         lines.map(|line| self.decode(line).0).collect()
     }
 }
 
-/// UTF-8 if it can be.
+/// UTF-8 if valid.
 fn guess(bytes: &[u8]) -> String {
     match str::from_utf8(bytes) {
         Ok(text) => text.to_owned(),

@@ -6,30 +6,30 @@ use thiserror::Error;
 
 use crate::import::OverBudget;
 
-/// What is wrong with an RVM file, and where.
+/// An error in an RVM file, and its place.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RvmError {
     /// The file or one of its chunks ends too early.
     #[error("it ends at {at}, in the middle of {what}; the file is cut off or damaged: get it again")]
     Truncated {
-        /// Where.
+        /// The place.
         at: RvmPlace,
-        /// What was being read.
+        /// The item being read.
         what: &'static str,
     },
-    /// Something is not as the format demands.
+    /// The format is violated.
     #[error("it is malformed at {at}: {what}; the file is damaged: get it again")]
     Malformed {
-        /// Where.
+        /// The place.
         at: RvmPlace,
-        /// What is wrong there.
+        /// The error.
         what: &'static str,
     },
     /// The system could not read it to its end.
     #[error("it cannot be read to its end: {0}; check the disk")]
     Read(#[from] io::Error),
-    /// It asks for more than is allowed. A larger chord tolerance makes fewer triangles.
+    /// It exceeds a limit. A larger chord tolerance makes fewer triangles.
     #[error(transparent)]
     Budget(#[from] OverBudget),
 }

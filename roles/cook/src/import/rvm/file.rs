@@ -1,4 +1,4 @@
-//! What an RVM file holds, in either form: the groups in the making, and what was odd about them.
+//! The content of an RVM file, in either form: its groups during reading, and its warnings.
 
 use std::collections::HashMap;
 use std::io::{self, Read, Seek};
@@ -17,29 +17,29 @@ pub(super) struct File<'b> {
     budget: &'b Budget,
     /// All of them, in the order in which they open.
     pub groups: Vec<Group>,
-    /// Those with primitives of their own, in the same order once the file is read.
+    /// Those with primitives of their own, in the same order after reading.
     pub solids: Vec<Solids>,
-    /// In which the first head says that names are.
+    /// The encoding of names, by the first head.
     pub encoding: Encoding,
     pub report: ImportReport,
     open: Vec<Solids>,
-    /// That of the model being read.
+    /// The encoding of the model being read.
     own_encoding: Encoding,
     colours: HashMap<u32, [u8; 3]>,
     /// How many of `solids` have their colours.
     coloured: usize,
     heads: u32,
-    /// Whether the last chunk was met.
+    /// Whether the last chunk was read.
     ended: bool,
 }
 
-/// A named group. Its number is its place among all groups of the file.
+/// A named group. Its number is its index among all groups of the file.
 #[derive(Debug)]
 pub(super) struct Group {
     pub name: String,
-    /// Number of the group that it is in.
+    /// The number of its parent.
     pub parent: Option<u32>,
-    /// Number behind that of the last group in it.
+    /// The end of its descendants' numbers.
     pub end: u32,
 }
 
@@ -65,11 +65,11 @@ impl Solids {
 
 #[derive(Debug)]
 pub(super) struct Primitive {
-    /// Where it stands in the file, for errors.
+    /// Its place in the file, for errors.
     pub at: RvmPlace,
     /// The primitive's frame to the file's: finite.
     pub matrix: DAffine3,
-    /// The box that the file stores with the primitive, in the primitive's frame: not trusted with anything.
+    /// The box stored with the primitive, in the primitive's frame. Not trusted.
     pub stored_box: [DVec3; 2],
     pub shape: Shape,
 }
@@ -103,7 +103,7 @@ impl<'b> File<'b> {
         Ok(file)
     }
 
-    /// A model begins, whose head names this encoding.
+    /// A model begins, with the encoding of its head.
     pub(super) fn begin(&mut self, encoding: &str) -> Result<(), RvmError> {
         if self.heads > 0 && !self.ended {
             self.report.warn(WarningKind::EndMissing, 1);
@@ -131,8 +131,8 @@ impl<'b> File<'b> {
         name
     }
 
-    /// A group opens. One whose colour cannot be read opens as well: there is more in it. Transparency is in
-    /// percent; a group that says none has that of the one around it.
+    /// A group opens. One with an unreadable colour opens as well, for its content. Transparency is in
+    /// percent; a group without one inherits it.
     pub(super) fn open(
         &mut self,
         name: &str,
@@ -180,7 +180,7 @@ impl<'b> File<'b> {
         Ok(())
     }
 
-    /// A primitive of the innermost group: its kind, and all else.
+    /// A primitive of the innermost group: its kind, then its other data.
     pub(super) fn primitive(&mut self, numbers: &mut impl Numbers, order: Order, at: RvmPlace) {
         let group = self.open.last_mut();
         let in_file = group.as_ref().and_then(|solids| self.groups.get(solids.group as usize));
@@ -225,7 +225,7 @@ impl<'b> File<'b> {
         }
     }
 
-    /// The model ends: its groups that are open end with it, and its colours are of no other.
+    /// The model ends: its open groups end with it, and its colours do not apply to others.
     pub(super) fn end(&mut self) -> Result<(), RvmError> {
         self.ended = true;
         while let Some(last) = self.open.last() {
@@ -254,7 +254,7 @@ impl<'b> File<'b> {
             self.report.warn(WarningKind::EndMissing, 1);
             self.end()?;
         }
-        // They were kept as they closed.
+        // They were kept in closing order.
         self.solids.sort_by_key(|solids| solids.group);
         Ok(())
     }
@@ -279,7 +279,7 @@ impl Primitive {
     }
 }
 
-/// How the numbers of a matrix stand: columns in the binary form, rows in the text form.
+/// The order of a matrix's numbers: columns in the binary form, rows in the text form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Order {
     Columns,

@@ -1,9 +1,9 @@
-//! Which group of an attribute file is which group of a model: by its path, since many share a name.
+//! Matches the groups of attribute files with those of a model: by path, since many share a name.
 //!
-//! The two trees need not be the same. An export may begin deeper in the database than the attributes do, or
-//! leave out levels; and some programs write attributes without any levels. Names of a database's own
-//! (`/PIPE-1`, `FLANGE 1 of BRANCH /B1`) have a slash and mean one thing wherever they stand. All others
-//! (`FLANGE 1`) mean something only within the group that they are in.
+//! The two trees may differ. An export may begin deeper in the database than the attributes do, or leave out
+//! levels; and some programs write attributes without any levels. Names from the database (`/PIPE-1`, `FLANGE
+//! 1 of BRANCH /B1`) have a slash and are unique everywhere. All others (`FLANGE 1`) are only unique within
+//! their group.
 
 use std::collections::HashMap;
 
@@ -18,7 +18,7 @@ pub(super) fn matches(groups: &[Group], attributes: &Attributes) -> Vec<Option<u
     }
     let mut met: HashMap<(Option<u32>, &str), usize> = HashMap::new();
     let mut found: Vec<Option<u32>> = Vec::with_capacity(groups.len());
-    // For each group the match of the innermost group around it, or itself, that has one.
+    // For each group the match of its innermost matched ancestor, or its own.
     let mut innermost: Vec<Option<u32>> = Vec::with_capacity(groups.len());
     for group in groups {
         let parent = group.parent.map(|parent| parent as usize);
@@ -39,14 +39,14 @@ pub(super) fn matches(groups: &[Group], attributes: &Attributes) -> Vec<Option<u
     found
 }
 
-/// A group that seeks its attributes.
+/// A group looking for its attributes.
 struct Seeker<'g> {
     name: &'g str,
-    /// What the innermost group around it, of those that have one, was found to be.
+    /// The match of its innermost matched ancestor.
     around: Option<u32>,
-    /// Whether that is the group that it is directly in.
+    /// Whether that is its parent.
     around_is_parent: bool,
-    /// How many groups of its name stand beside it and before it.
+    /// How many siblings of its name come before it.
     before: usize,
     /// Whether no other group of the model has its name.
     only_in_model: bool,
@@ -55,7 +55,7 @@ struct Seeker<'g> {
 impl Seeker<'_> {
     fn find(&self, attributes: &Attributes) -> Option<u32> {
         match attributes.children(self.around, self.name) {
-            // Groups that a model names twice are one of the attributes.
+            // Groups that a model names twice share one of the attributes.
             [only] if self.around_is_parent => return Some(*only),
             all if self.around_is_parent && !all.is_empty() => return all.get(self.before).copied(),
             _ => {}
@@ -75,7 +75,7 @@ impl Seeker<'_> {
 mod tests {
     use super::*;
 
-    /// Groups, given as lines: the deeper in, the more spaces.
+    /// Groups, given as lines: indentation is depth.
     fn model(lines: &[&str]) -> Vec<Group> {
         let mut open: Vec<u32> = Vec::new();
         let mut groups = Vec::new();
@@ -88,7 +88,7 @@ mod tests {
         groups
     }
 
-    /// The same as an attribute file. Each group says its number.
+    /// The same as an attribute file. Each group has its number as attribute.
     fn file(lines: &[&str]) -> Attributes {
         let mut text = "CADC_Attributes_File v1.0\n".to_owned();
         let mut depth = 0;
@@ -111,10 +111,10 @@ mod tests {
     fn equal_names_are_told_apart_by_their_paths() {
         let both = ["/P1", " FLANGE 1", "/P2", " FLANGE 1"];
         assert_eq!(found(&both, &both), [Some(0), Some(1), Some(2), Some(3)]);
-        // The order of the pipes is another one.
+        // The pipes are in another order.
         let turned = ["/P2", " FLANGE 1", "/P1", " FLANGE 1"];
         assert_eq!(found(&both, &turned), [Some(2), Some(3), Some(0), Some(1)]);
-        // Nothing is said of the second flange, nor of the second pipe.
+        // The second flange and the second pipe have no attributes.
         assert_eq!(found(&both, &["/P1", " FLANGE 1", "/P2"]), [Some(0), Some(1), Some(2), None]);
         assert_eq!(found(&both, &["/P1", " FLANGE 1"]), [Some(0), Some(1), None, None]);
     }
@@ -140,7 +140,7 @@ mod tests {
         let branch = ["/P1", " /P1/B1", "  FLANGE 1"];
         assert_eq!(found(&["/P1", " FLANGE 1"], &branch), [Some(0), Some(2)]);
         assert_eq!(found(&branch, &["/P1", " FLANGE 1"]), [Some(0), None, Some(1)]);
-        // Both have a level that the other one lacks.
+        // Each has a level that the other lacks.
         assert_eq!(found(&branch, &["/P1", " /P1/B2", "  FLANGE 1"]), [Some(0), None, None]);
         assert_eq!(found(&["/P9", " FLANGE 1"], &["/P1", " FLANGE 1"]), [None, None]);
     }
@@ -150,7 +150,7 @@ mod tests {
         let groups = ["/SITE", " /P1", "  FLANGE 1 of /P1", "  VALVE"];
         assert_eq!(found(&groups, &["/P1", "VALVE", "FLANGE 1 of /P1"]), [None, Some(0), Some(2), Some(1)]);
         assert_eq!(found(&["UNIT", " MOTOR"], &["MOTOR", "PUMP"]), [None, Some(0)]);
-        // It could be that of either.
+        // It could belong to either.
         assert_eq!(found(&["A", " MOTOR", "B", " MOTOR"], &["MOTOR"]), [None; 4]);
     }
 }

@@ -1,10 +1,10 @@
 //! RVM: the review format of AVEVA's plant design programs (PDMS, E3D), in which process plants are
 //! exchanged.
 //!
-//! A file is a tree of named groups that hold primitives: cylinders, boxes, tori, and so on, eleven kinds.
-//! Each group with primitives of its own becomes one object, its primitives tessellated into one mesh about
-//! the middle of the group. There is no public specification; the facts here are those that readers of the
-//! format agree on, checked against the box that every primitive stores. The form is binary or text.
+//! A file is a tree of named groups with primitives: cylinders, boxes, tori, and so on, eleven kinds. Each
+//! group with primitives of its own becomes one object, its primitives tessellated into one mesh about the
+//! middle of the group. There is no public specification; these facts are common to readers of the format,
+//! and were checked against the box stored with every primitive. The form is binary or text.
 
 mod attributes;
 mod beside;
@@ -44,19 +44,19 @@ use super::{Format, ImportOptions, Part, UpAxis};
 use crate::{Mesh, Model, Object};
 use trimaran_scene::ObjectAttributes;
 
-/// Whether a file that begins with these bytes is one, of either form.
+/// Whether a file that begins with these bytes is a review file, of either form.
 pub(super) fn is_review_file(start: &[u8]) -> bool {
     let start = start.get(..Format::START as usize).unwrap_or(start);
     start.starts_with(&chunks::MAGIC) || text::is_text(start)
 }
 
-/// Metres a unit of length that writers have in mind: a file's matrices take millimetres to metres.
+/// The usual metres per unit: a file's matrices take millimetres to metres.
 const USUAL_UNIT: f64 = 1e-3;
 
 /// Reads an RVM file of either form. `source_index` of its objects is the running number of the group among
 /// all groups of the file, in the order in which they open; groups without primitives count too.
 ///
-/// What attribute files say of its groups is kept.
+/// Attributes of its groups from attribute files are kept.
 pub(super) fn import(
     path: Option<&Path>,
     source: impl Read + Seek,
@@ -141,7 +141,7 @@ fn branches(groups: &[Group]) -> Vec<(u32, Branch)> {
     branches
 }
 
-/// What all groups of a file are placed and cut by.
+/// The common frame and tolerance of a file's groups.
 struct Frame<'a> {
     file_to_world: DAffine3,
     /// Metres.
@@ -152,11 +152,11 @@ struct Frame<'a> {
 /// The primitives of a group in the world.
 #[derive(Default)]
 struct Placed {
-    /// A mesh about a place; none if they have no triangle.
+    /// A mesh about a centre; none without triangles.
     mesh: Option<(Mesh, DVec3)>,
     box_mismatches: u64,
     large_polygons: u64,
-    /// Primitives that are beyond all reach.
+    /// Primitives that are too far away.
     left_out: u64,
 }
 
@@ -171,7 +171,7 @@ impl Frame<'_> {
             let scale = largest_scale(&to_world);
             let tolerance = if scale > 0.0 { self.chord_tolerance / scale } else { f64::MAX };
             let solid = tessellate(&primitive.shape, Chord { tolerance });
-            // One primitive is small: a curve has a most number of chords, and facets stand in the file.
+            // One primitive is small: curves have a limited number of chords, and facets are in the file.
             let (triangles, vertices) = (solid.indices.len() / 3, solid.positions.len());
             self.budget.mesh(triangles as u64, vertices as u64, || {
                 format!("the primitive at {} in group {name:?}", primitive.at)
@@ -200,17 +200,16 @@ impl Frame<'_> {
     }
 }
 
-/// An upper bound of how much the map lengthens anything, exact if its axes stay at right angles
-/// (Gershgorin's circles about the squares of the singular values).
+/// An upper bound of the map's largest stretch, exact if its axes stay orthogonal (Gershgorin's circles about
+/// the squares of the singular values).
 fn largest_scale(map: &DAffine3) -> f64 {
     let m = map.matrix3;
     let row = |a: DVec3| a.dot(m.x_axis).abs() + a.dot(m.y_axis).abs() + a.dot(m.z_axis).abs();
     row(m.x_axis).max(row(m.y_axis)).max(row(m.z_axis)).sqrt()
 }
 
-/// Whether the tessellation fills the box that the file stores with the primitive: no side is off by more
-/// than 5 % of the box's diagonal, plus what cutting curves to chords may take away. Lines have no surface
-/// and fit any box.
+/// Whether the tessellation fills the box stored with the primitive: no side is off by more than 5 % of the
+/// box's diagonal, plus the loss by chords. Lines have no surface and fit any box.
 fn fits_stored_box(primitive: &Primitive, solid: &Solid, tolerance: f64) -> bool {
     if matches!(primitive.shape, Shape::Line) {
         return true;
@@ -259,7 +258,7 @@ mod tests {
         assert!(error.user.contains("byte 77") && error.user.contains("/TUBE"), "{error}");
     }
 
-    /// One number in a file, made huge.
+    /// One huge number in a file.
     #[test]
     fn an_absurd_size_does_not_make_millions_of_triangles() {
         let huge = 1e30;

@@ -1,8 +1,8 @@
 //! The binary form of an RVM file.
 //!
 //! Its chunks are HEAD and MODL first and END: last; between them CNTB opens a group and CNTE closes it, PRIM
-//! is a primitive of the open group and COLR redefines a colour. A body opens with a version. What follows
-//! END: is padding, or another model.
+//! is a primitive of the open group and COLR redefines a colour. A body opens with a version. After END:
+//! there is padding, or another model.
 
 use std::io::{Read, Seek};
 
@@ -55,7 +55,7 @@ fn encoding<'a>(body: &mut Reader<'a>) -> Option<&'a [u8]> {
 fn group(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) -> Result<(), RvmError> {
     let version = body.u32().unwrap_or_default();
     let (name, material) = match body.string() {
-        // Behind it is a reference point that no primitive depends on.
+        // It is followed by a reference point that no primitive depends on.
         Some(name) => (name, body.take(12).and_then(|_| body.u32())),
         // Its length is wrong; its letters may be right.
         None => (body.rest(), None),
@@ -67,7 +67,7 @@ fn group(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) -> Result<(),
 }
 
 fn primitive(body: &mut Reader<'_>, file: &mut File<'_>, at: RvmPlace) {
-    // A version that is not there leaves nothing for the rest either.
+    // Without a version there is nothing left for the rest either.
     let _version = body.u32();
     file.primitive(body, Order::Columns, at);
 }

@@ -1,8 +1,8 @@
-//! Big-endian numbers and strings out of a chunk's bytes.
+//! Reads big-endian numbers and strings from a chunk's bytes.
 
 use super::shape::{Broken, Numbers};
 
-/// Reads forward through bytes. What is not there takes none.
+/// Reads forward through bytes. Missing items consume none.
 #[derive(Debug)]
 pub(super) struct Reader<'a>(&'a [u8]);
 
@@ -25,7 +25,7 @@ impl<'a> Reader<'a> {
         Some(until_zero(self.take(words.saturating_mul(4))?))
     }
 
-    /// What is left, up to a zero.
+    /// The rest, up to a zero.
     pub(super) fn rest(&self) -> &'a [u8] {
         until_zero(self.0)
     }

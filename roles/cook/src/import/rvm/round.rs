@@ -1,12 +1,12 @@
-//! Surfaces that are curved two ways: tori and ellipsoids.
+//! Doubly curved surfaces: tori and ellipsoids.
 //!
-//! The tolerance is for both ways together, and what one of them leaves the other may use. All of these
-//! surfaces are rings about z, with facets between two rings. From the true surface to a facet one goes in
-//! two steps: from the arc between the rings to its chord, along the surface's normal; then from the circles
-//! to their chords, towards the axis. Of the second step only the part along the normal leads to the facet,
-//! the rest slides along it. So the error is the first sagitta plus the second times the cosine between the
-//! normal and the way out from the axis. Where a surface faces its axis that cosine is negative: the two
-//! steps lead to opposite sides, and the error is the larger of them.
+//! Both directions share the tolerance, and each may use what the other leaves. All of these surfaces are
+//! rings about z, with facets between two rings. From the true surface to a facet there are two steps: from
+//! the arc between the rings to its chord, along the surface's normal; then from the circles to their chords,
+//! towards the axis. Of the second step only the part along the normal leads to the facet, the rest slides
+//! along it. So the error is the first sagitta plus the second times the cosine between the normal and the
+//! direction away from the axis. If a surface faces its axis that cosine is negative: the two steps lead to
+//! opposite sides, and the error is the larger of them.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -17,10 +17,10 @@ use super::solid::{Chord, MOST_CHORDS, Ring, Solid, circle, direction};
 /// A torus whose angle is this near to a full turn is closed.
 const FULL_TURN: f64 = TAU - 1e-4;
 
-/// A circle of `radius` whose middle is `offset` from z, turned about z by `angle`.
+/// A circle of `radius` whose centre is `offset` from z, swept about z by `angle`.
 pub(super) fn torus(solid: &mut Solid, offset: f64, radius: f64, angle: f64, chord: Chord) {
     let fewest = chord.count(offset.abs() + radius.abs(), angle);
-    // Beyond twice the fewest, hardly more is left for the circle.
+    // Beyond twice the fewest, hardly any tolerance is left for the circle.
     let best = (fewest..=MOST_CHORDS.min(2 * fewest + 1))
         .filter_map(|chords| {
             let half = angle.abs().min(TAU) / chords as f64 / 2.0;
@@ -31,10 +31,10 @@ pub(super) fn torus(solid: &mut Solid, offset: f64, radius: f64, angle: f64, cho
         .min_by_key(|&(chords, count, _)| chords * count);
     let (chords, angles) = match best {
         Some((chords, count, section)) => (chords, section.angles(count, chord.tolerance)),
-        // Too large for the tolerance: as fine as may be.
+        // Too large for the tolerance: as fine as allowed.
         None => (fewest, even(chord.count(radius, TAU)).collect()),
     };
-    // Angles count from where the circle is farthest from the axis.
+    // Angles count from the circle's farthest point from the axis.
     let radius = radius.abs().copysign(offset);
     let section: Vec<_> = angles
         .into_iter()
@@ -61,24 +61,23 @@ struct Section {
 }
 
 impl Section {
-    /// The angle that a chord may span that begins at `at` and leads away from the outermost point.
+    /// The largest angle of a chord that begins at `at` and leads away from the outermost point.
     fn step(&self, at: f64, tolerance: f64) -> f64 {
-        // Both factors fall along the way, so what is left where the chord begins is left along all of it.
+        // Both factors fall along the chord, so the tolerance left at its beginning is left along all of it.
         let cos = libm::cos(at).max(0.0);
         let left = tolerance - (self.offset + self.radius * cos) * self.sweep * cos;
         let half = libm::acos((1.0 - left.max(0.0) / self.radius).clamp(-1.0, 1.0));
         (2.0 * half).min(PI / 3.0)
     }
 
-    /// The angles of the corners from the outermost point to the innermost, and the length of the chord that
-    /// would be next.
+    /// The angles of the corners from the outermost point to the innermost, and the length of the next chord.
     fn half(&self, tolerance: f64) -> impl Iterator<Item = (f64, f64)> {
         let corner = move |at: f64| (at, self.step(at, tolerance));
         std::iter::successors(Some(corner(0.0)), move |&(at, step)| Some(corner(at + step)))
             .take(MOST_CHORDS / 2)
     }
 
-    /// The fewest chords of the whole circle; `None` if that is more than may be. If the number is odd, one
+    /// The fewest chords of the whole circle; `None` if that exceeds the limit. If the number is odd, one
     /// chord lies across the innermost point.
     fn count(&self, tolerance: f64) -> Option<usize> {
         (0..).zip(self.half(tolerance)).find_map(|(pairs, (at, step))| {
@@ -87,8 +86,8 @@ impl Section {
         })
     }
 
-    /// The corners' angles for so many chords, which are enough: with the smallest tolerance for which they
-    /// are.
+    /// The corners' angles for this many chords, which suffice: with the smallest tolerance for which they
+    /// do.
     fn angles(&self, count: usize, tolerance: f64) -> Vec<f64> {
         let (mut low, mut high) = (0.0, tolerance);
         for _ in 0..40 {
@@ -127,13 +126,13 @@ pub(super) fn spherical_dish(solid: &mut Solid, radius: f64, height: f64, chord:
     }
 }
 
-/// An ellipsoid of revolution about z with these half axes: a sphere of radius 1, stretched. Rings are told
-/// by the angle from the top on that sphere.
+/// An ellipsoid of revolution about z with these half axes: a unit sphere, stretched. Rings are given by the
+/// angle from the top on that sphere.
 #[derive(Debug, Clone, Copy)]
 struct Ellipsoid {
     radius: f64,
     height: f64,
-    /// Where its centre stands on z.
+    /// Its centre on z.
     centre: f64,
 }
 
@@ -176,13 +175,13 @@ impl Ellipsoid {
         solid.ring(circle(count).map(|(x, y)| DVec3::new(radius * x, radius * y, z)))
     }
 
-    /// How many corners the rings need, from the top down, if there are so many rows.
+    /// The corners that each ring needs, from the top down, with this many rows.
     fn counts(&self, arc: f64, rows: usize, chord: Chord) -> Vec<usize> {
         let row_height = arc / rows as f64;
         let row = 1.0 - libm::cos(row_height / 2.0);
         let ring = |index: usize| {
             let angle = row_height * index as f64;
-            // Of the rows above and below, the one nearer to the equator asks for more.
+            // Of the rows above and below, the one nearer to the equator needs more.
             let below = angle + row_height / 2.0;
             let sin = if (angle - row_height / 2.0..=below).contains(&FRAC_PI_2) {
                 1.0
@@ -199,8 +198,8 @@ impl Ellipsoid {
         (1..=rows).map(ring).collect()
     }
 
-    /// How far the plane that touches the surface at an angle from the top is from the centre: what a sagitta
-    /// on the sphere of radius 1 becomes here, along the normal.
+    /// The distance of the tangent plane at an angle from the top from the centre: it scales a sagitta of the
+    /// unit sphere, along the normal.
     fn reach(&self, angle: f64) -> f64 {
         let (cos, sin) = direction(angle);
         let [across, along] = [self.height * sin, self.radius * cos];
@@ -208,12 +207,12 @@ impl Ellipsoid {
     }
 }
 
-/// Turns a section, (distance from z, height) counter-clockwise, about z from the x axis on.
+/// Sweeps a section, (distance from z, height) counter-clockwise, about z from the x axis on.
 pub(super) fn turn(solid: &mut Solid, section: &[(f64, f64)], count: usize, angle: f64) {
     let closed = angle.abs() >= FULL_TURN;
     // Three chords at least, or a full turn would be flat.
     let (count, angle) = if closed { (count.max(3), TAU.copysign(angle)) } else { (count, angle) };
-    // Seen from where the turn goes on to, a positive one, the section runs clockwise.
+    // Seen from the end of a positive sweep, the section runs clockwise.
     let mut section = section.to_vec();
     if angle >= 0.0 {
         section.reverse();
@@ -269,8 +268,7 @@ mod tests {
     }
 
     proptest! {
-        /// Points of the true torus are within the tolerance of the triangles: the nearest triangle is sought
-        /// among all.
+        /// Points of the true torus are within the tolerance of the triangles, by brute force.
         #[test]
         fn a_torus_keeps_the_tolerance(
             u in 0.0..1.0, v in 0.0..TAU, radius in 1.0..40.0, offset in 41.0..100.0, angle in 0.1..TAU
@@ -309,8 +307,8 @@ mod tests {
         DVec3::new(radius * u.cos() * v.sin(), radius * u.sin() * v.sin(), height * v.cos())
     }
 
-    /// With half the tolerance for each way, an elbow would have 594 triangles. With all of it for each, 284,
-    /// but they would be up to twice the tolerance off.
+    /// With half the tolerance for each direction, an elbow would have 594 triangles. With all of it for
+    /// each, 284, but with up to twice the allowed error.
     #[test]
     fn what_one_way_leaves_the_other_uses() {
         let elbow = torus_of(150.0, 50.0, FRAC_PI_2);
@@ -330,7 +328,7 @@ mod tests {
         assert!(steps.iter().zip(steps.iter().rev()).all(|(a, b)| (a - b).abs() < 1e-6), "{steps:?}");
     }
 
-    /// The distance from `p` to the triangle: to its plane if `p` stands above the inside, else to an edge.
+    /// The distance from `p` to the triangle: to its plane if `p` projects to the inside, else to an edge.
     fn distance(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> f64 {
         let normal = (b - a).cross(c - a);
         let inside = |a: DVec3, b: DVec3| normal.dot((b - a).cross(p - a)) >= 0.0;

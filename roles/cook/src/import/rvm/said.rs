@@ -1,4 +1,4 @@
-//! What attribute files say of the parts of a model, handed out to them.
+//! Distributes the attributes of attribute files to the parts of a model.
 
 use trimaran_scene::Attribute;
 
@@ -7,7 +7,7 @@ use super::file::Group;
 use super::matching::matches;
 use crate::import::budget::{Budget, OverBudget};
 
-/// What counts for an attribute that is there once more, besides its letters, bytes.
+/// The bytes counted for a repeated attribute, beside its letters.
 const FURTHER: u64 = 16;
 
 /// Attributes of groups.
@@ -15,9 +15,9 @@ pub(super) struct Said {
     attributes: Attributes,
     /// The attribute files' group of each group.
     of: Vec<Option<u32>>,
-    /// How often each group is a part of the model: as an object, as a group of objects, or as both.
+    /// How many parts of the model each group is: an object, a group of objects, or both.
     parts: Vec<u32>,
-    /// How often each of the attribute files' groups is still to be handed out.
+    /// How often each of the attribute files' groups is still to be used.
     left: Vec<u32>,
 }
 
@@ -40,13 +40,13 @@ impl Said {
         Self { attributes, of, parts, left }
     }
 
-    /// How many parts there are, and how many of them have something said of them.
+    /// How many parts there are, and how many of them have attributes.
     pub(super) fn matched(&self) -> [u64; 2] {
         let parts = || self.parts.iter().zip(&self.of).filter(|(parts, _)| **parts > 0);
         [parts().count() as u64, parts().filter(|(_, node)| node.is_some()).count() as u64]
     }
 
-    /// What is said of a group that is a part of the model. It is a copy each time but the last, and counts.
+    /// The attributes of a group that is a part of the model. All but the last are copies, which count.
     pub(super) fn of(&mut self, group: u32, budget: &Budget) -> Result<Vec<Attribute>, OverBudget> {
         let place = group as usize;
         let (Some(Some(node)), Some(1..)) = (self.of.get(place).copied(), self.parts.get(place)) else {

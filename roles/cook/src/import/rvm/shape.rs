@@ -1,6 +1,6 @@
-//! The eleven kinds of primitive, as they stand in a PRIM chunk of either form.
+//! The eleven kinds of primitive, as in a PRIM chunk of either form.
 //!
-//! Each stands in a frame of its own, in millimetres, about the z axis; a 3x4 matrix takes it to the world.
+//! Each is in a frame of its own, in millimetres, about the z axis; a 3x4 matrix takes it to the world.
 //! Angles are in radians.
 
 use glam::DVec3;
@@ -65,12 +65,12 @@ pub(super) enum Broken {
     NoGroup,
 }
 
-/// Where the numbers of a primitive come from.
+/// The source of a primitive's numbers.
 pub(super) trait Numbers {
     /// A whole number.
     fn count(&mut self) -> Result<u32, Broken>;
 
-    /// Any number; it may be infinite or none at all.
+    /// Any number; it may be infinite or NaN.
     fn real(&mut self) -> Result<f64, Broken>;
 
     fn reals<const N: usize>(&mut self) -> Result<[f64; N], Broken> {
@@ -140,7 +140,7 @@ fn finite<const N: usize>(values: [f64; N]) -> Result<[f64; N], Broken> {
     if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(Broken::Measure) }
 }
 
-/// Counts are never trusted with memory: each thing counted takes bytes, and the bytes run out first.
+/// Counts are never trusted for allocation: each counted item takes bytes, and the bytes run out first.
 fn facets(reader: &mut impl Numbers) -> Result<Shape, Broken> {
     let (mut polygons, mut left_out) = (Vec::new(), 0);
     for _ in 0..reader.count()? {

@@ -1,20 +1,20 @@
-//! Closed surfaces out of rings of vertices, in the frame of a primitive.
+//! Builds closed surfaces from rings of vertices, in the frame of a primitive.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 use glam::DVec3;
 
-/// A surface in the making: vertices are shared, triangles wind counter-clockwise seen from outside.
+/// A surface under construction: vertices are shared, triangles wind counter-clockwise as seen from outside.
 #[derive(Debug, Default)]
 pub(super) struct Solid {
     pub positions: Vec<DVec3>,
     pub indices: Vec<u32>,
-    /// Polygons with too many corners to be cut well.
+    /// Polygons with too many corners to be cut exactly.
     pub large_polygons: u64,
 }
 
-/// Vertices in a row that close to a ring, counter-clockwise seen from where the solid goes on to.
+/// Consecutive vertices that close to a ring, counter-clockwise as seen from the solid's continuation.
 #[derive(Debug, Clone)]
 pub(super) struct Ring(Range<u32>);
 
@@ -40,7 +40,7 @@ impl Solid {
         let (n, m) = (lower.count(), upper.count());
         let (mut i, mut j) = (0, 0);
         while i < n || j < m {
-            // Go on along the ring whose next vertex comes first around the axis.
+            // Advance along the ring whose next vertex comes first around the axis.
             if j == m || (i < n && (i + 1) * m <= (j + 1) * n) {
                 self.triangle([lower.at(i), lower.at(i + 1), upper.at(j)]);
                 i += 1;
@@ -51,26 +51,26 @@ impl Solid {
         }
     }
 
-    /// The wall from a ring to a single vertex that the solid ends in.
+    /// The wall from a ring to a single vertex at the solid's end.
     pub(super) fn cone_to(&mut self, ring: &Ring, tip: u32) {
         for (a, b) in ring.edges() {
             self.triangle([a, b, tip]);
         }
     }
 
-    /// The wall from a single vertex that the solid begins in to a ring.
+    /// The wall from a single vertex at the solid's beginning to a ring.
     pub(super) fn cone_from(&mut self, tip: u32, ring: &Ring) {
         for (a, b) in ring.edges() {
             self.triangle([b, a, tip]);
         }
     }
 
-    /// Closes the solid where it ends.
+    /// Closes the solid at its end.
     pub(super) fn end(&mut self, ring: &Ring) {
         self.cap(ring, |[a, b, c]| [a, b, c]);
     }
 
-    /// Closes the solid where it begins.
+    /// Closes the solid at its beginning.
     pub(super) fn begin(&mut self, ring: &Ring) {
         self.cap(ring, |[a, b, c]| [a, c, b]);
     }
@@ -88,7 +88,7 @@ impl Solid {
         }
     }
 
-    /// Makes one vertex of vertices at the same place, and drops the triangles that thereby lose their area.
+    /// Merges vertices at the same position, and drops the triangles that thereby lose their area.
     pub(super) fn collapse(&mut self) {
         let mut order: Vec<u32> = (0..self.positions.len() as u32).collect();
         let key = |&index: &u32| {
@@ -116,7 +116,7 @@ impl Ring {
         u64::from(self.0.end - self.0.start)
     }
 
-    /// Vertex `index` around, the first once more after the last.
+    /// Vertex `index` around, wrapping after the last.
     fn at(&self, index: u64) -> u32 {
         if index < self.count() { self.0.start + index as u32 } else { self.0.start }
     }
@@ -128,30 +128,30 @@ impl Ring {
     }
 }
 
-/// How finely to cut curves: the tolerance in the primitive's own units.
+/// The fineness of curves: the tolerance in the primitive's own units.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Chord {
     pub tolerance: f64,
 }
 
-/// No curve is cut into more chords than this.
+/// The most chords of a curve.
 pub(super) const MOST_CHORDS: usize = 1024;
 
-/// No tolerance is finer than this part of a curve's size: its radius, or its length if it is less than a
-/// radius long. So a circle has at most 223 chords. At 1 mm this begins at a radius of 10 m; beyond, the
-/// tolerance gives way, or one number in a file could make millions of triangles.
+/// The finest tolerance relative to a curve's size: its radius, or its length if that is less. So a circle
+/// has at most 223 chords. At 1 mm this applies from a radius of 10 m on; otherwise one number in a file
+/// could make millions of triangles.
 const FINEST: f64 = 1e-4;
 
 impl Chord {
-    /// The fewest equal chords along `angle` of a circle that stay within the tolerance of it: a chord over
-    /// the angle a is r (1 - cos a/2) off. No chord spans more than a sixth of a turn, so that the
-    /// thinnest pipe is still a pipe.
+    /// The fewest equal chords along `angle` of a circle within the tolerance: a chord over the angle a is r
+    /// (1 - cos a/2) off. No chord spans more than a sixth of a turn, so that the thinnest pipe is still a
+    /// pipe.
     pub(super) fn count(self, radius: f64, angle: f64) -> usize {
         let angle = angle.abs().min(TAU);
         let relative = (self.tolerance / radius.abs()).max(FINEST * angle.min(1.0));
         let half = libm::acos((1.0 - relative).clamp(-1.0, 1.0));
         let step = (2.0 * half).min(PI / 3.0);
-        // A zero step divides to infinity, which the clamp takes care of; NaN casts to 0.
+        // A zero step divides to infinity, which the clamp handles; NaN casts to 0.
         ((angle / step).ceil().clamp(1.0, MOST_CHORDS as f64) as usize).max(1)
     }
 }
@@ -161,7 +161,7 @@ pub(super) fn circle(count: usize) -> impl Iterator<Item = (f64, f64)> + Clone {
     (0..count).map(move |index| direction(TAU * index as f64 / count as f64))
 }
 
-/// The cosine and sine of an angle, alike on every machine.
+/// The cosine and sine of an angle, equal on every machine.
 pub(super) fn direction(angle: f64) -> (f64, f64) {
     (libm::cos(angle), libm::sin(angle))
 }

@@ -1,8 +1,8 @@
-//! Primitives as triangles.
+//! Tessellates primitives.
 //!
-//! Every solid comes out closed, its vertices shared, its faces outward; ends that touch another primitive
-//! are capped all the same. No point of the true surface is farther from the triangles than the chord
-//! tolerance, or if it is large, than a ten-thousandth of its size.
+//! Every solid is closed, its vertices shared, its faces outward; ends that touch another primitive are
+//! capped as well. No point of the true surface is farther from the triangles than the chord tolerance or, on
+//! a large one, a ten-thousandth of its size.
 
 use std::f64::consts::TAU;
 
@@ -66,12 +66,12 @@ struct End {
 }
 
 impl End {
-    /// How much the end rises along x and y.
+    /// The end's rise along x and y.
     fn slope(&self) -> [f64; 2] {
         self.shear.map(libm::tan)
     }
 
-    /// The longest half axis of the ellipse that the cut makes of the circle.
+    /// The longest half axis of the elliptic cut.
     fn reach(&self) -> f64 {
         let [x, y] = self.slope();
         self.radius.abs() * (1.0 + x * x + y * y).sqrt()
@@ -110,7 +110,7 @@ fn frustum(solid: &mut Solid, low: &End, high: &End, chord: Chord) {
     }
 }
 
-/// Polygons, their corners at the same place shared.
+/// Polygons, with corners at the same position shared.
 fn facets(solid: &mut Solid, polygons: &[Polygon]) {
     let mut triangulator = Triangulator::new();
     for polygon in polygons {
@@ -139,7 +139,7 @@ pub(super) mod tests {
         triangles.map(|&[a, b, c]| at(a).dot(at(b).cross(at(c))) / 6.0).sum()
     }
 
-    /// Every edge is walked once in each direction: the surface is closed, shares its vertices, and winds one
+    /// Every edge is used once in each direction: the surface is closed, shares its vertices, and winds one
     /// way.
     pub(in super::super) fn assert_closed(solid: &Solid) {
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();

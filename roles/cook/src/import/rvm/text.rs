@@ -1,7 +1,7 @@
 //! The text form of an RVM file (`.rev`, or `.rvm` as well): the chunks of the binary form as lines.
 //!
 //! A chunk is a line of its four letters, a line of two numbers, the second of which is the version, and then
-//! what the binary form has, each name on a line of its own. Matrices stand row by row.
+//! the binary form's data, each name on a line of its own. Matrices are row by row.
 
 use super::encoding::{Encoding, lines};
 use super::file::{File, Order};
@@ -9,7 +9,7 @@ use super::shape::{Broken, Numbers};
 use super::{RvmError, RvmPlace};
 use crate::import::report::WarningKind;
 
-/// How far into a file its head may reach, bytes.
+/// The longest head of a file, bytes.
 const HEAD: usize = 1 << 16;
 
 /// Whether a file that begins with these bytes is of the text form: its first line is HEAD.
@@ -19,9 +19,9 @@ pub(in crate::import) fn is_text(start: &[u8]) -> bool {
     first.is_some_and(|first| first.trim() == "HEAD")
 }
 
-/// Reads a whole file, and returns where it ends.
+/// Reads a whole file, and returns its end.
 pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<RvmPlace, RvmError> {
-    // The head is in plain letters, whatever the names are in.
+    // The head is in ASCII, whatever the names' encoding.
     let head = Encoding::default().decode_file(bytes.get(..HEAD).unwrap_or(bytes));
     let (head, _) = single_spaced(lines(&head).collect());
     let label = chunks(&head).next().map(|chunk| chunk.encoding());
@@ -55,8 +55,8 @@ pub(super) fn parse(bytes: &[u8], file: &mut File<'_>) -> Result<RvmPlace, RvmEr
     Ok(RvmPlace::Line(lines.len() as u64 * step))
 }
 
-/// Lines without the blank one behind each, if there is one behind each: programs that copy a text may double
-/// its ends of lines. Also how many lines of the file each stands for.
+/// Removes the blank line after each line, if each has one: programs that copy text may double line ends.
+/// Also returns how many lines of the file each stands for.
 fn single_spaced(lines: Vec<&str>) -> (Vec<&str>, u64) {
     let is_blank = |line: &&str| line.trim_matches(is_padding).is_empty();
     if lines.len() > 2 && lines.iter().skip(1).step_by(2).all(is_blank) {
@@ -89,10 +89,10 @@ fn colour(numbers: &mut Tokens<'_, '_>) -> Result<(u32, [u8; 3]), Broken> {
     Ok((number, [r as u8, g as u8, b as u8]))
 }
 
-/// A chunk: its lines behind the two of its header.
+/// A chunk: its lines after the two of its header.
 struct Chunk<'l, 't> {
     id: &'t str,
-    /// That of its letters, from 1 on.
+    /// The line of its letters, from 1 on.
     line: u64,
     version: u32,
     lines: &'l [&'t str],
@@ -112,7 +112,7 @@ fn chunks<'l, 't>(lines: &'l [&'t str]) -> impl Iterator<Item = Chunk<'l, 't>> {
 }
 
 /// The letters, the version and the lines of the header that begins with these lines, if one does. Blank
-/// lines may stand within it.
+/// lines may be within it.
 fn header<'t>(lines: &[&'t str]) -> Option<(&'t str, u32, usize)> {
     let id = lines.first()?.trim_matches(is_padding);
     let may_be_in_id = |byte: u8| byte.is_ascii_uppercase() || byte.is_ascii_digit() || byte == b':';
@@ -129,7 +129,7 @@ fn header<'t>(lines: &[&'t str]) -> Option<(&'t str, u32, usize)> {
         [Some(first), Some(version), None] if first.parse::<u32>().is_ok() => version.parse().ok(),
         _ => None,
     };
-    // A group may have the name END: a place is behind it then.
+    // A group may have the name END: then a place follows.
     let is_place = || words.iter().flatten().filter(|word| word.parse::<f64>().is_ok()).count() == 3;
     match version {
         Some(version) => Some((id, version, length)),
@@ -137,13 +137,13 @@ fn header<'t>(lines: &[&'t str]) -> Option<(&'t str, u32, usize)> {
     }
 }
 
-/// What may stand around a text that says nothing.
+/// Insignificant characters around a text.
 fn is_padding(letter: char) -> bool {
     letter.is_whitespace() || "\0\u{1a}\u{feff}".contains(letter)
 }
 
 impl<'t> Chunk<'_, 't> {
-    /// That which a head names, behind program, note, date and user; empty if it names none.
+    /// The encoding named in a head, after program, note, date and user; empty without one.
     fn encoding(&self) -> &'t str {
         self.lines.get(4).copied().unwrap_or_default().trim()
     }
@@ -169,7 +169,7 @@ impl<'t> Chunk<'_, 't> {
 /// The numbers of a chunk.
 struct Tokens<'l, 't> {
     lines: &'l [&'t str],
-    /// Of the line before them.
+    /// The rest of the current line.
     rest: &'t str,
 }
 
@@ -183,7 +183,7 @@ impl<'t> Tokens<'_, 't> {
             let (line, lines) = self.lines.split_first()?;
             (self.rest, self.lines) = (line, lines);
         }
-        // Columns are of fixed width: a long number touches the sign of the next one.
+        // Columns have a fixed width: a long number touches the sign of the next one.
         let touches = |(at, letter): (usize, char)| {
             let before = self.rest.get(..at).and_then(|before| before.chars().next_back());
             let sign = letter == '-' && before.is_some_and(|before| before.is_ascii_digit() || before == '.');
@@ -199,12 +199,12 @@ impl<'t> Tokens<'_, 't> {
 impl Numbers for Tokens<'_, '_> {
     fn count(&mut self) -> Result<u32, Broken> {
         let word = self.word().ok_or(Broken::Short)?;
-        // Some programs write all numbers in one way, `4.0`.
+        // Some programs write all numbers in one form, `4.0`.
         let real = || word.parse().ok().filter(|real: &f64| real.fract() == 0.0 && *real >= 0.0);
         word.parse().ok().or_else(|| real().map(|real| real as u32)).ok_or(Broken::Measure)
     }
 
-    /// What is no number is not finite either.
+    /// Invalid numbers become NaN.
     fn real(&mut self) -> Result<f64, Broken> {
         Ok(self.word().ok_or(Broken::Short)?.parse().unwrap_or(f64::NAN))
     }

@@ -1,4 +1,4 @@
-//! Files one part of which is broken: what is lost is that part, and a warning tells of it.
+//! Files with one broken part: only that part is lost, and a warning reports it.
 
 use trimaran_cook::import::WarningKind as Kind;
 use trimaran_cook::import::{ImportError, Imported};
@@ -12,7 +12,7 @@ const MATERIAL: &str = r#"{"name":"red","pbrMetallicRoughness":{"baseColorFactor
 const ACCESSOR: &str = r#"{"bufferView":2,"componentType":5126,"count":3,"type":"VEC3"}"#;
 const BUFFER: &str = r#"{"byteLength":80}"#;
 
-/// Two objects of a triangle each; what is broken below belongs to the second.
+/// Two objects of a triangle each; the broken parts below belong to the second.
 fn document() -> String {
     format!(
         r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,1]}}],"nodes":[{GOOD},{BAD}],
@@ -32,7 +32,7 @@ fn bin() -> Vec<u8> {
     [&corners[..], &[0, 0, 1, 0, 2, 0, 0, 0], &corners[..]].concat()
 }
 
-/// The document with a part of its JSON written in another way.
+/// The document with a part of its JSON replaced.
 fn rewritten(part: &str, other: &str) -> String {
     let json = document();
     assert!(json.contains(part), "{part}");
@@ -43,8 +43,8 @@ fn import(json: &str) -> Result<Imported, ImportError> {
     import_bytes("a.glb", &glb(json, &bin()))
 }
 
-/// Part of the document, what is there instead, how many objects are left, and the warnings: their kinds, and
-/// a part of what the first one says.
+/// A part of the document, its replacement, how many objects are left, and the warnings: their kinds, and a
+/// part of the first one's text.
 type Case<'a> = (&'a str, &'a str, u64, &'a [Kind], &'a str);
 
 fn check(cases: &[Case<'_>]) {
@@ -135,7 +135,7 @@ fn a_value_that_is_not_what_it_should_be_costs_itself() {
             "placed once",
         ),
         (r#""scenes":["#, r#""scenes":[],"scenes":["#, 2, &[], ""),
-        // What is empty takes nothing from what else is there.
+        // An empty part takes nothing from the others.
         (r#""scenes":["#, r#""extensionsRequired":[],"scenes":[],"scenes":["#, 2, &[], ""),
     ]);
     let morphed = rewritten(
@@ -252,7 +252,7 @@ fn references_that_lead_nowhere_or_in_a_circle_are_left_out() {
         (r#""nodes":[0,1]"#, r#""nodes":[0]"#, 1, &[Kind::OutsideScene], r#"first in "bad""#),
         (r#"[{"nodes":[0,1]}]"#, r#"[{"nodes":[0]},{"nodes":[1]}]"#, 1, &[Kind::OutsideScene], "first in"),
     ]);
-    // A root that is also a child stands where its parent puts it.
+    // A root that is also a child is placed by its parent.
     let json = rewritten(r#""nodes":[0,1]"#, r#""nodes":[1,0]"#)
         .replace(r#""name":"good""#, r#""name":"good","translation":[1,0,0],"children":[1]"#);
     let model = import(&json).unwrap().model;
@@ -260,7 +260,7 @@ fn references_that_lead_nowhere_or_in_a_circle_are_left_out() {
         model.objects.iter().map(|object| object.to_world.translation.x).collect::<Vec<_>>(),
         [1.0, 6.0]
     );
-    // What is below a hidden node is hidden, and not outside of the scene.
+    // Nodes below a hidden node are hidden, and not outside of the scene.
     let hidden = r#"{"extensions":{"KHR_node_visibility":{"visible":0}},"children":[2]},{"mesh":0}"#;
     check(&[(BAD, hidden, 1, &[Kind::HiddenNode], "1 hidden nodes")]);
 }

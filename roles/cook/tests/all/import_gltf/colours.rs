@@ -1,4 +1,4 @@
-//! What colours objects have: of materials, vertices and textures.
+//! The colours of objects: from materials, vertices and textures.
 
 use std::collections::HashSet;
 use std::io::Cursor;
@@ -33,7 +33,7 @@ fn png(width: u32, height: u32, texels: &[[u8; 4]]) -> Vec<u8> {
     encoded(width, height, texels, ImageFormat::Png)
 }
 
-/// One triangle with texture coordinates, of a material and a texture.
+/// One triangle with texture coordinates, with a material and a texture.
 fn textured(coordinates: [[f32; 2]; 3], image: &[u8], material: &str, texture: &str, more: &str) -> Vec<u8> {
     let mut document = Document::triangle();
     let uv = document.coordinates(&coordinates);
@@ -218,7 +218,7 @@ fn specular_glossiness_has_a_diffuse_colour_and_texture() {
     assert_eq!(colour(&mesh(&file)), GREEN);
 }
 
-/// One triangle whose vertices have these colours, of a material.
+/// One triangle with these vertex colours and a material.
 fn coloured(bytes: &[u8], component: u32, kind: &str, more: &str, material: &str) -> Vec<u8> {
     let mut document = Document::triangle();
     let view = document.view(bytes, "");
@@ -266,7 +266,7 @@ fn a_gradient_of_vertex_colours_survives_in_pieces_of_about_one_colour() {
         mesh.triangle_count()
     );
     assert!(firsts.contains(&RED) && mesh.colours.contains(&Rgba8([0, 0, 255, 255])));
-    // The pieces are where the triangle was, each in its place's colour.
+    // The pieces cover the triangle, each in its place's colour.
     for (at, colour) in mesh.positions.iter().zip(&mesh.colours) {
         assert!(at.min_element() >= 0.0 && at.x + at.y <= 1.0 + 1e-6 && at.z == 0.0, "{at}");
         let light = f64::from(at.x);

@@ -28,7 +28,7 @@ fn sheet(side: usize) -> (Vec<[f32; 3]>, Vec<u32>) {
     (positions, (0..side * side).flat_map(square).collect())
 }
 
-/// A model of the sheet, and nothing else.
+/// Asserts that a model is the sheet, and nothing else.
 fn is_sheet(model: &Model, side: usize, tolerance: f32) {
     let mesh = &model.meshes[0];
     assert_eq!((mesh.triangle_count(), mesh.positions.len()), (2 * side * side, (side + 1) * (side + 1)));
@@ -41,7 +41,7 @@ fn is_sheet(model: &Model, side: usize, tolerance: f32) {
     }
 }
 
-/// What a document says of compressed bytes in its buffer 0.
+/// A document's description of compressed bytes in its buffer 0.
 struct Packed<'a> {
     bytes: &'a [u8],
     count: usize,
@@ -50,7 +50,7 @@ struct Packed<'a> {
     filter: &'a str,
 }
 
-/// A view that is compressed: its plain bytes would be in buffer 1, which is not there.
+/// A compressed view: its plain bytes would be in buffer 1, which is missing.
 fn packed_view(
     document: &mut Document,
     name: &str,

@@ -2,7 +2,7 @@
 
 use crate::import_files::{floats, glb};
 
-/// A document that is being written.
+/// A document under construction.
 #[derive(Default)]
 pub(crate) struct Document {
     bin: Vec<u8>,
@@ -25,7 +25,7 @@ impl Document {
         self.raw_view(&format!(r#"{{"buffer":0,"byteOffset":{offset},"byteLength":{length}{more}}}"#))
     }
 
-    /// Bytes of buffer 0, and where they begin.
+    /// Adds bytes to buffer 0, and returns their offset.
     pub(crate) fn bytes(&mut self, bytes: &[u8]) -> usize {
         let offset = self.bin.len();
         self.bin.extend(bytes);
@@ -33,12 +33,12 @@ impl Document {
         offset
     }
 
-    /// One more buffer, as it stands in the document.
+    /// Adds a buffer, as literal JSON.
     pub(crate) fn raw_buffer(&mut self, buffer: &str) {
         self.more_buffers += &format!(",{buffer}");
     }
 
-    /// A view as it stands in the document.
+    /// Adds a view, as literal JSON.
     pub(crate) fn raw_view(&mut self, view: &str) -> usize {
         self.views.push(view.to_owned());
         self.views.len() - 1
@@ -52,7 +52,7 @@ impl Document {
         ))
     }
 
-    /// An accessor as it stands in the document.
+    /// Adds an accessor, as literal JSON.
     pub(crate) fn raw_accessor(&mut self, accessor: &str) -> usize {
         self.accessors.push(accessor.to_owned());
         self.accessors.len() - 1

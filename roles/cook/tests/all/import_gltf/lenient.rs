@@ -1,4 +1,4 @@
-//! What exporters write that is not quite the format, or is of a kind beside it.
+//! Exporters' deviations from the format, and variants beside it.
 
 use trimaran_cook::Model;
 use trimaran_cook::import::{GltfError, ImportError, WarningKind};
@@ -8,7 +8,7 @@ use super::{error, model, one_triangle};
 
 use crate::import_files::{floats, glb, import_beside, import_bytes};
 
-/// The file of one triangle with a part of its JSON written in another way.
+/// The file of one triangle with a part of its JSON replaced.
 fn rewritten(part: &str, other: &str) -> Vec<u8> {
     let file = one_triangle(r#"[{"mesh":0}]"#, "");
     let length = u32::from_le_bytes(file[12..16].try_into().unwrap()) as usize;

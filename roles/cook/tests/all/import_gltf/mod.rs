@@ -1,4 +1,4 @@
-//! glTF files written by hand: what each part of the format turns into, and how each fault is told.
+//! glTF files written by hand: the result of each part of the format, and the message for each fault.
 
 mod broken;
 mod colours;

@@ -1,4 +1,4 @@
-//! Shapes that are not plain arrays of positions, and what is said of them.
+//! Shapes other than plain arrays of positions, and their attributes.
 
 use glam::Vec3;
 use trimaran_cook::Model;
@@ -42,7 +42,7 @@ fn morph_targets_count_as_the_mesh_or_the_node_says() {
     assert_eq!(model(&plain).meshes.len(), 1, "without weights nothing is morphed, and shapes are shared");
 }
 
-/// What is said of an object.
+/// The attributes of an object.
 fn said(model: &Model, object: u32) -> Vec<String> {
     let pair = |of: &Attribute| format!("{}={}", of.name, of.value);
     model.hierarchy.attributes_of(object).iter().map(pair).collect()

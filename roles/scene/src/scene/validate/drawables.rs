@@ -1,11 +1,11 @@
-//! Drawables: each is a level of its node, its triangles are there, and errors never fall towards the root.
+//! Drawables: each is a level of its node, its triangles exist, and errors never fall towards the root.
 
 use super::super::{Drawable, Node, Scene};
 use super::{Check, SceneError, malformed};
 
 /// Checks the drawables of a page, the first of which has index `first`.
 pub(super) fn check(scene: &Scene, first: usize, drawables: &[Drawable]) -> Result<(), SceneError> {
-    // Of this page, or of one before it.
+    // In this page, or in an earlier one.
     let find = |index: usize| match index.checked_sub(first) {
         Some(within) => drawables.get(within),
         None => scene.drawables().get(index),
@@ -38,8 +38,8 @@ fn check_one(scene: &Scene, index: usize, drawable: &Drawable) -> Check {
     }
 }
 
-/// Errors never fall from a level to the next coarser one, nor from a node to the first one above it that has
-/// levels. Ancestors stand before their descendants, and so do their levels.
+/// Errors never fall from a level to the next coarser one, nor from a node to its first ancestor with levels.
+/// Ancestors stand before their descendants, and so do their levels.
 fn check_errors<'d>(
     scene: &Scene,
     index: usize,

@@ -4,12 +4,12 @@ use super::super::layout::{Firsts, Section};
 use super::super::{Node, Scene};
 use super::{Check, SceneError, malformed};
 
-/// Breadth-first order: the children of node 0, then those of node 1, and so on, without a gap; each knows
-/// its parent, and likewise with the drawables. Leaves have a level and an object.
+/// Breadth-first order: the children of node 0, then those of node 1, and so on, without a gap; each has the
+/// right parent, and likewise with the drawables. Leaves have a level and an object.
 ///
-/// Checks the nodes of a page, the first of which has index `first`.
+/// Checks the nodes of a page, whose first node has index `first`.
 pub(super) fn check(scene: &Scene, first: usize, nodes: &[Node]) -> Result<(), SceneError> {
-    // Of this page, or of one before it.
+    // In this page, or in an earlier one.
     let find = |index: usize| match index.checked_sub(first) {
         Some(within) => nodes.get(within),
         None => scene.nodes().get(index),
@@ -37,7 +37,7 @@ pub(super) fn check(scene: &Scene, first: usize, nodes: &[Node]) -> Result<(), S
     }
 }
 
-/// Whether the node's children and levels are those that come next.
+/// Whether the node's children and levels are the next ones.
 fn check_next(scene: &Scene, index: usize, node: &Node, next: Firsts) -> Check {
     let within = |first: u32, count: u32, all: usize| u64::from(first) + u64::from(count) <= all as u64;
     if !node.is_leaf() && (node.first_child != next.child || node.first_child as usize <= index) {
@@ -59,7 +59,7 @@ fn check_place<'n>(index: usize, node: &Node, find: impl Fn(usize) -> Option<&'n
         let is_root = node.parent == Node::NONE && node.depth == 0;
         return if is_root { Ok(()) } else { Err("it is the root but has a parent") };
     }
-    // A parent stands before its children, so it was checked before.
+    // A parent stands before its children, so it was checked already.
     let parent = Some(node.parent as usize).filter(|parent| *parent < index).and_then(find);
     let parent = parent.filter(|parent| {
         let children = parent.first_child..parent.first_child.saturating_add(parent.child_count);
@@ -102,7 +102,7 @@ fn check_boxes(node: &Node) -> Check {
     }
 }
 
-/// Whether the node has the levels and the object it should have.
+/// Whether the node has the right levels and object.
 fn check_kind(scene: &Scene, node: &Node) -> Check {
     let has_object = (node.object as usize) < scene.objects().len();
     if node.is_leaf() && node.drawable_count == 0 {

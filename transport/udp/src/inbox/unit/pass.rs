@@ -1,4 +1,4 @@
-//! What of a unit is passed on: messages, in their order.
+//! Delivery of a unit: messages, in their order.
 
 use trimaran_wire::{Format, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, Kind, Message};
 
@@ -8,7 +8,7 @@ use crate::inbox::buffers::Buffers;
 use crate::inbox::{LaneViolation, Received};
 use crate::repair::{BLOCK, LARGEST};
 
-/// How much of what was passed on is kept: a block that is not whole yet may need it for its repair.
+/// How much delivered data is kept: an incomplete block may need it for its repair.
 const RETAINED: u64 = (BLOCK * LARGEST) as u64;
 
 impl Unit {
@@ -64,8 +64,8 @@ impl Unit {
         })
     }
 
-    /// Passes on the next batch of a frame whose batches are messages. Behind a gap nobody knows where the
-    /// next one begins.
+    /// Delivers the next batch of a frame whose batches are messages. Behind a gap the start of the next one
+    /// is unknown.
     fn coded_step(
         &mut self,
         frame: FrameNumber,
@@ -105,7 +105,7 @@ impl Unit {
         }
     }
 
-    /// How long the batch is that comes next, if all of it is there.
+    /// The length of the next batch, if all of it has come.
     fn message_length(&self, ready: usize, format: &Format) -> Result<Option<usize>, LaneViolation> {
         if ready < HEADER_BYTES {
             return Ok(None);
@@ -124,7 +124,7 @@ impl Unit {
         Ok(Some(HEADER_BYTES + length).filter(|all| *all <= ready))
     }
 
-    /// How many bytes the beginning of the frame has that the unit is, if it is one.
+    /// The length of the frame's beginning, if the unit is a frame.
     fn frame_head(&self, format: &Format) -> Option<usize> {
         let first = self.first_byte()?;
         let coded = first == CODED_UNIT;
@@ -135,12 +135,12 @@ impl Unit {
         self.store.read(0..self.ready().min(1)).flatten().next().copied()
     }
 
-    /// How many bytes from `base` on have come without a gap.
+    /// The bytes from `base` on that came without a gap.
     fn ready(&self) -> u64 {
         self.store.ready().saturating_sub(self.base)
     }
 
-    /// Passes on the items that have come, wherever they are, and then the end that says how many there were.
+    /// Delivers the items that have come, wherever they are, and then the end with their number.
     fn step_over_gaps(
         &mut self,
         frame: FrameNumber,
@@ -176,7 +176,7 @@ impl Unit {
         Ok(Received::Frame(FrameMessage::Batch(batch)))
     }
 
-    /// What a unit starts with says what it is.
+    /// The start of a unit tells its kind.
     fn first_step(
         &mut self,
         ready: usize,
@@ -217,7 +217,7 @@ impl Unit {
         self.store.read(self.base..self.base + count as u64)
     }
 
-    /// The next `count` bytes count as passed on.
+    /// The next `count` bytes count as delivered.
     fn passed(&mut self, count: usize, buffers: &mut Buffers) {
         buffers.pool.work += 4 + count as u64 / 8;
         self.base += count as u64;
@@ -226,7 +226,7 @@ impl Unit {
     }
 }
 
-/// How many items a frame of so many bytes has whose items travel plain.
+/// The number of items in a plain frame of so many bytes.
 const fn plain_items(format: &Format, length: u64) -> u64 {
     length.saturating_sub(unit_head(format, false) as u64) / format.item as u64
 }

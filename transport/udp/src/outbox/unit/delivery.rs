@@ -1,4 +1,4 @@
-//! What became of the parts of a unit, and of its repair.
+//! The delivery status of a unit's parts, and of its repair.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use super::Unit;
 use crate::outbox::repair_block::{Need, RepairBlock};
 
 impl Unit {
-    /// A part has arrived; says how many bytes that freed.
+    /// A part has arrived; returns the number of bytes freed.
     pub(in crate::outbox) fn on_ack(&mut self, range: Range<u64>, ended: bool) -> usize {
         if self.given_up.is_some() {
             return 0;
@@ -35,7 +35,7 @@ impl Unit {
         self.settle(at);
     }
 
-    /// A repair shard of the block at `offset` has arrived; says how many bytes that freed.
+    /// A repair shard of the block at `offset` has arrived; returns the number of bytes freed.
     pub(in crate::outbox) fn on_repair_ack(&mut self, offset: u64, index: u8) -> usize {
         let Some(repair_block) = self.repair_block(offset) else { return 0 };
         repair_block.on_arrived(index);
@@ -53,19 +53,19 @@ impl Unit {
         self.settle(offset);
     }
 
-    /// Sends all again that was lost: nothing is heard of the repair. Says whether there was any.
+    /// Retransmits all lost data: nothing is heard of the repair. Returns whether there was any.
     pub(in crate::outbox) fn stop_waiting(&mut self) -> bool {
         let waiting = std::mem::take(&mut self.waiting);
         waiting.iter().for_each(|range| self.lost.insert(range));
         !waiting.is_empty()
     }
 
-    /// The block that `at` lies in, if it has repair.
+    /// The block around `at`, if it has repair.
     fn repair_block(&mut self, at: u64) -> Option<&mut RepairBlock> {
         self.repair_blocks.iter_mut().find(|repair_block| repair_block.range().contains(&at))
     }
 
-    /// Decides what becomes of the lost bytes of the block that `at` lies in.
+    /// Decides about the lost bytes of the block around `at`.
     fn settle(&mut self, at: u64) {
         let Some(repair_block) =
             self.repair_blocks.iter().find(|repair_block| repair_block.range().contains(&at))
@@ -88,8 +88,8 @@ impl Unit {
         }
     }
 
-    /// Forgets the bytes that have arrived; says how many. What a block that is not complete yet needs for
-    /// its repair is kept.
+    /// Frees bytes that have arrived; returns their number. Bytes that an incomplete block needs for its
+    /// repair are kept.
     fn free(&mut self) -> usize {
         let done = self.acked.end_of_run(self.base).min(self.protected.max(self.base));
         let freed = ((done - self.base) as usize).min(self.data.len());

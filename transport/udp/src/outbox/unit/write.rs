@@ -1,11 +1,11 @@
-//! What of a unit is due, as chunks.
+//! The pending chunks of a unit.
 
 use super::{GivingUp, Repair, Unit};
 use crate::chunk::{Chunk, Tail, UnitLane, part_overhead};
 use crate::recovery::Content;
 
 impl Unit {
-    /// Whether something is to be said of it that needs no window.
+    /// Whether it has something to send that needs no flow control.
     pub(in crate::outbox) fn is_due(&self) -> bool {
         if let Some(given_up) = &self.given_up {
             return given_up.due;
@@ -14,24 +14,23 @@ impl Unit {
         !self.lost.is_empty() || all_sent && (self.is_end_due() || !self.repair.is_empty())
     }
 
-    /// Whether it has bytes that were never sent.
+    /// Whether it has bytes not sent yet.
     pub(in crate::outbox) fn has_fresh(&self) -> bool {
         self.given_up.is_none() && self.sent < self.written()
     }
 
-    /// Whether it never gets such again.
+    /// Whether it never gets unsent bytes again.
     pub(in crate::outbox) fn is_all_sent(&self) -> bool {
         !self.has_fresh() && self.is_ended()
     }
 
-    /// Whether the end has to be said by itself. An end whose bytes may be restored waits for what becomes of
-    /// them.
+    /// Whether the end must be sent by itself. An end whose bytes may be restored waits for their outcome.
     fn is_end_due(&self) -> bool {
         let waits = self.waiting.iter().next_back().is_some_and(|range| range.end == self.written());
         self.end_due && !waits
     }
 
-    /// Writes the chunk that is due; gives what it carries and how many bytes of it were never sent before.
+    /// Writes the pending chunk; returns its content and the number of bytes sent for the first time.
     pub(in crate::outbox) fn write(
         &mut self,
         (lane, number): (UnitLane, u64),

@@ -1,8 +1,8 @@
-//! Batches as changes: the coding of an application for these tests.
+//! Batches as changes: an application's coding for these tests.
 //!
-//! A coded batch is a sequence of words of 32 bits: first the number of the frame that it refers to. Then
-//! come items, or, with the highest bit set, runs of that frame: 15 bits where one begins, 16 bits how many
-//! items it has.
+//! A coded batch is a sequence of words of 32 bits, first the number of its reference frame. The rest are
+//! items, or, with the highest bit set, runs of that frame: 15 bits for a run's start, 16 bits for its
+//! length.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use trimaran_wire::FrameNumber;
 
 const RUN: u32 = 1 << 31;
 
-/// How many items a coded batch stands for.
+/// The number of items in a coded batch.
 pub(crate) fn count(bytes: &[u8]) -> Option<usize> {
     let (_, changes) = bytes.split_first_chunk::<4>()?;
     let one = |word| if word & RUN == 0 { 1 } else { (word & 0xffff) as usize };
@@ -22,7 +22,7 @@ fn words(bytes: &[u8]) -> impl Iterator<Item = u32> {
     bytes.chunks_exact(4).map(|word| u32::from_le_bytes(word.try_into().unwrap()))
 }
 
-/// The frames that changes may refer to.
+/// The reference frames of changes.
 #[derive(Default)]
 pub(crate) struct Changes(BTreeMap<FrameNumber, Vec<u32>>);
 
@@ -35,7 +35,7 @@ impl Changes {
         self.0.keys().next_back().copied()
     }
 
-    /// The items as changes against a frame of rising items, where that is shorter.
+    /// The items as changes against a frame of rising items, if that is shorter.
     pub(crate) fn encode(&self, reference: Option<FrameNumber>, plain: &[u8]) -> Option<Bytes> {
         let frame = reference?;
         let (before, mut changes) = (self.0.get(&frame)?, vec![frame.0]);
@@ -43,7 +43,7 @@ impl Changes {
             let at = before.binary_search(&item).ok().filter(|at| *at < 1 << 15);
             let run = at.map(|at| RUN | (at as u32) << 16 | 1);
             match (changes.last_mut(), run) {
-                // The place behind the run that was begun.
+                // The place behind the current run.
                 (Some(last), Some(run)) if *last & RUN != 0 && run_of(*last).1 == run_of(run).0 => *last += 1,
                 (_, run) => changes.push(run.or((item & RUN == 0).then_some(item))?),
             }
@@ -66,7 +66,7 @@ impl Changes {
     }
 }
 
-/// From where to where the run goes that `word` is.
+/// The start and the end of the run `word`.
 const fn run_of(word: u32) -> (usize, usize) {
     let from = (word >> 16 & 0x7fff) as usize;
     (from, from + (word & 0xffff) as usize)

@@ -1,4 +1,4 @@
-//! Batches as changes: fewer bytes, and no frame that another one's loss could spoil.
+//! Batches as changes: fewer bytes, and no frame spoilt by the loss of another.
 
 use std::time::Duration;
 
@@ -16,8 +16,7 @@ const fn as_changes(config: Config) -> Config {
     Config { coded: true, ..config }
 }
 
-/// A walk: each frame has lost some items of the one before and won some others; once in a while everything
-/// is new.
+/// A walk: each frame has lost some items of the one before and gained others; now and then all are new.
 fn walk(frames: usize, size: u32, changed: u32, seed: u64) -> Vec<Vec<u32>> {
     let mut state = seed;
     let mut next = |below: u32| {
@@ -65,7 +64,7 @@ fn with_deadlines_changes_refer_to_what_was_confirmed_whatever_else_was_lost() {
     assert!(pair.ends[0].stats().frames_given_up as usize >= reader.gaps.len());
 }
 
-/// What is sent before anything is acknowledged stands by itself.
+/// A frame sent before any acknowledgement has no reference.
 #[test]
 fn a_frame_is_confirmed_once_all_of_it_was_acknowledged() {
     let config = as_changes(DEADLINE);
@@ -110,8 +109,8 @@ fn a_frame_that_was_given_up_is_never_confirmed() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 
-    /// Every frame is exactly what was sent or known to have gaps: [`converse`] compares, and each whole one
-    /// has the hash of its end.
+    /// Every frame is exactly as sent or known to have gaps: [`converse`] compares, and each complete one has
+    /// the hash of its end.
     #[test]
     fn no_frame_is_spoilt_by_another_ones_loss(
         loss in 0u64..400, twice in 0u64..200, late in 0u64..300, broken in 0u64..100,

@@ -1,5 +1,5 @@
-//! What frames cost where packets are lost: time and bytes, on the path of the example `lossy_path`, but
-//! counted in virtual time. With `--nocapture` the tests say what they count.
+//! The cost of frames where packets are lost: time and bytes, on the path of the example `lossy_path`, but in
+//! virtual time. With `--nocapture` the tests print it.
 
 use std::time::Duration;
 
@@ -9,9 +9,9 @@ use trimaran_udp::{Config, Repair};
 use super::network::{Network, ONE_WAY, Pair, SEALED};
 use super::talk::{RELIABLE, Reader, Sender, items};
 
-/// What UDP and IPv4 add to a packet, bytes.
+/// The headers of UDP and IPv4, bytes.
 const BELOW: u64 = 28;
-/// Frames a run.
+/// Frames per run.
 const FRAMES: u32 = 3600;
 const CLEAN: Network = Network { mtu: 1500, ..SEALED };
 const RANDOM: Network = Network { loss: 10, ..CLEAN };
@@ -19,25 +19,25 @@ const BURSTS: Network = Network { bursts: 3, ..CLEAN };
 /// A frame that takes longer than this waited for a round trip.
 const WAITED: Duration = Duration::from_millis(10);
 
-/// Some runs.
+/// Several runs.
 struct Runs {
     /// Rising.
     latencies: Vec<Duration>,
-    /// The headers of the layers below included.
+    /// With the headers of the layers below.
     bytes: u64,
-    /// Frames that did not come whole.
+    /// Frames that did not arrive complete.
     gaps: usize,
 }
 
 impl Runs {
-    /// Three, every frame of which arrives.
+    /// Three runs without gaps.
     fn of(network: Network, repair: Repair) -> Self {
         let runs = Self::many(1..4, network, Config { repair, ..RELIABLE });
         assert_eq!(runs.gaps, 0);
         runs
     }
 
-    /// One for each seed.
+    /// One run for each seed.
     fn many(seeds: impl IntoIterator<Item = u64>, network: Network, config: Config) -> Self {
         let mut runs = Self { latencies: Vec::new(), bytes: 0, gaps: 0 };
         for seed in seeds {
@@ -99,8 +99,8 @@ fn run(network: Network, config: Config) -> (Pair, Reader) {
     (pair, reader)
 }
 
-/// The first one is more than leaves at once: the rest of it is spread over the round trip that the handshake
-/// took.
+/// The first one is larger than the initial burst: the rest of it is spread over the round trip of the
+/// handshake.
 #[test]
 fn without_loss_every_frame_takes_the_way_and_the_first_one_no_round_trip_more() {
     let clean = Runs::of(CLEAN, Repair::Auto);
@@ -118,7 +118,7 @@ fn repair_spares_almost_all_frames_a_wait_for_a_seventh_more_bytes() {
     let (plain, repaired) = (Runs::of(RANDOM, Repair::Off), Runs::of(RANDOM, Repair::Auto));
     assert!(plain.waited() > 1000, "{}: there is nothing to gain", plain.waited());
     assert!(plain.bytes * 1000 < clean * 1015, "{} and {clean} bytes", plain.bytes);
-    // Beside those of a run that lose its first packet.
+    // Except for those of a run that loses its first packet.
     assert!(repaired.waited() <= 3 + 9, "{} of {}", repaired.waited(), 3 * FRAMES);
     assert!(repaired.slowest() < Duration::from_millis(30), "{:?}", repaired.slowest());
     assert!(repaired.bytes * 1000 <= clean * 1150, "{} and {clean} bytes", repaired.bytes);
@@ -133,13 +133,13 @@ fn bursts_make_few_frames_wait_and_no_link_stand_still() {
     assert!(repaired.bytes * 1000 <= clean * 1150, "{} and {clean} bytes", repaired.bytes);
 }
 
-/// A burst of losses may take the acknowledgements of several frames, as there are few of them: a sender that
-/// hears of none has no room in its window.
+/// A burst of losses may take the acknowledgements of several frames, as they are few: a sender without them
+/// has no room in its window.
 #[test]
 fn no_frame_is_late_for_lost_acknowledgements() {
     let deadline = Config { frame_deadline: Some(Duration::from_millis(50)), ..RELIABLE };
     for repair in [Repair::Off, Repair::Auto] {
-        // The last one is a long burst that finds the window full.
+        // The last seed has a long burst that finds the window full.
         let runs = Runs::many((1..6).chain([22]), BURSTS, Config { repair, ..deadline });
         assert_eq!(runs.gaps, 0);
         assert!(runs.slowest() <= Duration::from_millis(50), "{:?}", runs.slowest());

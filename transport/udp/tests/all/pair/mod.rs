@@ -1,4 +1,4 @@
-//! Two ends in virtual time, over a network that loses, doubles, delays and breaks.
+//! Two ends in virtual time, over a network that loses, duplicates, delays and breaks.
 
 mod changes;
 mod coded;
@@ -162,7 +162,7 @@ fn both_ends_count_what_became_of_their_packets() {
     let arrived = receiver.received as f64 / sender.sent as f64;
     assert!((0.98..0.995).contains(&arrived), "{arrived} of the packets, where one in a hundred is lost");
     let gone = sender.sent - receiver.received;
-    // The last losses are not found yet, and what only acknowledges is not missed.
+    // The last losses are not detected yet, and packets that only acknowledge are not tracked.
     assert!(sender.lost <= gone && sender.lost * 10 >= gone * 8, "{} of {gone} found lost", sender.lost);
     assert!(sender.repeated > 0 && sender.repeated <= sender.lost + sender.probes, "{sender:?}");
     assert!(sender.repair_sent >= receiver.frames_repaired, "{sender:?}");
@@ -176,7 +176,7 @@ fn both_ends_count_what_became_of_their_packets() {
 fn what_cannot_arrive_in_time_is_given_up_and_the_rest_is_passed_on() {
     let config = Config { repair_percent: 0, frame_deadline: Some(Duration::from_millis(9)), ..RELIABLE };
     let (pair, reader) = stream(Network { loss: 10, ..SEALED }, config, 5);
-    // A round trip takes 10 ms: what is lost is not sent again in time.
+    // A round trip takes 10 ms, so retransmissions are too late.
     assert!(reader.gaps.len() > 10, "{} frames with gaps", reader.gaps.len());
     assert!(pair.ends[0].stats().frames_given_up >= reader.gaps.len() as u64);
     let missing: usize =
@@ -207,7 +207,7 @@ fn a_deadline_before_anything_can_have_come_is_known_once_the_way_was_measured()
     assert_eq!((hopeless(Some(Duration::from_millis(6))), hopeless(None)), (None, None));
 }
 
-/// Nothing is acknowledged, so that the window stays as it was at first.
+/// Nothing is acknowledged, so the window stays at its initial size.
 #[test]
 fn no_more_is_under_way_than_the_congestion_window_allows() {
     let mut pair = Pair::new(CLEAN, config());

@@ -1,4 +1,4 @@
-//! Ends that go elsewhere while they talk, and others who say that they have.
+//! Ends that migrate while they talk, and attackers that pretend to be them.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -20,22 +20,22 @@ fn address(host: u8, port: u16) -> SocketAddr {
     ([10, 0, 0, host], port).into()
 }
 
-/// A packet on its way: when it arrives, the order of those that arrive together, where from, where to, what.
+/// A packet in flight: its arrival, its order among equal arrivals, source, destination, bytes.
 type Flight = (Instant, u64, SocketAddr, SocketAddr, Vec<u8>);
 
 /// A machine that sends sixty frames a second and a display that sends as many values, 5 ms from each other.
 struct Travel {
     now: Instant,
     ends: [Connection; 2],
-    /// Where each one is.
+    /// The address of each.
     at: [SocketAddr; 2],
     flying: BinaryHeap<Reverse<Flight>>,
     count: u64,
     /// One packet in so many is lost; none if it is 0.
     loss: u64,
-    /// Bytes that arrived where nobody is.
+    /// Bytes that arrived at addresses without an end.
     astray: BTreeMap<SocketAddr, usize>,
-    /// Where somebody repeats all packets of the display from, who is faster than the network.
+    /// The address of an attacker that repeats all packets of the display, faster than the network.
     echo: Option<SocketAddr>,
     sender: Sender,
     reader: Reader,
@@ -111,7 +111,7 @@ impl Travel {
         }
     }
 
-    /// Goes on for so long; new frames and values come if they `talk`.
+    /// Runs for this time; new frames and values come if they `talk`.
     fn go_on(&mut self, span: Duration, talk: bool) {
         let end = self.now.after(span);
         while self.now < end {
@@ -144,7 +144,7 @@ impl Travel {
         self.go_on(Duration::from_secs(1), true);
     }
 
-    /// Lets arrive what is under way; all frames must have come, whole. Gives the longest time that one took.
+    /// Lets packets in flight arrive; all frames must have come completely. Returns the longest time of one.
     fn settle(&mut self) -> Duration {
         while !self.ends.iter().all(Connection::is_drained) {
             assert!(self.now.since(self.next) < Duration::from_secs(60), "{:?}", self.ends);
@@ -173,7 +173,7 @@ fn frames_go_on_after_a_moment_when_either_end_gets_another_address() {
         travel.talk();
         assert_eq!(travel.ends[1 - who].remote(), Some(there));
         let longest = travel.settle();
-        // A frame, the question, the answer, and the frame again, behind others that waited as it did.
+        // A frame, the challenge, the response, and the frame again, behind others that waited too.
         assert!(longest < before + Duration::from_millis(80), "{longest:?}, before {before:?}");
     }
 }
@@ -225,7 +225,7 @@ fn who_repeats_packets_from_elsewhere_gets_few_and_leads_nobody_astray() {
     travel.talk();
     let before = travel.settle();
     let (victim, home) = (address(66, 6), travel.at[DISPLAY]);
-    // The copies come first: the genuine packets are the ones that count as repeated.
+    // The copies come first, so the genuine packets count as repeated.
     travel.echo = Some(victim);
     let received = travel.ends[MACHINE].stats().received_bytes;
     travel.talk();
@@ -243,7 +243,7 @@ fn an_old_packet_from_elsewhere_leads_nowhere() {
     let mut travel = Travel::begin();
     let elsewhere = address(66, 6);
     travel.talk();
-    // A copy of a packet that has come, and a packet that has not but is not the newest.
+    // A copy of a received packet, and a new packet that is not the newest.
     let mut late = Vec::new();
     travel.ends[DISPLAY].publish(value(1000));
     assert!(travel.ends[DISPLAY].poll_transmit(travel.now, &mut late));
@@ -268,7 +268,7 @@ proptest! {
         let mut travel = Travel::begin();
         travel.loss = if loss < 20 { 0 } else { loss };
         for (who, host, port, ms) in moves {
-            // Both at once would be lost to each other: nobody is where the other sends to.
+            // Both at once would lose each other: neither is at the address that the other sends to.
             travel.go_on(Duration::from_millis(ms + 2500), true);
             travel.at[who] = address(host + 4 * who as u8, port);
         }

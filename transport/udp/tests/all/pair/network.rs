@@ -11,7 +11,7 @@ use trimaran_udp::{
     Acceptor, Config, Connecting, Connection, ConnectionId, Handled, MIN_DATAGRAM, Progress, Security,
 };
 
-/// What happens to packets, in 1/1000.
+/// The impairments of packets, in 1/1000.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Network {
     pub(crate) loss: u64,
@@ -33,10 +33,10 @@ pub(crate) const CLEAN: Network =
 pub(crate) const SEALED: Network = Network { sealed: true, ..CLEAN };
 pub(crate) const ONE_WAY: Duration = Duration::from_millis(5);
 
-/// Arrival, order, whither, what.
+/// Arrival, order, destination, bytes.
 type Flight = (Instant, u64, usize, Vec<u8>);
 
-/// Two ends that have met at a acceptor and share a key.
+/// Two ends that have met at an acceptor and share a key.
 pub(crate) fn introduce(
     now: Instant,
     here: ConnectionId,
@@ -77,7 +77,7 @@ pub(crate) struct Pair {
     pub(crate) burst_losses: u64,
     /// Nothing that the first end sends arrives.
     pub(crate) deaf: bool,
-    /// The first end does nothing before: its machine does not let it run.
+    /// The first end does nothing before this time: its machine does not let it run.
     pub(crate) asleep_until: Instant,
 }
 
@@ -155,7 +155,7 @@ impl Pair {
         }
     }
 
-    /// Goes to the next thing that happens, but no further than `wake`.
+    /// Advances to the next event, but not beyond `wake`.
     pub(crate) fn step_until(&mut self, wake: Instant, end: Instant) -> bool {
         if self.step(wake) {
             return true;
@@ -164,7 +164,7 @@ impl Pair {
         wake < end
     }
 
-    /// Goes to the next thing that happens; false when nothing ever will, or not before `end`.
+    /// Advances to the next event; false if there is none before `end`.
     pub(crate) fn step(&mut self, end: Instant) -> bool {
         self.transmit();
         let arrival = self.flying.peek().map(|Reverse((at, ..))| *at);

@@ -1,4 +1,4 @@
-//! A sender that a busy machine lets run only now and then.
+//! A sender that rarely gets to run on a busy machine.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use super::talk::{RELIABLE, Reader, Sender, items};
 /// More than a frame's time, and more than a round trip.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// Rising, how long so many frames took.
+/// The latencies of so many frames, rising.
 fn latencies(count: u32, network: Network) -> Vec<Duration> {
     let mut pair = Pair::new(network, RELIABLE);
     let (mut sender, mut reader) = (Sender::new(RELIABLE), Reader::default());
@@ -45,8 +45,7 @@ fn slowest(latencies: &[Duration]) -> Duration {
     latencies[latencies.len() - 1]
 }
 
-/// It has to catch up with a frame and a quarter each time: more packets than may leave at once after a time
-/// in which none was due.
+/// It has to catch up by a frame and a quarter each time: more packets than a burst after an idle time.
 #[test]
 fn a_sender_that_runs_seldom_falls_behind_by_what_it_sleeps_and_no_more() {
     let latencies = latencies(600, Network { mtu: 1500, ..SEALED });

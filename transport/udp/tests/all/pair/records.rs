@@ -1,5 +1,5 @@
-//! The lanes of messages and of blocks beside frames: all of it arrives in order, whatever is lost and whoever
-//! reads.
+//! The lanes of messages and of blocks beside frames: everything arrives in order, with any losses and slow
+//! readers.
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ fn message(number: u32) -> Bytes {
     number.to_le_bytes().into_iter().cycle().take(length).collect()
 }
 
-/// Says messages or blocks from number `next` on, as long as there is room and up to `count`; then closes.
+/// Sends messages or blocks from number `next` on, as long as there is room and up to `count`; then closes.
 fn say(end: &mut Connection, lane: UnitLane, next: &mut u32, count: u32) {
     while *next <= count && end.is_writable(lane) {
         if *next == count {
@@ -34,7 +34,7 @@ fn say(end: &mut Connection, lane: UnitLane, next: &mut u32, count: u32) {
     }
 }
 
-/// What an end has read of the lane: how many messages, each the one that was due, and whether the close
+/// An end's reading of the lane: the number of messages, each the expected one, and whether the close
 /// followed.
 #[derive(Default)]
 struct Read {
@@ -58,8 +58,8 @@ impl Read {
     }
 }
 
-/// Both ends say `count` messages or blocks and a close, while the first one sends frames, sixty a second. Gives how
-/// many of these were not whole.
+/// Both ends send `count` messages or blocks and a close, while the first one sends frames, sixty a second.
+/// Returns how many of these were incomplete.
 fn converse(network: Network, config: Config, lane: UnitLane, count: u32, frame: &[u32]) -> usize {
     let mut pair = Pair::new(network, config);
     let (mut sender, mut reader) = (Sender::new(config), Reader::default());
@@ -97,14 +97,14 @@ fn messages_and_blocks_arrive_both_ways_in_order_beside_frames() {
 fn every_message_and_block_arrives_once_where_a_third_is_lost_and_frames_have_a_deadline() {
     let lossy = Network { loss: 300, twice: 50, late: 100, ..CLEAN };
     for lane in [MESSAGES, BULK] {
-        // Long frames leave such a network nothing for blocks, which go last.
+        // Long frames leave blocks nothing of such a network, because blocks go last.
         let frame = if lane == BULK { 100 } else { 1000 };
         let gaps = converse(lossy, DEADLINE, lane, 300, &items(frame));
         assert!(gaps > 10, "only {gaps} frames with gaps: the network loses too little");
     }
 }
 
-/// Of a block that was there first nothing leaves while a frame or a message has anything to send.
+/// Nothing of an earlier block leaves while a frame or a message has data to send.
 #[test]
 fn a_block_goes_behind_all_of_a_frame_and_of_messages() {
     const COUNT: u32 = 50;
@@ -121,7 +121,7 @@ fn a_block_goes_behind_all_of_a_frame_and_of_messages() {
     assert_eq!((reader.frames.len(), heard.messages), (1, COUNT), "the block came first");
 }
 
-/// Nobody reads frames, and all that may be under way of them is.
+/// Nobody reads frames, and their whole window is in flight.
 #[test]
 fn a_message_waits_for_no_frame_that_nobody_reads() {
     let config = Config { window: 64 << 10, send_buffer: 64 << 10, ..RELIABLE };
@@ -137,7 +137,7 @@ fn a_message_waits_for_no_frame_that_nobody_reads() {
     assert_eq!(pair.ends[1].recv(MESSAGES), Some(Received::Message(message(0))));
 }
 
-/// Behind a frame of four megabytes on its way, a message leaves with one of the next two packets.
+/// A message behind a frame of four megabytes leaves with one of the next two packets.
 #[test]
 fn a_message_overtakes_a_frame_on_its_way() {
     let mut pair = Pair::new(CLEAN, RELIABLE);
@@ -153,8 +153,7 @@ fn a_message_overtakes_a_frame_on_its_way() {
     assert!(pair.now.since(said_at) < 2 * ONE_WAY, "{:?}", pair.now.since(said_at));
 }
 
-/// Where the window is small, for much is lost, a sender that always has something to say takes half of the
-/// packets at most.
+/// If losses keep the window small, an endless sender of messages takes at most half of the packets.
 #[test]
 fn a_frame_goes_on_beside_messages_without_end() {
     let mut pair = Pair::new(Network { loss: 300, ..CLEAN }, RELIABLE);
@@ -170,7 +169,7 @@ fn a_frame_goes_on_beside_messages_without_end() {
     }
 }
 
-/// A reader that does not read holds the sender up, and nothing is lost.
+/// A slow reader holds the sender up, and nothing is lost.
 #[test]
 fn a_sender_waits_for_a_reader_and_loses_nothing() {
     for lane in [MESSAGES, BULK] {

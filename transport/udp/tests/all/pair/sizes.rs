@@ -1,4 +1,4 @@
-//! Values, headers and items of other sizes than those of the other tests.
+//! Values, headers and items of other sizes than in the other tests.
 
 use std::time::Duration;
 
@@ -13,13 +13,13 @@ use super::talk::RELIABLE;
 /// The most items of a frame.
 const MOST: u32 = 300;
 
-/// The item of that number: `size` bytes that belong to no other number nearby.
+/// The item of that number: `size` bytes that differ from those of its neighbours.
 fn item(number: u32, size: usize) -> impl Iterator<Item = u8> {
     number.wrapping_mul(2_654_435_761).to_be_bytes().into_iter().cycle().take(size)
 }
 
-/// Sends frames of so many items, one every 5 ms; gives how many items of each came. Those that come are
-/// whole and in order, and each frame has the header and the end that it was sent with.
+/// Sends frames of so many items, one every 5 ms; returns how many items of each arrived. Those are whole and
+/// in order, and each frame has its header and end.
 fn came(network: Network, config: Config, counts: &[u32]) -> Vec<u32> {
     let size = config.format.item;
     let mut pair = Pair::new(network, config);
@@ -93,7 +93,7 @@ proptest! {
     }
 }
 
-/// A shard fills a packet whatever the size of an item.
+/// A shard fills a packet for any size of item.
 #[test]
 fn large_items_take_no_more_packets_than_small_ones() {
     let packets = |item: usize| {

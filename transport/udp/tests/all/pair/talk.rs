@@ -1,4 +1,4 @@
-//! Frames from one end to the other, and what must come of them.
+//! Frames from one end to the other, and checks of their arrival.
 
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ pub(crate) fn items(count: u32) -> Vec<u32> {
 /// A sender of frames.
 pub(crate) struct Sender {
     writer: FrameWriter<u32>,
-    /// The frames that batches may refer to, where they are coded.
+    /// The reference frames of batches, if they are coded.
     changes: Option<Changes>,
     /// Whether every frame arrives.
     reliable: bool,
@@ -58,16 +58,16 @@ impl Sender {
     }
 }
 
-/// Reads what is there; gives the complete frames' items.
+/// Reads all available data; returns the complete frames' items.
 pub(crate) struct Reader {
     assembler: FrameAssembler,
-    /// The frames that batches may refer to.
+    /// The reference frames of batches.
     changes: Changes,
     /// How many batches came as changes.
     pub(crate) coded: usize,
     items: Vec<u32>,
     pub(crate) frames: Vec<Vec<u32>>,
-    /// Which frames had gaps, and how many items they should have had.
+    /// The frames with gaps, and how many items they should have had.
     pub(crate) gaps: Vec<(usize, u32)>,
     pub(crate) ended: Option<Received>,
     pub(crate) now: Instant,
@@ -93,7 +93,7 @@ impl Default for Reader {
 }
 
 impl Reader {
-    /// How long frames took from their beginning to their end's arrival, rising.
+    /// The latencies of frames from their beginning to their end's arrival, rising.
     pub(crate) fn latencies(&self) -> Vec<Duration> {
         let mut latencies: Vec<_> =
             self.begun.iter().zip(&self.over).map(|(begun, over)| over.since(*begun)).collect();
@@ -141,7 +141,7 @@ impl Reader {
     }
 }
 
-/// Sends frames of these sizes and a close over `network`; all must arrive whole.
+/// Sends frames of these sizes and a close over `network`; all must arrive complete.
 pub(crate) fn deliver(network: Network, config: Config, sizes: &[u32]) -> Pair {
     let (pair, reader) = converse(network, config, &of_sizes(sizes), Duration::ZERO);
     assert_eq!(reader.gaps, []);
@@ -153,7 +153,7 @@ pub(crate) fn of_sizes(sizes: &[u32]) -> Vec<Vec<u32>> {
     sizes.iter().map(|size| items(*size)).collect()
 }
 
-/// Sends frames, one after each `pause`, and a close. The end must arrive, and of each frame its items in
+/// Sends frames, one after each `pause`, and a close. The end must arrive, and the items of each frame in
 /// order, with gaps where the configuration allows them.
 pub(crate) fn converse(
     network: Network,

@@ -1,4 +1,4 @@
-//! The examples in a page about bytes on the wire: for the tests of all crates that have such a page.
+//! The examples in a page about the wire format: for the tests of all crates that have such a page.
 
 use std::collections::BTreeMap;
 

@@ -1,5 +1,5 @@
-//! An application of its own for the tests, which leaves to the trait what it can: a robot says where it is,
-//! and sends frames of the map's cells that it found taken.
+//! An application for the tests, which keeps the trait's defaults where it can: a robot sends its pose, and
+//! frames of the map's cells that it found taken.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -16,15 +16,15 @@ pub(crate) struct Pose {
     pub(crate) heading: f32,
 }
 
-/// When a frame was seen: milliseconds.
+/// When a frame was seen, in milliseconds.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Time(pub(crate) u64);
 
-/// What a robot is told.
+/// A command to a robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) enum Command {
     Stop,
-    /// By the name of a place.
+    /// The name of a place.
     GoTo(String),
 }
 
