@@ -90,7 +90,7 @@ fn glass_of_the_model_is_so_in_a_display_without_the_scene() {
     let mut culler = bench.start(&["role", "culler", "--scene", "glass.scene", "--listen", &at]);
     culler.says("the culler listens on");
     let display = ["role", "display", "--cullers", &at, "--path", "path.json", "--out", "alone"];
-    bench.done(&[&display[..], &["--width", "128", "--height", "128"]].concat());
+    bench.done(&[&display[..], &["--width", "128", "--height", "128", "--audit-every", "1"]].concat());
     assert!(pictures(&bench, "alone") == shown, "other pictures in a process of its own");
 }
 
