@@ -20,11 +20,11 @@ use std::{
 
 use glam::DVec3;
 use serde::Deserialize;
-use trimaran::walkthrough::Auditor;
+use trimaran::walkthrough::{Auditor, ViewStates};
 use trimaran_cook::Model;
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::{GpuScene, ItemImage};
-use trimaran_proto::{Camera, FrameNumber, Settings};
+use trimaran_proto::{Camera, FrameNumber, ObjectSet, Settings, ViewState};
 use trimaran_scene::{Scene, path::Pose};
 
 use crate::common::data::{Data, cooked, imported};
@@ -164,7 +164,10 @@ fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let drawn = GpuScene::new(&gpu, &scene)?;
     // The rule decides levels, and does not matter at full detail.
     let size = Viewport::new(truth.width, truth.height)?;
-    let mut auditor = Auditor::new(&scene, &drawn, Settings::new(size, LodRule::new(1.0)?))?;
+    let settings = Settings::new(size, LodRule::new(1.0)?);
+    // To the truth all objects are solid.
+    let solid = ViewState { see_through: Some(ObjectSet::default()), ..settings.into() };
+    let mut auditor = Auditor::new(&scene, &drawn, ViewStates::new(solid, Vec::new()))?;
 
     println!(
         "{name}: {} objects are twins of another; missing/surplus objects (at edges)",
