@@ -58,8 +58,7 @@ fn becomes(browser: &mut Browser, what: &str, is_it: impl Fn(&Value) -> bool) ->
     panic!("{what} does not come about: {}", state(browser))
 }
 
-/// Does something that takes the eye elsewhere, once the service has said from which sides that is open. Looks
-/// from there.
+/// Does something that moves the eye once the service has said which sides are open, and looks from there.
 fn goes(browser: &mut Browser, act: impl FnOnce(&mut Browser)) -> Value {
     let before = state(browser);
     act(browser);

@@ -84,7 +84,8 @@ proptest! {
             let shown = objects_on(&scene, &cut);
             prop_assert!(shown.iter().all(|object| state.appearance(*object, false) != Appearance::Hidden));
             // Coarser levels may bring in objects beside the picture; the finest ones show just these.
-            for object in all.iter().filter(|object| state.appearance(**object, false) != Appearance::Hidden) {
+            let is_shown = |object: &&u32| state.appearance(**object, false) != Appearance::Hidden;
+            for object in all.iter().filter(is_shown) {
                 prop_assert!(shown.contains(object), "object {} is missing", object);
             }
             for id in cut {

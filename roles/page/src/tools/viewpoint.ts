@@ -1,7 +1,6 @@
 /** A viewpoint: the eye's pose, and the changes of the view. Its text form is part of a link's address. */
 
 import { MODES, type Mode } from "../navigate/navigator.ts";
-import { ObjectSet } from "../proto/objectSet.ts";
 import { decodeViewState, encodeViewState, type Point, type ViewState } from "../proto/viewState.ts";
 import type { SceneDescription } from "../service/service.ts";
 import type { UserView } from "../viewer/viewHistory.ts";
@@ -79,10 +78,10 @@ export function decodeViewpoint(text: string): Viewpoint | undefined {
     }
     const end = (): End => ({ point: point(), error: reader.option(() => reader.f64()) });
     const distances = Array.from({ length: count }, () => ({ from: end(), to: end() }));
-    const { sections, hidden, isolated, seeThrough = ObjectSet.EMPTY } = decodeViewState(reader.rest());
+    const { sections, hidden, isolated, seeThrough } = decodeViewState(reader.rest());
     const ends = distances.flatMap(({ from, to }) => [from, to]);
     const measured = ends.flatMap(({ point, error = 0 }) => [...point, error]);
-    if (![...eye, ...forward, vfovDeg, ...measured].every(Number.isFinite)) {
+    if (seeThrough === undefined || ![...eye, ...forward, vfovDeg, ...measured].every(Number.isFinite)) {
       return undefined;
     }
     return {
