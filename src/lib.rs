@@ -48,17 +48,20 @@
 //! | `window` | a display in a window of the system, with the feature `window` |
 //! | [`culling`] | how a culler culls: Trimaran's method, and those it is compared with |
 
+#[cfg(feature = "lab")]
 pub mod comparison;
 pub mod config;
 pub mod culling;
 pub mod http;
 pub mod metrics;
-#[cfg(target_os = "linux")]
+#[cfg(all(feature = "lab", target_os = "linux"))]
 pub mod netem;
 pub mod page;
 pub mod report;
 pub mod scene_cache;
+#[cfg(feature = "lab")]
 pub mod simulate;
+#[cfg(feature = "lab")]
 pub mod trace;
 pub mod vulkan;
 pub mod walkthrough;

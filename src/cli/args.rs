@@ -1,28 +1,36 @@
 //! What the command line accepts. The help texts are the manual: each says what a thing is, its unit and its
 //! default.
 
+#[cfg(feature = "lab")]
 mod compare;
 mod cullers;
 mod links;
 mod roles;
 mod scenes;
 mod serve;
+#[cfg(feature = "lab")]
 mod sim;
 mod walks;
 
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
+#[cfg(feature = "lab")]
 pub(crate) use compare::CompareArgs;
-pub(crate) use cullers::{CullerArgs, ScheduleArg};
-pub(crate) use links::{Coding, NetemArgs, PingArgs, StatArgs};
+pub(crate) use cullers::CullerArgs;
+#[cfg(feature = "lab")]
+pub(crate) use cullers::ScheduleArg;
+#[cfg(feature = "lab")]
+pub(crate) use links::NetemArgs;
+pub(crate) use links::{Coding, PingArgs, StatArgs};
 pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, ReadingArgs, Up};
 pub(crate) use serve::{DeviceArgs, GuestArgs, ServeArgs, ViewArgs};
+#[cfg(feature = "lab")]
 pub(crate) use sim::{SimArgs, SimLink};
-pub(crate) use walks::{
-    DemoArgs, LinkKind, OcclusionTestArg, ReportArgs, RunArgs, Size, SweepArgs, WalkArgs,
-};
+#[cfg(feature = "lab")]
+pub(crate) use walks::SweepArgs;
+pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, ReportArgs, RunArgs, Size, WalkArgs};
 
 /// Walk through CAD models of process plants with tens of millions of triangles.
 ///
@@ -69,14 +77,18 @@ pub(crate) enum Command {
     /// Add to a report the pictures and checks that were left out when its walk was stopped.
     Report(ReportArgs),
     /// Walk the same path at several error bounds: speed against error.
+    #[cfg(feature = "lab")]
     Sweep(SweepArgs),
     /// Walk the same path with other systems, those of the paper among them: speed, what is drawn, error.
+    #[cfg(feature = "lab")]
     Compare(CompareArgs),
     /// Simulate the three roles on a network: frame latency and bandwidth by transport, before a cable is
     /// bought.
+    #[cfg(feature = "lab")]
     Sim(SimArgs),
     /// Put a network of the simulator between real programs: network namespaces whose packets are late, lost
     /// or queued.
+    #[cfg(feature = "lab")]
     Netem(NetemArgs),
     /// Run one role of a deployment on several machines.
     #[command(subcommand)]

@@ -5,16 +5,17 @@ mod lag;
 mod walks;
 
 use trimaran::{
-    comparison::{Coherence, System},
-    report::{
-        Report,
-        comparison::{ComparedPicture, write},
+    comparison::{
+        Coherence, ComparedPicture, System,
         schema::{
             AloneFigures, COMPARISON_VERSION, CoherencePoint, Comparison, ComparisonTable, CurvePoint,
-            DrawnFigures, ExactFrame, FrameCost, MeasuredFigures, Stat, SystemFigures, SystemFrame,
-            timestamp,
+            DrawnFigures, ExactFrame, FrameCost, MeasuredFigures, SystemFigures, SystemFrame,
         },
-        text,
+        summary, write,
+    },
+    report::{
+        Report,
+        schema::{Stat, timestamp},
     },
     walkthrough::{CameraPath, Plan, Walk},
 };
@@ -49,7 +50,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<(), Failure> {
     if args.json {
         print_json(&found)?;
     } else {
-        print!("{}", text::comparison(&found));
+        print!("{}", summary(&found));
         println!("page: {}", page.display());
     }
     ended.map_err(|why| {

@@ -38,7 +38,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         gpu_memory: None,
         device_timeout: GpuOptions::TIMEOUT.as_secs_f64(),
         alone: false,
-        audit_every: 10,
+        audit_every: WalkArgs::AUDIT_EVERY,
     };
     run::run(&RunArgs::of(scene, walk, args.out.clone()))
 }

@@ -7,6 +7,7 @@ mod terminal;
 mod address;
 mod args;
 mod browser;
+#[cfg(feature = "lab")]
 mod compare;
 mod cooking;
 mod culling;
@@ -18,7 +19,7 @@ mod generate;
 mod import;
 mod info;
 mod keys;
-#[cfg(target_os = "linux")]
+#[cfg(all(feature = "lab", target_os = "linux"))]
 mod netem;
 mod output;
 mod ping;
@@ -29,9 +30,11 @@ mod report;
 mod role;
 mod run;
 mod serve;
+#[cfg(feature = "lab")]
 mod sim;
 mod stat;
 mod stopping;
+#[cfg(feature = "lab")]
 mod sweep;
 mod view;
 mod walking;
@@ -55,6 +58,7 @@ pub(crate) fn main() -> ExitCode {
     // Otherwise thousands of simulated links, a comparison's walks and a window with too few cores would
     // repeat the same warnings.
     let is_quiet = match &cli.command {
+        #[cfg(feature = "lab")]
         Command::Sim(_) | Command::Compare(_) => true,
         Command::View(args) => args.window,
         _ => false,
@@ -84,12 +88,15 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Serve(args) => serve::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Report(args) => report::run(&args),
+        #[cfg(feature = "lab")]
         Command::Sweep(args) => sweep::run(&args),
+        #[cfg(feature = "lab")]
         Command::Compare(args) => compare::run(&args),
+        #[cfg(feature = "lab")]
         Command::Sim(args) => sim::run(&args),
-        #[cfg(target_os = "linux")]
+        #[cfg(all(feature = "lab", target_os = "linux"))]
         Command::Netem(args) => netem::run(&args),
-        #[cfg(not(target_os = "linux"))]
+        #[cfg(all(feature = "lab", not(target_os = "linux")))]
         Command::Netem(_) => {
             Err(Failure::bad_input("emulating a network needs Linux's network namespaces and TUN devices"))
         }

@@ -37,6 +37,7 @@ pub(super) struct Kind {
 /// Cooked scenes.
 pub(super) const SCENE: Kind = Kind { name: "cooked scene", begins: trimaran_scene::looks_like_a_scene };
 /// Traces of walks.
+#[cfg(feature = "lab")]
 pub(super) const TRACE: Kind = Kind { name: "trace", begins: trimaran::trace::looks_like_a_trace };
 
 /// Enough first bytes to tell a file's kind.

@@ -13,13 +13,14 @@ use trimaran::{
         schema::{Ended, HowEnded},
         text,
     },
-    trace::Trace,
-    walkthrough::{FrameRecord, GivesUp, Journal, ReportingError, Walk, Written, write_report},
+    walkthrough::{FrameRecord, GivesUp, Journal, Plan, ReportingError, Walk, Written, write_report},
 };
 use trimaran_actors::{Stop, Stopwatch};
 use trimaran_transport::causes;
 
-use super::{Failure, output, print_json, progress};
+#[cfg(feature = "lab")]
+use super::output;
+use super::{Failure, print_json, progress};
 
 /// Why a walk ended before its end.
 #[derive(Debug)]
@@ -52,11 +53,20 @@ pub(super) fn open_folder(
         .map_err(|error| if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) })
 }
 
-/// Whether a trace can be written to this path.
-pub(super) fn check_trace(path: Option<&Path>) -> Result<(), Failure> {
-    let Some(path) = path else { return Ok(()) };
-    output::check(path, &output::TRACE, &[]).map_err(Failure::bad_input)?;
-    Trace::check_path(path).map_err(Failure::bad_input)
+/// Whether the program can make what is wanted beside a walk: its audits, and a trace at this path.
+pub(super) fn check(plan: &Plan, trace: Option<&Path>) -> Result<(), Failure> {
+    if cfg!(not(feature = "lab")) && (plan.audit_every > 0 || plan.visible || trace.is_some()) {
+        return Err(Failure::bad_input(
+            "this program was built without the feature `lab`, which has audits and traces: set audit-every \
+             to 0, and leave out visible and record",
+        ));
+    }
+    #[cfg(feature = "lab")]
+    if let Some(path) = trace {
+        output::check(path, &output::TRACE, &[]).map_err(Failure::bad_input)?;
+        trimaran::trace::Trace::check_path(path).map_err(Failure::bad_input)?;
+    }
+    Ok(())
 }
 
 /// A walk that is over, and not reported yet.
@@ -79,6 +89,7 @@ pub(super) struct Recording<'w> {
 }
 
 impl Recording<'_> {
+    #[cfg(feature = "lab")]
     /// Its frames, if the walk has all that its path asks for.
     pub(super) fn whole(self) -> Result<Vec<FrameRecord>, Failure> {
         let due = self.walk.plan.frames_due(self.walk.path.frames());
@@ -179,13 +190,21 @@ fn ended(
 }
 
 /// Writes the trace of a walk, if one is wanted.
+#[cfg(feature = "lab")]
 fn record(trace: Option<&Path>, walk: Walk<'_>, records: &[FrameRecord]) -> Result<(), Failure> {
     let Some(path) = trace else { return Ok(()) };
-    let trace = Trace::of(walk.file.scene.hash(), walk.plan, records).map_err(Failure::incomplete)?;
-    trace.write(path).map_err(Failure::incomplete)
+    let trace = trimaran::trace::Trace::of(walk.file.scene.hash(), walk.plan, records);
+    trace.map_err(Failure::incomplete)?.write(path).map_err(Failure::incomplete)
+}
+
+/// Without the laboratory [`check`] refuses a trace.
+#[cfg(not(feature = "lab"))]
+fn record(_: Option<&Path>, _: Walk<'_>, _: &[FrameRecord]) -> Result<(), Failure> {
+    Ok(())
 }
 
 impl Outcome {
+    #[cfg(feature = "lab")]
     /// The report, if it lacks nothing.
     pub(super) fn whole(self) -> Result<Report, Failure> {
         match self.missing {

@@ -12,7 +12,7 @@ use super::{
     Failure,
     args::{DeviceArgs, ReportArgs},
     print_json, progress,
-    recording::{Grace, open_folder},
+    recording::{self, Grace, open_folder},
     walking::{self, gpu_options, open, upload},
 };
 
@@ -21,6 +21,7 @@ pub(super) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let scene = args.scene.clone().unwrap_or_else(|| PathBuf::from(&unchecked.run.scene.file));
     let file = open(&scene)?;
     let plan = unchecked.plan().map_err(Failure::bad_input)?;
+    recording::check(&plan, None)?;
     let path = unchecked.path(&file.scene, &scene).map_err(Failure::bad_input)?;
     let records = unchecked.records(&file.scene, &path).map_err(Failure::bad_input)?;
     let DeviceArgs { device, gpu_memory, device_timeout } = &args.device;

@@ -20,7 +20,7 @@ use super::{
     culling::{Host, largest, limits},
     display::{Cullers, DisplaySession, EmptyScene, about, identity, role_info, seek},
     progress,
-    recording::{Recording, check_trace, open_folder},
+    recording::{self, Recording, open_folder},
     walking::{self, Metrics, Start, gpu_options, scene, upload},
 };
 
@@ -121,7 +121,7 @@ fn display(
     let endpoints = || config.cullers.iter().chain(&config.listen).flat_map(Endpoints::iter);
     let known = security(options, endpoints(), config.keys.as_deref(), &peers);
     let mut options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
-    check_trace(config.record.as_deref())?;
+    recording::check(&plan, config.record.as_deref())?;
     let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
     let start = Start::new(runtime, config.join_timeout_s, until_input_ends);
     let Some(mut folder) = start.until(async || open_folder(Writer::open, &config.out))? else {
@@ -300,7 +300,7 @@ fn session_plan(session: &SessionConfig, schedule: &str) -> Result<Plan, Failure
         occlusion_test: session.occlusion_test.parse().map_err(Failure::bad_input)?,
         pace: walking::pace(session.live_hz),
         schedule: schedule.parse().map_err(Failure::bad_input)?,
-        audit_every: session.audit_every,
+        audit_every: if cfg!(feature = "lab") { session.audit_every } else { 0 },
         visible: session.visible,
         alone: false,
     })

@@ -21,7 +21,7 @@ use super::{
     display::{Cullers, DisplaySession, EmptyScene, about, role_info},
     processes::{CullerProcesses, Keyring, endpoints},
     progress,
-    recording::{Outcome, Recording, check_trace, open_folder},
+    recording::{self, Outcome, Recording, open_folder},
     walking::{self, Metrics, open, stop_on_signal, upload},
 };
 
@@ -79,7 +79,7 @@ pub(super) fn walk(
     let pace = walking::pace(args.live);
     let plan = walking::plan(walk, args.cullers, args.epsilon, args.culling, args.visible, pace)?;
     let path = walking::path(walk, &plan, &file.scene, args.state.as_deref())?;
-    check_trace(args.record.as_deref())?;
+    recording::check(&plan, args.record.as_deref())?;
     let folder = open_folder(Writer::create, &args.out)?;
     let opened = match (link, devices) {
         (LinkKind::Inproc, None) => Some(open_devices(file, args.cullers.cullers.into(), walk)?),

@@ -63,7 +63,11 @@ pub(super) fn run(args: &ViewArgs) -> Result<(), Failure> {
     };
     let (is_driven, mut opened) = (args.drive.is_some(), None);
     let report = service.run(|url| {
-        let url = match (is_driven, &args.network) {
+        #[cfg(feature = "lab")]
+        let network = args.network.as_deref();
+        #[cfg(not(feature = "lab"))]
+        let network = None::<&str>;
+        let url = match (is_driven, network) {
             (false, _) => url.to_owned(),
             (true, None) => format!("{url}#drive"),
             (true, Some(network)) => format!("{url}#drive={network}"),

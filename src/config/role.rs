@@ -382,7 +382,8 @@ pub struct SessionConfig {
     #[config(env = "TRIMARAN_SESSION_STATE", layer_attr(arg(long, value_name = "FILE")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state: Option<PathBuf>,
-    /// Every how many frames the report checks one against the truth; 0 checks none.
+    /// Every how many frames the report checks one against the truth; 0 checks none. A program without the
+    /// feature `lab` checks none.
     #[config(env = "TRIMARAN_SESSION_AUDIT_EVERY", default = 10, layer_attr(arg(long, value_name = "N")))]
     pub audit_every: u32,
     /// Whether the report names the objects exactly visible at full detail.

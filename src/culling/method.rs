@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// How a culler finds what is visible. Each draws the same picture, but for what [`Rays`](Self::Rays) says.
+/// How a culler finds what is visible. Each draws the same picture; `rays` may differ at edges of triangles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 #[value(rename_all = "lower")]
@@ -18,15 +18,18 @@ pub enum CullingMethod {
     /// As GigaWalk does (paper, section 5): all that was visible last as occluders, their depth read back, a
     /// pyramid of farthest depths on the CPU, and the rectangle around each box tested against at most 2 x 2
     /// of its texels.
+    #[cfg(feature = "lab")]
     GigaWalk,
     /// Levels of detail and the frustum, nothing else: all that is in sight is drawn.
     Frustum,
     /// A ray cast on the CPU through the centre of each pixel, and what it hits first taken: what a machine
     /// without a GPU can do. A rasterizer may differ at the edges of triangles, so that now and then the
     /// picture lacks what shows at a single pixel.
+    #[cfg(feature = "lab")]
     Rays,
     /// All that is in sight drawn into an item buffer, and what owns a pixel of it taken: no method that
     /// draws the same picture finds less.
+    #[cfg(feature = "lab")]
     Exact,
 }
 
@@ -38,17 +41,24 @@ pub struct UnknownMethod {
 }
 
 impl CullingMethod {
-    /// Every method.
-    pub const ALL: [Self; 5] = [Self::Trimaran, Self::GigaWalk, Self::Frustum, Self::Rays, Self::Exact];
+    /// Every method of this program.
+    #[cfg(feature = "lab")]
+    pub const ALL: &[Self] = &[Self::Trimaran, Self::GigaWalk, Self::Frustum, Self::Rays, Self::Exact];
+    /// Every method of this program. The others take the feature `lab`.
+    #[cfg(not(feature = "lab"))]
+    pub const ALL: &[Self] = &[Self::Trimaran, Self::Frustum];
 
     /// The name used on the command line and in reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Trimaran => "trimaran",
+            #[cfg(feature = "lab")]
             Self::GigaWalk => "gigawalk",
             Self::Frustum => "frustum",
+            #[cfg(feature = "lab")]
             Self::Rays => "rays",
+            #[cfg(feature = "lab")]
             Self::Exact => "exact",
         }
     }
@@ -64,13 +74,13 @@ impl FromStr for CullingMethod {
     type Err = UnknownMethod;
 
     fn from_str(name: &str) -> Result<Self, UnknownMethod> {
-        let known = Self::ALL.into_iter().find(|method| method.name() == name);
+        let known = Self::ALL.iter().copied().find(|method| method.name() == name);
         known.ok_or_else(|| UnknownMethod { name: name.to_owned() })
     }
 }
 
 fn names() -> String {
-    CullingMethod::ALL.map(CullingMethod::name).join(", ")
+    CullingMethod::ALL.iter().map(|method| method.name()).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -2,10 +2,13 @@
 //!
 //! All of them choose levels by one rule, over one tree, and draw in one order: only the culling differs.
 
+#[cfg(feature = "lab")]
 mod exact;
 mod frustum;
+#[cfg(feature = "lab")]
 mod gigawalk;
 mod method;
+#[cfg(feature = "lab")]
 mod rays;
 mod work;
 
@@ -14,11 +17,12 @@ use std::sync::Arc;
 use trimaran_actors::{RoleError, SceneCulling, Turns};
 use trimaran_gpu::{GpuError, GpuScene};
 use trimaran_proto::Settings;
-use trimaran_rays::Rays;
 use trimaran_scene::Scene;
 
+#[cfg(feature = "lab")]
 use exact::Exact;
 use frustum::Frustum;
+#[cfg(feature = "lab")]
 use gigawalk::GigaWalk;
 pub use method::{CullingMethod, UnknownMethod};
 pub use work::Culling;
@@ -52,11 +56,14 @@ impl Culling {
                 let device = device.map_err(opening("opening it"))?;
                 return Ok(SceneCulling::new(scene, device, settings, turns).into());
             }
+            #[cfg(feature = "lab")]
             CullingMethod::GigaWalk => {
                 Box::new(GigaWalk::new(scene, drawn, size).map_err(opening("opening it"))?)
             }
             CullingMethod::Frustum => Box::new(Frustum::new(scene)),
-            CullingMethod::Rays => Box::new(Rays::new(scene)),
+            #[cfg(feature = "lab")]
+            CullingMethod::Rays => Box::new(trimaran_rays::Rays::new(scene)),
+            #[cfg(feature = "lab")]
             CullingMethod::Exact => Box::new(Exact::new(scene, drawn, size).map_err(opening("opening it"))?),
         };
         Ok(WholeFrames::new(scene, culler, settings, turns).into())

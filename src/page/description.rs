@@ -3,7 +3,6 @@
 use std::{path::PathBuf, sync::Arc};
 
 use serde::{Serialize, Serializer};
-use trimaran_netsim::Profile;
 use trimaran_proto::{ObjectSet, Viewport};
 use trimaran_scene::{
     Scene,
@@ -12,7 +11,10 @@ use trimaran_scene::{
 };
 use trimaran_transport::{Endpoint, Name};
 
-use super::extents::{Bounds, core};
+use super::{
+    extents::{Bounds, core},
+    network::{self, SimulatedNetwork},
+};
 
 /// A scene's description for the page. Lengths are metres, in world space with y up.
 #[derive(Debug, Clone, Serialize)]
@@ -50,20 +52,11 @@ pub struct SceneDescription {
     #[serde(serialize_with = "as_text")]
     pub meeting: Endpoint,
     /// The networks that can be simulated between the page and its culler.
-    pub networks: Vec<Network>,
+    pub networks: Vec<SimulatedNetwork>,
 }
 
 fn as_text<S: Serializer>(endpoint: &Endpoint, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(endpoint)
-}
-
-/// A network that can be simulated.
-#[derive(Debug, Clone, Serialize)]
-pub struct Network {
-    /// Its name.
-    pub name: String,
-    /// A description.
-    pub about: String,
 }
 
 /// Where a person begins.
@@ -117,10 +110,7 @@ impl SceneDescription {
             start,
             max_picture: Viewport::LARGEST,
             meeting: Endpoint::Inproc(Name::unique()),
-            networks: Profile::names()
-                .filter_map(|name| Profile::find(name).ok())
-                .map(|Profile { name, about, .. }| Network { name, about })
-                .collect(),
+            networks: network::names(),
         })
     }
 }

@@ -380,9 +380,7 @@ async fn json<T: DeserializeOwned>(request: Request<Incoming>, longest: usize) -
 fn refused(fault: &NetworkError) -> Response<Body> {
     match fault {
         NetworkError::Unknown => plain(StatusCode::NOT_FOUND, "there is no such network\n"),
-        NetworkError::TooMany | NetworkError::Thread(_) => {
-            plain(StatusCode::SERVICE_UNAVAILABLE, "too many pages are on simulated networks\n")
-        }
+        _ => plain(StatusCode::SERVICE_UNAVAILABLE, "too many pages are on simulated networks\n"),
     }
 }
 

@@ -28,6 +28,12 @@ pub enum ReportError {
         /// The folder.
         path: PathBuf,
     },
+    /// A picture's bytes do not fill its size.
+    #[error("the picture {} has another size than it says", path.display())]
+    Picture {
+        /// Its intended file.
+        path: PathBuf,
+    },
     /// A picture could not be encoded.
     #[error("encoding the picture {} failed", path.display())]
     Encode {
@@ -80,7 +86,7 @@ fn advice(source: &io::Error) -> &'static str {
 }
 
 /// Returns a function that makes a [`ReportError`] of the system's error.
-pub(super) fn io_error(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> ReportError + use<> {
+pub(crate) fn io_error(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> ReportError + use<> {
     let path = path.to_owned();
     move |source| ReportError::Io { doing, path, source }
 }

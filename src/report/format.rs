@@ -40,7 +40,7 @@ pub(crate) fn grouped(value: f64) -> String {
 }
 
 /// A figure with its unit; the words `none` if it was not measured.
-pub(super) fn with_unit(value: Option<f64>, unit: &str, none: &str) -> String {
+pub(crate) fn with_unit(value: Option<f64>, unit: &str, none: &str) -> String {
     match value {
         None => none.to_owned(),
         Some(value) if unit.is_empty() => figure(value),
@@ -49,7 +49,7 @@ pub(super) fn with_unit(value: Option<f64>, unit: &str, none: &str) -> String {
 }
 
 /// `one` or `many`, after its number.
-pub(super) fn plural(count: u64, one: &str, many: &str) -> String {
+pub(crate) fn plural(count: u64, one: &str, many: &str) -> String {
     format!("{} {}", grouped(count as f64), if count == 1 { one } else { many })
 }
 

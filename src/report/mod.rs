@@ -2,10 +2,9 @@
 //! [`Report`].
 //!
 //! A run passes frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and has
-//! the writer put it beside them. [`trimaran_audit::metrics`] measures the errors of pictures.
+//! the writer put it beside them.
 
 mod bandwidth;
-pub mod comparison;
 mod error;
 pub(crate) mod format;
 pub(crate) mod html;
@@ -13,7 +12,7 @@ mod left;
 mod pictures;
 mod png;
 #[cfg(test)]
-mod sample;
+pub(crate) mod sample;
 pub mod schema;
 pub mod text;
 mod unfinished;
@@ -21,6 +20,8 @@ mod write;
 
 pub use bandwidth::FrameLoad;
 pub use error::ReportError;
+#[cfg(feature = "lab")]
+pub(crate) use error::io_error;
 pub use left::Left;
 pub use pictures::PictureKind;
 pub use schema::{Frame, Projection, Report, Run, Summary, SweepPoint};

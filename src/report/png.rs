@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use trimaran_audit::metrics::ImageRef;
+use trimaran_cull::Image;
 
 /// An 8-bit RGB image in memory, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -15,9 +15,13 @@ pub(super) struct Rgb {
 }
 
 impl Rgb {
-    pub(super) fn of(picture: &ImageRef<'_>) -> Self {
-        let (width, height) = picture.size();
-        Self { width, height, pixels: picture.pixels().iter().map(|[r, g, b, _]| [*r, *g, *b]).collect() }
+    /// The colours of a picture; `None` if its bytes do not fill its size, or it has no pixel.
+    pub(super) fn of(picture: &Image) -> Option<Self> {
+        let (pixels, _) = picture.rgba.as_chunks();
+        let Image { width, height, .. } = *picture;
+        let is_whole = !pixels.is_empty() && pixels.len() as u64 == u64::from(width) * u64::from(height);
+        let pixels = pixels.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
+        is_whole.then_some(Self { width, height, pixels })
     }
 
     pub(super) fn encode(&self, compression: png::Compression) -> Result<Vec<u8>, png::EncodingError> {
@@ -79,7 +83,9 @@ mod tests {
     #[test]
     fn a_picture_survives_its_file_and_loses_alpha() {
         let rgba: Vec<u8> = (0..5 * 3 * 4).collect();
-        let rgb = Rgb::of(&ImageRef::new(5, 3, &rgba).unwrap());
+        let picture = Image { width: 5, height: 3, rgba };
+        assert_eq!(Rgb::of(&Image { height: 4, ..picture.clone() }), None);
+        let rgb = Rgb::of(&picture).unwrap();
         assert_eq!(rgb.pixels[1], [4, 5, 6]);
         for compression in [png::Compression::Fast, png::Compression::Balanced] {
             assert_eq!(Rgb::decode(&rgb.encode(compression).unwrap()).unwrap(), rgb);

@@ -4,22 +4,20 @@ use std::sync::LazyLock;
 
 use trimaran_actors::CullerId;
 use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
+use trimaran_cull::Image;
 
 use super::schema::{
-    AloneFigures, COMPARISON_VERSION, CoherencePoint, Comparison, ComparisonTable, CullingCounts, CurvePoint,
-    DrawnFigures, Ended, ExactFrame, FalseCull, FalseCullCause, Frame, FrameCost, HowEnded, LagPoint,
-    Machine, MeasuredFigures, MemoryUse, Mode, Projection, Report, Role, RoleInfo, RoundCounts, Run,
-    SceneInfo, SentAhead, SentBytes, Span, SweepPoint, SystemFigures, SystemFrame, ViewStateInfo,
-    VisibleObject,
+    CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, MemoryUse, Mode, Projection,
+    Report, Role, RoleInfo, RoundCounts, Run, SceneInfo, SentAhead, SentBytes, Span, SweepPoint,
+    ViewStateInfo, VisibleObject,
 };
-use crate::comparison::{Coherence, System};
 use crate::culling::CullingMethod;
 
-pub(super) const SIZE: u32 = 96;
+pub(crate) const SIZE: u32 = 96;
 const FRAMES: u32 = 60;
-pub(super) const AUDIT_EVERY: u32 = 3;
+pub(crate) const AUDIT_EVERY: u32 = 3;
 
-pub(super) fn run() -> Run {
+pub(crate) fn run() -> Run {
     let role = |machine| RoleInfo {
         machine,
         device: "llvmpipe (LLVM 15.0.6, 256 bits)".to_owned(),
@@ -222,10 +220,15 @@ fn exact_frame(frame: u32) -> Frame {
         loading_pixels: None,
         full_detail: audited.then(|| {
             let (shown, full) = (picture(frame, 1), picture(frame, 0));
-            let picture = |rgba| ImageRef::new(SIZE, SIZE, rgba).unwrap();
             let silhouette = Deviation { max_px: 1.0 + 0.9 * noise(frame, 5), p95_px: 0.6 };
             let surfaces = Deviation { max_px: silhouette.max_px + 0.05, p95_px: 0.4 };
-            image_difference(&picture(&full), &picture(&shown), silhouette, surfaces).unwrap()
+            image_difference(
+                &ImageRef::of(&full).unwrap(),
+                &ImageRef::of(&shown).unwrap(),
+                silhouette,
+                surfaces,
+            )
+            .unwrap()
         }),
         bytes: Some(bytes_by_kind.total()),
         bytes_by_kind: Some(bytes_by_kind),
@@ -237,16 +240,17 @@ fn exact_frame(frame: u32) -> Frame {
 }
 
 /// A shade beside a pale ground; `shift` moves the edge between them, as a coarser level would.
-pub(super) fn picture(frame: u32, shift: u32) -> Vec<u8> {
+pub(crate) fn picture(frame: u32, shift: u32) -> Image {
     let pixel = |x: u32, y: u32| {
         let shaded = (x + frame + shift) % SIZE < SIZE / 2;
         if shaded { [(2 * x) as u8, (2 * y) as u8, 90, 255] } else { [226, 232, 238, 255] }
     };
-    (0..SIZE).flat_map(|y| (0..SIZE).flat_map(move |x| pixel(x, y))).collect()
+    let rgba = (0..SIZE).flat_map(|y| (0..SIZE).flat_map(move |x| pixel(x, y))).collect();
+    Image { width: SIZE, height: SIZE, rgba }
 }
 
 /// The whole made-up run. Its errors are measured once: that takes a second.
-pub(super) fn report() -> Report {
+pub(crate) fn report() -> Report {
     static REPORT: LazyLock<Report> = LazyLock::new(make_report);
     REPORT.clone()
 }
@@ -277,120 +281,24 @@ fn make_report() -> Report {
 }
 
 /// A report of a run in which nothing could be measured.
-pub(super) fn bare() -> Report {
+pub(crate) fn bare() -> Report {
     let projection = Projection { width: 1, height: 1, vfov_deg: 60.0, near: 0.05 };
     let run = Run { alone: false, ..run() };
     Report::new(run, projection, vec![Frame::default()], None, Ended::finished(Some(1)))
 }
 
-/// A made-up comparison of four systems at 10 pixels, in two rounds.
-pub(super) fn comparison() -> Comparison {
-    let epsilon_px = 10.0;
-    let systems = [System::GigaWalk, System::DistributedGigaWalk, System::Independent2, System::Exact];
-    let cost = |at: usize| FrameCost {
-        modelled_ms: Some(20.0 - at as f64),
-        or_ms: Some(9.0),
-        hc_ms: Some(0.5),
-        rvg_ms: Some(12.0),
-        nodes: Some(900.0),
-        triangles: Some(40_000.0 - 1000.0 * at as f64),
-    };
-    let frames = (0..6).map(|frame| SystemFrame {
-        frame,
-        modelled_ms: Some(15.0 + f64::from(frame)),
-        objects: 700,
-        triangles: 30_000,
-    });
-    let frames: Vec<_> = frames.collect();
-    let figures = |(at, &system): (usize, &System)| SystemFigures {
-        system,
-        alone: AloneFigures {
-            or_ms: Some(9.0),
-            hc_ms: Some(0.5),
-            rvg_ms: Some(12.0),
-            model_fps: vec![50.0 + at as f64, 25.0],
-            model_fps_at_least: vec![48.0, 24.0],
-            model_latency_ms: vec![30.0, 60.0],
-        },
-        measured: MeasuredFigures {
-            processes: system.processes(),
-            fps: vec![20.0, 10.0],
-            latency_ms: vec![90.0, 180.0],
-        },
-        drawn: DrawnFigures {
-            nodes: 900.0,
-            objects: 700.0,
-            triangles: 30_000.0,
-            bytes: 512.0,
-            objects_over_exact: Some(1.2),
-            triangles_over_exact: Some(4.5),
-            objects_over_exact_median: Some(1.1),
-            triangles_over_exact_median: Some(4.0),
-            audited_frames: 2,
-            wrong_pixels: 0,
-            lost_nodes: 0,
-        },
-        frames: frames.clone(),
-    };
-    let exact = |frame| ExactFrame { frame, nodes: 500, objects: 600, triangles: Some(7000) };
-    let all = || systems.iter().enumerate();
-    Comparison {
-        schema_version: COMPARISON_VERSION,
-        version: "0.1.0".to_owned(),
-        command_line: ["trimaran", "compare", "<b>platform.scene"].map(str::to_owned).to_vec(),
-        started: "2026-03-01T12:34:56Z".to_owned(),
-        scene: run().scene,
-        device: "llvmpipe".to_owned(),
-        driver: "Mesa 22.3.6".to_owned(),
-        cores: 2,
-        width: SIZE,
-        height: SIZE,
-        path: "auto".to_owned(),
-        seed: Some(7),
-        frames: 6,
-        link: "tcp".to_owned(),
-        rounds: 2,
-        tables: vec![ComparisonTable {
-            epsilon_px,
-            exact: [0, 3].map(exact).to_vec(),
-            systems: all().map(figures).collect(),
-        }],
-        curve: all()
-            .map(|(at, &system)| CurvePoint {
-                system,
-                epsilon_px,
-                cost: cost(at),
-                flip_mean: Some(0.02),
-                silhouette_max_px: Some(4.0),
-                surface_max_px: Some(9.0),
-                wrong_pixels: 0,
-            })
-            .collect(),
-        coherence: all()
-            .flat_map(|(at, &system)| {
-                Coherence::ALL.map(|coherence| CoherencePoint {
-                    system,
-                    coherence,
-                    epsilon_px,
-                    step_m: 0.5,
-                    turn_deg: 6.0,
-                    cost: cost(at),
-                    nodes_over_exact: Some(1.3),
-                })
-            })
-            .collect(),
-        lag: all()
-            .map(|(at, &system)| LagPoint {
-                system,
-                poses_per_second: 30.0,
-                epsilon_px,
-                fps: Some(18.0),
-                lag_ms: Some(80.0 + at as f64),
-                lag_poses: Some(2.0),
-                triangles: Some(30_000.0),
-                flip_mean: Some(0.05),
-            })
-            .collect(),
-        notes: vec!["ended early: <i>interrupted".to_owned()],
+/// All keys of objects, and the names of enum values; the keys of maps whose keys are data are left out.
+pub(crate) fn keys(value: &Value, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(map) => {
+            for (key, value) in map {
+                found.insert(key.clone());
+                if key != "conservatively_visible" {
+                    keys(value, found);
+                }
+            }
+        }
+        Value::Array(values) => values.iter().for_each(|v| keys(v, found)),
+        _ => {}
     }
 }

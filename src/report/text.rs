@@ -1,10 +1,9 @@
 //! The summary printed at the end of a run.
 
-use super::comparison::tables;
 use super::format::{
     culler_cells, cullers_differ, figure, grouped, loading, plural, sent_ahead, sweep_cells, with_unit,
 };
-use super::schema::{Comparison, METRICS, Report, Run, SweepPoint};
+use super::schema::{METRICS, Report, Run, SweepPoint};
 
 /// The metrics of the printed summary; `report.json` has all.
 const PRINTED: [&str; 15] = [
@@ -206,16 +205,6 @@ fn by_cullers(points: &[SweepPoint], modelled: bool) -> String {
 
 const fn modelled_how(modelled: bool) -> &'static str {
     if modelled { "MODEL: a machine for each role, no network. " } else { "" }
-}
-
-/// The tables of a comparison that fit a terminal: speed, and the drawn nodes, at each error bound. The first
-/// column is aligned left, the others right.
-#[must_use]
-pub fn comparison(found: &Comparison) -> String {
-    let shown = ["speed-", "drawn-", "paper"];
-    let tables = tables(found).into_iter();
-    let tables = tables.filter(|table| shown.iter().any(|prefix| table.name.starts_with(prefix)));
-    tables.map(|of| format!("{}\n\n{}\n", of.caption, table(&of.head, &of.rows))).collect()
 }
 
 pub(crate) fn table(head: &[&str], rows: &[Vec<String>]) -> String {

@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use super::tables::{BYTES, spreads};
 use super::{FrameTimes, Outcome, Spread};
 use crate::report::format::{figure, grouped};
-use crate::report::html::chart::{Chart, Mark, Series, Timeline, stacked_bar};
+use crate::report::html::chart::{Chart, Mark, Series, Timeline};
 use crate::report::html::{card, document, table};
 use crate::report::schema::{Frame, Machine, Role, Span};
 
@@ -296,6 +296,25 @@ fn spans(frame: u32, times: &FrameTimes) -> Frame {
         span(Role::Rvg, Machine::Display, times.arrived, times.shown),
     ];
     Frame { frame, timeline, ..Frame::default() }
+}
+
+/// Times side by side, each with a name, a colour class and milliseconds. `full` is the time of the whole
+/// width.
+fn stacked_bar(label: &str, parts: &[(&str, &str, f64)], full: f64) -> Markup {
+    const WIDTH: f64 = 600.0;
+    let width = |value: &f64| value / full * WIDTH;
+    html! {
+        svg viewBox={ "0 0 " (WIDTH) " 20" } width=(WIDTH) role="img" aria-label=(label) {
+            @for (index, (name, class, value)) in parts.iter().enumerate() {
+                @let left = parts.iter().take(index).fold(0.0, |left, (.., value)| left + width(value));
+                g {
+                    title { (name) ": " (figure(*value)) " ms" }
+                    rect class={ "bar " (class) } x=(format!("{left:.1}")) y="2" width=(format!("{:.1}", width(value)))
+                        height="16" {}
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Why a walk has no report.
 
 use thiserror::Error;
-use trimaran_audit::metrics::MetricError;
 use trimaran_gpu::GpuError;
 
+#[cfg(feature = "lab")]
 use super::audit::AuditError;
+use super::redraw::RedrawError;
 use crate::report::ReportError;
 
 /// Why there is no report, or only an incomplete one.
@@ -14,7 +15,11 @@ pub enum ReportingError {
     /// A device failed.
     #[error("drawing the report's pictures failed")]
     Gpu(#[from] GpuError),
+    /// A picture could not be drawn again.
+    #[error(transparent)]
+    Redraw(#[from] RedrawError),
     /// A frame could not be checked.
+    #[cfg(feature = "lab")]
     #[error(transparent)]
     Audit(#[from] AuditError),
     /// It was cancelled.
@@ -26,7 +31,4 @@ pub enum ReportingError {
     /// The system gave no thread to write on.
     #[error("cannot start a thread to write on")]
     Thread(#[source] std::io::Error),
-    /// A picture does not have the expected size.
-    #[error(transparent)]
-    Metric(#[from] MetricError),
 }

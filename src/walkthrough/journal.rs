@@ -6,7 +6,6 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-use trimaran_audit::metrics::ImageRef;
 use trimaran_cull::Image;
 
 use super::{
@@ -83,7 +82,7 @@ fn write(
             }
             Entry::Note(note) => writer.note(&note)?,
             Entry::Picture { frame, picture } => {
-                writer.picture(frame, PictureKind::Shown, &ImageRef::of(&picture)?)?;
+                writer.picture(frame, PictureKind::Shown, &picture)?;
             }
         }
         Ok(())

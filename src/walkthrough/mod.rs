@@ -3,14 +3,14 @@
 //! ```text
 //! CameraPath::find      which way to walk
 //! SceneOnDevices::walk  the three roles walk it; a Recorder notes every frame, and a Journal writes it down
-//! Auditor               draws frames again, away from the clock: as shown, without culling, at full detail
+//! Redrawer              draws frames again, away from the clock, as they were shown
+//! Auditor               also without culling and at full detail, and counts what is wrong (feature `lab`)
 //! write_report          all of it as a report with its pictures
 //! ```
 
-mod attribution;
+#[cfg(feature = "lab")]
 mod audit;
 mod compose;
-mod deviation;
 mod devices;
 mod error;
 mod journal;
@@ -18,15 +18,15 @@ mod objects;
 mod path;
 mod plan;
 mod record;
-mod reference;
+mod redraw;
 mod reporting;
 mod resume;
 mod unchecked;
 mod view_file;
 mod view_states;
 
-pub use attribution::AttributionError;
-pub use audit::{AuditError, AuditPictures, Auditor, GivesUp};
+#[cfg(feature = "lab")]
+pub use audit::{AttributionError, AuditError, AuditPictures, Auditor, CullingDifference, Reference};
 pub use compose::FrameRecord;
 pub use devices::{SceneOnDevices, WalkthroughError};
 pub use error::ReportingError;
@@ -35,7 +35,7 @@ pub use objects::count_objects;
 pub use path::{CameraPath, CameraPathError, PathChoice};
 pub use plan::{Pace, Plan};
 pub use record::Recorder;
-pub use reference::{CullingDifference, Reference};
+pub use redraw::{GivesUp, RedrawError, Redrawer};
 pub use reporting::{SceneFile, Walk, Written, begin, how_ended, memory_use, report_of, write_report};
 pub use resume::Progress;
 pub use unchecked::{Unchecked, UncheckedError};

@@ -33,7 +33,7 @@ mod tests {
     use trimaran_scene::NodeId;
 
     use super::*;
-    use crate::walkthrough::deviation::finest_below;
+    use crate::walkthrough::audit::finest_below;
 
     #[test]
     fn objects_are_counted_once_and_merged_ones_each() {

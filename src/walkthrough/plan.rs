@@ -58,6 +58,12 @@ impl Plan {
         }
     }
 
+    /// Whether this frame is to be audited.
+    #[must_use]
+    pub const fn is_audit_due(&self, frame: u32) -> bool {
+        self.audit_every > 0 && frame.is_multiple_of(self.audit_every)
+    }
+
     /// The frames of a walk of `poses` poses. A live one has as many as time allows.
     #[must_use]
     pub const fn frames(&self, poses: u32) -> trimaran_actors::Pace {

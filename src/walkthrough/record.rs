@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use trimaran_actors::{BoxedError, Observer, ShownFrame};
 use trimaran_proto::{FrameNumber, FrameStats};
-use xxhash_rust::xxh3::xxh3_64;
 
 use super::{
     compose::FrameRecord,
     journal::{Entry, Journal, JournalStopped},
+    redraw::fingerprint,
     resume::Progress,
 };
 
@@ -137,7 +137,7 @@ impl Observer for Recorder<'_> {
             for_loss: frame.for_loss,
             lacking: frame.lacking,
             again: frame.again,
-            picture: frame.picture.map(|picture| xxh3_64(&picture.rgba)),
+            picture: frame.picture.map(|picture| fingerprint(picture)),
             published: self.walked + frame.published,
             begun: self.walked + frame.begun,
             drawing: self.walked + frame.drawing,

@@ -3,19 +3,18 @@
 use std::{path::PathBuf, sync::Arc};
 
 use trimaran_actors::{RoleError, SessionError};
-use trimaran_audit::metrics::ImageRef;
 use trimaran_cull::Image;
 use trimaran_gpu::GpuScene;
 use trimaran_scene::Scene;
 use trimaran_transport::causes;
 
 use super::{
-    audit::{AuditPictures, Auditor, GivesUp},
     compose::{Composer, FrameRecord},
     error::ReportingError,
     journal::Journal,
     path::CameraPath,
     plan::{Pace, Plan},
+    redraw::GivesUp,
     resume::{Keeper, Progress},
     unchecked::Unchecked,
     view_states::{ViewChange, ViewStates},
@@ -24,7 +23,6 @@ use crate::report::{
     Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
     schema::{Ended, HowEnded, MemoryUse, Mode, SceneInfo, ViewStateInfo},
 };
-use crate::{culling::CullingMethod, vulkan::VulkanCuller};
 
 /// A scene and the file it came from.
 #[derive(Debug, Clone)]
@@ -144,51 +142,35 @@ pub fn write_report(
 /// Draws the frames' pictures, and audits frames that are due.
 fn draw(
     writer: &mut Writer,
-    Walk { file, drawn, plan, path }: Walk<'_>,
+    walk: Walk<'_>,
     records: &[FrameRecord],
     frames: &mut [Frame],
     progress: &mut dyn FnMut(u32),
     is_given_up: &GivesUp,
 ) -> Result<(), ReportingError> {
-    let mut auditor = Auditor::new(&file.scene, drawn, path.views().clone())?;
-    auditor.give_up_when(Arc::clone(is_given_up));
-    let mut machine = VulkanCuller::new(drawn, plan.viewport, plan.occlusion_test)?;
-    let mut pictures = AuditPictures::default();
-    for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
+    #[cfg(feature = "lab")]
+    let mut redrawer = super::audit::DueAudits::new(walk)?;
+    #[cfg(not(feature = "lab"))]
+    let mut redrawer = super::redraw::Redrawer::new(&walk.file.scene, walk.drawn, walk.path.views().clone())?;
+    redrawer.give_up_when(Arc::clone(is_given_up));
+    let mut picture = Image::default();
+    for (place, record) in records.iter().enumerate() {
+        let Some(frame) = frames.get_mut(place) else { break };
         let number = frame.frame;
         if is_given_up() {
             return Err(ReportingError::Interrupted);
         }
-        if plan.audit_every > 0 && number.is_multiple_of(plan.audit_every) {
-            let walk = records.get(..=index).unwrap_or_default();
-            let again = (plan.culling == CullingMethod::Trimaran).then_some(&mut machine);
-            auditor.audit(again, walk, plan.visible, frame, &mut pictures)?;
-            for (kind, picture) in [
-                (PictureKind::Shown, &pictures.shown),
-                (PictureKind::Unculled, &pictures.unculled),
-                (PictureKind::Full, &pictures.full),
-            ] {
-                // If the shown picture was read back, it was written then.
-                if !writer.has(number, kind) {
-                    write_picture(writer, number, kind, picture)?;
-                }
-            }
-        } else {
-            auditor.picture(record, &mut pictures.shown)?;
-            write_picture(writer, number, PictureKind::Shown, &pictures.shown)?;
+        #[cfg(feature = "lab")]
+        if walk.plan.is_audit_due(number) {
+            redrawer.audit(records.get(..=place).unwrap_or_default(), frame, writer)?;
+            progress(number);
+            continue;
         }
+        redrawer.picture(record, &mut picture)?;
+        writer.picture(number, PictureKind::Shown, &picture)?;
         progress(number);
     }
     Ok(())
-}
-
-fn write_picture(
-    writer: &mut Writer,
-    frame: u32,
-    kind: PictureKind,
-    picture: &Image,
-) -> Result<(), ReportingError> {
-    Ok(writer.picture(frame, kind, &ImageRef::of(picture)?)?)
 }
 
 /// A walk as a report that is not written: `audit` enters the results of audits into its frames.

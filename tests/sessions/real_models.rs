@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, SceneOnDevices};
-use trimaran_audit::SURFACE_SLACK_PX;
+use trimaran_cull::SURFACE_SLACK_PX;
 use trimaran_proto::OcclusionTestKind;
 
 use crate::common::{

@@ -48,10 +48,10 @@ mod occlusion_test;
 mod raster;
 mod walkthrough;
 
-pub use attribution::{CulledFrame, FalseCullCause, Missing, causes};
+pub use attribution::{CulledFrame, Missing, causes};
 pub use fault::Fault;
 pub use id_buffer::{IdBuffer, Placement, TriangleId, rasterize};
-pub use nearest::{SURFACE_SLACK_PX, distances_to_surfaces};
+pub use nearest::distances_to_surfaces;
 pub use occlusion_test::ReferenceTest;
 pub use raster::{Coverage, rasterize_triangle};
 pub use walkthrough::{FalseCull, FrameReport, ReferenceWalkthrough, Testing, WalkthroughError};

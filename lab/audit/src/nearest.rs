@@ -14,10 +14,6 @@ use crate::grid::{Grid, bounds};
 use crate::id_buffer::{Placement, triangles};
 use crate::raster::clip;
 
-/// The largest distance from a pixel's centre of the surface that covers it, in pixels: the rasterizer moves
-/// corners by its sub-pixel step of 1/256, and a GPU places vertices in f32.
-pub const SURFACE_SLACK_PX: f64 = 1.0 / 64.0;
-
 /// The first search radius. It suffices for most pixels; for the others it is repeatedly multiplied by four.
 const FIRST_REACH_PX: f64 = 1.0;
 
@@ -170,6 +166,8 @@ mod tests {
     use proptest::prelude::*;
     use trimaran_cull::Viewport;
     use trimaran_scene::random::Random;
+
+    use trimaran_cull::SURFACE_SLACK_PX;
 
     use super::*;
     use crate::cases::{Mesh, Object, build, looking};

@@ -9,13 +9,13 @@ use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_cull::{
-    CullError, CullStats, Culler, CutRule, DepthImage, DepthPyramid, DrawOrder, HzbError, HzbTest, LodCut,
-    OccluderError, OccluderMapper, View,
+    CullError, CullStats, Culler, CutRule, DepthImage, DepthPyramid, DrawOrder, FalseCullCause, HzbError,
+    HzbTest, LodCut, OccluderError, OccluderMapper, View,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use crate::attribution::{CulledFrame, FalseCullCause, Missing, causes};
+use crate::attribution::{CulledFrame, Missing, causes};
 use crate::fault::{AnyTest, Fault, Tampered};
 use crate::id_buffer::{IdBuffer, Placement, rasterize};
 use crate::occlusion_test::ReferenceTest;

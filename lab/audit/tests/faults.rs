@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_audit::cases::{Mesh, Object, build, looking, plant, plant_views, with_halved_boxes};
-use trimaran_audit::{FalseCullCause, Fault, FrameReport, Placement, ReferenceWalkthrough, Testing};
-use trimaran_cull::{DEPTH_ULPS, LodRule, OUTLINE_PX, POSITION_ULPS, Viewport};
+use trimaran_audit::{Fault, FrameReport, Placement, ReferenceWalkthrough, Testing};
+use trimaran_cull::{DEPTH_ULPS, FalseCullCause, LodRule, OUTLINE_PX, POSITION_ULPS, Viewport};
 
 /// Faults of depth in the plant, as a fraction of the distance. Boxes get nearer by half a pixel over the
 /// focal length (see `ScreenProjection` in `screen_box.rs`; a box that is grown in space gets as much

@@ -48,6 +48,7 @@
 //! | `rounds` | [`Rounds`]: found nodes as occluders of the same frame, if many are new |
 //! | `order` | [`draw_order`]: the drawing order of all roles |
 //! | `facing` | [`Solids`]: which sides of its triangles a draw shows |
+//! | `findings` | what a check of a frame can find: [`FalseCullCause`], [`ImageDifference`] |
 //! | `image` | [`Image`]: a display's picture |
 //!
 //! `trimaran-audit` checks the result.
@@ -56,6 +57,7 @@ mod boxes;
 mod cut_rule;
 mod depth;
 mod facing;
+mod findings;
 mod frustum;
 mod hzb;
 mod image;
@@ -74,6 +76,7 @@ pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untes
 pub use cut_rule::CutRule;
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
 pub use facing::{Facing, Solids};
+pub use findings::{FalseCullCause, ImageDifference, SURFACE_SLACK_PX};
 pub use frustum::retain_in_sight;
 pub use hzb::{HzbError, HzbTest};
 pub use image::Image;

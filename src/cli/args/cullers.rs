@@ -38,6 +38,7 @@ pub(crate) struct CullerArgs {
     pub(crate) schedule: ScheduleArg,
 }
 
+#[cfg(feature = "lab")]
 /// Several numbers of cullers and several schedules, to be tried in all combinations.
 #[derive(Debug, Args)]
 pub(crate) struct CullerLists {
@@ -66,6 +67,7 @@ impl CullerArgs {
     }
 }
 
+#[cfg(feature = "lab")]
 impl CullerLists {
     /// Every number of cullers with every schedule that takes so many; at least one.
     pub(crate) fn combinations(&self) -> Result<Vec<CullerArgs>, Failure> {

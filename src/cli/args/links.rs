@@ -120,6 +120,7 @@ pub(crate) struct StatArgs {
     pub(crate) json: bool,
 }
 
+#[cfg(feature = "lab")]
 #[derive(Debug, Args)]
 pub(crate) struct NetemArgs {
     /// The network: fast-ethernet, gigabit, 10g, wifi, lte, wan-20ms, wan-80ms, satellite, or a file ending

@@ -3,12 +3,11 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use bytesize::ByteSize;
-use clap::{Args, builder::PossibleValuesParser};
+use clap::Args;
 use trimaran::{
     config::{memory, positive},
     page::Token,
 };
-use trimaran_netsim::Profile;
 use trimaran_proto::Viewport;
 
 #[cfg(feature = "window")]
@@ -72,7 +71,7 @@ pub(crate) struct ViewArgs {
     #[arg(long)]
     pub(crate) no_browser: bool,
     /// Show it in a window of the system instead. Only in programs that were built with the feature `window`.
-    #[arg(long, conflicts_with_all = ["no_browser", "network"])]
+    #[arg(long, conflicts_with = "no_browser")]
     pub(crate) window: bool,
     /// The size of the window's picture at first.
     #[cfg(feature = "window")]
@@ -88,8 +87,15 @@ pub(crate) struct ViewArgs {
     pub(crate) drive: Option<PathBuf>,
     /// A network that is simulated between the page and its culler on that walk: fast-ethernet, gigabit, 10g,
     /// wifi, lte, wan-20ms, wan-80ms, satellite.
-    #[arg(long, value_name = "NAME", requires = "drive", hide_possible_values = true)]
-    #[arg(value_parser = PossibleValuesParser::new(Profile::names()))]
+    #[cfg(feature = "lab")]
+    #[arg(
+        long,
+        value_name = "NAME",
+        requires = "drive",
+        conflicts_with = "window",
+        hide_possible_values = true
+    )]
+    #[arg(value_parser = clap::builder::PossibleValuesParser::new(trimaran_netsim::Profile::names()))]
     pub(crate) network: Option<String>,
     /// Print how it fared as JSON.
     #[arg(long, requires = "drive")]

@@ -10,7 +10,7 @@ use trimaran::{
 };
 
 use super::{
-    cullers::{CullerArgs, CullerLists, ScheduleArg},
+    cullers::{CullerArgs, ScheduleArg},
     links::{Coding, LinkFlags},
     serve::DeviceArgs,
 };
@@ -96,7 +96,7 @@ pub(crate) struct WalkArgs {
     #[arg(long)]
     pub(crate) alone: bool,
     /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = Self::AUDIT_EVERY)]
     pub(crate) audit_every: u32,
 }
 
@@ -165,6 +165,11 @@ pub(crate) struct RunArgs {
     pub(crate) json: bool,
 }
 
+impl WalkArgs {
+    /// How often a frame is audited by default. Without the feature `lab` there are no audits.
+    pub(crate) const AUDIT_EVERY: u32 = if cfg!(feature = "lab") { 10 } else { 0 };
+}
+
 impl RunArgs {
     /// What a walk within this process takes unless flags say otherwise.
     pub(crate) fn of(scene: PathBuf, walk: WalkArgs, out: PathBuf) -> Self {
@@ -190,6 +195,7 @@ impl RunArgs {
     }
 }
 
+#[cfg(feature = "lab")]
 #[derive(Debug, Args)]
 pub(crate) struct SweepArgs {
     /// The scene.
@@ -205,7 +211,7 @@ pub(crate) struct SweepArgs {
     )]
     pub(crate) epsilons: Vec<f64>,
     #[command(flatten)]
-    pub(crate) cullers: CullerLists,
+    pub(crate) cullers: super::cullers::CullerLists,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
     /// Where to write report.json and report.html.

@@ -1,7 +1,8 @@
 //! The exact references of a comparison's frames.
 
 use trimaran::{
-    report::{Frame, comparison::ComparedPicture},
+    comparison::ComparedPicture,
+    report::Frame,
     walkthrough::{Auditor, FrameRecord, Plan, Reference},
 };
 use trimaran_actors::Cameras;

@@ -1,7 +1,8 @@
 //! Live walks: the age of a picture when it is shown, and the error due to it.
 
 use trimaran::{
-    report::schema::{LagPoint, Stat},
+    comparison::schema::LagPoint,
+    report::schema::Stat,
     walkthrough::{CameraPath, FrameRecord},
 };
 use trimaran_actors::Cameras;

@@ -5,13 +5,11 @@
 //! are inserted verbatim (`PreEscaped`).
 
 pub(crate) mod chart;
-mod comparison;
-mod walk;
+pub(crate) mod walk;
 
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
 use serde::Serialize;
 
-pub(super) use comparison::page as comparison_page;
 pub(super) use walk::{Comparison, choose, page};
 
 /// A whole page.
@@ -32,7 +30,7 @@ pub(crate) fn document(title: &str, body: &Markup) -> Markup {
 }
 
 /// JSON for a script element.
-fn embeddable(data: &impl Serialize) -> Result<String, serde_json::Error> {
+pub(crate) fn embeddable(data: &impl Serialize) -> Result<String, serde_json::Error> {
     // Within JSON `<` occurs in strings only. As JSON's own escape it cannot end the script element.
     Ok(serde_json::to_string(data)?.replace('<', "\\u003c"))
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-pub use trimaran_audit::{FalseCullCause, metrics::ImageDifference};
+pub use trimaran_cull::{FalseCullCause, ImageDifference};
 pub use trimaran_proto::SentBytes;
 
 /// One frame: pose, times, what was drawn, what should have been, and what it cost on the wire.

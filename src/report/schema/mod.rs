@@ -6,7 +6,6 @@
 //! - The top level and the frames hold what a path file holds (`width`, `height`, `vfov_deg`, `near`, and per
 //!   frame `eye`, `forward`, `up`), so that any report can be walked again.
 
-mod comparison;
 mod ended;
 mod frame;
 mod loading;
@@ -17,11 +16,6 @@ mod stat;
 mod summary;
 mod sweep;
 
-pub use comparison::{
-    AloneFigures, COMPARISON_VERSION, CoherencePoint, Comparison, ComparisonTable, CurvePoint, DrawnFigures,
-    ExactFrame, FrameCost, LagPoint, MeasuredFigures, PAPER, PaperModel, PaperSystem, SystemFigures,
-    SystemFrame,
-};
 pub use ended::{Ended, HowEnded};
 pub use frame::{
     CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, Role, RoundCounts,
@@ -121,22 +115,6 @@ mod tests {
     use super::*;
     use crate::report::sample;
 
-    /// All keys of objects, and the names of enum values; the keys of maps whose keys are data are left out.
-    fn keys(value: &Value, found: &mut BTreeSet<String>) {
-        match value {
-            Value::Object(map) => {
-                for (key, value) in map {
-                    found.insert(key.clone());
-                    if key != "conservatively_visible" {
-                        keys(value, found);
-                    }
-                }
-            }
-            Value::Array(values) => values.iter().for_each(|v| keys(v, found)),
-            _ => {}
-        }
-    }
-
     #[test]
     fn the_documentation_names_every_key_and_cause() {
         let docs = include_str!("../../../docs/report.md");
@@ -149,18 +127,6 @@ mod tests {
         let missing: Vec<_> = found.iter().filter(|key| !docs.contains(&format!("`{key}`"))).collect();
         assert!(missing.is_empty(), "docs/report.md does not name {missing:?}");
         assert!(docs.contains(&format!("| `schema_version` | {SCHEMA_VERSION} |")));
-    }
-
-    #[test]
-    fn the_documentation_names_every_key_of_a_comparison() {
-        let docs = include_str!("../../../docs/report.md");
-        let mut found = BTreeSet::new();
-        keys(&serde_json::to_value(sample::comparison()).unwrap(), &mut found);
-        assert!(found.len() > 60, "{}", found.len());
-        let named = |key: &str| docs.contains(&format!("`{key}`")) || docs.contains(&format!(".{key}`"));
-        let missing: Vec<_> = found.iter().filter(|key| !named(key)).collect();
-        assert!(missing.is_empty(), "docs/report.md does not name {missing:?}");
-        assert!(docs.contains(&format!("| `schema_version` | {COMPARISON_VERSION} |")));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, ops::Add};
 
 use serde::{Deserialize, Serialize};
-use trimaran_audit::SURFACE_SLACK_PX;
+use trimaran_cull::SURFACE_SLACK_PX;
 
 use crate::report::FrameLoad;
 

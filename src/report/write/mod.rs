@@ -6,7 +6,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Serialize, de::DeserializeOwned};
-use trimaran_audit::metrics::ImageRef;
+use trimaran_cull::Image;
 
 use super::error::{ReportError, io_error};
 use super::html::{self, Comparison};
@@ -35,11 +35,11 @@ pub struct Paths {
 pub fn write<'a>(
     dir: &Path,
     report: Report,
-    pictures: impl IntoIterator<Item = (u32, PictureKind, ImageRef<'a>)>,
+    pictures: impl IntoIterator<Item = (u32, PictureKind, &'a Image)>,
 ) -> Result<Paths, ReportError> {
     let mut writer = Writer::create(dir)?;
     for (frame, kind, picture) in pictures {
-        writer.picture(frame, kind, &picture)?;
+        writer.picture(frame, kind, picture)?;
     }
     writer.finish(report)
 }
@@ -179,15 +179,11 @@ impl Writer {
     ///
     /// # Errors
     /// If it cannot be encoded or written.
-    pub fn picture(
-        &mut self,
-        frame: u32,
-        kind: PictureKind,
-        picture: &ImageRef<'_>,
-    ) -> Result<(), ReportError> {
+    pub fn picture(&mut self, frame: u32, kind: PictureKind, picture: &Image) -> Result<(), ReportError> {
         let name = file_name(frame, kind);
         let path = self.unfinished.path().join(&name);
-        let file = Rgb::of(picture)
+        let picture = Rgb::of(picture).ok_or_else(|| ReportError::Picture { path: self.out.join(&name) })?;
+        let file = picture
             .encode(png::Compression::Fast)
             .map_err(|source| ReportError::Encode { path: self.out.join(&name), source })?;
         if let Err(cause) = fs::write(&path, file) {

@@ -1,9 +1,9 @@
 use super::*;
 use crate::report::png::Rgb;
-use crate::report::sample::{self, AUDIT_EVERY, SIZE};
+use crate::report::sample::{self, AUDIT_EVERY};
 
 /// The sample's pictures: all that RVG showed, and the others of audited frames.
-fn pictures(report: &Report) -> Vec<(u32, PictureKind, Vec<u8>)> {
+fn pictures(report: &Report) -> Vec<(u32, PictureKind, Image)> {
     let frames = report.frames.iter().map(|f| f.frame);
     frames
         .flat_map(|frame| {
@@ -11,7 +11,7 @@ fn pictures(report: &Report) -> Vec<(u32, PictureKind, Vec<u8>)> {
             if frame.is_multiple_of(AUDIT_EVERY) {
                 let mut unculled = sample::picture(frame, 1);
                 if frame == 27 {
-                    unculled[20_000..20_164].fill(60);
+                    unculled.rgba[20_000..20_164].fill(60);
                 }
                 all.push((frame, PictureKind::Unculled, unculled));
                 all.push((frame, PictureKind::Full, sample::picture(frame, 0)));
@@ -23,8 +23,7 @@ fn pictures(report: &Report) -> Vec<(u32, PictureKind, Vec<u8>)> {
 
 fn write_sample(dir: &Path, report: Report) -> Result<Paths, ReportError> {
     let pictures = pictures(&report);
-    let borrowed =
-        pictures.iter().map(|(f, kind, rgba)| (*f, *kind, ImageRef::new(SIZE, SIZE, rgba).unwrap()));
+    let borrowed = pictures.iter().map(|(frame, kind, picture)| (*frame, *kind, picture));
     write(dir, report, borrowed)
 }
 
@@ -49,7 +48,7 @@ fn everything_is_there_and_nothing_else() {
     assert_eq!(report.frames[3].pictures.unculled.as_deref(), Some("frames/00003.unculled.png"));
     let file = fs::read(out.join("frames/00003.png")).unwrap();
     let expected = sample::picture(3, 1);
-    assert_eq!(Rgb::decode(&file).unwrap(), Rgb::of(&ImageRef::new(SIZE, SIZE, &expected).unwrap()));
+    assert_eq!(Rgb::decode(&file).unwrap(), Rgb::of(&expected).unwrap());
 
     let html = fs::read_to_string(&paths.html).unwrap();
     assert_eq!(
@@ -94,8 +93,7 @@ fn a_report_that_names_strange_files_removes_none() {
 fn an_abandoned_writer_leaves_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let mut writer = Writer::create(dir.path()).unwrap();
-    let rgba = sample::picture(0, 0);
-    writer.picture(0, PictureKind::Shown, &ImageRef::new(SIZE, SIZE, &rgba).unwrap()).unwrap();
+    writer.picture(0, PictureKind::Shown, &sample::picture(0, 0)).unwrap();
     assert_eq!(listing(dir.path()), ["unfinished"]);
     drop(writer);
     assert!(listing(dir.path()).is_empty(), "no frame was recorded");
@@ -146,8 +144,7 @@ struct Head {
 fn a_journal_is_taken_up_without_the_line_that_was_being_written() {
     let dir = tempfile::tempdir().unwrap();
     let report = sample::report();
-    let rgba = sample::picture(0, 0);
-    let picture = ImageRef::new(SIZE, SIZE, &rgba).unwrap();
+    let picture = sample::picture(0, 0);
     let mut writer = Writer::create(dir.path()).unwrap();
     writer.begin(&report, Some(&"mine")).unwrap();
     for frame in [0, 1] {

@@ -6,7 +6,6 @@
 //! missing surface by the f64 rasterizer. The traversal may go wrong at any node above a drawable, and the
 //! first such step is the cause.
 
-mod cause;
 mod steps;
 mod surface;
 
@@ -14,12 +13,12 @@ use std::collections::HashMap;
 use std::f64::consts::SQRT_2;
 
 use glam::{DVec3, Vec3};
-use trimaran_cull::{Choice, CutRule, LodCut, OcclusionTest, Prepared, TestBox, View};
+use trimaran_cull::{
+    Choice, CutRule, FalseCullCause as Cause, LodCut, OcclusionTest, Prepared, TestBox, View,
+};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
 
-pub use cause::FalseCullCause;
-use cause::FalseCullCause as Cause;
 use steps::{CullerSteps, Steps};
 use surface::{SurfacePoint, surface_of};
 

@@ -1,6 +1,6 @@
 //! Comparison of images by colour.
 
-use serde::{Deserialize, Serialize};
+use trimaran_cull::ImageDifference;
 
 use super::image::same_size;
 use super::{Deviation, ImageRef, MetricError};
@@ -31,32 +31,6 @@ impl FlipMap {
         let rank = (percent * values.len()).div_ceil(100).clamp(1, values.len());
         f64::from(*values.select_nth_unstable_by(rank - 1, f32::total_cmp).1)
     }
-}
-
-/// The difference of two images, in the form of a report.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct ImageDifference {
-    /// Peak signal-to-noise ratio over red, green and blue, decibels; `null` if the images are equal
-    /// (infinite).
-    pub psnr_db: Option<f64>,
-    /// Mean of the FLIP error map, 0 (equal) to 1.
-    pub flip_mean: Option<f64>,
-    /// 99th percentile of the FLIP error map.
-    pub flip_p99: Option<f64>,
-    /// Pixels whose colour differs.
-    pub mismatching_pixels: u64,
-    /// Largest distance of a pixel that only one of the images covers to the nearest surface of the other,
-    /// pixels; the image's diagonal if there is none.
-    pub silhouette_max_px: Option<f64>,
-    /// 95th percentile of that distance, over the outline pixels of both as well (0 where both cover them).
-    pub silhouette_p95_px: Option<f64>,
-    /// Largest distance of a covered pixel, of either image, to the same thing's surface in the other,
-    /// pixels.
-    #[serde(default)]
-    pub surface_max_px: Option<f64>,
-    /// 95th percentile of that distance over the covered pixels of both.
-    #[serde(default)]
-    pub surface_p95_px: Option<f64>,
 }
 
 /// The number of pixels whose red, green or blue differs.

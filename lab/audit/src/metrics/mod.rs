@@ -13,7 +13,7 @@ mod image;
 mod visibility;
 
 pub use blob::largest_blob;
-pub use colour::{FlipMap, ImageDifference, flip, image_difference, mismatching_pixels, psnr_db};
+pub use colour::{FlipMap, flip, image_difference, mismatching_pixels, psnr_db};
 pub use deviation::{Deviation, silhouette};
 pub use image::{IdBufferRef, ImageRef, Mask, MetricError};
 pub use visibility::{FalseCulls, exactly_visible, exactly_visible_triangles, false_culls};

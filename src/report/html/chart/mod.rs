@@ -2,11 +2,13 @@
 //! dark pages share them.
 
 mod axis;
+#[cfg(feature = "lab")]
+mod file;
 mod timeline;
 
-use maud::{Markup, PreEscaped, Render, html};
+use maud::{Markup, Render, html};
 
-use crate::report::format::{figure, tick_figure};
+use crate::report::format::tick_figure;
 use axis::Axis;
 pub(crate) use timeline::Timeline;
 
@@ -86,34 +88,6 @@ impl Chart {
     /// Whether there is nothing to draw.
     pub(crate) fn is_empty(&self) -> bool {
         self.series.iter().all(|s| s.points.is_empty())
-    }
-
-    /// The chart as a file of its own, with a title.
-    pub(crate) fn file(&self, title: &str) -> Markup {
-        const ROW: f64 = 18.0;
-        const COLUMNS: usize = 3;
-        let named: Vec<&Series> = self.series.iter().filter(|s| !s.points.is_empty()).collect();
-        let above = 24.0 + ROW * named.len().div_ceil(COLUMNS) as f64;
-        let place = |at: usize| {
-            let column = (RIGHT - LEFT) / COLUMNS as f64 * (at % COLUMNS) as f64;
-            (LEFT + column, 36.0 + ROW * (at / COLUMNS) as f64)
-        };
-        html! {
-            svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (WIDTH) " " (HEIGHT + above) }
-                role="img" aria-label={ (title) ": " (self.y) " over " (self.x) }
-            {
-                style { (PreEscaped(include_str!("../chart.css"))) }
-                rect.back width="100%" height="100%" rx="8" {}
-                text.label x=(LEFT) y="18" font-weight="600" { (title) }
-                @for (at, series) in named.iter().enumerate() {
-                    @let (left, base) = place(at);
-                    line class={ "line " (series.class) } x1=(unit(left)) x2=(unit(left + 16.0))
-                        y1=(unit(base - 4.0)) y2=(unit(base - 4.0)) stroke="currentColor" {}
-                    text x=(unit(left + 22.0)) y=(unit(base)) { (series.name) }
-                }
-                g transform={ "translate(0 " (unit(above)) ")" } { (self.drawing()) }
-            }
-        }
     }
 
     fn drawing(&self) -> Markup {
@@ -209,25 +183,6 @@ impl Chart {
             @for (px, py, label) in &self.labels {
                 @if let Some((left, base)) = free_position(x.at(*px), y.at(*py), label) {
                     text.label x=(unit(left)) y=(unit(base)) { (label) }
-                }
-            }
-        }
-    }
-}
-
-/// Times side by side, each with a name, a colour class and milliseconds. `full` is the time of the whole
-/// width.
-pub(crate) fn stacked_bar(label: &str, parts: &[(&str, &str, f64)], full: f64) -> Markup {
-    const WIDTH: f64 = 600.0;
-    let width = |value: &f64| value / full * WIDTH;
-    html! {
-        svg viewBox={ "0 0 " (WIDTH) " 20" } width=(WIDTH) role="img" aria-label=(label) {
-            @for (index, (name, class, value)) in parts.iter().enumerate() {
-                @let left = parts.iter().take(index).fold(0.0, |left, (.., value)| left + width(value));
-                g {
-                    title { (name) ": " (figure(*value)) " ms" }
-                    rect class={ "bar " (class) } x=(unit(left)) y="2" width=(unit(width(value)))
-                        height="16" {}
                 }
             }
         }

@@ -3,9 +3,11 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
-use trimaran_audit::metrics::{ImageRef, flip};
+#[cfg(feature = "lab")]
 use trimaran_cull::Image;
 
+#[cfg(feature = "lab")]
+use super::flip::flip_map;
 use crate::report::format::{figure, plural};
 use crate::report::png::Rgb;
 use crate::report::schema::{Frame, Report};
@@ -111,14 +113,14 @@ fn detail_error(frame: Option<&Frame>) -> String {
 
 /// How to shrink a picture.
 #[derive(Clone, Copy)]
-enum Shrink {
+pub(super) enum Shrink {
     /// By averaging: pictures.
     Mean,
     /// By taking the brightest pixel: differences, where a single wrong pixel must survive.
     Brightest,
 }
 
-fn pane(title: &str, text: &str, image: &Rgb, shrink: Shrink) -> Markup {
+pub(super) fn pane(title: &str, text: &str, image: &Rgb, shrink: Shrink) -> Markup {
     let factor = image.width.max(image.height).div_ceil(SIDE);
     let small = match shrink {
         Shrink::Mean => image.shrink(factor, mean),
@@ -138,18 +140,9 @@ fn pane(title: &str, text: &str, image: &Rgb, shrink: Shrink) -> Markup {
 }
 
 /// A picture as a pane; nothing if it has no pixels.
-pub(in crate::report::html) fn pane_of(title: &str, text: &str, image: &Image) -> Markup {
-    let image = ImageRef::of(image).ok();
-    image.map_or_else(Markup::default, |image| pane(title, text, &Rgb::of(&image), Shrink::Mean))
-}
-
-/// The FLIP map of a picture as a pane; nothing if it cannot be made.
-pub(in crate::report::html) fn flip_pane(reference: &Image, picture: &Image, text: &str) -> Markup {
-    let map = |[reference, picture]: [&Image; 2]| {
-        flip_map(&Rgb::of(&ImageRef::of(reference).ok()?), &Rgb::of(&ImageRef::of(picture).ok()?))
-    };
-    let map = map([reference, picture]);
-    map.map_or_else(Markup::default, |map| pane("FLIP", text, &map, Shrink::Brightest))
+#[cfg(feature = "lab")]
+pub(crate) fn pane_of(title: &str, text: &str, image: &Image) -> Markup {
+    Rgb::of(image).map_or_else(Markup::default, |image| pane(title, text, &image, Shrink::Mean))
 }
 
 fn mean(block: &[[u8; 3]]) -> [u8; 3] {
@@ -171,22 +164,8 @@ fn lit(a: &Rgb, b: &Rgb) -> Option<Rgb> {
     Some(Rgb { width: a.width, height: a.height, pixels })
 }
 
-/// The FLIP map in the "magma" colours that its authors use; `None` if the sizes differ.
-fn flip_map(reference: &Rgb, picture: &Rgb) -> Option<Rgb> {
-    let rgba =
-        |image: &Rgb| -> Vec<u8> { image.pixels.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect() };
-    let (reference_rgba, picture_rgba) = (rgba(reference), rgba(picture));
-    let map = flip(
-        &ImageRef::new(reference.width, reference.height, &reference_rgba).ok()?,
-        &ImageRef::new(picture.width, picture.height, &picture_rgba).ok()?,
-    )
-    .ok()?;
-    let colours = nv_flip::magma_lut().to_vec();
-    let (colours, _) = colours.as_chunks::<3>();
-    let colour = |value: &f32| {
-        let index = (value.clamp(0.0, 1.0) * 255.0).round() as usize;
-        colours.get(index).copied().unwrap_or_default()
-    };
-    let pixels = map.values().iter().map(colour).collect();
-    Some(Rgb { width: reference.width, height: reference.height, pixels })
+/// Without the laboratory no map is made.
+#[cfg(not(feature = "lab"))]
+fn flip_map(_: &Rgb, _: &Rgb) -> Option<Rgb> {
+    None
 }

@@ -2,6 +2,8 @@
 
 mod comparison;
 mod figures;
+#[cfg(feature = "lab")]
+mod flip;
 mod headline;
 mod tables;
 
@@ -9,8 +11,11 @@ use maud::{PreEscaped, html};
 
 use super::{document, embeddable};
 use crate::report::schema::{Frame, Report};
+#[cfg(feature = "lab")]
+pub(crate) use comparison::pane_of;
 pub(in crate::report) use comparison::{Comparison, choose};
-pub(super) use comparison::{flip_pane, pane_of};
+#[cfg(feature = "lab")]
+pub(crate) use flip::flip_pane;
 
 /// The page.
 ///
@@ -43,7 +48,7 @@ fn embedded(report: &Report) -> Result<String, serde_json::Error> {
 }
 
 /// The last part of a path, as typed.
-pub(super) fn file_name(path: &str) -> &str {
+pub(crate) fn file_name(path: &str) -> &str {
     path.rsplit(['/', '\\']).next().filter(|n| !n.is_empty()).unwrap_or(path)
 }
 

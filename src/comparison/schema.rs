@@ -6,8 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Report, SceneInfo};
-use crate::comparison::{Coherence, System};
+use super::{Coherence, System};
+use crate::report::schema::{Frame, Report, SceneInfo};
 
 /// The version of the schema that this program writes.
 pub const COMPARISON_VERSION: u32 = 1;
@@ -261,13 +261,13 @@ impl DrawnFigures {
     /// Of a walk; the bytes are another one's, whose roles were processes.
     #[must_use]
     pub fn of(report: &Report) -> Self {
-        let audited: Vec<&super::Frame> =
+        let audited: Vec<&Frame> =
             report.frames.iter().filter(|frame| frame.objects_exact.is_some()).collect();
         let frames = if audited.is_empty() { report.frames.iter().collect() } else { audited };
-        let mean = |of: fn(&super::Frame) -> Option<u64>| {
+        let mean = |of: fn(&Frame) -> Option<u64>| {
             frames.iter().filter_map(|frame| of(frame)).sum::<u64>() as f64 / frames.len().max(1) as f64
         };
-        let over = |drawn: fn(&super::Frame) -> Option<u64>, exact: fn(&super::Frame) -> Option<u64>| {
+        let over = |drawn: fn(&Frame) -> Option<u64>, exact: fn(&Frame) -> Option<u64>| {
             let pairs = frames.iter().filter_map(|frame| Some((drawn(frame)?, exact(frame)?)));
             let (drawn, exact) = pairs.fold((0, 0), |sum, pair| (sum.0 + pair.0, sum.1 + pair.1));
             (exact > 0).then(|| drawn as f64 / exact as f64)
@@ -344,4 +344,24 @@ const fn paper(fps: [f64; 3], triangles: [f64; 2], objects: [f64; 2]) -> [PaperS
         PaperSystem { system: distributed, fps: fps[1], triangles: triangles[1], objects: objects[1] },
         PaperSystem { system: giga, fps: fps[2], triangles: triangles[1], objects: objects[1] },
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::{comparison::sample, report::sample::keys};
+
+    #[test]
+    fn the_documentation_names_every_key_of_a_comparison() {
+        let docs = include_str!("../../docs/report.md");
+        let mut found = BTreeSet::new();
+        keys(&serde_json::to_value(sample::comparison()).unwrap(), &mut found);
+        assert!(found.len() > 60, "{}", found.len());
+        let named = |key: &str| docs.contains(&format!("`{key}`")) || docs.contains(&format!(".{key}`"));
+        let missing: Vec<_> = found.iter().filter(|key| !named(key)).collect();
+        assert!(missing.is_empty(), "docs/report.md does not name {missing:?}");
+        assert!(docs.contains(&format!("| `schema_version` | {COMPARISON_VERSION} |")));
+    }
 }

@@ -5,13 +5,13 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use thiserror::Error;
 use trimaran_actors::{CullerDevice, OccluderPolicy, RoleError};
-use trimaran_audit::{CulledFrame, FalseCullCause, Missing, causes};
-use trimaran_cull::{Culler, View, occluder_bias_px};
+use trimaran_audit::{CulledFrame, Missing, causes};
+use trimaran_cull::{Culler, FalseCullCause, View, occluder_bias_px};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use super::{compose::FrameRecord, view_states::ViewStates};
 use crate::report::schema::FalseCull;
+use crate::walkthrough::{FrameRecord, ViewStates};
 
 /// Why the cause could not be searched for.
 #[derive(Debug, Error)]

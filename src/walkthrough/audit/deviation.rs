@@ -92,7 +92,7 @@ impl<'s> StandIns<'s> {
 }
 
 /// The finest level of every leaf at or below a node.
-pub(super) fn finest_below(scene: &Scene, node: NodeId) -> Vec<DrawableId> {
+pub(in crate::walkthrough) fn finest_below(scene: &Scene, node: NodeId) -> Vec<DrawableId> {
     let mut finest = Vec::new();
     let mut open = vec![node];
     while let Some(node) = open.pop().and_then(|id| scene.nodes().get(id.0 as usize)) {

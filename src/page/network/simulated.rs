@@ -1,4 +1,4 @@
-//! Simulated networks between pages and their culler, so that a person experiences their effects.
+//! Networks in virtual time that keeps step with the clock.
 //!
 //! The page's bytes go through a [`Simulation`] that keeps step with the clock: over TCP, and over the links
 //! of a [`Profile`]. So they are delayed, lost and sent again, as in `trimaran sim`.
@@ -12,67 +12,27 @@ use std::{
 };
 
 use parking_lot::Mutex;
-use thiserror::Error;
 use tokio::{
-    io::{AsyncRead, AsyncWrite, DuplexStream, copy_bidirectional, duplex, join},
+    io::{DuplexStream, copy_bidirectional, duplex, join},
     sync::mpsc,
 };
 use trimaran_net::{Instant, Listen, Net, Stream, TcpOptions};
 use trimaran_netsim::{Profile, SimNet, Simulation};
 
-/// The most networks at a time: each has a thread of its own.
-const MOST: usize = 16;
+use super::{Connection, MOST, NetworkError, SimulatedNetwork, Wanted};
+
 /// Buffer between a simulated machine and the real connection, bytes.
 const BUFFER: usize = 64 << 10;
 /// Selects the lost packets.
 const SEED: u64 = 1;
 
-/// The bytes of a real connection.
-pub(super) trait Connection: AsyncRead + AsyncWrite + Send + Unpin {}
-
-impl<C: AsyncRead + AsyncWrite + Send + Unpin> Connection for C {}
-
-/// A network that a page asks for. All connections of the same page share one.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub(super) struct Wanted {
-    /// The name of a built-in profile.
-    pub(super) network: String,
-    /// The page's name for itself.
-    pub(super) page: String,
-}
-
-impl Wanted {
-    /// Parses the query of a link's address: `network=wifi&page=...`.
-    pub(super) fn of(query: &str) -> Option<Self> {
-        let value = |name: &str| {
-            let mut pairs = form_urlencoded::parse(query.as_bytes());
-            pairs.find(|(known, _)| known == name).map(|(_, value)| value.into_owned())
-        };
-        Some(Self { network: value("network")?, page: value("page").unwrap_or_default() })
-    }
-}
-
-/// Why a page cannot have its network.
-#[derive(Debug, Error)]
-pub(super) enum NetworkError {
-    /// There is no profile of that name.
-    #[error("there is no such network")]
-    Unknown,
-    /// The limit of networks is reached.
-    #[error("too many pages are on simulated networks: at most {MOST} may be")]
-    TooMany,
-    /// It has no thread.
-    #[error("the system has no thread for it")]
-    Thread(#[from] io::Error),
-}
-
 /// The simulated networks of all pages.
 #[derive(Debug, Default)]
-pub(super) struct Networks(Mutex<HashMap<Wanted, Weak<Network>>>);
+pub(in crate::page) struct Networks(Mutex<HashMap<Wanted, Weak<Network>>>);
 
 /// The network of one page. Its thread ends with the last connection.
 #[derive(Debug)]
-pub(super) struct Network(mpsc::UnboundedSender<Crossing>);
+pub(in crate::page) struct Network(mpsc::UnboundedSender<Crossing>);
 
 /// A connection to carry through a network.
 struct Crossing {
@@ -82,9 +42,19 @@ struct Crossing {
     network: Arc<Network>,
 }
 
+/// The networks that come with the program.
+pub(in crate::page) fn names() -> Vec<SimulatedNetwork> {
+    let profiles = Profile::names().filter_map(|name| Profile::find(name).ok());
+    profiles.map(|Profile { name, about, .. }| SimulatedNetwork { name, about }).collect()
+}
+
 impl Networks {
     /// The network of a page, made for its first connection.
-    pub(super) fn get(&self, wanted: Wanted, net: &Arc<dyn Net>) -> Result<Arc<Network>, NetworkError> {
+    pub(in crate::page) fn get(
+        &self,
+        wanted: Wanted,
+        net: &Arc<dyn Net>,
+    ) -> Result<Arc<Network>, NetworkError> {
         let known = Profile::names().any(|name| name == wanted.network);
         let profile = Profile::find(&wanted.network).ok().filter(|_| known).ok_or(NetworkError::Unknown)?;
         let mut networks = self.0.lock();
@@ -109,7 +79,7 @@ impl Network {
     }
 
     /// The far end of a page's connection, for the culler.
-    pub(super) fn cross(self: Arc<Self>, page: impl Connection + 'static) -> DuplexStream {
+    pub(in crate::page) fn cross(self: Arc<Self>, page: impl Connection + 'static) -> DuplexStream {
         let (culler, far) = duplex(BUFFER);
         let network = Arc::clone(&self);
         let _has_ended = self.0.send(Crossing { page: Box::new(page), culler, network });

@@ -1,15 +1,38 @@
 //! `compare.html`: systems compared with each other.
 
 use maud::{Markup, PreEscaped, html};
+use trimaran_cull::Image;
 
-use super::{card, document, embeddable, table, walk};
-use crate::comparison::System;
-use crate::report::comparison::{ComparedPicture, Figure, Table, ratio};
-use crate::report::format::{figure, grouped, plural};
-use crate::report::schema::{Comparison, ComparisonTable, SystemFigures};
+use super::{
+    figures::Figure,
+    schema::{Comparison, ComparisonTable, SystemFigures},
+    system::System,
+    tables::{Table, ratio},
+};
+use crate::report::{
+    format::{figure, grouped, plural},
+    html::{card, document, embeddable, table, walk},
+};
+
+/// A frame, identical for all systems whose pictures have no wrong pixel.
+#[derive(Debug, Clone)]
+pub struct ComparedPicture {
+    /// The error bound, pixels.
+    pub epsilon_px: f64,
+    /// The frame.
+    pub frame: u32,
+    /// Why it was chosen.
+    pub which: &'static str,
+    /// Mean FLIP against full detail.
+    pub flip_mean: f64,
+    /// The picture.
+    pub shown: Image,
+    /// The same at full detail.
+    pub full: Image,
+}
 
 /// The page.
-pub(in crate::report) fn page(
+pub(super) fn page(
     comparison: &Comparison,
     shown: &[ComparedPicture],
     figures: &[Figure],
@@ -66,7 +89,7 @@ pub(in crate::report) fn page(
             (systems(comparison))
         }
         script type="application/json" id="report" { (PreEscaped(data)) }
-        script { (PreEscaped(include_str!("walk/script.js"))) }
+        script { (PreEscaped(include_str!("../report/html/walk/script.js"))) }
     };
     let title = format!("Trimaran: systems compared on {}", walk::file_name(&comparison.scene.file));
     Ok(document(&title, &body).into_string())
@@ -218,8 +241,7 @@ fn systems(comparison: &Comparison) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::comparison::{figures, tables};
-    use crate::report::sample;
+    use crate::comparison::{figures::figures, sample, tables::tables};
 
     fn of(comparison: &Comparison) -> String {
         page(comparison, &[], &figures(comparison), &tables(comparison)).unwrap()

@@ -1,20 +1,14 @@
 //! The references of frames without culling, with which all culling methods are compared.
 
-use trimaran_audit::metrics::{
-    ImageDifference, ImageRef, exactly_visible, exactly_visible_triangles, mismatching_pixels,
-};
-use trimaran_cull::Image;
+use trimaran_audit::metrics::{ImageRef, exactly_visible, exactly_visible_triangles, mismatching_pixels};
+use trimaran_cull::{Image, ImageDifference};
 use trimaran_gpu::ItemImage;
 use trimaran_proto::{Camera, DrawableId, ViewState};
-use xxhash_rust::xxh3::xxh3_64;
 
 use crate::report::Frame;
 
-use super::{
-    audit::{AuditError, Auditor, items_of},
-    compose::FrameRecord,
-    objects::count_objects,
-};
+use super::{AuditError, Auditor, items_of};
+use crate::walkthrough::{FrameRecord, count_objects, redraw::fingerprint};
 
 /// A frame's LOD cut without culling.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,7 +55,7 @@ impl Auditor {
     /// # Errors
     /// If the device fails.
     pub fn reference(&mut self, camera: Camera) -> Result<Reference, AuditError> {
-        let (view, rule) = self.seen_from(&camera);
+        let (view, rule) = self.redrawer.seen_from(&camera);
         let mut picture = Image::default();
         let cut = self.unculled(camera, &mut picture)?;
         let items = self.draw_items(&view, &rule, &cut)?;
@@ -72,7 +66,7 @@ impl Auditor {
         Ok(Reference {
             camera,
             picture: fingerprint(&picture),
-            objects: count_objects(&self.scene, exact.iter().copied()),
+            objects: count_objects(&self.redrawer.scene, exact.iter().copied()),
             triangles: exactly_visible_triangles(&owners, &items.triangle),
             error: self.level_error(&view, &cut, drawn, &full)?,
             exact,
@@ -135,9 +129,4 @@ impl FullDetail {
     pub(super) fn is_of(&self, camera: &Camera, state: &ViewState) -> bool {
         self.camera == *camera && self.state == ViewState { lod: self.state.lod, ..state.clone() }
     }
-}
-
-/// The fingerprint of a picture.
-pub(super) fn fingerprint(picture: &Image) -> u64 {
-    xxh3_64(&picture.rgba)
 }

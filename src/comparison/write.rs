@@ -1,35 +1,17 @@
 //! A comparison on disk: `compare.json`, the page `compare.html`, its figures and its tables as files.
 
-mod figures;
-mod tables;
-
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-use trimaran_cull::Image;
-
-use super::{ReportError, error::io_error, html, schema::Comparison};
-pub(super) use figures::{Figure, figures};
-pub(super) use tables::{Table, ratio, tables};
-
-/// A frame, identical for all systems whose pictures have no wrong pixel.
-#[derive(Debug, Clone)]
-pub struct ComparedPicture {
-    /// The error bound, pixels.
-    pub epsilon_px: f64,
-    /// The frame.
-    pub frame: u32,
-    /// Why it was chosen.
-    pub which: &'static str,
-    /// Mean FLIP against full detail.
-    pub flip_mean: f64,
-    /// The picture.
-    pub shown: Image,
-    /// The same at full detail.
-    pub full: Image,
-}
+use super::{
+    figures::figures,
+    page::{ComparedPicture, page},
+    schema::Comparison,
+    tables::{Table, tables},
+};
+use crate::report::{ReportError, io_error};
 
 /// Writes a comparison into the existing folder `dir`: first the figures, then the page. Returns the page.
 ///
@@ -57,8 +39,5 @@ pub fn write(
     put(dir.join("tables.md"), tables.iter().map(Table::markdown).collect::<Vec<_>>().join("\n"))?;
     let json = serde_json::to_string_pretty(comparison).map_err(ReportError::Json)?;
     put(dir.join("compare.json"), json)?;
-    put(
-        dir.join("compare.html"),
-        html::comparison_page(comparison, pictures, &figures, &tables).map_err(ReportError::Json)?,
-    )
+    put(dir.join("compare.html"), page(comparison, pictures, &figures, &tables).map_err(ReportError::Json)?)
 }

@@ -1,29 +1,46 @@
 //! The tables of a comparison, for its page, for a terminal and for a document.
 
-use crate::comparison::{Coherence, System};
-use crate::report::format::{figure, grouped, with_unit};
-use crate::report::schema::{
-    Comparison, ComparisonTable, CurvePoint, LagPoint, PAPER, PaperModel, Stat, SystemFigures,
+use super::{
+    paths::Coherence,
+    schema::{
+        Comparison, ComparisonTable, CurvePoint, ExactFrame, LagPoint, PAPER, PaperModel, SystemFigures,
+    },
+    system::System,
+};
+use crate::report::{
+    format::{figure, grouped, with_unit},
+    schema::Stat,
+    text,
 };
 
 /// A table.
 #[derive(Debug, Clone, PartialEq)]
-pub(in crate::report) struct Table {
+pub(super) struct Table {
     /// Its name for scripts.
-    pub(in crate::report) name: String,
+    pub(super) name: String,
     /// Its content, and how its figures were measured.
-    pub(in crate::report) caption: String,
-    pub(in crate::report) head: Vec<&'static str>,
-    pub(in crate::report) rows: Vec<Vec<String>>,
+    pub(super) caption: String,
+    pub(super) head: Vec<&'static str>,
+    pub(super) rows: Vec<Vec<String>>,
 }
 
 const NONE: &str = "–";
 
 /// All tables of a comparison that have rows.
-pub(in crate::report) fn tables(comparison: &Comparison) -> Vec<Table> {
+pub(super) fn tables(comparison: &Comparison) -> Vec<Table> {
     let of_bounds = comparison.tables.iter().flat_map(|table| [speed(comparison, table), drawn(table)]);
     let others = [paper(), curve(&comparison.curve), coherence(comparison), lag(&comparison.lag)];
     of_bounds.chain(others).filter(|table| !table.rows.is_empty()).collect()
+}
+
+/// The tables of a comparison that fit a terminal: speed, and the drawn nodes, at each error bound. The first
+/// column is aligned left, the others right.
+#[must_use]
+pub fn summary(found: &Comparison) -> String {
+    let shown = ["speed-", "drawn-", "paper"];
+    let tables = tables(found).into_iter();
+    let tables = tables.filter(|table| shown.iter().any(|prefix| table.name.starts_with(prefix)));
+    tables.map(|of| format!("{}\n\n{}\n", of.caption, text::table(&of.head, &of.rows))).collect()
 }
 
 /// The paper's table 1.
@@ -100,7 +117,7 @@ fn drawn(table: &ComparisonTable) -> Table {
             grouped(drawn.lost_nodes as f64),
         ]
     };
-    let exact = |of: fn(&crate::report::schema::ExactFrame) -> Option<u64>| {
+    let exact = |of: fn(&ExactFrame) -> Option<u64>| {
         let values: Vec<u64> = table.exact.iter().filter_map(of).collect();
         let mean = values.iter().sum::<u64>() as f64 / values.len().max(1) as f64;
         if values.is_empty() { NONE.to_owned() } else { grouped(mean) }
@@ -315,7 +332,7 @@ fn processes(count: u8) -> String {
 }
 
 /// The median of rounds, with the lowest and the highest where they differ.
-pub(in crate::report) fn range(rounds: &[f64]) -> String {
+pub(super) fn range(rounds: &[f64]) -> String {
     let Some(stat) = Stat::of(rounds.iter().copied()) else { return NONE.to_owned() };
     let low = rounds.iter().copied().fold(f64::INFINITY, f64::min);
     let [median, low, high] = [stat.median, low, stat.max].map(figure);
@@ -323,13 +340,13 @@ pub(in crate::report) fn range(rounds: &[f64]) -> String {
 }
 
 /// The ratios of figures of the same round.
-pub(in crate::report) fn ratio(of: &[f64], over: &[f64]) -> String {
+pub(super) fn ratio(of: &[f64], over: &[f64]) -> String {
     range(&of.iter().zip(over).map(|(of, over)| of / over).collect::<Vec<_>>())
 }
 
 impl Table {
     /// As Markdown, for a document.
-    pub(in crate::report) fn markdown(&self) -> String {
+    pub(super) fn markdown(&self) -> String {
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | ")).replace('\u{202f}', ",");
         let head = line(self.head.iter().map(|title| (*title).to_owned()).collect());
         let rule = format!("|{}\n", "---|".repeat(self.head.len()));

@@ -1,5 +1,10 @@
 //! The errors of a picture: against its own LOD cut without culling, and against full detail.
 
+mod attribution;
+mod deviation;
+mod due;
+mod reference;
+
 use std::{collections::BTreeSet, sync::Arc};
 
 use thiserror::Error;
@@ -7,21 +12,26 @@ use trimaran_actors::CullerDevice;
 use trimaran_audit::{
     Missing,
     metrics::{
-        self, ImageDifference, ImageRef, MetricError, exactly_visible, exactly_visible_triangles,
-        false_culls, mismatching_pixels,
+        self, ImageRef, MetricError, exactly_visible, exactly_visible_triangles, false_culls,
+        mismatching_pixels,
     },
 };
-use trimaran_cull::{Choice, CutRule, Image, LodCut, View, draw_order, lod_cut};
-use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, PicturePass};
+use trimaran_cull::{Choice, CutRule, Image, ImageDifference, LodCut, View, draw_order, lod_cut};
+use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{NodeId, Scene};
 
+pub use attribution::AttributionError;
+#[cfg(test)]
+pub(super) use deviation::finest_below;
+pub(super) use due::DueAudits;
+pub use reference::{CullingDifference, Reference};
+use reference::{Drawn, FullDetail};
+
 use super::{
-    attribution::{self, AttributionError},
     compose::FrameRecord,
-    deviation,
     objects::count_objects,
-    reference::{Drawn, FullDetail, fingerprint},
+    redraw::{GivesUp, RedrawError, Redrawer},
     view_states::ViewStates,
 };
 use crate::report::schema::{Frame, VisibleObject};
@@ -33,6 +43,9 @@ pub enum AuditError {
     /// The device failed.
     #[error("drawing for the audit failed")]
     Gpu(#[from] GpuError),
+    /// The picture could not be drawn again, or the check was cancelled.
+    #[error(transparent)]
+    Redraw(#[from] RedrawError),
     /// The pictures differ in size.
     #[error("comparing pictures failed")]
     Metric(#[from] MetricError),
@@ -44,17 +57,6 @@ pub enum AuditError {
         /// The cause.
         #[source]
         cause: AttributionError,
-    },
-    /// The check was cancelled.
-    #[error("the audit was given up")]
-    GivenUp,
-    /// The redrawn picture is not the one that was shown: the device is not deterministic.
-    #[error(
-        "the picture of {frame} drawn again differs from the one shown: the device does not draw the same twice"
-    )]
-    NotRepeatable {
-        /// The frame.
-        frame: FrameNumber,
     },
 }
 
@@ -69,20 +71,13 @@ pub struct AuditPictures {
     pub full: Image,
 }
 
-/// Says whether a check is to be abandoned.
-pub type GivesUp = Arc<dyn Fn() -> bool + Send + Sync>;
-
 /// Checks frames of a finished session, off its clock: draws each again from its record, as shown, without
 /// culling and at full detail.
 pub struct Auditor {
-    pub(super) scene: Arc<Scene>,
-    views: ViewStates,
+    redrawer: Redrawer,
     drawn: Arc<GpuScene>,
-    pictures: PicturePass,
     /// Made when the first frame is checked.
     items: Option<ItemPass>,
-    /// Says whether a check is to be abandoned.
-    is_given_up: Option<GivesUp>,
     /// The last picture at full detail: frames of one camera at several error bounds share it.
     full: Option<Arc<FullDetail>>,
 }
@@ -97,52 +92,27 @@ impl Auditor {
         drawn: &Arc<GpuScene>,
         views: impl Into<ViewStates>,
     ) -> Result<Self, GpuError> {
-        let views = views.into();
-        let size = views.of(&Camera::at_origin(FrameNumber(0))).viewport;
-        Ok(Self {
-            scene: Arc::clone(scene),
-            views,
-            drawn: Arc::clone(drawn),
-            pictures: PicturePass::new(drawn, size)?,
-            items: None,
-            is_given_up: None,
-            full: None,
-        })
+        let redrawer = Redrawer::new(scene, drawn, views)?;
+        Ok(Self { redrawer, drawn: Arc::clone(drawn), items: None, full: None })
     }
 
     /// Abandons a check with an error as soon as `is_given_up` says so, also while the device draws. After
     /// that nothing more can be checked.
     pub fn give_up_when(&mut self, is_given_up: GivesUp) {
-        let is_cancelled = Arc::clone(&is_given_up);
-        self.pictures.cancel_when(move || is_cancelled());
-        self.is_given_up = Some(is_given_up);
-    }
-
-    fn go_on(&self) -> Result<(), AuditError> {
-        match &self.is_given_up {
-            Some(is_given_up) if is_given_up() => Err(AuditError::GivenUp),
-            _ => Ok(()),
-        }
+        self.redrawer.give_up_when(is_given_up);
     }
 
     /// Uses these view states for the frames from now on, with the same picture size.
     pub fn see(&mut self, views: impl Into<ViewStates>) {
-        self.views = views.into();
+        self.redrawer.see(views);
     }
 
     /// The picture of a frame, drawn again.
     ///
     /// # Errors
     /// If the device fails, or draws another picture than before.
-    pub fn picture(&mut self, record: &FrameRecord, into: &mut Image) -> Result<(), AuditError> {
-        let (view, rule) = self.seen_from(&record.camera);
-        self.draw_picture(&view, &rule, &record.ids, into)?;
-        match record.picture {
-            Some(hash) if hash != fingerprint(into) => {
-                Err(AuditError::NotRepeatable { frame: record.camera.frame() })
-            }
-            _ => Ok(()),
-        }
+    pub fn picture(&mut self, record: &FrameRecord, into: &mut Image) -> Result<(), RedrawError> {
+        self.redrawer.picture(record, into)
     }
 
     /// Checks the last frame of `walk`, which holds all frames up to it. Enters the results into `frame`,
@@ -162,14 +132,14 @@ impl Auditor {
         pictures: &mut AuditPictures,
     ) -> Result<(), AuditError> {
         let Some(record) = walk.last() else { return Ok(()) };
-        let (view, rule) = self.seen_from(&record.camera);
-        self.go_on()?;
+        let (view, rule) = self.redrawer.seen_from(&record.camera);
+        self.redrawer.go_on()?;
         self.picture(record, &mut pictures.shown)?;
-        self.go_on()?;
+        self.redrawer.go_on()?;
         let cut = self.unculled(record.camera, &mut pictures.unculled)?;
-        self.go_on()?;
+        self.redrawer.go_on()?;
         let full = self.full(record.camera)?;
-        self.go_on()?;
+        self.redrawer.go_on()?;
         pictures.full.clone_from(&full.picture);
         frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full.items)?, &full.items.triangle);
         let objects = self.objects(&exactly_visible(&items_of(&full.items)?));
@@ -182,21 +152,22 @@ impl Auditor {
             return Ok(());
         }
 
-        self.go_on()?;
+        self.redrawer.go_on()?;
         let shown_items = self.draw_items(&view, &rule, &record.ids)?;
-        self.go_on()?;
+        self.redrawer.go_on()?;
         let cut_items = self.draw_items(&view, &rule, &cut)?;
         let missing = enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
         if !missing.is_empty()
             && let Some(machine) = machine
         {
             let number = record.camera.frame();
-            frame.false_culls = attribution::false_culls(&self.scene, &self.views, machine, walk, &missing)
-                .map_err(|cause| AuditError::Attribution { frame: number, cause })?;
+            frame.false_culls =
+                attribution::false_culls(&self.redrawer.scene, &self.redrawer.views, machine, walk, &missing)
+                    .map_err(|cause| AuditError::Attribution { frame: number, cause })?;
         }
-        self.go_on()?;
+        self.redrawer.go_on()?;
         let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
-        frame.objects_exact = Some(count_objects(&self.scene, exact));
+        frame.objects_exact = Some(count_objects(&self.redrawer.scene, exact));
         let drawn = Drawn { ids: &record.ids, picture: &pictures.shown, items: &shown_items };
         frame.full_detail = Some(self.level_error(&view, &cut, drawn, &full)?);
         Ok(())
@@ -207,10 +178,10 @@ impl Auditor {
     /// # Errors
     /// If the device fails.
     pub fn unculled(&mut self, camera: Camera, picture: &mut Image) -> Result<Vec<DrawableId>, GpuError> {
-        let (view, rule) = self.seen_from(&camera);
-        let mut cut = lod_cut(&self.scene, &view, &rule);
-        draw_order(&self.scene, &view, &mut cut);
-        self.draw_picture(&view, &rule, &cut, picture)?;
+        let (view, rule) = self.redrawer.seen_from(&camera);
+        let mut cut = lod_cut(&self.redrawer.scene, &view, &rule);
+        draw_order(&self.redrawer.scene, &view, &mut cut);
+        self.redrawer.draw(&view, &rule, &cut, picture)?;
         Ok(cut)
     }
 
@@ -219,58 +190,33 @@ impl Auditor {
     /// # Errors
     /// If the device fails.
     pub fn full_detail_items(&mut self, camera: Camera) -> Result<ItemImage, GpuError> {
-        let (view, rule) = self.seen_from(&camera);
+        let (view, rule) = self.redrawer.seen_from(&camera);
         let finest = self.full_detail(&view, &rule);
         self.draw_items(&view, &rule, &finest)
     }
 
-    pub(super) fn full(&mut self, camera: Camera) -> Result<Arc<FullDetail>, GpuError> {
-        let (view, rule) = self.seen_from(&camera);
-        let state = self.views.of(&camera).clone();
+    fn full(&mut self, camera: Camera) -> Result<Arc<FullDetail>, GpuError> {
+        let (view, rule) = self.redrawer.seen_from(&camera);
+        let state = self.redrawer.views.of(&camera).clone();
         if let Some(full) = self.full.as_ref().filter(|full| full.is_of(&camera, &state)) {
             return Ok(Arc::clone(full));
         }
         let finest = self.full_detail(&view, &rule);
         let mut picture = Image::default();
-        self.draw_picture(&view, &rule, &finest, &mut picture)?;
+        self.redrawer.draw(&view, &rule, &finest, &mut picture)?;
         let items = self.draw_items(&view, &rule, &finest)?;
         Ok(Arc::clone(self.full.insert(Arc::new(FullDetail { camera, state, picture, items }))))
     }
 
-    pub(super) fn seen_from(&self, camera: &Camera) -> (View, CutRule) {
-        (self.views.view(*camera), self.views.rule(&self.scene, camera))
-    }
-
-    fn draw_picture(
-        &mut self,
-        view: &View,
-        rule: &CutRule,
-        ids: &[DrawableId],
-        into: &mut Image,
-    ) -> Result<(), GpuError> {
-        let mut see_through = Vec::new();
-        let solid = rule.divide(&self.scene, ids, &mut see_through);
-        self.pictures.begin(view)?;
-        self.pictures.draw(&solid)?;
-        self.pictures.draw_see_through(&see_through)?;
-        self.pictures.finish()?;
-        self.pictures.read(into)
-    }
-
     /// Draws the ID buffer of the solid drawables.
-    pub(super) fn draw_items(
-        &mut self,
-        view: &View,
-        rule: &CutRule,
-        ids: &[DrawableId],
-    ) -> Result<ItemImage, GpuError> {
+    fn draw_items(&mut self, view: &View, rule: &CutRule, ids: &[DrawableId]) -> Result<ItemImage, GpuError> {
         let mut image = ItemImage::default();
-        let solid = rule.divide(&self.scene, ids, &mut Vec::new());
+        let solid = rule.divide(&self.redrawer.scene, ids, &mut Vec::new());
         let items = match self.items.take() {
             Some(items) => items,
             None => {
                 let mut items = ItemPass::new(&self.drawn, view.viewport())?;
-                if let Some(is_given_up) = self.is_given_up.clone() {
+                if let Some(is_given_up) = self.redrawer.is_given_up.clone() {
                     items.cancel_when(move || is_given_up());
                 }
                 items
@@ -286,11 +232,11 @@ impl Auditor {
 
     /// The finest level of every leaf that is shown and inside the frustum, in drawing order.
     fn full_detail(&self, view: &View, rule: &CutRule) -> Vec<DrawableId> {
-        let cut = LodCut::new(&self.scene, view, rule);
+        let cut = LodCut::new(&self.redrawer.scene, view, rule);
         let mut finest = Vec::new();
         let mut open = vec![NodeId(0)];
         while let Some(id) = open.pop() {
-            let Some(node) = self.scene.nodes().get(id.0 as usize) else { continue };
+            let Some(node) = self.redrawer.scene.nodes().get(id.0 as usize) else { continue };
             if cut.outside(node) || cut.choose(id, node) == Choice::Nothing {
                 continue;
             }
@@ -299,12 +245,12 @@ impl Auditor {
             }
             open.extend(node.children().map(NodeId));
         }
-        draw_order(&self.scene, view, &mut finest);
+        draw_order(&self.redrawer.scene, view, &mut finest);
         finest
     }
 
     /// The error of the levels of detail: the picture against full detail.
-    pub(super) fn level_error(
+    fn level_error(
         &self,
         view: &View,
         cut: &[DrawableId],
@@ -315,8 +261,8 @@ impl Auditor {
         metrics::image_difference(
             &ImageRef::of(&full.picture)?,
             &ImageRef::of(drawn.picture)?,
-            deviation::silhouette(&self.scene, view, drawn.ids, &shown, &all)?,
-            deviation::surfaces(&self.scene, view, cut, &shown, &all),
+            deviation::silhouette(&self.redrawer.scene, view, drawn.ids, &shown, &all)?,
+            deviation::surfaces(&self.redrawer.scene, view, cut, &shown, &all),
         )
     }
 
@@ -324,17 +270,20 @@ impl Auditor {
     fn objects(&self, drawables: &[u32]) -> BTreeSet<u32> {
         drawables
             .iter()
-            .filter_map(|&id| self.scene.drawables().get(id as usize))
-            .filter_map(|drawable| self.scene.nodes().get(drawable.node as usize))
+            .filter_map(|&id| self.redrawer.scene.drawables().get(id as usize))
+            .filter_map(|drawable| self.redrawer.scene.nodes().get(drawable.node as usize))
             .map(|node| node.object)
             .collect()
     }
 
     fn named(&self, object: u32) -> VisibleObject {
-        let record = self.scene.objects().get(object as usize);
+        let record = self.redrawer.scene.objects().get(object as usize);
         VisibleObject {
-            name: self.scene.object_name(object).unwrap_or_default().to_owned(),
-            source: record.and_then(|r| self.scene.source_name(r.source)).unwrap_or_default().to_owned(),
+            name: self.redrawer.scene.object_name(object).unwrap_or_default().to_owned(),
+            source: record
+                .and_then(|r| self.redrawer.scene.source_name(r.source))
+                .unwrap_or_default()
+                .to_owned(),
             source_index: record.map_or(object, |r| r.source_index),
         }
     }
@@ -369,6 +318,6 @@ fn pixels_unlike_unculled(pictures: &AuditPictures) -> Result<u64, MetricError> 
     mismatching_pixels(&ImageRef::of(&pictures.shown)?, &ImageRef::of(&pictures.unculled)?)
 }
 
-pub(super) fn items_of(image: &ItemImage) -> Result<metrics::IdBufferRef<'_>, MetricError> {
+fn items_of(image: &ItemImage) -> Result<metrics::IdBufferRef<'_>, MetricError> {
     metrics::IdBufferRef::new(image.width, image.height, &image.drawable, ItemImage::BACKGROUND)
 }

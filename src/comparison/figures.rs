@@ -2,23 +2,28 @@
 
 use maud::Render;
 
-use crate::comparison::System;
-use crate::report::format;
-use crate::report::html::chart::{Chart, Mark, Series};
-use crate::report::schema::{
-    CoherencePoint, Comparison, ComparisonTable, CurvePoint, LagPoint, SystemFigures, SystemFrame,
+use super::{
+    schema::{
+        CoherencePoint, Comparison, ComparisonTable, CurvePoint, ExactFrame, LagPoint, SystemFigures,
+        SystemFrame,
+    },
+    system::System,
+};
+use crate::report::{
+    format,
+    html::chart::{Chart, Mark, Series},
 };
 
 /// A figure.
 #[derive(Debug, Clone)]
-pub(in crate::report) struct Figure {
+pub(super) struct Figure {
     /// The name of its file.
-    pub(in crate::report) name: String,
+    pub(super) name: String,
     /// Its title.
-    pub(in crate::report) title: String,
+    pub(super) title: String,
     /// How it was measured.
-    pub(in crate::report) caption: &'static str,
-    pub(in crate::report) chart: Chart,
+    pub(super) caption: &'static str,
+    pub(super) chart: Chart,
 }
 
 impl Figure {
@@ -29,7 +34,7 @@ impl Figure {
 }
 
 /// All figures of a comparison that are not empty.
-pub(in crate::report) fn figures(comparison: &Comparison) -> Vec<Figure> {
+pub(super) fn figures(comparison: &Comparison) -> Vec<Figure> {
     let over_frames = comparison.tables.iter().flat_map(over_frames);
     let others = curves(&comparison.curve)
         .into_iter()
@@ -66,7 +71,7 @@ fn over_frames(table: &ComparisonTable) -> Vec<Figure> {
         let different = table.systems.iter().enumerate().filter(|(place, figures)| first(*place, figures));
         different.map(|(_, figures)| line(figures)).collect()
     };
-    let exact = |of: fn(&crate::report::schema::ExactFrame) -> Option<u64>| Series {
+    let exact = |of: fn(&ExactFrame) -> Option<u64>| Series {
         name: "exactly visible".to_owned(),
         class: "exact",
         mark: Mark::Dashed,

@@ -1,6 +1,37 @@
-//! Names for why something visible was not drawn.
+//! What a check of a frame can find: an error of culling, by its cause, and the error of the levels of detail.
+//! `trimaran-audit` checks frames; a report names what it found.
 
 use serde::{Deserialize, Serialize};
+
+/// The largest distance from a pixel's centre of the surface that covers it, in pixels: the rasterizer moves
+/// corners by its sub-pixel step of 1/256, and a GPU places vertices in f32.
+pub const SURFACE_SLACK_PX: f64 = 1.0 / 64.0;
+
+/// The difference of two images, in the form of a report.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ImageDifference {
+    /// Peak signal-to-noise ratio over red, green and blue, decibels; `null` if the images are equal
+    /// (infinite).
+    pub psnr_db: Option<f64>,
+    /// Mean of the FLIP error map, 0 (equal) to 1.
+    pub flip_mean: Option<f64>,
+    /// 99th percentile of the FLIP error map.
+    pub flip_p99: Option<f64>,
+    /// Pixels whose colour differs.
+    pub mismatching_pixels: u64,
+    /// Largest distance of a pixel that only one of the images covers to the nearest surface of the other,
+    /// pixels; the image's diagonal if there is none.
+    pub silhouette_max_px: Option<f64>,
+    /// 95th percentile of that distance, over the outline pixels of both as well (0 where both cover them).
+    pub silhouette_p95_px: Option<f64>,
+    /// Largest distance of a covered pixel, of either image, to the same thing's surface in the other,
+    /// pixels.
+    #[serde(default)]
+    pub surface_max_px: Option<f64>,
+    /// 95th percentile of that distance over the covered pixels of both.
+    #[serde(default)]
+    pub surface_p95_px: Option<f64>,
+}
 
 /// Why a visible drawable was not drawn: the first wrong step on its path from the root of the tree to the
 /// picture.
