@@ -358,7 +358,7 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::sample;
+    use crate::comparison::sample;
 
     #[test]
     fn ratios_are_of_the_same_round() {

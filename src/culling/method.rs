@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn names_read_back() {
-        for method in CullingMethod::ALL {
+        for &method in CullingMethod::ALL {
             assert_eq!(method.name().parse(), Ok(method));
         }
         let error = "GigaWalk".parse::<CullingMethod>().unwrap_err().to_string();

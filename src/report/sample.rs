@@ -1,7 +1,8 @@
 //! A made-up run with every key filled, for tests.
 
-use std::sync::LazyLock;
+use std::{collections::BTreeSet, sync::LazyLock};
 
+use serde_json::Value;
 use trimaran_actors::CullerId;
 use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 use trimaran_cull::Image;

@@ -137,7 +137,7 @@ impl Observer for Recorder<'_> {
             for_loss: frame.for_loss,
             lacking: frame.lacking,
             again: frame.again,
-            picture: frame.picture.map(|picture| fingerprint(picture)),
+            picture: frame.picture.map(fingerprint),
             published: self.walked + frame.published,
             begun: self.walked + frame.begun,
             drawing: self.walked + frame.drawing,

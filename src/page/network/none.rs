@@ -8,7 +8,7 @@ use trimaran_net::Net;
 use super::{Connection, NetworkError, SimulatedNetwork, Wanted};
 
 #[derive(Debug, Default)]
-pub(in crate::page) struct Networks;
+pub(in crate::page) struct Networks {}
 
 #[derive(Debug)]
 pub(in crate::page) struct Network(Infallible);

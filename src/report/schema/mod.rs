@@ -113,7 +113,7 @@ mod tests {
     use serde_json::Value;
 
     use super::*;
-    use crate::report::sample;
+    use crate::report::sample::{self, keys};
 
     #[test]
     fn the_documentation_names_every_key_and_cause() {

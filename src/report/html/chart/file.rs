@@ -2,7 +2,7 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::{Chart, LEFT, RIGHT, Series, WIDTH, unit};
+use super::{Chart, HEIGHT, LEFT, RIGHT, Series, WIDTH, unit};
 
 impl Chart {
     /// The chart as a file of its own, with a title.
