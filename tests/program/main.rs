@@ -13,6 +13,7 @@ mod configs;
 mod corpus;
 mod empty_display;
 mod empty_display_real;
+mod imports;
 mod keys;
 #[cfg(target_os = "linux")]
 mod limited_memory;
