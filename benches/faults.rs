@@ -30,20 +30,19 @@ use nix::{
 };
 use tokio::runtime::Builder;
 use trimaran::{
-    culling::CullingMethod,
     netem::Emulation,
     report::Frame,
     vulkan::{VulkanCuller, VulkanDisplay},
     walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices},
 };
 use trimaran_actors::{
-    CullerId, DisplayRole, PeerEndpoint, Peers, SceneCulling, ScenePictures, Schedule, Sought, Stop,
-    Stopwatch, Turns, max_frame,
+    CullerId, DisplayRole, PeerEndpoint, Peers, SceneCulling, ScenePictures, Sought, Stop, Stopwatch, Turns,
+    max_frame,
 };
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::GpuOptions;
 use trimaran_netsim::Profile;
-use trimaran_proto::{BatchSize, IdCoding, Identity, OcclusionTestKind, Role, SessionKey};
+use trimaran_proto::{Identity, Role, SessionKey, Settings};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Net, Options, TokioNet};
 
@@ -227,19 +226,8 @@ fn main() -> Result<(), Failed> {
 }
 
 fn plan() -> Result<Plan, Failed> {
-    Ok(Plan {
-        viewport: Viewport::new(SIDE, SIDE)?,
-        lod: LodRule::new(2.0)?,
-        batch: BatchSize::default(),
-        coding: IdCoding::Changes,
-        culling: CullingMethod::Trimaran,
-        occlusion_test: OcclusionTestKind::Hzb,
-        pace: Pace::Live { hz: HZ },
-        schedule: Schedule::Independent,
-        audit_every: 0,
-        visible: false,
-        alone: false,
-    })
+    let settings = Settings::new(Viewport::new(SIDE, SIDE)?, LodRule::new(2.0)?);
+    Ok(Plan { pace: Pace::Live { hz: HZ }, ..Plan::new(settings) })
 }
 
 /// Walks live while cullers fail and come back, each on a machine of its own where a cable is to be pulled.

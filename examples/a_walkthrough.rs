@@ -5,34 +5,21 @@
 
 use std::{error::Error, sync::Arc};
 
-use trimaran::culling::CullingMethod;
-use trimaran::walkthrough::{CameraPath, Pace, PathChoice, Plan, Recorder, SceneOnDevices};
-use trimaran_actors::{Schedule, Stop};
+use trimaran::walkthrough::{CameraPath, PathChoice, Plan, Recorder, SceneOnDevices};
+use trimaran_actors::Stop;
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
 use trimaran_gpu::GpuOptions;
-use trimaran_proto::{BatchSize, IdCoding, LodRule, OcclusionTestKind, Viewport};
+use trimaran_proto::{LodRule, Settings, Viewport};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let model = plant(&PlantOptions { seed: 1, objects: 1_000, triangles: 100_000 });
     let scene = Arc::new(cook(&model, &CookOptions::default(), &())?);
     println!("{} objects, {} nodes", model.objects.len(), scene.nodes().len());
 
-    let plan = Plan {
-        viewport: Viewport::new(512, 512)?,
-        lod: LodRule::new(2.0)?,
-        batch: BatchSize::new(1024)?,
-        coding: IdCoding::Plain,
-        culling: CullingMethod::Trimaran,
-        occlusion_test: OcclusionTestKind::Hzb,
-        pace: Pace::Lockstep,
-        schedule: Schedule::Independent,
-        audit_every: 0,
-        visible: false,
-        alone: false,
-    };
+    let plan = Plan::new(Settings::new(Viewport::new(512, 512)?, LodRule::new(2.0)?));
     let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, plan.settings().into(), Some(30))?;
     let devices = SceneOnDevices::open(&scene, 2, &GpuOptions::default())?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;

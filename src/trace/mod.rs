@@ -167,27 +167,15 @@ impl TraceFrame {
 
 #[cfg(test)]
 mod tests {
-    use trimaran_actors::Schedule;
-    use trimaran_proto::{BatchSize, FrameStats, IdCoding, LodRule, OcclusionTestKind, SentBytes, Viewport};
+    use trimaran_proto::{FrameStats, LodRule, SentBytes, Settings, Viewport};
 
     use super::*;
-    use crate::{culling::CullingMethod, walkthrough::Pace};
+    use crate::walkthrough::Pace;
 
     #[test]
     fn what_was_shown_before_all_of_it_had_come_makes_no_trace_and_what_was_shown_again_is_left_out() {
-        let plan = Plan {
-            viewport: Viewport::new(64, 64).unwrap(),
-            lod: LodRule::new(2.0).unwrap(),
-            batch: BatchSize::new(64).unwrap(),
-            coding: IdCoding::Changes,
-            culling: CullingMethod::Trimaran,
-            occlusion_test: OcclusionTestKind::Hzb,
-            pace: Pace::Live { hz: 30.0 },
-            schedule: Schedule::Independent,
-            audit_every: 0,
-            visible: false,
-            alone: false,
-        };
+        let settings = Settings::new(Viewport::new(64, 64).unwrap(), LodRule::new(2.0).unwrap());
+        let plan = Plan { pace: Pace::Live { hz: 30.0 }, ..Plan::new(settings) };
         let record = |number, again: bool, lacking| FrameRecord {
             camera: Camera::at_origin(FrameNumber(number)),
             culler: None,

@@ -46,6 +46,25 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// A walk in lockstep with these settings, culled by Trimaran's method, without audits.
+    #[must_use]
+    pub const fn new(settings: Settings) -> Self {
+        let Settings { viewport, lod, batch, coding, occlusion_test } = settings;
+        Self {
+            viewport,
+            lod,
+            batch,
+            coding,
+            culling: CullingMethod::Trimaran,
+            occlusion_test,
+            pace: Pace::Lockstep,
+            schedule: Schedule::Independent,
+            audit_every: 0,
+            visible: false,
+            alone: false,
+        }
+    }
+
     /// The settings that the display imposes on the cullers.
     #[must_use]
     pub const fn settings(&self) -> Settings {

@@ -131,19 +131,14 @@ impl Unchecked {
     /// # Errors
     /// When this version does not support them.
     pub fn plan(&self) -> Result<Plan, UncheckedError> {
-        let Settings { viewport, lod, batch, coding, occlusion_test } = self.settings;
         Ok(Plan {
-            viewport,
-            lod,
-            batch,
-            coding,
-            occlusion_test,
             culling: self.run.culling,
             pace: self.live_hz.map_or(Pace::Lockstep, |hz| Pace::Live { hz }),
             schedule: self.run.schedule.parse()?,
             audit_every: self.run.audit_every.unwrap_or(0),
             visible: self.visible,
             alone: self.run.alone,
+            ..Plan::new(self.settings)
         })
     }
 

@@ -3,15 +3,12 @@
 use std::sync::Arc;
 
 use tokio::runtime::{Builder, Runtime};
-use trimaran::culling::CullingMethod;
 use trimaran::report::Frame;
 use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
-use trimaran::walkthrough::{
-    Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices,
-};
-use trimaran_actors::{CullerDevice, CullerId, LocalSession, Schedule, Stop};
+use trimaran::walkthrough::{Auditor, CameraPath, FrameRecord, PathChoice, Plan, Recorder, SceneOnDevices};
+use trimaran_actors::{CullerDevice, CullerId, LocalSession, Stop};
 use trimaran_cull::{LodRule, View, lod_cut};
-use trimaran_proto::{BatchSize, IdCoding, OcclusionTestKind, Viewport};
+use trimaran_proto::{BatchSize, OcclusionTestKind, Settings, Viewport};
 use trimaran_scene::Scene;
 
 /// A scene on the devices of a display and two cullers, or `None` if there is no device and none is required.
@@ -26,19 +23,9 @@ pub(crate) fn plan(
     batch: u32,
     occlusion_test: OcclusionTestKind,
 ) -> Plan {
-    Plan {
-        viewport: Viewport::new(width, height).unwrap(),
-        lod: LodRule::new(epsilon_px).unwrap(),
-        batch: BatchSize::new(batch).unwrap(),
-        coding: IdCoding::Changes,
-        culling: CullingMethod::Trimaran,
-        occlusion_test,
-        pace: Pace::Lockstep,
-        schedule: Schedule::Independent,
-        audit_every: 1,
-        visible: false,
-        alone: false,
-    }
+    let settings = Settings::new(Viewport::new(width, height).unwrap(), LodRule::new(epsilon_px).unwrap());
+    let batch = BatchSize::new(batch).unwrap();
+    Plan { audit_every: 1, ..Plan::new(Settings { batch, occlusion_test, ..settings }) }
 }
 
 /// The first `frames` cameras of a path.

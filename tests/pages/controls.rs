@@ -59,7 +59,7 @@ fn becomes(browser: &mut Browser, what: &str, is_it: impl Fn(&Value) -> bool) ->
 }
 
 /// Does something that moves the eye once the service has said which sides are open, and looks from there.
-fn goes(browser: &mut Browser, act: impl FnOnce(&mut Browser)) -> Value {
+pub(super) fn goes(browser: &mut Browser, act: impl FnOnce(&mut Browser)) -> Value {
     let before = state(browser);
     act(browser);
     becomes(browser, "going there", |now| now["eye"] != before["eye"]);

@@ -28,17 +28,6 @@ fn look(browser: &mut Browser) -> Value {
     browser.done(json!({ "do": "look" }))
 }
 
-/// Presses F, and waits until the eye is elsewhere: the service is asked for open sides first.
-fn goes(browser: &mut Browser) {
-    let before = look(browser)["eye"].take();
-    press(browser, &["f"]);
-    let begun = Instant::now();
-    while look(browser)["eye"] == before {
-        assert!(begun.elapsed() < Duration::from_secs(60), "F goes nowhere");
-    }
-    browser.done(json!({ "do": "settle" }));
-}
-
 /// The text of elements.
 fn texts(browser: &mut Browser, selector: &str) -> Vec<String> {
     serde_json::from_value(browser.tell(json!({ "do": "text", "selector": selector }))["answer"].take())
@@ -226,7 +215,7 @@ fn clicks_pick_as_on_a_desktop() {
     };
     // The first pick with Ctrl has a panel like any other, and F frames it.
     click(&mut browser, 0, &["Control"], &[0], &["ball-0"]);
-    goes(&mut browser);
+    goes(&mut browser, |browser| press(browser, &["f"]));
     stand(&mut browser);
     // The panel shows the remaining picked object.
     click(&mut browser, 1, &["Control"], &[0, 1], &["ball-1"]);
@@ -240,7 +229,7 @@ fn clicks_pick_as_on_a_desktop() {
     browser.done(json!({ "do": "click", "x": 450, "y": 60, "keys": ["Control"] }));
     assert_eq!(look(&mut browser)["selected"], json!([1, 2]), "a click beside with Ctrl loses nothing");
     // F goes to where all of them are seen.
-    goes(&mut browser);
+    goes(&mut browser, |browser| press(browser, &["f"]));
     for ball in [1, 2] {
         let place = browser.done(json!({ "do": "point", "point": near[ball] }));
         let at = |axis: usize| place[axis].as_f64().unwrap();

@@ -12,15 +12,14 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use tempfile::TempDir;
-use trimaran::culling::CullingMethod;
 use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_watched};
 use trimaran::trace::Trace;
-use trimaran::walkthrough::{FrameRecord, Pace, Plan};
+use trimaran::walkthrough::{FrameRecord, Plan};
 use trimaran_actors::{CullerId, FrameEvent, FrameStart, Listener, Schedule};
 use trimaran_netsim::Profile;
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, Identity, LodRule, OcclusionTestKind,
-    Role, SceneHash, SentBytes, Viewport, Walkthrough,
+    BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, Identity, LodRule, Role, SceneHash,
+    SentBytes, Settings, Viewport, Walkthrough,
 };
 use trimaran_transport::{Lane, Net, Options, SessionId, TokioNet, connect, sleep_until};
 use trimaran_wire::{Hello, Message, Protocol, ProtocolName};
@@ -104,19 +103,8 @@ impl Capture {
 
 /// A walk whose frames lose and gain some ids.
 fn walk() -> Workload {
-    let plan = Plan {
-        viewport: Viewport::new(64, 64).unwrap(),
-        lod: LodRule::new(2.0).unwrap(),
-        batch: BatchSize::new(64).unwrap(),
-        coding: IdCoding::Changes,
-        culling: CullingMethod::Trimaran,
-        occlusion_test: OcclusionTestKind::Hzb,
-        pace: Pace::Lockstep,
-        schedule: Schedule::Independent,
-        audit_every: 0,
-        visible: false,
-        alone: false,
-    };
+    let settings = Settings::new(Viewport::new(64, 64).unwrap(), LodRule::new(2.0).unwrap());
+    let plan = Plan::new(Settings { batch: BatchSize::new(64).unwrap(), ..settings });
     let ms = Duration::from_millis;
     let record = |frame: u32| {
         let ids: Vec<DrawableId> =
