@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
+use super::controls::goes;
 use crate::common::page::{Browser, Service};
 use crate::common::program::Bench;
 
