@@ -71,7 +71,7 @@ pub enum RoleMessage {
 }
 
 impl Protocol for Walkthrough {
-    const NAME: &'static str = "trimaran/1";
+    const NAME: &'static str = "trimaran/2";
     type Hello = Identity;
     type Latest = Camera;
     type Header = Camera;
