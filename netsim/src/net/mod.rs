@@ -1,8 +1,8 @@
 //! The transports' [`Net`] as a simulated machine offers it to programs.
 
-pub(crate) mod tcp;
+mod tcp;
 mod timer;
-pub(crate) mod udp;
+mod udp;
 
 use std::fmt;
 use std::io;
@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use trimaran_net::{BoxFuture, Instant, Listen, Net, Stream, TcpOptions, Timer, UdpSocket, UdpSocketOptions};
 
-use crate::topology::HostId;
+use crate::host::HostId;
 use crate::world::World;
 use timer::SimTimer;
 

@@ -10,7 +10,7 @@ use trimaran_net::{RecvMeta, Transmit, UdpSocket};
 use trimaran_netsim::link::{
     Distribution, GilbertElliott, Jitter, LinkModel, LinkTally, Loss, Probability, Rate,
 };
-use trimaran_netsim::{HostId, SimNet, Simulation, Stalled, Topology};
+use trimaran_netsim::{Class, HostId, SimNet, Simulation, Stalled, Topology};
 use trimaran_transport::{Instant, Net, UdpSocketOptions, sleep_until, until};
 
 fn pair(link: &LinkModel, seed: u64) -> (Simulation, [HostId; 2]) {
@@ -86,7 +86,7 @@ fn a_switch_stores_and_forwards() {
     let hosts = [topology.find("a").unwrap(), topology.find("c").unwrap()];
     // 8 bytes of payload make the shortest frame: 84 bytes on the line, four times.
     assert_eq!(pings(&simulation, hosts, 1, Duration::ZERO), [(0, 4 * (84 * 8 * 10 + 500))]);
-    let sent = simulation.sent(hosts[0], hosts[1]);
+    let sent = simulation.sent_by_class(hosts[0], hosts[1])[&Class::SmallDatagram];
     assert_eq!((sent.packets, sent.payload, sent.transport_headers, sent.ip_headers), (1, 8, 8, 20));
     assert_eq!((sent.link_layer, sent.bytes()), (28, 64));
 }
