@@ -46,6 +46,22 @@ impl SimNet {
     fn own(&self, at: IpAddr) -> io::Result<()> {
         if self.host.of(at) == Some(self.host) { Ok(()) } else { Err(io::ErrorKind::AddrNotAvailable.into()) }
     }
+
+    fn lookup(&self, address: &str) -> io::Result<Vec<SocketAddr>> {
+        if let Ok(address) = address.parse() {
+            return Ok(vec![address]);
+        }
+        let unknown =
+            || io::Error::new(io::ErrorKind::NotFound, format!("the simulation has no host of {address}"));
+        let (name, port) = address.rsplit_once(':').ok_or_else(unknown)?;
+        let port = port.parse().map_err(|_| unknown())?;
+        let core = self.world.core();
+        let host = match name {
+            "localhost" => self.host,
+            name => HostId(core.names.iter().position(|known| known == name).ok_or_else(unknown)?),
+        };
+        Ok(vec![SocketAddr::new(host.v4(), port), SocketAddr::new(host.v6(), port)])
+    }
 }
 
 impl Net for SimNet {
@@ -85,20 +101,11 @@ impl Net for SimNet {
     }
 }
 
-impl SimNet {
-    fn lookup(&self, address: &str) -> io::Result<Vec<SocketAddr>> {
-        if let Ok(address) = address.parse() {
-            return Ok(vec![address]);
-        }
-        let unknown =
-            || io::Error::new(io::ErrorKind::NotFound, format!("the simulation has no host of {address}"));
-        let (name, port) = address.rsplit_once(':').ok_or_else(unknown)?;
-        let port = port.parse().map_err(|_| unknown())?;
-        let core = self.world.core();
-        let host = match name {
-            "localhost" => self.host,
-            name => HostId(core.names.iter().position(|known| known == name).ok_or_else(unknown)?),
-        };
-        Ok(vec![SocketAddr::new(host.v4(), port), SocketAddr::new(host.v6(), port)])
-    }
+/// The first port that the system hands out itself (RFC 6335, section 6).
+const FIRST_FREE_PORT: u16 = 49_152;
+
+/// The port `wanted`, or the first free one for 0.
+fn free_port(wanted: u16, taken: impl Fn(u16) -> bool) -> io::Result<u16> {
+    let mut ports = if wanted == 0 { FIRST_FREE_PORT..=u16::MAX } else { wanted..=wanted };
+    ports.find(|port| !taken(*port)).ok_or_else(|| io::ErrorKind::AddrInUse.into())
 }

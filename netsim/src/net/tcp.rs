@@ -11,8 +11,7 @@ use std::task::{Context, Poll, ready};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use trimaran_net::{BoxFuture, Instant, Listen, Stream, StreamPeer, TcpOptions};
 
-use super::SimNet;
-use super::udp::FIRST_FREE_PORT;
+use super::{SimNet, free_port};
 use crate::tcp::Socket;
 use crate::world::{ListenerState, TcpState};
 
@@ -23,12 +22,10 @@ pub(super) async fn connect(net: &SimNet, to: SocketAddr, options: TcpOptions) -
     let connection = {
         let mut core = net.world.core();
         let config = core.tcp_config(here, there, to, options).ok_or(io::ErrorKind::HostUnreachable)?;
-        let port = (FIRST_FREE_PORT..=u16::MAX)
-            .find(|port| {
-                !core.tcp_ports.contains_key(&(here, *port, to))
-                    && !core.listeners.contains_key(&(here, *port))
-            })
-            .ok_or(io::ErrorKind::AddrNotAvailable)?;
+        let taken = |port| {
+            core.tcp_ports.contains_key(&(here, port, to)) || core.listeners.contains_key(&(here, port))
+        };
+        let port = free_port(0, taken).map_err(|_| io::ErrorKind::AddrNotAvailable)?;
         let source = here.source_to(there, to.ip());
         let socket = Socket::connect(core.now, config);
         let number = core.add_tcp(socket, here, SocketAddr::new(source, port), there, to);
@@ -46,12 +43,7 @@ pub(super) fn listen(
     options: TcpOptions,
 ) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
     let mut core = net.world.core();
-    let taken = |port: u16| core.listeners.contains_key(&(net.host, port));
-    let port = match at.port() {
-        0 => (FIRST_FREE_PORT..=u16::MAX).find(|port| !taken(*port)).ok_or(io::ErrorKind::AddrInUse)?,
-        port if taken(port) => return Err(io::ErrorKind::AddrInUse.into()),
-        port => port,
-    };
+    let port = free_port(at.port(), |port| core.listeners.contains_key(&(net.host, port)))?;
     core.listeners.insert((net.host, port), ListenerState { options, made: VecDeque::new(), waker: None });
     Ok((Box::new(SimListener { net: net.clone(), port }), SocketAddr::new(at.ip(), port)))
 }

@@ -9,13 +9,10 @@ use std::task::{Context, Poll, ready};
 use bytes::Bytes;
 use trimaran_net::{EcnCodepoint, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
 
-use super::SimNet;
+use super::{SimNet, free_port};
 use crate::link::Ecn;
 use crate::packet::{Body, Packet};
 use crate::world::{Datagram, UdpState};
-
-/// The first port that the system hands out itself (RFC 6335, section 6).
-pub(super) const FIRST_FREE_PORT: u16 = 49_152;
 
 pub(super) fn bind(
     net: &SimNet,
@@ -23,12 +20,7 @@ pub(super) fn bind(
     options: UdpSocketOptions,
 ) -> io::Result<Arc<dyn UdpSocket>> {
     let mut core = net.world.core();
-    let taken = |port| core.udp_ports.contains_key(&(net.host, port));
-    let port = match at.port() {
-        0 => (FIRST_FREE_PORT..=u16::MAX).find(|port| !taken(*port)).ok_or(io::ErrorKind::AddrInUse)?,
-        port if taken(port) => return Err(io::ErrorKind::AddrInUse.into()),
-        port => port,
-    };
+    let port = free_port(at.port(), |port| core.udp_ports.contains_key(&(net.host, port)))?;
     let number = core.new_socket();
     core.udp_ports.insert((net.host, port), number);
     core.sockets.insert(number, UdpState::new(net.host, options));
@@ -53,6 +45,7 @@ impl Drop for SimUdp {
     }
 }
 
+/// One datagram at a time, so that a loss on a link loses one.
 impl UdpSocket for SimUdp {
     fn try_send(&self, transmit: &Transmit<'_>) -> io::Result<()> {
         let here = self.net.host;
@@ -109,19 +102,6 @@ impl UdpSocket for SimUdp {
 
     fn local_addr(&self) -> io::Result<SocketAddr> {
         Ok(self.local)
-    }
-
-    /// One, so that a loss on a link loses one datagram.
-    fn max_transmit_segments(&self) -> usize {
-        1
-    }
-
-    fn max_receive_segments(&self) -> usize {
-        1
-    }
-
-    fn may_fragment(&self) -> bool {
-        false
     }
 }
 

@@ -7,7 +7,7 @@ use trimaran_net::Instant;
 
 use super::cubic::Cubic;
 use super::rtt::Rtt;
-use super::scoreboard::{News, Scoreboard};
+use super::scoreboard::{News, Scoreboard, Sent};
 use super::segment::Class;
 use super::unsent::Unsent;
 
@@ -92,6 +92,18 @@ pub(super) struct Outgoing {
     pub(super) data: Bytes,
     pub(super) fin: bool,
     pub(super) class: Class,
+}
+
+impl Outgoing {
+    /// A segment without data.
+    pub(super) const fn empty(seq: u64, class: Class) -> Self {
+        Self { seq, data: Bytes::new(), fin: false, class }
+    }
+
+    fn again(packet: &Sent) -> Self {
+        let Sent { seq, data, fin, .. } = packet;
+        Self { seq: *seq, data: data.clone(), fin: *fin, class: Class::Retransmission }
+    }
 }
 
 impl Sender {
