@@ -118,12 +118,6 @@ impl Topology {
         (0..self.hosts.len()).map(HostId)
     }
 
-    /// The name of a machine.
-    #[must_use]
-    pub fn name(&self, host: HostId) -> Option<&str> {
-        self.hosts.get(host.0).map(|host| host.name.as_str())
-    }
-
     /// For each node, the pipe that leads on to `host`.
     pub(crate) fn routes_to(&self, host: HostId) -> Vec<Option<usize>> {
         let mut next = vec![None; self.nodes.len()];

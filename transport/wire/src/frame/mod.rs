@@ -88,6 +88,12 @@ struct Digest {
     hasher: Xxh3,
 }
 
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} with {} items", self.frame, self.items)
+    }
+}
+
 impl Digest {
     fn new(frame: FrameNumber) -> Self {
         Self { frame, items: 0, hasher: Xxh3::new() }
