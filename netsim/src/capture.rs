@@ -19,10 +19,10 @@ use pcap_file::{DataLink, Endianness, PcapError};
 use thiserror::Error;
 use trimaran_net::Instant;
 
+use crate::host::HostId;
 use crate::link::Ecn;
 use crate::packet::{Body, Packet};
 use crate::tcp::Segment;
-use crate::topology::HostId;
 
 /// The TCP window scale in headers (RFC 7323); the model itself has no such limit.
 const WINDOW_SHIFT: u8 = 8;

@@ -1,64 +1,38 @@
 //! A queue of events by time.
 
-use std::cmp::{Ordering, Reverse};
-use std::collections::BinaryHeap;
+use std::collections::BTreeMap;
 
 use trimaran_net::Instant;
 
 /// Events in the order of their times. Events of the same nanosecond keep the order in which they were added.
 #[derive(Debug)]
 pub(crate) struct Events<E> {
-    heap: BinaryHeap<Reverse<Entry<E>>>,
+    queue: BTreeMap<(Instant, u64), E>,
     added: u64,
-}
-
-#[derive(Debug)]
-struct Entry<E> {
-    at: Instant,
-    order: u64,
-    event: E,
 }
 
 impl<E> Events<E> {
     pub(crate) const fn new() -> Self {
-        Self { heap: BinaryHeap::new(), added: 0 }
+        Self { queue: BTreeMap::new(), added: 0 }
     }
 
     pub(crate) fn add(&mut self, at: Instant, event: E) {
-        self.heap.push(Reverse(Entry { at, order: self.added, event }));
+        self.queue.insert((at, self.added), event);
         self.added += 1;
     }
 
-    /// The next event and its time.
-    pub(crate) fn next(&mut self) -> Option<(Instant, E)> {
-        self.heap.pop().map(|Reverse(entry)| (entry.at, entry.event))
+    /// The next event and its time, unless it is later than `end`.
+    pub(crate) fn next_by(&mut self, end: Instant) -> Option<(Instant, E)> {
+        let first = self.queue.first_entry().filter(|first| first.key().0 <= end)?;
+        let ((at, _), event) = first.remove_entry();
+        Some((at, event))
     }
 
     /// The time of the next event.
     pub(crate) fn next_at(&self) -> Option<Instant> {
-        self.heap.peek().map(|Reverse(entry)| entry.at)
+        self.queue.first_key_value().map(|((at, _), _)| *at)
     }
 }
-
-impl<E> Ord for Entry<E> {
-    fn cmp(&self, other: &Self) -> Ordering {
-        (self.at, self.order).cmp(&(other.at, other.order))
-    }
-}
-
-impl<E> PartialOrd for Entry<E> {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl<E> PartialEq for Entry<E> {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other) == Ordering::Equal
-    }
-}
-
-impl<E> Eq for Entry<E> {}
 
 #[cfg(test)]
 mod tests {
@@ -77,7 +51,7 @@ mod tests {
             expected.sort();
             let mut got = Vec::new();
             while let Some(at) = events.next_at() {
-                let (time, event) = events.next().unwrap();
+                let (time, event) = events.next_by(at).unwrap();
                 prop_assert_eq!(time, at);
                 got.push((time.as_nanos(), event));
             }

@@ -82,8 +82,8 @@ impl Executor {
     }
 
     /// A waker of the main future.
-    pub(crate) fn main(&self) -> MainWaker {
-        MainWaker(Rouser::new(MAIN, &self.ready))
+    pub(crate) fn main(&self) -> Waker {
+        Rouser::new(MAIN, &self.ready).into()
     }
 
     /// Whether something has been woken.
@@ -103,14 +103,13 @@ impl Executor {
     pub(crate) fn run_until_stalled<F: Future>(
         &self,
         main: &mut Pin<&mut F>,
-        MainWaker(rouser): &MainWaker,
+        waker: &Waker,
     ) -> Poll<F::Output> {
-        let waker = Waker::from(Arc::clone(rouser));
         loop {
             let Some(next) = self.ready.queue.lock().pop_front() else { return Poll::Pending };
             next.queued.swap(false, Ordering::AcqRel);
             if next.key == MAIN {
-                if let Poll::Ready(output) = main.as_mut().poll(&mut Context::from_waker(&waker)) {
+                if let Poll::Ready(output) = main.as_mut().poll(&mut Context::from_waker(waker)) {
                     return Poll::Ready(output);
                 }
             } else {
@@ -151,16 +150,6 @@ impl Executor {
     }
 }
 
-/// Wakes the main future.
-#[derive(Debug)]
-pub(crate) struct MainWaker(Arc<Rouser>);
-
-impl MainWaker {
-    pub(crate) fn wake(&self) {
-        Arc::clone(&self.0).wake();
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::pin::pin;
@@ -170,7 +159,7 @@ mod tests {
     /// Runs `main` until it is done or nothing is ready.
     fn run<F: Future>(executor: &Executor, main: F) -> Poll<F::Output> {
         let waker = executor.main();
-        waker.wake();
+        waker.wake_by_ref();
         executor.run_until_stalled(&mut pin!(main), &waker)
     }
 

@@ -4,9 +4,10 @@ use slab::Slab;
 use trimaran_net::Instant;
 
 use crate::events::Events;
+use crate::host::HostId;
 use crate::link::{Action, LinkTally, Parcel, Pipe};
 use crate::random::Random;
-use crate::topology::{HostId, NodeId, Topology};
+use crate::topology::{NodeId, Topology};
 
 /// An event on a link.
 #[derive(Debug, Clone, Copy)]

@@ -22,7 +22,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `topology`, `profile` | machines and their links; whole networks in TOML |
+//! | `host`, `topology`, `profile` | machines and their links; whole networks in TOML |
 //! | `simulation`, `executor`, `timers`, `events`, `world` | virtual time, and the programs in it |
 //! | [`link`] | one direction of a link, without a clock of its own |
 //! | `fabric`, `packet`, `wire` | packets on their way through a topology |
@@ -34,6 +34,7 @@ mod capture;
 mod events;
 mod executor;
 mod fabric;
+mod host;
 pub mod link;
 mod net;
 mod packet;
@@ -49,12 +50,13 @@ mod wire;
 mod world;
 
 pub use capture::CaptureError;
+pub use host::HostId;
 pub use net::SimNet;
 pub use profile::{Machines, Profile, ProfileError, ScheduleFault};
 pub use relay::{Arrival, Relay, Totals};
 pub use simulation::{Simulation, Stalled};
 pub use tcp::Class;
-pub use topology::{HostId, NodeId, Topology};
+pub use topology::{NodeId, Topology};
 pub use wire::WireTally;
 
 #[cfg(doctest)]

@@ -4,9 +4,9 @@ use std::net::SocketAddr;
 
 use bytes::Bytes;
 
+use crate::host::HostId;
 use crate::link::Ecn;
 use crate::tcp::{Class, Segment};
-use crate::topology::HostId;
 
 /// The header of UDP, bytes (RFC 768).
 const UDP_HEADER: u32 = 8;

@@ -8,8 +8,9 @@ use std::time::Duration;
 use serde::Deserialize;
 use thiserror::Error;
 
+use crate::host::HostId;
 use crate::link::LinkModel;
-use crate::topology::{HostId, Topology};
+use crate::topology::Topology;
 
 mod schedule;
 mod written;

@@ -7,9 +7,10 @@ use trimaran_net::Instant;
 
 use crate::events::Events;
 use crate::fabric::{Fabric, LinkEvent, Outcome};
+use crate::host::HostId;
 use crate::link::{Ecn, LinkTally, Parcel};
 use crate::random::Random;
-use crate::topology::{HostId, Topology};
+use crate::topology::Topology;
 
 /// The links of a topology without machines: packets go in where they leave a machine, and come out where and
 /// when they arrive at another. The links are those of a [`Simulation`](crate::Simulation), with the same
@@ -134,8 +135,7 @@ impl<P: Clone> Relay<P> {
 
     /// Processes all due events.
     fn pass(&mut self, now: Instant) {
-        while self.events.next_at().is_some_and(|at| at <= now) {
-            let Some((at, event)) = self.events.next() else { return };
+        while let Some((at, event)) = self.events.next_by(now) {
             if let Outcome::Delivered(parcel) = self.fabric.happen(at, event, &mut self.events) {
                 let Parcel { to, ecn, packet, .. } = parcel;
                 self.delivered += 1;
@@ -155,11 +155,7 @@ mod tests {
     use crate::link::{CoDel, Discipline, LinkModel, Loss, Probability, Rate};
 
     fn star(model: &LinkModel) -> (Topology, [HostId; 3]) {
-        let topology = Topology::star(&["a", "b", "c"], model, model);
-        let mut machines = topology.machines();
-        let hosts = std::array::from_fn(|_| machines.next().unwrap());
-        drop(machines);
-        (topology, hosts)
+        (Topology::star(&["a", "b", "c"], model, model), [HostId(0), HostId(1), HostId(2)])
     }
 
     fn parcel<P>(from: HostId, to: HostId, packet: P) -> Parcel<P> {

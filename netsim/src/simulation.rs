@@ -11,10 +11,11 @@ use thiserror::Error;
 use trimaran_net::Instant;
 
 use crate::capture::{Capture, CaptureError};
+use crate::host::HostId;
 use crate::link::LinkTally;
 use crate::net::SimNet;
 use crate::tcp::Class;
-use crate::topology::{HostId, Topology};
+use crate::topology::Topology;
 use crate::wire::WireTally;
 use crate::world::World;
 
@@ -80,7 +81,7 @@ impl Simulation {
     pub fn run<F: Future>(&self, program: F) -> Result<F::Output, Stalled> {
         let mut program = pin!(program);
         let waker = self.world.executor.main();
-        waker.wake();
+        waker.wake_by_ref();
         loop {
             if let Poll::Ready(output) = self.world.executor.run_until_stalled(&mut program, &waker) {
                 return Ok(output);
@@ -98,7 +99,7 @@ impl Simulation {
     pub fn run_in_step<F: Future>(&self, clock: impl Fn() -> Instant, program: F) -> F::Output {
         let mut program = pin!(program);
         let waker = self.world.executor.main();
-        waker.wake();
+        waker.wake_by_ref();
         let Self { world } = self;
         loop {
             let now = clock();
@@ -132,12 +133,6 @@ impl Simulation {
     #[must_use]
     pub fn links(&self) -> Vec<LinkTally> {
         self.world.core().fabric.tallies()
-    }
-
-    /// The packets that one machine sent to another.
-    #[must_use]
-    pub fn sent(&self, from: HostId, to: HostId) -> WireTally {
-        self.sent_by_class(from, to).into_values().fold(WireTally::default(), |all, tally| all + tally)
     }
 
     /// The packets that one machine sent to another, by purpose.

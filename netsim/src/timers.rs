@@ -6,7 +6,7 @@ use std::task::{Context, Poll, Waker};
 use slab::Slab;
 use trimaran_net::Instant;
 
-use crate::topology::HostId;
+use crate::host::HostId;
 
 /// All timers of all machines.
 #[derive(Debug, Default)]

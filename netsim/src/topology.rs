@@ -1,13 +1,10 @@
 //! Machines, and the links between them.
 
 use std::collections::VecDeque;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
+use std::net::IpAddr;
 
+use crate::host::HostId;
 use crate::link::LinkModel;
-
-/// A machine with sockets.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct HostId(pub(crate) usize);
 
 /// A machine, or a switch or router that only passes packets on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,12 +118,6 @@ impl Topology {
         (0..self.hosts.len()).map(HostId)
     }
 
-    /// The name of a machine.
-    #[must_use]
-    pub fn name(&self, host: HostId) -> Option<&str> {
-        self.hosts.get(host.0).map(|host| host.name.as_str())
-    }
-
     /// For each node, the pipe that leads on to `host`.
     pub(crate) fn routes_to(&self, host: HostId) -> Vec<Option<usize>> {
         let mut next = vec![None; self.nodes.len()];
@@ -147,38 +138,6 @@ impl Topology {
             }
         }
         next
-    }
-}
-
-impl HostId {
-    /// Its address for IPv4.
-    #[must_use]
-    pub fn v4(self) -> IpAddr {
-        Ipv4Addr::from_bits(0x0a00_0001 + self.0 as u32).into()
-    }
-
-    /// Its address for IPv6.
-    #[must_use]
-    pub fn v6(self) -> IpAddr {
-        Ipv6Addr::from_bits((0xfd00_u128 << 112) + 1 + self.0 as u128).into()
-    }
-
-    /// The machine that `address` belongs to, seen from this one: its own for loopback and unspecified
-    /// addresses.
-    pub(crate) fn of(self, address: IpAddr) -> Option<Self> {
-        if address.is_loopback() || address.is_unspecified() {
-            return Some(self);
-        }
-        let number = match address {
-            IpAddr::V4(v4) => u128::from(v4.to_bits().checked_sub(0x0a00_0001)?),
-            IpAddr::V6(v6) => v6.to_bits().checked_sub((0xfd00_u128 << 112) + 1)?,
-        };
-        usize::try_from(number).ok().map(Self)
-    }
-
-    /// Its address of the family of `other`.
-    pub(crate) fn like(self, other: IpAddr) -> IpAddr {
-        if other.is_ipv4() { self.v4() } else { self.v6() }
     }
 }
 
@@ -205,17 +164,5 @@ mod tests {
         // Nodes: a, b, c, left, right.
         assert_eq!(topology.routes_to(c), [Some(0), Some(8), None, Some(4), Some(7)]);
         assert_eq!(topology.routes_to(a), [None, Some(2), Some(6), Some(1), Some(5)]);
-    }
-
-    #[test]
-    fn addresses_name_hosts() {
-        let me = HostId(4);
-        for host in [HostId(0), HostId(7)] {
-            assert_eq!((me.of(host.v4()), me.of(host.v6())), (Some(host), Some(host)));
-        }
-        for own in ["127.0.0.1", "0.0.0.0", "::1", "::"] {
-            assert_eq!(me.of(own.parse().unwrap()), Some(me));
-        }
-        assert_eq!(me.of("9.9.9.9".parse().unwrap()), None);
     }
 }

@@ -31,19 +31,24 @@ impl WireTally {
     pub const fn headers(&self) -> u64 {
         self.transport_headers + self.ip_headers + self.link_layer
     }
+
+    /// Each number of both tallies, joined.
+    fn zip(self, other: Self, join: fn(u64, u64) -> u64) -> Self {
+        Self {
+            packets: join(self.packets, other.packets),
+            payload: join(self.payload, other.payload),
+            transport_headers: join(self.transport_headers, other.transport_headers),
+            ip_headers: join(self.ip_headers, other.ip_headers),
+            link_layer: join(self.link_layer, other.link_layer),
+        }
+    }
 }
 
 impl Add for WireTally {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        Self {
-            packets: self.packets + other.packets,
-            payload: self.payload + other.payload,
-            transport_headers: self.transport_headers + other.transport_headers,
-            ip_headers: self.ip_headers + other.ip_headers,
-            link_layer: self.link_layer + other.link_layer,
-        }
+        self.zip(other, u64::add)
     }
 }
 
@@ -58,12 +63,6 @@ impl Sub for WireTally {
 
     /// The difference to the earlier tally `earlier`.
     fn sub(self, earlier: Self) -> Self {
-        Self {
-            packets: self.packets.saturating_sub(earlier.packets),
-            payload: self.payload.saturating_sub(earlier.payload),
-            transport_headers: self.transport_headers.saturating_sub(earlier.transport_headers),
-            ip_headers: self.ip_headers.saturating_sub(earlier.ip_headers),
-            link_layer: self.link_layer.saturating_sub(earlier.link_layer),
-        }
+        self.zip(earlier, u64::saturating_sub)
     }
 }

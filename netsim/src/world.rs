@@ -13,15 +13,20 @@ use crate::capture::Capture;
 use crate::events::Events;
 use crate::executor::Executor;
 use crate::fabric::{Fabric, LinkEvent, Outcome};
+use crate::host::HostId;
 use crate::link::Parcel;
-use crate::net::tcp::{ListenerState, TcpState};
-use crate::net::udp::UdpState;
 use crate::packet::{Body, Packet};
 use crate::random::Random;
 use crate::tcp::Class;
 use crate::timers::{Rung, Timers};
-use crate::topology::{HostId, Topology};
+use crate::topology::Topology;
 use crate::wire::WireTally;
+
+mod tcp;
+mod udp;
+
+pub(crate) use tcp::{ListenerState, TcpState};
+pub(crate) use udp::{Datagram, UdpState};
 
 /// The world, shared by all sockets and timers in it. One thread at a time uses it.
 #[derive(Debug)]
@@ -115,8 +120,7 @@ impl World {
     /// The same, but not beyond a time.
     pub(crate) fn go_on_until(&self, end: Instant) -> bool {
         let mut core = self.core();
-        while core.events.next_at().is_some_and(|at| at <= end) {
-            let Some((at, event)) = core.events.next() else { return false };
+        while let Some((at, event)) = core.events.next_by(end) {
             self.pass(&mut core, at);
             core.happen(event);
             if self.executor.is_ready() {

@@ -1,5 +1,6 @@
 //! The camera message: 72 bytes, as in the paper (section 3.3).
 
+use bytes::{Buf, BufMut};
 use thiserror::Error;
 use trimaran_wire::Fixed;
 
@@ -135,21 +136,14 @@ impl Camera {
     #[must_use]
     pub fn to_bytes(&self) -> [u8; Self::SIZE] {
         let mut bytes = [0; Self::SIZE];
-        let (doubles, singles) = bytes.split_at_mut(56);
-        for (slot, value) in
-            doubles.as_chunks_mut::<8>().0.iter_mut().zip(self.eye.iter().chain(&self.orientation))
-        {
-            *slot = value.to_le_bytes();
+        let mut out = bytes.as_mut_slice();
+        for number in self.eye.iter().chain(&self.orientation) {
+            out.put_f64_le(*number);
         }
-        let words = [
-            self.tan_half_fov_y.to_le_bytes(),
-            self.view.0.to_le_bytes(),
-            self.near.to_le_bytes(),
-            self.frame.0.to_le_bytes(),
-        ];
-        for (slot, word) in singles.as_chunks_mut::<4>().0.iter_mut().zip(words) {
-            *slot = word;
-        }
+        out.put_f32_le(self.tan_half_fov_y);
+        out.put_u32_le(self.view.0);
+        out.put_f32_le(self.near);
+        out.put_u32_le(self.frame.0);
         bytes
     }
 
@@ -158,24 +152,12 @@ impl Camera {
     /// # Errors
     /// As [`Camera::new`]: bytes of an invalid camera are refused.
     pub fn from_bytes(bytes: &[u8; Self::SIZE]) -> Result<Self, CameraError> {
-        let mut doubles = [0.0; 7];
-        for (value, chunk) in doubles.iter_mut().zip(bytes.as_chunks::<8>().0) {
-            *value = f64::from_le_bytes(*chunk);
-        }
-        let [ex, ey, ez, qx, qy, qz, qw] = doubles;
-        let mut words = [[0; 4]; 4];
-        for (word, chunk) in words.iter_mut().zip(bytes[56..].as_chunks::<4>().0) {
-            *word = *chunk;
-        }
-        let [tan, view, near, frame] = words;
-        let camera = Self::new(
-            [ex, ey, ez],
-            [qx, qy, qz, qw],
-            f32::from_le_bytes(tan),
-            f32::from_le_bytes(near),
-            FrameNumber(u32::from_le_bytes(frame)),
-        )?;
-        Ok(camera.in_view(ViewVersion(u32::from_le_bytes(view))))
+        let mut bytes = bytes.as_slice();
+        let eye = std::array::from_fn(|_| bytes.get_f64_le());
+        let orientation = std::array::from_fn(|_| bytes.get_f64_le());
+        let (tan_half_fov_y, view) = (bytes.get_f32_le(), ViewVersion(bytes.get_u32_le()));
+        let (near, frame) = (bytes.get_f32_le(), FrameNumber(bytes.get_u32_le()));
+        Ok(Self::new(eye, orientation, tan_half_fov_y, near, frame)?.in_view(view))
     }
 }
 

@@ -60,3 +60,10 @@ impl fmt::Display for SceneHash {
         write!(f, "{:032x}", self.0)
     }
 }
+
+/// The version of a [view state](crate::ViewState): it counts a session's changes. Version 0 has the
+/// [`Settings`](crate::Settings) of the handshake, nothing cut away or hidden, and the model's own
+/// see-through objects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[repr(transparent)]
+pub struct ViewVersion(pub u32);

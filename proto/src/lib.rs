@@ -17,7 +17,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `walkthrough` | [`Walkthrough`]: the protocol of the three roles, and admission |
+//! | `walkthrough`, `role_message` | [`Walkthrough`]: the protocol of the three roles, and its messages |
 //! | `camera`, `id` | the values sent: a camera, a drawable's id |
 //! | `coding` | ids as changes against an earlier frame |
 //! | `identity`, `outline`, `settings` | a role's identity and scene, and a session's settings |
@@ -28,12 +28,17 @@
 mod camera;
 mod coding;
 mod id;
+mod id_coding;
 mod identity;
 mod lod_rule;
+mod named;
 mod object_set;
+mod occlusion_test;
 mod outline;
+mod role_message;
 mod section;
 mod settings;
+mod settings_error;
 mod stats;
 mod supply;
 mod varint;
@@ -42,17 +47,21 @@ mod viewport;
 mod walkthrough;
 
 pub use camera::{Camera, CameraError};
-pub use coding::{CodedViolation, CodingFault, IdCoding, IdDecoder, IdEncoder};
-pub use id::{DrawableId, ID_BYTES, IdBatch, SceneHash};
+pub use coding::{CodedViolation, CodingFault, IdDecoder, IdEncoder};
+pub use id::{DrawableId, ID_BYTES, IdBatch, SceneHash, ViewVersion};
+pub use id_coding::IdCoding;
 pub use identity::{CloseCode, Identity, RejectionCode, Role, SessionKey};
 pub use lod_rule::{LodRule, LodRuleError};
 pub use object_set::{ObjectSet, ObjectSetError};
+pub use occlusion_test::OcclusionTestKind;
 pub use outline::SceneOutline;
+pub use role_message::RoleMessage;
 pub use section::{Section, SectionBox, SectionError, SectionPlane, Sections};
-pub use settings::{OcclusionTestKind, Settings, SettingsError};
+pub use settings::Settings;
+pub use settings_error::SettingsError;
 pub use stats::{CullCounts, FrameStats, RoundCounts, SentBytes};
 pub use supply::{BulkError, Demand, NumberList, Supply, items, put_item};
 pub use trimaran_wire::{BatchSize, BatchSizeError, FrameNumber};
-pub use view_state::{Appearance, ViewReader, ViewState, ViewStateError, ViewVersion};
+pub use view_state::{Appearance, ViewReader, ViewState, ViewStateError};
 pub use viewport::Viewport;
-pub use walkthrough::{RoleMessage, Walkthrough};
+pub use walkthrough::Walkthrough;

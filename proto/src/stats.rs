@@ -69,22 +69,27 @@ impl SentBytes {
     pub const fn total(&self) -> u64 {
         self.camera + self.begin + self.ids + self.end + self.control + self.geometry + self.headers
     }
+
+    /// Each number of both, joined.
+    fn zip(self, other: Self, join: fn(u64, u64) -> u64) -> Self {
+        Self {
+            camera: join(self.camera, other.camera),
+            begin: join(self.begin, other.begin),
+            ids: join(self.ids, other.ids),
+            end: join(self.end, other.end),
+            control: join(self.control, other.control),
+            geometry: join(self.geometry, other.geometry),
+            headers: join(self.headers, other.headers),
+            messages: join(self.messages, other.messages),
+        }
+    }
 }
 
 impl Add for SentBytes {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        Self {
-            camera: self.camera + other.camera,
-            begin: self.begin + other.begin,
-            ids: self.ids + other.ids,
-            end: self.end + other.end,
-            control: self.control + other.control,
-            geometry: self.geometry + other.geometry,
-            headers: self.headers + other.headers,
-            messages: self.messages + other.messages,
-        }
+        self.zip(other, u64::add)
     }
 }
 
@@ -93,16 +98,7 @@ impl Sub for SentBytes {
 
     /// The bytes sent since `earlier`.
     fn sub(self, earlier: Self) -> Self {
-        Self {
-            camera: self.camera - earlier.camera,
-            begin: self.begin - earlier.begin,
-            ids: self.ids - earlier.ids,
-            end: self.end - earlier.end,
-            control: self.control - earlier.control,
-            geometry: self.geometry - earlier.geometry,
-            headers: self.headers - earlier.headers,
-            messages: self.messages - earlier.messages,
-        }
+        self.zip(earlier, u64::sub)
     }
 }
 

@@ -3,13 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::{LodRule, ObjectSet, OcclusionTestKind, RoleMessage, Sections, Settings, Viewport};
-
-/// The version of a view state: it counts a session's changes. Version 0 has the [`Settings`] of the
-/// handshake, nothing cut away or hidden, and the model's own see-through objects.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
-#[repr(transparent)]
-pub struct ViewVersion(pub u32);
+use crate::{LodRule, ObjectSet, OcclusionTestKind, RoleMessage, Sections, Settings, ViewVersion, Viewport};
 
 /// The settings that a user can change in a walkthrough. A camera names the version of its frame; OR, HC and
 /// RVG of that frame use the same one.

@@ -81,3 +81,26 @@ impl fmt::Display for Viewport {
         write!(f, "{}x{}", self.width, self.height)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_side_is_1_to_65536_pixels() {
+        assert_eq!(Viewport::new(1, 65_536).map(Into::into), Ok((1, 65_536)));
+        for (width, height) in [(0, 1), (1, 0), (65_537, 1), (1, 65_537)] {
+            assert_eq!(Viewport::new(width, height), Err(SettingsError::Size { width, height }));
+        }
+    }
+
+    #[test]
+    fn a_size_reads_back_from_its_text() {
+        let size = Viewport::new(1920, 1080).unwrap();
+        assert_eq!(size.to_string().parse(), Ok(size));
+        for text in ["", "x", "8", "8x", "x8", "8x8x8", "-1x8", "8 x 8", "8X8"] {
+            assert_eq!(text.parse::<Viewport>(), Err(SettingsError::NoSize(text.to_owned())));
+        }
+        assert_eq!("0x8".parse::<Viewport>(), Err(SettingsError::Size { width: 0, height: 8 }));
+    }
+}

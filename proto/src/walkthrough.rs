@@ -2,12 +2,7 @@
 
 use trimaran_wire::{BatchDecoder, BatchEncoder, Batching, Delivery, Protocol, Rejection};
 
-use serde::{Deserialize, Serialize};
-
-use crate::{
-    Camera, DrawableId, FrameNumber, FrameStats, IdCoding, IdDecoder, IdEncoder, Identity, Role, SessionKey,
-    ViewVersion, coding,
-};
+use crate::{Camera, DrawableId, IdCoding, IdDecoder, IdEncoder, Identity, Role, RoleMessage, coding};
 
 /// Trimaran's protocol: cameras on the latest lane, frames of ids, and messages between roles.
 ///
@@ -16,62 +11,8 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Walkthrough;
 
-/// Messages between roles, beside cameras and ids.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub enum RoleMessage {
-    /// A culler's statistics for a frame that it has sent.
-    Stats(FrameStats),
-    /// The display asks a culler to meet another one, for the schedule `switch`.
-    Meet {
-        /// The key by which the two recognize each other.
-        key: SessionKey,
-        /// The endpoint to connect to, as written in the culler's configuration; it connects to no others.
-        /// `None`: the other culler connects.
-        at: Option<String>,
-    },
-    /// The culler has a link to the other one.
-    Met {
-        /// As in [`RoleMessage::Meet`].
-        key: SessionKey,
-    },
-    /// The culler got no such link, or has lost it.
-    Unmet {
-        /// As in [`RoleMessage::Meet`].
-        key: SessionKey,
-    },
-    /// The display asks both cullers to draw each other's visible drawables (paper, algorithm 4.2).
-    Switch {
-        /// As in [`RoleMessage::Meet`].
-        key: SessionKey,
-        /// The first frame of this schedule: it has no frame of the other culler before it.
-        first: FrameNumber,
-    },
-    /// The culler has switched.
-    Switched {
-        /// As in [`RoleMessage::Meet`].
-        key: SessionKey,
-    },
-    /// The display asks a culler to drop the other one, which is gone or late.
-    Part,
-    /// The display sends a part of a view state, before a camera that names the version.
-    View {
-        /// The version.
-        version: ViewVersion,
-        /// The next bytes of the [`ViewState`](crate::ViewState), encoded by postcard.
-        part: Vec<u8>,
-        /// Whether this part is the last.
-        last: bool,
-    },
-    /// The culler waits for the other one, which may connect now.
-    Waits {
-        /// As in [`RoleMessage::Meet`].
-        key: SessionKey,
-    },
-}
-
 impl Protocol for Walkthrough {
-    const NAME: &'static str = "trimaran/1";
+    const NAME: &'static str = "trimaran/2";
     type Hello = Identity;
     type Latest = Camera;
     type Header = Camera;

@@ -14,7 +14,7 @@ local KINDS = {
   [0x30] = "message", [0x40] = "block",
 }
 local VERSION = 3
-local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
+local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/2", 72, 80
 local ROLES = { [0] = "culler", "display" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
 local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view", "waits" }

@@ -2,7 +2,7 @@
 
 use trimaran_net::Instant;
 
-use crate::topology::HostId;
+use crate::host::HostId;
 
 /// A packet as a link sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]

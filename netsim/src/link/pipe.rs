@@ -239,8 +239,7 @@ mod tests {
             events.add(Instant::from_nanos(at), Event::Offer(bytes));
         }
         let (from, to, mut number) = (HostId(0), HostId(1), 0);
-        while events.next_at().is_some_and(|at| at.as_nanos() <= end) {
-            let (now, event) = events.next().unwrap();
+        while let Some((now, event)) = events.next_by(Instant::from_nanos(end)) {
             match event {
                 Event::Offer(ip_bytes) => {
                     let token = u32::try_from(number).ok();

@@ -1,8 +1,8 @@
 //! The transports' [`Net`] as a simulated machine offers it to programs.
 
-pub(crate) mod tcp;
+mod tcp;
 mod timer;
-pub(crate) mod udp;
+mod udp;
 
 use std::fmt;
 use std::io;
@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use trimaran_net::{BoxFuture, Instant, Listen, Net, Stream, TcpOptions, Timer, UdpSocket, UdpSocketOptions};
 
-use crate::topology::HostId;
+use crate::host::HostId;
 use crate::world::World;
 use timer::SimTimer;
 
@@ -45,6 +45,22 @@ impl SimNet {
     /// Checks that a socket can be bound to `at`: an address of this machine.
     fn own(&self, at: IpAddr) -> io::Result<()> {
         if self.host.of(at) == Some(self.host) { Ok(()) } else { Err(io::ErrorKind::AddrNotAvailable.into()) }
+    }
+
+    fn lookup(&self, address: &str) -> io::Result<Vec<SocketAddr>> {
+        if let Ok(address) = address.parse() {
+            return Ok(vec![address]);
+        }
+        let unknown =
+            || io::Error::new(io::ErrorKind::NotFound, format!("the simulation has no host of {address}"));
+        let (name, port) = address.rsplit_once(':').ok_or_else(unknown)?;
+        let port = port.parse().map_err(|_| unknown())?;
+        let core = self.world.core();
+        let host = match name {
+            "localhost" => self.host,
+            name => HostId(core.names.iter().position(|known| known == name).ok_or_else(unknown)?),
+        };
+        Ok(vec![SocketAddr::new(host.v4(), port), SocketAddr::new(host.v6(), port)])
     }
 }
 
@@ -85,20 +101,11 @@ impl Net for SimNet {
     }
 }
 
-impl SimNet {
-    fn lookup(&self, address: &str) -> io::Result<Vec<SocketAddr>> {
-        if let Ok(address) = address.parse() {
-            return Ok(vec![address]);
-        }
-        let unknown =
-            || io::Error::new(io::ErrorKind::NotFound, format!("the simulation has no host of {address}"));
-        let (name, port) = address.rsplit_once(':').ok_or_else(unknown)?;
-        let port = port.parse().map_err(|_| unknown())?;
-        let core = self.world.core();
-        let host = match name {
-            "localhost" => self.host,
-            name => HostId(core.names.iter().position(|known| known == name).ok_or_else(unknown)?),
-        };
-        Ok(vec![SocketAddr::new(host.v4(), port), SocketAddr::new(host.v6(), port)])
-    }
+/// The first port that the system hands out itself (RFC 6335, section 6).
+const FIRST_FREE_PORT: u16 = 49_152;
+
+/// The port `wanted`, or the first free one for 0.
+fn free_port(wanted: u16, taken: impl Fn(u16) -> bool) -> io::Result<u16> {
+    let mut ports = if wanted == 0 { FIRST_FREE_PORT..=u16::MAX } else { wanted..=wanted };
+    ports.find(|port| !taken(*port)).ok_or_else(|| io::ErrorKind::AddrInUse.into())
 }

@@ -76,21 +76,7 @@ impl WrittenLink {
 
     /// The link, or the invalid key and its problem.
     fn model(self) -> Result<LinkModel, (&'static str, &'static str)> {
-        let Self {
-            rate,
-            delay,
-            jitter,
-            loss,
-            corrupt,
-            duplicate,
-            reorder,
-            queue,
-            mtu,
-            framing,
-            phases,
-            phases_from: _,
-            repeat,
-        } = self;
+        let Self { queue, mtu, framing, phases, .. } = self;
         if mtu < LEAST_MTU {
             return Err(("mtu", "is below 576 bytes"));
         }
@@ -103,11 +89,19 @@ impl WrittenLink {
         if !phases.is_sorted_by(|a, b| a.at < b.at) {
             return Err(("phases", "are not in the order of their `at`"));
         }
-        let repeat = repeat.map(|WrittenDuration(repeat)| repeat);
+        let repeat = self.repeat.map(|WrittenDuration(repeat)| repeat);
         if repeat.is_some_and(|repeat| phases.last().is_none_or(|last| last.at >= repeat)) {
             return Err(("repeat", "is not after the last phase"));
         }
-        let conditions = Conditions { rate, delay, jitter, loss, corrupt, duplicate, reorder };
+        let conditions = Conditions {
+            rate: self.rate,
+            delay: self.delay,
+            jitter: self.jitter,
+            loss: self.loss,
+            corrupt: self.corrupt,
+            duplicate: self.duplicate,
+            reorder: self.reorder,
+        };
         let phases = phases.into_iter().map(|phase| phase.over(&conditions)).collect();
         Ok(LinkModel { conditions, phases, repeat, queue, mtu, framing })
     }

@@ -15,7 +15,7 @@ const SAMPLES: u32 = 8;
 /// Linux recomputes the growth of an unchanged window only after this time: a 32nd of a second.
 const PACE_HOLDS: Duration = Duration::from_micros(31_250);
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Cubic {
     /// The window at the last loss.
     last_max: f64,
@@ -35,7 +35,7 @@ pub(super) struct Cubic {
 }
 
 /// One round trip as HyStart sees it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Round {
     end: u64,
     start: Instant,
@@ -45,22 +45,6 @@ struct Round {
 }
 
 impl Cubic {
-    pub(super) const fn new() -> Self {
-        let start = Instant::from_nanos(0);
-        Self {
-            last_max: 0.0,
-            epoch: None,
-            origin: 0.0,
-            until_origin: 0.0,
-            reno: 0.0,
-            acked: 0.0,
-            credit: 0.0,
-            each: f64::INFINITY,
-            found: None,
-            round: Round { end: 0, start, last_ack: start, min: None, samples: 0 },
-        }
-    }
-
     /// The slow start threshold after a loss at a window of `cwnd`.
     pub(super) fn after_loss(&mut self, cwnd: u32) -> u32 {
         let cwnd = f64::from(cwnd);
@@ -175,7 +159,7 @@ mod tests {
 
     /// Grows a window for some round trips after a loss at `max`, and returns it after each.
     fn growth(max: u32, rounds: u64) -> Vec<u32> {
-        let mut cubic = Cubic::new();
+        let mut cubic = Cubic::default();
         let mut cwnd = cubic.after_loss(max);
         (0..rounds)
             .map(|round| {
@@ -210,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_loss_takes_three_tenths_and_a_second_one_before_recovery_makes_room() {
-        let mut cubic = Cubic::new();
+        let mut cubic = Cubic::default();
         assert_eq!(cubic.after_loss(100), 70);
         assert_eq!(cubic.last_max, 100.0);
         assert_eq!(cubic.after_loss(80), 56);
@@ -220,7 +204,7 @@ mod tests {
 
     #[test]
     fn slow_start_ends_when_the_delay_grows() {
-        let mut cubic = Cubic::new();
+        let mut cubic = Cubic::default();
         let ack = |rtt| Ack { acknowledged: 1, next: 1000, rtt, min_rtt: RTT };
         for n in 0..8 {
             let now = Instant::from_nanos(n * 3_000_000);
@@ -234,7 +218,7 @@ mod tests {
     #[test]
     fn the_same_window_grows_at_the_same_pace_for_a_32nd_of_a_second() {
         let ms = |millis: u64| Instant::from_nanos(millis * 1_000_000);
-        let mut cubic = Cubic::new();
+        let mut cubic = Cubic::default();
         let window = cubic.after_loss(20);
         assert_eq!(cubic.grow(ms(0), window, 1, Duration::ZERO), window);
         // Reno would have grown long ago, but growth is not recomputed yet.
@@ -255,7 +239,7 @@ mod tests {
     fn time_in_which_nothing_is_sent_does_not_make_the_window_grow() {
         let at = |seconds: u64| Instant::from_nanos(seconds * 1_000_000_000);
         let after = |idle: u64| {
-            let mut cubic = Cubic::new();
+            let mut cubic = Cubic::default();
             let window = cubic.after_loss(100);
             assert_eq!(cubic.grow(at(0), window, 1, RTT), window);
             cubic.skip(Duration::from_secs(idle));

@@ -10,7 +10,7 @@ const DELAY_MAX: Duration = Duration::from_millis(200);
 /// The most immediate acknowledgements in a row.
 const QUICK_MAX: u32 = 16;
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct DelayedAck {
     /// The estimated pace of the sender; none before the first data.
     pace: Option<Duration>,
@@ -28,16 +28,8 @@ pub(super) struct DelayedAck {
 }
 
 impl DelayedAck {
-    pub(super) const fn new() -> Self {
-        Self {
-            pace: None,
-            last_data: Instant::from_nanos(0),
-            quick: 0,
-            dialogue: false,
-            due: None,
-            pushed: 0,
-            segment: 536,
-        }
+    pub(super) fn new() -> Self {
+        Self { segment: 536, ..Self::default() }
     }
 
     pub(super) const fn due(&self) -> Option<Instant> {

@@ -15,7 +15,7 @@ const BUFFER_MAX: u32 = 6_291_456;
 /// The first window that Linux offers with that buffer.
 const FIRST_WINDOW: u32 = 64_240;
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Receiver {
     /// The next expected sequence number.
     pub(super) next: u64,
@@ -47,7 +47,7 @@ pub(super) struct Receiver {
 }
 
 /// How much the program reads in a round trip.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Measure {
     since: Instant,
     read: u64,
@@ -63,22 +63,15 @@ impl Receiver {
         let threshold = space.min(FIRST_WINDOW);
         Self {
             next,
-            ready: VecDeque::new(),
-            ready_bytes: 0,
-            ahead: BTreeMap::new(),
-            ahead_bytes: 0,
-            recent: Vec::new(),
-            duplicate: None,
-            fin: None,
             promised: next + u64::from(threshold),
             acknowledged: next,
             space,
             threshold,
             grows: buffer.is_none(),
-            measure: Measure { since: Instant::from_nanos(0), read: 0, largest: 10 * u64::from(segment) },
+            measure: Measure { largest: 10 * u64::from(segment), ..Measure::default() },
             segment,
             acks: DelayedAck::new(),
-            ack_now: false,
+            ..Self::default()
         }
     }
 

@@ -15,7 +15,7 @@ const RTO_INITIAL: Duration = Duration::from_secs(1);
 /// How long a smallest round trip is remembered: Linux's `tcp_min_rtt_wlen`.
 const MIN_WINDOW: Duration = Duration::from_secs(300);
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Rtt {
     smoothed: Option<Duration>,
     /// Four times the mean deviation, its largest value of this round trip, and the timeout's value.
@@ -29,18 +29,6 @@ pub(super) struct Rtt {
 }
 
 impl Rtt {
-    pub(super) const fn new() -> Self {
-        Self {
-            smoothed: None,
-            deviation: Duration::ZERO,
-            largest: RTO_MIN,
-            variance: RTO_MIN,
-            round_end: 0,
-            min: None,
-            backoff: 0,
-        }
-    }
-
     /// A round trip was measured. `acknowledged` ends the peer's data, `next` is the next byte to send.
     pub(super) fn measure(&mut self, now: Instant, sample: Duration, acknowledged: u64, next: u64) {
         match self.min {
@@ -109,7 +97,7 @@ mod tests {
 
     /// Measures these round trips, each in a round of its own.
     fn after(samples: impl IntoIterator<Item = u64>) -> Rtt {
-        let mut rtt = Rtt::new();
+        let mut rtt = Rtt::default();
         for (round, sample) in (0..).zip(samples) {
             rtt.measure(Instant::from_nanos(round), ms(sample), round + 1, round + 1);
         }
@@ -118,7 +106,7 @@ mod tests {
 
     #[test]
     fn the_timeout_is_the_round_trip_and_at_least_200_ms() {
-        assert_eq!(Rtt::new().timeout(), ms(1000));
+        assert_eq!(Rtt::default().timeout(), ms(1000));
         assert_eq!(after([10]).timeout(), ms(210));
         assert_eq!(after([300]).timeout(), ms(900), "three times the first");
         assert_eq!(after([20; 50]).timeout(), ms(220));

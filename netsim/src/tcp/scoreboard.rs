@@ -31,6 +31,12 @@ impl Sent {
     pub(super) fn end(&self) -> u64 {
         self.seq + self.data.len() as u64 + u64::from(self.fin)
     }
+
+    /// Marks it as lost, with its retransmission, and counts that.
+    fn lose(&mut self, lost: &mut u32, repeated: &mut u32) {
+        *repeated -= u32::from(std::mem::take(&mut self.repeated));
+        *lost += u32::from(!std::mem::replace(&mut self.lost, true));
+    }
 }
 
 /// The effects of an acknowledgement.
@@ -48,7 +54,7 @@ pub(super) struct News {
 }
 
 /// The packets that are not acknowledged, in order.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Scoreboard {
     sent: VecDeque<Sent>,
     sacked: u32,
@@ -60,24 +66,11 @@ pub(super) struct Scoreboard {
     newest: Option<(Instant, u64, Duration)>,
     /// The path has reordered packets.
     reorders: bool,
-    /// Quarters of a round trip that a packet may be late.
-    reordering_steps: u32,
+    /// How many quarters of a round trip, beside the first, a packet may be late.
+    more_quarters: u32,
 }
 
 impl Scoreboard {
-    pub(super) const fn new() -> Self {
-        Self {
-            sent: VecDeque::new(),
-            sacked: 0,
-            lost: 0,
-            repeated: 0,
-            highest: 0,
-            newest: None,
-            reorders: false,
-            reordering_steps: 1,
-        }
-    }
-
     pub(super) fn packets(&self) -> u32 {
         self.sent.len() as u32
     }
@@ -201,7 +194,7 @@ impl Scoreboard {
 
     /// The peer got a duplicate: the packet was only late.
     pub(super) fn be_more_patient(&mut self) {
-        self.reordering_steps = (self.reordering_steps + 1).min(255);
+        self.more_quarters = (self.more_quarters + 1).min(254);
         self.reorders = true;
     }
 
@@ -219,7 +212,7 @@ impl Scoreboard {
         let window = if certain {
             Duration::ZERO
         } else {
-            (min_rtt.unwrap_or(rtt) / 4).saturating_mul(self.reordering_steps).min(smoothed.unwrap_or(rtt))
+            (min_rtt.unwrap_or(rtt) / 4).saturating_mul(1 + self.more_quarters).min(smoothed.unwrap_or(rtt))
         };
         let mut wait = None;
         for packet in &mut self.sent {
@@ -234,14 +227,7 @@ impl Scoreboard {
             }
             let left = (rtt + window).saturating_sub(now.since(packet.at));
             if left.is_zero() {
-                if packet.repeated {
-                    packet.repeated = false;
-                    self.repeated -= 1;
-                }
-                if !packet.lost {
-                    packet.lost = true;
-                    self.lost += 1;
-                }
+                packet.lose(&mut self.lost, &mut self.repeated);
             } else {
                 wait = wait.max(Some(left));
             }
@@ -256,14 +242,7 @@ impl Scoreboard {
             if packet.sacked || (index > 0 && recent.is_some_and(|rtt| now.since(packet.at) < rtt)) {
                 continue;
             }
-            if packet.repeated {
-                packet.repeated = false;
-                self.repeated -= 1;
-            }
-            if !packet.lost {
-                packet.lost = true;
-                self.lost += 1;
-            }
+            packet.lose(&mut self.lost, &mut self.repeated);
         }
     }
 
@@ -294,7 +273,7 @@ mod tests {
 
     /// Packets of 100 bytes, one each millisecond.
     fn sent(count: u64) -> Scoreboard {
-        let mut scoreboard = Scoreboard::new();
+        let mut scoreboard = Scoreboard::default();
         for n in 0..count {
             scoreboard.push(at(n), n * 100, Bytes::from_static(&[0; 100]), false);
         }

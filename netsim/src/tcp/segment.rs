@@ -2,7 +2,6 @@
 
 use bytes::Bytes;
 use serde::Serialize;
-use trimaran_net::Instant;
 
 /// A segment. Sequence numbers are counts of bytes since the start of the connection; they do not wrap here.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -86,12 +85,4 @@ impl Segment {
 /// The data of a full segment for this MTU.
 pub(super) const fn full_size(mtu: u32, ip_header: u32) -> u32 {
     mtu.saturating_sub(ip_header + 20 + 12)
-}
-
-/// The earlier of two optional times.
-pub(super) fn earlier(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
-    match (one, other) {
-        (Some(one), Some(other)) => Some(one.min(other)),
-        (one, other) => one.or(other),
-    }
 }

@@ -7,8 +7,8 @@ use trimaran_net::Instant;
 
 use super::cubic::Cubic;
 use super::rtt::Rtt;
-use super::scoreboard::{News, Scoreboard};
-use super::segment::{Class, earlier};
+use super::scoreboard::{News, Scoreboard, Sent};
+use super::segment::Class;
 use super::unsent::Unsent;
 
 mod recovery;
@@ -26,7 +26,7 @@ const PROBE_SLACK: Duration = Duration::from_millis(2);
 const PACKET_COST: u64 = 4352;
 const BUFFER_MAX: u64 = 4_194_304;
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Sender {
     /// The first unacknowledged byte; the next one to be sent; the end of the peer's window.
     pub(super) acknowledged: u64,
@@ -68,8 +68,9 @@ pub(super) struct Sender {
     nodelay: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 enum State {
+    #[default]
     Open,
     /// Data is lost, and arrivals make room to retransmit it.
     Recovery,
@@ -93,38 +94,30 @@ pub(super) struct Outgoing {
     pub(super) class: Class,
 }
 
+impl Outgoing {
+    /// A segment without data.
+    pub(super) const fn empty(seq: u64, class: Class) -> Self {
+        Self { seq, data: Bytes::new(), fin: false, class }
+    }
+
+    fn again(packet: &Sent) -> Self {
+        let Sent { seq, data, fin, .. } = packet;
+        Self { seq: *seq, data: data.clone(), fin: *fin, class: Class::Retransmission }
+    }
+}
+
 impl Sender {
     pub(super) fn new(next: u64, segment: u32, buffer: Option<usize>, nodelay: bool) -> Self {
-        let start = Instant::from_nanos(0);
         Self {
             acknowledged: next,
             next,
             window_end: next,
             segment,
-            unsent: Unsent::default(),
             buffer: buffer.map(|bytes| bytes as u64),
-            closing: false,
-            fin_sent: false,
-            scoreboard: Scoreboard::new(),
-            rtt: Rtt::new(),
-            cubic: Cubic::new(),
             cwnd: FIRST_WINDOW,
             threshold: u32::MAX,
-            state: State::Open,
-            recovery_end: 0,
-            reduction: Reduction::default(),
-            undo: None,
-            repeating_since: None,
-            usage: Usage { limited: false, most: 0, round_end: 0, unlimited_most: 0, since: start },
-            timers: Timers::default(),
-            tail_probe: None,
-            probe_tail: false,
-            probe_window: false,
-            last_sent: start,
-            progress: start,
-            outgoing: 0,
-            held_back: false,
             nodelay,
+            ..Self::default()
         }
     }
 
@@ -182,7 +175,7 @@ impl Sender {
 
     pub(super) fn next_timeout(&self) -> Option<Instant> {
         let Timers { retransmit, tail, reorder, persist } = self.timers;
-        earlier(earlier(retransmit, tail), earlier(reorder, persist))
+        [retransmit, tail, reorder, persist].into_iter().flatten().min()
     }
 
     /// The time of [`Sender::next_timeout`] has come.

@@ -98,11 +98,8 @@ impl Socket {
     }
 
     fn fresh_receiver(&self, next: u64) -> Receiver {
-        Receiver::new(
-            next,
-            full_size(self.config.mtu, self.config.ip_header),
-            self.config.options.recv_buffer,
-        )
+        let Config { options, mtu, ip_header } = self.config;
+        Receiver::new(next, full_size(mtu, ip_header), options.recv_buffer)
     }
 
     /// Whether the connection is open.

@@ -3,11 +3,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_transport::conformance::{Overhead, Pairs, points, receive, send_frame, start};
 use trimaran_transport::{BatchSize, LinkConfig, Net, sleep_until};
 
-use crate::virtual_time::{Link, Machines, acquainted, two_hosts};
+use crate::virtual_time::{Link, Machines, acquainted, gigabit};
 
 /// As many as the ids in the paper's model of bandwidth.
 const POINTS: u32 = 4000;
@@ -15,11 +14,8 @@ const POINTS: u32 = 4000;
 /// Packets in both directions for one frame of [`POINTS`] points over `transport` in batches of `batch`. With
 /// `at_once` all points are found together, otherwise each batch alone.
 fn packets(transport: &'static str, batch: u32, at_once: bool) -> u64 {
-    let gigabit = LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5));
-    let (simulation, hosts) = two_hosts(&gigabit, &gigabit, 1);
     let overhead = Overhead { header_bytes: 4, handshake: 1, coded: true };
-    let nets = hosts.map(|host| simulation.net(host));
-    let machines = Machines { scheme: transport, overhead, nets, options: acquainted() };
+    let (simulation, machines) = Machines::joined([&gigabit(); 2], 1, transport, overhead, acquainted());
     let net = machines.net();
     let mut config = LinkConfig::default();
     config.batching.size = BatchSize::new(batch).unwrap();

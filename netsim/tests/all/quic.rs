@@ -7,17 +7,15 @@ use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability};
 use trimaran_transport::conformance::{Overhead, Pairs, finished};
 use trimaran_transport::{Instant, LinkConfig, sleep_until};
 
-use crate::virtual_time::{Link, Machines, acquainted, two_hosts};
+use crate::virtual_time::{Link, Machines, acquainted};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
     machines_between(link, link, seed)
 }
 
 fn machines_between(way: &LinkModel, back: &LinkModel, seed: u64) -> (Simulation, Machines) {
-    let (simulation, hosts) = two_hosts(way, back, seed);
     let overhead = Overhead { header_bytes: 4, handshake: 1, coded: true };
-    let nets = hosts.map(|host| simulation.net(host));
-    (simulation, Machines { scheme: "quic", overhead, nets, options: acquainted() })
+    Machines::joined([way, back], seed, "quic", overhead, acquainted())
 }
 
 connection_in_virtual_time!(machines);

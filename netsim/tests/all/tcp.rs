@@ -9,7 +9,7 @@ use trimaran_net::Stream;
 use trimaran_netsim::link::{Conditions, LinkModel, LinkTally, Loss, Phase, Probability, QueueModel, Rate};
 use trimaran_netsim::{Class, HostId, SimNet, Simulation};
 use trimaran_transport::conformance::Overhead;
-use trimaran_transport::{Net, Options, TcpOptions, sleep_until};
+use trimaran_transport::{Instant, Net, Options, TcpOptions, sleep_until};
 
 use crate::virtual_time::{Machines, gigabit, two_hosts};
 
@@ -20,12 +20,11 @@ fn machines(there: &LinkModel, back: &LinkModel) -> (Simulation, [SimNet; 2], [H
 }
 
 conformance_in_virtual_time!(|| {
-    let (simulation, nets, _) = machines(&gigabit(), &gigabit());
     let (send_buffer, recv_buffer) = (Some(64 * 1024), Some(64 * 1024));
     let tcp = TcpOptions { send_buffer, recv_buffer, ..TcpOptions::default() };
     let options = Options { tcp, ..Options::default() };
     let overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
-    (simulation, Machines { scheme: "tcp", overhead, nets, options: [options.clone(), options] })
+    Machines::joined([&gigabit(); 2], 1, "tcp", overhead, [options.clone(), options])
 });
 
 fn ms(millis: u64) -> Duration {
@@ -52,6 +51,25 @@ async fn dial(nets: &[SimNet; 2], options: TcpOptions) -> (Stream, Stream) {
     (ours.unwrap(), theirs.unwrap())
 }
 
+/// Sends `bytes` from one to the other after `pause`, and returns how long it took from then on.
+async fn carry(nets: &[SimNet; 2], options: TcpOptions, bytes: usize, pause: Duration) -> Duration {
+    let (mut ours, mut theirs) = dial(nets, options).await;
+    let clock = &nets[0];
+    let write = async {
+        ours.writer.write_all(&vec![7; bytes]).await.unwrap();
+        ours.writer.shutdown().await.unwrap();
+    };
+    let read = async {
+        sleep_until(clock, clock.now().after(pause)).await;
+        let start = clock.now();
+        let mut got = Vec::new();
+        theirs.reader.read_to_end(&mut got).await.unwrap();
+        assert!(got.len() == bytes && got.iter().all(|b| *b == 7));
+        clock.now().since(start)
+    };
+    tokio::join!(write, read).1
+}
+
 /// Options without timers that are not tested.
 fn plain() -> TcpOptions {
     TcpOptions { keepalive: None, user_timeout: None, ..TcpOptions::default() }
@@ -73,8 +91,7 @@ fn delivery(
             let (mut ours, mut theirs) = dial(&nets, plain()).await;
             let clock = nets[0].clone();
             let start = clock.now().after(Duration::from_secs(10));
-            let start =
-                trimaran_transport::Instant::from_nanos(start.as_nanos() / 1_000_000_000 * 1_000_000_000);
+            let start = Instant::from_nanos(start.as_nanos() / 1_000_000_000 * 1_000_000_000);
             let write = async {
                 ours.writer.write_all(&vec![1; first]).await.unwrap();
                 sleep_until(&clock, start).await;
@@ -123,6 +140,11 @@ fn a_lost_packet_that_is_alone_waits_200_ms_and_a_round_trip() {
     assert_eq!(took, ms(10 + 200 + 5));
 }
 
+/// How many packets the first machine sent again.
+fn repeated(simulation: &Simulation, [here, there]: [HostId; 2]) -> u64 {
+    simulation.sent_by_class(here, there).get(&Class::Retransmission).map_or(0, |sent| sent.packets)
+}
+
 /// Sends ten packets in a millisecond, a tenth each, and loses those in this range of tenths.
 fn ten_packets(lost: std::ops::Range<u64>) -> (Duration, u64) {
     // 1538 bytes in a tenth of a millisecond.
@@ -130,10 +152,7 @@ fn ten_packets(lost: std::ops::Range<u64>) -> (Duration, u64) {
     let at = |tenths: u64| ms(10_000) + Duration::from_micros(100 * tenths);
     let (took, simulation, hosts) =
         delivery(&losing(link.clone(), at(lost.start), at(lost.end)), &link, 2 * FULL, 10 * FULL);
-    let again = simulation
-        .sent_by_class(hosts[0], hosts[1])
-        .get(&Class::Retransmission)
-        .map_or(0, |sent| sent.packets);
+    let again = repeated(&simulation, hosts);
     (took, again)
 }
 
@@ -205,23 +224,7 @@ fn the_same_losses_cost_what_they_cost_in_linux() {
 /// Sends `bytes` as fast as possible; returns bytes a second.
 fn throughput(link: &LinkModel, bytes: usize) -> (f64, Simulation, [HostId; 2]) {
     let (simulation, nets, hosts) = machines(link, &way(link.conditions.delay));
-    let took = simulation
-        .run(async {
-            let (mut ours, mut theirs) = dial(&nets, plain()).await;
-            let start = nets[0].now();
-            let write = async {
-                ours.writer.write_all(&vec![7; bytes]).await.unwrap();
-                ours.writer.shutdown().await.unwrap();
-            };
-            let read = async {
-                let mut got = Vec::new();
-                theirs.reader.read_to_end(&mut got).await.unwrap();
-                assert_eq!(got.len(), bytes);
-            };
-            tokio::join!(write, read);
-            nets[0].now().since(start)
-        })
-        .unwrap();
+    let took = simulation.run(carry(&nets, plain(), bytes, Duration::ZERO)).unwrap();
     assert!(simulation.links().iter().all(LinkTally::is_balanced));
     (bytes as f64 / took.as_secs_f64(), simulation, hosts)
 }
@@ -241,18 +244,7 @@ fn a_long_transfer_fills_the_way() {
 fn a_receive_buffer_that_is_fixed_limits_to_its_size_a_round_trip() {
     let (simulation, nets, _) = machines(&way(ms(10)), &way(ms(10)));
     let options = TcpOptions { recv_buffer: Some(100_000), ..plain() };
-    let took = simulation
-        .run(async {
-            let (mut ours, mut theirs) = dial(&nets, options).await;
-            let start = nets[0].now();
-            let data = vec![0; 5_000_000];
-            let (written, read) = tokio::join!(ours.writer.write_all(&data), async {
-                theirs.reader.read_exact(&mut vec![0; 5_000_000]).await.map(drop)
-            });
-            written.and(read).unwrap();
-            nets[0].now().since(start)
-        })
-        .unwrap();
+    let took = simulation.run(carry(&nets, options, 5_000_000, Duration::ZERO)).unwrap();
     let window = 5e6 / (took.as_secs_f64() / 0.02);
     assert!((85_000.0..=100_000.0).contains(&window), "{window}");
 }
@@ -266,8 +258,7 @@ fn random_loss_slows_it_down_as_the_response_function_of_reno_says() {
     let (speed, simulation, hosts) = throughput(&link, 20_000_000);
     let window = speed * 0.02 / FULL as f64;
     assert!((9.0..20.0).contains(&window), "{window} packets a round trip");
-    let sent = simulation.sent_by_class(hosts[0], hosts[1]);
-    let (again, lost) = (sent[&Class::Retransmission].packets, simulation.links()[0].dropped.lost.packets);
+    let (again, lost) = (repeated(&simulation, hosts), simulation.links()[0].dropped.lost.packets);
     assert!(again >= lost && again < lost + lost / 10 + 3, "{again} repetitions for {lost} losses");
 }
 
@@ -275,24 +266,7 @@ fn random_loss_slows_it_down_as_the_response_function_of_reno_says() {
 fn a_receiver_that_reads_nothing_closes_the_window_and_opens_it_again() {
     let (simulation, nets, hosts) = machines(&way(ms(5)), &way(ms(5)));
     let options = TcpOptions { recv_buffer: Some(50_000), ..plain() };
-    let waited = simulation
-        .run(async {
-            let (mut ours, mut theirs) = dial(&nets, options).await;
-            let write = async {
-                ours.writer.write_all(&vec![3; 200_000]).await.unwrap();
-                ours.writer.shutdown().await.unwrap();
-            };
-            let read = async {
-                sleep_until(&nets[0], nets[0].now().after(Duration::from_secs(7))).await;
-                let start = nets[0].now();
-                let mut got = Vec::new();
-                theirs.reader.read_to_end(&mut got).await.unwrap();
-                assert!(got.len() == 200_000 && got.iter().all(|b| *b == 3));
-                nets[0].now().since(start)
-            };
-            tokio::join!(write, read).1
-        })
-        .unwrap();
+    let waited = simulation.run(carry(&nets, options, 200_000, Duration::from_secs(7))).unwrap();
     assert!(waited < ms(100), "{waited:?}");
     let probes = simulation.sent_by_class(hosts[0], hosts[1])[&Class::Probe].packets;
     assert!((3..=6).contains(&probes), "{probes}: at 210 ms, and each time twice as long");
@@ -304,10 +278,7 @@ fn packets_that_overtake_each_other_are_not_taken_for_lost_for_long() {
     let share = Probability::new(0.01).unwrap();
     link.conditions.reorder = Some(trimaran_netsim::link::Reorder { share, by: ms(3) });
     let (speed, simulation, hosts) = throughput(&link, 20_000_000);
-    let again = simulation
-        .sent_by_class(hosts[0], hosts[1])
-        .get(&Class::Retransmission)
-        .map_or(0, |sent| sent.packets);
+    let again = repeated(&simulation, hosts);
     let packets = simulation.links()[0].offered.packets;
     assert!(again * 200 < packets, "{again} repetitions in {packets} packets");
     assert!(speed > 0.7 * 50e6 / 8.0, "{speed}");

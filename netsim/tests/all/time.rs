@@ -10,14 +10,17 @@ use trimaran_net::{RecvMeta, Transmit, UdpSocket};
 use trimaran_netsim::link::{
     Distribution, GilbertElliott, Jitter, LinkModel, LinkTally, Loss, Probability, Rate,
 };
-use trimaran_netsim::{HostId, SimNet, Simulation, Stalled, Topology};
+use trimaran_netsim::{Class, HostId, SimNet, Simulation, Stalled, Topology};
 use trimaran_transport::{Instant, Net, UdpSocketOptions, sleep_until, until};
 
+use crate::virtual_time::two_hosts;
+
 fn pair(link: &LinkModel, seed: u64) -> (Simulation, [HostId; 2]) {
-    let mut topology = Topology::new();
-    let hosts = [topology.host("a"), topology.host("b")];
-    topology.join(topology.node(hosts[0]), topology.node(hosts[1]), link.clone(), link.clone());
-    (Simulation::new(&topology, seed), hosts)
+    two_hosts(link, link, seed)
+}
+
+fn bind(net: &SimNet) -> Arc<dyn UdpSocket> {
+    net.bind_udp("0.0.0.0:700".parse().unwrap(), UdpSocketOptions::default()).unwrap()
 }
 
 fn send(socket: &dyn UdpSocket, destination: SocketAddr, contents: &[u8]) {
@@ -46,8 +49,6 @@ async fn echo(socket: Arc<dyn UdpSocket>) {
 /// Sends `count` datagrams to an echo, one each `every`; returns the number and time of each that came back.
 fn pings(simulation: &Simulation, hosts: [HostId; 2], count: u64, every: Duration) -> Vec<(u64, u64)> {
     let [near, far] = hosts.map(|host| simulation.net(host));
-    let bind =
-        |net: &SimNet| net.bind_udp("0.0.0.0:700".parse().unwrap(), UdpSocketOptions::default()).unwrap();
     far.spawn(Box::pin(echo(bind(&far))));
     let (socket, got) = (bind(&near), Arc::new(Mutex::new(Vec::new())));
     let (reader, log, clock) = (Arc::clone(&socket), Arc::clone(&got), near.clone());
@@ -86,7 +87,7 @@ fn a_switch_stores_and_forwards() {
     let hosts = [topology.find("a").unwrap(), topology.find("c").unwrap()];
     // 8 bytes of payload make the shortest frame: 84 bytes on the line, four times.
     assert_eq!(pings(&simulation, hosts, 1, Duration::ZERO), [(0, 4 * (84 * 8 * 10 + 500))]);
-    let sent = simulation.sent(hosts[0], hosts[1]);
+    let sent = simulation.sent_by_class(hosts[0], hosts[1])[&Class::SmallDatagram];
     assert_eq!((sent.packets, sent.payload, sent.transport_headers, sent.ip_headers), (1, 8, 8, 20));
     assert_eq!((sent.link_layer, sent.bytes()), (28, 64));
 }
@@ -203,13 +204,8 @@ fn a_socket_takes_no_more_than_its_send_buffer_until_packets_have_left() {
 
 #[test]
 fn timers_with_a_grain_ring_when_a_runtime_that_sleeps_whole_ticks_wakes() {
-    let topology = Topology::star(
-        &["only", "other"],
-        &LinkModel::clean(None, Duration::ZERO),
-        &LinkModel::clean(None, Duration::ZERO),
-    );
-    let simulation = Simulation::new(&topology, 1);
-    let [exact, other] = ["only", "other"].map(|name| simulation.net(topology.find(name).unwrap()));
+    let (simulation, hosts) = pair(&LinkModel::clean(None, Duration::ZERO), 1);
+    let [exact, other] = hosts.map(|host| simulation.net(host));
     let coarse = exact.clone().with_timer_grain(Duration::from_millis(1));
     let rang = |net: &SimNet, at: u64| {
         let rang = async move {
@@ -243,8 +239,6 @@ fn a_simulation_in_step_with_a_clock_lets_nothing_happen_early_and_hears_other_t
     let delay = Duration::from_millis(30);
     let (simulation, hosts) = pair(&LinkModel::clean(None, delay), 1);
     let [near, far] = hosts.map(|host| simulation.net(host));
-    let bind =
-        |net: &SimNet| net.bind_udp("0.0.0.0:700".parse().unwrap(), UdpSocketOptions::default()).unwrap();
     far.spawn(Box::pin(echo(bind(&far))));
     let socket = bind(&near);
     let to = SocketAddr::new(hosts[1].v4(), 700);

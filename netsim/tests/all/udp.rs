@@ -12,20 +12,18 @@ use trimaran_transport::{
     UdpSocketOptions, sleep_until,
 };
 
+use crate::virtual_time::Machines;
 use crate::virtual_time::priorities::{beside_blocks, blocks_alone, narrow};
-use crate::virtual_time::{Machines, two_hosts};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
     machines_between(link, link, seed, UdpOptions::default())
 }
 
 fn machines_between(way: &LinkModel, back: &LinkModel, seed: u64, udp: UdpOptions) -> (Simulation, Machines) {
-    let (simulation, hosts) = two_hosts(way, back, seed);
     let overhead = Overhead { header_bytes: 0, handshake: 1, coded: true };
     let udp = UdpOptions { trust: Trust::SharedKey([9; 32].into()), ..udp };
     let options = Options { udp, ..Options::default() };
-    let nets = hosts.map(|host| simulation.net(host));
-    (simulation, Machines { scheme: "udp", overhead, nets, options: [options.clone(), options] })
+    Machines::joined([way, back], seed, "udp", overhead, [options.clone(), options])
 }
 
 connection_in_virtual_time!(machines);

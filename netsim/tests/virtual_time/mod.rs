@@ -39,29 +39,23 @@ macro_rules! conformance_in_virtual_time {
 /// and that a seed decides the run.
 #[macro_export]
 macro_rules! connection_in_virtual_time {
+    (@in_order $machines:path: $($case:ident),+) => {
+        $(
+            #[test]
+            fn $case() {
+                let (simulation, machines) = $machines(&$crate::virtual_time::priorities::narrow(), 1);
+                simulation.run($crate::virtual_time::priorities::$case(&machines)).unwrap();
+            }
+        )+
+    };
     ($machines:path) => {
         conformance_in_virtual_time!(|| $machines(&$crate::virtual_time::gigabit(), 1));
 
-        #[test]
-        fn an_older_frame_is_complete_first() {
-            let (simulation, machines) = $machines(&$crate::virtual_time::priorities::narrow(), 1);
-            let talk = $crate::virtual_time::priorities::an_older_frame_is_complete_first(&machines);
-            simulation.run(talk).unwrap();
-        }
-
-        #[test]
-        fn a_value_and_a_message_go_before_a_frame() {
-            let (simulation, machines) = $machines(&$crate::virtual_time::priorities::narrow(), 1);
-            let talk = $crate::virtual_time::priorities::a_value_and_a_message_go_before_a_frame(&machines);
-            simulation.run(talk).unwrap();
-        }
-
-        #[test]
-        fn everything_goes_before_blocks() {
-            let (simulation, machines) = $machines(&$crate::virtual_time::priorities::narrow(), 1);
-            let talk = $crate::virtual_time::priorities::everything_goes_before_blocks(&machines);
-            simulation.run(talk).unwrap();
-        }
+        connection_in_virtual_time!(
+            @in_order $machines: an_older_frame_is_complete_first,
+            a_value_and_a_message_go_before_a_frame,
+            everything_goes_before_blocks
+        );
 
         #[test]
         fn the_same_seed_gives_the_same_packets_at_the_same_nanoseconds() {
@@ -93,6 +87,19 @@ pub(crate) struct Machines {
 }
 
 impl Machines {
+    /// Machines joined by `way` and `back`, as [`two_hosts`], and their links over `scheme`.
+    pub(crate) fn joined(
+        [way, back]: [&LinkModel; 2],
+        seed: u64,
+        scheme: &'static str,
+        overhead: Overhead,
+        options: [Options; 2],
+    ) -> (Simulation, Self) {
+        let (simulation, hosts) = two_hosts(way, back, seed);
+        let nets = hosts.map(|host| simulation.net(host));
+        (simulation, Self { scheme, overhead, nets, options })
+    }
+
     /// A pair of links with these configurations: that of `here`, then that of `there`.
     pub(crate) async fn join(&self, configs: [LinkConfig; 2]) -> (Link, Link) {
         let [here, there] = self.nets.clone().map(|net| Arc::new(net) as Arc<dyn Net>);

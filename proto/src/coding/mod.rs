@@ -7,60 +7,14 @@
 mod coder;
 mod reference;
 
-use std::fmt;
-use std::str::FromStr;
-
 use bytes::{BufMut, Bytes, BytesMut};
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::varint::{get_varint, put_varint};
 pub use coder::{CodedViolation, IdDecoder, IdEncoder};
 use reference::References;
 
-use crate::{BatchSize, FrameNumber, ID_BYTES, IdBatch, SettingsError};
-
-/// How the ids of a frame travel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-pub enum IdCoding {
-    /// 4 bytes an id, as the paper's bandwidth formula counts them.
-    #[default]
-    Plain,
-    /// As changes against an earlier frame, in order and as soon as they are known. Batches that would not
-    /// shrink travel plain.
-    Changes,
-}
-
-impl IdCoding {
-    /// Every coding.
-    pub const ALL: [Self; 2] = [Self::Plain, Self::Changes];
-
-    /// The name used on the command line and in reports.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Plain => "plain",
-            Self::Changes => "changes",
-        }
-    }
-}
-
-impl fmt::Display for IdCoding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for IdCoding {
-    type Err = SettingsError;
-
-    fn from_str(name: &str) -> Result<Self, SettingsError> {
-        Self::ALL
-            .into_iter()
-            .find(|coding| coding.name() == name)
-            .ok_or_else(|| SettingsError::Coding(name.to_owned()))
-    }
-}
+use crate::{BatchSize, FrameNumber, ID_BYTES, IdBatch};
 
 /// Bytes that are not a batch of changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -141,20 +95,10 @@ pub(crate) fn count(mut bytes: &[u8]) -> Result<usize, CodingFault> {
     }
     let mut count = 0;
     while !bytes.is_empty() {
-        let run = number(bytes)?;
-        count += (run >> op::BITS) as usize;
-        let put = match run & ((1 << op::BITS) - 1) {
-            op::SKIP_ONE => 0,
-            op::SKIP => {
-                number(bytes)?;
-                0
-            }
-            op::PUT_ONE => 1,
-            _ => number(bytes)?,
-        };
+        let run = Run::read(bytes)?;
         // Each id takes at least a byte, so a false large count soon runs out of bytes.
-        (0..put).try_for_each(|_| number(bytes).map(drop))?;
-        count += put as usize;
+        (0..run.put).try_for_each(|_| number(bytes).map(drop))?;
+        count += run.kept as usize + run.put as usize;
         if count > BatchSize::MAX.items() {
             return Err(CodingFault::Count(count));
         }
@@ -240,6 +184,26 @@ fn put_run(out: &mut impl BufMut, kept: usize, count: usize, [one, many]: [u32; 
     }
 }
 
+/// The numbers of ids that a run keeps, and then skips or inserts.
+struct Run {
+    kept: u32,
+    skipped: u32,
+    put: u32,
+}
+
+impl Run {
+    fn read(bytes: &mut &[u8]) -> Result<Self, CodingFault> {
+        let first = number(bytes)?;
+        let (skipped, put) = match first & ((1 << op::BITS) - 1) {
+            op::SKIP_ONE => (1, 0),
+            op::PUT_ONE => (0, 1),
+            op::SKIP => (number(bytes)?, 0),
+            _ => (0, number(bytes)?),
+        };
+        Ok(Self { kept: first >> op::BITS, skipped, put })
+    }
+}
+
 /// Reads runs over a reference.
 struct Reader<'r> {
     held: &'r [u32],
@@ -259,21 +223,15 @@ impl<'r> Reader<'r> {
     }
 
     fn run(&mut self, bytes: &mut &[u8]) -> Result<(), CodingFault> {
-        let run = number(bytes)?;
-        let kept = self.pass(run >> op::BITS)?;
+        let run = Run::read(bytes)?;
+        let kept = self.pass(run.kept)?;
         self.room_for(kept.len())?;
         for id in kept {
             self.push(*id)?;
         }
-        match run & ((1 << op::BITS) - 1) {
-            op::SKIP_ONE => self.skip(1),
-            op::SKIP => self.skip(number(bytes)?),
-            op::PUT_ONE => self.put(bytes),
-            _ => {
-                // Each id takes at least a byte, so a false large count soon runs out of bytes.
-                (0..number(bytes)?).try_for_each(|_| self.put(bytes))
-            }
-        }
+        self.skip(run.skipped)?;
+        // Each id takes at least a byte, so a false large count soon runs out of bytes.
+        (0..run.put).try_for_each(|_| self.put(bytes))
     }
 
     /// Takes the next `count` ids of the reference.

@@ -87,7 +87,7 @@ fn the_examples_are_read_field_by_field() {
                 "trimaran.role",
                 "trimaran.settings.batch",
             ][..],
-            "trimaran/1|0x0000000000000005|0|1|256",
+            "trimaran/2|0x0000000000000005|0|1|256",
         ),
         (
             "hello",
@@ -226,10 +226,10 @@ fn each_refusal_is_read_with_its_values() {
         (Refusal::Version { listener: version, connector: version }, "0||||"),
         (
             Refusal::Protocol {
-                listener: ProtocolName::new("trimaran/1"),
+                listener: ProtocolName::new("trimaran/2"),
                 connector: ProtocolName::new("robot/1"),
             },
-            "1|trimaran/1;robot/1|||",
+            "1|trimaran/2;robot/1|||",
         ),
         (Refusal::Rejected(Rejection::new(1, "other scene")), "2||other scene||"),
         (Refusal::Session { session, lane }, "3|||0x0000000000000005|1"),

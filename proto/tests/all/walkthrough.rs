@@ -168,55 +168,39 @@ fn a_peer_is_called_by_its_role() {
         assert_eq!(Walkthrough::name(&hello), name);
         assert_eq!(Walkthrough::role(&hello).as_deref(), Some(name));
     }
-    assert_eq!(ProtocolName::new(Walkthrough::NAME).as_str(), "trimaran/1");
+    assert_eq!(ProtocolName::new(Walkthrough::NAME).as_str(), "trimaran/2");
 }
 
 #[test]
-fn a_peer_is_told_the_first_thing_that_does_not_fit() {
-    let ours = identity(Role::Display, Some(settings()));
-    let other = Identity { scene: Some(SceneHash(1).into()), ..ours };
-    let code = |theirs: &Identity| Walkthrough::admit(&ours, theirs).map_err(|rejection| rejection.code);
-    assert_eq!(code(&other), Err(RejectionCode::Scene as u16));
-    let why = Walkthrough::admit(&ours, &other).unwrap_err().to_string();
-    assert!(why.contains("ffffffff") && why.contains("00000001"), "{why}");
-    assert_eq!(code(&ours), Err(RejectionCode::Role as u16));
-    assert_eq!(code(&identity(Role::Culler, None)), Ok(()));
-}
-
-/// Only the display decides which cullers meet.
-#[test]
-fn a_culler_takes_displays_and_those_cullers_that_name_a_meeting() {
-    let culler = identity(Role::Culler, None);
-    let refused = Walkthrough::admit(&culler, &culler).unwrap_err();
-    assert!(RejectionCode::Role.is_of(&refused), "{refused}");
-    assert_eq!(Walkthrough::admit(&culler, &identity(Role::Culler, Some(settings()))), Ok(()));
-    assert_eq!(Walkthrough::admit(&culler, &identity(Role::Display, Some(settings()))), Ok(()));
-}
-
-#[test]
-fn a_peer_without_a_scene_is_taken_by_one_that_has_it() {
+fn a_listener_takes_peers_of_its_scene_whose_role_goes_with_its_own() {
     let (culler, display) = (identity(Role::Culler, None), identity(Role::Display, Some(settings())));
+    // Only the display decides which cullers meet.
+    let meeting = identity(Role::Culler, Some(settings()));
     let empty = Identity { scene: None, ..display };
-    assert_eq!(Walkthrough::admit(&culler, &empty), Ok(()));
-    assert_eq!(Walkthrough::admit(&empty, &culler), Ok(()));
-    let refused = Walkthrough::admit(&display, &empty).unwrap_err();
-    assert!(RejectionCode::Role.is_of(&refused), "{refused}");
-}
-
-/// Equal fingerprints alone do not make received data valid.
-#[test]
-fn scenes_of_one_fingerprint_and_other_counts_are_not_the_same() {
-    let (culler, display) = (identity(Role::Culler, None), identity(Role::Display, Some(settings())));
     let scene = culler.scene.unwrap();
-    for scene in [
-        SceneOutline { nodes: 1, ..scene },
-        SceneOutline { drawables: 1, ..scene },
-        SceneOutline { geometries: 1, ..scene },
-        SceneOutline { objects: 1, ..scene },
+    let with = |scene| Identity { scene: Some(scene), ..display };
+    let (other_scene, role) = (Err(RejectionCode::Scene as u16), Err(RejectionCode::Role as u16));
+    for (listener, connector, expected) in [
+        (display, culler, Ok(())),
+        (culler, display, Ok(())),
+        (culler, meeting, Ok(())),
+        (culler, empty, Ok(())),
+        (empty, culler, Ok(())),
+        (display, display, role),
+        (display, empty, role),
+        (culler, culler, role),
+        (display, with(SceneHash(1).into()), other_scene),
+        // Equal fingerprints alone do not make received data valid.
+        (culler, with(SceneOutline { nodes: 1, ..scene }), other_scene),
+        (culler, with(SceneOutline { drawables: 1, ..scene }), other_scene),
+        (culler, with(SceneOutline { geometries: 1, ..scene }), other_scene),
+        (culler, with(SceneOutline { objects: 1, ..scene }), other_scene),
     ] {
-        let refused = Walkthrough::admit(&culler, &Identity { scene: Some(scene), ..display }).unwrap_err();
-        assert!(RejectionCode::Scene.is_of(&refused), "{refused}");
+        let admitted = Walkthrough::admit(&listener, &connector).map_err(|rejection| rejection.code);
+        assert_eq!(admitted, expected, "{listener:?} and {connector:?}");
     }
+    let why = Walkthrough::admit(&display, &with(SceneHash(1).into())).unwrap_err().to_string();
+    assert!(why.contains("ffffffff") && why.contains("00000001"), "{why}");
 }
 
 #[test]

@@ -107,14 +107,20 @@ pub trait UdpSocket: fmt::Debug + Send + Sync + 'static {
     /// If the system does not tell.
     fn local_addr(&self) -> io::Result<SocketAddr>;
 
-    /// How many datagrams one [`Transmit`] may hold; at least 1.
-    fn max_transmit_segments(&self) -> usize;
+    /// How many datagrams one [`Transmit`] may hold; at least 1, the default.
+    fn max_transmit_segments(&self) -> usize {
+        1
+    }
 
-    /// How many datagrams one buffer may receive; at least 1.
-    fn max_receive_segments(&self) -> usize;
+    /// How many datagrams one buffer may receive; at least 1, the default.
+    fn max_receive_segments(&self) -> usize {
+        1
+    }
 
-    /// Whether a datagram larger than the path MTU may be fragmented rather than dropped.
-    fn may_fragment(&self) -> bool;
+    /// Whether a datagram larger than the path MTU may be fragmented rather than dropped. Default false.
+    fn may_fragment(&self) -> bool {
+        false
+    }
 }
 
 /// Wakes one waiter when a [`UdpSocket`] may have room to send.

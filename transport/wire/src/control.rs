@@ -199,25 +199,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_passes_is_worth_another_try() {
-        let session = SessionId(1);
-        let role = Explanation::new("arm");
-        let name = ProtocolName::new("robot/1");
-        let version = WireVersion::CURRENT;
-        for (refusal, passing) in [
-            (Refusal::Busy, true),
-            (Refusal::Unpaired { session }, true),
-            (Refusal::Version { listener: version, connector: version }, false),
-            (Refusal::Protocol { listener: name.clone(), connector: name }, false),
-            (Refusal::Rejected(Rejection::new(1, "")), false),
-            (Refusal::Session { session, lane: Lane::Frames }, false),
-            (Refusal::Key { claimed: role.clone(), known: role }, false),
-        ] {
-            assert_eq!(refusal.is_passing(), passing, "{refusal}");
-        }
-    }
-
-    #[test]
     fn what_a_peer_says_is_shown_escaped() {
         let odd = "a\u{1b}b";
         let shown = "a\\u{1b}b";

@@ -24,14 +24,16 @@
 //! |---|---|
 //! | `protocol`, `format` | an application's protocol: the one trait it implements |
 //! | `fixed`, `batch` | values and items as bytes |
-//! | `frame` | frames: written and checked |
+//! | `frame`, `event` | frames: written and checked, and as their receiver is told of them |
 //! | `control`, `text` | hello, accept, refusal, close, and the texts in them |
-//! | `kind`, `message`, `decode` | messages with their headers, and decoding them from a stream |
+//! | `kind`, `message`, `decode`, `fault` | messages with their headers, and decoding them from a stream |
 //! | `serial` | numbers for lanes without an order of their own |
 
 mod batch;
 mod control;
 mod decode;
+mod event;
+mod fault;
 mod fixed;
 mod format;
 mod frame;
@@ -43,12 +45,14 @@ mod text;
 
 pub use batch::{Batch, BatchError, BatchSize, BatchSizeError, Item};
 pub use control::{Accept, CloseReason, Hello, Lane, MAX_HELLO, Refusal, Rejection, SessionId, WireVersion};
-pub use decode::{DecodeError, DecodeFault, Decoder};
+pub use decode::{DecodeError, Decoder};
+pub use event::{FrameEvent, FrameStart};
+pub use fault::DecodeFault;
 pub use fixed::{Fixed, FixedBytes, MAX_FIXED, to_bytes};
 pub use format::Format;
 pub use frame::{
-    FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome,
-    FrameStart, FrameStep, FrameViolation, FrameWriter,
+    FrameAssembler, FrameEnd, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep,
+    FrameViolation, FrameWriter,
 };
 pub use kind::{HEADER_BYTES, Kind, MAX_BLOCK, MAX_MESSAGE};
 pub use message::Message;

@@ -3,11 +3,9 @@
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 use serde::Serialize;
 
-use crate::decode::DecodeFault;
-use crate::kind::Kind;
 use crate::{
-    Accept, CloseReason, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber, Hello, Numbered, Refusal,
-    WireVersion, batch,
+    Accept, CloseReason, DecodeFault, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber, Hello, Kind,
+    Numbered, Refusal, WireVersion, batch,
 };
 
 /// The first bytes of every hello, in every version: they distinguish a peer from a stranger.
@@ -70,35 +68,28 @@ impl Message {
 
     /// Appends the message with its header to `out`.
     pub fn encode(&self, out: &mut BytesMut) {
+        with_header(out, self.kind(), |out| self.put_payload(out));
+    }
+
+    fn put_payload(&self, out: &mut BytesMut) {
         match self {
             Self::Hello(Hello { protocol, session, lane, application }) => {
-                with_header(out, Kind::Hello, |out| {
-                    out.put_slice(&MAGIC);
-                    out.put_u16_le(WireVersion::CURRENT.0);
-                    put_control(out, &(protocol, session, lane));
-                    out.put_slice(application);
-                });
+                out.put_slice(&MAGIC);
+                out.put_u16_le(WireVersion::CURRENT.0);
+                put_control(out, &(protocol, session, lane));
+                out.put_slice(application);
             }
-            Self::Accept(accept) => with_header(out, Kind::Accept, |out| out.put_slice(&accept.application)),
-            Self::Refuse(refusal) => with_header(out, Kind::Refuse, |out| {
+            Self::Accept(accept) => out.put_slice(&accept.application),
+            Self::Refuse(refusal) => {
                 out.put_u16_le(WireVersion::CURRENT.0);
                 put_control(out, refusal);
-            }),
-            Self::Close(reason) => with_header(out, Kind::Close, |out| put_control(out, reason)),
-            Self::KeepAlive => out.put_slice(&Kind::KeepAlive.header(0)),
-            Self::Latest(value) => {
-                out.put_slice(&Kind::Latest.header(value.len()));
-                out.put_slice(value);
             }
-            Self::Numbered(numbered) => {
-                out.put_slice(&Kind::Numbered.header(Numbered::NUMBER_BYTES + numbered.value.len()));
-                numbered.write(out);
-            }
-            Self::Frame(message) => message.encode(out),
-            Self::Message(bytes) | Self::Block(bytes) => {
-                out.put_slice(&self.kind().header(bytes.len()));
-                out.put_slice(bytes);
-            }
+            Self::Close(reason) => put_control(out, reason),
+            Self::KeepAlive => {}
+            Self::Latest(value) => out.put_slice(value),
+            Self::Numbered(numbered) => numbered.write(out),
+            Self::Frame(message) => message.put_payload(out),
+            Self::Message(bytes) | Self::Block(bytes) => out.put_slice(bytes),
         }
     }
 
@@ -163,18 +154,17 @@ impl FrameMessage {
 
     /// Appends the message with its header to `out`.
     pub fn encode(&self, out: &mut BytesMut) {
+        with_header(out, self.kind(), |out| self.put_payload(out));
+    }
+
+    fn put_payload(&self, out: &mut BytesMut) {
         match self {
             Self::Begin { frame, header } => {
-                out.put_slice(&Kind::Begin.header(4 + header.len()));
                 out.put_u32_le(frame.0);
                 out.put_slice(header);
             }
-            Self::Batch(bytes) | Self::Coded(bytes) => {
-                out.put_slice(&self.kind().header(bytes.len()));
-                out.put_slice(bytes);
-            }
+            Self::Batch(bytes) | Self::Coded(bytes) => out.put_slice(bytes),
             Self::End(end) => {
-                out.put_slice(&Kind::End.header(16));
                 out.put_u32_le(end.frame.0);
                 out.put_u32_le(end.items);
                 out.put_u64_le(end.hash);

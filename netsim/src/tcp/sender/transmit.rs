@@ -1,6 +1,5 @@
 //! Chooses the next segment, and holds back others.
 
-use bytes::Bytes;
 use trimaran_net::Instant;
 
 use super::super::rtt::RTO_MIN;
@@ -14,12 +13,7 @@ impl Sender {
         if self.scoreboard.in_flight() < self.cwnd
             && let Some(packet) = self.scoreboard.repeat_lost(now)
         {
-            let out = Outgoing {
-                seq: packet.seq,
-                data: packet.data.clone(),
-                fin: packet.fin,
-                class: Class::Retransmission,
-            };
+            let out = Outgoing::again(packet);
             self.reduction.sent += 1;
             if alone {
                 self.cubic.skip(now.since(self.last_sent));
@@ -36,12 +30,7 @@ impl Sender {
         }
         if std::mem::take(&mut self.probe_window) {
             // A byte that the peer has, so that it answers with its window.
-            return Some(Outgoing {
-                seq: self.acknowledged - 1,
-                data: Bytes::new(),
-                fin: false,
-                class: Class::Probe,
-            });
+            return Some(Outgoing::empty(self.acknowledged - 1, Class::Probe));
         }
         let probing = std::mem::take(&mut self.probe_tail);
         let fresh = self.transmit_new(now, probing);
@@ -51,11 +40,7 @@ impl Sender {
         self.tail_probe = Some((self.next, fresh.is_none()));
         self.timers.retransmit = Some(now.after(self.rtt.timeout()));
         self.timers.tail = None;
-        fresh.or_else(|| {
-            let packet = self.scoreboard.repeat_last(now)?;
-            let class = Class::Retransmission;
-            Some(Outgoing { seq: packet.seq, data: packet.data.clone(), fin: packet.fin, class })
-        })
+        fresh.or_else(|| self.scoreboard.repeat_last(now).map(Outgoing::again))
     }
 
     /// New data, as far as windows and the machine's own queue allow; a probe ignores the congestion window.

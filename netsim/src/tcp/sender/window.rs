@@ -7,7 +7,7 @@ use super::super::scoreboard::News;
 use super::{FIRST_WINDOW, Sender, State};
 
 /// How much of the window is used.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Usage {
     pub(super) limited: bool,
     /// The most packets in flight in this round trip, and where that ends.

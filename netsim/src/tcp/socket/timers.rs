@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 
-use super::super::segment::earlier;
 use super::{Config, FIRST_WAIT, Socket, State};
 
 /// Linux's `tcp_syn_retries`.
@@ -26,8 +25,9 @@ impl Socket {
                 let Config { options, .. } = self.config;
                 let stale =
                     options.user_timeout.and_then(|limit| Some(self.sender.waiting_since()?.after(limit)));
-                let own = earlier(earlier(self.next_probe(), self.deserted()), stale);
-                earlier(earlier(self.sender.next_timeout(), self.receiver.acks.due()), own)
+                let halves = [self.sender.next_timeout(), self.receiver.acks.due()];
+                let own = [self.next_probe(), self.deserted(), stale];
+                halves.into_iter().chain(own).flatten().min()
             }
         }
     }

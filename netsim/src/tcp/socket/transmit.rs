@@ -1,6 +1,5 @@
 //! The segments that a connection sends.
 
-use bytes::Bytes;
 use trimaran_net::Instant;
 
 use super::super::segment::{Class, Segment};
@@ -46,7 +45,6 @@ impl Socket {
 
     /// The next segment of an open connection.
     fn next_outgoing(&mut self, now: Instant) -> Option<Outgoing> {
-        let empty = |seq, class| Outgoing { seq, data: Bytes::new(), fin: false, class };
         if let Some(out) = self.sender.transmit(now) {
             if !out.data.is_empty() {
                 self.receiver.acks.answered(now);
@@ -54,9 +52,9 @@ impl Socket {
             return Some(out);
         }
         if std::mem::take(&mut self.probe) {
-            return Some(empty(self.sender.acknowledged - 1, Class::Probe));
+            return Some(Outgoing::empty(self.sender.acknowledged - 1, Class::Probe));
         }
-        self.receiver.ack_now.then(|| empty(self.sender.next, Class::Acknowledgement))
+        self.receiver.ack_now.then(|| Outgoing::empty(self.sender.next, Class::Acknowledgement))
     }
 
     fn ip_bytes(&self, segment: &Segment) -> u64 {

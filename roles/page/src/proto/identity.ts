@@ -6,7 +6,7 @@ import { readSettings, type Settings, writeSettings } from "./settings.ts";
 
 /** The protocol that peers of Trimaran's links must agree on. */
 export const TRIMARAN: Application = {
-  name: "trimaran/1",
+  name: "trimaran/2",
   format: { latest: 72, header: 72, item: 4 },
 };
 

@@ -1,7 +1,5 @@
 //! Checks of the arriving frames lane.
 
-use std::fmt;
-
 use thiserror::Error;
 
 use super::{Digest, FrameEnd, FrameOutcome};
@@ -24,17 +22,11 @@ pub enum FrameStep<'b> {
 }
 
 /// Checks arriving frames: order, count and hash.
+#[derive(Debug)]
 pub struct FrameAssembler {
     most: u32,
     open: Option<Digest>,
     last: Option<FrameNumber>,
-}
-
-impl fmt::Debug for FrameAssembler {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let open = self.open.as_ref().map(|digest| (digest.frame, digest.items));
-        f.debug_struct("FrameAssembler").field("open", &open).field("last", &self.last).finish()
-    }
 }
 
 impl FrameAssembler {

@@ -12,7 +12,7 @@ use xxhash_rust::xxh3::Xxh3;
 pub use assembler::{FrameAssembler, FrameStep, FrameViolation};
 pub use writer::{FrameOrderError, FrameWriter};
 
-use crate::{Batch, FixedBytes, Protocol};
+use crate::FixedBytes;
 
 /// The number of a frame, counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
@@ -34,26 +34,6 @@ impl fmt::Display for FrameNumber {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "frame {}", self.0)
     }
-}
-
-/// The start of a frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameStart<H> {
-    /// The frame's number: it rises from frame to frame.
-    pub frame: FrameNumber,
-    /// The application's header.
-    pub header: H,
-}
-
-/// An event for a receiver of frames.
-#[derive(Debug, Clone, PartialEq)]
-pub enum FrameEvent<P: Protocol> {
-    /// A frame begins.
-    Begin(FrameStart<P::Header>),
-    /// Items of the frame that has begun, in the order in which they were pushed.
-    Batch(Batch<P::Item>),
-    /// The frame is over.
-    End(FrameOutcome),
 }
 
 /// The end of a frame: its number of items and their hash.
@@ -106,6 +86,12 @@ struct Digest {
     frame: FrameNumber,
     items: u64,
     hasher: Xxh3,
+}
+
+impl fmt::Debug for Digest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} with {} items", self.frame, self.items)
+    }
 }
 
 impl Digest {

@@ -1,6 +1,5 @@
 //! A frame of items, turned into messages.
 
-use std::fmt;
 use std::marker::PhantomData;
 
 use bytes::BytesMut;
@@ -13,6 +12,7 @@ use crate::{BatchSize, FrameNumber, Item};
 /// Turns begin, pushed items and finish into messages: items are gathered into batches of `b`.
 ///
 /// It passes each message to the `emit` of the call that completed it.
+#[derive(Debug)]
 pub struct FrameWriter<I> {
     batch: BatchSize,
     most: u32,
@@ -24,13 +24,6 @@ pub struct FrameWriter<I> {
 
 /// The size of an allocation; small batches share one, so that few of them allocate.
 const ROOM: usize = 16 * 1024;
-
-impl<I> fmt::Debug for FrameWriter<I> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let open = self.open.as_ref().map(|digest| digest.frame);
-        f.debug_struct("FrameWriter").field("batch", &self.batch).field("open", &open).finish_non_exhaustive()
-    }
-}
 
 impl<I: Item> FrameWriter<I> {
     /// A writer of batches of at most `batch` items.

@@ -10,8 +10,9 @@ use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd,
     FrameMessage, FrameNumber, FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, Lane, MAX_BLOCK,
     MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId,
-    WireVersion,
 };
+
+use crate::refusals::refusals;
 
 /// The sizes of an application whose values and headers need more than a [`FixedBytes`] has on the stack, and
 /// less.
@@ -256,16 +257,6 @@ fn the_longest_control_messages_are_taken() {
     assert_eq!((text.as_str().len(), name.as_str().len()), (200, 32));
     let (session, lane) = (SessionId(u64::MAX), Lane::Frames);
     let application = Bytes::from(vec![7; MAX_HELLO]);
-    let version = WireVersion::CURRENT;
-    let refusals = [
-        Refusal::Version { listener: version, connector: version },
-        Refusal::Protocol { listener: name.clone(), connector: name.clone() },
-        Refusal::Rejected(Rejection::new(u16::MAX, &"x".repeat(1000))),
-        Refusal::Session { session, lane },
-        Refusal::Unpaired { session },
-        Refusal::Busy,
-        Refusal::Key { claimed: text.clone(), known: text.clone() },
-    ];
     let mut messages = vec![
         Message::Hello(Hello { protocol: name, session, lane, application: application.clone() }),
         Message::Accept(Accept { application }),
@@ -273,7 +264,7 @@ fn the_longest_control_messages_are_taken() {
         Message::Message(vec![0; MAX_MESSAGE].into()),
         Message::Block(vec![0; MAX_BLOCK].into()),
     ];
-    messages.extend(refusals.map(Message::Refuse));
+    messages.extend(refusals(&"x".repeat(1000)).map(Message::Refuse));
     for message in messages {
         assert_eq!(decode(&encoded(std::slice::from_ref(&message)), &[]), [message]);
     }

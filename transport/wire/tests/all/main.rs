@@ -4,6 +4,8 @@
 mod examples;
 mod robot;
 
+mod refusals;
+
 mod codec;
 mod decoder;
 mod frames;

@@ -1,0 +1,19 @@
+//! Each refusal, in the order of its number on the wire.
+
+use trimaran_wire::{Explanation, Lane, ProtocolName, Refusal, Rejection, SessionId, WireVersion};
+
+/// Refusals that are as long as they can be with these texts.
+pub(crate) fn refusals(text: &str) -> [Refusal; 7] {
+    let version = WireVersion::CURRENT;
+    let (session, lane) = (SessionId(u64::MAX), Lane::Frames);
+    let (name, role) = (ProtocolName::new(text), Explanation::new(text));
+    [
+        Refusal::Version { listener: version, connector: version },
+        Refusal::Protocol { listener: name.clone(), connector: name },
+        Refusal::Rejected(Rejection::new(u16::MAX, text)),
+        Refusal::Session { session, lane },
+        Refusal::Unpaired { session },
+        Refusal::Busy,
+        Refusal::Key { claimed: role.clone(), known: role },
+    ]
+}
