@@ -136,8 +136,7 @@ impl ItemPass {
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn items(&mut self) -> Result<&[[u32; 2]], GpuError> {
-        self.pass.read_colour(&mut self.items)?;
-        Ok(self.items.as_ref().map(HostBuffer::elements).unwrap_or_default())
+        self.pass.read_colour(&mut self.items)
     }
 
     /// Copies the pixels into `image`, reusing its memory.

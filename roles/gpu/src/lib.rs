@@ -33,7 +33,7 @@
 //! | module | what is in it |
 //! |---|---|
 //! | `adapter`, `needs`, `gpu`, `wait` | a device: its choice, its requirements, opening it, waiting for it |
-//! | `memory`, `arena`, `working_set`, `scene` | buffers, and a scene's data on the device |
+//! | `memory`, `reuse`, `arena`, `working_set`, `scene` | buffers, and a scene's data on the device |
 //! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder` | shared by the passes |
 //! | `layout`, `pipeline`, `pass_kind`, `pass` | how all of them draw |
 //! | `occluder`, `picture`, `item` | the three passes |
@@ -85,6 +85,7 @@ mod pyramid;
 mod query;
 mod raster;
 mod recorder;
+mod reuse;
 mod scene;
 mod sections;
 mod stream;

@@ -7,7 +7,6 @@ use trimaran_proto::DrawableId;
 
 use crate::draw_record::Fetch;
 use crate::hzb::HzbBoxes;
-use crate::memory::HostBuffer;
 use crate::pass::ScenePass;
 use crate::pass_kind::PassKind;
 use crate::pipeline::{VertexInput, shader};
@@ -39,12 +38,9 @@ const MOST_BROUGHT: u64 = 8 << 20;
 pub struct OccluderPass {
     // Before all other fields: its stream waits for work that uses the rest.
     pub(crate) pass: ScenePass,
-    pub(crate) queries: Option<QueryBoxes>,
-    pub(crate) raster: Option<RasterBoxes>,
-    pub(crate) hzb: Option<HzbBoxes>,
-    depth: Option<HostBuffer<f32>>,
-    /// The host's copy matches the last drawn depth.
-    depth_is_current: bool,
+    queries: Option<QueryBoxes>,
+    raster: Option<RasterBoxes>,
+    hzb: Option<HzbBoxes>,
 }
 
 impl OccluderPass {
@@ -53,14 +49,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.
     pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
-        Ok(Self {
-            pass: ScenePass::new(scene, &KIND, size)?,
-            queries: None,
-            raster: None,
-            hzb: None,
-            depth: None,
-            depth_is_current: false,
-        })
+        Ok(Self { pass: ScenePass::new(scene, &KIND, size)?, queries: None, raster: None, hzb: None })
     }
 
     /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass is unusable
@@ -74,7 +63,6 @@ impl OccluderPass {
     /// # Errors
     /// If the device fails, or cannot draw the view's size.
     pub fn begin(&mut self, view: &View) -> Result<(), GpuError> {
-        self.depth_changes();
         self.pass.begin(view)
     }
 
@@ -84,16 +72,7 @@ impl OccluderPass {
     /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
     /// without memory.
     pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
-        self.depth_changes();
         self.pass.draw(ids)
-    }
-
-    /// Marks all data derived from the depth as outdated.
-    fn depth_changes(&mut self) {
-        self.depth_is_current = false;
-        if let Some(hzb) = &mut self.hzb {
-            hzb.depth_changes();
-        }
     }
 
     /// Submits the added draws to the device, which draws while the host goes on. Each flush costs a
@@ -118,13 +97,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn read_depth(&mut self) -> Result<DepthImage<'_>, GpuError> {
-        if !self.depth_is_current {
-            self.pass.read_depth(&mut self.depth)?;
-            self.depth_is_current = true;
-        }
-        let size = self.pass.size();
-        let depth = self.depth.as_ref().map(HostBuffer::elements).unwrap_or_default();
-        DepthImage::new(size, depth).map_err(|_| GpuError::NotBegun(KIND.name))
+        self.pass.read_depth()
     }
 
     /// Tests boxes by occlusion queries against the drawn depth.
@@ -132,7 +105,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device cannot make the queries.
     pub fn query_test(&mut self) -> Result<QueryTest<'_>, GpuError> {
-        QueryTest::new(self)
+        QueryTest::new(&mut self.pass, &mut self.queries)
     }
 
     /// Tests boxes by counting fragments against the drawn depth.
@@ -140,7 +113,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device cannot make the buffers.
     pub fn raster_test(&mut self) -> Result<RasterTest<'_>, GpuError> {
-        RasterTest::new(self)
+        RasterTest::new(&mut self.pass, &mut self.raster)
     }
 
     /// Tests boxes on the device against a pyramid of the drawn depth.
@@ -148,6 +121,6 @@ impl OccluderPass {
     /// # Errors
     /// If the device has no f64 in shaders, or cannot make the buffers.
     pub fn hzb_test(&mut self) -> Result<DeviceHzbTest<'_>, GpuError> {
-        DeviceHzbTest::new(self)
+        DeviceHzbTest::new(&mut self.pass, &mut self.hzb)
     }
 }

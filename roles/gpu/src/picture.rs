@@ -63,7 +63,6 @@ struct Frame {
     #[cfg(feature = "window")]
     shown: Option<Acquired>,
     colour: Option<HostBuffer<[u8; 4]>>,
-    depth: Option<HostBuffer<f32>>,
 }
 
 impl PicturePass {
@@ -92,7 +91,6 @@ impl PicturePass {
                 #[cfg(feature = "window")]
                 shown: None,
                 colour: None,
-                depth: None,
             })
         };
         Ok(Self { frames: [frame()?, frame()?], current: 0, readable: 0 })
@@ -195,8 +193,7 @@ impl PicturePass {
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn pixels(&mut self) -> Result<&[[u8; 4]], GpuError> {
         let Frame { pass, colour, .. } = self.readable();
-        pass.read_colour(colour)?;
-        Ok(colour.as_ref().map(HostBuffer::elements).unwrap_or_default())
+        pass.read_colour(colour)
     }
 
     /// Copies the picture finished last into `picture`, reusing its memory.
@@ -216,10 +213,7 @@ impl PicturePass {
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn read_depth(&mut self) -> Result<DepthImage<'_>, GpuError> {
-        let Frame { pass, depth, .. } = self.readable();
-        pass.read_depth(depth)?;
-        let values = depth.as_ref().map(HostBuffer::elements).unwrap_or_default();
-        DepthImage::new(pass.size(), values).map_err(|_| GpuError::NotBegun(KIND.name))
+        self.readable().pass.read_depth()
     }
 
     fn current(&mut self) -> &mut Frame {
