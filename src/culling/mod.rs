@@ -12,7 +12,7 @@ mod work;
 use std::sync::Arc;
 
 use trimaran_actors::{RoleError, SceneCulling, Turns};
-use trimaran_gpu::{GpuError, GpuScene};
+use trimaran_gpu::{GpuError, GpuScene, VulkanCuller, VulkanCullerError};
 use trimaran_proto::Settings;
 use trimaran_rays::Rays;
 use trimaran_scene::Scene;
@@ -20,11 +20,9 @@ use trimaran_scene::Scene;
 use exact::Exact;
 use frustum::Frustum;
 use gigawalk::GigaWalk;
-pub use method::{CullingMethod, UnknownMethod};
+pub use method::CullingMethod;
 pub use work::Culling;
 use work::{FrameCuller, WholeFrames};
-
-use crate::vulkan::{VulkanCuller, VulkanCullerError};
 
 /// Converts an error of the device into that of a session that was `doing` something.
 fn failed<E: Into<VulkanCullerError>>(doing: &'static str) -> impl FnOnce(E) -> RoleError {
@@ -53,7 +51,7 @@ impl Culling {
                 return Ok(SceneCulling::new(scene, device, settings, turns).into());
             }
             CullingMethod::GigaWalk => {
-                Box::new(GigaWalk::new(scene, drawn, size).map_err(opening("opening it"))?)
+                Box::new(GigaWalk::new(scene, drawn, settings).map_err(opening("opening it"))?)
             }
             CullingMethod::Frustum => Box::new(Frustum::new(scene)),
             CullingMethod::Rays => Box::new(Rays::new(scene)),

@@ -16,6 +16,7 @@ use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{Pipeline, shader};
 use crate::pyramid::{Halving, Pyramid};
 use crate::reuse::reuse_or_make;
+use crate::scope;
 use crate::{Gpu, GpuError, Optional};
 
 /// Tests boxes by compute shaders against a depth pyramid that stays on the device, with the answers of
@@ -93,12 +94,9 @@ impl OcclusionTest for DeviceHzbTest<'_> {
         let pyramid = &*reuse_or_make(pyramid, |pyramid| pyramid.size() == size, make)?;
         let mut starts = [0; MAX_LEVELS];
         starts.iter_mut().zip(pyramid.starts()).for_each(|(slot, start)| *slot = start);
-        let answered = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
-        let host = (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
         for (records, owners) in boxes::batches(records, owners) {
-            let count = records.len();
-            let make = || Room::new(pass.gpu(), layout, pyramid, boxes::room_for(count));
-            let room = reuse_or_make(room, |room| room.records.len() >= count, make)?;
+            let make = || Room::new(pass.gpu(), layout, pyramid, boxes::room_for(records.len()));
+            let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
             let OverDepth { stream, depth, version, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             let constants = Constants { margins: ready.margins(), width: size.width(), starts };
@@ -109,7 +107,7 @@ impl OcclusionTest for DeviceHzbTest<'_> {
                 commands.bind(pipeline, &constants);
                 commands.bind_set(pipeline, &room.set);
                 commands.dispatch([records.len() as u32, 1]);
-                commands.barrier(answered, host);
+                commands.barrier(scope::COMPUTE_WRITE, scope::HOST_READ);
             })?;
             stream.wait(OPERATION)?;
             *pyramid_of = Some(version);

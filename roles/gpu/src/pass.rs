@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use trimaran_cull::{DepthImage, View, Viewport};
+use trimaran_cull::{Cancel, DepthImage, View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::camera::CameraConstants;
@@ -21,7 +21,6 @@ use crate::scene::Hold;
 use crate::sections::SectionPlanes;
 use crate::stream::Stream;
 use crate::timing::{PassTiming, Stopwatch};
-use crate::wait::Cancel;
 #[cfg(feature = "window")]
 use crate::window::Acquired;
 use crate::{Gpu, GpuError, GpuScene};

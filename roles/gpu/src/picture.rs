@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ash::vk;
-use trimaran_cull::{DepthImage, Image, View, Viewport};
+use trimaran_cull::{Cancel, DepthImage, Image, PictureDevice, View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::draw_record::Fetch;
@@ -11,7 +11,6 @@ use crate::memory::HostBuffer;
 use crate::pass::ScenePass;
 use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
-use crate::wait::Cancel;
 #[cfg(feature = "window")]
 use crate::window::{Acquired, Presenter};
 use crate::{GpuError, GpuScene, PassTiming};
@@ -99,10 +98,7 @@ impl PicturePass {
     /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass is unusable
     /// then.
     pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
-        let cancel: Cancel = Arc::new(cancel);
-        for frame in &mut self.frames {
-            frame.pass.cancel_when(&cancel);
-        }
+        self.cancel_on(&(Arc::new(cancel) as Cancel));
     }
 
     /// Starts a picture of the view's size, on the other set of attachments; waits for drawing there to end.
@@ -224,5 +220,30 @@ impl PicturePass {
     fn readable(&mut self) -> &mut Frame {
         let [even, odd] = &mut self.frames;
         if self.readable == 0 { even } else { odd }
+    }
+}
+
+impl PictureDevice for PicturePass {
+    type Error = GpuError;
+
+    fn cancel_on(&mut self, cancel: &Cancel) {
+        self.frames.iter_mut().for_each(|frame| frame.pass.cancel_when(cancel));
+    }
+
+    fn draw(
+        &mut self,
+        view: &View,
+        solid: &[DrawableId],
+        see_through: &[DrawableId],
+    ) -> Result<(), GpuError> {
+        self.begin(view)?;
+        self.draw(solid)?;
+        self.draw_see_through(see_through)?;
+        self.finish()?;
+        Ok(())
+    }
+
+    fn read(&mut self, picture: &mut Image) -> Result<(), GpuError> {
+        self.read(picture)
     }
 }

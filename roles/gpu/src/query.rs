@@ -59,10 +59,9 @@ impl OcclusionTest for QueryTest<'_> {
         boxes::prepare(view, boxes, visible, records, owners);
         let constants = ProjectionConstants::new(view);
         for (records, owners) in boxes::batches(records, owners) {
-            let count = records.len();
-            let make = || Room::new(pass.gpu(), boxes::room_for(count));
-            let room = reuse_or_make(room, |room| room.records.len() >= count, make)?;
-            let OverDepth { stream, size, depth } = pass.over_depth()?;
+            let make = || Room::new(pass.gpu(), boxes::room_for(records.len()));
+            let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
+            let OverDepth { stream, size, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             stream.submit(OPERATION, |commands| {
                 commands.reset_queries(room.pool, records.len() as u32);

@@ -13,6 +13,7 @@ use crate::memory::{Buffer, HostBuffer};
 use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::reuse::reuse_or_make;
+use crate::scope;
 use crate::{Gpu, GpuError};
 
 /// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one
@@ -58,35 +59,29 @@ impl OcclusionTest for RasterTest<'_> {
         let Self { pass, boxes: RasterBoxes { layout, pipeline, room, records, owners } } = self;
         boxes::prepare(view, boxes, visible, records, owners);
         let constants = ProjectionConstants::new(view);
-        let write = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
-        // Versions of Vulkan differ in whether filling a buffer is a clear or a copy.
-        let zeroed = (vk::PipelineStageFlags2::ALL_TRANSFER, vk::AccessFlags2::TRANSFER_WRITE);
         let count = (
             vk::PipelineStageFlags2::FRAGMENT_SHADER,
             vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE,
         );
-        let copy = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ);
-        let host = (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
         for (records, owners) in boxes::batches(records, owners) {
-            let count = records.len();
-            let make = || Room::new(pass.gpu(), layout, boxes::room_for(count));
-            let room = reuse_or_make(room, |room| room.records.len() >= count, make)?;
-            let OverDepth { stream, size, depth } = pass.over_depth()?;
+            let make = || Room::new(pass.gpu(), layout, boxes::room_for(records.len()));
+            let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
+            let OverDepth { stream, size, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             stream.submit(OPERATION, |commands| {
                 commands.zero(&room.counts);
-                commands.barrier(zeroed, count);
+                commands.barrier(scope::FILL, count);
                 commands.render(OverDepth::targets(depth, size), || {
                     commands.bind(pipeline, &constants);
                     commands.bind_set(pipeline, &room.set);
                     commands.bind_instances(room.records.buffer());
                     commands.draw(boxes::VERTICES, 0..records.len() as u32);
                 });
-                commands.barrier(count, copy);
+                commands.barrier(count, scope::COPY_READ);
                 let bytes = size_of_val(owners) as u64;
                 let all = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
                 commands.copy(&room.counts, room.results.buffer(), &[all]);
-                commands.barrier(write, host);
+                commands.barrier(scope::COPY_WRITE, scope::HOST_READ);
             })?;
             stream.wait(OPERATION)?;
             boxes::hand_out(room.results.elements(), owners, visible);
