@@ -145,7 +145,7 @@ impl Roles {
         table.add("triangles drawn, thousands", drawn_triangles / 1e3);
         table.add("rounds", culled.rounds.into());
         table.add("occluder triangles, thousands", triangles(&self.scene, &culled.occluders) as f64 / 1e3);
-        table.add("boxes tested", culled.stats.tested.into());
+        table.add("boxes tested", culled.stats.counts.tested.into());
         table.add("boxes tested again", culled.stats.tested_again.into());
         table.add("OR + HC: cpu ms", found - before);
         table.add("RVG: cpu ms", drawn - found);

@@ -10,8 +10,8 @@ use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{CullStats, Culler, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
-use trimaran_proto::{Camera, FrameNumber};
+use trimaran_cull::{Culler, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
+use trimaran_proto::{Camera, CullCounts, FrameNumber};
 
 /// Hides boxes with no corner nearer than this many metres.
 struct Fog {
@@ -42,18 +42,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut culler = Culler::new(scene);
 
     let clear = culler.cull(&view, rule, &mut NoOccluders, |_| {})?;
-    say("without occluders", &clear);
+    say("without occluders", clear.counts);
     for metres in [15.0, 10.0, 5.0] {
         let mut drawn = Vec::new();
         let stats = culler.cull(&view, rule, &mut Fog { metres }, |ids| drawn.extend_from_slice(ids))?;
-        say(&format!("fog at {metres} m"), &stats);
+        say(&format!("fog at {metres} m"), stats.counts);
     }
     Ok(())
 }
 
-fn say(what: &str, stats: &CullStats) {
-    println!(
-        "{what:18} {:4} nodes visited, {:4} hidden, {:4} drawn",
-        stats.visited, stats.hidden, stats.emitted
-    );
+fn say(what: &str, CullCounts { visited, hidden, emitted, .. }: CullCounts) {
+    println!("{what:18} {visited:4} nodes visited, {hidden:4} hidden, {emitted:4} drawn");
 }

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use trimaran_actors::{RoleError, Stop};
-use trimaran_cull::{Culler, CutRule, DepthPyramid, HzbTest, OccluderMapper, View, Viewport};
+use trimaran_cull::{Culler, DepthPyramid, HzbTest, OccluderMapper, View};
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
-use trimaran_proto::{CullCounts, DrawableId};
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, Settings};
 use trimaran_scene::Scene;
 
 use super::{
@@ -17,30 +17,25 @@ use super::{
 pub(super) struct GigaWalk {
     pass: OccluderPass,
     culler: Culler,
-    mapper: Option<OccluderMapper>,
+    mapper: OccluderMapper,
     pyramid: DepthPyramid,
     occluders: Vec<DrawableId>,
 }
 
 impl GigaWalk {
-    pub(super) fn new(scene: &Arc<Scene>, drawn: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
+    pub(super) fn new(
+        scene: &Arc<Scene>,
+        drawn: &Arc<GpuScene>,
+        settings: &Settings,
+    ) -> Result<Self, GpuError> {
+        let no_view = View::new(Camera::at_origin(FrameNumber(0)), settings.viewport);
         Ok(Self {
-            pass: OccluderPass::new(drawn, size)?,
+            pass: OccluderPass::new(drawn, settings.viewport)?,
             culler: Culler::new(Arc::clone(scene)),
-            mapper: None,
-            pyramid: DepthPyramid::new(),
+            mapper: OccluderMapper::new(Arc::clone(scene), no_view, settings.lod),
+            pyramid: DepthPyramid::default(),
             occluders: Vec::new(),
         })
-    }
-
-    fn mapper(&mut self, view: &View, rule: &CutRule) -> &mut OccluderMapper {
-        match &mut self.mapper {
-            Some(mapper) => {
-                mapper.begin(*view, rule);
-                mapper
-            }
-            none => none.insert(OccluderMapper::new(Arc::clone(self.culler.scene()), *view, rule)),
-        }
     }
 
     fn draw(&mut self, view: &View) -> Result<(), GpuError> {
@@ -60,11 +55,10 @@ impl FrameCuller for GigaWalk {
     }
 
     fn draw_occluders(&mut self, seen: Seen<'_>, last: &[DrawableId]) -> Result<&[DrawableId], RoleError> {
-        let mut occluders = std::mem::take(&mut self.occluders);
-        occluders.clear();
-        self.mapper(seen.view, seen.rule).push(last, &mut occluders)?;
-        seen.rule.retain_solid(self.culler.scene(), &mut occluders);
-        self.occluders = occluders;
+        self.occluders.clear();
+        self.mapper.begin(*seen.view, seen.rule);
+        self.mapper.push(last, &mut self.occluders)?;
+        seen.rule.retain_solid(self.culler.scene(), &mut self.occluders);
         self.draw(seen.view).map_err(failed("drawing occluders"))?;
         Ok(&self.occluders)
     }
@@ -76,6 +70,6 @@ impl FrameCuller for GigaWalk {
         let mut test = test.by_rectangle();
         let stats = self.culler.cull(seen.view, seen.rule, &mut test, |ids| found.extend_from_slice(ids));
         let stats = stats.map_err(|error| RoleError::Cull(error.into()))?;
-        Ok((&stats).into())
+        Ok(stats.counts)
     }
 }

@@ -1,10 +1,9 @@
 //! The methods by name.
 
-use std::{fmt, str::FromStr};
+use std::fmt;
 
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
 /// How a culler finds what is visible. Each draws the same picture; `rays` may differ at edges of triangles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, ValueEnum)]
@@ -33,21 +32,7 @@ pub enum CullingMethod {
     Exact,
 }
 
-/// No method has this name.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("no culling method is called {name:?}: take {}", names())]
-pub struct UnknownMethod {
-    name: String,
-}
-
 impl CullingMethod {
-    /// Every method of this program.
-    #[cfg(feature = "lab")]
-    pub const ALL: &[Self] = &[Self::Trimaran, Self::GigaWalk, Self::Frustum, Self::Rays, Self::Exact];
-    /// Every method of this program. The others take the feature `lab`.
-    #[cfg(not(feature = "lab"))]
-    pub const ALL: &[Self] = &[Self::Trimaran, Self::Frustum];
-
     /// The name used on the command line and in reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -70,32 +55,14 @@ impl fmt::Display for CullingMethod {
     }
 }
 
-impl FromStr for CullingMethod {
-    type Err = UnknownMethod;
-
-    fn from_str(name: &str) -> Result<Self, UnknownMethod> {
-        let known = Self::ALL.iter().copied().find(|method| method.name() == name);
-        known.ok_or_else(|| UnknownMethod { name: name.to_owned() })
-    }
-}
-
-fn names() -> String {
-    CullingMethod::ALL.iter().map(|method| method.name()).collect::<Vec<_>>().join(", ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn names_read_back() {
-        for &method in CullingMethod::ALL {
-            assert_eq!(method.name().parse(), Ok(method));
+        for method in CullingMethod::value_variants() {
+            assert_eq!(CullingMethod::from_str(method.name(), false).as_ref(), Ok(method));
         }
-        let error = "GigaWalk".parse::<CullingMethod>().unwrap_err().to_string();
-        assert_eq!(
-            error,
-            "no culling method is called \"GigaWalk\": take trimaran, gigawalk, frustum, rays, exact"
-        );
     }
 }

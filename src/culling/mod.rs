@@ -15,7 +15,7 @@ mod work;
 use std::sync::Arc;
 
 use trimaran_actors::{RoleError, SceneCulling, Turns};
-use trimaran_gpu::{GpuError, GpuScene};
+use trimaran_gpu::{GpuError, GpuScene, VulkanCuller, VulkanCullerError};
 use trimaran_proto::Settings;
 use trimaran_scene::Scene;
 
@@ -24,11 +24,9 @@ use exact::Exact;
 use frustum::Frustum;
 #[cfg(feature = "lab")]
 use gigawalk::GigaWalk;
-pub use method::{CullingMethod, UnknownMethod};
+pub use method::CullingMethod;
 pub use work::Culling;
 use work::{FrameCuller, WholeFrames};
-
-use crate::vulkan::{VulkanCuller, VulkanCullerError};
 
 /// Converts an error of the device into that of a session that was `doing` something.
 fn failed<E: Into<VulkanCullerError>>(doing: &'static str) -> impl FnOnce(E) -> RoleError {
@@ -58,7 +56,7 @@ impl Culling {
             }
             #[cfg(feature = "lab")]
             CullingMethod::GigaWalk => {
-                Box::new(GigaWalk::new(scene, drawn, size).map_err(opening("opening it"))?)
+                Box::new(GigaWalk::new(scene, drawn, settings).map_err(opening("opening it"))?)
             }
             CullingMethod::Frustum => Box::new(Frustum::new(scene)),
             #[cfg(feature = "lab")]

@@ -4,10 +4,9 @@ use std::{sync::Arc, time::Duration};
 
 use trimaran_actors::{CullerWork, RoleError, SceneCulling, Stop, Stopwatch, Turns, VisibleIds};
 use trimaran_cull::{CutRule, View, triangles};
+use trimaran_gpu::VulkanCuller;
 use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, Settings, ViewState};
 use trimaran_scene::Scene;
-
-use crate::vulkan::VulkanCuller;
 
 /// A culler's work by one of the [methods](super::CullingMethod).
 pub struct Culling {

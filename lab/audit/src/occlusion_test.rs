@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 
 use glam::{DVec3, Vec3};
-use trimaran_cull::{Answer, OcclusionTest, Outline, TestBox, View};
+use trimaran_cull::{Answer, OcclusionTest, TestBox, View};
 
 use crate::id_buffer::IdBuffer;
 use crate::raster::rasterize_triangle;
@@ -13,7 +13,6 @@ use crate::raster::rasterize_triangle;
 #[derive(Debug)]
 pub struct ReferenceTest<'p> {
     occluders: &'p IdBuffer,
-    outline: Outline,
     /// For each pixel the last box that counted it, so that a pixel on two faces counts once.
     counted: Vec<usize>,
     boxes: usize,
@@ -24,14 +23,7 @@ impl<'p> ReferenceTest<'p> {
     #[must_use]
     pub fn new(occluders: &'p IdBuffer) -> Self {
         let counted = vec![0; occluders.depth().len()];
-        Self { occluders, outline: Outline::InBox, counted, boxes: 0 }
-    }
-
-    /// The same test with boxes prepared as `outline` says. It grows nothing itself, so with
-    /// [`Outline::OnScreen`] boxes lack their half pixel: only for tests of that effect.
-    #[must_use]
-    pub fn with_outline(self, outline: Outline) -> Self {
-        Self { outline, ..self }
+        Self { occluders, counted, boxes: 0 }
     }
 
     /// The number of pixels at which the box is visible.
@@ -60,14 +52,8 @@ impl OcclusionTest for ReferenceTest<'_> {
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
         visible.clear();
-        for test_box in boxes {
-            visible.push(self.count(view, test_box));
-        }
+        visible.extend(boxes.iter().map(|test_box| self.count(view, test_box)));
         Ok(())
-    }
-
-    fn outline(&self) -> Outline {
-        self.outline
     }
 
     fn answer(&self) -> Answer {

@@ -213,12 +213,11 @@ impl ReferenceWalkthrough {
             buffer.bring_nearer(fraction);
         }
         let depth = buffer.depth32();
-        let occluders = Occluders { ids, buffer, depth, pyramid: DepthPyramid::new() };
-        let mut pyramid = DepthPyramid::new();
+        let mut occluders = Occluders { ids, buffer, depth, pyramid: DepthPyramid::default() };
         if self.testing == Testing::Pyramid {
-            pyramid.rebuild(occluders.image()?);
+            occluders.pyramid = DepthPyramid::over(occluders.image()?);
         }
-        Ok(Occluders { pyramid, ..occluders })
+        Ok(occluders)
     }
 
     /// HC's occlusion test.

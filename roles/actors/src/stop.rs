@@ -1,8 +1,12 @@
 //! Stop requests to roles.
 
-use std::future::{Future, pending};
+use std::{
+    future::{Future, pending},
+    sync::Arc,
+};
 
 use tokio::sync::watch;
+use trimaran_cull::Cancel;
 
 /// Asks every role that holds its [`Stop`] to end: on Ctrl-C, or when another role of the process has failed.
 #[derive(Debug, Clone)]
@@ -30,6 +34,13 @@ impl Stop {
     #[must_use]
     pub fn insisted(&self) -> bool {
         *self.0.borrow() > 1
+    }
+
+    /// The same for a device, which ends its waits then.
+    #[must_use]
+    pub fn cancel(&self) -> Cancel {
+        let stop = self.clone();
+        Arc::new(move || stop.requested())
     }
 
     /// The result of `future`; `None` if the role is asked to stop first.

@@ -20,7 +20,7 @@ fn pyramid(c: &mut Criterion) {
         let viewport = Viewport::new(width, height).unwrap();
         let depth: Vec<f32> = (0..width * height).map(|i| (i % 977) as f32 / 977.0).collect();
         let image = DepthImage::new(viewport, &depth).unwrap();
-        let mut pyramid = DepthPyramid::new();
+        let mut pyramid = DepthPyramid::default();
         c.bench_function(&format!("pyramid {width} x {height}"), |b| {
             b.iter(|| pyramid.rebuild(black_box(image)));
         });
@@ -56,18 +56,18 @@ fn traversal(c: &mut Criterion) {
             let mut sums = [0; 6];
             for frame in &frames {
                 let image = DepthImage::new(viewport, &frame.depth).unwrap();
-                let mut pyramid = DepthPyramid::new();
-                pyramid.rebuild(image);
+                let pyramid = DepthPyramid::over(image);
                 let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(outline);
-                let stats = culler.cull(&frame.view, rule, &mut test, |ids| emitted += ids.len()).unwrap();
+                let counts =
+                    culler.cull(&frame.view, rule, &mut test, |ids| emitted += ids.len()).unwrap().counts;
                 exact += frame.exact.len();
                 let figures = [
-                    stats.visited,
-                    stats.tested,
-                    stats.hidden,
-                    stats.frustum_culled,
-                    stats.refined,
-                    stats.near_visible,
+                    counts.visited,
+                    counts.tested,
+                    counts.hidden,
+                    counts.outside,
+                    counts.refined,
+                    counts.near_visible,
                 ];
                 sums.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
             }
@@ -79,8 +79,7 @@ fn traversal(c: &mut Criterion) {
         }
         let frame = &frames[3];
         let image = DepthImage::new(viewport, &frame.depth).unwrap();
-        let mut pyramid = DepthPyramid::new();
-        pyramid.rebuild(image);
+        let pyramid = DepthPyramid::over(image);
         c.bench_function(&format!("cull {objects} objects, pyramid"), |b| {
             let mut test = HzbTest::new(image, &pyramid).unwrap();
             b.iter(|| {

@@ -145,8 +145,7 @@ impl NodeAppearances {
         objects.dedup();
         for object in objects {
             let Some(record) = scene.objects().get(object as usize) else { continue };
-            let see_through = scene.is_see_through(NodeId(record.node), object);
-            let own = NodeAppearance::from(state.appearance(object, see_through));
+            let own = object_appearance(scene, state, NodeId(record.node), object);
             if let Some(node) = nodes.get(record.node as usize).filter(|_| own != others) {
                 add(node.parent, own, &mut above);
             }
@@ -166,9 +165,15 @@ impl NodeAppearances {
         if node.object == Node::NONE {
             self.groups.get(&id.0).copied().unwrap_or(self.others)
         } else {
-            self.state.appearance(node.object, scene.is_see_through(id, node.object)).into()
+            object_appearance(scene, &self.state, id, node.object)
         }
     }
+}
+
+/// The appearance of an object. The model's own set is asked only if the view state has none.
+fn object_appearance(scene: &Scene, state: &ViewState, node: NodeId, object: u32) -> NodeAppearance {
+    let modelled_see_through = state.see_through.is_none() && scene.is_see_through(node, object);
+    state.appearance(object, modelled_see_through).into()
 }
 
 impl From<Appearance> for NodeAppearance {

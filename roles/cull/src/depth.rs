@@ -54,7 +54,8 @@ impl<'d> DepthImage<'d> {
     }
 }
 
-/// The coarser levels over a depth image. Keep one and rebuild it each frame: it reuses its memory.
+/// The coarser levels over a depth image; none at first. Keep one and rebuild it each frame: it reuses its
+/// memory.
 #[derive(Debug, Clone, Default)]
 pub struct DepthPyramid {
     /// Level k + 1 of the pyramid at k, until one texel is left.
@@ -86,10 +87,12 @@ impl Texels<'_> {
 }
 
 impl DepthPyramid {
-    /// An empty one, to be filled by [`rebuild`](Self::rebuild).
+    /// All levels over `image`.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub fn over(image: DepthImage<'_>) -> Self {
+        let mut pyramid = Self::default();
+        pyramid.rebuild(image);
+        pyramid
     }
 
     /// Builds all levels over `image`.
@@ -183,7 +186,7 @@ mod tests {
     #[test]
     fn each_texel_is_the_farthest_of_its_pixels() {
         let mut random = Random::new(4);
-        let mut pyramid = DepthPyramid::new();
+        let mut pyramid = DepthPyramid::default();
         for (width, height) in
             [(1, 1), (1, 9), (9, 1), (2, 2), (3, 5), (64, 64), (333, 77), (1023, 3), (17, 16)]
         {

@@ -24,12 +24,11 @@
 //! let depth: Vec<f32> = // read back from a device
 //! #     rasterize(&scene, &view, drawn.iter().copied(), Placement::Exact).depth32();
 //! let image = DepthImage::new(size, &depth)?;
-//! let mut pyramid = DepthPyramid::new();
-//! pyramid.rebuild(image);
+//! let pyramid = DepthPyramid::over(image);
 //! let mut visible = Vec::new();
 //! let mut test = HzbTest::new(image, &pyramid)?;
 //! let stats = culler.cull(&view, rule, &mut test, |ids| visible.extend_from_slice(ids))?;
-//! assert!(visible.len() < drawn.len() && stats.hidden > 0);
+//! assert!(visible.len() < drawn.len() && stats.counts.hidden > 0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
@@ -50,12 +49,14 @@
 //! | `facing` | [`Solids`]: which sides of its triangles a draw shows |
 //! | `findings` | what a check of a frame can find: [`FalseCullCause`], [`ImageDifference`] |
 //! | `image` | [`Image`]: a display's picture |
+//! | `device` | [`CullerDevice`], [`PictureDevice`]: the roles' interface to a GPU |
 //!
 //! `trimaran-audit` checks the result.
 
 mod boxes;
 mod cut_rule;
 mod depth;
+mod device;
 mod facing;
 mod findings;
 mod frustum;
@@ -75,12 +76,13 @@ mod view;
 pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untestable};
 pub use cut_rule::CutRule;
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
+pub use device::{Cancel, CullerDevice, PictureDevice};
 pub use facing::{Facing, Solids};
 pub use findings::{FalseCullCause, ImageDifference, SURFACE_SLACK_PX};
 pub use frustum::retain_in_sight;
 pub use hzb::{HzbError, HzbTest};
 pub use image::Image;
-pub use lod_cut::{Choice, LodCut, choose, lod_cut};
+pub use lod_cut::{Choice, LodCut, lod_cut};
 pub use occluder_selection::{TriangleBudget, select_occluders, triangles};
 pub use occluders::{OCCLUDER_BIAS_PX, OccluderError, OccluderMapper, occluder_bias_px, occluders};
 pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};

@@ -275,15 +275,6 @@ pub(crate) fn read_ahead(scene: &Scene, level: &[NodeId]) {
     }
 }
 
-/// The decision of the cut of `scene` in `view` under `rule` on `node`; for many nodes make one [`LodCut`].
-#[must_use]
-pub fn choose(scene: &Scene, id: NodeId, view: &View, rule: impl Into<CutRule>) -> Choice {
-    match scene.nodes().get(id.0 as usize) {
-        Some(node) => LodCut::new(scene, view, rule).choose(id, node),
-        None => Choice::Refine,
-    }
-}
-
 /// The unculled picture: all of the cut in the frustum.
 #[must_use]
 pub fn lod_cut(scene: &Scene, view: &View, rule: impl Into<CutRule>) -> Vec<DrawableId> {

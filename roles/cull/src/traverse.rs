@@ -12,55 +12,15 @@ use crate::cut_rule::NodeAppearance;
 use crate::lod_cut::{Choice, LodCut, read_ahead};
 use crate::{Answer, CutRule, OcclusionTest, TestBox, View};
 
-/// Counters of one traversal. Each visited node is counted once among `frustum_culled`, `hidden`, `emitted`
-/// and `refined`, unless it is an interior node without children to visit.
+/// Counters of one traversal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CullStats {
-    /// Visited nodes.
-    pub visited: u32,
-    /// Nodes outside the frustum, cut away or hidden.
-    pub frustum_culled: u32,
-    /// Boxes given to the occlusion test.
-    pub tested: u32,
-    /// Boxes found hidden; each dropped its whole subtree.
-    pub hidden: u32,
-    /// Conservatively visible: a corner is nearer than the near plane.
-    pub near_visible: u32,
-    /// Conservatively visible: the eye is in the inflated box.
-    pub eye_inside: u32,
-    /// Conservatively visible: a coordinate is NaN, infinite or too large for f32.
-    pub not_finite: u32,
-    /// Drawables given to the sink.
-    pub emitted: u32,
-    /// Visible nodes that were too coarse, so that their children were visited.
-    pub refined: u32,
-    /// Nodes drawn too coarsely because they are visible at few pixels (section 4.5.2 of the paper, if the
-    /// rule asks for it).
-    pub stopped_at_few_pixels: u32,
-    /// Batches of occlusion tests: one per level of the tree with boxes to test, and further rounds.
-    pub batches: u32,
+    /// Those that a culler reports. An interior node without children to visit is counted as visited alone.
+    pub counts: CullCounts,
     /// Boxes tested once more, in further rounds.
     pub tested_again: u32,
-    /// Of `hidden`, drawables that were found hidden only then.
+    /// Of the hidden ones, drawables that were found hidden only then.
     pub hidden_later: u32,
-}
-
-impl From<&CullStats> for CullCounts {
-    fn from(stats: &CullStats) -> Self {
-        Self {
-            visited: stats.visited,
-            outside: stats.frustum_culled,
-            tested: stats.tested,
-            hidden: stats.hidden,
-            near_visible: stats.near_visible,
-            eye_inside: stats.eye_inside,
-            not_finite: stats.not_finite,
-            few_pixels: stats.stopped_at_few_pixels,
-            emitted: stats.emitted,
-            refined: stats.refined,
-            batches: stats.batches,
-        }
-    }
 }
 
 /// Why a traversal stopped. The earlier output is valid, but not complete.
@@ -237,8 +197,8 @@ impl<'c> Traversal<'c> {
         let hidden = u32::try_from(before - found.len()).unwrap_or(u32::MAX);
         self.stats.tested_again += u32::try_from(self.memory.boxes.len()).unwrap_or(u32::MAX);
         self.stats.hidden_later += hidden;
-        self.stats.hidden += hidden;
-        self.stats.emitted -= hidden;
+        self.stats.counts.hidden += hidden;
+        self.stats.counts.emitted -= hidden;
         Ok(())
     }
 
@@ -274,7 +234,7 @@ impl<'c> Traversal<'c> {
         answers.clear();
         if !boxes.is_empty() {
             test.test(&self.view, boxes, answers).map_err(CullError::Test)?;
-            self.stats.batches += 1;
+            self.stats.counts.batches += 1;
         }
         if answers.len() != boxes.len() {
             return Err(CullError::AnswerCount { boxes: boxes.len(), answers: answers.len() });
@@ -285,33 +245,33 @@ impl<'c> Traversal<'c> {
     /// Sorts the level's nodes into those outside the frustum, those to test and those conservatively
     /// visible.
     fn prepare_level(&mut self) {
-        let Self { cut, maker, stats, .. } = self;
+        let Self { cut, maker, stats: CullStats { counts, .. }, .. } = self;
         let Memory { level, candidates, boxes, .. } = &mut *self.memory;
         candidates.clear();
         boxes.clear();
         read_ahead(self.scene, level);
         for &id in &*level {
             let Some(node) = self.scene.nodes().get(id.0 as usize) else { continue };
-            stats.visited += 1;
+            counts.visited += 1;
             if cut.rule().appearance(self.scene, id, node) == NodeAppearance::Hidden || cut.outside(node) {
-                stats.frustum_culled += 1;
+                counts.outside += 1;
                 continue;
             }
             let tested = match maker.prepare(node) {
                 Prepared::Outside => {
-                    stats.frustum_culled += 1;
+                    counts.outside += 1;
                     continue;
                 }
                 Prepared::Test(test_box) => {
                     boxes.push(test_box);
-                    stats.tested += 1;
+                    counts.tested += 1;
                     true
                 }
                 Prepared::Visible(reason) => {
                     *match reason {
-                        Untestable::EyeInside => &mut stats.eye_inside,
-                        Untestable::AcrossNear => &mut stats.near_visible,
-                        Untestable::NotFinite => &mut stats.not_finite,
+                        Untestable::EyeInside => &mut counts.eye_inside,
+                        Untestable::AcrossNear => &mut counts.near_visible,
+                        Untestable::NotFinite => &mut counts.not_finite,
                     } += 1;
                     false
                 }
@@ -322,7 +282,7 @@ impl<'c> Traversal<'c> {
 
     /// Emits, refines or drops the level's candidates by the test's answers.
     fn decide_level(&mut self) {
-        let Self { cut, stats, .. } = self;
+        let Self { cut, stats: CullStats { counts, .. }, .. } = self;
         let lod = cut.rule().lod();
         let Memory { next, visible, answers, candidates, .. } = &mut *self.memory;
         next.clear();
@@ -331,7 +291,7 @@ impl<'c> Traversal<'c> {
         for candidate in &*candidates {
             let pixels = if candidate.tested { answers.next().copied() } else { None };
             if pixels == Some(0) {
-                stats.hidden += 1;
+                counts.hidden += 1;
                 continue;
             }
             let Some(node) = self.scene.nodes().get(candidate.node.0 as usize) else { continue };
@@ -342,17 +302,17 @@ impl<'c> Traversal<'c> {
                 && !is_mixed();
             match (candidate.choice, node.levels().next()) {
                 (Choice::Draw(id), _) => {
-                    stats.emitted += 1;
+                    counts.emitted += 1;
                     visible.push(id);
                 }
                 (Choice::Refine, Some(finest)) if few => {
-                    stats.stopped_at_few_pixels += 1;
-                    stats.emitted += 1;
+                    counts.few_pixels += 1;
+                    counts.emitted += 1;
                     visible.push(finest);
                 }
                 (Choice::Nothing, _) => {}
                 (Choice::Refine, _) => {
-                    stats.refined += 1;
+                    counts.refined += 1;
                     next.extend(node.children().map(NodeId));
                 }
             }

@@ -8,11 +8,15 @@
 
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
+#[path = "common/cpu.rs"]
+mod cpu;
+
 use std::error::Error;
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 use std::time::Instant;
 
+use cpu::cpu_ms;
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_cull::{DepthPyramid, HzbTest, OcclusionTest, TestBox, View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemPass, OccluderPass, Optional, PassTiming, PicturePass};
@@ -88,7 +92,7 @@ fn time_occlusion_tests(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wante
             Ok(PassTiming::default())
         })?;
     }
-    let mut pyramid = DepthPyramid::new();
+    let mut pyramid = DepthPyramid::default();
     report(wanted, &label("hzb, host"), || {
         // Nothing is drawn, but the depth counts as new: the copy to the host is part of the cost.
         pass.draw(&[])?;
@@ -121,16 +125,6 @@ fn report(wanted: &str, label: &str, mut frame: impl FnMut() -> Outcome<PassTimi
     let [cpu, device, wall, host] = [0, 1, 2, 3].map(median);
     println!("{label:<44} {cpu:>9.2} {device:>9.2} {wall:>9.2} {host:>9.3}");
     Ok(())
-}
-
-/// Milliseconds of CPU time of all threads of this process so far; 0 if the system does not tell.
-fn cpu_ms() -> f64 {
-    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
-    let nanoseconds = threads.filter_map(|thread| {
-        let times = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
-        times.split_whitespace().next()?.parse::<f64>().ok()
-    });
-    nanoseconds.sum::<f64>() / 1e6
 }
 
 /// 90 degrees high and wide, from the origin along -z.

@@ -8,12 +8,16 @@
 
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
+#[path = "common/cpu.rs"]
+mod cpu;
+
 use std::collections::BTreeSet;
 use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use cpu::cpu_ms;
 use trimaran_cull::{
     Culler, DepthPyramid, DrawOrder, HzbTest, LodRule, OccluderMapper, TriangleBudget, View, Viewport,
     lod_cut, select_occluders,
@@ -101,7 +105,7 @@ impl Roles {
             occluders: OccluderPass::new(drawn, size)?,
             pictures: PicturePass::new(drawn, size)?,
             items: ItemPass::new(drawn, size)?,
-            pyramid: DepthPyramid::new(),
+            pyramid: DepthPyramid::default(),
             culler: Culler::new(Arc::clone(&scene)),
             mapper: OccluderMapper::new(Arc::clone(&scene), *first, rule),
             order: DrawOrder::default(),
@@ -238,14 +242,4 @@ impl Lap {
         let wall = (self.wall - ended.wall).as_secs_f64() * 1e3;
         println!("{name:<32} {:>9.1} {wall:>9.1}", self.cpu - ended.cpu);
     }
-}
-
-/// Milliseconds of CPU time of all threads of this process so far; 0 if the system does not tell.
-fn cpu_ms() -> f64 {
-    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
-    let nanoseconds = threads.filter_map(|thread| {
-        let times = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
-        times.split_whitespace().next()?.parse::<f64>().ok()
-    });
-    nanoseconds.sum::<f64>() / 1e6
 }

@@ -17,8 +17,6 @@ pub enum DeviceChoice {
     Best,
     /// The best suitable one whose name contains this text, in any case.
     Named(String),
-    /// A driver that draws on the CPU, such as lavapipe.
-    Cpu,
 }
 
 /// The kind of a device, worst first, so that the best one is the greatest.
@@ -80,11 +78,9 @@ pub(crate) struct Adapter {
     pub(crate) limits: Limits,
 }
 
-/// The limits that matter to passes.
+/// Further limits that matter to passes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits {
-    pub(crate) max_allocation: u64,
-    pub(crate) max_side: u32,
     /// The largest range of a storage buffer.
     pub(crate) max_storage_range: u64,
     /// Nanoseconds a tick of the timestamp counter; 0 if the queue has no timestamps.
@@ -121,12 +117,13 @@ impl Adapter {
             return Err(GpuError::NoDevice);
         }
         let found = adapters.iter().map(|a| a.info.name.as_str()).collect::<Vec<_>>().join(", ");
-        let Some(best) = adapters.into_iter().find(|a| choice.matches(&a.info)) else {
-            let wanted = match choice {
-                DeviceChoice::Named(name) => format!("the name {name:?}"),
-                DeviceChoice::Best | DeviceChoice::Cpu => "a driver for the CPU".to_owned(),
-            };
-            return Err(GpuError::NoSuchDevice { wanted, found });
+        let part = match choice {
+            DeviceChoice::Best => "",
+            DeviceChoice::Named(part) => part,
+        };
+        let is_named = |a: &Self| a.info.name.to_lowercase().contains(&part.to_lowercase());
+        let Some(best) = adapters.into_iter().find(is_named) else {
+            return Err(GpuError::NoSuchDevice { wanted: part.to_owned(), found });
         };
         if best.info.missing.is_empty() {
             Ok(best)
@@ -172,8 +169,6 @@ impl Adapter {
             physical,
             queue_family: queue_family.unwrap_or(0) as u32,
             limits: Limits {
-                max_allocation: maintenance.max_memory_allocation_size,
-                max_side,
                 max_storage_range: u64::from(limits.max_storage_buffer_range),
                 timestamp_period_ns: if timestamps { f64::from(limits.timestamp_period) } else { 0.0 },
                 free_memory: needs::free_memory(instance, physical),
@@ -208,16 +203,6 @@ impl HzbPlace {
             Self::Device
         } else {
             Self::Host
-        }
-    }
-}
-
-impl DeviceChoice {
-    fn matches(&self, info: &GpuInfo) -> bool {
-        match self {
-            Self::Best => true,
-            Self::Named(name) => info.name.to_lowercase().contains(&name.to_lowercase()),
-            Self::Cpu => info.kind == DeviceKind::Cpu,
         }
     }
 }

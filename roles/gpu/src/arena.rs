@@ -8,6 +8,7 @@ use offset_allocator::{Allocation, Allocator};
 use trimaran_scene::{Geometry, Vertex};
 
 use crate::memory::{Buffer, HostBuffer};
+use crate::scope;
 use crate::stream::Stream;
 use crate::{Gpu, GpuError};
 
@@ -176,10 +177,8 @@ impl Copies {
         let Self { stream, staging, regions, .. } = self;
         stream.submit(OPERATION, |commands| {
             commands.copy(staging.buffer(), buffer, regions);
-            commands.barrier(
-                (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE),
-                (vk::PipelineStageFlags2::ALL_COMMANDS, vk::AccessFlags2::MEMORY_READ),
-            );
+            let any = (vk::PipelineStageFlags2::ALL_COMMANDS, vk::AccessFlags2::MEMORY_READ);
+            commands.barrier(scope::COPY_WRITE, any);
         })?;
         regions.clear();
         Ok(())

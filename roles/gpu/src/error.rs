@@ -50,10 +50,10 @@ pub enum GpuError {
         /// The available names.
         found: String,
     },
-    /// No device has the requested name, or none is a CPU device when one was requested.
-    #[error("no Vulkan device matches {wanted}; this machine has: {found}")]
+    /// No device has the requested name.
+    #[error("no Vulkan device matches the name {wanted:?}; this machine has: {found}")]
     NoSuchDevice {
-        /// The request.
+        /// The requested part of a name.
         wanted: String,
         /// The names of the available devices.
         found: String,

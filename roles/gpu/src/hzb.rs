@@ -6,7 +6,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use rayon::prelude::*;
 use trimaran_cull::{
-    OcclusionTest, OnScreen, Outline, ScreenMargins, ScreenRecord, ScreenRecords, TestBox, View, Viewport,
+    OcclusionTest, OnScreen, Outline, ScreenMargins, ScreenRecord, ScreenRecords, TestBox, View,
 };
 
 use crate::boxes;
@@ -15,7 +15,9 @@ use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{Pipeline, shader};
 use crate::pyramid::{Halving, Pyramid};
-use crate::{Gpu, GpuError, OccluderPass, Optional};
+use crate::reuse::reuse_or_make;
+use crate::scope;
+use crate::{Gpu, GpuError, Optional};
 
 /// Tests boxes by compute shaders against a depth pyramid that stays on the device, with the answers of
 /// [`HzbTest`](trimaran_cull::HzbTest).
@@ -37,8 +39,8 @@ pub(crate) struct HzbBoxes {
     /// Binds the pyramid, so it is dropped before it.
     room: Option<Room>,
     pyramid: Option<Pyramid>,
-    /// The pyramid matches the last drawn depth.
-    pyramid_is_current: bool,
+    /// The version of the depth that the pyramid is of.
+    pyramid_of: Option<u64>,
     found: Vec<OnScreen>,
     records: Vec<ScreenRecord>,
     owners: Vec<u32>,
@@ -67,13 +69,9 @@ const MAX_LEVELS: usize = 17;
 const MIN_BOXES: usize = 512;
 
 impl<'a> DeviceHzbTest<'a> {
-    pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
-        let OccluderPass { pass, hzb, .. } = occluders;
-        let boxes = match hzb.take() {
-            Some(boxes) => boxes,
-            None => HzbBoxes::new(pass.gpu())?,
-        };
-        Ok(Self { pass, boxes: hzb.insert(boxes) })
+    pub(crate) fn new(pass: &'a mut ScenePass, kept: &'a mut Option<HzbBoxes>) -> Result<Self, GpuError> {
+        let boxes = reuse_or_make(kept, |_| true, || HzbBoxes::new(pass.gpu()))?;
+        Ok(Self { pass, boxes })
     }
 }
 
@@ -88,31 +86,31 @@ impl OcclusionTest for DeviceHzbTest<'_> {
         }
         let ready = ScreenRecords::new(view, Outline::OnScreen);
         own.prepare(&ready, boxes, visible);
-        own.fit(pass.gpu(), size)?;
-        let HzbBoxes {
-            halving, layout, pipeline, room, pyramid, pyramid_is_current, records, owners, ..
-        } = own;
-        let Some(pyramid) = pyramid else { return Ok(()) };
+        let HzbBoxes { halving, layout, pipeline, room, pyramid, pyramid_of, records, owners, .. } = own;
+        if pyramid.as_ref().is_none_or(|pyramid| pyramid.size() != size) {
+            (*room, *pyramid_of) = (None, None);
+        }
+        let make = || Pyramid::new(pass.gpu(), halving, size);
+        let pyramid = &*reuse_or_make(pyramid, |pyramid| pyramid.size() == size, make)?;
         let mut starts = [0; MAX_LEVELS];
         starts.iter_mut().zip(pyramid.starts()).for_each(|(slot, start)| *slot = start);
-        let answered = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
-        let host = (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
         for (records, owners) in boxes::batches(records, owners) {
-            let room = Room::fit(room, pass.gpu(), layout, pyramid, records.len())?;
-            let OverDepth { stream, depth, .. } = pass.over_depth()?;
+            let make = || Room::new(pass.gpu(), layout, pyramid, boxes::room_for(records.len()));
+            let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
+            let OverDepth { stream, depth, version, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             let constants = Constants { margins: ready.margins(), width: size.width(), starts };
             stream.submit(OPERATION, |commands| {
-                if !*pyramid_is_current {
+                if *pyramid_of != Some(version) {
                     pyramid.build(commands, halving, depth);
                 }
                 commands.bind(pipeline, &constants);
                 commands.bind_set(pipeline, &room.set);
                 commands.dispatch([records.len() as u32, 1]);
-                commands.barrier(answered, host);
+                commands.barrier(scope::COMPUTE_WRITE, scope::HOST_READ);
             })?;
             stream.wait(OPERATION)?;
-            *pyramid_is_current = true;
+            *pyramid_of = Some(version);
             boxes::hand_out(room.answers.elements(), owners, visible);
         }
         Ok(())
@@ -137,16 +135,11 @@ impl HzbBoxes {
             pipeline,
             room: None,
             pyramid: None,
-            pyramid_is_current: false,
+            pyramid_of: None,
             found: vec![],
             records: vec![],
             owners: vec![],
         })
-    }
-
-    /// Marks the pyramid as outdated.
-    pub(crate) const fn depth_changes(&mut self) {
-        self.pyramid_is_current = false;
     }
 
     /// Prepares a batch: a record for each box that depends on the depth, with its index.
@@ -167,33 +160,9 @@ impl HzbBoxes {
             }
         }
     }
-
-    /// Makes a pyramid of this size, if the present one has another. The device is done with that one.
-    fn fit(&mut self, gpu: &Arc<Gpu>, size: Viewport) -> Result<(), GpuError> {
-        if self.pyramid.as_ref().is_none_or(|pyramid| pyramid.size() != size) {
-            (self.room, self.pyramid, self.pyramid_is_current) = (None, None, false);
-            self.pyramid = Some(Pyramid::new(gpu, &self.halving, size)?);
-        }
-        Ok(())
-    }
 }
 
 impl Room {
-    /// The present resources if large enough, else larger ones.
-    fn fit<'r>(
-        room: &'r mut Option<Self>,
-        gpu: &Arc<Gpu>,
-        layout: &Arc<Layout>,
-        pyramid: &Pyramid,
-        count: usize,
-    ) -> Result<&'r mut Self, GpuError> {
-        let kept = match room.take().filter(|room| room.records.len() >= count) {
-            Some(room) => room,
-            None => Self::new(gpu, layout, pyramid, boxes::room_for(count))?,
-        };
-        Ok(room.insert(kept))
-    }
-
     fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>, pyramid: &Pyramid, boxes: usize) -> Result<Self, GpuError> {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let records = HostBuffer::new(gpu, "boxes to test", usage, MemoryLocation::CpuToGpu, boxes)?;

@@ -4,8 +4,7 @@ use std::mem::offset_of;
 use std::sync::Arc;
 
 use ash::vk;
-use trimaran_cull::{View, Viewport};
-use trimaran_proto::DrawableId;
+use trimaran_cull::Viewport;
 use trimaran_scene::Vertex;
 
 use crate::draw_record::Fetch;
@@ -13,8 +12,8 @@ use crate::memory::HostBuffer;
 use crate::pass::ScenePass;
 use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
-use crate::wait::Cancel;
-use crate::{GpuError, GpuScene, PassTiming};
+use crate::solid_pass::SolidPass;
+use crate::{GpuError, GpuScene};
 
 /// With Vulkan's own triangle number, which fragment shaders have if the device has geometry shaders.
 static NUMBERED: PassKind = PassKind {
@@ -62,7 +61,7 @@ pub struct ItemImage {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// The drawable at each pixel (the number in its [`DrawableId`]), or [`ItemImage::BACKGROUND`].
+    /// The number of the drawable at each pixel, or [`ItemImage::BACKGROUND`].
     pub drawable: Vec<u32>,
     /// The triangle at each pixel, counted from 0 within its drawable, or [`ItemImage::BACKGROUND`].
     pub triangle: Vec<u32>,
@@ -74,10 +73,11 @@ impl ItemImage {
 }
 
 /// Draws ids instead of colours.
-pub struct ItemPass {
-    pass: ScenePass,
-    items: Option<HostBuffer<[u32; 2]>>,
-}
+pub type ItemPass = SolidPass<Items>;
+
+/// The host's copy of an ID buffer.
+#[derive(Default)]
+pub struct Items(Option<HostBuffer<[u32; 2]>>);
 
 impl ItemPass {
     /// A pass for pictures of `size` at first.
@@ -89,46 +89,7 @@ impl ItemPass {
     }
 
     fn of(scene: &Arc<GpuScene>, kind: &'static PassKind, size: Viewport) -> Result<Self, GpuError> {
-        Ok(Self { pass: ScenePass::new(scene, kind, size)?, items: None })
-    }
-
-    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass is unusable
-    /// then.
-    pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
-        self.pass.cancel_when(&(Arc::new(cancel) as Cancel));
-    }
-
-    /// Starts a frame of the view's size.
-    ///
-    /// # Errors
-    /// If the device fails, or cannot draw the view's size.
-    pub fn begin(&mut self, view: &View) -> Result<(), GpuError> {
-        self.pass.begin(view)
-    }
-
-    /// Adds draws, in this order: of equal depths the first one wins.
-    ///
-    /// # Errors
-    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
-    /// without memory.
-    pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
-        self.pass.draw(ids)
-    }
-
-    /// Submits the added draws to the device, which draws while the host goes on.
-    ///
-    /// # Errors
-    /// If the device fails, or before [`begin`](Self::begin).
-    pub fn flush(&mut self) -> Result<(), GpuError> {
-        self.pass.flush()
-    }
-
-    /// Waits until all is drawn.
-    ///
-    /// # Errors
-    /// If the device fails, or before [`begin`](Self::begin).
-    pub fn finish(&mut self) -> Result<PassTiming, GpuError> {
-        self.pass.finish()
+        Ok(Self { pass: ScenePass::new(scene, kind, size)?, kept: Items::default() })
     }
 
     /// The raw pixels: drawable and triangle, row by row from the top; see [`ItemImage`].
@@ -136,8 +97,7 @@ impl ItemPass {
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn items(&mut self) -> Result<&[[u32; 2]], GpuError> {
-        self.pass.read_colour(&mut self.items)?;
-        Ok(self.items.as_ref().map(HostBuffer::elements).unwrap_or_default())
+        self.pass.read_colour(&mut self.kept.0)
     }
 
     /// Copies the pixels into `image`, reusing its memory.
@@ -160,8 +120,8 @@ impl ItemPass {
 mod tests {
     use glam::DVec3;
     use trimaran_audit::cases::{plant, plant_views};
-    use trimaran_cull::{LodRule, draw_order, lod_cut};
-    use trimaran_proto::{Section, SectionPlane, Sections};
+    use trimaran_cull::{LodRule, View, draw_order, lod_cut};
+    use trimaran_proto::{DrawableId, Section, SectionPlane, Sections};
     use trimaran_scene::FlatObject;
 
     use super::*;

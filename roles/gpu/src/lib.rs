@@ -3,7 +3,8 @@
 //! [`Gpu`] is an open device, [`GpuScene`] a scene on it. Three passes draw lists of drawables:
 //! [`OccluderPass`] depth alone, [`PicturePass`] shaded colour, [`ItemPass`] an ID buffer. All place vertices
 //! by the same arithmetic, so that a triangle has the same depth at the same pixels in each. [`QueryTest`],
-//! [`RasterTest`] and [`DeviceHzbTest`] test boxes against an occluder pass's depth.
+//! [`RasterTest`] and [`DeviceHzbTest`] test boxes against an occluder pass's depth. [`VulkanCuller`] and
+//! [`PicturePass`] are the devices of the roles.
 //!
 //! ```
 //! use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut};
@@ -33,12 +34,13 @@
 //! | module | what is in it |
 //! |---|---|
 //! | `adapter`, `needs`, `gpu`, `wait` | a device: its choice, its requirements, opening it, waiting for it |
-//! | `memory`, `arena`, `working_set`, `scene` | buffers, and a scene's data on the device |
+//! | `memory`, `reuse`, `arena`, `working_set`, `scene` | buffers, and a scene's data on the device |
 //! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder` | shared by the passes |
-//! | `layout`, `pipeline`, `pass_kind`, `pass` | how all of them draw |
+//! | `layout`, `pipeline`, `scope`, `pass_kind`, `pass`, `solid_pass` | how all of them draw |
 //! | `occluder`, `picture`, `item` | the three passes |
 //! | `boxes`, `query`, `raster` | tests of boxes that draw them over the occluders' depth |
 //! | `pyramid`, `hzb` | the depth's pyramid, and the test of boxes against it |
+//! | `culler` | the device of a culler: occluders, and one of the tests |
 //! | `window` | pictures in windows of the system, with the feature `window` |
 //! | `timing`, `validation` | the times of a pass, messages of the validation layer |
 //!
@@ -66,6 +68,7 @@ mod adapter;
 mod arena;
 mod boxes;
 mod camera;
+mod culler;
 mod draw_record;
 mod draws;
 mod error;
@@ -85,8 +88,11 @@ mod pyramid;
 mod query;
 mod raster;
 mod recorder;
+mod reuse;
 mod scene;
+mod scope;
 mod sections;
+mod solid_pass;
 mod stream;
 mod timing;
 mod validation;
@@ -96,17 +102,19 @@ mod window;
 mod working_set;
 
 pub use adapter::{DeviceChoice, DeviceKind, GpuInfo, HzbPlace};
+pub use culler::{VulkanCuller, VulkanCullerError};
 pub use error::GpuError;
 pub use gpu::{Gpu, GpuOptions};
 pub use hzb::DeviceHzbTest;
-pub use item::{ItemImage, ItemPass};
+pub use item::{ItemImage, ItemPass, Items};
 pub use needs::Optional;
-pub use occluder::OccluderPass;
+pub use occluder::{OccluderPass, Occluders};
 pub use picture::{BACKGROUND, PicturePass};
 pub use pipeline::SEE_THROUGH_ALPHA;
 pub use query::QueryTest;
 pub use raster::RasterTest;
 pub use scene::GpuScene;
+pub use solid_pass::SolidPass;
 pub use timing::PassTiming;
 #[cfg(feature = "window")]
 pub use window::{PresentMode, Presenter, WindowSize};

@@ -1,7 +1,6 @@
 //! Buffers and images: a handle and its memory, freed together.
 
 use std::marker::PhantomData;
-use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
 use ash::vk;
@@ -10,13 +9,14 @@ use gpu_allocator::{AllocationError, MemoryLocation};
 use trimaran_cull::Viewport;
 
 use crate::error::During as _;
+use crate::scope::Scope;
 use crate::{Gpu, GpuError};
 
 /// A buffer in memory of a requested kind. Submitted work that uses it must keep it alive until it is done.
 pub(crate) struct Buffer {
     gpu: Arc<Gpu>,
     handle: vk::Buffer,
-    allocation: ManuallyDrop<Allocation>,
+    allocation: Option<Allocation>,
     bytes: u64,
 }
 
@@ -32,31 +32,18 @@ impl Buffer {
         let info = vk::BufferCreateInfo::default().size(bytes.max(1)).usage(usage);
         // SAFETY: the device is alive, the size is not 0, and the usage bits are core ones.
         let handle = unsafe { gpu.device().create_buffer(&info, None) }.during("making a buffer")?;
+        // From here on a failure destroys what exists: see `Drop`.
+        let mut buffer = Self { gpu: Arc::clone(gpu), handle, allocation: None, bytes };
         // SAFETY: the buffer was just made from this device.
         let requirements = unsafe { gpu.device().get_buffer_memory_requirements(handle) };
-        let allocation = allocate(gpu, what, requirements, location, true).and_then(|allocation| {
-            // SAFETY: the memory is of this device, meets the buffer's requirements, and nothing else is
-            // bound to its range.
-            let bound =
-                unsafe { gpu.device().bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
-            match bound.during("binding a buffer's memory") {
-                Ok(()) => Ok(allocation),
-                Err(error) => {
-                    free(gpu, allocation);
-                    Err(error)
-                }
-            }
-        });
-        match allocation {
-            Ok(allocation) => {
-                Ok(Self { gpu: Arc::clone(gpu), handle, allocation: ManuallyDrop::new(allocation), bytes })
-            }
-            Err(error) => {
-                // SAFETY: the buffer is ours and nothing uses it.
-                unsafe { gpu.device().destroy_buffer(handle, None) };
-                Err(error)
-            }
-        }
+        let allocation = allocate(gpu, what, requirements, location, true)?;
+        // SAFETY: the memory is of this device, meets the buffer's requirements, and nothing else is bound to
+        // its range.
+        let bound =
+            unsafe { gpu.device().bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+        buffer.allocation = Some(allocation);
+        bound.during("binding a buffer's memory")?;
+        Ok(buffer)
     }
 
     pub(crate) const fn handle(&self) -> vk::Buffer {
@@ -72,9 +59,10 @@ impl Buffer {
     /// Whether the host sees its memory and can write to it without flushing. This may hold even if not
     /// requested: on a CPU driver it holds for all memory.
     pub(crate) fn is_writable(&self) -> bool {
-        let properties = self.allocation.memory_properties();
-        properties.contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT)
-            && self.allocation.mapped_slice().is_some()
+        let writable = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+        self.allocation.as_ref().is_some_and(|allocation| {
+            allocation.memory_properties().contains(writable) && allocation.mapped_slice().is_some()
+        })
     }
 
     /// Writes bytes from `offset` on, within the buffer, if it is [writable](Self::is_writable). Nothing may
@@ -82,7 +70,8 @@ impl Buffer {
     pub(crate) fn write(&self, offset: u64, bytes: &[u8]) {
         let room = self.bytes.saturating_sub(offset);
         let length = bytes.len().min(usize::try_from(room).unwrap_or(usize::MAX));
-        let Some(start) = self.allocation.mapped_ptr().filter(|_| self.is_writable()) else { return };
+        let start = self.allocation.as_ref().and_then(Allocation::mapped_ptr);
+        let Some(start) = start.filter(|_| self.is_writable()) else { return };
         // SAFETY: the memory is mapped for as long as the allocation lives, and the range lies within the
         // buffer, at whose start the pointer stands. Nobody else touches the range (see above), and no
         // reference to a writable buffer's bytes is given out beside those of a `HostBuffer`, which owns its
@@ -99,24 +88,20 @@ impl Buffer {
         if !self.is_writable() {
             return None;
         }
-        self.allocation.mapped_slice_mut()?.get_mut(..bytes)
+        self.allocation.as_mut()?.mapped_slice_mut()?.get_mut(..bytes)
     }
 
     fn mapped(&self) -> Option<&[u8]> {
-        self.allocation.mapped_slice()
+        self.allocation.as_ref()?.mapped_slice()
     }
 }
 
 impl Drop for Buffer {
     fn drop(&mut self) {
         let Some(device) = self.gpu.to_destroy() else { return };
-        // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the allocation is
-        // taken once.
-        let allocation = unsafe {
-            device.destroy_buffer(self.handle, None);
-            ManuallyDrop::take(&mut self.allocation)
-        };
-        free(&self.gpu, allocation);
+        // SAFETY: work that uses the buffer is done (see the type); the handle is ours.
+        unsafe { device.destroy_buffer(self.handle, None) };
+        free(&self.gpu, self.allocation.take());
     }
 }
 
@@ -185,7 +170,7 @@ impl ImageUse {
         }
     }
 
-    pub(crate) fn scope(self) -> (vk::PipelineStageFlags2, vk::AccessFlags2) {
+    pub(crate) fn scope(self) -> Scope {
         match self {
             Self::Colour => (
                 vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT,
@@ -207,7 +192,7 @@ pub(crate) struct Image {
     gpu: Arc<Gpu>,
     handle: vk::Image,
     view: vk::ImageView,
-    allocation: ManuallyDrop<Allocation>,
+    allocation: Option<Allocation>,
     aspect: vk::ImageAspectFlags,
     pub(crate) last_use: Option<ImageUse>,
 }
@@ -220,7 +205,8 @@ impl Image {
         format: vk::Format,
         size: Viewport,
     ) -> Result<Self, GpuError> {
-        let limit = gpu.limits().max_side;
+        const BINDING: &str = "binding a picture's memory";
+        let limit = gpu.info().max_viewport;
         let (width, height) = (size.width(), size.height());
         if width > limit || height > limit {
             return Err(GpuError::ViewportTooLarge { width, height, limit });
@@ -241,30 +227,15 @@ impl Image {
         // SAFETY: the sides are within the device's limits, and the formats used are ones Vulkan requires for
         // these usages, or that `needs` has asked for.
         let handle = unsafe { gpu.device().create_image(&info, None) }.during("making a picture")?;
-        match Self::back(gpu, what, format, handle, aspect) {
-            Ok((allocation, view)) => Ok(Self {
-                gpu: Arc::clone(gpu),
-                handle,
-                view,
-                allocation: ManuallyDrop::new(allocation),
-                aspect,
-                last_use: None,
-            }),
-            Err(error) => {
-                // SAFETY: the image is ours and nothing uses it.
-                unsafe { gpu.device().destroy_image(handle, None) };
-                Err(error)
-            }
-        }
-    }
-
-    fn back(
-        gpu: &Arc<Gpu>,
-        what: &'static str,
-        format: vk::Format,
-        handle: vk::Image,
-        aspect: vk::ImageAspectFlags,
-    ) -> Result<(Allocation, vk::ImageView), GpuError> {
+        // From here on a failure destroys what exists: see `Drop`.
+        let mut image = Self {
+            gpu: Arc::clone(gpu),
+            handle,
+            view: vk::ImageView::null(),
+            allocation: None,
+            aspect,
+            last_use: None,
+        };
         // SAFETY: the image was just made from this device.
         let requirements = unsafe { gpu.device().get_image_memory_requirements(handle) };
         let allocation = allocate(gpu, what, requirements, MemoryLocation::GpuOnly, false)?;
@@ -272,20 +243,16 @@ impl Image {
         // its range.
         let bound =
             unsafe { gpu.device().bind_image_memory(handle, allocation.memory(), allocation.offset()) };
+        image.allocation = Some(allocation);
+        bound.during(BINDING)?;
         let info = vk::ImageViewCreateInfo::default()
             .image(handle)
             .view_type(vk::ImageViewType::TYPE_2D)
             .format(format)
             .subresource_range(whole(aspect));
-        // SAFETY: the image is bound to memory (checked first) and the view has its format.
-        let view = bound.and_then(|()| unsafe { gpu.device().create_image_view(&info, None) });
-        match view.during("binding a picture's memory") {
-            Ok(view) => Ok((allocation, view)),
-            Err(error) => {
-                free(gpu, allocation);
-                Err(error)
-            }
-        }
+        // SAFETY: the image is bound to memory and the view has its format.
+        image.view = unsafe { gpu.device().create_image_view(&info, None) }.during(BINDING)?;
+        Ok(image)
     }
 
     pub(crate) const fn handle(&self) -> vk::Image {
@@ -308,14 +275,12 @@ impl Image {
 impl Drop for Image {
     fn drop(&mut self) {
         let Some(device) = self.gpu.to_destroy() else { return };
-        // SAFETY: the stream that used the image is done; view and image are ours; the allocation is taken
-        // once.
-        let allocation = unsafe {
+        // SAFETY: the stream that used the image is done; the view (or null) and the image are ours.
+        unsafe {
             device.destroy_image_view(self.view, None);
             device.destroy_image(self.handle, None);
-            ManuallyDrop::take(&mut self.allocation)
-        };
-        free(&self.gpu, allocation);
+        }
+        free(&self.gpu, self.allocation.take());
     }
 }
 
@@ -328,6 +293,11 @@ pub(crate) const fn whole(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceR
         base_array_layer: 0,
         layer_count: 1,
     }
+}
+
+/// The same for copies.
+pub(crate) const fn layers(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceLayers {
+    vk::ImageSubresourceLayers { aspect_mask: aspect, mip_level: 0, base_array_layer: 0, layer_count: 1 }
 }
 
 fn allocate(
@@ -348,8 +318,9 @@ fn allocate(
         .map_err(|source| GpuError::Allocation { what, bytes: requirements.size, source })
 }
 
-fn free(gpu: &Gpu, allocation: Allocation) {
-    if let Err(error) = gpu.allocator().free(allocation) {
+fn free(gpu: &Gpu, allocation: Option<Allocation>) {
+    let freed = allocation.map_or(Ok(()), |allocation| gpu.allocator().free(allocation));
+    if let Err(error) = freed {
         tracing::error!(%error, "graphics memory could not be freed");
     }
 }

@@ -68,8 +68,7 @@ pub(crate) fn ask(
     family: Option<&vk::QueueFamilyProperties>,
     presents: bool,
 ) -> Answer {
-    let Features { mut missing, geometry_shader, float64 } =
-        features(instance, physical, properties.api_version);
+    let (mut missing, core) = features(instance, physical, properties.api_version);
     if family.is_none() {
         missing.push("a graphics queue");
     }
@@ -80,9 +79,9 @@ pub(crate) fn ask(
         missing.push("VK_KHR_swapchain");
     }
     let lacks = [
-        (geometry_shader, Optional::GeometryShader),
+        (core.geometry_shader == vk::TRUE, Optional::GeometryShader),
         (family.is_none_or(|family| family.timestamp_valid_bits > 0), Optional::Timestamps),
-        (float64, Optional::Float64),
+        (core.shader_float64 == vk::TRUE, Optional::Float64),
     ];
     let lacks = lacks.into_iter().filter(|(has, _)| !has).map(|(_, optional)| optional).collect();
     Answer { missing, lacks }
@@ -123,16 +122,14 @@ pub(crate) fn open(
     unsafe { instance.create_device(physical, &info, None) }.during("opening the device")
 }
 
-/// The missing required features, and the available optional ones.
-struct Features {
-    missing: Vec<&'static str>,
-    geometry_shader: bool,
-    float64: bool,
-}
-
-fn features(instance: &ash::Instance, physical: vk::PhysicalDevice, version: u32) -> Features {
+/// The missing required features, and the core ones that the device has.
+fn features(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    version: u32,
+) -> (Vec<&'static str>, vk::PhysicalDeviceFeatures) {
     if version < vk::API_VERSION_1_3 {
-        return Features { missing: vec!["Vulkan 1.3"], geometry_shader: false, float64: false };
+        return (vec!["Vulkan 1.3"], vk::PhysicalDeviceFeatures::default());
     }
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
@@ -149,12 +146,8 @@ fn features(instance: &ash::Instance, physical: vk::PhysicalDevice, version: u32
         (v13.synchronization2, "synchronization2"),
         (v13.dynamic_rendering, "dynamicRendering"),
     ];
-    let missing = required.into_iter().filter(|(has, _)| *has == vk::FALSE).map(|(_, name)| name).collect();
-    Features {
-        missing,
-        geometry_shader: core.geometry_shader == vk::TRUE,
-        float64: core.shader_float64 == vk::TRUE,
-    }
+    let missing = required.into_iter().filter(|(has, _)| *has == vk::FALSE).map(|(_, name)| name);
+    (missing.collect(), core)
 }
 
 /// Whether the depth format can be drawn to: the only used format that Vulkan leaves optional.

@@ -2,19 +2,17 @@
 
 use std::sync::Arc;
 
-use trimaran_cull::{DepthImage, View, Viewport};
-use trimaran_proto::DrawableId;
+use trimaran_cull::{DepthImage, Viewport};
 
 use crate::draw_record::Fetch;
 use crate::hzb::HzbBoxes;
-use crate::memory::HostBuffer;
 use crate::pass::ScenePass;
 use crate::pass_kind::PassKind;
 use crate::pipeline::{VertexInput, shader};
 use crate::query::QueryBoxes;
 use crate::raster::RasterBoxes;
-use crate::wait::Cancel;
-use crate::{DeviceHzbTest, GpuError, GpuScene, PassTiming, QueryTest, RasterTest};
+use crate::solid_pass::SolidPass;
+use crate::{DeviceHzbTest, GpuError, GpuScene, QueryTest, RasterTest};
 
 static KIND: PassKind = PassKind {
     name: "drawing the occluders",
@@ -36,15 +34,14 @@ const MOST_BROUGHT: u64 = 8 << 20;
 /// Draws occluders into a depth buffer that stays on the device, for occlusion tests.
 ///
 /// Depth is 32-bit float, reversed: near / distance, 0 for the background.
-pub struct OccluderPass {
-    // Before all other fields: its stream waits for work that uses the rest.
-    pub(crate) pass: ScenePass,
-    pub(crate) queries: Option<QueryBoxes>,
-    pub(crate) raster: Option<RasterBoxes>,
-    pub(crate) hzb: Option<HzbBoxes>,
-    depth: Option<HostBuffer<f32>>,
-    /// The host's copy matches the last drawn depth.
-    depth_is_current: bool,
+pub type OccluderPass = SolidPass<Occluders>;
+
+/// Resources of occlusion tests, each made on first use.
+#[derive(Default)]
+pub struct Occluders {
+    queries: Option<QueryBoxes>,
+    raster: Option<RasterBoxes>,
+    hzb: Option<HzbBoxes>,
 }
 
 impl OccluderPass {
@@ -53,64 +50,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.
     pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
-        Ok(Self {
-            pass: ScenePass::new(scene, &KIND, size)?,
-            queries: None,
-            raster: None,
-            hzb: None,
-            depth: None,
-            depth_is_current: false,
-        })
-    }
-
-    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass is unusable
-    /// then.
-    pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
-        self.pass.cancel_when(&(Arc::new(cancel) as Cancel));
-    }
-
-    /// Starts a frame: an empty depth buffer of the view's size.
-    ///
-    /// # Errors
-    /// If the device fails, or cannot draw the view's size.
-    pub fn begin(&mut self, view: &View) -> Result<(), GpuError> {
-        self.depth_changes();
-        self.pass.begin(view)
-    }
-
-    /// Adds occluders. The device starts on them at the next [`flush`](Self::flush).
-    ///
-    /// # Errors
-    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
-    /// without memory.
-    pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
-        self.depth_changes();
-        self.pass.draw(ids)
-    }
-
-    /// Marks all data derived from the depth as outdated.
-    fn depth_changes(&mut self) {
-        self.depth_is_current = false;
-        if let Some(hzb) = &mut self.hzb {
-            hzb.depth_changes();
-        }
-    }
-
-    /// Submits the added draws to the device, which draws while the host goes on. Each flush costs a
-    /// submission (tens of microseconds): worth it for hundreds of draws.
-    ///
-    /// # Errors
-    /// If the device fails, or before [`begin`](Self::begin).
-    pub fn flush(&mut self) -> Result<(), GpuError> {
-        self.pass.flush()
-    }
-
-    /// Waits until all is drawn.
-    ///
-    /// # Errors
-    /// If the device fails, or before [`begin`](Self::begin).
-    pub fn finish(&mut self) -> Result<PassTiming, GpuError> {
-        self.pass.finish()
+        Ok(Self { pass: ScenePass::new(scene, &KIND, size)?, kept: Occluders::default() })
     }
 
     /// The depth on the host: copied from the device on the first call after drawing.
@@ -118,13 +58,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn read_depth(&mut self) -> Result<DepthImage<'_>, GpuError> {
-        if !self.depth_is_current {
-            self.pass.read_depth(&mut self.depth)?;
-            self.depth_is_current = true;
-        }
-        let size = self.pass.size();
-        let depth = self.depth.as_ref().map(HostBuffer::elements).unwrap_or_default();
-        DepthImage::new(size, depth).map_err(|_| GpuError::NotBegun(KIND.name))
+        self.pass.read_depth()
     }
 
     /// Tests boxes by occlusion queries against the drawn depth.
@@ -132,7 +66,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device cannot make the queries.
     pub fn query_test(&mut self) -> Result<QueryTest<'_>, GpuError> {
-        QueryTest::new(self)
+        QueryTest::new(&mut self.pass, &mut self.kept.queries)
     }
 
     /// Tests boxes by counting fragments against the drawn depth.
@@ -140,7 +74,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device cannot make the buffers.
     pub fn raster_test(&mut self) -> Result<RasterTest<'_>, GpuError> {
-        RasterTest::new(self)
+        RasterTest::new(&mut self.pass, &mut self.kept.raster)
     }
 
     /// Tests boxes on the device against a pyramid of the drawn depth.
@@ -148,6 +82,6 @@ impl OccluderPass {
     /// # Errors
     /// If the device has no f64 in shaders, or cannot make the buffers.
     pub fn hzb_test(&mut self) -> Result<DeviceHzbTest<'_>, GpuError> {
-        DeviceHzbTest::new(self)
+        DeviceHzbTest::new(&mut self.pass, &mut self.kept.hzb)
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use trimaran_cull::{View, Viewport};
+use trimaran_cull::{Cancel, DepthImage, View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::camera::CameraConstants;
@@ -16,11 +16,11 @@ use crate::memory::{Buffer, HostBuffer, Image};
 use crate::pass_kind::{PassKind, Pipelines, Style};
 use crate::place::{Absent, Place};
 use crate::recorder::Targets;
+use crate::reuse::reuse_or_make;
 use crate::scene::Hold;
 use crate::sections::SectionPlanes;
 use crate::stream::Stream;
 use crate::timing::{PassTiming, Stopwatch};
-use crate::wait::Cancel;
 #[cfg(feature = "window")]
 use crate::window::Acquired;
 use crate::{Gpu, GpuError, GpuScene};
@@ -53,6 +53,11 @@ pub(crate) struct ScenePass {
     /// The sky was drawn in this frame.
     has_sky: bool,
     recording: Stopwatch,
+    /// Counts changes of the depth.
+    depth_version: u64,
+    /// The host's copy of the depth, and its version.
+    depth_on_host: Option<HostBuffer<f32>>,
+    depth_on_host_version: Option<u64>,
 }
 
 /// The finished depth of a pass, to test boxes against.
@@ -60,6 +65,8 @@ pub(crate) struct OverDepth<'a> {
     pub(crate) stream: &'a mut Stream,
     pub(crate) size: Viewport,
     pub(crate) depth: &'a mut Image,
+    /// Changes when the depth does.
+    pub(crate) version: u64,
 }
 
 impl OverDepth<'_> {
@@ -114,6 +121,9 @@ impl ScenePass {
             fresh: true,
             has_sky: false,
             recording: Stopwatch::default(),
+            depth_version: 0,
+            depth_on_host: None,
+            depth_on_host_version: None,
         })
     }
 
@@ -133,6 +143,7 @@ impl ScenePass {
 
     /// Starts a frame, after waiting for the last one. A view of another size changes the attachments.
     pub(crate) fn begin(&mut self, view: &View) -> Result<(), GpuError> {
+        self.depth_version += 1;
         self.stream.wait(self.kind.name)?;
         self.stream.take_busy_ms();
         self.recording = Stopwatch::default();
@@ -189,6 +200,7 @@ impl ScenePass {
     /// Adds the draws in order. If their geometry does not fit the working set at once, the earlier draws are
     /// submitted first, and their geometry makes room.
     fn add(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
+        self.depth_version += 1;
         let view = self.view.ok_or(GpuError::NotBegun(self.kind.name))?;
         // Cut or see-through drawables show their inside.
         let opaque = self.style == Style::default();
@@ -294,7 +306,7 @@ impl ScenePass {
         self.stream.check(self.kind.name)?;
         self.flush()?;
         let Attachments { size, depth, .. } = &mut self.attachments;
-        Ok(OverDepth { stream: &mut self.stream, size: *size, depth })
+        Ok(OverDepth { stream: &mut self.stream, size: *size, depth, version: self.depth_version })
     }
 
     /// Fills an acquired image of a window with the picture, after the added draws. Without draws it shows
@@ -311,46 +323,46 @@ impl ScenePass {
         })
     }
 
-    /// Copies the depth to the host and waits for it.
-    pub(crate) fn read_depth(&mut self, into: &mut Option<HostBuffer<f32>>) -> Result<(), GpuError> {
-        self.flush()?;
-        let Attachments { size, depth, .. } = &mut self.attachments;
-        read_back(&mut self.stream, depth, *size, into)
+    /// The depth on the host: copied from the device on the first call after drawing.
+    pub(crate) fn read_depth(&mut self) -> Result<DepthImage<'_>, GpuError> {
+        let version = Some(self.depth_version);
+        if self.depth_on_host_version != version {
+            self.flush()?;
+            let Attachments { size, depth, .. } = &mut self.attachments;
+            read_back(&mut self.stream, depth, *size, &mut self.depth_on_host)?;
+            self.depth_on_host_version = version;
+        }
+        let depth = self.depth_on_host.as_ref().map(HostBuffer::elements).unwrap_or_default();
+        DepthImage::new(self.size(), depth).map_err(|_| GpuError::NotBegun(self.kind.name))
     }
 
-    /// Copies the colour attachment, if the pass has one, to the host and waits for it.
-    pub(crate) fn read_colour<T: bytemuck::Pod>(
+    /// The texels of the colour attachment, if the pass has one, copied into a buffer on the host.
+    pub(crate) fn read_colour<'b, T: bytemuck::Pod>(
         &mut self,
-        into: &mut Option<HostBuffer<T>>,
-    ) -> Result<(), GpuError> {
+        into: &'b mut Option<HostBuffer<T>>,
+    ) -> Result<&'b [T], GpuError> {
         self.flush()?;
         let Attachments { size, colour, .. } = &mut self.attachments;
-        colour.as_mut().map_or(Ok(()), |colour| read_back(&mut self.stream, colour, *size, into))
+        let Some(colour) = colour else { return Ok(&[]) };
+        read_back(&mut self.stream, colour, *size, into)
     }
 }
 
 /// Copies an image whose texels are `T`s into a host buffer, which is made anew if its size differs.
-fn read_back<T: bytemuck::Pod>(
+fn read_back<'b, T: bytemuck::Pod>(
     stream: &mut Stream,
     image: &mut Image,
     size: Viewport,
-    into: &mut Option<HostBuffer<T>>,
-) -> Result<(), GpuError> {
+    into: &'b mut Option<HostBuffer<T>>,
+) -> Result<&'b [T], GpuError> {
     const OPERATION: &str = "reading a picture back";
     let count = size.width() as usize * size.height() as usize;
-    let buffer = match into.take().filter(|buffer| buffer.len() == count) {
-        Some(buffer) => buffer,
-        None => HostBuffer::new(
-            image.gpu(),
-            "reading a picture back",
-            vk::BufferUsageFlags::TRANSFER_DST,
-            MemoryLocation::GpuToCpu,
-            count,
-        )?,
-    };
-    let buffer = into.insert(buffer);
+    let (usage, location) = (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu);
+    let make = || HostBuffer::new(image.gpu(), OPERATION, usage, location, count);
+    let buffer = reuse_or_make(into, |buffer| buffer.len() == count, make)?;
     stream.submit(OPERATION, |commands| commands.copy_to_host(image, size, buffer.buffer()))?;
-    stream.wait(OPERATION)
+    stream.wait(OPERATION)?;
+    Ok(buffer.elements())
 }
 
 /// The inputs of a pass's shaders.

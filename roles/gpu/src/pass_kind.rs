@@ -10,6 +10,7 @@ use crate::GpuError;
 use crate::draw_record::Fetch;
 use crate::layout::Layout;
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, Shader, VertexInput};
+use crate::reuse::reuse_or_make;
 
 /// The properties of a kind of scene pass.
 pub(crate) struct PassKind {
@@ -76,20 +77,14 @@ impl Pipelines {
     pub(crate) fn sky(&mut self) -> Result<Option<&Pipeline>, GpuError> {
         let Self { layout, kind, sky, .. } = self;
         let Some([vertex, fragment]) = kind.sky else { return Ok(None) };
-        let made = match sky.take() {
-            Some(made) => made,
-            None => Pipeline::new(
-                layout,
-                &PipelineDesc {
-                    vertex,
-                    fragment: Some(fragment),
-                    input: VertexInput::Nothing,
-                    colour: kind.colour.map(|target| target.format),
-                    depth: DepthUse::Test,
-                },
-            )?,
+        let desc = PipelineDesc {
+            vertex,
+            fragment: Some(fragment),
+            input: VertexInput::Nothing,
+            colour: kind.colour.map(|target| target.format),
+            depth: DepthUse::Test,
         };
-        Ok(Some(sky.insert(made)))
+        reuse_or_make(sky, |_| true, || Pipeline::new(layout, &desc)).map(|sky| Some(&*sky))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ash::vk;
-use trimaran_cull::{DepthImage, Image, View, Viewport};
+use trimaran_cull::{Cancel, DepthImage, Image, PictureDevice, View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::draw_record::Fetch;
@@ -11,7 +11,6 @@ use crate::memory::HostBuffer;
 use crate::pass::ScenePass;
 use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
-use crate::wait::Cancel;
 #[cfg(feature = "window")]
 use crate::window::{Acquired, Presenter};
 use crate::{GpuError, GpuScene, PassTiming};
@@ -63,7 +62,6 @@ struct Frame {
     #[cfg(feature = "window")]
     shown: Option<Acquired>,
     colour: Option<HostBuffer<[u8; 4]>>,
-    depth: Option<HostBuffer<f32>>,
 }
 
 impl PicturePass {
@@ -92,7 +90,6 @@ impl PicturePass {
                 #[cfg(feature = "window")]
                 shown: None,
                 colour: None,
-                depth: None,
             })
         };
         Ok(Self { frames: [frame()?, frame()?], current: 0, readable: 0 })
@@ -101,10 +98,7 @@ impl PicturePass {
     /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass is unusable
     /// then.
     pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
-        let cancel: Cancel = Arc::new(cancel);
-        for frame in &mut self.frames {
-            frame.pass.cancel_when(&cancel);
-        }
+        self.cancel_on(&(Arc::new(cancel) as Cancel));
     }
 
     /// Starts a picture of the view's size, on the other set of attachments; waits for drawing there to end.
@@ -195,8 +189,7 @@ impl PicturePass {
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn pixels(&mut self) -> Result<&[[u8; 4]], GpuError> {
         let Frame { pass, colour, .. } = self.readable();
-        pass.read_colour(colour)?;
-        Ok(colour.as_ref().map(HostBuffer::elements).unwrap_or_default())
+        pass.read_colour(colour)
     }
 
     /// Copies the picture finished last into `picture`, reusing its memory.
@@ -216,10 +209,7 @@ impl PicturePass {
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
     pub fn read_depth(&mut self) -> Result<DepthImage<'_>, GpuError> {
-        let Frame { pass, depth, .. } = self.readable();
-        pass.read_depth(depth)?;
-        let values = depth.as_ref().map(HostBuffer::elements).unwrap_or_default();
-        DepthImage::new(pass.size(), values).map_err(|_| GpuError::NotBegun(KIND.name))
+        self.readable().pass.read_depth()
     }
 
     fn current(&mut self) -> &mut Frame {
@@ -230,5 +220,30 @@ impl PicturePass {
     fn readable(&mut self) -> &mut Frame {
         let [even, odd] = &mut self.frames;
         if self.readable == 0 { even } else { odd }
+    }
+}
+
+impl PictureDevice for PicturePass {
+    type Error = GpuError;
+
+    fn cancel_on(&mut self, cancel: &Cancel) {
+        self.frames.iter_mut().for_each(|frame| frame.pass.cancel_when(cancel));
+    }
+
+    fn draw(
+        &mut self,
+        view: &View,
+        solid: &[DrawableId],
+        see_through: &[DrawableId],
+    ) -> Result<(), GpuError> {
+        self.begin(view)?;
+        self.draw(solid)?;
+        self.draw_see_through(see_through)?;
+        self.finish()?;
+        Ok(())
+    }
+
+    fn read(&mut self, picture: &mut Image) -> Result<(), GpuError> {
+        self.read(picture)
     }
 }

@@ -225,11 +225,6 @@ type Bindings = Vec<vk::VertexInputBindingDescription>;
 type Attributes = Vec<vk::VertexInputAttributeDescription>;
 
 fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
-    match input {
-        VertexInput::Nothing => return (vec![], vec![]),
-        VertexInput::Box => return (vec![instances::<BoxRecord>()], box_attributes()),
-        _ => {}
-    }
     let vertices = vk::VertexInputBindingDescription {
         binding: VERTICES,
         stride: size_of::<Vertex>() as u32,
@@ -240,23 +235,21 @@ fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
         attribute(2 + index as u32, INSTANCES, vk::Format::R32G32B32A32_SFLOAT, offset)
     };
     let position = attribute(0, VERTICES, vk::Format::R32G32B32_SFLOAT, offset_of!(Vertex, position));
+    let colour = attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour));
+    let normal = attribute(6, VERTICES, vk::Format::R16G16_SNORM, offset_of!(Vertex, normal));
     let id = attribute(5, INSTANCES, vk::Format::R32_UINT, offset_of!(DrawRecord, id));
-    let mut attributes = vec![row(0), row(1), row(2)];
-    if input == VertexInput::PulledId {
-        attributes.push(id);
-        attributes.push(attribute(7, INSTANCES, vk::Format::R32G32_UINT, offset_of!(DrawRecord, first)));
-        return (vec![instances::<DrawRecord>()], attributes);
-    }
-    attributes.push(position);
-    match input {
-        VertexInput::Nothing | VertexInput::Box | VertexInput::Position | VertexInput::PulledId => {}
-        VertexInput::Facet => {
-            attributes.push(attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour)));
-            attributes.push(attribute(6, VERTICES, vk::Format::R16G16_SNORM, offset_of!(Vertex, normal)));
-        }
-        VertexInput::Id => attributes.push(id),
-    }
-    (vec![vertices, instances::<DrawRecord>()], attributes)
+    let first = attribute(7, INSTANCES, vk::Format::R32G32_UINT, offset_of!(DrawRecord, first));
+    let own = match input {
+        VertexInput::Nothing => return (vec![], vec![]),
+        VertexInput::Box => return (vec![instances::<BoxRecord>()], box_attributes()),
+        VertexInput::Position => vec![position],
+        VertexInput::Facet => vec![position, colour, normal],
+        VertexInput::Id => vec![position, id],
+        VertexInput::PulledId => vec![id, first],
+    };
+    let draws = instances::<DrawRecord>();
+    let bindings = if input == VertexInput::PulledId { vec![draws] } else { vec![vertices, draws] };
+    (bindings, [vec![row(0), row(1), row(2)], own].concat())
 }
 
 /// `Box` of boxes.wgsl.

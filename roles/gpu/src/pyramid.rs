@@ -10,6 +10,7 @@ use crate::layout::{BindingSet, Layout};
 use crate::memory::{Buffer, Image};
 use crate::pipeline::{Pipeline, shader};
 use crate::recorder::Recorder;
+use crate::scope;
 use crate::{Gpu, GpuError};
 
 /// Makes a pyramid's levels, each from the finer one.
@@ -87,21 +88,19 @@ impl Pyramid {
 
     /// Builds all levels over `depth`, for shaders to read.
     pub(crate) fn build(&self, commands: &Recorder<'_>, halving: &Halving, depth: &mut Image) {
-        let copied = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
-        let made = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
         let read = (
             vk::PipelineStageFlags2::COMPUTE_SHADER,
             vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE,
         );
         commands.copy_image(depth, self.size, &self.texels);
-        commands.barrier(copied, read);
+        commands.barrier(scope::COPY_WRITE, read);
         for pair in self.levels.windows(2) {
             let [finer, next] = pair else { break };
             let Level { start, width, height } = *finer;
             commands.bind(&halving.pipeline, &Finer { start, next_start: next.start, width, height });
             commands.bind_set(&halving.pipeline, &self.set);
             commands.dispatch([next.width, next.height].map(|side| side.div_ceil(GROUP)));
-            commands.barrier(made, read);
+            commands.barrier(scope::COMPUTE_WRITE, read);
         }
     }
 }
@@ -129,7 +128,7 @@ mod tests {
 
     use super::*;
     use crate::OccluderPass;
-    use crate::common::{CheckedGpu, ids, triangles, upload, view};
+    use crate::common::{CheckedGpu, depth, ids, triangles, upload, view};
     use crate::memory::HostBuffer;
     use crate::pass::OverDepth;
 
@@ -163,16 +162,14 @@ mod tests {
         let (usage, count) = (vk::BufferUsageFlags::TRANSFER_DST, bytes as usize / size_of::<f32>());
         let read = HostBuffer::new(&gpu, "levels", usage, MemoryLocation::GpuToCpu, count).unwrap();
         let OverDepth { stream, depth, .. } = pass.over_depth().unwrap();
-        let made = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
-        let copied = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
         let record = |commands: &Recorder<'_>| {
             pyramid.build(commands, &halving, depth);
             // A picture of one pixel is its own pyramid: there are no further levels.
-            commands.barrier(copied, (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ));
-            commands.barrier(made, (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ));
+            commands.barrier(scope::COPY_WRITE, scope::COPY_READ);
+            commands.barrier(scope::COMPUTE_WRITE, scope::COPY_READ);
             let all = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
             commands.copy(&pyramid.texels, read.buffer(), &[all]);
-            commands.barrier(copied, (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ));
+            commands.barrier(scope::COPY_WRITE, scope::HOST_READ);
         };
         stream.submit("building levels", record).unwrap();
         stream.wait("building levels").unwrap();
@@ -188,13 +185,10 @@ mod tests {
             let size = view.viewport();
             let scene = upload(&gpu, &[crowd(size, &mut random)]);
             let mut pass = OccluderPass::new(&scene, size).unwrap();
-            pass.begin(&view).unwrap();
-            pass.draw(&ids(1)).unwrap();
-            let mut expected = pass.read_depth().unwrap().depth().to_vec();
+            let mut expected = depth(&mut pass, &view, &ids(1));
             let distinct: BTreeSet<u32> = expected.iter().map(|depth| depth.to_bits()).collect();
             assert!(distinct.len() * 3 > expected.len(), "{} depths at {width} x {height}", distinct.len());
-            let mut pyramid = DepthPyramid::new();
-            pyramid.rebuild(DepthImage::new(size, &expected).unwrap());
+            let pyramid = DepthPyramid::over(DepthImage::new(size, &expected).unwrap());
             (1..=pyramid.last_level()).for_each(|level| expected.extend(pyramid.farthest(level).unwrap()));
             assert!(levels_on_device(&mut pass) == expected, "{width} x {height}");
         }

@@ -13,7 +13,8 @@ use crate::layout::Layout;
 use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, VertexInput, shader};
-use crate::{Gpu, GpuError, OccluderPass};
+use crate::reuse::reuse_or_make;
+use crate::{Gpu, GpuError};
 
 /// Tests boxes by precise occlusion queries, one per box, all of a batch before the first is read. Counts
 /// pixels.
@@ -44,13 +45,9 @@ struct Room {
 }
 
 impl<'a> QueryTest<'a> {
-    pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
-        let OccluderPass { pass, queries, .. } = occluders;
-        let boxes = match queries.take() {
-            Some(boxes) => boxes,
-            None => QueryBoxes::new(pass.gpu())?,
-        };
-        Ok(Self { pass, boxes: queries.insert(boxes) })
+    pub(crate) fn new(pass: &'a mut ScenePass, kept: &'a mut Option<QueryBoxes>) -> Result<Self, GpuError> {
+        let boxes = reuse_or_make(kept, |_| true, || QueryBoxes::new(pass.gpu()))?;
+        Ok(Self { pass, boxes })
     }
 }
 
@@ -62,8 +59,9 @@ impl OcclusionTest for QueryTest<'_> {
         boxes::prepare(view, boxes, visible, records, owners);
         let constants = ProjectionConstants::new(view);
         for (records, owners) in boxes::batches(records, owners) {
-            let room = Room::fit(room, pass.gpu(), records.len())?;
-            let OverDepth { stream, size, depth } = pass.over_depth()?;
+            let make = || Room::new(pass.gpu(), boxes::room_for(records.len()));
+            let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
+            let OverDepth { stream, size, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             stream.submit(OPERATION, |commands| {
                 commands.reset_queries(room.pool, records.len() as u32);
@@ -110,15 +108,6 @@ impl QueryBoxes {
 }
 
 impl Room {
-    /// The present resources if large enough, else larger ones.
-    fn fit<'r>(room: &'r mut Option<Self>, gpu: &Arc<Gpu>, count: usize) -> Result<&'r mut Self, GpuError> {
-        let kept = match room.take().filter(|room| room.records.len() >= count) {
-            Some(room) => room,
-            None => Self::new(gpu, boxes::room_for(count))?,
-        };
-        Ok(room.insert(kept))
-    }
-
     fn new(gpu: &Arc<Gpu>, boxes: usize) -> Result<Self, GpuError> {
         let records = HostBuffer::new(
             gpu,

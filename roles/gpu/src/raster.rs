@@ -12,7 +12,9 @@ use crate::layout::{BindingSet, Layout};
 use crate::memory::{Buffer, HostBuffer};
 use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, VertexInput, shader};
-use crate::{Gpu, GpuError, OccluderPass};
+use crate::reuse::reuse_or_make;
+use crate::scope;
+use crate::{Gpu, GpuError};
 
 /// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one
 /// to its box's count. The counts are those of [`QueryTest`](crate::QueryTest), at a fraction of the cost
@@ -44,13 +46,9 @@ struct Room {
 }
 
 impl<'a> RasterTest<'a> {
-    pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
-        let OccluderPass { pass, raster, .. } = occluders;
-        let boxes = match raster.take() {
-            Some(boxes) => boxes,
-            None => RasterBoxes::new(pass.gpu())?,
-        };
-        Ok(Self { pass, boxes: raster.insert(boxes) })
+    pub(crate) fn new(pass: &'a mut ScenePass, kept: &'a mut Option<RasterBoxes>) -> Result<Self, GpuError> {
+        let boxes = reuse_or_make(kept, |_| true, || RasterBoxes::new(pass.gpu()))?;
+        Ok(Self { pass, boxes })
     }
 }
 
@@ -61,33 +59,29 @@ impl OcclusionTest for RasterTest<'_> {
         let Self { pass, boxes: RasterBoxes { layout, pipeline, room, records, owners } } = self;
         boxes::prepare(view, boxes, visible, records, owners);
         let constants = ProjectionConstants::new(view);
-        let write = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
-        // Versions of Vulkan differ in whether filling a buffer is a clear or a copy.
-        let zeroed = (vk::PipelineStageFlags2::ALL_TRANSFER, vk::AccessFlags2::TRANSFER_WRITE);
         let count = (
             vk::PipelineStageFlags2::FRAGMENT_SHADER,
             vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE,
         );
-        let copy = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ);
-        let host = (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
         for (records, owners) in boxes::batches(records, owners) {
-            let room = Room::fit(room, pass.gpu(), layout, records.len())?;
-            let OverDepth { stream, size, depth } = pass.over_depth()?;
+            let make = || Room::new(pass.gpu(), layout, boxes::room_for(records.len()));
+            let room = reuse_or_make(room, |room| room.records.len() >= records.len(), make)?;
+            let OverDepth { stream, size, depth, .. } = pass.over_depth()?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             stream.submit(OPERATION, |commands| {
                 commands.zero(&room.counts);
-                commands.barrier(zeroed, count);
+                commands.barrier(scope::FILL, count);
                 commands.render(OverDepth::targets(depth, size), || {
                     commands.bind(pipeline, &constants);
                     commands.bind_set(pipeline, &room.set);
                     commands.bind_instances(room.records.buffer());
                     commands.draw(boxes::VERTICES, 0..records.len() as u32);
                 });
-                commands.barrier(count, copy);
+                commands.barrier(count, scope::COPY_READ);
                 let bytes = size_of_val(owners) as u64;
                 let all = vk::BufferCopy { src_offset: 0, dst_offset: 0, size: bytes };
                 commands.copy(&room.counts, room.results.buffer(), &[all]);
-                commands.barrier(write, host);
+                commands.barrier(scope::COPY_WRITE, scope::HOST_READ);
             })?;
             stream.wait(OPERATION)?;
             boxes::hand_out(room.results.elements(), owners, visible);
@@ -118,20 +112,6 @@ impl RasterBoxes {
 }
 
 impl Room {
-    /// The present resources if large enough, else larger ones.
-    fn fit<'r>(
-        room: &'r mut Option<Self>,
-        gpu: &Arc<Gpu>,
-        layout: &Arc<Layout>,
-        count: usize,
-    ) -> Result<&'r mut Self, GpuError> {
-        let kept = match room.take().filter(|room| room.records.len() >= count) {
-            Some(room) => room,
-            None => Self::new(gpu, layout, boxes::room_for(count))?,
-        };
-        Ok(room.insert(kept))
-    }
-
     fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>, boxes: usize) -> Result<Self, GpuError> {
         use vk::BufferUsageFlags as Usage;
         let records =

@@ -11,8 +11,9 @@ use trimaran_cull::{Facing, Viewport};
 
 use crate::draw_record::{DrawCommand, Fetch};
 use crate::layout::{BindingSet, STAGES};
-use crate::memory::{Buffer, Image, ImageUse, whole};
+use crate::memory::{Buffer, Image, ImageUse, layers, whole};
 use crate::pipeline::{INSTANCES, Pipeline, VERTICES};
+use crate::scope::{self, Scope};
 
 /// A command buffer being recorded.
 pub(crate) struct Recorder<'a> {
@@ -206,10 +207,7 @@ impl<'a> Recorder<'a> {
     /// visible to the host.
     pub(crate) fn copy_to_host(&self, image: &mut Image, size: Viewport, buffer: &Buffer) {
         self.copy_image(image, size, buffer);
-        self.barrier(
-            (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE),
-            (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ),
-        );
+        self.barrier(scope::COPY_WRITE, scope::HOST_READ);
     }
 
     /// Fills an image of a window with a whole image, and makes it ready to be presented. If the sizes
@@ -223,49 +221,21 @@ impl<'a> Recorder<'a> {
         extent: vk::Extent2D,
     ) {
         self.hand_over(image, ImageUse::CopySource, false);
-        let transfer = vk::PipelineStageFlags2::ALL_TRANSFER;
         let (written, present) = (vk::ImageLayout::TRANSFER_DST_OPTIMAL, vk::ImageLayout::PRESENT_SRC_KHR);
-        let begin = vk::ImageMemoryBarrier2::default()
-            // After the semaphore, which is waited for in this stage.
-            .src_stage_mask(transfer)
-            .dst_stage_mask(transfer)
-            .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
-            .old_layout(vk::ImageLayout::UNDEFINED)
-            .new_layout(written)
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .image(shown)
-            .subresource_range(whole(vk::ImageAspectFlags::COLOR));
-        let end = vk::ImageMemoryBarrier2 {
-            src_access_mask: vk::AccessFlags2::TRANSFER_WRITE,
-            // Presentation waits for a semaphore that makes the image available.
-            dst_stage_mask: vk::PipelineStageFlags2::NONE,
-            dst_access_mask: vk::AccessFlags2::NONE,
-            old_layout: written,
-            new_layout: present,
-            ..begin
-        };
-        let layers = vk::ImageSubresourceLayers {
-            aspect_mask: vk::ImageAspectFlags::COLOR,
-            mip_level: 0,
-            base_array_layer: 0,
-            layer_count: 1,
-        };
+        let colour = vk::ImageAspectFlags::COLOR;
         let corner = |width: u32, height: u32| vk::Offset3D { x: width as i32, y: height as i32, z: 1 };
         let region = vk::ImageBlit::default()
-            .src_subresource(layers)
+            .src_subresource(layers(colour))
             .src_offsets([vk::Offset3D::default(), corner(size.width(), size.height())])
-            .dst_subresource(layers)
+            .dst_subresource(layers(colour))
             .dst_offsets([vk::Offset3D::default(), corner(extent.width, extent.height)]);
+        // After the semaphore, which is waited for in the stage of transfers.
+        let acquired = (scope::FILL.0, vk::AccessFlags2::NONE);
+        self.transition(shown, colour, (acquired, vk::ImageLayout::UNDEFINED), (scope::FILL, written));
         // SAFETY: the module's rule; the window's image was acquired, is a colour image of this size that
         // takes transfers, and the layouts are those that the barriers name. Both formats are ones that
         // Vulkan requires to be blitted, the picture's with a linear filter.
         unsafe {
-            let barriers = [begin];
-            self.device.cmd_pipeline_barrier2(
-                self.commands,
-                &vk::DependencyInfo::default().image_memory_barriers(&barriers),
-            );
             self.device.cmd_blit_image(
                 self.commands,
                 image.handle(),
@@ -275,24 +245,16 @@ impl<'a> Recorder<'a> {
                 &[region],
                 vk::Filter::LINEAR,
             );
-            let barriers = [end];
-            self.device.cmd_pipeline_barrier2(
-                self.commands,
-                &vk::DependencyInfo::default().image_memory_barriers(&barriers),
-            );
         }
+        // Presentation waits for a semaphore that makes the image available.
+        self.transition(shown, colour, (scope::FILL, written), (scope::NOTHING, present));
     }
 
     /// Copies a whole image to the start of a buffer, tightly packed, top row first.
     pub(crate) fn copy_image(&self, image: &mut Image, size: Viewport, buffer: &Buffer) {
         self.hand_over(image, ImageUse::CopySource, false);
         let region = vk::BufferImageCopy::default()
-            .image_subresource(vk::ImageSubresourceLayers {
-                aspect_mask: image.aspect(),
-                mip_level: 0,
-                base_array_layer: 0,
-                layer_count: 1,
-            })
+            .image_subresource(layers(image.aspect()))
             .image_extent(vk::Extent3D { width: size.width(), height: size.height(), depth: 1 });
         // SAFETY: the module's rule; the image is in the layout named and the buffer holds all its texels.
         unsafe {
@@ -321,11 +283,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// Orders all memory accesses of the first scope before those of the second.
-    pub(crate) fn barrier(
-        &self,
-        from: (vk::PipelineStageFlags2, vk::AccessFlags2),
-        to: (vk::PipelineStageFlags2, vk::AccessFlags2),
-    ) {
+    pub(crate) fn barrier(&self, from: Scope, to: Scope) {
         let barriers = [vk::MemoryBarrier2::default()
             .src_stage_mask(from.0)
             .src_access_mask(from.1)
@@ -339,28 +297,39 @@ impl<'a> Recorder<'a> {
     /// Orders an image's next use after its last, with a transition to the next layout. With `discard` its
     /// content may be lost.
     fn hand_over(&self, image: &mut Image, next: ImageUse, discard: bool) {
-        let (stage, access) = next.scope();
-        let (from_stage, from_access) =
-            image.last_use.map_or((vk::PipelineStageFlags2::NONE, vk::AccessFlags2::NONE), ImageUse::scope);
+        let from = image.last_use.map_or(scope::NOTHING, ImageUse::scope);
         let from_layout = match image.last_use {
             Some(last) if !discard => last.layout(),
             _ => vk::ImageLayout::UNDEFINED,
         };
+        let to = (next.scope(), next.layout());
+        self.transition(image.handle(), image.aspect(), (from, from_layout), to);
+        image.last_use = Some(next);
+    }
+
+    /// Orders all of an image's uses of the first scope before those of the second, and changes its layout
+    /// from the one that it has (or UNDEFINED, where its content may be lost).
+    fn transition(
+        &self,
+        image: vk::Image,
+        aspect: vk::ImageAspectFlags,
+        (from, old): (Scope, vk::ImageLayout),
+        (to, new): (Scope, vk::ImageLayout),
+    ) {
         let barriers = [vk::ImageMemoryBarrier2::default()
-            .src_stage_mask(from_stage)
-            .src_access_mask(from_access)
-            .dst_stage_mask(stage)
-            .dst_access_mask(access)
-            .old_layout(from_layout)
-            .new_layout(next.layout())
+            .src_stage_mask(from.0)
+            .src_access_mask(from.1)
+            .dst_stage_mask(to.0)
+            .dst_access_mask(to.1)
+            .old_layout(old)
+            .new_layout(new)
             .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
             .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .image(image.handle())
-            .subresource_range(whole(image.aspect()))];
+            .image(image)
+            .subresource_range(whole(aspect))];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
         // SAFETY: the module's rule; the old layout is the one the image was left in, or UNDEFINED; no render
         // pass is open.
         unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
-        image.last_use = Some(next);
     }
 }

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use ash::vk;
+use trimaran_cull::Cancel;
 
 use crate::error::During as _;
 use crate::recorder::Recorder;
-use crate::wait::{Cancel, End, SLICE, Wait};
+use crate::wait::{End, SLICE, Wait};
 use crate::{Gpu, GpuError};
 
 /// Submissions of one pass, in order. Dropping it waits for the device. So an owner that declares its stream
@@ -263,7 +264,7 @@ mod tests {
     use std::time::Duration;
 
     use glam::{DVec3, Vec3};
-    use trimaran_cull::{OcclusionTest as _, TestBox};
+    use trimaran_cull::{OcclusionTest, TestBox, View};
 
     use super::*;
     use crate::common::{self, CheckedGpu, NEAR, ids, upload, view};
@@ -311,12 +312,24 @@ mod tests {
     /// A wall 2 m away, and its pass, for abandoning.
     fn wall(gpu: &Arc<Gpu>) -> (Arc<GpuScene>, OccluderPass) {
         let scene = upload(gpu, &[common::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
-        let pass = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
+        let pass = OccluderPass::new(&scene, small().viewport()).unwrap();
         (scene, pass)
     }
 
+    fn small() -> View {
+        view(8, 8, DVec3::ZERO)
+    }
+
+    /// A box behind the wall.
+    const BEHIND: TestBox = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
+
+    /// The error of a test of that box.
+    fn error_of(mut test: impl OcclusionTest<Error = GpuError>) -> GpuError {
+        test.test(&small(), &[BEHIND], &mut Vec::new()).unwrap_err()
+    }
+
     fn draw(pass: &mut OccluderPass) -> Result<Vec<f32>, GpuError> {
-        pass.begin(&view(8, 8, DVec3::ZERO))?;
+        pass.begin(&small())?;
         pass.draw(&ids(1))?;
         pass.finish()?;
         Ok(pass.read_depth()?.depth().to_vec())
@@ -344,18 +357,12 @@ mod tests {
         );
         // All later use fails at once: of the same pass, a box test, another pass.
         assert!(hung(&draw(&mut pass).unwrap_err()));
-        let shape = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
-        let view_8 = view(8, 8, DVec3::ZERO);
-        let mut answers = Vec::new();
-        let mut occlusion_test = pass.query_test().unwrap();
-        assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
-        let mut occlusion_test = pass.raster_test().unwrap();
-        assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        assert!(hung(&error_of(pass.query_test().unwrap())));
+        assert!(hung(&error_of(pass.raster_test().unwrap())));
         if !common::lacks_float64(&gpu) {
-            let mut occlusion_test = pass.hzb_test().unwrap();
-            assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
+            assert!(hung(&error_of(pass.hzb_test().unwrap())));
         }
-        let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
+        let mut other = OccluderPass::new(&scene, small().viewport()).unwrap();
         assert!(hung(&draw(&mut other).unwrap_err()));
         // Resources in use are neither waited for nor destroyed; the validation layer would report that.
         drop((pass, other, scene));
@@ -375,7 +382,7 @@ mod tests {
         }
         drop(pass);
         jam.clear();
-        let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
+        let mut other = OccluderPass::new(&scene, small().viewport()).unwrap();
         assert_eq!(draw(&mut other).unwrap(), [NEAR / 2.0; 64]);
         if common::lacks_float64(&gpu) {
             return;
@@ -383,9 +390,7 @@ mod tests {
         // A device that stops during a box test.
         other.cancel_when(|| true);
         let jam = Jam::new(&gpu);
-        let shape = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
-        let answers = &mut Vec::new();
-        let error = other.hzb_test().unwrap().test(&view(8, 8, DVec3::ZERO), &[shape], answers).unwrap_err();
+        let error = error_of(other.hzb_test().unwrap());
         let testing = "testing boxes against the depth pyramid";
         assert!(matches!(error, GpuError::Cancelled { operation } if operation == testing), "{error}");
         drop(other);
@@ -398,7 +403,7 @@ mod tests {
         let (scene, mut pass) = wall(&gpu);
         // Never cleared: this process must end nevertheless.
         let _jam = Jam::new(&gpu);
-        pass.begin(&view(8, 8, DVec3::ZERO)).unwrap();
+        pass.begin(&small()).unwrap();
         pass.draw(&ids(1)).unwrap();
         pass.flush().unwrap();
         drop((pass, scene));

@@ -1,10 +1,6 @@
 //! The limits of waiting for a device, which may never answer.
 
-use std::sync::Arc;
 use std::time::Duration;
-
-/// Whether a wait for the device is to end before its work is done.
-pub(crate) type Cancel = Arc<dyn Fn() -> bool + Send + Sync>;
 
 /// How often a wait checks for progress and for cancellation.
 pub(crate) const SLICE: Duration = Duration::from_millis(50);

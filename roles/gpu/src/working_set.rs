@@ -100,10 +100,9 @@ pub(crate) struct SubmittedHolds(Vec<(HoldId, HoldState)>);
 impl Budget {
     /// The requested budget, or most of the device's memory; limited to the addressable range.
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let limits = gpu.limits();
         // Shaders that fetch vertices themselves need all of it in one storage buffer.
-        let addressable = if gpu.fetches_vertices() { limits.max_storage_range } else { u64::MAX };
-        let largest = limits.max_allocation.min(addressable).min(i32::MAX as u64 * UNIT);
+        let addressable = if gpu.fetches_vertices() { gpu.limits().max_storage_range } else { u64::MAX };
+        let largest = gpu.info().max_allocation.min(addressable).min(i32::MAX as u64 * UNIT);
         match gpu.memory_budget() {
             Some(asked) => Self { most: asked.min(largest), first: asked.min(largest) },
             None => {
@@ -384,11 +383,7 @@ mod tests {
     }
 
     fn picture(drawn: &Arc<GpuScene>, view: &View, ids: &[DrawableId]) -> Vec<[u8; 4]> {
-        let mut pass = PicturePass::new(drawn, view.viewport()).unwrap();
-        pass.begin(view).unwrap();
-        pass.draw(ids).unwrap();
-        pass.finish().unwrap();
-        pass.pixels().unwrap().to_vec()
+        common::pixels(&mut PicturePass::new(drawn, view.viewport()).unwrap(), view, ids)
     }
 
     #[test]

@@ -63,7 +63,7 @@ pub fn looking(
 /// # Errors
 /// None, unless this module has a bug.
 pub fn hard_cases() -> Result<Vec<Case>, CaseError> {
-    let mut cases = vec![
+    Ok(vec![
         across_the_near_plane()?,
         eye_inside_a_box()?,
         flat_line_and_point()?,
@@ -73,28 +73,20 @@ pub fn hard_cases() -> Result<Vec<Case>, CaseError> {
         scaled_mirrored_sheared()?,
         looking_away()?,
         teleporting()?,
-    ];
-    for (name, exponent) in [
-        ("origin at 0", None),
-        ("origin at 1e6", Some(6)),
-        ("origin at 1e7", Some(7)),
-        ("origin at 1e8", Some(8)),
-    ] {
-        cases.push(far_from_the_origin(name, exponent.map_or(0.0, |e| 10.0_f64.powi(e)))?);
-    }
-    for (name, fov) in [("fov 0.01", 0.01), ("fov 1", 1.0), ("fov 120", 120.0), ("fov 179", 179.0)] {
-        cases.push(field_of_view(name, fov)?);
-    }
-    for (name, width, height) in [
-        ("1 x 1", 1, 1),
-        ("1 x 97", 1, 97),
-        ("97 x 1", 97, 1),
-        ("333 x 777", 333, 777),
-        ("1023 x 33", 1023, 33),
-    ] {
-        cases.push(picture_size(name, width, height)?);
-    }
-    Ok(cases)
+        far_from_the_origin("origin at 0", 0.0)?,
+        far_from_the_origin("origin at 1e6", 1e6)?,
+        far_from_the_origin("origin at 1e7", 1e7)?,
+        far_from_the_origin("origin at 1e8", 1e8)?,
+        field_of_view("fov 0.01", 0.01)?,
+        field_of_view("fov 1", 1.0)?,
+        field_of_view("fov 120", 120.0)?,
+        field_of_view("fov 179", 179.0)?,
+        picture_size("1 x 1", 1, 1)?,
+        picture_size("1 x 97", 1, 97)?,
+        picture_size("97 x 1", 97, 1)?,
+        picture_size("333 x 777", 333, 777)?,
+        picture_size("1023 x 33", 1023, 33)?,
+    ])
 }
 
 fn small() -> Result<Viewport, SettingsError> {
@@ -103,6 +95,15 @@ fn small() -> Result<Viewport, SettingsError> {
 
 fn case(name: &'static str, objects: &[Object], views: Vec<View>) -> Result<Case, CaseError> {
     Ok(Case { name, scene: Arc::new(build(objects, true)?), views })
+}
+
+/// Views from the first of the two places that `at` gives for each frame, towards the second.
+fn views(frames: u32, fov_degrees: f64, at: impl Fn(f64) -> (DVec3, DVec3)) -> Result<Vec<View>, CaseError> {
+    let view = |frame: u32| {
+        let (eye, target) = at(f64::from(frame));
+        Ok(looking(eye, target, fov_degrees, small()?, frame)?)
+    };
+    (0..frames).map(view).collect()
 }
 
 /// A unit crate at a place.
@@ -119,14 +120,8 @@ fn wall(y: f64, half: f32) -> Object {
 fn across_the_near_plane() -> Result<Case, CaseError> {
     let objects =
         [crate_at(0.7, 0.0, 0.0), wall(0.02, 0.3), crate_at(0.0, 3.0, 0.0), crate_at(-0.6, 0.3, 0.0)];
-    let views = (0..40)
-        .map(|frame| {
-            let step = f64::from(frame) * 0.002;
-            looking(DVec3::new(0.0, -0.05 + step, 0.0), DVec3::new(0.3, 1.0, 0.1), 70.0, small()?, frame)
-                .map_err(CaseError::from)
-        })
-        .collect::<Result<_, CaseError>>()?;
-    case("box across the near plane", &objects, views)
+    let at = |frame: f64| (DVec3::new(0.0, -0.05 + frame * 0.002, 0.0), DVec3::new(0.3, 1.0, 0.1));
+    case("box across the near plane", &objects, views(40, 70.0, at)?)
 }
 
 fn eye_inside_a_box() -> Result<Case, CaseError> {
@@ -135,14 +130,11 @@ fn eye_inside_a_box() -> Result<Case, CaseError> {
     let big = Object::new(Mesh::cuboid(Vec3::splat(-4.0), Vec3::splat(4.0), 2));
     let objects =
         [big, wall(0.3, 0.2), crate_at(2.0, 2.0, 0.0), crate_at(0.0, 8.0, 0.0), crate_at(0.0, 1.5, 0.0)];
-    let views = (0..24)
-        .map(|frame| {
-            let angle = f64::from(frame) * 0.26;
-            let target = DVec3::new(angle.sin(), angle.cos(), 0.1);
-            looking(DVec3::new(0.01, 0.02, 0.03), target, 80.0, small()?, frame).map_err(CaseError::from)
-        })
-        .collect::<Result<_, CaseError>>()?;
-    case("eye inside a box", &objects, views)
+    let at = |frame: f64| {
+        let angle = frame * 0.26;
+        (DVec3::new(0.01, 0.02, 0.03), DVec3::new(angle.sin(), angle.cos(), 0.1))
+    };
+    case("eye inside a box", &objects, views(24, 80.0, at)?)
 }
 
 fn flat_line_and_point() -> Result<Case, CaseError> {
@@ -158,13 +150,8 @@ fn flat_line_and_point() -> Result<Case, CaseError> {
         })
         .chain([wall(5.0, 0.8)])
         .collect();
-    let views = (0..30)
-        .map(|frame| {
-            let eye = DVec3::new(f64::from(frame) * 0.05 - 0.7, 0.0, 0.2);
-            looking(eye, DVec3::new(0.0, 5.0, 0.0), 50.0, small()?, frame).map_err(CaseError::from)
-        })
-        .collect::<Result<_, CaseError>>()?;
-    case("flat, line and point boxes", &objects, views)
+    let at = |frame: f64| (DVec3::new(frame * 0.05 - 0.7, 0.0, 0.2), DVec3::new(0.0, 5.0, 0.0));
+    case("flat, line and point boxes", &objects, views(30, 50.0, at)?)
 }
 
 fn still_wall() -> Result<Case, CaseError> {
@@ -194,13 +181,8 @@ fn slivers_behind_a_gap() -> Result<Case, CaseError> {
     let panel = Mesh::cuboid(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(0.0, 0.1, 2.0), 1);
     objects.push(Object::new(panel.clone()).at(DVec3::new(-0.03, 6.0, 0.0)));
     objects.push(Object::new(panel).at(DVec3::new(2.03, 6.0, 0.0)));
-    let views = (0..40)
-        .map(|frame| {
-            let eye = DVec3::new(f64::from(frame) * 0.004 - 0.08, 0.0, 0.0);
-            looking(eye, DVec3::new(0.0, 6.0, 0.0), 60.0, small()?, frame).map_err(CaseError::from)
-        })
-        .collect::<Result<_, CaseError>>()?;
-    case("sub-pixel boxes and slivers past a one-pixel gap", &objects, views)
+    let at = |frame: f64| (DVec3::new(frame * 0.004 - 0.08, 0.0, 0.0), DVec3::new(0.0, 6.0, 0.0));
+    case("sub-pixel boxes and slivers past a one-pixel gap", &objects, views(40, 60.0, at)?)
 }
 
 fn thin_wall_with_something_behind() -> Result<Case, CaseError> {
@@ -208,13 +190,8 @@ fn thin_wall_with_something_behind() -> Result<Case, CaseError> {
     let touching = crate_at(0.0, 4.0 + 1e-4 + 0.5, 0.0);
     let before = crate_at(1.0, 4.0 - 0.5, 1.0);
     let objects = [Object::new(thin).at(DVec3::new(0.0, 4.0, 0.0)), touching, before];
-    let views = (0..30)
-        .map(|frame| {
-            let eye = DVec3::new(f64::from(frame) * 0.2 - 3.0, -1.0, 0.1);
-            looking(eye, DVec3::new(0.0, 4.0, 0.0), 60.0, small()?, frame).map_err(CaseError::from)
-        })
-        .collect::<Result<_, CaseError>>()?;
-    case("thin wall with a crate touching it from behind", &objects, views)
+    let at = |frame: f64| (DVec3::new(frame * 0.2 - 3.0, -1.0, 0.1), DVec3::new(0.0, 4.0, 0.0));
+    case("thin wall with a crate touching it from behind", &objects, views(30, 60.0, at)?)
 }
 
 fn scaled_mirrored_sheared() -> Result<Case, CaseError> {
@@ -240,14 +217,11 @@ fn scaled_mirrored_sheared() -> Result<Case, CaseError> {
         })
         .chain([wall(6.0, 1.0)])
         .collect();
-    let views = (0..40)
-        .map(|frame| {
-            let angle = f64::from(frame) * 0.15;
-            let eye = DVec3::new(5.0 * angle.sin(), 5.0 - 6.0 * angle.cos(), 0.4);
-            looking(eye, DVec3::new(0.0, 6.0, 0.0), 60.0, small()?, frame).map_err(CaseError::from)
-        })
-        .collect::<Result<_, CaseError>>()?;
-    case("scaled by 1e-3 to 1e3, mirrored, sheared", &objects, views)
+    let at = |frame: f64| {
+        let angle = frame * 0.15;
+        (DVec3::new(5.0 * angle.sin(), 5.0 - 6.0 * angle.cos(), 0.4), DVec3::new(0.0, 6.0, 0.0))
+    };
+    case("scaled by 1e-3 to 1e3, mirrored, sheared", &objects, views(40, 60.0, at)?)
 }
 
 fn looking_away() -> Result<Case, CaseError> {
@@ -271,16 +245,11 @@ fn far_from_the_origin(name: &'static str, distance: f64) -> Result<Case, CaseEr
 }
 
 fn field_of_view(name: &'static str, fov_degrees: f64) -> Result<Case, CaseError> {
-    let scene = plant(6, 120, DVec3::ZERO)?;
-    let views = (0..20)
-        .map(|frame| {
-            let angle = f64::from(frame) * 0.3;
-            let eye = DVec3::new(4.3, 4.4, 1.5);
-            let target = eye + DVec3::new(angle.sin(), angle.cos(), 0.1);
-            looking(eye, target, fov_degrees, small()?, frame).map_err(CaseError::from)
-        })
-        .collect::<Result<_, CaseError>>()?;
-    Ok(Case { name, scene, views })
+    let at = |frame: f64| {
+        let (angle, eye) = (frame * 0.3, DVec3::new(4.3, 4.4, 1.5));
+        (eye, eye + DVec3::new(angle.sin(), angle.cos(), 0.1))
+    };
+    Ok(Case { name, scene: plant(6, 120, DVec3::ZERO)?, views: views(20, fov_degrees, at)? })
 }
 
 fn picture_size(name: &'static str, width: u32, height: u32) -> Result<Case, CaseError> {

@@ -90,7 +90,7 @@ impl<D: CullerDevice> SceneCulling<D> {
 
 impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     fn cancel_on(&mut self, stop: &Stop) {
-        self.device.cancel_on(stop);
+        self.device.cancel_on(&stop.cancel());
     }
 
     fn change_view(&mut self, state: &ViewState) {
@@ -188,7 +188,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             visible.push(ids).await?;
         }
         let stats = rounds.stats();
-        self.stats.culling = (&stats).into();
+        self.stats.culling = stats.counts;
         self.stats.rounds = RoundCounts {
             further: rounds.rounds().saturating_sub(1),
             occluder_triangles: triangles(&scene, rounds.occluders()),

@@ -48,7 +48,7 @@ impl<D: PictureDevice> ScenePictures<D> {
 
 impl<D: PictureDevice> DisplayWork for ScenePictures<D> {
     fn cancel_on(&mut self, stop: &Stop) {
-        self.device.cancel_on(stop);
+        self.device.cancel_on(&stop.cancel());
     }
 
     fn change_view(&mut self, state: &ViewState) {

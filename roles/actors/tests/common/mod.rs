@@ -8,8 +8,10 @@ use std::{
 };
 
 use thiserror::Error;
-use trimaran_actors::{BoxedError, CullerDevice, Link, Observer, PictureDevice, ShownFrame, Stop, max_frame};
-use trimaran_cull::{DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
+use trimaran_actors::{BoxedError, CullerDevice, Link, Observer, PictureDevice, ShownFrame, max_frame};
+use trimaran_cull::{
+    Cancel, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
+};
 use trimaran_proto::{DrawableId, Identity, Role, Settings, Walkthrough};
 use trimaran_scene::Scene;
 use trimaran_transport::{LinkConfig, Net, inproc};
@@ -59,17 +61,17 @@ pub(crate) enum Task {
 }
 
 /// A device that finds everything visible, until it fails at a task of this kind.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Device {
     fault: Option<(Task, Fault)>,
     /// How many tasks of that kind succeed.
     good: u32,
-    stop: Option<Stop>,
+    cancel: Option<Cancel>,
 }
 
 impl Device {
     pub(crate) fn failing(at: Task, good: u32, fault: Fault) -> Self {
-        Self { fault: Some((at, fault)), good, stop: None }
+        Self { fault: Some((at, fault)), good, cancel: None }
     }
 
     fn work(&mut self, task: Task) -> Result<(), Broken> {
@@ -86,8 +88,8 @@ impl Device {
             Fault::Panics => panic!("a bug that only this session meets"),
             Fault::Hangs(begun) => {
                 begun.send(()).unwrap();
-                let stop = self.stop.as_ref().unwrap();
-                while !stop.requested() {
+                let cancel = self.cancel.as_ref().unwrap();
+                while !cancel() {
                     thread::yield_now();
                 }
                 Err(Broken::Cancelled)
@@ -101,8 +103,8 @@ impl CullerDevice for Device {
         matches!(error, Broken::Lost | Broken::Hung)
     }
 
-    fn cancel_on(&mut self, stop: &Stop) {
-        self.stop = Some(stop.clone());
+    fn cancel_on(&mut self, cancel: &Cancel) {
+        self.cancel = Some(Arc::clone(cancel));
     }
 
     fn begin_occluders(&mut self, _: &View) -> Result<(), Broken> {
@@ -134,8 +136,8 @@ impl OcclusionTest for Device {
 impl PictureDevice for Device {
     type Error = Broken;
 
-    fn cancel_on(&mut self, stop: &Stop) {
-        self.stop = Some(stop.clone());
+    fn cancel_on(&mut self, cancel: &Cancel) {
+        self.cancel = Some(Arc::clone(cancel));
     }
 
     fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Broken> {

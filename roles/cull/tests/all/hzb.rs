@@ -3,7 +3,7 @@
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_audit::cases::looking;
 use trimaran_audit::{IdBuffer, ReferenceTest, rasterize_triangle};
-use trimaran_cull::{DepthImage, DepthPyramid, HzbTest, OcclusionTest, Outline, TestBox, Viewport};
+use trimaran_cull::{DepthImage, DepthPyramid, HzbTest, OcclusionTest, Outline, TestBox, View, Viewport};
 use trimaran_scene::random::Random;
 
 fn random_box(random: &mut Random) -> TestBox {
@@ -14,6 +14,12 @@ fn random_box(random: &mut Random) -> TestBox {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z]
         .map(|axis| (turn * axis * depth * 0.4 * random.between(-9.0, 0.0).exp2()).as_vec3());
     TestBox { centre: centre.as_vec3(), axes }
+}
+
+fn answers(mut test: impl OcclusionTest, view: &View, boxes: &[TestBox]) -> Vec<u32> {
+    let mut answers = Vec::new();
+    test.test(view, boxes, &mut answers).unwrap();
+    answers
 }
 
 /// Against random triangles at sizes from one pixel up: a box that a rasterized test shows is never
@@ -38,14 +44,12 @@ fn nothing_that_a_rasterized_test_shows_is_hidden() {
         }
         let depth = occluders.depth32();
         let image = DepthImage::new(viewport, &depth).unwrap();
-        let mut pyramid = DepthPyramid::new();
-        pyramid.rebuild(image);
+        let pyramid = DepthPyramid::over(image);
         let boxes: Vec<TestBox> = (0..200).map(|_| random_box(&mut random)).collect();
-        let (mut exact, mut fast, mut loose) = (Vec::new(), Vec::new(), Vec::new());
-        ReferenceTest::new(&occluders).test(&view, &boxes, &mut exact).unwrap();
-        let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
-        test.test(&view, &boxes, &mut fast).unwrap();
-        test.by_rectangle().test(&view, &boxes, &mut loose).unwrap();
+        let exact = answers(ReferenceTest::new(&occluders), &view, &boxes);
+        let test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
+        let fast = answers(test.clone(), &view, &boxes);
+        let loose = answers(test.by_rectangle(), &view, &boxes);
         for (test_box, ((&count, &shows), &loosely)) in boxes.iter().zip(exact.iter().zip(&fast).zip(&loose))
         {
             let beyond_near =
@@ -76,18 +80,14 @@ fn a_rectangle_shows_where_the_box_in_it_does_not() {
     let depth: Vec<f32> =
         (0..64 * 64).map(|pixel| if pixel % 64 <= pixel / 64 { 0.5 } else { 0.0 }).collect();
     let image = DepthImage::new(viewport, &depth).unwrap();
-    let mut pyramid = DepthPyramid::new();
-    pyramid.rebuild(image);
+    let pyramid = DepthPyramid::over(image);
     let rod = TestBox {
         centre: Vec3::new(-1.0, -1.0, -10.0),
         axes: [Vec3::new(5.0, -5.0, 0.0), Vec3::new(0.05, 0.05, 0.0), Vec3::new(0.0, 0.0, 0.05)],
     };
-    let mut answers = Vec::new();
-    let mut test = HzbTest::new(image, &pyramid).unwrap();
-    test.test(&view, &[rod], &mut answers).unwrap();
-    assert_eq!(answers, [0]);
-    test.by_rectangle().test(&view, &[rod], &mut answers).unwrap();
-    assert_eq!(answers, [1]);
+    let test = HzbTest::new(image, &pyramid).unwrap();
+    assert_eq!(answers(test.clone(), &view, &[rod]), [0]);
+    assert_eq!(answers(test.by_rectangle(), &view, &[rod]), [1]);
 }
 
 #[test]
@@ -96,16 +96,13 @@ fn a_box_that_cannot_be_judged_shows() {
     let view = looking(DVec3::ZERO, DVec3::Y, 60.0, viewport, 0).unwrap();
     let nearest = [1.0; 64];
     let image = DepthImage::new(viewport, &nearest).unwrap();
-    let mut pyramid = DepthPyramid::new();
-    pyramid.rebuild(image);
+    let pyramid = DepthPyramid::over(image);
     let sound = TestBox { centre: Vec3::new(0.0, 0.0, -5.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
     let around_the_eye = TestBox { centre: Vec3::ZERO, ..sound };
     let nan = TestBox { centre: Vec3::new(f32::NAN, 0.0, -5.0), ..sound };
     let infinite = TestBox { axes: [Vec3::X * f32::INFINITY, Vec3::Y, Vec3::Z], ..sound };
-    let mut answers = Vec::new();
-    let mut test = HzbTest::new(image, &pyramid).unwrap();
-    test.test(&view, &[sound, around_the_eye, nan, infinite], &mut answers).unwrap();
-    assert_eq!(answers, [0, 1, 1, 1]);
+    let test = HzbTest::new(image, &pyramid).unwrap();
+    assert_eq!(answers(test, &view, &[sound, around_the_eye, nan, infinite]), [0, 1, 1, 1]);
 }
 
 /// A plate of a real platform, seen almost edge-on, whose corner falls on pixel centres. The rasterizer moved
@@ -127,11 +124,8 @@ fn a_side_that_the_rasterizer_moves_past_its_corner_does_not_hide_its_box() {
         depth[row * 384 + 93] = view.camera().near() / 15.167_034;
     }
     let image = DepthImage::new(viewport, &depth).unwrap();
-    let mut pyramid = DepthPyramid::new();
-    pyramid.rebuild(image);
-    let mut answers = Vec::new();
-    HzbTest::new(image, &pyramid).unwrap().test(&view, &[plate], &mut answers).unwrap();
-    assert_eq!(answers, [1]);
+    let pyramid = DepthPyramid::over(image);
+    assert_eq!(answers(HzbTest::new(image, &pyramid).unwrap(), &view, &[plate]), [1]);
 }
 
 /// A box smaller than a pixel, between the centres of four: it is visible if its outline is grown, and misses
@@ -140,15 +134,13 @@ fn a_side_that_the_rasterizer_moves_past_its_corner_does_not_hide_its_box() {
 fn outlines_are_grown_where_boxes_are_not() {
     let viewport = Viewport::new(8, 8).unwrap();
     let view = looking(DVec3::ZERO, DVec3::Y, 60.0, viewport, 0).unwrap();
-    let mut pyramid = DepthPyramid::new();
+    let mut pyramid = DepthPyramid::default();
     let image = DepthImage::new(viewport, &[0.0; 64]).unwrap();
     pyramid.rebuild(image);
     let small = TestBox { centre: Vec3::Z * -5.0, axes: [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * 1e-3) };
     for (outline, shows) in [(Outline::OnScreen, 1), (Outline::InBox, 0)] {
-        let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(outline);
-        let mut answers = Vec::new();
-        test.test(&view, &[small], &mut answers).unwrap();
-        assert_eq!((test.outline(), answers), (outline, vec![shows]));
+        let test = HzbTest::new(image, &pyramid).unwrap().with_outline(outline);
+        assert_eq!((test.outline(), answers(test, &view, &[small])), (outline, vec![shows]));
     }
     assert_eq!(HzbTest::new(image, &pyramid).unwrap().outline(), Outline::OnScreen);
 }
@@ -177,12 +169,9 @@ fn a_box_that_takes_too_long_counts_as_visible() {
         }
         let depth: Vec<f32> = front.depth32().iter().map(|depth| depth * 1.01).collect();
         let image = DepthImage::new(viewport, &depth).unwrap();
-        let mut pyramid = DepthPyramid::new();
-        pyramid.rebuild(image);
-        let mut answers = Vec::new();
-        let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
-        test.test(&view, &[test_box], &mut answers).unwrap();
-        assert_eq!(answers, [shows], "{half} m");
+        let pyramid = DepthPyramid::over(image);
+        let test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
+        assert_eq!(answers(test, &view, &[test_box]), [shows], "{half} m");
     }
 }
 
@@ -190,7 +179,7 @@ fn a_box_that_takes_too_long_counts_as_visible() {
 fn sizes_must_agree() {
     let depth = [0.0; 6];
     let image = DepthImage::new(Viewport::new(3, 2).unwrap(), &depth).unwrap();
-    let mut pyramid = DepthPyramid::new();
+    let mut pyramid = DepthPyramid::default();
     let error = HzbTest::new(image, &pyramid).unwrap_err();
     let message = "a depth image of 3 x 2 pixels against a pyramid that was never built: both must be of the view's size";
     assert_eq!(error.to_string(), message);

@@ -3,7 +3,7 @@
 use glam::{DVec3, Mat3, Vec3};
 use proptest::prelude::*;
 use trimaran_audit::cases::{Mesh, Object, build, looking};
-use trimaran_cull::{Choice, CutRule, LodCut, LodRule, View, Viewport, choose, lod_cut};
+use trimaran_cull::{Choice, CutRule, LodCut, LodRule, View, Viewport, lod_cut};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Settings, ViewState};
 use trimaran_scene::{NodeId, Scene, random::Random};
 
@@ -16,6 +16,11 @@ fn crate_scene(half: f32, place: DVec3) -> Scene {
     let mesh = Mesh::cuboid(Vec3::splat(-half), Vec3::splat(half), 1);
     let object = Object { coarser: vec![(1.0, mesh.clone())], ..Object::new(mesh) };
     build(&[object.at(place)], false).unwrap()
+}
+
+/// The decision on the root.
+fn choose(scene: &Scene, epsilon: f64) -> Choice {
+    LodCut::new(scene, &view(), LodRule::new(epsilon).unwrap()).choose(NodeId(0), &scene.nodes()[0])
 }
 
 #[test]
@@ -31,16 +36,14 @@ fn the_coarsest_level_within_the_bound_is_chosen() {
     // Focal length 50 px, nearest depth 99 m: 1 m projects to 0.505 px on the axis, a little more with the
     // box's width.
     let scene = crate_scene(1.0, DVec3::new(0.0, 100.0, 0.0));
-    let choice = |epsilon| choose(&scene, NodeId(0), &view(), LodRule::new(epsilon).unwrap());
-    assert_eq!(choice(0.506), Choice::Draw(DrawableId(1)));
-    assert_eq!(choice(0.504), Choice::Draw(DrawableId(0)));
+    assert_eq!(choose(&scene, 0.506), Choice::Draw(DrawableId(1)));
+    assert_eq!(choose(&scene, 0.504), Choice::Draw(DrawableId(0)));
 }
 
 #[test]
 fn a_leaf_above_the_bound_is_drawn_at_its_finest_level() {
     let scene = crate_scene(1.0, DVec3::new(0.0, 2.0, 0.0));
-    let choice = choose(&scene, NodeId(0), &view(), LodRule::new(1e-6).unwrap());
-    assert_eq!(choice, Choice::Draw(DrawableId(0)));
+    assert_eq!(choose(&scene, 1e-6), Choice::Draw(DrawableId(0)));
 }
 
 #[test]
@@ -49,10 +52,9 @@ fn an_interior_node_above_the_bound_is_refined_though_it_has_a_level() {
     let objects = [-2.0, 2.0].map(|x| Object::new(Mesh::cuboid(-half, half, 1)).at(DVec3::new(x, 20.0, 0.0)));
     let scene = build(&objects, true).unwrap();
     assert_eq!(scene.nodes()[0].levels().count(), 1);
-    let (strict, loose) = (LodRule::new(1.0).unwrap(), LodRule::new(100.0).unwrap());
-    assert_eq!(choose(&scene, NodeId(0), &view(), strict), Choice::Refine);
-    assert_eq!(choose(&scene, NodeId(0), &view(), loose), Choice::Draw(DrawableId(0)));
-    assert_eq!(lod_cut(&scene, &view(), strict), [DrawableId(1), DrawableId(2)]);
+    assert_eq!(choose(&scene, 1.0), Choice::Refine);
+    assert_eq!(choose(&scene, 100.0), Choice::Draw(DrawableId(0)));
+    assert_eq!(lod_cut(&scene, &view(), LodRule::new(1.0).unwrap()), [DrawableId(1), DrawableId(2)]);
 }
 
 #[test]

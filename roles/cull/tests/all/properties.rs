@@ -163,13 +163,11 @@ fn without_occluders_all_of_the_cut_in_the_frustum_is_emitted_and_every_node_is_
             .unwrap();
         let cut: BTreeSet<DrawableId> = lod_cut(&scene, view, rule(2.0)).into_iter().collect();
         assert!(emitted.is_subset(&cut));
-        assert_eq!(stats.emitted as usize, emitted.len());
-        assert_eq!(stats.visited, stats.frustum_culled + stats.hidden + stats.emitted + stats.refined);
-        assert_eq!(
-            stats.visited - stats.frustum_culled,
-            stats.tested + stats.near_visible + stats.eye_inside
-        );
-        assert_eq!((stats.hidden, stats.not_finite), (0, 0));
+        let counts = stats.counts;
+        assert_eq!(counts.emitted as usize, emitted.len());
+        assert_eq!(counts.visited, counts.outside + counts.hidden + counts.emitted + counts.refined);
+        assert_eq!(counts.visited - counts.outside, counts.tested + counts.near_visible + counts.eye_inside);
+        assert_eq!((counts.hidden, counts.not_finite), (0, 0));
     }
 }
 
@@ -243,7 +241,7 @@ fn at_few_pixels_the_traversal_stops_only_if_the_rule_says_so() {
     let mut culler = Culler::new(scene);
     let mut stopped = |pixels, on| {
         let rule = rule(4.0).stopping_at_few_pixels(on);
-        culler.cull(&view, rule, &mut Shows(pixels), |_| ()).unwrap().stopped_at_few_pixels
+        culler.cull(&view, rule, &mut Shows(pixels), |_| ()).unwrap().counts.few_pixels
     };
     assert!(stopped(3, true) > 0);
     assert_eq!((stopped(4, true), stopped(3, false)), (0, 0));

@@ -23,7 +23,7 @@ struct Device {
 
 impl Device {
     fn new(scene: &Arc<Scene>, view: &View, occluders: &[DrawableId]) -> Self {
-        let (depth, pyramid) = (Vec::new(), DepthPyramid::new());
+        let (depth, pyramid) = (Vec::new(), DepthPyramid::default());
         let mut device =
             Self { scene: Arc::clone(scene), view: *view, occluders: Vec::new(), depth, pyramid };
         device.add(occluders).unwrap();
@@ -39,9 +39,7 @@ impl Device {
         self.occluders.extend_from_slice(occluders);
         let drawn = self.occluders.iter().copied();
         self.depth = rasterize(&self.scene, &self.view, drawn, Placement::Exact).depth32();
-        let mut pyramid = std::mem::take(&mut self.pyramid);
-        pyramid.rebuild(self.image());
-        self.pyramid = pyramid;
+        self.pyramid = DepthPyramid::over(self.image());
         Ok(())
     }
 }
@@ -126,7 +124,7 @@ fn rounds_hide_what_the_first_one_could_not_and_never_a_pixel() {
             let mut kept = all.iter().filter(|id| visible.contains(id));
             assert!(visible.iter().all(|id| kept.next() == Some(id)));
             assert_eq!(all.len(), visible.len() + culled.stats.hidden_later as usize);
-            assert_eq!(visible.len(), culled.stats.emitted as usize);
+            assert_eq!(visible.len(), culled.stats.counts.emitted as usize);
 
             let shown = |ids: &[DrawableId]| {
                 let mut ids = ids.to_vec();

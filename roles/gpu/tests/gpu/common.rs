@@ -4,8 +4,8 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_cull::{View, Viewport};
-use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, Optional};
+use trimaran_cull::{OcclusionTest, TestBox, View, Viewport};
+use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemPass, OccluderPass, Optional, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{FlatObject, Rgba8, Scene, SceneArrays};
 
@@ -107,4 +107,34 @@ pub(crate) fn view(width: u32, height: u32, eye: DVec3) -> View {
     let viewport = Viewport::new(width, height).unwrap();
     let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 1.0, NEAR, FrameNumber(0));
     View::new(camera.unwrap(), viewport)
+}
+
+/// The depth of these drawables.
+pub(crate) fn depth(pass: &mut OccluderPass, view: &View, ids: &[DrawableId]) -> Vec<f32> {
+    pass.begin(view).unwrap();
+    pass.draw(ids).unwrap();
+    pass.read_depth().unwrap().depth().to_vec()
+}
+
+/// The picture of these drawables.
+pub(crate) fn pixels(pass: &mut PicturePass, view: &View, ids: &[DrawableId]) -> Vec<[u8; 4]> {
+    pass.begin(view).unwrap();
+    pass.draw(ids).unwrap();
+    pass.finish().unwrap();
+    pass.pixels().unwrap().to_vec()
+}
+
+/// The ID buffer of these drawables.
+pub(crate) fn items(pass: &mut ItemPass, view: &View, ids: &[DrawableId]) -> Vec<[u32; 2]> {
+    pass.begin(view).unwrap();
+    pass.draw(ids).unwrap();
+    pass.items().unwrap().to_vec()
+}
+
+/// The answers of an occlusion test.
+pub(crate) fn answers(mut test: impl OcclusionTest, view: &View, boxes: &[TestBox]) -> Vec<u32> {
+    // Earlier content must not stay.
+    let mut answers = vec![9; 7];
+    test.test(view, boxes, &mut answers).unwrap();
+    answers
 }

@@ -1,9 +1,9 @@
 //! Opening devices.
 
 use glam::{DVec3, Vec3};
-use trimaran_gpu::{DeviceChoice, DeviceKind, Gpu, GpuError, GpuOptions, OccluderPass};
+use trimaran_gpu::{DeviceChoice, Gpu, GpuError, GpuOptions, OccluderPass};
 
-use crate::common::{CheckedGpu, NEAR, ids, upload, view, wall};
+use crate::common::{CheckedGpu, NEAR, depth, ids, upload, view, wall};
 
 fn validated() -> GpuOptions {
     GpuOptions { validation: true, ..GpuOptions::default() }
@@ -39,15 +39,6 @@ fn a_device_that_is_not_there_is_named_beside_those_that_are() {
 }
 
 #[test]
-fn the_cpu_can_be_asked_for() {
-    let Some(_) = CheckedGpu::open() else { return };
-    match Gpu::open(&GpuOptions { device: DeviceChoice::Cpu, ..validated() }) {
-        Ok(gpu) => assert_eq!(gpu.info().kind, DeviceKind::Cpu),
-        Err(error) => assert!(matches!(error, GpuError::NoSuchDevice { .. }), "{error}"),
-    }
-}
-
-#[test]
 fn two_devices_in_one_process_draw_at_once() {
     let depth_of = |distance: f32| {
         let gpu = CheckedGpu::open()?;
@@ -56,10 +47,7 @@ fn two_devices_in_one_process_draw_at_once() {
         let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
         let mut depths = Vec::new();
         for _ in 0..20 {
-            pass.begin(&view).unwrap();
-            pass.draw(&ids(1)).unwrap();
-            pass.finish().unwrap();
-            depths.extend_from_slice(pass.read_depth().unwrap().depth());
+            depths.extend(depth(&mut pass, &view, &ids(1)));
         }
         Some(depths)
     };
@@ -83,10 +71,7 @@ fn one_device_is_shared_by_threads() {
                 let view = view(33, 17, DVec3::ZERO);
                 let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
                 for _ in 0..20 {
-                    pass.begin(&view).unwrap();
-                    pass.draw(&ids(1)).unwrap();
-                    let depth = pass.read_depth().unwrap();
-                    assert!(depth.depth().iter().all(|&depth| depth == NEAR / 2.0));
+                    assert!(depth(&mut pass, &view, &ids(1)).iter().all(|&depth| depth == NEAR / 2.0));
                 }
             });
         }

@@ -8,7 +8,7 @@ use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{FlatObject, random::Random};
 
-use crate::common::{CheckedGpu, ids, lacks_float64, triangles, upload, view, wall};
+use crate::common::{CheckedGpu, answers, ids, lacks_float64, triangles, upload, view, wall};
 use crate::occlusion_tests::{random_box, upright, walls};
 
 /// A device that can test against a pyramid, or `None` without one, to skip the test.
@@ -23,18 +23,14 @@ fn pass(scene: &Arc<GpuScene>, view: &View) -> OccluderPass {
 }
 
 fn on_host(pass: &mut OccluderPass, view: &View, boxes: &[TestBox]) -> Vec<u32> {
-    let (mut pyramid, mut answers) = (DepthPyramid::new(), Vec::new());
     let image = pass.read_depth().unwrap();
-    pyramid.rebuild(image);
-    HzbTest::new(image, &pyramid).unwrap().test(view, boxes, &mut answers).unwrap();
-    answers
+    answers(HzbTest::new(image, &DepthPyramid::over(image)).unwrap(), view, boxes)
 }
 
 /// Asserts that host and device agree on each box behind the drawn depth, and returns the answers.
 fn assert_same(pass: &mut OccluderPass, view: &View, boxes: &[TestBox]) -> Vec<u32> {
     // The device first, so that it does not benefit from the host's wait.
-    let mut answers = vec![9; 7];
-    pass.hzb_test().unwrap().test(view, boxes, &mut answers).unwrap();
+    let answers = answers(pass.hzb_test().unwrap(), view, boxes);
     let expected = on_host(pass, view, boxes);
     assert_eq!(answers.len(), boxes.len());
     for ((answer, expected), test_box) in answers.iter().zip(&expected).zip(boxes) {

@@ -9,7 +9,7 @@ use trimaran_gpu::{GpuScene, OccluderPass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{FlatObject, Scene, random::Random};
 
-use crate::common::{CheckedGpu, ids, lacks_float64, scene, triangles, upload, view, wall};
+use crate::common::{CheckedGpu, answers, ids, lacks_float64, scene, triangles, upload, view, wall};
 
 /// A box along the view's axes.
 pub(crate) fn upright(centre: Vec3, half: Vec3) -> TestBox {
@@ -50,21 +50,17 @@ struct Answers {
 fn ask(gpu: &CheckedGpu, scene: &Arc<Scene>, view: &View, boxes: &[TestBox]) -> Answers {
     let all = ids(scene.drawables().len());
     let picture = rasterize(scene, view, all.iter().copied(), Placement::Single);
-    let mut reference = Vec::new();
-    ReferenceTest::new(&picture).test(view, boxes, &mut reference).unwrap();
+    let reference = answers(ReferenceTest::new(&picture), view, boxes);
 
     let uploaded = GpuScene::new(gpu, scene).unwrap();
     let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();
     pass.begin(view).unwrap();
     pass.draw(&all).unwrap();
     // Not finished: an occlusion test waits for pending draws by itself.
-    let (mut query, mut raster) = (Vec::new(), Vec::new());
-    pass.query_test().unwrap().test(view, boxes, &mut query).unwrap();
-    pass.raster_test().unwrap().test(view, boxes, &mut raster).unwrap();
+    let query = answers(pass.query_test().unwrap(), view, boxes);
+    let raster = answers(pass.raster_test().unwrap(), view, boxes);
     // Testing changes nothing: the same again.
-    let mut again = Vec::new();
-    pass.query_test().unwrap().test(view, boxes, &mut again).unwrap();
-    assert_eq!(again, query);
+    assert_eq!(answers(pass.query_test().unwrap(), view, boxes), query);
     Answers { reference, query, raster }
 }
 
@@ -104,17 +100,16 @@ fn occluders_can_be_added_after_boxes_were_tested() {
     let uploaded = GpuScene::new(&gpu, &scene).unwrap();
     let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();
     let mut tested = |parts: &[&[DrawableId]]| {
-        let (mut query, mut raster, mut hzb) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut query, mut hzb) = (Vec::new(), Vec::new());
         pass.begin(&view).unwrap();
         for part in parts {
             pass.draw(part).unwrap();
             pass.finish().unwrap();
-            pass.query_test().unwrap().test(&view, &boxes, &mut query).unwrap();
-            pass.raster_test().unwrap().test(&view, &boxes, &mut raster).unwrap();
+            query = answers(pass.query_test().unwrap(), &view, &boxes);
+            assert_eq!(answers(pass.raster_test().unwrap(), &view, &boxes), query);
             if with_hzb {
-                pass.hzb_test().unwrap().test(&view, &boxes, &mut hzb).unwrap();
+                hzb = answers(pass.hzb_test().unwrap(), &view, &boxes);
             }
-            assert_eq!(query, raster);
         }
         (query, hzb)
     };
@@ -139,11 +134,10 @@ fn pictures_that_change_their_size_get_the_answers_of_new_ones() {
         let view = view(width, height, DVec3::ZERO);
         pass.begin(&view).unwrap();
         pass.draw(&ids(3)).unwrap();
-        let (mut query, mut raster) = (Vec::new(), Vec::new());
-        pass.query_test().unwrap().test(&view, &boxes, &mut query).unwrap();
-        pass.raster_test().unwrap().test(&view, &boxes, &mut raster).unwrap();
         let expected = ask(&gpu, &scene, &view, &boxes);
-        assert!(query == expected.query && raster == expected.raster, "{width} x {height}");
+        let at = format!("{width} x {height}");
+        assert!(answers(pass.query_test().unwrap(), &view, &boxes) == expected.query, "{at}");
+        assert!(answers(pass.raster_test().unwrap(), &view, &boxes) == expected.raster, "{at}");
     }
 }
 
@@ -230,20 +224,14 @@ fn batches_of_any_size_are_answered_in_order() {
     pass.draw(&ids(3)).unwrap();
     let mut random = Random::new(3);
     let boxes: Vec<TestBox> = (0..70_000).map(|_| random_box(&mut random, 0.2)).collect();
-    let mut all = Vec::new();
-    pass.raster_test().unwrap().test(&view, &boxes, &mut all).unwrap();
+    let all = answers(pass.raster_test().unwrap(), &view, &boxes);
     assert_eq!(all.len(), boxes.len());
     for count in [0, 1, 2, 999, 1000, 1001, 4500] {
-        // Earlier content of the answers must not stay.
-        let (mut query, mut raster) = (vec![9; 7], vec![9; 7]);
-        pass.query_test().unwrap().test(&view, &boxes[..count], &mut query).unwrap();
-        pass.raster_test().unwrap().test(&view, &boxes[..count], &mut raster).unwrap();
-        assert_eq!(query, all[..count], "{count} queries");
-        assert_eq!(raster, all[..count], "{count} counted");
+        let (some, expected) = (&boxes[..count], &all[..count]);
+        assert_eq!(answers(pass.query_test().unwrap(), &view, some), expected, "{count} queries");
+        assert_eq!(answers(pass.raster_test().unwrap(), &view, some), expected, "{count} counted");
     }
-    let tail = &boxes[65_000..];
-    let mut query = Vec::new();
-    pass.query_test().unwrap().test(&view, tail, &mut query).unwrap();
+    let query = answers(pass.query_test().unwrap(), &view, &boxes[65_000..]);
     assert_eq!(query, all[65_000..], "the second part of a batch that was cut in two");
     assert_eq!(pass.query_test().unwrap().answer(), Answer::PixelCount);
     assert_eq!(pass.raster_test().unwrap().answer(), Answer::PixelCount);

@@ -6,7 +6,7 @@ use trimaran_gpu::{BACKGROUND, GpuError, ItemImage, ItemPass, OccluderPass, Pict
 use trimaran_proto::DrawableId;
 use trimaran_scene::FlatObject;
 
-use crate::common::{CheckedGpu, NEAR, ids, triangles, upload, view, wall};
+use crate::common::{CheckedGpu, NEAR, depth, ids, items, pixels, triangles, upload, view, wall};
 
 const NOTHING: u32 = ItemImage::BACKGROUND;
 
@@ -31,18 +31,12 @@ fn a_triangle_covers_exactly_its_pixels_in_every_pass() {
     assert_eq!(covered.iter().filter(|&&c| c).count(), 15);
 
     let mut occluders = OccluderPass::new(&scene, view.viewport()).unwrap();
-    occluders.begin(&view).unwrap();
-    occluders.draw(&ids(1)).unwrap();
-    occluders.finish().unwrap();
     let expected: Vec<f32> = covered.iter().map(|&c| if c { NEAR / 2.0 } else { 0.0 }).collect();
-    assert_eq!(occluders.read_depth().unwrap().depth(), expected);
+    assert_eq!(depth(&mut occluders, &view, &ids(1)), expected);
 
     let mut picture_pass = PicturePass::new(&scene, view.viewport()).unwrap();
-    picture_pass.begin(&view).unwrap();
-    picture_pass.draw(&ids(1)).unwrap();
-    picture_pass.finish().unwrap();
-    let drawn: Vec<bool> = picture_pass.pixels().unwrap().iter().map(|&pixel| pixel != BACKGROUND).collect();
-    assert_eq!(drawn, covered);
+    let drawn = pixels(&mut picture_pass, &view, &ids(1));
+    assert_eq!(drawn.iter().map(|&pixel| pixel != BACKGROUND).collect::<Vec<_>>(), covered);
     assert_eq!(picture_pass.read_depth().unwrap().depth(), expected);
 
     let mut item_pass = ItemPass::new(&scene, view.viewport()).unwrap();
@@ -67,10 +61,8 @@ fn depth_is_near_over_distance_from_millimetres_to_kilometres() {
     let view = view(31, 17, DVec3::ZERO);
     let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
     for (id, distance) in ids(walls.len()).into_iter().zip(distances) {
-        pass.begin(&view).unwrap();
-        pass.draw(&[id]).unwrap();
         let expected = NEAR / distance;
-        for &depth in pass.read_depth().unwrap().depth() {
+        for depth in depth(&mut pass, &view, &[id]) {
             assert!((depth - expected).abs() <= expected * 2e-7, "{depth} for {expected} at {distance} m");
         }
     }
@@ -84,9 +76,8 @@ fn the_nearest_surface_shows_whatever_the_order_and_the_first_of_equal_ones() {
     let view = view(4, 4, DVec3::ZERO);
     let mut pass = ItemPass::new(&scene, view.viewport()).unwrap();
     for (order, shows) in [([0, 1, 2], 1), ([2, 1, 0], 2), ([1, 0, 2], 1), ([2, 0, 1], 2)] {
-        pass.begin(&view).unwrap();
-        pass.draw(&order.map(DrawableId)).unwrap();
-        assert!(pass.items().unwrap().iter().all(|&[drawable, _]| drawable == shows), "{order:?}");
+        let items = items(&mut pass, &view, &order.map(DrawableId));
+        assert!(items.iter().all(|&[drawable, _]| drawable == shows), "{order:?}");
     }
 }
 
@@ -131,27 +122,25 @@ fn any_size_is_drawn_to_its_last_pixel() {
     let mut item_pass = ItemPass::new(&scene, first).unwrap();
     for (width, height) in [(1, 1), (1, 7), (7, 1), (333, 777), (1023, 1023), (2, 2)] {
         let view = view(width, height, DVec3::ZERO);
-        let pixels = (width * height) as usize;
+        let count = (width * height) as usize;
 
         occluders.begin(&view).unwrap();
         occluders.draw(&ids(1)).unwrap();
         let depth = occluders.read_depth().unwrap();
         assert_eq!(depth.viewport(), view.viewport());
-        assert_eq!(depth.depth().len(), pixels);
+        assert_eq!(depth.depth().len(), count);
         assert!(depth.depth().iter().all(|&d| (d - NEAR / 2.0).abs() < 1e-7), "{width} x {height}");
 
-        picture_pass.begin(&view).unwrap();
-        picture_pass.draw(&ids(1)).unwrap();
-        picture_pass.finish().unwrap();
+        let pixels = pixels(&mut picture_pass, &view, &ids(1));
         let mut picture = Image::default();
         picture_pass.read(&mut picture).unwrap();
-        assert_eq!((picture.width, picture.height, picture.rgba.len()), (width, height, 4 * pixels));
-        assert!(picture.rgba.chunks(4).all(|pixel| pixel != BACKGROUND && pixel[3] == 255));
+        assert_eq!((picture.width, picture.height, picture.rgba.len()), (width, height, 4 * count));
+        assert_eq!(picture.rgba, pixels.as_flattened());
+        assert!(pixels.iter().all(|&pixel| pixel != BACKGROUND && pixel[3] == 255));
 
-        item_pass.begin(&view).unwrap();
-        item_pass.draw(&ids(1)).unwrap();
-        assert_eq!(item_pass.items().unwrap().len(), pixels);
-        assert!(item_pass.items().unwrap().iter().all(|&[drawable, triangle]| drawable == 0 && triangle < 2));
+        let items = items(&mut item_pass, &view, &ids(1));
+        assert_eq!(items.len(), count);
+        assert!(items.iter().all(|&[drawable, triangle]| drawable == 0 && triangle < 2));
     }
 }
 
@@ -171,14 +160,9 @@ fn no_draws_give_the_background() {
     let scene = upload(&gpu, &[known_triangle()]);
     let view = view(5, 3, DVec3::ZERO);
     let mut occluders = OccluderPass::new(&scene, view.viewport()).unwrap();
-    occluders.begin(&view).unwrap();
-    occluders.draw(&ids(1)).unwrap();
-    occluders.finish().unwrap();
+    assert_ne!(depth(&mut occluders, &view, &ids(1)), [0.0; 15]);
     // Nothing of the frame before may remain.
-    occluders.begin(&view).unwrap();
-    occluders.draw(&[]).unwrap();
-    occluders.finish().unwrap();
-    assert_eq!(occluders.read_depth().unwrap().depth(), [0.0; 15]);
+    assert_eq!(depth(&mut occluders, &view, &[]), [0.0; 15]);
 
     let mut picture_pass = PicturePass::new(&scene, view.viewport()).unwrap();
     picture_pass.begin(&view).unwrap();
@@ -227,14 +211,10 @@ fn occluders_are_drawn_a_64th_of_a_pixel_farther_than_the_picture_where_they_are
     let scene = upload(&gpu, &[triangles(&corners), wall(Vec3::new(0.0, 0.8, -1.0), 1.0, 0.2)]);
     let view = view(64, 64, DVec3::ZERO);
     let mut occluders = OccluderPass::new(&scene, view.viewport()).unwrap();
-    occluders.begin(&view).unwrap();
-    occluders.draw(&ids(2)).unwrap();
-    let farther = occluders.read_depth().unwrap().depth().to_vec();
+    let farther = depth(&mut occluders, &view, &ids(2));
     let mut pictures = PicturePass::new(&scene, view.viewport()).unwrap();
-    pictures.begin(&view).unwrap();
-    pictures.draw(&ids(2)).unwrap();
-    pictures.finish().unwrap();
-    let depth = pictures.read_depth().unwrap().depth().to_vec();
+    pixels(&mut pictures, &view, &ids(2));
+    let depth = pictures.read_depth().unwrap().depth();
 
     // The wall faces the eye.
     assert_eq!((farther[5 * 64 + 30], depth[5 * 64 + 30]), (NEAR, NEAR));
@@ -301,9 +281,7 @@ fn five_thousand_draws_show_the_nearest_of_each_pixel() {
     let scene = upload(&gpu, &walls);
     let view = view(100, 100, DVec3::ZERO);
     let mut pass = ItemPass::new(&scene, view.viewport()).unwrap();
-    pass.begin(&view).unwrap();
-    pass.draw(&ids(5_000)).unwrap();
-    for (pixel, &[drawable, _]) in pass.items().unwrap().iter().enumerate() {
+    for (pixel, [drawable, _]) in items(&mut pass, &view, &ids(5_000)).into_iter().enumerate() {
         assert_eq!(drawable, 4_900 + pixel as u32 % 100);
     }
 }
@@ -311,7 +289,6 @@ fn five_thousand_draws_show_the_nearest_of_each_pixel() {
 #[test]
 fn a_scene_far_from_the_origin_draws_as_at_the_origin() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let view_at = |origin: DVec3| view(128, 128, origin);
     let mut results = Vec::new();
     for far in [0.0, 1e6, 1e7, 1e8] {
         let origin = DVec3::new(far, -0.5 * far, 0.25 * far);
@@ -320,11 +297,9 @@ fn a_scene_far_from_the_origin_draws_as_at_the_origin() {
             .map(|part| FlatObject { origin: origin + DVec3::new(0.25, 0.0, -0.5), ..part })
             .collect();
         let scene = upload(&gpu, &parts);
-        let view = view_at(origin);
+        let view = view(128, 128, origin);
         let mut pass = ItemPass::new(&scene, view.viewport()).unwrap();
-        pass.begin(&view).unwrap();
-        pass.draw(&ids(300)).unwrap();
-        results.push(pass.items().unwrap().to_vec());
+        results.push(items(&mut pass, &view, &ids(300)));
     }
     assert!(results[0].iter().any(|&[drawable, _]| drawable != NOTHING));
     // These offsets are exact in f64 at every origin, so the pictures are the same to the last bit.
@@ -340,12 +315,7 @@ fn mirrored_and_scaled_nodes_draw_as_their_geometry_would() {
     let scene = upload(&gpu, &[part, baked]);
     let view = view(64, 64, DVec3::ZERO);
     let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
-    let mut depth_of = |id| {
-        pass.begin(&view).unwrap();
-        pass.draw(&[DrawableId(id)]).unwrap();
-        pass.read_depth().unwrap().depth().to_vec()
-    };
-    let (placed, baked) = (depth_of(0), depth_of(1));
+    let [placed, baked] = [0, 1].map(|id| depth(&mut pass, &view, &[DrawableId(id)]));
     assert!(placed.iter().any(|&depth| depth > 0.0));
     assert_eq!(placed, baked);
 }
@@ -357,14 +327,7 @@ fn the_next_picture_is_prepared_while_this_one_is_drawn() {
     let scene = upload(&gpu, &[wall(-1.0), wall(0.0), wall(1.0)]);
     let view = view(40, 40, DVec3::ZERO);
     let mut pass = PicturePass::new(&scene, view.viewport()).unwrap();
-    let alone: Vec<_> = (0..3)
-        .map(|id| {
-            pass.begin(&view).unwrap();
-            pass.draw(&[DrawableId(id)]).unwrap();
-            pass.finish().unwrap();
-            pass.pixels().unwrap().to_vec()
-        })
-        .collect();
+    let alone: Vec<_> = (0..3).map(|id| pixels(&mut pass, &view, &[DrawableId(id)])).collect();
     assert_ne!(alone[0], alone[1]);
     let mut overlapped = Vec::new();
     for id in 0..3 {
@@ -391,13 +354,7 @@ fn both_sides_of_a_surface_are_lit_alike_and_slopes_differently() {
     let scene = upload(&gpu, &[front, back, floor]);
     let view = view(16, 16, DVec3::ZERO);
     let mut pass = PicturePass::new(&scene, view.viewport()).unwrap();
-    let mut colour_of = |id| {
-        pass.begin(&view).unwrap();
-        pass.draw(&[DrawableId(id)]).unwrap();
-        pass.finish().unwrap();
-        pass.pixels().unwrap()[15 * 16 + 8]
-    };
-    let (front, back, floor) = (colour_of(0), colour_of(1), colour_of(2));
+    let [front, back, floor] = [0, 1, 2].map(|id| pixels(&mut pass, &view, &[DrawableId(id)])[15 * 16 + 8]);
     assert_eq!(front, back);
     assert!(floor[0] > front[0] + 10, "a floor {floor:?} is lighter than a wall {front:?}");
     assert!(front[0] > front[1] && front[1] > front[2], "the base colour shows: {front:?}");

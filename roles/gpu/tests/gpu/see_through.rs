@@ -7,7 +7,7 @@ use trimaran_gpu::{BACKGROUND, GpuError, GpuScene, ItemPass, PicturePass, SEE_TH
 use trimaran_proto::{DrawableId, Sections};
 use trimaran_scene::{FlatObject, Rgba8, random::Random};
 
-use crate::common::{CheckedGpu, upload, view, wall};
+use crate::common::{CheckedGpu, items, upload, view, wall};
 use crate::sections::{plane, random_sections};
 
 /// A picture and its depth.
@@ -174,7 +174,7 @@ fn a_picture_is_the_same_to_the_bit_without_the_panes_that_are_hidden() {
     let scene = plant(7, 800, DVec3::ZERO).unwrap();
     let uploaded = GpuScene::new(&gpu, &scene).unwrap();
     let mut pass = PicturePass::new(&uploaded, size).unwrap();
-    let mut items = ItemPass::new(&uploaded, size).unwrap();
+    let mut item_pass = ItemPass::new(&uploaded, size).unwrap();
     let mut random = Random::new(31);
     let (mut hidden, mut seen) = (0, 0);
     let views = plant_views(7, 800, DVec3::ZERO, size, 30).unwrap();
@@ -186,10 +186,8 @@ fn a_picture_is_the_same_to_the_bit_without_the_panes_that_are_hidden() {
         let (mut panes, solid): (Vec<_>, Vec<_>) = ids.into_iter().partition(|_| random.chance(0.5));
         panes.reverse();
         let mut shows = |pane: &DrawableId| {
-            items.begin(&view).unwrap();
-            items.draw(&solid).unwrap();
-            items.draw(&[*pane]).unwrap();
-            items.items().unwrap().iter().any(|[drawable, _]| *drawable == pane.0)
+            let all = [&solid[..], &[*pane]].concat();
+            items(&mut item_pass, &view, &all).iter().any(|[drawable, _]| *drawable == pane.0)
         };
         let shown: Vec<_> = panes.iter().copied().filter(&mut shows).collect();
         let all = picture(&mut pass, &view, &solid, &panes);

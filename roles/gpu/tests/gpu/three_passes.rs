@@ -8,7 +8,7 @@ use trimaran_gpu::{GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use crate::common::CheckedGpu;
+use crate::common::{CheckedGpu, depth, items, pixels};
 
 /// The three passes over one scene.
 pub(crate) struct Passes {
@@ -41,18 +41,11 @@ impl Passes {
     }
 
     pub(crate) fn draw(&mut self, view: &View, ids: &[DrawableId]) -> Drawn {
-        self.occluders.begin(view).unwrap();
-        self.occluders.draw(ids).unwrap();
-        self.picture.begin(view).unwrap();
-        self.picture.draw(ids).unwrap();
-        self.picture.finish().unwrap();
-        self.items.begin(view).unwrap();
-        self.items.draw(ids).unwrap();
         Drawn {
-            occluders: self.occluders.read_depth().unwrap().depth().to_vec(),
+            occluders: depth(&mut self.occluders, view, ids),
+            pixels: pixels(&mut self.picture, view, ids),
             depth: self.picture.read_depth().unwrap().depth().to_vec(),
-            pixels: self.picture.pixels().unwrap().to_vec(),
-            items: self.items.items().unwrap().to_vec(),
+            items: items(&mut self.items, view, ids),
         }
     }
 

@@ -7,11 +7,11 @@ use std::sync::Arc;
 use glam::DVec3;
 use proptest::prelude::*;
 use trimaran_cull::View;
-use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
+use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{FlatObject, ReadCause, Scene};
 
-use crate::common::{CheckedGpu, ids, scene, triangles, view};
+use crate::common::{self, CheckedGpu, ids, pixels, scene, triangles, view};
 
 /// A bumpy square that faces the eye, of `2 * n * n` triangles, at this place.
 fn sheet(n: u32, x: f32, y: f32, z: f32) -> FlatObject {
@@ -41,20 +41,8 @@ fn with_memory(memory: Option<u64>) -> Option<CheckedGpu> {
     CheckedGpu::with(GpuOptions { memory, ..GpuOptions::default() })
 }
 
-fn picture(pass: &mut PicturePass, view: &View, ids: &[DrawableId]) -> Vec<[u8; 4]> {
-    pass.begin(view).unwrap();
-    pass.draw(ids).unwrap();
-    pass.finish().unwrap();
-    pass.pixels().unwrap().to_vec()
-}
-
-fn items(drawn: &Arc<GpuScene>, view: &View, ids: &[DrawableId]) -> ItemImage {
-    let mut pass = ItemPass::new(drawn, view.viewport()).unwrap();
-    let mut image = ItemImage::default();
-    pass.begin(view).unwrap();
-    pass.draw(ids).unwrap();
-    pass.read(&mut image).unwrap();
-    image
+fn items(drawn: &Arc<GpuScene>, view: &View, ids: &[DrawableId]) -> Vec<[u32; 2]> {
+    common::items(&mut ItemPass::new(drawn, view.viewport()).unwrap(), view, ids)
 }
 
 #[test]
@@ -64,7 +52,7 @@ fn a_frame_larger_than_the_memory_is_drawn_in_parts_and_looks_the_same() {
     let (view, ids) = (view(160, 120, DVec3::ZERO), ids(40));
     let all = GpuScene::new(&gpu, &scene).unwrap();
     let mut pass = PicturePass::new(&all, view.viewport()).unwrap();
-    let expected = picture(&mut pass, &view, &ids);
+    let expected = pixels(&mut pass, &view, &ids);
     let expected_items = items(&all, &view, &ids);
     assert_eq!(all.working_set().dropped, 0);
     let whole = all.working_set().resident_bytes;
@@ -74,7 +62,7 @@ fn a_frame_larger_than_the_memory_is_drawn_in_parts_and_looks_the_same() {
     let drawn = GpuScene::new(&small, &scene).unwrap();
     let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
     for _ in 0..3 {
-        assert!(picture(&mut pass, &view, &ids) == expected);
+        assert!(pixels(&mut pass, &view, &ids) == expected);
     }
     assert!(items(&drawn, &view, &ids) == expected_items);
     let set = drawn.working_set();
@@ -90,7 +78,7 @@ fn a_frame_is_begun_while_the_last_one_still_holds_all_of_the_memory() {
     let drawn = GpuScene::new(&small, &scene).unwrap();
     let (front, back) = (ids(24)[..12].to_vec(), ids(24)[12..].to_vec());
     let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
-    let [first, second] = [&front, &back].map(|ids| picture(&mut pass, &view, ids));
+    let [first, second] = [&front, &back].map(|ids| pixels(&mut pass, &view, ids));
     assert!(first != second);
     // Like a display that prepares a frame while the last one is drawn.
     pass.begin(&view).unwrap();
@@ -112,10 +100,7 @@ fn occluders_without_room_are_left_out_and_the_others_hide_as_before() {
     let depth = |gpu: &Arc<Gpu>| {
         let drawn = GpuScene::new(gpu, &scene).unwrap();
         let mut pass = OccluderPass::new(&drawn, view.viewport()).unwrap();
-        pass.begin(&view).unwrap();
-        pass.draw(&ids).unwrap();
-        pass.finish().unwrap();
-        (pass.read_depth().unwrap().depth().to_vec(), drawn.working_set().loaded)
+        (common::depth(&mut pass, &view, &ids), drawn.working_set().loaded)
     };
     let (Some(large), Some(small)) = (with_memory(None), with_memory(Some(400 << 10))) else { return };
     let ((all, loaded_all), (some, loaded_some)) = (depth(&large), depth(&small));
@@ -133,10 +118,10 @@ fn what_is_drawn_each_frame_stays_whatever_comes_and_goes() {
     let view = view(32, 32, DVec3::ZERO);
     let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
     let always = [DrawableId(3), DrawableId(7)];
-    picture(&mut pass, &view, &always);
+    pixels(&mut pass, &view, &always);
     let mut brought = drawn.working_set().loaded;
     for other in (0..40).filter(|id| ![3, 7].contains(id)).map(DrawableId) {
-        picture(&mut pass, &view, &[always[0], other, always[1]]);
+        pixels(&mut pass, &view, &[always[0], other, always[1]]);
         brought += 1;
         assert_eq!(drawn.working_set().loaded, brought, "only {other} is new");
     }
@@ -160,7 +145,7 @@ fn a_drawable_larger_than_the_memory_is_an_error_that_says_how_much_it_takes() {
         other => panic!("{other:?}"),
     }
     // Drawables that fit can still be drawn.
-    assert!(picture(&mut pass, &view, &[DrawableId(0)]).iter().any(|pixel| pixel[..3] != [0; 3]));
+    assert!(pixels(&mut pass, &view, &[DrawableId(0)]).iter().any(|pixel| pixel[..3] != [0; 3]));
 }
 
 #[test]
@@ -174,7 +159,7 @@ fn a_damaged_piece_is_an_error_of_the_frame_that_needs_it() {
     let drawn = GpuScene::new(&gpu, &scene).unwrap();
     let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
     let ids = ids(40);
-    let before = picture(&mut pass, &view, &ids[..1]);
+    let before = pixels(&mut pass, &view, &ids[..1]);
     // Past the directory and the first pages: into the last pieces.
     let file = OpenOptions::new().write(true).open(&path).unwrap();
     let end = file.metadata().unwrap().len();
@@ -186,7 +171,7 @@ fn a_damaged_piece_is_an_error_of_the_frame_that_needs_it() {
     assert!(fault.bytes.contains(&(end * 3 / 4)), "{fault}");
     assert!(fault.to_string().contains("sheets.scene"), "{fault}");
     // Geometry on the device is drawn as before.
-    assert!(picture(&mut pass, &view, &ids[..1]) == before);
+    assert!(pixels(&mut pass, &view, &ids[..1]) == before);
 }
 
 #[test]
@@ -197,7 +182,7 @@ fn a_scene_whose_file_is_deleted_or_replaced_is_drawn_on_as_it_was() {
     let (view, ids) = (view(64, 64, DVec3::ZERO), ids(20));
     let expected = {
         let drawn = GpuScene::new(&gpu, &Arc::new(sheets(20))).unwrap();
-        picture(&mut PicturePass::new(&drawn, view.viewport()).unwrap(), &view, &ids)
+        pixels(&mut PicturePass::new(&drawn, view.viewport()).unwrap(), &view, &ids)
     };
     let replace = |path: &std::path::Path| sheets(3).save(path).unwrap();
     let delete = |path: &std::path::Path| std::fs::remove_file(path).unwrap();
@@ -206,7 +191,7 @@ fn a_scene_whose_file_is_deleted_or_replaced_is_drawn_on_as_it_was() {
         let drawn = GpuScene::new(&gpu, &Arc::new(Scene::open(&path).unwrap())).unwrap();
         becomes(&path);
         let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
-        assert!(picture(&mut pass, &view, &ids) == expected);
+        assert!(pixels(&mut pass, &view, &ids) == expected);
     }
 }
 
@@ -233,7 +218,7 @@ proptest! {
             occluders.begin(&view).unwrap();
             occluders.draw(&ids).unwrap();
             occluders.flush().unwrap();
-            let [expected, found] = pictures.each_mut().map(|pass| picture(pass, &view, &ids));
+            let [expected, found] = pictures.each_mut().map(|pass| pixels(pass, &view, &ids));
             prop_assert!(expected == found);
             occluders.finish().unwrap();
             let set = drawn[1].working_set();

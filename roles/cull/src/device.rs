@@ -1,0 +1,95 @@
+//! The GPU interface of the roles: they run on Vulkan or on the f64 reference alike.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use trimaran_proto::{DrawableId, OcclusionTestKind};
+
+use crate::{DepthImage, Image, OcclusionTest, View};
+
+/// Whether a wait for a device is to end before its work is done.
+pub type Cancel = Arc<dyn Fn() -> bool + Send + Sync>;
+
+/// The device of a culler: it draws occluders and culls against their depth, which stays on it (paper,
+/// section 3.2). As an [`OcclusionTest`] it tests against the most recently finished occluders.
+pub trait CullerDevice: OcclusionTest {
+    /// Whether this error makes the device unusable for all roles. Any other error ends only its own session.
+    fn is_lost(error: &Self::Error) -> bool {
+        let _ = error;
+        true
+    }
+
+    /// Called before the role begins: once `cancel` says so, waits for the device end soon, with an error. A
+    /// device that never waits long may ignore it.
+    fn cancel_on(&mut self, cancel: &Cancel) {
+        let _ = cancel;
+    }
+
+    /// Uses this occlusion test from the next frame on. A device with only one test may ignore it.
+    fn change_occlusion_test(&mut self, kind: OcclusionTestKind) {
+        let _ = kind;
+    }
+
+    /// Starts the occluders of a frame: clears the depth and sets the camera.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn begin_occluders(&mut self, view: &View) -> Result<(), Self::Error>;
+
+    /// Draws some more occluders. The result does not depend on their order or grouping.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error>;
+
+    /// Completes the depth and returns the device's busy time. More occluders may be drawn over it
+    /// afterwards, and it be completed again.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn finish_occluders(&mut self) -> Result<Duration, Self::Error>;
+
+    /// Draws some more occluders, and completes the depth.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn add_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error> {
+        self.draw_occluders(ids)?;
+        self.finish_occluders()?;
+        Ok(())
+    }
+
+    /// The depth of the most recently finished occluders, for audits. Sessions leave it on the device.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, Self::Error>;
+}
+
+/// The display's device: it draws the visible drawables.
+pub trait PictureDevice {
+    /// Why the device failed.
+    type Error: std::error::Error + Send + Sync + 'static;
+
+    /// As [`CullerDevice::cancel_on`].
+    fn cancel_on(&mut self, cancel: &Cancel) {
+        let _ = cancel;
+    }
+
+    /// Draws `solid`, then `see_through` over it, each in the given order, and waits for the end.
+    ///
+    /// # Errors
+    /// As the device says.
+    fn draw(
+        &mut self,
+        view: &View,
+        solid: &[DrawableId],
+        see_through: &[DrawableId],
+    ) -> Result<(), Self::Error>;
+
+    /// Reads the last picture back into `picture`, reusing its memory.
+    ///
+    /// # Errors
+    /// Those of the device.
+    fn read(&mut self, picture: &mut Image) -> Result<(), Self::Error>;
+}
