@@ -58,8 +58,8 @@ pub fn looks_like_a_scene(head: &[u8]) -> bool {
 /// that later code can trust them: every index is in range, every box finite, errors never fall towards the
 /// root.
 ///
-/// Unreadable parts appear absent. After a traversal check [`fault_here`](Self::fault_here) before using the
-/// result: culling and drawing do.
+/// A traversal leaves out parts that cannot be read. Run it within [`reading`](Self::reading), which returns
+/// the error.
 #[derive(Debug)]
 pub struct Scene {
     file: Arc<SceneFile>,
@@ -114,8 +114,8 @@ impl Scene {
     /// its tree. All else is checked on first use.
     ///
     /// **An open scene never changes.** A file that is replaced or deleted stays readable. One that is
-    /// overwritten in place no longer matches its fingerprint: loaded parts stay, and others are a
-    /// [`fault`](Self::fault).
+    /// overwritten in place no longer matches its fingerprint: loaded parts stay, and others cannot
+    /// be read.
     ///
     /// # Errors
     /// The error in the file, and the remedy. [`OpenError::may_pass`] tells a file that is not there yet or
@@ -255,7 +255,7 @@ impl Scene {
     }
 
     /// The name of an object (index into [`Scene::objects`]); `None` past their end, empty if the object has
-    /// no name.
+    /// no name. `None` as well if it cannot be read, which [`reading`](Self::reading) tells.
     #[must_use]
     pub fn object_name(&self, object: u32) -> Option<&str> {
         let record = self.objects().get(object as usize)?;
@@ -319,8 +319,8 @@ impl Scene {
         Ok(hierarchy)
     }
 
-    /// A drawable's triangles, in its node's local frame. None if they cannot be read; see
-    /// [`fault`](Self::fault).
+    /// A drawable's triangles, in its node's local frame. None if they cannot be read, which
+    /// [`reading`](Self::reading) tells.
     pub fn triangles(&self, drawable: &Drawable) -> impl Iterator<Item = [Vec3; 3]> + use<> {
         let geometry = self.geometry(drawable.geometry).unwrap_or_else(|fault| {
             self.set_fault(fault);
@@ -354,18 +354,18 @@ impl Scene {
         self.file.header().scene_hash()
     }
 
-    /// The first unreadable part that was requested, if any. Results from the scene since then are
-    /// incomplete.
+    /// The first unreadable part that any thread has requested, for reports.
     #[must_use]
     pub fn fault(&self) -> Option<&ReadError> {
         self.faults.first()
     }
 
-    /// The last unreadable part that the calling thread has requested, if any. Threads that request other
-    /// parts are not affected.
-    #[must_use]
-    pub fn fault_here(&self) -> Option<ReadError> {
-        self.faults.here()
+    /// The result of `work`, for which no part of the scene was left out as unreadable.
+    ///
+    /// # Errors
+    /// The last unreadable part that `work` requests on this thread.
+    pub fn reading<T>(&self, work: impl FnOnce() -> T) -> Result<T, ReadError> {
+        self.faults.within(work)
     }
 
     /// Bytes of records in memory, and of given geometry.
@@ -479,14 +479,11 @@ impl GeometryReader<'_> {
     /// Applies `take` to a piece as stored in the file.
     fn packed<T>(&mut self, number: u32, take: impl FnOnce(&[u8]) -> T) -> Result<T, ReadError> {
         let scene = self.scene;
-        let missing = || {
-            let error = self.error(number, GeometryError::Length(0).into());
-            scene.fault().cloned().unwrap_or(error)
-        };
+        let missing = || self.error(number, GeometryError::Length(0).into());
         if let Some(given) = &scene.given {
             return given.geometry(number).map(|bytes| take(&bytes)).ok_or_else(missing);
         }
-        let place = scene.places().get(number as usize).ok_or_else(missing)?;
+        let place = scene.places().read(number as usize)?.ok_or_else(missing)?;
         Ok(take(scene.file.geometry(number as usize, place, &mut self.page)?))
     }
 
