@@ -37,7 +37,7 @@ use trimaran::{
     walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices},
 };
 use trimaran_actors::{
-    CullerId, DisplayRole, PeerEndpoint, Peers, SceneCulling, ScenePictures, Schedule, Sought, Stop,
+    CullerId, DisplayRole, PeerEndpoint, Peers, PeersConfig, SceneCulling, ScenePictures, Schedule, Stop,
     Stopwatch, Turns, max_frame,
 };
 use trimaran_cull::{LodRule, Viewport};
@@ -304,7 +304,7 @@ fn walk(
     let mut options = Options::default();
     options.link.max_frame = max_frame(&devices.scene);
     let peer = |culler: &Culler| PeerEndpoint { endpoint: culler.endpoint.clone(), options: options.clone() };
-    let sought = Sought {
+    let sought = PeersConfig {
         identity: Identity {
             role: Role::Display,
             scene: Some(devices.scene.outline()),

@@ -58,10 +58,10 @@ impl CullerWork for Culling {
         }
     }
 
-    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
+    async fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
         match &mut self.work {
-            Work::Scene(work) => work.begin_occluders(camera, as_they_come),
-            Work::Whole(work) => work.begin_occluders(camera, as_they_come),
+            Work::Scene(work) => work.begin_occluders(camera, as_they_come).await,
+            Work::Whole(work) => work.begin_occluders(camera, as_they_come).await,
         }
     }
 
@@ -86,10 +86,10 @@ impl CullerWork for Culling {
         }
     }
 
-    fn frame_stats(&mut self, away: Duration) -> FrameStats {
+    fn frame_stats(&mut self) -> FrameStats {
         match &mut self.work {
-            Work::Scene(work) => work.frame_stats(away),
-            Work::Whole(work) => work.frame_stats(away),
+            Work::Scene(work) => work.frame_stats(),
+            Work::Whole(work) => work.frame_stats(),
         }
     }
 }
@@ -129,7 +129,6 @@ pub(super) struct WholeFrames {
     last: Vec<DrawableId>,
     found: Vec<DrawableId>,
     stats: FrameStats,
-    or_end: Duration,
 }
 
 impl WholeFrames {
@@ -149,7 +148,6 @@ impl WholeFrames {
             last: Vec::new(),
             found: Vec::new(),
             stats: FrameStats::default(),
-            or_end: Duration::ZERO,
         }
     }
 }
@@ -164,7 +162,7 @@ impl CullerWork for WholeFrames {
         self.state = state.clone();
     }
 
-    fn begin_occluders(&mut self, camera: Camera, _as_they_come: bool) -> Result<(), RoleError> {
+    async fn begin_occluders(&mut self, camera: Camera, _as_they_come: bool) -> Result<(), RoleError> {
         self.view = View::of(camera, &self.state);
         self.last.clear();
         self.stats = FrameStats { frame: camera.frame(), ..FrameStats::default() };
@@ -182,9 +180,8 @@ impl CullerWork for WholeFrames {
         let drawn = self.culler.draw_occluders(seen, &self.last)?;
         self.stats.occluders = u32::try_from(drawn.len()).unwrap_or(u32::MAX);
         self.stats.occluder_triangles = triangles(&self.scene, drawn);
-        self.or_end = self.clock.elapsed();
         self.stats.or_start_ns = nanoseconds(start);
-        self.stats.or_end_ns = nanoseconds(self.or_end);
+        self.stats.or_end_ns = nanoseconds(self.clock.elapsed());
         self.stats.or_busy_ns = self.stats.or_end_ns - self.stats.or_start_ns;
         Ok(())
     }
@@ -196,9 +193,9 @@ impl CullerWork for WholeFrames {
         visible.push(&self.found).await
     }
 
-    fn frame_stats(&mut self, away: Duration) -> FrameStats {
+    fn frame_stats(&mut self) -> FrameStats {
         self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
-        self.stats.hc_start_ns = nanoseconds(self.or_end + away);
+        self.stats.hc_start_ns = self.stats.or_end_ns;
         self.stats
     }
 }

@@ -7,7 +7,10 @@ use std::{
     time::Duration,
 };
 
-use futures_util::{FutureExt, future::select_all};
+use futures_util::{
+    FutureExt,
+    future::{OptionFuture, select_all},
+};
 use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes, ViewVersion};
 use trimaran_transport::{FrameOutcome, Instant, LinkStats, Net, RecvError};
 
@@ -20,8 +23,8 @@ use crate::{
     deal::{CullerId, Disorder},
     ids::FrameIds,
     links::{FrameEvent, Link, MessageSender, sent_bytes},
-    peers::{Arrival, Seat},
-    supply::{DisplayEnd, Holdings, SupplyError},
+    peers::{Arrival, SlotGuard},
+    supply::{DisplayEnd, Holdings},
 };
 
 /// A culler of a display.
@@ -42,7 +45,7 @@ pub(super) struct CullerLink {
     /// The link's traffic at the end of the last frame.
     carried: LinkStats,
     /// Its slot, free on drop.
-    _seat: Seat,
+    _slot: SlotGuard,
 }
 
 /// The received part of a frame.
@@ -98,7 +101,7 @@ pub(super) enum Heard {
     /// All of the frame has arrived.
     Whole(Box<Culled>),
     /// Another message.
-    Said(RoleMessage),
+    Message(RoleMessage),
     /// It left, or broke the protocol.
     Gone(RoleError),
 }
@@ -113,7 +116,7 @@ pub(super) async fn first_of(cullers: &mut [CullerLink], clock: &Stopwatch) -> (
 }
 
 impl CullerLink {
-    pub(super) fn new(id: CullerId, Arrival { link, at, seat, .. }: Arrival, drawables: u32) -> Self {
+    pub(super) fn new(id: CullerId, Arrival { link, at, slot, .. }: Arrival, drawables: u32) -> Self {
         let (ids, carried) = (FrameIds::of(drawables), link.stats.read());
         let at = at.map(|at| at.to_string());
         Self {
@@ -126,7 +129,7 @@ impl CullerLink {
             supply: None,
             arriving: None,
             carried,
-            _seat: seat,
+            _slot: slot,
         }
     }
 
@@ -162,11 +165,11 @@ impl CullerLink {
                 Ok(None) => tokio::select! {
                     biased;
                     event = self.link.frames_rx.recv() => (event, false),
-                    said = self.link.messages_rx.recv() => match said {
-                        Ok(said) => return Heard::Said(said),
+                    message = self.link.messages_rx.recv() => match message {
+                        Ok(message) => return Heard::Message(message),
                         Err(end) => (Err(end), false),
                     },
-                    cause = failed(&mut self.supply) => {
+                    Some(cause) = OptionFuture::from(self.supply.as_mut().map(DisplayEnd::failed)) => {
                         let (peer, cause) = (self.id.to_string(), Box::new(cause));
                         return Heard::Gone(RoleError::Supplied { peer, cause });
                     }
@@ -234,14 +237,6 @@ impl CullerLink {
             (FrameEvent::Begin(_), Some(_)) => Err(disorder(Disorder::Unexpected("the begin of a frame"))),
             (FrameEvent::Batch(_), None) => Err(disorder(Disorder::Unexpected("a batch of ids"))),
         }
-    }
-}
-
-/// Waits for an error in its geometry. Pending for ever if none is sent. Dropping the future loses nothing.
-async fn failed(supply: &mut Option<DisplayEnd>) -> SupplyError {
-    match supply {
-        Some(supply) => supply.failed().await,
-        None => pending().await,
     }
 }
 

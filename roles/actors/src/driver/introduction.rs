@@ -35,9 +35,9 @@ enum State {
         then: Option<Box<Word>>,
         met: Vec<CullerId>,
     },
-    /// They are to take turns, and know the first frame; these are ready.
+    /// They are to alternate, and know the first frame; these are ready.
     Switching { key: SessionKey, two: [CullerId; 2], ready: Vec<CullerId> },
-    /// They take turns.
+    /// They alternate.
     Switched { key: SessionKey, two: [CullerId; 2] },
 }
 
@@ -92,11 +92,11 @@ impl Introduction {
     pub(super) fn hear(
         &mut self,
         from: CullerId,
-        said: &RoleMessage,
+        message: &RoleMessage,
         dealer: &mut Dealer,
         now: Instant,
     ) -> Vec<Word> {
-        match (said, &mut self.state) {
+        match (message, &mut self.state) {
             (RoleMessage::Waits { key }, State::Meeting { key: due, then, .. }) if key == due => {
                 then.take().map(|word| *word).into_iter().collect()
             }
@@ -106,7 +106,7 @@ impl Introduction {
                     return Vec::new();
                 }
                 let (key, two, first) = (*key, *two, dealer.fresh());
-                // The frames from now on are culled in turn.
+                // The frames from now on are culled alternately.
                 dealer.hold(true);
                 self.deadline = Some(now.after(SWITCHING));
                 self.state = State::Switching { key, two, ready: Vec::new() };
