@@ -80,6 +80,22 @@ pub(super) struct Culled {
 }
 
 impl Culled {
+    /// The display itself culled it.
+    pub(super) fn alone(camera: Camera, ids: Vec<DrawableId>, begun: Duration) -> Self {
+        Self {
+            camera,
+            by: None,
+            ids,
+            lacking: Vec::new(),
+            stand_ins: None,
+            may_lack_from: None,
+            missing: 0,
+            begun,
+            arrivals: Vec::new(),
+            traffic: SentBytes::default(),
+        }
+    }
+
     /// From when it may be shown with stand-ins, if there are any.
     pub(super) fn has_stand_ins_from(&self) -> Option<Instant> {
         self.may_lack_from.filter(|_| !self.lacking.is_empty() && self.stand_ins.is_some())
@@ -217,21 +233,16 @@ impl CullerLink {
                 let carried = self.link.stats.read();
                 let since = carried - std::mem::replace(&mut self.carried, carried);
                 Ok(Some(Heard::Whole(Box::new(Culled {
-                    camera,
                     by: Some(peer),
-                    ids: self.ids.finish(),
-                    lacking: Vec::new(),
-                    stand_ins: None,
-                    may_lack_from: None,
                     missing: match outcome {
                         FrameOutcome::Complete(_) => 0,
                         FrameOutcome::Incomplete { expected, received, .. } => {
                             expected.saturating_sub(received).max(1)
                         }
                     },
-                    begun,
                     arrivals,
                     traffic: sent_bytes(since.sent + since.received),
+                    ..Culled::alone(camera, self.ids.finish(), begun)
                 }))))
             }
             (FrameEvent::Begin(_), Some(_)) => Err(disorder(Disorder::Unexpected("the begin of a frame"))),

@@ -72,26 +72,22 @@ fn what_comes_once_more_counts_once() {
 }
 
 #[test]
-fn bytes_that_are_nothing_of_the_lane_are_refused() {
+fn what_cannot_be_read_or_is_of_another_scene_is_refused() {
     let refused = holdings(1).take(&[0xff; 9], &mut Arriving::default());
     assert!(matches!(refused, Err(SupplyError::Block(_))), "{refused:?}");
-}
-
-#[test]
-fn records_that_cannot_be_unpacked_are_refused() {
     let refused = take(&holdings(1), &[Supply::Entries { packed: Bytes::from_static(b"\x02\0none") }]);
     assert!(matches!(refused, Err(SupplyError::Entries(EntriesError))), "{refused:?}");
-}
-
-#[test]
-fn records_and_geometry_of_another_scene_are_refused() {
     let count = PLANT.drawables().len() as u32;
-    let refused = take(&holdings(1), &[records(&[DrawableEntry { id: count, ..entry(DrawableId(0)) }])]);
-    let why = GiveError::Number { what: "drawable", number: count, count };
-    assert!(matches!(&refused, Err(SupplyError::Give(cause)) if *cause == why), "{refused:?}");
-    let refused = take(&holdings(1), &[part(0, 3, 0, b"abc")]);
-    let why = GiveError::Geometry { number: 0, cause: GeometryError::Length(3) };
-    assert!(matches!(&refused, Err(SupplyError::Give(cause)) if *cause == why), "{refused:?}");
+    for (item, why) in [
+        (
+            records(&[DrawableEntry { id: count, ..entry(DrawableId(0)) }]),
+            GiveError::Number { what: "drawable", number: count, count },
+        ),
+        (part(0, 3, 0, b"abc"), GiveError::Geometry { number: 0, cause: GeometryError::Length(3) }),
+    ] {
+        let refused = take(&holdings(1), &[item]);
+        assert!(matches!(&refused, Err(SupplyError::Give(cause)) if *cause == why), "{refused:?}");
+    }
 }
 
 #[test]

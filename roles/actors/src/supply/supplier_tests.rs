@@ -1,12 +1,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
+use glam::{DVec3, Mat3};
 use proptest::prelude::*;
 use trimaran_cull::lod_cut;
 use trimaran_proto::{LodRule, Settings, items};
-use trimaran_scene::{
-    Drawable, Geometry, Node, ObjectRecord, Rgba8, SceneArrays, Vertex, random::Random, unpack_entries,
-};
+use trimaran_scene::{FlatObject, Rgba8, SceneArrays, random::Random, unpack_entries};
 
 use super::super::{
     holdings::{Arriving, Holdings},
@@ -19,30 +18,14 @@ const NOW: Instant = Instant::from_nanos(0);
 /// Two leaves of random triangles: each piece is larger than a few blocks.
 static LARGE: LazyLock<Arc<Scene>> = LazyLock::new(|| {
     let mut random = Random::new(1);
-    let mut noise = || {
-        let mut vertex = || Vertex::new([(); 3].map(|()| random.between(0.0, 1.0) as f32), Rgba8([9; 4]));
-        let vertices = (0..6_000).map(|_| vertex()).collect();
-        Geometry { vertices, indices: (0..6_000).collect() }
+    let mut noise = || FlatObject {
+        positions: (0..6_000).map(|_| random.point(DVec3::ZERO, DVec3::ONE).as_vec3()).collect(),
+        indices: (0..6_000).collect(),
+        colour: Rgba8([9; 4]),
+        linear: Mat3::IDENTITY,
+        origin: DVec3::ZERO,
     };
-    let node = Node { world_max: [1.0; 3], local_max: [1.0; 3], ..Node::default() };
-    let leaf = |object| Node { parent: 0, first_drawable: object, drawable_count: 1, object, ..node };
-    let drawable = |number| Drawable {
-        error: 0.0,
-        node: number + 1,
-        geometry: number,
-        triangles: 2_000,
-        sides: trimaran_scene::Sides::BOTH,
-    };
-    let object = ObjectRecord { source: 0, source_index: 0, name_start: 0, name_length: 0, node: Node::NONE };
-    let scene = Scene::from_arrays(SceneArrays {
-        nodes: vec![Node { first_child: 1, child_count: 2, ..node }, leaf(0), leaf(1)],
-        drawables: vec![drawable(0), drawable(1)],
-        geometries: vec![noise(), noise()],
-        objects: vec![object; 2],
-        sources: vec![String::new()],
-        ..SceneArrays::default()
-    });
-    Arc::new(scene.unwrap())
+    Arc::new(Scene::from_arrays(SceneArrays::flat(&[noise(), noise()])).unwrap())
 });
 
 fn ids(numbers: impl IntoIterator<Item = u32>) -> Vec<DrawableId> {
@@ -405,33 +388,28 @@ fn a_piece_larger_than_a_block_comes_in_parts_in_order() {
 }
 
 #[test]
-fn who_begins_anew_is_sent_all_anew_behind_the_rest_of_a_piece() {
-    let mut pair = Pair::new(&LARGE);
-    pair.supplier.found(&view(0), &ids([0, 1]), NOW);
-    let mut items = pair.block().unwrap();
-    pair.hear(Demand::End);
-    // Another culler supplies the display.
-    pair.supplier.found(&view(1), &ids([0, 1]), NOW);
-    pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
-    pair.hear(Demand::Taken { bytes: pair.taken });
-    pair.supplier.found(&view(2), &ids([0, 1]), NOW);
-    items.extend(pair.items());
-    assert_parts_are_in_order(&items);
-    let all = came(&items);
-    assert_eq!(all.records, [0, 1, 0, 1]);
-    assert_eq!(all.pieces, [0, 0, 1], "the piece that had begun, and then both");
-}
-
-#[test]
-fn who_is_asked_for_nothing_more_sends_the_rest_of_a_piece_alone() {
-    let mut pair = Pair::new(&LARGE);
-    pair.supplier.found(&view(0), &ids([0, 1]), NOW);
-    let mut items = pair.block().unwrap();
-    pair.hear(Demand::End);
-    pair.hear(Demand::Taken { bytes: pair.taken });
-    items.extend(pair.items());
-    assert_parts_are_in_order(&items);
-    assert_eq!(came(&items).pieces, [0]);
+fn behind_the_rest_of_a_piece_nothing_comes_until_the_display_begins_anew() {
+    for begins in [false, true] {
+        let mut pair = Pair::new(&LARGE);
+        pair.supplier.found(&view(0), &ids([0, 1]), NOW);
+        let mut items = pair.block().unwrap();
+        pair.hear(Demand::End);
+        if begins {
+            // Another culler supplies the display.
+            pair.supplier.found(&view(1), &ids([0, 1]), NOW);
+            pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
+        }
+        pair.hear(Demand::Taken { bytes: pair.taken });
+        if begins {
+            pair.supplier.found(&view(2), &ids([0, 1]), NOW);
+        }
+        items.extend(pair.items());
+        assert_parts_are_in_order(&items);
+        let all = came(&items);
+        // The piece that had begun, and then both.
+        assert_eq!(all.pieces, if begins { vec![0, 0, 1] } else { vec![0] });
+        assert!(!begins || all.records == [0, 1, 0, 1], "{all:?}");
+    }
 }
 
 #[test]
@@ -447,13 +425,6 @@ fn a_full_window_gives_no_block_until_some_was_taken() {
     assert!(pair.block().is_none(), "the first block is still under way");
     pair.hear(Demand::Taken { bytes: pair.taken });
     assert!(pair.block().is_some());
-}
-
-#[test]
-fn a_display_that_takes_what_was_not_sent_is_no_display() {
-    let mut supplier = Supplier::new(&PLANT);
-    let heard = supplier.hear(Demand::Taken { bytes: 1 }, NOW);
-    assert!(matches!(heard, Err(SupplyFault::NotSent)), "{heard:?}");
 }
 
 #[test]
@@ -486,8 +457,10 @@ fn a_display_names_nothing_that_the_scene_lacks() {
         pair.supplier.found(&view(0), &ids([0]), NOW);
         assert!(pair.came().records.contains(&0), "{demand:?} counts for nothing");
     }
-    let refused = Pair::new(&PLANT).supplier.hear(Demand::Lacks { frame, taken: 1, drawables: none() }, NOW);
-    assert!(matches!(refused, Err(SupplyFault::NotSent)), "{refused:?}");
+    for demand in [Demand::Taken { bytes: 1 }, Demand::Lacks { frame, taken: 1, drawables: none() }] {
+        let refused = Pair::new(&PLANT).supplier.hear(demand, NOW);
+        assert!(matches!(refused, Err(SupplyFault::NotSent)), "{refused:?}");
+    }
 }
 
 /// A step of supplying a display.

@@ -181,7 +181,7 @@ fn code(reason: &Option<CloseReason>) -> Option<CloseCode> {
 }
 
 #[test]
-fn sound_cullers_take_turns_and_are_told_when_the_session_is_over() {
+fn sound_cullers_cull_round_robin_and_are_told_when_the_session_is_over() {
     let setting = Setting::new();
     let (played, seen, told) = setting.play(&[Culler::Sound, Culler::Sound], Device::default());
     played.unwrap();

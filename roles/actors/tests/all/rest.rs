@@ -1,9 +1,9 @@
 //! A live display with an eye at rest.
 
-use trimaran_actors::{Cameras, LocalSession, Pace, Stop};
+use trimaran_actors::{Cameras, LocalSession, Pace};
 use trimaran_proto::{Camera, FrameNumber};
 
-use crate::common::{Device, Frames, middle, runtime, small_scene, turned};
+use crate::common::{Device, Frames, middle, play, settings, small_scene, turned};
 
 /// How often each pose is requested. The display asks every few milliseconds.
 const ASKED: u32 = 200;
@@ -29,18 +29,13 @@ impl Cameras for Resting {
 
 #[test]
 fn what_is_seen_from_where_an_eye_rests_is_found_out_once() {
-    let (scene, runtime) = (small_scene(), runtime());
+    let scene = small_scene();
     for cullers in [0, 1, 3] {
-        let (_stopper, stop) = Stop::new();
         let mut cameras = Resting { middle: middle(&scene), asked: 0, places: 5 };
         let mut frames = Frames::default();
-        let session = LocalSession {
-            pace: Pace::Live,
-            cullers,
-            ..LocalSession::new(&scene, crate::common::settings(32, 2.0), 1)
-        };
-        let device = |_| Ok(Device::default());
-        session.run(device, Device::default(), &mut cameras, &mut frames, runtime.handle(), &stop).unwrap();
+        let session = LocalSession::new(&scene, settings(32, 2.0), 1);
+        let session = LocalSession { pace: Pace::Live, cullers, ..session };
+        play(session, |_| Device::default(), Device::default(), &mut cameras, &mut frames);
         assert_eq!(frames.0.len(), 5, "{cullers} cullers: {:?}", frames.0);
     }
 }

@@ -10,13 +10,13 @@ use std::{
 
 use trimaran_actors::{
     BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, LocalSession, Observer, Pace, Schedule,
-    ShownFrame, Stop,
+    ShownFrame,
 };
 use trimaran_cull::{DepthImage, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport, occluders};
 use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, Settings};
 use trimaran_scene::Scene;
 
-use crate::common::{Device, large_scene, middle, runtime, settings, turned};
+use crate::common::{Device, large_scene, middle, play, settings, turned};
 
 const FRAMES: u32 = 10;
 const SIDE: u32 = 64;
@@ -132,15 +132,13 @@ impl Observer for Shown {
 }
 
 fn walk(scene: &Arc<Scene>) -> (Vec<Step>, Shown) {
+    let middle = middle(scene);
     let mut turning = |frame: FrameNumber| turned(middle, 0.05 * f64::from(frame.0), 1.0, frame);
     let settings = Settings { batch: BatchSize::new(16).unwrap(), ..settings(SIDE, EPSILON_PX) };
     let (log, mut shown) = (Arc::new(Log::default()), Shown::default());
-    let runtime = runtime();
-    let (_stopper, stop) = Stop::new();
-    let device = |culler| Ok(Logged { log: Arc::clone(&log), culler, frame: 0, tests: 0 });
-    LocalSession { schedule: Schedule::Switch, ..LocalSession::new(scene, settings, FRAMES) }
-        .run(device, Device::default(), &mut turning, &mut shown, runtime.handle(), &stop)
-        .unwrap();
+    let session = LocalSession { schedule: Schedule::Switch, ..LocalSession::new(scene, settings, FRAMES) };
+    let device = |culler| Logged { log: Arc::clone(&log), culler, frame: 0, tests: 0 };
+    play(session, device, Device::default(), &mut turning, &mut shown);
     let steps = log.steps.lock().unwrap().clone();
     (steps, shown)
 }
@@ -219,15 +217,17 @@ fn the_schedule_is_that_of_the_paper() {
 #[test]
 fn where_cullers_are_independent_nothing_travels_between_them() {
     let scene = large_scene();
-    let settings = settings(SIDE, EPSILON_PX);
-    let mut still = |frame| Camera::new(middle, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, frame).unwrap();
+    let session = LocalSession::new(&scene, settings(SIDE, EPSILON_PX), FRAMES);
+    let middle = middle(&scene);
+    let mut still = |frame| turned(middle, 0.0, 1.0, frame);
     let mut shown = Shown::default();
-    let runtime = runtime();
-    let (_stopper, stop) = Stop::new();
-    let device = |_| Ok(Device::default());
-    LocalSession { cullers: 3, ..LocalSession::new(&scene, settings, FRAMES) }
-        .run(device, Device::default(), &mut still, &mut shown, runtime.handle(), &stop)
-        .unwrap();
+    play(
+        LocalSession { cullers: 3, ..session },
+        |_| Device::default(),
+        Device::default(),
+        &mut still,
+        &mut shown,
+    );
     for (frame, stats) in &shown.stats {
         assert_eq!(stats.to_other.messages, 0);
         let own = frame.checked_sub(3).map(FrameNumber);
@@ -280,17 +280,9 @@ fn a_pose_that_comes_when_its_frame_has_begun_is_no_other_frame() {
     let scene = large_scene();
     let mut cameras = Restless { asked: 0, middle: middle(&scene) };
     let mut losses = Losses::default();
-    let runtime = runtime();
-    let (_stopper, stop) = Stop::new();
-    let device = |_| Ok(Device::default());
-    let settings = settings(SIDE, EPSILON_PX);
-    LocalSession {
-        schedule: Schedule::Switch,
-        pace: Pace::Live,
-        ..LocalSession::new(&scene, settings, FRAMES)
-    }
-    .run(device, Device::default(), &mut cameras, &mut losses, runtime.handle(), &stop)
-    .unwrap();
+    let session = LocalSession::new(&scene, settings(SIDE, EPSILON_PX), FRAMES);
+    let session = LocalSession { schedule: Schedule::Switch, pace: Pace::Live, ..session };
+    play(session, |_| Device::default(), Device::default(), &mut cameras, &mut losses);
     assert_eq!(losses.lost, [""; 0], "in {} frames", losses.frames);
     assert!(losses.frames > 20, "{} frames", losses.frames);
 }

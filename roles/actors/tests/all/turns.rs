@@ -10,7 +10,7 @@ use std::{
 };
 
 use trimaran_actors::{
-    BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stop, Stopwatch, Turns,
+    BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stopwatch, Turns,
 };
 use trimaran_cull::{DepthImage, Image, NoOccluders, OcclusionTest, TestBox, View, Viewport};
 use trimaran_proto::{BatchSize, DrawableId, FrameNumber, FrameStats, Settings};
@@ -132,19 +132,10 @@ fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let mut turning =
         |frame: FrameNumber| crate::common::turned(middle, 0.05 * f64::from(frame.0), 2.0, frame);
     let devices = Arc::new(Count::default());
-    let runtime = crate::common::runtime();
-    let (_stopper, stop) = Stop::new();
     let mut record = Record::default();
-    LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings, FRAMES) }
-        .run(
-            |_| Ok(Busy::new(&devices)),
-            Busy::new(&devices),
-            &mut turning,
-            &mut record,
-            runtime.handle(),
-            &stop,
-        )
-        .unwrap();
+    let session = LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings, FRAMES) };
+    let device = |_| Busy::new(&devices);
+    crate::common::play(session, device, Busy::new(&devices), &mut turning, &mut record);
     (record, devices.most.load(Ordering::SeqCst))
 }
 

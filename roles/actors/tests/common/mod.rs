@@ -10,7 +10,8 @@ use std::{
 use thiserror::Error;
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
-    BoxedError, CullerDevice, FrameStart, Link, Observer, PictureDevice, ShownFrame, Stop, max_frame,
+    BoxedError, Cameras, CullerDevice, CullerId, FrameStart, Link, LocalSession, Observer, PictureDevice,
+    ShownFrame, Stop, max_frame,
 };
 use trimaran_cook::{
     CookOptions, cook,
@@ -29,6 +30,18 @@ pub(crate) fn settings(side: u32, epsilon_px: f64) -> Settings {
 /// A runtime with a thread of its own.
 pub(crate) fn runtime() -> Runtime {
     Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap()
+}
+
+/// A whole session.
+pub(crate) fn play<D: CullerDevice>(
+    session: LocalSession,
+    device: impl Fn(Option<CullerId>) -> D + Sync,
+    screen: impl PictureDevice,
+    cameras: &mut dyn Cameras,
+    observer: &mut dyn Observer,
+) {
+    let ((_stopper, stop), runtime) = (Stop::new(), runtime());
+    session.run(|id| Ok(device(id)), screen, cameras, observer, runtime.handle(), &stop).unwrap();
 }
 
 /// A generated scene.

@@ -201,7 +201,7 @@ impl Scene {
             places: FrozenMap::new(),
             geometry: RwLock::default(),
         };
-        Self::of_nothing(Arc::new(SceneFile::absent(&outline)), given)
+        Self::of_nothing(Arc::new(SceneFile::absent(&outline)), Some(given))
     }
 
     /// The outline, which a receiver needs before any part.

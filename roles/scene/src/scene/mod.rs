@@ -159,34 +159,23 @@ impl Scene {
         let bytes = file.unpack(Section::Sources, 0, &of_all)?;
         let (sources, see_through) =
             encode::decode_sources(&bytes, header.version, header.objects).ok_or_else(damaged)?;
-        Ok(Self {
-            nodes: validate::node_pages(header.nodes as usize),
-            drawables: validate::drawable_pages(header.drawables as usize),
-            places: validate::place_pages(header.geometries as usize),
-            objects: validate::object_pages(header.objects as usize),
-            names: OnceLock::new(),
-            sources,
-            see_through,
-            faults: Faults::none(),
-            file,
-            given: None,
-        })
+        Ok(Self { sources, see_through, ..Self::of_nothing(file, None) })
     }
 
-    /// A scene without pages, with only the given parts.
-    fn of_nothing(file: Arc<SceneFile>, given: Given) -> Self {
-        let header = file.header();
+    /// A scene with no records loaded, or without pages and with only the `given` parts.
+    fn of_nothing(file: Arc<SceneFile>, given: Option<Given>) -> Self {
+        let (header, paged) = (file.header(), given.is_none());
         Self {
-            nodes: validate::node_pages(header.nodes as usize).without_pages(),
-            drawables: validate::drawable_pages(header.drawables as usize).without_pages(),
-            places: validate::place_pages(header.geometries as usize).without_pages(),
-            objects: validate::object_pages(header.objects as usize).without_pages(),
+            nodes: validate::node_pages(header.nodes as usize, paged),
+            drawables: validate::drawable_pages(header.drawables as usize, paged),
+            places: validate::place_pages(header.geometries as usize, paged),
+            objects: validate::object_pages(header.objects as usize, paged),
             names: OnceLock::new(),
             sources: Vec::new(),
             see_through: ObjectSet::default(),
             faults: Faults::none(),
             file,
-            given: Some(Box::new(given)),
+            given: given.map(Box::new),
         }
     }
 

@@ -31,8 +31,15 @@ pub(super) type FindGiven<T> = fn(&Given, u32) -> Option<&T>;
 pub(super) type Check<T> = fn(&Scene, usize, &[T]) -> Result<(), SceneError>;
 
 impl<T: Pod> Pages<T> {
-    pub(super) fn new(section: Section, length: usize, check: Check<T>, given: FindGiven<T>) -> Self {
-        let pages = length.div_ceil(section.per_page());
+    /// Without pages the records are given.
+    pub(super) fn new(
+        section: Section,
+        length: usize,
+        paged: bool,
+        check: Check<T>,
+        given: FindGiven<T>,
+    ) -> Self {
+        let pages = if paged { length.div_ceil(section.per_page()) } else { 0 };
         Self {
             pages: (0..pages).map(|_| OnceLock::new()).collect(),
             length,
@@ -41,11 +48,6 @@ impl<T: Pod> Pages<T> {
             check,
             given,
         }
-    }
-
-    /// The same without a page: its records are given.
-    pub(super) fn without_pages(self) -> Self {
-        Self { pages: Box::default(), ..self }
     }
 
     /// Records in memory.

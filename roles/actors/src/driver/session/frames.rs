@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use trimaran_proto::{Camera, FrameNumber, FrameStats, SentBytes, ViewState, ViewVersion};
+use trimaran_proto::{Camera, FrameNumber, FrameStats, ViewState, ViewVersion};
 
 use super::super::{
     culler::{CullerWork, VisibleIds},
@@ -98,18 +98,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let stats = FrameStats { occluders_of, ..alone.frame_stats() };
         // It is not shown yet.
         let _later = self.stats.note(stats);
-        let culled = Culled {
-            camera,
-            by: None,
-            ids: visible.into_found(),
-            lacking: Vec::new(),
-            stand_ins: None,
-            may_lack_from: None,
-            missing: 0,
-            begun,
-            arrivals: Vec::new(),
-            traffic: SentBytes::default(),
-        };
+        let culled = Culled::alone(camera, visible.into_found(), begun);
         self.there.insert(frame, culled);
         self.dealer.culled_itself(frame);
         Ok(())

@@ -88,7 +88,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             let supplier = find(&self.cullers, supplies.supplier);
             let taken = supplier.map_or(0, |supplier| supplier.taken());
             supplies.look(&mut culled)?;
-            if let Some(supplier) = supplier.filter(|_| !culled.lacking.is_empty()) {
+            if let Some(supplier) = supplier {
                 supplier.lacks(frame, taken, &culled.lacking);
             }
         }
@@ -177,7 +177,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let loading = self.loading.iter_mut().map(|loading| (loading.frame, &mut loading.culled));
         for (frame, culled) in self.there.iter_mut().map(|(frame, culled)| (*frame, culled)).chain(loading) {
             supplies.look(culled)?;
-            if let Some(supplier) = supplier.filter(|_| !culled.lacking.is_empty()) {
+            if let Some(supplier) = supplier {
                 supplier.lacks(frame, taken, &culled.lacking);
             }
         }
