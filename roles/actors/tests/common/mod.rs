@@ -81,7 +81,7 @@ pub(crate) async fn send_frame(
     for batch in ids.chunks(100) {
         link.frames_tx.push(batch).await.ok()?;
     }
-    link.frames_tx.finish().await.ok()
+    link.frames_tx.finish().await.ok().map(drop)
 }
 
 /// A link within this process between two roles that have this scene.
