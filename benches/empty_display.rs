@@ -14,8 +14,8 @@ use std::{cell::RefCell, error::Error, path::Path, pin::pin, sync::Arc, time::Du
 use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran_actors::{
     AheadUse, BoxedError, Cameras, CullerEvent, CullerId, CullerService, DisplayRole, DisplayWork, Observer,
-    Pace, PeerEndpoint, Peers, RoleError, SceneCulling, ScenePictures, ServiceEndpoints, SessionLimits,
-    ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading, max_frame,
+    Pace, PeerEndpoint, Peers, PeersConfig, RoleError, SceneCulling, ScenePictures, ServiceEndpoints,
+    SessionLimits, ShownFrame, Stop, Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_cull::{Image, LodRule, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
@@ -189,7 +189,7 @@ impl Bench {
         };
         let shown_on = GpuScene::new(&self.display, &supplied.scene)?;
         let pictures = VulkanDisplay::new(&shown_on, self.settings.viewport)?;
-        let sought = Sought {
+        let sought = PeersConfig {
             identity: Identity {
                 role: Role::Display,
                 scene: None,

@@ -36,8 +36,8 @@ use trimaran::{
     walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices},
 };
 use trimaran_actors::{
-    CullerId, DisplayRole, PeerEndpoint, Peers, SceneCulling, ScenePictures, Sought, Stop, Stopwatch, Turns,
-    max_frame,
+    CullerId, DisplayRole, PeerEndpoint, Peers, PeersConfig, SceneCulling, ScenePictures, Stop,
+    Stopwatch, Turns, max_frame,
 };
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::GpuOptions;
@@ -292,7 +292,7 @@ fn walk(
     let mut options = Options::default();
     options.link.max_frame = max_frame(&devices.scene);
     let peer = |culler: &Culler| PeerEndpoint { endpoint: culler.endpoint.clone(), options: options.clone() };
-    let sought = Sought {
+    let sought = PeersConfig {
         identity: Identity {
             role: Role::Display,
             scene: Some(devices.scene.outline()),

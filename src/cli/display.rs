@@ -19,7 +19,7 @@ use trimaran::{
 };
 use trimaran_actors::{
     AheadUse, Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint,
-    Peers, RoleError, ScenePictures, SessionError, ShownFrame, Sought, Stop, Supplied, Turns, max_frame,
+    Peers, PeersConfig, RoleError, ScenePictures, SessionError, ShownFrame, Stop, Supplied, Turns, max_frame,
 };
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SceneOutline, SessionKey, Settings};
@@ -258,7 +258,7 @@ pub(super) fn seek(
     endpoints: Vec<PeerEndpoint>,
     listener: Option<Listener>,
 ) -> Peers {
-    Peers::seek(net, Sought { identity, role: Role::Culler, endpoints, listener, most: CullerId::MOST })
+    Peers::seek(net, PeersConfig { identity, role: Role::Culler, endpoints, listener, most: CullerId::MOST })
 }
 
 /// Watches a walk: records it, counts its links' traffic, and tells what becomes of cullers.

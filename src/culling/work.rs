@@ -57,10 +57,10 @@ impl CullerWork for Culling {
         }
     }
 
-    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
+    async fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
         match &mut self.work {
-            Work::Scene(work) => work.begin_occluders(camera, as_they_come),
-            Work::Whole(work) => work.begin_occluders(camera, as_they_come),
+            Work::Scene(work) => work.begin_occluders(camera, as_they_come).await,
+            Work::Whole(work) => work.begin_occluders(camera, as_they_come).await,
         }
     }
 
@@ -85,10 +85,10 @@ impl CullerWork for Culling {
         }
     }
 
-    fn frame_stats(&mut self, away: Duration) -> FrameStats {
+    fn frame_stats(&mut self) -> FrameStats {
         match &mut self.work {
-            Work::Scene(work) => work.frame_stats(away),
-            Work::Whole(work) => work.frame_stats(away),
+            Work::Scene(work) => work.frame_stats(),
+            Work::Whole(work) => work.frame_stats(),
         }
     }
 }
@@ -128,7 +128,6 @@ pub(super) struct WholeFrames {
     last: Vec<DrawableId>,
     found: Vec<DrawableId>,
     stats: FrameStats,
-    or_end: Duration,
 }
 
 impl WholeFrames {
@@ -148,7 +147,6 @@ impl WholeFrames {
             last: Vec::new(),
             found: Vec::new(),
             stats: FrameStats::default(),
-            or_end: Duration::ZERO,
         }
     }
 }
@@ -163,7 +161,7 @@ impl CullerWork for WholeFrames {
         self.state = state.clone();
     }
 
-    fn begin_occluders(&mut self, camera: Camera, _as_they_come: bool) -> Result<(), RoleError> {
+    async fn begin_occluders(&mut self, camera: Camera, _as_they_come: bool) -> Result<(), RoleError> {
         self.view = View::of(camera, &self.state);
         self.last.clear();
         self.stats = FrameStats { frame: camera.frame(), ..FrameStats::default() };
@@ -181,9 +179,8 @@ impl CullerWork for WholeFrames {
         let drawn = self.culler.draw_occluders(seen, &self.last)?;
         self.stats.occluders = u32::try_from(drawn.len()).unwrap_or(u32::MAX);
         self.stats.occluder_triangles = triangles(&self.scene, drawn);
-        self.or_end = self.clock.elapsed();
         self.stats.or_start_ns = nanoseconds(start);
-        self.stats.or_end_ns = nanoseconds(self.or_end);
+        self.stats.or_end_ns = nanoseconds(self.clock.elapsed());
         self.stats.or_busy_ns = self.stats.or_end_ns - self.stats.or_start_ns;
         Ok(())
     }
@@ -195,9 +192,9 @@ impl CullerWork for WholeFrames {
         visible.push(&self.found).await
     }
 
-    fn frame_stats(&mut self, away: Duration) -> FrameStats {
+    fn frame_stats(&mut self) -> FrameStats {
         self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
-        self.stats.hc_start_ns = nanoseconds(self.or_end + away);
+        self.stats.hc_start_ns = self.stats.or_end_ns;
         self.stats
     }
 }

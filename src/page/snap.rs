@@ -90,6 +90,10 @@ impl Pointing {
 
     /// The candidates.
     fn near(&self, scene: &Scene) -> Result<Option<Near>, ReadError> {
+        scene.reading(|| self.find_near(scene))?
+    }
+
+    fn find_near(&self, scene: &Scene) -> Result<Option<Near>, ReadError> {
         let Some(shown) = scene.drawables().get(self.drawable as usize).copied() else { return Ok(None) };
         // The visible point is within its level's error of the finest geometry.
         let radius = f64::from(shown.error) + (1.0 + NEARBY) * self.reach;
@@ -108,10 +112,7 @@ impl Pointing {
             }
             near.add(node, &reader.read(finest.geometry)?, self.at, radius);
         }
-        match scene.fault() {
-            Some(fault) => Err(fault.clone()),
-            None => Ok(Some(near)),
-        }
+        Ok(Some(near))
     }
 
     /// The point that looks nearest to the pointer, among those within its reach and near `surface`.

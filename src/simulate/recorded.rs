@@ -116,7 +116,7 @@ impl CullerWork for RecordedCulling {
         self.recording.note(camera.frame(), |times| (times.asked, times.taken) = (asked, taken));
     }
 
-    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
+    async fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
         let (frame, fed) = (camera.frame(), self.clock.now());
         let or = if as_they_come { Duration::ZERO } else { self.recording.workload.of(frame.0).or };
         (self.frame, self.as_they_come, self.drawn) = (frame, as_they_come, fed.after(or));
@@ -162,7 +162,7 @@ impl CullerWork for RecordedCulling {
         Ok(())
     }
 
-    fn frame_stats(&mut self, _: Duration) -> FrameStats {
+    fn frame_stats(&mut self) -> FrameStats {
         FrameStats { frame: self.frame, ..FrameStats::default() }
     }
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use trimaran_actors::{
-    BoxedError, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint, Peers, Schedule,
-    ServiceEndpoints, SessionError, SessionLimits, ShownFrame, Sought, Stop, Supplied, Turns, WhileLoading,
+    BoxedError, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint, Peers, PeersConfig,
+    Schedule, ServiceEndpoints, SessionError, SessionLimits, ShownFrame, Stop, Supplied, Turns, WhileLoading,
     max_frame, sent_bytes,
 };
 use trimaran_netsim::{HostId, Machines};
@@ -136,7 +136,7 @@ impl Roles {
             endpoint: endpoint.clone(),
             options: self.display.clone(),
         };
-        let sought = Sought {
+        let sought = PeersConfig {
             identity: Identity {
                 role: Role::Display,
                 scene: self.geometry.is_none().then(|| SCENE.into()),

@@ -107,10 +107,7 @@ impl CameraPath {
                 let options = AutoPathOptions { seed: *seed, frames, ..AutoPathOptions::default() };
                 // Searching for a path reads much more of the scene than walking it.
                 let explored = scene.opened_again()?;
-                let found = auto(&explored, &options)?;
-                if let Some(fault) = explored.fault() {
-                    return Err(fault.clone().into());
-                }
+                let found = explored.reading(|| auto(&explored, &options))??;
                 (found.path, Some(found.kind))
             }
             PathChoice::File(path) => (read(path)?, None),

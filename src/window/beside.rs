@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use tokio::runtime::Handle;
 use trimaran_actors::{
-    CullerId, DisplayRole, LocalCullers, Pace, PeerEndpoint, Peers, RoleError, SessionError, Sought, Stop,
-    Supplied, Turns, WhileLoading, max_frame,
+    CullerId, DisplayRole, LocalCullers, Pace, PeerEndpoint, Peers, PeersConfig, RoleError, SessionError,
+    Stop, Supplied, Turns, WhileLoading, max_frame,
 };
 use trimaran_gpu::GpuScene;
 use trimaran_proto::{Identity, Role, SceneOutline, SessionKey, Settings};
@@ -106,7 +106,7 @@ impl Beside {
         let session = SessionKey(net.random().map_err(SessionError::Random)?);
         let identity = Identity { role: Role::Display, scene, session: Some((session, self.settings)) };
         let most = CullerId::MOST;
-        let sought = Sought { identity, role: Role::Culler, endpoints, listener: None, most };
+        let sought = PeersConfig { identity, role: Role::Culler, endpoints, listener: None, most };
         Ok(Seeking { session, peers: Peers::seek(&net, sought) })
     }
 

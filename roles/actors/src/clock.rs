@@ -25,3 +25,8 @@ impl Stopwatch {
         self.start.elapsed()
     }
 }
+
+/// A time in frame statistics.
+pub(crate) fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}

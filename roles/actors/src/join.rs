@@ -71,16 +71,16 @@ pub async fn again<T, E: std::error::Error + 'static, F: Future<Output = Result<
     may_pass: impl Fn(&E) -> bool,
     mut attempt: impl FnMut() -> F,
 ) -> Result<T, E> {
-    let mut said = String::new();
+    let mut logged = String::new();
     let mut pauses = growing_pauses(FIRST_PAUSE, LONGEST_PAUSE);
     loop {
         let error = match attempt().await {
             Err(error) if net.now() < deadline && may_pass(&error) => causes(&error),
             result => return result,
         };
-        if error != said {
+        if error != logged {
             tracing::warn!("{error}; trying again");
-            said = error;
+            logged = error;
         }
         let pause = pauses.next().unwrap_or(LONGEST_PAUSE);
         sleep_until(&**net, net.now().after(pause).min(deadline)).await;

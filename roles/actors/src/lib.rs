@@ -74,7 +74,7 @@ pub use links::{
 };
 pub use local::{LocalCullers, LocalSession};
 pub use meeting::{Expected, Meeting};
-pub use peers::{Arrival, Peers, Seat, Sought};
+pub use peers::{Arrival, Peers, PeersConfig, SlotGuard};
 pub use service::{CullerService, NewSession, ServiceEndpoints, SessionError};
 pub use stop::{Stop, Stopper};
 pub use supply::{AheadUse, SupplyError, SupplyFault};

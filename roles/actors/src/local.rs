@@ -14,7 +14,7 @@ use crate::{
     ids::max_frame,
     join::PeerEndpoint,
     limits::SessionLimits,
-    peers::{Peers, Sought},
+    peers::{Peers, PeersConfig},
     service::{CullerService, ServiceEndpoints, SessionError},
     stop::Stop,
     turn::Turns,
@@ -203,7 +203,7 @@ impl LocalSession {
         let shown = supplied.as_ref().map_or(&scene, |supplied| &supplied.scene);
         let work = ScenePictures::new(shown, display, &settings);
         let show = || {
-            let sought = Sought {
+            let sought = PeersConfig {
                 identity: Identity {
                     role: Role::Display,
                     scene: supplied.is_none().then(|| scene.outline()),

@@ -61,13 +61,13 @@ pub(crate) enum MeetError {
 impl Meeting {
     /// Connects to the other culler at one of the configured endpoints, and not before `earliest`.
     pub(crate) fn connect(&self, key: SessionKey, at: &str, earliest: Instant) -> Met {
-        let (said, met) = oneshot::channel();
+        let (sender, met) = oneshot::channel();
         let Some(endpoint) = self.cullers.iter().find(|culler| culler.to_string() == at).cloned() else {
             let at = at.chars().take(100).collect();
-            let _waits = said.send(Err(MeetError::Unknown { at }));
+            let _waits = sender.send(Err(MeetError::Unknown { at }));
             return met;
         };
-        self.net.spawn(Box::pin(connect_unless_dropped(self.clone(), key, endpoint, earliest, said)));
+        self.net.spawn(Box::pin(connect_unless_dropped(self.clone(), key, endpoint, earliest, sender)));
         met
     }
 
@@ -83,14 +83,14 @@ impl Meeting {
 }
 
 /// The other end of [`Met`].
-type Said = oneshot::Sender<Result<Link, MeetError>>;
+type MetSender = oneshot::Sender<Result<Link, MeetError>>;
 
 async fn connect_unless_dropped(
     Meeting { net, scene, settings, options, .. }: Meeting,
     key: SessionKey,
     endpoint: Endpoint,
     earliest: Instant,
-    mut said: Said,
+    mut sender: MetSender,
 ) {
     let identity = Identity { role: Role::Culler, scene: Some(scene), session: Some((key, settings)) };
     let attempt = async {
@@ -99,32 +99,32 @@ async fn connect_unless_dropped(
     };
     tokio::select! {
         biased;
-        () = said.closed() => {}
+        () = sender.closed() => {}
         link = attempt => {
             let link = link.map_err(|error| MeetError::Connect(Box::new(error)));
-            let _unwanted = said.send(link);
+            let _unwanted = sender.send(link);
         }
     }
 }
 
 /// Cullers expected by a culler because a display has announced them. At most one per session.
 #[derive(Debug, Clone, Default)]
-pub struct Expected(Arc<Mutex<HashMap<SessionKey, Said>>>);
+pub struct Expected(Arc<Mutex<HashMap<SessionKey, MetSender>>>);
 
 impl Expected {
     fn wait(&self, key: SessionKey) -> Met {
-        let (said, met) = oneshot::channel();
+        let (sender, met) = oneshot::channel();
         let mut waiting = self.0.lock();
-        waiting.retain(|_, said| !said.is_closed());
-        waiting.insert(key, said);
+        waiting.retain(|_, sender| !sender.is_closed());
+        waiting.insert(key, sender);
         met
     }
 
     /// A culler has come. If it is not expected, its link is closed.
     pub(crate) fn came(&self, key: SessionKey, link: Link) {
         match self.0.lock().remove(&key) {
-            Some(said) => {
-                let _unwanted = said.send(Ok(link));
+            Some(sender) => {
+                let _unwanted = sender.send(Ok(link));
             }
             None => tracing::debug!(from = %link.peer.address, "turned a culler away: nobody waits for it"),
         }

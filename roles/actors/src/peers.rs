@@ -30,20 +30,26 @@ pub struct Arrival {
     /// Its endpoint, if this role connects to it.
     pub at: Option<Endpoint>,
     /// Its slot.
-    pub seat: Seat,
+    pub slot: SlotGuard,
 }
 
 /// A peer's slot: dropping it frees the slot, and another link is made.
 #[derive(Debug)]
-pub struct Seat {
+pub struct SlotGuard {
     _held: oneshot::Sender<()>,
 }
 
-impl Seat {
+impl SlotGuard {
     /// The slot of a peer that is not replaced.
     #[must_use]
     pub fn once() -> Self {
-        Self { _held: oneshot::channel().0 }
+        Self::new().0
+    }
+
+    /// A guard, and a receiver that its drop closes.
+    fn new() -> (Self, oneshot::Receiver<()>) {
+        let (held, free) = oneshot::channel();
+        (Self { _held: held }, free)
     }
 }
 
@@ -58,7 +64,7 @@ pub struct Peers {
 
 /// The peers of a role.
 #[derive(Debug)]
-pub struct Sought {
+pub struct PeersConfig {
     /// The role's introduction.
     pub identity: Identity,
     /// The expected role of its peers.
@@ -80,13 +86,13 @@ impl Peers {
 
     /// Connects to and accepts peers until this is dropped.
     #[must_use]
-    pub fn seek(net: &Arc<dyn Net>, sought: Sought) -> Self {
+    pub fn seek(net: &Arc<dyn Net>, sought: PeersConfig) -> Self {
         Self::seek_and_expect(net, sought, Expected::default())
     }
 
     /// The same for a culler, which also accepts other cullers with an expected key.
-    pub(crate) fn seek_and_expect(net: &Arc<dyn Net>, sought: Sought, met: Expected) -> Self {
-        let Sought { identity, role, endpoints, listener, most } = sought;
+    pub(crate) fn seek_and_expect(net: &Arc<dyn Net>, sought: PeersConfig, met: Expected) -> Self {
+        let PeersConfig { identity, role, endpoints, listener, most } = sought;
         let (arrived, arrivals) = mpsc::channel(1);
         let expected = endpoints.len();
         for (place, peer) in endpoints.into_iter().enumerate() {
@@ -137,7 +143,7 @@ async fn connector(
     role: Role,
     arrived: Arrived,
 ) {
-    let mut said = String::new();
+    let mut logged = String::new();
     loop {
         let attempt = connect::<Walkthrough>(&net, &endpoint, identity, &options, net.now().after(ATTEMPT));
         let link = tokio::select! {
@@ -150,19 +156,19 @@ async fn connector(
             .and_then(|link| expect_role(&link, role).map(|()| link));
         match link {
             Ok(link) => {
-                said.clear();
-                let (held, free) = oneshot::channel();
-                let at = Some(endpoint.clone());
-                if arrived.send(Ok(Arrival { place, link, at, seat: Seat { _held: held } })).await.is_err() {
+                logged.clear();
+                let (slot, free) = SlotGuard::new();
+                let arrival = Arrival { place, link, at: Some(endpoint.clone()), slot };
+                if arrived.send(Ok(arrival)).await.is_err() {
                     return;
                 }
                 let _dropped = free.await;
             }
             Err(error) if error.may_pass() => {
                 let why = obstacle(&error);
-                if why != said {
+                if why != logged {
                     tracing::warn!(%endpoint, "cannot reach the {role}, and goes on trying: {why}");
-                    said = why;
+                    logged = why;
                 }
             }
             Err(error) => {
@@ -185,17 +191,17 @@ fn obstacle(error: &JoinError) -> String {
 }
 
 /// A slot for a peer that connects.
-struct Place {
+struct Slot {
     number: usize,
     /// Its present or past session.
     session: Option<SessionKey>,
-    seat: Option<oneshot::Receiver<()>>,
+    taken: Option<oneshot::Receiver<()>>,
 }
 
-impl Place {
+impl Slot {
     fn is_free(&mut self) -> bool {
         let free = Err(oneshot::error::TryRecvError::Closed);
-        self.seat.as_mut().is_none_or(|seat| seat.try_recv() == free)
+        self.taken.as_mut().is_none_or(|taken| taken.try_recv() == free)
     }
 }
 
@@ -208,8 +214,8 @@ async fn acceptor(
     arrived: Arrived,
     met: Expected,
 ) {
-    let mut places: Vec<_> =
-        places.into_iter().map(|number| Place { number, session: None, seat: None }).collect();
+    let mut slots: Vec<_> =
+        places.into_iter().map(|number| Slot { number, session: None, taken: None }).collect();
     loop {
         let came = tokio::select! {
             biased;
@@ -229,15 +235,15 @@ async fn acceptor(
             }
             continue;
         }
-        let own = places.iter().position(|place| session.is_some() && place.session == session);
-        let vacant = own.or_else(|| places.iter_mut().position(Place::is_free));
-        let Some(place) = vacant.and_then(|place| places.get_mut(place)) else {
+        let own = slots.iter().position(|slot| session.is_some() && slot.session == session);
+        let vacant = own.or_else(|| slots.iter_mut().position(Slot::is_free));
+        let Some(slot) = vacant.and_then(|slot| slots.get_mut(slot)) else {
             tracing::warn!(from = %link.peer.address, "turned a {role} away: all places are taken");
             continue;
         };
-        let (held, free) = oneshot::channel();
-        (place.session, place.seat) = (session, Some(free));
-        let arrival = Arrival { place: place.number, link, at: None, seat: Seat { _held: held } };
+        let (guard, free) = SlotGuard::new();
+        (slot.session, slot.taken) = (session, Some(free));
+        let arrival = Arrival { place: slot.number, link, at: None, slot: guard };
         if arrived.send(Ok(arrival)).await.is_err() {
             return;
         }

@@ -17,7 +17,7 @@ use crate::{
     limits::SessionLimits,
     links::{Link, Listener},
     meeting::{Expected, Meeting},
-    peers::{Arrival, Peers, Seat, Sought},
+    peers::{Arrival, Peers, PeersConfig, SlotGuard},
     stop::Stop,
     turn::Turns,
 };
@@ -82,7 +82,7 @@ pub struct NewSession {
     /// How the culler connects to another one for it.
     pub meeting: Meeting,
     /// The display's slot at this culler, free on drop.
-    pub seat: Seat,
+    pub slot: SlotGuard,
 }
 
 impl CullerService {
@@ -103,7 +103,7 @@ impl CullerService {
         let endpoints = listener.as_ref().map(|listener| listener.local_endpoints().clone());
         let expected = Expected::default();
         let most = displays.len() + options.limits.peers;
-        let sought = Sought { identity, role: Role::Display, endpoints: displays, listener, most };
+        let sought = PeersConfig { identity, role: Role::Display, endpoints: displays, listener, most };
         let displays = Peers::seek_and_expect(net, sought, expected.clone());
         let (net, cullers) = (Arc::clone(net), cullers.into());
         Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints })
@@ -121,7 +121,7 @@ impl CullerService {
     /// When its settings rule out a link to a display.
     pub async fn next(&mut self) -> Result<NewSession, JoinError> {
         loop {
-            let Arrival { link, seat, .. } = self.displays.next().await?;
+            let Arrival { link, slot, .. } = self.displays.next().await?;
             // A display always has a session.
             let Some((key, settings)) = link.peer.hello.session else { continue };
             let meeting = Meeting {
@@ -132,7 +132,7 @@ impl CullerService {
                 cullers: Arc::clone(&self.cullers),
                 expected: self.expected.clone(),
             };
-            return Ok(NewSession { key, settings, display: link, meeting, seat });
+            return Ok(NewSession { key, settings, display: link, meeting, slot });
         }
     }
 }
@@ -164,7 +164,7 @@ impl NewSession {
         };
         match stop.unless_requested(opened).await.unwrap_or(Err(RoleError::Stopped)) {
             Ok((lease, work)) => {
-                let Self { display, meeting, seat: _seat, .. } = self;
+                let Self { display, meeting, slot: _slot, .. } = self;
                 let (turns, scene) = (turns.clone(), scene.map(Arc::clone));
                 CullerRole { work, display, meeting, turns, drawables, scene, lease }.run(stop).await
             }

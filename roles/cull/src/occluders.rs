@@ -100,17 +100,24 @@ impl OccluderMapper {
     /// be read.
     pub fn push(&mut self, ids: &[DrawableId], due: &mut Vec<DrawableId>) -> Result<(), OccluderError> {
         let scene = Arc::clone(&self.scene);
-        let cut = LodCut::new(&scene, &self.view, &self.rule);
+        scene.reading(|| self.map(&scene, ids, due)).map_err(OccluderError::Scene)?
+    }
+
+    fn map(
+        &mut self,
+        scene: &Scene,
+        ids: &[DrawableId],
+        due: &mut Vec<DrawableId>,
+    ) -> Result<(), OccluderError> {
+        let (drawables, cut) = (scene.drawables(), LodCut::new(scene, &self.view, &self.rule));
         for &id in ids {
-            let drawable = scene.drawables().get(id.index()).ok_or_else(|| {
-                let unknown = OccluderError::Unknown { id, count: scene.drawables().len() };
-                scene.fault_here().map_or(unknown, OccluderError::Scene)
-            })?;
+            let unknown = || OccluderError::Unknown { id, count: drawables.len() };
+            let drawable = drawables.get(id.index()).ok_or_else(unknown)?;
             if self.settle_path(&cut, drawable.node, due) == State::Above {
                 self.descend(&cut, drawable.node, due);
             }
         }
-        scene.fault_here().map_or(Ok(()), |fault| Err(OccluderError::Scene(fault)))
+        Ok(())
     }
 
     /// Whether `node`, which is in the cut and the frustum, is the counterpart of an id in this frame.

@@ -152,10 +152,8 @@ impl<'c> Traversal<'c> {
         test: &mut T,
     ) -> Result<Option<&[DrawableId]>, CullError<T::Error>> {
         while !self.memory.level.is_empty() {
-            self.prepare_level();
-            self.test(test)?;
-            self.decide_level();
-            self.check_scene()?;
+            let scene = self.scene;
+            scene.reading(|| self.judge_level(test)).map_err(CullError::Scene)??;
             let Memory { level, next, visible, .. } = &mut *self.memory;
             std::mem::swap(level, next);
             if !visible.is_empty() {
@@ -182,16 +180,13 @@ impl<'c> Traversal<'c> {
                 Prepared::Outside | Prepared::Visible(_) => None,
             }
         };
+        let test_boxes = scene.reading(|| found.iter().map(prepared).collect::<Vec<_>>());
+        let test_boxes = test_boxes.map_err(CullError::Scene)?;
         memory.boxes.clear();
-        let mut is_tested = Vec::with_capacity(found.len());
-        for id in &*found {
-            let test_box = prepared(id);
-            is_tested.push(test_box.is_some());
-            memory.boxes.extend(test_box);
-        }
-        self.check_scene()?;
+        memory.boxes.extend(test_boxes.iter().flatten());
         self.test(test)?;
-        let (mut is_tested, mut answers) = (is_tested.into_iter(), self.memory.answers.iter());
+        let mut is_tested = test_boxes.iter().map(Option::is_some);
+        let mut answers = self.memory.answers.iter();
         let before = found.len();
         found.retain(|_| is_tested.next() != Some(true) || answers.next() != Some(&0));
         let hidden = u32::try_from(before - found.len()).unwrap_or(u32::MAX);
@@ -202,9 +197,11 @@ impl<'c> Traversal<'c> {
         Ok(())
     }
 
-    /// Whether all requested parts of the scene were present.
-    fn check_scene<E: std::error::Error>(&self) -> Result<(), CullError<E>> {
-        self.scene.fault_here().map_or(Ok(()), |fault| Err(CullError::Scene(fault)))
+    fn judge_level<T: OcclusionTest>(&mut self, test: &mut T) -> Result<(), CullError<T::Error>> {
+        self.prepare_level();
+        self.test(test)?;
+        self.decide_level();
+        Ok(())
     }
 
     /// The counters so far.

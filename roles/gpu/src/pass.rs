@@ -297,7 +297,6 @@ impl ScenePass {
         self.flush()?;
         self.stream.wait(self.kind.name)?;
         self.scene.set().release(self.hold.id());
-        self.scene.check()?;
         Ok(PassTiming { device_ms: self.stream.take_busy_ms(), host_ms: self.recording.take_ms() })
     }
 

@@ -90,19 +90,11 @@ impl GpuScene {
 
     /// A drawable and its node.
     pub(crate) fn find(&self, id: DrawableId) -> Result<(&Drawable, &Node), GpuError> {
-        let drawables = self.scene.drawables();
-        let found = drawables
-            .get(id.index())
-            .and_then(|drawable| Some((drawable, self.scene.nodes().get(drawable.node as usize)?)));
-        found.ok_or_else(|| {
-            let unknown = GpuError::UnknownDrawable { id, count: drawables.len() };
-            self.scene.fault_here().map_or(unknown, GpuError::Scene)
-        })
-    }
-
-    /// Whether all requested parts of the scene were present.
-    pub(crate) fn check(&self) -> Result<(), GpuError> {
-        self.scene.fault_here().map_or(Ok(()), |fault| Err(GpuError::Scene(fault)))
+        let (drawables, nodes) = (self.scene.drawables(), self.scene.nodes());
+        let unknown = || GpuError::UnknownDrawable { id, count: drawables.len() };
+        let drawable = drawables.read(id.index()).map_err(GpuError::Scene)?.ok_or_else(unknown)?;
+        let node = nodes.read(drawable.node as usize).map_err(GpuError::Scene)?.ok_or_else(unknown)?;
+        Ok((drawable, node))
     }
 }
 

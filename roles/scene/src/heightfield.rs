@@ -92,7 +92,15 @@ impl Heightfield {
         z: i32,
         is_given_up: &dyn Fn() -> bool,
     ) -> Result<Option<Tile>, ReadError> {
-        let mut tile = self.empty_tile(x, z);
+        scene.reading(|| self.read_tile(scene, self.empty_tile(x, z), is_given_up))?
+    }
+
+    fn read_tile(
+        &self,
+        scene: &Scene,
+        mut tile: Tile,
+        is_given_up: &dyn Fn() -> bool,
+    ) -> Result<Option<Tile>, ReadError> {
         let corner = tile.corner;
         let far = corner + self.tile_side();
         let mut open = vec![0];
@@ -115,10 +123,7 @@ impl Heightfield {
         for column in &mut tile.columns {
             join(column, Self::SPANS);
         }
-        match scene.fault() {
-            Some(fault) => Err(fault.clone()),
-            None => Ok(Some(tile)),
-        }
+        Ok(Some(tile))
     }
 
     /// The coarsest level of a node that is fine enough, or the finest one of a leaf.

@@ -59,23 +59,23 @@ impl Saved {
     }
 
     /// Opens the scene, changes its file, and compares the scene's content with the original.
-    fn survives(&self, change: impl FnOnce(&Path)) {
+    fn survives(&self, change: fn(&Self)) {
         let scene = Scene::open(&self.path).unwrap();
         let unread = scene.resident_bytes();
-        change(&self.path);
+        change(self);
         assert!(self.bytes_of(&scene).unwrap() == self.bytes, "the open scene changed with its file");
         scene.check().unwrap();
         assert!(scene.resident_bytes() > unread, "most was read after the change");
     }
 
     /// Opens the scene and reads some of it, changes its file, and checks the rest.
-    fn is_noticed(&self, change: impl FnOnce(&Path)) {
+    fn is_noticed(&self, change: fn(&Self)) {
         let scene = Scene::open(&self.path).unwrap();
         let top: Vec<Node> = scene.nodes().range(0..200).copied().collect();
         let read = scene.resident_bytes();
         let last = scene.places().len() as u32 - 1;
         assert_eq!(scene.geometry(last).map(|geometry| geometry.triangles() > 0).ok(), Some(true));
-        change(&self.path);
+        change(self);
 
         // Geometry is not kept.
         let error = scene.geometry(last).unwrap_err();
@@ -117,54 +117,39 @@ fn overwrite(path: &Path, bytes: &[u8]) {
 }
 
 #[test]
-fn an_open_scene_outlives_a_replacement() {
-    let saved = Saved::new();
-    saved.survives(|path| {
-        let other = path.with_extension("other");
-        fs::write(&other, b"something else").unwrap();
-        fs::rename(other, path).unwrap();
-    });
+fn an_open_scene_outlives_its_file() {
+    let changes: [fn(&Saved); 4] = [
+        |Saved { path, .. }| {
+            let other = path.with_extension("other");
+            fs::write(&other, b"something else").unwrap();
+            fs::rename(other, path).unwrap();
+        },
+        // Another scene is saved over it.
+        |Saved { path, bytes, .. }| {
+            let other = save(&plant(&PlantOptions::small(2)), path);
+            assert!(other != *bytes && fs::read(path).unwrap() == other);
+        },
+        |Saved { path, .. }| fs::remove_file(path).unwrap(),
+        // Pages are verified by their hashes: equal bytes are good, whenever they were written.
+        |Saved { path, bytes, .. }| fs::write(path, bytes).unwrap(),
+    ];
+    for change in changes {
+        Saved::new().survives(change);
+    }
 }
 
 #[test]
-fn an_open_scene_outlives_another_scene_that_is_saved_over_it() {
-    let saved = Saved::new();
-    saved.survives(|path| {
-        let other = save(&plant(&PlantOptions::small(2)), path);
-        assert!(other != saved.bytes && fs::read(path).unwrap() == other);
-    });
-}
-
-#[test]
-fn an_open_scene_outlives_a_deletion() {
-    let saved = Saved::new();
-    saved.survives(|path| fs::remove_file(path).unwrap());
-}
-
-/// Pages are verified by their hashes: equal bytes are good, whenever they were written.
-#[test]
-fn an_open_scene_outlives_a_copy_of_itself() {
-    let saved = Saved::new();
-    saved.survives(|path| fs::write(path, &saved.bytes).unwrap());
-}
-
-#[test]
-fn an_overwrite_of_the_same_length_is_a_fault() {
-    let saved = Saved::new();
-    saved.is_noticed(|path| overwrite(path, &vec![0xff; saved.bytes.len()]));
-}
-
-#[test]
-fn a_cut_is_a_fault() {
-    let saved = Saved::new();
-    saved.is_noticed(|path| OpenOptions::new().write(true).open(path).unwrap().set_len(100).unwrap());
-}
-
-#[test]
-fn a_copy_that_begins_anew_is_a_fault() {
-    let saved = Saved::new();
-    // Like `scp`: the file is truncated, then written from its beginning. Half of it is there again.
-    saved.is_noticed(|path| fs::write(path, &saved.bytes[..saved.bytes.len() / 2]).unwrap());
+fn a_file_that_is_written_to_is_a_fault() {
+    let changes: [fn(&Saved); 3] = [
+        // Of the same length.
+        |Saved { path, bytes, .. }| overwrite(path, &vec![0xff; bytes.len()]),
+        |Saved { path, .. }| OpenOptions::new().write(true).open(path).unwrap().set_len(100).unwrap(),
+        // Like `scp`: the file is truncated, then written from its beginning. Half of it is there again.
+        |Saved { path, bytes, .. }| fs::write(path, &bytes[..bytes.len() / 2]).unwrap(),
+    ];
+    for change in changes {
+        Saved::new().is_noticed(change);
+    }
 }
 
 #[test]

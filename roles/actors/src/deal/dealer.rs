@@ -15,7 +15,7 @@ use super::{culler_id::CullerId, usual::Usual};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pace {
     /// Every camera is one frame, and every frame is shown: as many as given, counted from 0. Cullers take
-    /// turns, so that a run with the same cullers is the same each time.
+    /// them round-robin, so that a run with the same cullers is the same each time.
     Lockstep {
         /// The number of frames; unlimited without.
         frames: Option<u32>,
@@ -53,9 +53,9 @@ pub enum Disorder {
 #[derive(Debug)]
 pub struct Dealer {
     pace: Pace,
-    /// Whether cullers take turns: always in lockstep, and live if each draws the other one's visible set.
-    in_turn: bool,
-    cullers: BTreeMap<CullerId, Hand>,
+    /// Whether cullers get frames round-robin: always in lockstep, and live if each draws the other one's visible set.
+    round_robin: bool,
+    cullers: BTreeMap<CullerId, CullerFrames>,
     /// Frames of lost or late cullers, not dealt again yet.
     orphans: BTreeSet<FrameNumber>,
     /// Whole frames that are not shown yet.
@@ -70,12 +70,12 @@ pub struct Dealer {
 
 /// The frames dealt to a culler.
 #[derive(Debug)]
-struct Hand {
-    /// Cameras sent to it that it has not begun, in order. In turn there is at most one; live, a newer one
+struct CullerFrames {
+    /// Cameras sent to it that it has not begun, in order. Round-robin there is at most one; live, a newer one
     /// replaces the one waiting in its cell.
     cell: VecDeque<FrameNumber>,
     begun: Option<FrameNumber>,
-    /// In turn: its own next frame.
+    /// Round-robin: its own next frame.
     own: FrameNumber,
     /// When it began to work at its first frame.
     since: Instant,
@@ -83,7 +83,7 @@ struct Hand {
     late: bool,
 }
 
-impl Hand {
+impl CullerFrames {
     fn outstanding(&self) -> impl Iterator<Item = FrameNumber> + '_ {
         self.begun.iter().chain(&self.cell).copied()
     }
@@ -94,13 +94,13 @@ impl Hand {
 }
 
 impl Dealer {
-    /// For a session that begins without cullers and with the frame `first`. If `in_turn`, cullers take turns
-    /// in a live session as well.
+    /// For a session that begins without cullers and with the frame `first`. If `round_robin`, cullers get
+    /// frames in that order in a live session as well.
     #[must_use]
-    pub fn new(pace: Pace, in_turn: bool, first: FrameNumber) -> Self {
+    pub fn new(pace: Pace, round_robin: bool, first: FrameNumber) -> Self {
         Self {
             pace,
-            in_turn: in_turn || pace != Pace::Live,
+            round_robin: round_robin || pace != Pace::Live,
             cullers: BTreeMap::new(),
             orphans: BTreeSet::new(),
             whole: BTreeSet::new(),
@@ -113,8 +113,9 @@ impl Dealer {
 
     /// A culler has come: it is dealt frames from now on.
     pub fn join(&mut self, id: CullerId, now: Instant) {
-        let hand = Hand { cell: VecDeque::new(), begun: None, own: self.fresh, since: now, late: false };
-        self.cullers.insert(id, hand);
+        let culler =
+            CullerFrames { cell: VecDeque::new(), begun: None, own: self.fresh, since: now, late: false };
+        self.cullers.insert(id, culler);
         self.share_out();
     }
 
@@ -127,8 +128,8 @@ impl Dealer {
 
     /// A culler is late: its frames are dealt to others as well, and it gets no more until it answers.
     pub fn pass_over(&mut self, id: CullerId) {
-        if let Some(hand) = self.cullers.get_mut(&id) {
-            hand.late = true;
+        if let Some(culler) = self.cullers.get_mut(&id) {
+            culler.late = true;
             self.share_out();
         }
     }
@@ -152,37 +153,39 @@ impl Dealer {
 
     /// The cullers that are dealt frames.
     pub fn available(&self) -> impl Iterator<Item = CullerId> + '_ {
-        self.cullers.iter().filter(|(_, hand)| !hand.late).map(|(id, _)| *id)
+        self.cullers.iter().filter(|(_, culler)| !culler.late).map(|(id, _)| *id)
     }
 
-    /// In turn: deals frames to cullers now. The camera of each must be sent at once.
+    /// Round-robin: deals frames to cullers now. The camera of each must be sent at once.
     pub fn deal(&mut self, now: Instant) -> Vec<(CullerId, FrameNumber)> {
         let mut dealt = Vec::new();
-        if !self.in_turn || self.held {
+        if !self.round_robin || self.held {
             return dealt;
         }
         let ids: Vec<_> = self.available().collect();
         let window = self.next.0.saturating_add(2 * ids.len() as u32);
         for id in &ids {
-            let Some(hand) = self.cullers.get_mut(id).filter(|hand| hand.cell.is_empty()) else { continue };
+            let Some(culler) = self.cullers.get_mut(id).filter(|culler| culler.cell.is_empty()) else {
+                continue;
+            };
             // A busy culler takes no frame that is waited for.
-            let orphan = self.orphans.iter().copied().find(|frame| hand.is_idle() || *frame > self.next);
+            let orphan = self.orphans.iter().copied().find(|frame| culler.is_idle() || *frame > self.next);
             let frame = match orphan {
                 Some(orphan) => {
                     self.orphans.remove(&orphan);
                     orphan
                 }
-                None if hand.own.0 < window && in_session(self.pace, hand.own) => {
-                    let own = hand.own;
-                    hand.own = FrameNumber(own.0.saturating_add(ids.len() as u32));
+                None if culler.own.0 < window && in_session(self.pace, culler.own) => {
+                    let own = culler.own;
+                    culler.own = FrameNumber(own.0.saturating_add(ids.len() as u32));
                     own
                 }
                 None => continue,
             };
-            if hand.is_idle() {
-                hand.since = now;
+            if culler.is_idle() {
+                culler.since = now;
             }
-            hand.cell.push_back(frame);
+            culler.cell.push_back(frame);
             self.fresh = self.fresh.max(FrameNumber(frame.0.saturating_add(1)));
             dealt.push((*id, frame));
         }
@@ -193,14 +196,15 @@ impl Dealer {
     /// free culler. If none is free, it waits in the cell of the one busy longest.
     #[must_use]
     pub fn wants_camera(&self, news: bool) -> Option<CullerId> {
-        let all_idle = self.cullers.values().all(|hand| hand.late || hand.is_idle());
-        if self.in_turn || self.held || !(news || all_idle) {
+        let all_idle = self.cullers.values().all(|culler| culler.late || culler.is_idle());
+        if self.round_robin || self.held || !(news || all_idle) {
             return None;
         }
-        let hands = || self.cullers.iter().filter(|(_, hand)| !hand.late);
-        let idle = hands().filter(|(_, hand)| hand.is_idle()).min_by_key(|(_, hand)| hand.since);
-        let waiting = || hands().find(|(_, hand)| hand.begun.is_some() && !hand.cell.is_empty());
-        let longest = || hands().filter(|(_, hand)| hand.begun.is_some()).min_by_key(|(_, hand)| hand.since);
+        let cullers = || self.cullers.iter().filter(|(_, culler)| !culler.late);
+        let idle = cullers().filter(|(_, culler)| culler.is_idle()).min_by_key(|(_, culler)| culler.since);
+        let waiting = || cullers().find(|(_, culler)| culler.begun.is_some() && !culler.cell.is_empty());
+        let longest =
+            || cullers().filter(|(_, culler)| culler.begun.is_some()).min_by_key(|(_, culler)| culler.since);
         idle.or_else(waiting).or_else(longest).map(|(id, _)| *id)
     }
 
@@ -208,19 +212,19 @@ impl Dealer {
     pub fn hand_out(&mut self, id: CullerId, now: Instant) -> FrameNumber {
         let frame = self.fresh;
         self.fresh = FrameNumber(frame.0.saturating_add(1));
-        if let Some(hand) = self.cullers.get_mut(&id) {
-            if hand.is_idle() {
-                hand.since = now;
+        if let Some(culler) = self.cullers.get_mut(&id) {
+            if culler.is_idle() {
+                culler.since = now;
             }
-            hand.cell.push_back(frame);
+            culler.cell.push_back(frame);
         }
         frame
     }
 
-    /// In turn and live: frames whose cameras wait in a cell, and may be replaced by a newer pose.
+    /// Round-robin and live: frames whose cameras wait in a cell, and may be replaced by a newer pose.
     pub fn refreshable(&self) -> impl Iterator<Item = (CullerId, FrameNumber)> + '_ {
-        let live = self.in_turn && self.pace == Pace::Live;
-        self.cullers.iter().filter(move |_| live).filter_map(|(id, hand)| Some((*id, *hand.cell.back()?)))
+        let live = self.round_robin && self.pace == Pace::Live;
+        self.cullers.iter().filter(move |_| live).filter_map(|(id, culler)| Some((*id, *culler.cell.back()?)))
     }
 
     /// A culler began to send a frame. Live, its earlier cameras have been replaced in its cell.
@@ -228,13 +232,13 @@ impl Dealer {
     /// # Errors
     /// If it was not dealt the frame, or has begun another one.
     pub fn began(&mut self, id: CullerId, frame: FrameNumber) -> Result<(), Disorder> {
-        let hand = self.cullers.get_mut(&id).ok_or(Disorder::NotDealt(frame))?;
-        if hand.begun.is_some() {
+        let culler = self.cullers.get_mut(&id).ok_or(Disorder::NotDealt(frame))?;
+        if culler.begun.is_some() {
             return Err(Disorder::Unexpected("the begin of a frame"));
         }
-        let place = hand.cell.iter().position(|dealt| *dealt == frame).ok_or(Disorder::NotDealt(frame))?;
-        hand.cell.drain(..=place);
-        hand.begun = Some(frame);
+        let place = culler.cell.iter().position(|dealt| *dealt == frame).ok_or(Disorder::NotDealt(frame))?;
+        culler.cell.drain(..=place);
+        culler.begun = Some(frame);
         Ok(())
     }
 
@@ -244,13 +248,13 @@ impl Dealer {
     /// If none had begun.
     pub fn ended(&mut self, id: CullerId, now: Instant) -> Result<Option<FrameNumber>, Disorder> {
         let unexpected = Disorder::Unexpected("the end of a frame");
-        let hand = self.cullers.get_mut(&id).ok_or(unexpected)?;
-        let frame = hand.begun.take().ok_or(unexpected)?;
-        if !hand.late {
-            self.usual.note(now.since(hand.since));
+        let culler = self.cullers.get_mut(&id).ok_or(unexpected)?;
+        let frame = culler.begun.take().ok_or(unexpected)?;
+        if !culler.late {
+            self.usual.note(now.since(culler.since));
         }
-        hand.since = now;
-        if std::mem::take(&mut hand.late) {
+        culler.since = now;
+        if std::mem::take(&mut culler.late) {
             self.share_out();
         }
         self.orphans.remove(&frame);
@@ -278,7 +282,7 @@ impl Dealer {
     #[must_use]
     pub fn to_cull_itself(&self) -> Option<FrameNumber> {
         let frame = match self.pace {
-            Pace::Live if !self.in_turn => self.fresh,
+            Pace::Live if !self.round_robin => self.fresh,
             _ => self.next,
         };
         let nobody = self.available().next().is_none();
@@ -306,23 +310,23 @@ impl Dealer {
     /// The first culler to be late, and when: the one with the oldest awaited frame.
     #[must_use]
     pub fn late(&self) -> Option<(CullerId, Instant)> {
-        let hands = self.cullers.iter().filter(|(_, hand)| !hand.late);
-        let oldest = hands.filter_map(|(id, hand)| Some((hand.outstanding().min()?, id, hand.since)));
+        let cullers = self.cullers.iter().filter(|(_, culler)| !culler.late);
+        let oldest = cullers.filter_map(|(id, culler)| Some((culler.outstanding().min()?, id, culler.since)));
         let (_, id, since) = oldest.min()?;
         Some((*id, since.after(self.usual.late(self.pace.least()))))
     }
 
     /// Deals the frames of missing cullers again, and distributes those to come.
     fn share_out(&mut self) {
-        let hands = self.cullers.values().filter(|hand| !hand.late);
+        let cullers = self.cullers.values().filter(|culler| !culler.late);
         let under_way: BTreeSet<_> =
-            hands.flat_map(Hand::outstanding).chain(self.whole.iter().copied()).collect();
-        if self.in_turn {
+            cullers.flat_map(CullerFrames::outstanding).chain(self.whole.iter().copied()).collect();
+        if self.round_robin {
             let dealt = (self.next.0..self.fresh.0).map(FrameNumber);
             self.orphans.extend(dealt.filter(|frame| !under_way.contains(frame)));
         }
-        for (place, hand) in self.cullers.values_mut().filter(|hand| !hand.late).enumerate() {
-            hand.own = FrameNumber(self.fresh.0.saturating_add(place as u32));
+        for (place, culler) in self.cullers.values_mut().filter(|culler| !culler.late).enumerate() {
+            culler.own = FrameNumber(self.fresh.0.saturating_add(place as u32));
         }
     }
 }

@@ -10,19 +10,14 @@ use super::error::{LinkError, RoleError};
 use crate::{
     links::{LatestReceiver, Link},
     stop::Stop,
-    turn::Turn,
 };
 
 /// The result of a role's work, unless the role is asked to stop.
 pub(super) async fn worked(
     work: impl Future<Output = Result<(), RoleError>>,
-    turn: &Turn,
     stop: &Stop,
 ) -> Result<(), RoleError> {
-    let work = turn.given_back_while_waiting(work);
-    let result = stop.unless_requested(work).await.unwrap_or(Err(RoleError::Stopped));
-    turn.give_back();
-    match result {
+    match stop.unless_requested(work).await.unwrap_or(Err(RoleError::Stopped)) {
         // A device that gave up a wait because of a stop request has not failed.
         Err(error) if error.is_of_a_device() && stop.requested() => {
             tracing::debug!(error = &error as &dyn std::error::Error, "the device's work was left");

@@ -7,7 +7,10 @@ use std::{
     time::Duration,
 };
 
-use futures_util::{FutureExt, future::select_all};
+use futures_util::{
+    FutureExt,
+    future::{OptionFuture, select_all},
+};
 use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes, ViewVersion};
 use trimaran_transport::{FrameOutcome, Instant, LinkStats, Net, RecvError};
 
@@ -20,8 +23,8 @@ use crate::{
     deal::{CullerId, Disorder},
     ids::FrameIds,
     links::{FrameEvent, Link, MessageSender, sent_bytes},
-    peers::{Arrival, Seat},
-    supply::{DisplayEnd, Holdings, SupplyError},
+    peers::{Arrival, SlotGuard},
+    supply::{DisplayEnd, Holdings},
 };
 
 /// A culler of a display.
@@ -42,7 +45,7 @@ pub(super) struct CullerLink {
     /// The link's traffic at the end of the last frame.
     carried: LinkStats,
     /// Its slot, free on drop.
-    _seat: Seat,
+    _slot: SlotGuard,
 }
 
 /// The received part of a frame.
@@ -77,6 +80,22 @@ pub(super) struct Culled {
 }
 
 impl Culled {
+    /// The display itself culled it.
+    pub(super) fn alone(camera: Camera, ids: Vec<DrawableId>, begun: Duration) -> Self {
+        Self {
+            camera,
+            by: None,
+            ids,
+            lacking: Vec::new(),
+            stand_ins: None,
+            may_lack_from: None,
+            missing: 0,
+            begun,
+            arrivals: Vec::new(),
+            traffic: SentBytes::default(),
+        }
+    }
+
     /// From when it may be shown with stand-ins, if there are any.
     pub(super) fn has_stand_ins_from(&self) -> Option<Instant> {
         self.may_lack_from.filter(|_| !self.lacking.is_empty() && self.stand_ins.is_some())
@@ -98,7 +117,7 @@ pub(super) enum Heard {
     /// All of the frame has arrived.
     Whole(Box<Culled>),
     /// Another message.
-    Said(RoleMessage),
+    Message(RoleMessage),
     /// It left, or broke the protocol.
     Gone(RoleError),
 }
@@ -113,7 +132,7 @@ pub(super) async fn first_of(cullers: &mut [CullerLink], clock: &Stopwatch) -> (
 }
 
 impl CullerLink {
-    pub(super) fn new(id: CullerId, Arrival { link, at, seat, .. }: Arrival, drawables: u32) -> Self {
+    pub(super) fn new(id: CullerId, Arrival { link, at, slot, .. }: Arrival, drawables: u32) -> Self {
         let (ids, carried) = (FrameIds::of(drawables), link.stats.read());
         let at = at.map(|at| at.to_string());
         Self {
@@ -126,7 +145,7 @@ impl CullerLink {
             supply: None,
             arriving: None,
             carried,
-            _seat: seat,
+            _slot: slot,
         }
     }
 
@@ -162,11 +181,11 @@ impl CullerLink {
                 Ok(None) => tokio::select! {
                     biased;
                     event = self.link.frames_rx.recv() => (event, false),
-                    said = self.link.messages_rx.recv() => match said {
-                        Ok(said) => return Heard::Said(said),
+                    message = self.link.messages_rx.recv() => match message {
+                        Ok(message) => return Heard::Message(message),
                         Err(end) => (Err(end), false),
                     },
-                    cause = failed(&mut self.supply) => {
+                    Some(cause) = OptionFuture::from(self.supply.as_mut().map(DisplayEnd::failed)) => {
                         let (peer, cause) = (self.id.to_string(), Box::new(cause));
                         return Heard::Gone(RoleError::Supplied { peer, cause });
                     }
@@ -214,34 +233,21 @@ impl CullerLink {
                 let carried = self.link.stats.read();
                 let since = carried - std::mem::replace(&mut self.carried, carried);
                 Ok(Some(Heard::Whole(Box::new(Culled {
-                    camera,
                     by: Some(peer),
-                    ids: self.ids.finish(),
-                    lacking: Vec::new(),
-                    stand_ins: None,
-                    may_lack_from: None,
                     missing: match outcome {
                         FrameOutcome::Complete(_) => 0,
                         FrameOutcome::Incomplete { expected, received, .. } => {
                             expected.saturating_sub(received).max(1)
                         }
                     },
-                    begun,
                     arrivals,
                     traffic: sent_bytes(since.sent + since.received),
+                    ..Culled::alone(camera, self.ids.finish(), begun)
                 }))))
             }
             (FrameEvent::Begin(_), Some(_)) => Err(disorder(Disorder::Unexpected("the begin of a frame"))),
             (FrameEvent::Batch(_), None) => Err(disorder(Disorder::Unexpected("a batch of ids"))),
         }
-    }
-}
-
-/// Waits for an error in its geometry. Pending for ever if none is sent. Dropping the future loses nothing.
-async fn failed(supply: &mut Option<DisplayEnd>) -> SupplyError {
-    match supply {
-        Some(supply) => supply.failed().await,
-        None => pending().await,
     }
 }
 

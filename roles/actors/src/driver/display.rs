@@ -1,18 +1,23 @@
 //! The display: deals cameras, and shows frames as they come (paper, algorithm 4.3).
 
-use std::{future::Future, sync::Arc, time::Duration};
+use std::{
+    future::{Future, ready},
+    rc::Rc,
+    sync::Arc,
+    time::Duration,
+};
 
 use trimaran_cull::Image;
 use trimaran_proto::{Camera, DrawableId, FrameNumber, SessionKey, Settings, ViewState};
 use trimaran_scene::Scene;
 use trimaran_transport::Net;
 
-use super::error::RoleError;
+use super::{error::RoleError, in_turn::InTurn};
 use crate::{
     deal::{Pace, Schedule},
     peers::Peers,
     stop::Stop,
-    turn::Turns,
+    turn::{Turn, Turns},
 };
 
 /// A display's work on a frame: on a device, or as recorded.
@@ -25,6 +30,11 @@ pub trait DisplayWork {
     /// Uses another view state from the next frame on.
     fn change_view(&mut self, state: &ViewState) {
         let _ = state;
+    }
+
+    /// A frame is to be drawn: waits until the device is free for it.
+    fn begin_frame(&mut self) -> impl Future<Output = ()> {
+        ready(())
     }
 
     /// Draws a frame (RVG). `missing` is how many of its ids were lost on a link with deadlines. It may
@@ -44,6 +54,9 @@ pub trait DisplayWork {
     /// # Errors
     /// Those of the device.
     fn picture(&mut self) -> Result<Option<&Image>, RoleError>;
+
+    /// The frame has been shown.
+    fn end_frame(&mut self) {}
 }
 
 /// How a live display without a scene shows an incomplete frame. In lockstep it always waits.
@@ -100,6 +113,27 @@ pub struct DisplayRole<W, A> {
 }
 
 impl<W, A> DisplayRole<W, A> {
+    /// The same role, whose work waits for its `turn`.
+    pub(super) fn in_turn(self, turn: &Rc<Turn>) -> DisplayRole<InTurn<W>, InTurn<A>> {
+        let Self { work, alone, supplied, cullers, session, settings, schedule, pace, .. } = self;
+        let Self { first, join_timeout, drawables, net, turns, .. } = self;
+        DisplayRole {
+            work: InTurn::new(work, turn),
+            alone: alone.map(|alone| InTurn::new(alone, turn)),
+            supplied,
+            cullers,
+            session,
+            settings,
+            schedule,
+            pace,
+            first,
+            join_timeout,
+            drawables,
+            net,
+            turns,
+        }
+    }
+
     /// A display that walks in lockstep as long as there are cameras, with independent cullers. It culls
     /// nothing itself, waits for no culler at the start, and computes beside other roles. Set other fields
     /// with `DisplayRole { pace, ..DisplayRole::new(..) }`.

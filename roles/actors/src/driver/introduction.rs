@@ -13,7 +13,7 @@ use crate::deal::{CullerId, Dealer};
 pub(super) struct Introduction {
     /// The key of the next meeting, to distinguish meetings.
     next: u64,
-    state: State,
+    pair: Option<Pair>,
     /// The deadline of the current step.
     deadline: Option<Instant>,
 }
@@ -23,22 +23,26 @@ const MEETING: Duration = Duration::from_secs(12);
 /// How long they may take to get ready. Nothing is dealt meanwhile.
 const SWITCHING: Duration = Duration::from_secs(1);
 
-#[derive(Debug, Default)]
-enum State {
-    #[default]
-    Apart,
+/// Two cullers that the display has introduced to each other.
+#[derive(Debug)]
+struct Pair {
+    key: SessionKey,
+    two: [CullerId; 2],
+    step: Step,
+}
+
+#[derive(Debug)]
+enum Step {
     /// They are to connect; these have.
     Meeting {
-        key: SessionKey,
-        two: [CullerId; 2],
         /// Sent once one of them waits: it accepts nobody before.
         then: Option<Box<Word>>,
         met: Vec<CullerId>,
     },
-    /// They are to take turns, and know the first frame; these are ready.
-    Switching { key: SessionKey, two: [CullerId; 2], ready: Vec<CullerId> },
-    /// They take turns.
-    Switched { key: SessionKey, two: [CullerId; 2] },
+    /// They are to alternate, and know the first frame; these are ready.
+    Switching { ready: Vec<CullerId> },
+    /// They alternate, or have given up.
+    Settled,
 }
 
 /// A message to a culler.
@@ -46,7 +50,7 @@ pub(super) type Word = (CullerId, RoleMessage);
 
 impl Introduction {
     pub(super) const fn new(session: SessionKey) -> Self {
-        Self { next: session.0, state: State::Apart, deadline: None }
+        Self { next: session.0, pair: None, deadline: None }
     }
 
     /// Messages for cullers, given the `available` ones. Nothing is dealt before the first two have
@@ -83,7 +87,8 @@ impl Introduction {
             let then = Some(Box::new((who, RoleMessage::Meet { key, at: Some(at) })));
             dealer.hold(!begun);
             self.deadline = Some(now.after(MEETING));
-            self.state = State::Meeting { key, two: [one, other], then, met: Vec::new() };
+            let step = Step::Meeting { then, met: Vec::new() };
+            self.pair = Some(Pair { key, two: [one, other], step });
         }
         words
     }
@@ -92,36 +97,37 @@ impl Introduction {
     pub(super) fn hear(
         &mut self,
         from: CullerId,
-        said: &RoleMessage,
+        message: &RoleMessage,
         dealer: &mut Dealer,
         now: Instant,
     ) -> Vec<Word> {
-        match (said, &mut self.state) {
-            (RoleMessage::Waits { key }, State::Meeting { key: due, then, .. }) if key == due => {
+        let Some(Pair { key: due, two, step }) = &mut self.pair else { return Vec::new() };
+        match (message, &mut *step) {
+            (RoleMessage::Waits { key }, Step::Meeting { then, .. }) if key == due => {
                 then.take().map(|word| *word).into_iter().collect()
             }
-            (RoleMessage::Met { key }, State::Meeting { key: due, two, met, .. }) if key == due => {
+            (RoleMessage::Met { key }, Step::Meeting { met, .. }) if key == due => {
                 met.push(from);
                 if met.len() < 2 {
                     return Vec::new();
                 }
-                let (key, two, first) = (*key, *two, dealer.fresh());
-                // The frames from now on are culled in turn.
+                let (key, first) = (*key, dealer.fresh());
+                // The frames from now on are culled alternately.
                 dealer.hold(true);
                 self.deadline = Some(now.after(SWITCHING));
-                self.state = State::Switching { key, two, ready: Vec::new() };
+                *step = Step::Switching { ready: Vec::new() };
                 two.map(|id| (id, RoleMessage::Switch { key, first })).into()
             }
-            (RoleMessage::Switched { key }, State::Switching { key: due, two, ready }) if key == due => {
+            (RoleMessage::Switched { key }, Step::Switching { ready }) if key == due => {
                 ready.push(from);
                 if ready.len() == 2 {
-                    self.state = State::Switched { key: *key, two: *two };
+                    *step = Step::Settled;
                     dealer.hold(false);
                     self.deadline = None;
                 }
                 Vec::new()
             }
-            (RoleMessage::Unmet { key }, state) if Some(*key) == state.key() => {
+            (RoleMessage::Unmet { key }, _) if key == due => {
                 tracing::warn!(%from, "the cullers go on by themselves: the log of this one says why");
                 self.give_up(dealer);
                 Vec::new()
@@ -138,48 +144,28 @@ impl Introduction {
     /// The two are late: they go on independently.
     pub(super) fn overdue(&mut self, dealer: &mut Dealer) -> Vec<Word> {
         tracing::warn!("the cullers are late to meet, and go on by themselves");
-        let two = self.state.two();
         self.give_up(dealer);
-        two.into_iter().flatten().map(|id| (id, RoleMessage::Part)).collect()
+        self.two().into_iter().flatten().map(|id| (id, RoleMessage::Part)).collect()
     }
 
     /// They are not asked again until one of them reconnects.
     fn give_up(&mut self, dealer: &mut Dealer) {
-        let two = self.state.two();
-        self.state = two.map_or(State::Apart, |two| State::Switched { key: SessionKey(0), two });
+        if let Some(Pair { key, step, .. }) = &mut self.pair {
+            (*key, *step) = (SessionKey(0), Step::Settled);
+        }
         self.deadline = None;
         dealer.hold(false);
     }
 
     fn part(&mut self, dealer: &mut Dealer, cullers: &[CullerLink]) -> Vec<Word> {
-        let two = std::mem::take(&mut self.state).two();
+        let two = self.pair.take().map(|pair| pair.two);
         dealer.hold(false);
         self.deadline = None;
         let left = two.into_iter().flatten().filter(|id| cullers.iter().any(|culler| culler.id == *id));
         left.map(|id| (id, RoleMessage::Part)).collect()
     }
 
-    const fn two(&self) -> Option<[CullerId; 2]> {
-        self.state.two()
-    }
-}
-
-impl State {
-    const fn two(&self) -> Option<[CullerId; 2]> {
-        match self {
-            Self::Apart => None,
-            Self::Meeting { two, .. } | Self::Switching { two, .. } | Self::Switched { two, .. } => {
-                Some(*two)
-            }
-        }
-    }
-
-    const fn key(&self) -> Option<SessionKey> {
-        match self {
-            Self::Apart => None,
-            Self::Meeting { key, .. } | Self::Switching { key, .. } | Self::Switched { key, .. } => {
-                Some(*key)
-            }
-        }
+    fn two(&self) -> Option<[CullerId; 2]> {
+        self.pair.as_ref().map(|pair| pair.two)
     }
 }

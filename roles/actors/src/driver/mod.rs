@@ -9,11 +9,12 @@ mod culler;
 mod culler_link;
 mod display;
 mod error;
+mod in_turn;
 mod introduction;
 mod observer;
 mod published;
-mod said;
 mod session;
+mod shown_stats;
 
 pub(crate) use close::leave_unable;
 pub use culler::{CullerRole, CullerWork, VisibleIds};

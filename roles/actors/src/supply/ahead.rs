@@ -48,7 +48,7 @@ pub(super) struct Ahead {
 /// A camera's motion between two frames.
 #[derive(Debug, Clone, Copy)]
 struct Motion {
-    way: DVec3,
+    translation: DVec3,
     turn: DQuat,
     time: Duration,
 }
@@ -163,11 +163,11 @@ impl Ahead {
 impl Motion {
     fn between(from: &View, to: &View, time: Duration) -> Self {
         let orientation = |view: &View| DQuat::from_array(view.camera().orientation()).normalize();
-        Self { way: to.eye() - from.eye(), turn: orientation(to) * orientation(from).inverse(), time }
+        Self { translation: to.eye() - from.eye(), turn: orientation(to) * orientation(from).inverse(), time }
     }
 
     fn is_none(&self) -> bool {
-        self.way == DVec3::ZERO && self.angle() < 1e-6
+        self.translation == DVec3::ZERO && self.angle() < 1e-6
     }
 
     fn angle(&self) -> f64 {
@@ -177,7 +177,8 @@ impl Motion {
     /// Whether it is no jump.
     fn goes_on_from(&self, before: &Self) -> bool {
         let room = JUMP * self.time.as_secs_f64() / before.time.as_secs_f64().max(1e-3);
-        self.way.length() <= room * before.way.length() && self.angle() <= room * before.angle() + 1e-3
+        self.translation.length() <= room * before.translation.length()
+            && self.angle() <= room * before.angle() + 1e-3
     }
 
     /// The view if the motion continues for this long.
@@ -187,7 +188,7 @@ impl Motion {
         // Beyond that the turn is limited: nobody turns further before seeing something else.
         let turn = DQuat::from_axis_angle(axis, (angle * times).clamp(-0.5, 0.5));
         let camera = view.camera();
-        let eye = view.eye() + self.way * times;
+        let eye = view.eye() + self.translation * times;
         let orientation = (turn * DQuat::from_array(camera.orientation())).normalize();
         let (tan, near) = (camera.tan_half_fov_y(), camera.near());
         let ahead = Camera::new(eye.to_array(), orientation.to_array(), tan, near, camera.frame()).ok()?;

@@ -1,17 +1,10 @@
 use std::collections::BTreeSet;
-use std::sync::LazyLock;
 
-use trimaran_cook::generate::{PlantOptions, plant};
-use trimaran_cook::{CookOptions, cook};
-use trimaran_cull::{Viewport, lod_cut};
+use trimaran_cull::lod_cut;
 use trimaran_proto::{FrameNumber, LodRule};
 
+use super::super::testing::{PLANT, view_at};
 use super::*;
-
-static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
-    let model = plant(&PlantOptions { objects: 500, triangles: 40_000, ..PlantOptions::small(3) });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
-});
 
 /// Time between frames.
 const STEP: Duration = Duration::from_millis(50);
@@ -26,11 +19,7 @@ fn at(frame: u32) -> Instant {
 
 /// A view from this distance to the middle, turned to the left by this many radians.
 fn view(frame: u32, distance: f64, turn: f64) -> View {
-    let (min, max) = PLANT.nodes()[0].world_box();
-    let eye = (min + max) * 0.5 + distance * DVec3::Z;
-    let orientation = DQuat::from_rotation_y(turn).to_array();
-    let camera = Camera::new(eye.to_array(), orientation, 0.5, 0.1, FrameNumber(frame)).unwrap();
-    View::new(camera, Viewport::new(512, 512).unwrap())
+    view_at(distance, turn, frame, 512)
 }
 
 fn cut(view: &View) -> Vec<DrawableId> {

@@ -2,7 +2,6 @@
 
 use std::{
     collections::VecDeque,
-    future::pending,
     mem,
     sync::{
         Arc,
@@ -11,6 +10,7 @@ use std::{
 };
 
 use bytes::Bytes;
+use futures_util::future::OptionFuture;
 use parking_lot::Mutex;
 use tokio::sync::{Notify, oneshot};
 use trimaran_cull::View;
@@ -206,12 +206,7 @@ async fn serve(
         };
         unsent = block?.or(unsent);
         shared.has_begun.store(supplier.has_begun(), Ordering::Relaxed);
-        let send = async {
-            match &unsent {
-                Some(block) => tx.send(block.clone()).await,
-                None => pending().await,
-            }
-        };
+        let send = unsent.clone().map(|block| tx.send(block));
         tokio::select! {
             biased;
             _ = &mut stopped => return Ok(()),
@@ -221,7 +216,7 @@ async fn serve(
                 // A lost display is noticed by the receiver of cameras.
                 Err(_) => return Ok(()),
             },
-            sent = send => {
+            Some(sent) = OptionFuture::from(send) => {
                 sent.map_err(SupplyFault::Lane)?;
                 unsent = None;
             }

@@ -1,22 +1,12 @@
-use std::{collections::BTreeSet, io, net::SocketAddr, sync::LazyLock, time::Duration};
+use std::{collections::BTreeSet, io, net::SocketAddr, time::Duration};
 
-use trimaran_cook::{
-    CookOptions, cook,
-    generate::{PlantOptions, plant},
-};
 use trimaran_cull::Viewport;
 use trimaran_net::{BoxFuture, Listen, Stream, Timer, UdpSocket};
-use trimaran_proto::{
-    Camera, FrameNumber, Identity, LodRule, NumberList, Role, Settings, Supply, Walkthrough, put_item,
-};
+use trimaran_proto::{Identity, LodRule, NumberList, Role, Settings, Supply, Walkthrough, put_item};
 use trimaran_transport::{LinkConfig, TcpOptions, TokioNet, UdpSocketOptions, inproc, until};
 
+use super::super::testing::{PLANT, view};
 use super::*;
-
-static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
-    let model = plant(&PlantOptions { objects: 200, triangles: 20_000, ..PlantOptions::small(3) });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
-});
 
 /// A network whose blocking work waits until released, as on a slow disk.
 #[derive(Debug)]
@@ -80,11 +70,6 @@ impl Net for SlowDisk {
     }
 }
 
-fn view(frame: u32) -> View {
-    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
-    View::new(camera, Viewport::new(64, 64).unwrap())
-}
-
 fn ids(count: u32) -> Vec<DrawableId> {
     (0..count).map(DrawableId).collect()
 }
@@ -102,8 +87,12 @@ fn pair(net: &Arc<dyn Net>) -> (CullerEnd, Bulk) {
 }
 
 async fn begin(display: &mut Bulk) {
+    demand(display, Demand::Begin { coarser_first: false, ahead: 0 }).await;
+}
+
+async fn demand(display: &mut Bulk, demand: Demand) {
     let mut block = Vec::new();
-    assert!(put_item(&mut block, &Demand::Begin { coarser_first: false, ahead: 0 }));
+    assert!(put_item(&mut block, &demand));
     display.tx.send(block.into()).await.unwrap();
 }
 
@@ -154,9 +143,7 @@ async fn what_was_found_before_and_after_the_display_asked_is_sent() {
                 entries.iter().for_each(|entry| assert!(due.remove(&entry.id)));
             }
         }
-        let mut block = Vec::new();
-        assert!(put_item(&mut block, &Demand::Taken { bytes: taken }));
-        display.tx.send(block.into()).await.unwrap();
+        demand(&mut display, Demand::Taken { bytes: taken }).await;
     }
 }
 
@@ -183,9 +170,7 @@ async fn a_display_that_names_what_the_scene_lacks_is_a_fault_of_the_session() {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
     let (end, mut display) = pair(&net);
     let drawables = NumberList::of(vec![u32::MAX]);
-    let mut block = Vec::new();
-    assert!(put_item(&mut block, &Demand::Holds { drawables, geometries: NumberList::default() }));
-    display.tx.send(block.into()).await.unwrap();
+    demand(&mut display, Demand::Holds { drawables, geometries: NumberList::default() }).await;
     // Also while nothing is culled.
     let fault = end.failed().await;
     assert!(matches!(fault, SupplyFault::Unknown { what: "drawable", number: u32::MAX }), "{fault:?}");

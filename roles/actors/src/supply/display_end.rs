@@ -3,7 +3,7 @@
 use std::{collections::VecDeque, sync::Arc};
 
 use bytes::Bytes;
-use futures_util::FutureExt;
+use futures_util::{FutureExt, future::OptionFuture};
 use parking_lot::Mutex;
 use tokio::sync::{mpsc, oneshot};
 use trimaran_proto::{Demand, DrawableId, FrameNumber, NumberList, put_item};
@@ -124,17 +124,12 @@ async fn take(
             confirmed = bytes;
             unsaid.extend(blocks_of([Demand::Taken { bytes }]));
         }
-        let say = async {
-            match unsaid.front() {
-                Some(block) => tx.send(block.clone()).await,
-                None => std::future::pending().await,
-            }
-        };
+        let say = unsaid.front().map(|block| tx.send(block.clone()));
         let room = holdings.room.notified();
         let has_room = holdings.has_room();
         tokio::select! {
             biased;
-            said = say => match said {
+            Some(sent) = OptionFuture::from(say) => match sent {
                 Ok(()) => drop(unsaid.pop_front()),
                 Err(_) => break None,
             },

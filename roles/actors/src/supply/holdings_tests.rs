@@ -1,39 +1,19 @@
-use std::collections::BTreeSet;
-use std::sync::LazyLock;
-
-use trimaran_cook::generate::{PlantOptions, plant};
-use trimaran_cook::{CookOptions, cook};
 use trimaran_proto::put_item;
 use trimaran_scene::{DrawableEntry, GeometryError, pack_entries};
 
+use super::super::testing::{PLANT, geometry_of, list, unlike};
 use super::*;
-
-static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
-    let model = plant(&PlantOptions { objects: 500, triangles: 40_000, ..PlantOptions::small(3) });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
-});
 
 fn holdings(budget: u64) -> Holdings {
     Holdings::new(&Arc::new(Scene::empty(PLANT.outline())), budget)
 }
 
-fn geometry_of(id: DrawableId) -> u32 {
-    PLANT.drawables()[id.index()].geometry
-}
-
 fn entry(id: DrawableId) -> DrawableEntry {
-    DrawableEntry::of(&PLANT, id).unwrap()
+    DrawableEntry::of(&PLANT, id).unwrap().unwrap()
 }
 
 fn packed(number: u32) -> Bytes {
     PLANT.packed_geometry(number).unwrap().into()
-}
-
-/// Drawables that share no geometry among each other.
-fn unlike(count: usize) -> Vec<DrawableId> {
-    let mut seen = BTreeSet::new();
-    let all = (0..PLANT.drawables().len() as u32).map(DrawableId);
-    all.filter(|id| seen.insert(geometry_of(*id))).take(count).collect()
 }
 
 fn part(number: u32, length: u32, offset: u32, part: &[u8]) -> Supply {
@@ -92,26 +72,22 @@ fn what_comes_once_more_counts_once() {
 }
 
 #[test]
-fn bytes_that_are_nothing_of_the_lane_are_refused() {
+fn what_cannot_be_read_or_is_of_another_scene_is_refused() {
     let refused = holdings(1).take(&[0xff; 9], &mut Arriving::default());
     assert!(matches!(refused, Err(SupplyError::Block(_))), "{refused:?}");
-}
-
-#[test]
-fn records_that_cannot_be_unpacked_are_refused() {
     let refused = take(&holdings(1), &[Supply::Entries { packed: Bytes::from_static(b"\x02\0none") }]);
     assert!(matches!(refused, Err(SupplyError::Entries(EntriesError))), "{refused:?}");
-}
-
-#[test]
-fn records_and_geometry_of_another_scene_are_refused() {
     let count = PLANT.drawables().len() as u32;
-    let refused = take(&holdings(1), &[records(&[DrawableEntry { id: count, ..entry(DrawableId(0)) }])]);
-    let why = GiveError::Number { what: "drawable", number: count, count };
-    assert!(matches!(&refused, Err(SupplyError::Give(cause)) if *cause == why), "{refused:?}");
-    let refused = take(&holdings(1), &[part(0, 3, 0, b"abc")]);
-    let why = GiveError::Geometry { number: 0, cause: GeometryError::Length(3) };
-    assert!(matches!(&refused, Err(SupplyError::Give(cause)) if *cause == why), "{refused:?}");
+    for (item, why) in [
+        (
+            records(&[DrawableEntry { id: count, ..entry(DrawableId(0)) }]),
+            GiveError::Number { what: "drawable", number: count, count },
+        ),
+        (part(0, 3, 0, b"abc"), GiveError::Geometry { number: 0, cause: GeometryError::Length(3) }),
+    ] {
+        let refused = take(&holdings(1), &[item]);
+        assert!(matches!(&refused, Err(SupplyError::Give(cause)) if *cause == why), "{refused:?}");
+    }
 }
 
 #[test]
@@ -189,7 +165,7 @@ fn what_the_due_frame_needs_stays_whatever_the_budget_is() {
     assert_eq!(holdings.lacking(&ids).unwrap(), ids[3..]);
     assert_eq!(holdings.trim(&[due]), NumberList::default());
     // Records stay.
-    assert_eq!(holdings.all()[0], NumberList::of(ids.iter().map(|id| id.0).collect()));
+    assert_eq!(holdings.all()[0], list(&ids));
     give(&holdings, ids[4]);
     assert_eq!(holdings.lacking(&[ids[4]]).unwrap(), []);
 }
@@ -236,10 +212,7 @@ fn what_came_ahead_is_counted_and_what_of_it_is_used() {
 fn something_stands_in_once_it_is_there_itself_and_only_where_all_have_something() {
     let (holdings, ids) = (holdings(1 << 30), unlike(4));
     let [coarse, fine, finer, other] = [0, 1, 2, 3].map(|place| ids[place]);
-    let stands_in = |id: DrawableId, drawables: &[DrawableId]| Supply::StandIn {
-        id,
-        drawables: NumberList::of(drawables.iter().map(|id| id.0).collect()),
-    };
+    let stands_in = |id, drawables: &[DrawableId]| Supply::StandIn { id, drawables: list(drawables) };
     take(&holdings, &[stands_in(coarse, &[fine, finer])]).unwrap();
     assert_eq!(holdings.stand_ins(&[fine, finer]), Ok(None), "it has not come");
     take(&holdings, &[records(&[entry(coarse)])]).unwrap();

@@ -13,6 +13,8 @@ mod holdings;
 mod queue;
 mod stand_ins;
 mod supplier;
+#[cfg(test)]
+mod testing;
 mod window;
 
 pub(crate) use culler_end::CullerEnd;

@@ -1,7 +1,7 @@
 //! The order in which drawables are sent.
 
 use std::{
-    cmp::Ordering,
+    cmp::Reverse,
     collections::{BinaryHeap, HashMap, HashSet},
 };
 
@@ -29,12 +29,13 @@ pub(super) struct Queue {
     shown: Option<FrameNumber>,
 }
 
-#[derive(Debug, Clone, Copy)]
+/// Ordered by its fields.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Entry {
     purpose: Purpose,
-    /// About its size on the screen, squared.
-    size: f64,
-    id: DrawableId,
+    /// The bits of its apparent size: they are in the order of non-negative numbers.
+    size: u64,
+    id: Reverse<DrawableId>,
 }
 
 impl Queue {
@@ -45,12 +46,12 @@ impl Queue {
         true
     }
 
-    /// Adds one of this apparent size. One that is due already may move forward.
+    /// Adds one of about this size on the screen, squared. One that is due already may move forward.
     pub(super) fn push(&mut self, id: DrawableId, frame: FrameNumber, purpose: Purpose, size: f64) {
         if !self.renew(id, frame) {
             self.due.insert(id, frame);
         }
-        self.order.push(Entry { purpose, size, id });
+        self.order.push(Entry { purpose, size: size.to_bits(), id: Reverse(id) });
         if self.order.len() > 2 * self.due.len() + STALE {
             self.forget_stale();
         }
@@ -59,14 +60,14 @@ impl Queue {
     /// Takes the next one.
     pub(super) fn pop(&mut self) -> Option<DrawableId> {
         self.purpose()?;
-        let Entry { id, .. } = self.order.pop()?;
+        let Entry { id: Reverse(id), .. } = self.order.pop()?;
         self.due.remove(&id);
         Some(id)
     }
 
     /// The purpose of the next one. Drops entries needed only by frames already shown.
     pub(super) fn purpose(&mut self) -> Option<Purpose> {
-        while let Some(Entry { id, purpose, .. }) = self.order.peek() {
+        while let Some(Entry { id: Reverse(id), purpose, .. }) = self.order.peek() {
             if self.due.get(id).is_some_and(|frame| Some(*frame) > self.shown) {
                 return Some(*purpose);
             }
@@ -85,7 +86,7 @@ impl Queue {
     fn forget_stale(&mut self) {
         let mut seen = HashSet::new();
         let sorted = std::mem::take(&mut self.order).into_sorted_vec();
-        let first = sorted.into_iter().rev().filter(|entry| self.due.contains_key(&entry.id));
+        let first = sorted.into_iter().rev().filter(|entry| self.due.contains_key(&entry.id.0));
         self.order = first.filter(|entry| seen.insert(entry.id)).collect();
     }
 
@@ -94,27 +95,6 @@ impl Queue {
         self.order.clear();
     }
 }
-
-impl Ord for Entry {
-    fn cmp(&self, other: &Self) -> Ordering {
-        let by_size = self.purpose.cmp(&other.purpose).then(self.size.total_cmp(&other.size));
-        by_size.then(other.id.cmp(&self.id))
-    }
-}
-
-impl PartialOrd for Entry {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl PartialEq for Entry {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Entry {}
 
 #[cfg(test)]
 mod tests {

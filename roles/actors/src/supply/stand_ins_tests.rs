@@ -1,18 +1,11 @@
 use std::collections::BTreeSet;
-use std::sync::{Arc, LazyLock};
 
-use trimaran_cook::generate::{PlantOptions, plant};
-use trimaran_cook::{CookOptions, cook};
-use trimaran_cull::{Viewport, lod_cut};
-use trimaran_proto::{Camera, LodRule};
+use trimaran_cull::lod_cut;
+use trimaran_proto::LodRule;
 use trimaran_scene::NodeId;
 
+use super::super::testing::{PLANT, outside, view_at};
 use super::*;
-
-static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
-    let model = plant(&PlantOptions { objects: 500, triangles: 40_000, ..PlantOptions::small(3) });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
-});
 
 const EPSILON_PX: f64 = 0.25;
 
@@ -22,10 +15,7 @@ fn rule() -> CutRule {
 
 /// From outside, so that all of the plant is visible.
 fn view() -> View {
-    let (min, max) = PLANT.nodes()[0].world_box();
-    let eye = (min + max) * 0.5 + (max - min).length() * glam::DVec3::Z;
-    let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(7)).unwrap();
-    View::new(camera, Viewport::new(512, 512).unwrap())
+    view_at(outside(), 0.0, 7, 512)
 }
 
 fn cut() -> Vec<DrawableId> {

@@ -313,10 +313,10 @@ impl Supplier {
         }
         if self.pieces.is_empty() {
             self.find_stand_ins();
-            self.take_batch();
+            self.take_batch()?;
         }
         if self.pieces.is_empty() && self.ready.is_empty() {
-            self.take_ahead(now);
+            self.take_ahead(now)?;
         }
         if self.ready.is_empty()
             && let Some(number) = self.pieces.pop_front()
@@ -328,7 +328,7 @@ impl Supplier {
     }
 
     /// Stand-ins and other drawables are not mixed in a batch.
-    fn take_batch(&mut self) {
+    fn take_batch(&mut self) -> Result<(), SupplyFault> {
         let mut entries = Vec::new();
         let mut taken = 0;
         let purpose = self.queue.purpose();
@@ -337,19 +337,20 @@ impl Supplier {
             && let Some(id) = self.queue.pop()
         {
             taken += 1;
-            self.take(id, &mut entries);
+            self.take(id, &mut entries)?;
         }
         self.pack_in_order(entries);
+        Ok(())
     }
 
     /// Prepares geometry ahead of need, while next to nothing is in flight.
-    fn take_ahead(&mut self, now: Instant) {
-        let Some(rule) = self.rule.clone().filter(|_| self.window.is_quiet()) else { return };
+    fn take_ahead(&mut self, now: Instant) -> Result<(), SupplyFault> {
+        let Some(rule) = self.rule.clone().filter(|_| self.window.is_quiet()) else { return Ok(()) };
         let (mut entries, mut numbers) = (Vec::new(), Vec::new());
         while numbers.len() < AHEAD_BATCH
             && let Some(id) = self.ahead.pop(&self.scene, &rule, now)
         {
-            if let Some(number) = self.take(id, &mut entries) {
+            if let Some(number) = self.take(id, &mut entries)? {
                 let bytes = self.scene.places().get(number as usize).map_or(0, |place| place.length.into());
                 self.ahead.sent(number, bytes, now);
                 numbers.push(number);
@@ -360,22 +361,21 @@ impl Supplier {
             self.ready.push_back((Supply::Ahead { geometries }, Vec::new()));
         }
         self.pack_in_order(entries);
+        Ok(())
     }
 
     /// Prepares the missing parts of a drawable. Returns the piece of geometry, if that is to be sent.
-    fn take(&mut self, id: DrawableId, entries: &mut Vec<DrawableEntry>) -> Option<u32> {
-        let drawable = self.scene.drawables().get(id.index())?;
-        if !self.records.contains(id.0)
-            && let Some(entry) = DrawableEntry::of(&self.scene, id)
-        {
-            self.records.send(id.0);
+    fn take(&mut self, id: DrawableId, entries: &mut Vec<DrawableEntry>) -> Result<Option<u32>, SupplyFault> {
+        let entry = DrawableEntry::of(&self.scene, id).map_err(SupplyFault::Scene)?;
+        let Some(entry) = entry else { return Ok(None) };
+        if self.records.send(id.0) {
             entries.push(entry);
         }
-        if !self.geometries.send(drawable.geometry) {
-            return None;
+        if !self.geometries.send(entry.geometry) {
+            return Ok(None);
         }
-        self.pieces.push_back(drawable.geometry);
-        Some(drawable.geometry)
+        self.pieces.push_back(entry.geometry);
+        Ok(Some(entry.geometry))
     }
 
     fn pack_in_order(&mut self, mut entries: Vec<DrawableEntry>) {

@@ -1,80 +1,39 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
+use glam::{DVec3, Mat3};
 use proptest::prelude::*;
-use trimaran_cook::generate::{PlantOptions, plant};
-use trimaran_cook::{CookOptions, cook};
-use trimaran_cull::{Viewport, lod_cut};
-use trimaran_proto::{Camera, LodRule, Settings, items};
-use trimaran_scene::{
-    Drawable, Geometry, Node, ObjectRecord, Rgba8, SceneArrays, Vertex, random::Random, unpack_entries,
-};
+use trimaran_cull::lod_cut;
+use trimaran_proto::{LodRule, Settings, items};
+use trimaran_scene::{FlatObject, Rgba8, SceneArrays, random::Random, unpack_entries};
 
-use super::super::holdings::{Arriving, Holdings};
+use super::super::{
+    holdings::{Arriving, Holdings},
+    testing::{PLANT, geometry_of, list, outside, unlike, view, view_at},
+};
 use super::*;
 
 const NOW: Instant = Instant::from_nanos(0);
 
-static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
-    let model = plant(&PlantOptions { objects: 500, triangles: 40_000, ..PlantOptions::small(3) });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
-});
-
 /// Two leaves of random triangles: each piece is larger than a few blocks.
 static LARGE: LazyLock<Arc<Scene>> = LazyLock::new(|| {
     let mut random = Random::new(1);
-    let mut noise = || {
-        let mut vertex = || Vertex::new([(); 3].map(|()| random.between(0.0, 1.0) as f32), Rgba8([9; 4]));
-        let vertices = (0..6_000).map(|_| vertex()).collect();
-        Geometry { vertices, indices: (0..6_000).collect() }
+    let mut noise = || FlatObject {
+        positions: (0..6_000).map(|_| random.point(DVec3::ZERO, DVec3::ONE).as_vec3()).collect(),
+        indices: (0..6_000).collect(),
+        colour: Rgba8([9; 4]),
+        linear: Mat3::IDENTITY,
+        origin: DVec3::ZERO,
     };
-    let node = Node { world_max: [1.0; 3], local_max: [1.0; 3], ..Node::default() };
-    let leaf = |object| Node { parent: 0, first_drawable: object, drawable_count: 1, object, ..node };
-    let drawable = |number| Drawable {
-        error: 0.0,
-        node: number + 1,
-        geometry: number,
-        triangles: 2_000,
-        sides: trimaran_scene::Sides::BOTH,
-    };
-    let object = ObjectRecord { source: 0, source_index: 0, name_start: 0, name_length: 0, node: Node::NONE };
-    let scene = Scene::from_arrays(SceneArrays {
-        nodes: vec![Node { first_child: 1, child_count: 2, ..node }, leaf(0), leaf(1)],
-        drawables: vec![drawable(0), drawable(1)],
-        geometries: vec![noise(), noise()],
-        objects: vec![object; 2],
-        sources: vec![String::new()],
-        ..SceneArrays::default()
-    });
-    Arc::new(scene.unwrap())
+    Arc::new(Scene::from_arrays(SceneArrays::flat(&[noise(), noise()])).unwrap())
 });
-
-fn view(frame: u32) -> View {
-    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
-    View::new(camera, Viewport::new(64, 64).unwrap())
-}
 
 fn ids(numbers: impl IntoIterator<Item = u32>) -> Vec<DrawableId> {
     numbers.into_iter().map(DrawableId).collect()
 }
 
-fn list(ids: &[DrawableId]) -> NumberList {
-    NumberList::of(ids.iter().map(|id| id.0).collect())
-}
-
-fn geometry_of(scene: &Scene, id: DrawableId) -> u32 {
-    scene.drawables()[id.index()].geometry
-}
-
-fn geometries_of(scene: &Scene, ids: &[DrawableId]) -> BTreeSet<u32> {
-    ids.iter().map(|id| geometry_of(scene, *id)).collect()
-}
-
-/// Drawables that share no geometry among each other.
-fn unlike(scene: &Scene, count: usize) -> Vec<DrawableId> {
-    let mut seen = BTreeSet::new();
-    let all = ids(0..scene.drawables().len() as u32);
-    all.into_iter().filter(|id| seen.insert(geometry_of(scene, *id))).take(count).collect()
+fn geometries_of(ids: &[DrawableId]) -> BTreeSet<u32> {
+    ids.iter().map(|id| geometry_of(*id)).collect()
 }
 
 /// A supplier, and a display that takes each block as soon as it comes.
@@ -146,9 +105,15 @@ fn came(items: &[Supply]) -> Came {
     came
 }
 
-fn sorted(mut numbers: Vec<u32>) -> Vec<u32> {
-    numbers.sort_unstable();
-    numbers
+/// In any order, the records of these and the geometry of those came.
+fn assert_came(came: &Came, records: &[DrawableId], pieces: &[DrawableId]) {
+    let sorted = |numbers: &[u32]| {
+        let mut sorted = numbers.to_vec();
+        sorted.sort_unstable();
+        sorted
+    };
+    assert_eq!(sorted(&came.records), records.iter().map(|id| id.0).collect::<Vec<_>>());
+    assert_eq!(sorted(&came.pieces), Vec::from_iter(geometries_of(pieces)));
 }
 
 #[test]
@@ -157,13 +122,12 @@ fn what_was_found_is_sent_once_and_records_come_before_their_geometry() {
     pair.supplier.found(&view(0), &ids, NOW);
     let items = pair.items();
     let all = came(&items);
-    assert_eq!(sorted(all.records.clone()), (0..300).collect::<Vec<_>>());
-    assert_eq!(sorted(all.pieces.clone()), Vec::from_iter(geometries_of(&PLANT, &ids)));
+    assert_came(&all, &ids, &ids);
     // A piece's purpose is known when it comes.
     for (end, item) in items.iter().enumerate() {
         if let Supply::Geometry { number, .. } = item {
             let before = came(&items[..end]).records;
-            let is_needed = |id: &u32| geometry_of(&PLANT, DrawableId(*id)) == *number;
+            let is_needed = |id: &u32| geometry_of(DrawableId(*id)) == *number;
             assert!(before.iter().any(is_needed), "piece {number} came before all records that need it");
         }
     }
@@ -173,7 +137,7 @@ fn what_was_found_is_sent_once_and_records_come_before_their_geometry() {
 
 #[test]
 fn what_is_largest_on_the_screen_comes_first() {
-    let (mut pair, mut ids) = (Pair::new(&PLANT), unlike(&PLANT, 200));
+    let (mut pair, mut ids) = (Pair::new(&PLANT), unlike(200));
     pair.supplier.found(&view(0), &ids, NOW);
     let size = |id: &DrawableId| {
         let node = &PLANT.nodes()[PLANT.drawables()[id.index()].node as usize];
@@ -182,17 +146,14 @@ fn what_is_largest_on_the_screen_comes_first() {
     };
     ids.sort_by(|a, b| size(b).total_cmp(&size(a)).then(a.cmp(b)));
     assert!(size(&ids[0]) > 10.0 * size(&ids[199]));
-    let due: Vec<_> = ids.iter().map(|id| geometry_of(&PLANT, *id)).collect();
+    let due: Vec<_> = ids.iter().map(|id| geometry_of(*id)).collect();
     assert_eq!(pair.came().pieces, due);
 }
 
 #[test]
 fn what_stands_in_comes_before_what_it_stands_in_for() {
     let rule = LodRule::new(2.0).unwrap();
-    let (min, max) = PLANT.nodes()[0].world_box();
-    let eye = (min + max) * 0.5 + (max - min).length() * glam::DVec3::Z;
-    let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(0)).unwrap();
-    let view = View::new(camera, Viewport::new(2048, 2048).unwrap());
+    let view = view_at(outside(), 0.0, 0, 2048);
     let cut = lod_cut(&PLANT, &view, rule);
     let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
     pair.supplier.change_view(&Settings::new(view.viewport(), rule).into());
@@ -201,9 +162,9 @@ fn what_stands_in_comes_before_what_it_stands_in_for() {
     let items = pair.items();
     let stand_ins: BTreeMap<u32, DrawableId> = items.iter().filter_map(stands_in).flatten().collect();
     assert!(stand_ins.len() * 2 > cut.len(), "{} of {}", stand_ins.len(), cut.len());
-    let due: BTreeSet<_> = cut.iter().map(|id| geometry_of(&PLANT, *id)).collect();
+    let due: BTreeSet<_> = geometries_of(&cut);
     let mut missing: BTreeSet<_> =
-        cut.iter().map(|id| geometry_of(&PLANT, *stand_ins.get(&id.0).unwrap_or(id))).collect();
+        cut.iter().map(|id| geometry_of(*stand_ins.get(&id.0).unwrap_or(id))).collect();
     let first = missing.len();
     for number in came(&items).pieces {
         let is_first = missing.remove(&number);
@@ -219,12 +180,7 @@ fn what_stands_in_comes_before_what_it_stands_in_for() {
 #[test]
 fn what_a_moving_camera_is_about_to_need_comes_when_nothing_else_is_due_and_within_the_budget() {
     let rule = LodRule::new(0.3).unwrap();
-    let seen = |frame: u32, distance: f64| {
-        let (min, max) = PLANT.nodes()[0].world_box();
-        let eye = (min + max) * 0.5 + distance * glam::DVec3::Z;
-        let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap();
-        View::new(camera, Viewport::new(512, 512).unwrap())
-    };
+    let seen = |frame: u32, distance: f64| view_at(distance, 0.0, frame, 512);
     // Drawables outside the cuts.
     let cuts: BTreeSet<_> =
         (20..=40).flat_map(|distance| lod_cut(&PLANT, &seen(0, distance.into()), rule)).collect();
@@ -288,7 +244,7 @@ fn stands_in(item: &Supply) -> Option<Vec<(u32, DrawableId)>> {
 fn instances_share_their_geometry() {
     let mut by_geometry = BTreeMap::<u32, Vec<DrawableId>>::new();
     for id in ids(0..PLANT.drawables().len() as u32) {
-        by_geometry.entry(geometry_of(&PLANT, id)).or_default().push(id);
+        by_geometry.entry(geometry_of(id)).or_default().push(id);
     }
     let (geometry, instances) = by_geometry.iter().max_by_key(|(_, ids)| ids.len()).unwrap();
     assert!(instances.len() > 2);
@@ -312,45 +268,41 @@ fn nothing_is_sent_before_the_display_asks() {
 /// The first camera may overtake the request.
 #[test]
 fn what_the_newest_frame_before_the_request_found_is_sent_but_what_the_display_holds() {
-    let all = unlike(&PLANT, 30);
+    let all = unlike(30);
     let mut pair = Pair { supplier: Supplier::new(&PLANT), taken: 0 };
     pair.supplier.found(&view(0), &all[..10], NOW);
     pair.supplier.found(&view(1), &all[10..20], NOW);
     pair.supplier.found(&view(1), &all[20..], NOW);
-    let geometries = NumberList::of(geometries_of(&PLANT, &all[20..]).into_iter().collect());
+    let geometries = NumberList::of(geometries_of(&all[20..]).into_iter().collect());
     pair.hear(Demand::Holds { drawables: list(&all[20..]), geometries });
     assert_eq!(pair.came(), Came::default());
     pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
-    let came = pair.came();
-    assert_eq!(sorted(came.records), all[10..20].iter().map(|id| id.0).collect::<Vec<_>>());
-    assert_eq!(sorted(came.pieces), Vec::from_iter(geometries_of(&PLANT, &all[10..20])));
+    assert_came(&pair.came(), &all[10..20], &all[10..20]);
 }
 
 #[test]
 fn what_the_display_holds_is_not_sent() {
-    let (mut pair, all) = (Pair::new(&PLANT), unlike(&PLANT, 90));
+    let (mut pair, all) = (Pair::new(&PLANT), unlike(90));
     let (whole, rest) = all.split_at(30);
     let (records, others) = rest.split_at(30);
     pair.hear(Demand::Holds {
         drawables: list(&[whole, records].concat()),
-        geometries: NumberList::of(geometries_of(&PLANT, whole).into_iter().collect()),
+        geometries: NumberList::of(geometries_of(whole).into_iter().collect()),
     });
     pair.supplier.found(&view(0), &all, NOW);
-    let came = pair.came();
-    assert_eq!(sorted(came.records), others.iter().map(|id| id.0).collect::<Vec<_>>());
-    assert_eq!(sorted(came.pieces), Vec::from_iter(geometries_of(&PLANT, rest)));
+    assert_came(&pair.came(), others, rest);
 }
 
 #[test]
 fn what_is_under_way_is_not_sent_again_where_it_is_lacked() {
-    let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
+    let (mut pair, few) = (Pair::new(&PLANT), unlike(5));
     pair.supplier.found(&view(0), &few, NOW);
     let first = pair.block().unwrap();
     let taken = pair.taken;
     let rest: Vec<_> = std::iter::from_fn(|| pair.block()).flatten().collect();
     let sent = came(&[first, rest].concat());
     assert_eq!((sent.records.len(), sent.pieces.len()), (5, 5), "the window holds all of it");
-    let last = few.iter().find(|id| sent.pieces.ends_with(&[geometry_of(&PLANT, **id)])).unwrap();
+    let last = few.iter().find(|id| sent.pieces.ends_with(&[geometry_of(**id)])).unwrap();
     pair.lacks(0, 0, &few);
     assert_eq!(pair.block(), None);
     pair.lacks(0, taken, &[*last]);
@@ -359,7 +311,7 @@ fn what_is_under_way_is_not_sent_again_where_it_is_lacked() {
 
 #[test]
 fn what_was_taken_and_is_lacked_is_sent_again() {
-    let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
+    let (mut pair, few) = (Pair::new(&PLANT), unlike(5));
     pair.supplier.found(&view(0), &few, NOW);
     let first = pair.came();
     pair.lacks(1, pair.taken, &few);
@@ -368,19 +320,17 @@ fn what_was_taken_and_is_lacked_is_sent_again() {
 
 #[test]
 fn what_other_cullers_found_is_sent_where_it_is_lacked() {
-    let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
+    let (mut pair, few) = (Pair::new(&PLANT), unlike(5));
     pair.lacks(3, 0, &few);
-    let came = pair.came();
-    assert_eq!(sorted(came.records), few.iter().map(|id| id.0).collect::<Vec<_>>());
-    assert_eq!(sorted(came.pieces), Vec::from_iter(geometries_of(&PLANT, &few)));
+    assert_came(&pair.came(), &few, &few);
 }
 
 #[test]
 fn what_was_dropped_is_sent_again_when_it_is_found_again() {
-    let (mut pair, few) = (Pair::new(&PLANT), unlike(&PLANT, 5));
+    let (mut pair, few) = (Pair::new(&PLANT), unlike(5));
     pair.supplier.found(&view(0), &few, NOW);
     pair.came();
-    let dropped = geometry_of(&PLANT, few[2]);
+    let dropped = geometry_of(few[2]);
     pair.hear(Demand::Dropped { geometries: NumberList::of(vec![dropped]) });
     assert_eq!(pair.came(), Came::default(), "nobody needs it now");
     pair.supplier.found(&view(1), &few, NOW);
@@ -389,12 +339,11 @@ fn what_was_dropped_is_sent_again_when_it_is_found_again() {
 
 #[test]
 fn what_only_frames_that_were_shown_needed_is_not_sent() {
-    let (mut pair, all) = (Pair::new(&PLANT), unlike(&PLANT, 30));
+    let (mut pair, all) = (Pair::new(&PLANT), unlike(30));
     pair.supplier.found(&view(3), &all[..20], NOW);
     pair.supplier.found(&view(5), &all[10..], NOW);
     pair.hear(Demand::Shown { frame: FrameNumber(3) });
-    let came = pair.came();
-    assert_eq!(sorted(came.records), all[10..].iter().map(|id| id.0).collect::<Vec<_>>());
+    assert_came(&pair.came(), &all[10..], &all[10..]);
     pair.supplier.found(&view(3), &all[..10], NOW);
     assert_eq!(pair.came(), Came::default());
     pair.hear(Demand::Shown { frame: FrameNumber(1) });
@@ -439,33 +388,28 @@ fn a_piece_larger_than_a_block_comes_in_parts_in_order() {
 }
 
 #[test]
-fn who_begins_anew_is_sent_all_anew_behind_the_rest_of_a_piece() {
-    let mut pair = Pair::new(&LARGE);
-    pair.supplier.found(&view(0), &ids([0, 1]), NOW);
-    let mut items = pair.block().unwrap();
-    pair.hear(Demand::End);
-    // Another culler supplies the display.
-    pair.supplier.found(&view(1), &ids([0, 1]), NOW);
-    pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
-    pair.hear(Demand::Taken { bytes: pair.taken });
-    pair.supplier.found(&view(2), &ids([0, 1]), NOW);
-    items.extend(pair.items());
-    assert_parts_are_in_order(&items);
-    let all = came(&items);
-    assert_eq!(all.records, [0, 1, 0, 1]);
-    assert_eq!(all.pieces, [0, 0, 1], "the piece that had begun, and then both");
-}
-
-#[test]
-fn who_is_asked_for_nothing_more_sends_the_rest_of_a_piece_alone() {
-    let mut pair = Pair::new(&LARGE);
-    pair.supplier.found(&view(0), &ids([0, 1]), NOW);
-    let mut items = pair.block().unwrap();
-    pair.hear(Demand::End);
-    pair.hear(Demand::Taken { bytes: pair.taken });
-    items.extend(pair.items());
-    assert_parts_are_in_order(&items);
-    assert_eq!(came(&items).pieces, [0]);
+fn behind_the_rest_of_a_piece_nothing_comes_until_the_display_begins_anew() {
+    for begins in [false, true] {
+        let mut pair = Pair::new(&LARGE);
+        pair.supplier.found(&view(0), &ids([0, 1]), NOW);
+        let mut items = pair.block().unwrap();
+        pair.hear(Demand::End);
+        if begins {
+            // Another culler supplies the display.
+            pair.supplier.found(&view(1), &ids([0, 1]), NOW);
+            pair.hear(Demand::Begin { coarser_first: false, ahead: 0 });
+        }
+        pair.hear(Demand::Taken { bytes: pair.taken });
+        if begins {
+            pair.supplier.found(&view(2), &ids([0, 1]), NOW);
+        }
+        items.extend(pair.items());
+        assert_parts_are_in_order(&items);
+        let all = came(&items);
+        // The piece that had begun, and then both.
+        assert_eq!(all.pieces, if begins { vec![0, 0, 1] } else { vec![0] });
+        assert!(!begins || all.records == [0, 1, 0, 1], "{all:?}");
+    }
 }
 
 #[test]
@@ -481,13 +425,6 @@ fn a_full_window_gives_no_block_until_some_was_taken() {
     assert!(pair.block().is_none(), "the first block is still under way");
     pair.hear(Demand::Taken { bytes: pair.taken });
     assert!(pair.block().is_some());
-}
-
-#[test]
-fn a_display_that_takes_what_was_not_sent_is_no_display() {
-    let mut supplier = Supplier::new(&PLANT);
-    let heard = supplier.hear(Demand::Taken { bytes: 1 }, NOW);
-    assert!(matches!(heard, Err(SupplyFault::NotSent)), "{heard:?}");
 }
 
 #[test]
@@ -520,8 +457,10 @@ fn a_display_names_nothing_that_the_scene_lacks() {
         pair.supplier.found(&view(0), &ids([0]), NOW);
         assert!(pair.came().records.contains(&0), "{demand:?} counts for nothing");
     }
-    let refused = Pair::new(&PLANT).supplier.hear(Demand::Lacks { frame, taken: 1, drawables: none() }, NOW);
-    assert!(matches!(refused, Err(SupplyFault::NotSent)), "{refused:?}");
+    for demand in [Demand::Taken { bytes: 1 }, Demand::Lacks { frame, taken: 1, drawables: none() }] {
+        let refused = Pair::new(&PLANT).supplier.hear(demand, NOW);
+        assert!(matches!(refused, Err(SupplyFault::NotSent)), "{refused:?}");
+    }
 }
 
 /// A step of supplying a display.

@@ -14,7 +14,7 @@ use super::{
     pieces::{InPieces, Pieces},
 };
 use crate::{
-    clock::Stopwatch,
+    clock::{Stopwatch, nanoseconds},
     device::CullerDevice,
     driver::{CullerWork, RoleError, VisibleIds},
     stop::Stop,
@@ -35,7 +35,7 @@ pub struct SceneCulling<D> {
     policy: OccluderPolicy,
     pieces: Pieces,
     /// Whether the device is to be idle while the role waits for further ids.
-    takes_turns: bool,
+    idle_while_waiting: bool,
     /// Whether the occluders of this frame are chosen and drawn as they come.
     as_they_come: bool,
     /// The remaining triangle budget in that case.
@@ -43,8 +43,6 @@ pub struct SceneCulling<D> {
     stats: FrameStats,
     /// The host's time for the occluders of this frame.
     host: Duration,
-    /// When the occluders of this frame were complete.
-    or_end: Duration,
     /// How many ids of an earlier frame have come for this one, and the occluders mapped from them.
     received: usize,
     due: Vec<DrawableId>,
@@ -65,12 +63,11 @@ impl<D: CullerDevice> SceneCulling<D> {
             clock: turns.clock(),
             policy: OccluderPolicy::default(),
             pieces: Pieces::default(),
-            takes_turns: turns.idle_devices(),
+            idle_while_waiting: turns.idle_devices(),
             as_they_come: false,
             left: 0,
             stats: FrameStats::default(),
             host: Duration::ZERO,
-            or_end: Duration::ZERO,
             received: 0,
             due: Vec::new(),
             order: DrawOrder::default(),
@@ -99,7 +96,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.state = state.clone();
     }
 
-    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
+    async fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
         let view = View::of(camera, &self.state);
         self.view = view;
         let start = self.clock.elapsed();
@@ -114,7 +111,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.device.begin_occluders(&view).map_err(RoleError::of_device::<D>("clearing the depth"))?;
         self.received = 0;
         self.due.clear();
-        self.as_they_come = as_they_come && !self.takes_turns;
+        self.as_they_come = as_they_come && !self.idle_while_waiting;
         self.left = self.policy.budget.0;
         self.host = self.clock.elapsed().saturating_sub(start);
         Ok(())
@@ -155,13 +152,13 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let start = self.clock.elapsed();
         let drawing =
             self.device.finish_occluders().map_err(RoleError::of_device::<D>("completing the depth"))?;
-        self.or_end = self.clock.elapsed();
-        let waited = self.or_end.saturating_sub(start);
+        let or_end = self.clock.elapsed();
+        let waited = or_end.saturating_sub(start);
         // Occluders drawn as they come may have been drawn before this. Otherwise they were drawn while the
         // host still worked on them, and that time is counted already.
         let finishing = if self.as_they_come { drawing.max(waited) } else { waited };
         self.stats.or_busy_ns = nanoseconds(self.host + finishing);
-        self.stats.or_end_ns = nanoseconds(self.or_end);
+        self.stats.or_end_ns = nanoseconds(or_end);
         Ok(())
     }
 
@@ -181,7 +178,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             Ok(())
         };
         let Self { device, pieces, .. } = self;
-        let mut test = InPieces { device, pieces, clock, turn: visible.shared_turn() };
+        let mut test = InPieces { device, pieces, clock, turn: visible.turn.clone() };
         while let Some(ids) =
             rounds.next(&mut test, &mut add_occluders).map_err(RoleError::of_culling::<D>)?
         {
@@ -201,18 +198,13 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         Ok(())
     }
 
-    fn frame_stats(&mut self, away: Duration) -> FrameStats {
+    fn frame_stats(&mut self) -> FrameStats {
         self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
-        // Interrupted work counts as one piece at its end.
-        self.stats.hc_start_ns = nanoseconds(self.or_end + away);
+        self.stats.hc_start_ns = self.stats.or_end_ns;
         self.stats
     }
 }
 
 fn count(ids: &[DrawableId]) -> u32 {
     u32::try_from(ids.len()).unwrap_or(u32::MAX)
-}
-
-fn nanoseconds(time: Duration) -> u64 {
-    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }

@@ -1,6 +1,6 @@
 //! Splits the box tests of a time-shared device into pieces, so that no frame keeps it for long.
 
-use std::time::Duration;
+use std::{rc::Rc, time::Duration};
 
 use trimaran_cull::{Answer, OcclusionTest, Outline, TestBox, View};
 
@@ -38,14 +38,14 @@ pub(super) struct InPieces<'d, D> {
     pub(super) pieces: &'d mut Pieces,
     pub(super) clock: Stopwatch,
     /// Without one all boxes are one piece.
-    pub(super) turn: Option<&'d Turn>,
+    pub(super) turn: Option<Rc<Turn>>,
 }
 
 impl<D: CullerDevice> OcclusionTest for InPieces<'_, D> {
     type Error = D::Error;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), D::Error> {
-        let Some(turn) = self.turn else { return self.device.test(view, boxes, visible) };
+        let Some(turn) = &self.turn else { return self.device.test(view, boxes, visible) };
         visible.clear();
         let (mut rest, mut of_piece) = (boxes, Vec::new());
         while !rest.is_empty() {

@@ -43,7 +43,7 @@ fn cull(dealer: &mut Dealer, id: CullerId, frame: u32, now: Instant) {
 }
 
 #[test]
-fn in_lockstep_cullers_take_turns_whoever_is_faster() {
+fn in_lockstep_cullers_cull_round_robin_whoever_is_faster() {
     let (mut dealer, ids) = started(2);
     dealer.began(ids[1], FrameNumber(1)).unwrap();
     assert_eq!(dealt(&mut dealer, at(1)), [(1, 3)], "the next one in its cell while it culls");

@@ -3,27 +3,24 @@
 
 use std::{collections::BTreeSet, sync::Arc, thread, time::Duration};
 
-use tokio::runtime::{Builder, Runtime};
+use tokio::runtime::Runtime;
 use trimaran_actors::{
-    Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, FrameStart, LatestReceiver, Link, Observer,
-    Pace, Peers, RoleError, SceneCulling, ScenePictures, Seat, ShownFrame, Stop, Turns, max_frame,
+    Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, LatestReceiver, Link, Observer, Pace, Peers,
+    RoleError, SceneCulling, ScenePictures, ShownFrame, SlotGuard, Stop, Turns, max_frame,
 };
-use trimaran_cook::generate::{PlantOptions, plant};
-use trimaran_cook::{CookOptions, cook};
 use trimaran_cull::{LodRule, View, Viewport, lod_cut};
 use trimaran_proto::{Camera, CloseCode, DrawableId, FrameNumber, Role, SessionKey};
 use trimaran_scene::Scene;
 use trimaran_transport::{CloseReason, Instant, Net, RecvError, TokioNet, sleep_until};
 
-use crate::common::{Broken, Device, Fault, Task};
+use crate::common::{Broken, Device, Fault, Task, runtime, send_frame, small_scene, turned};
 
 const FRAMES: u32 = 12;
 const SIDE: u32 = 64;
 const EPSILON_PX: f64 = 2.0;
 
 fn turning(frame: FrameNumber) -> Camera {
-    let half = 0.1 * f64::from(frame.0);
-    Camera::new([0.0; 3], [0.0, half.sin(), 0.0, half.cos()], 0.5, 0.1, frame).unwrap()
+    turned([0.0; 3], 0.1 * f64::from(frame.0), 0.5, frame)
 }
 
 /// A scene, and a display within this process whose cullers a test plays itself.
@@ -78,10 +75,9 @@ enum Culler {
 
 impl Setting {
     fn new() -> Self {
-        let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+        let runtime = runtime();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        let scene = Arc::new(cook(&plant(&PlantOptions::small(3)), &CookOptions::default(), &()).unwrap());
-        Self { runtime, net, scene }
+        Self { runtime, net, scene: small_scene() }
     }
 
     /// The visible set of a frame if nothing is hidden.
@@ -101,7 +97,7 @@ impl Setting {
         let mut far = Vec::new();
         for (place, culler) in cullers.iter().enumerate() {
             let (link, other) = crate::common::link(&self.net, &self.scene, Role::Display, Role::Culler);
-            peers.put_back(Arrival { place, link, at: None, seat: Seat::once() });
+            peers.put_back(Arrival { place, link, at: None, slot: SlotGuard::once() });
             far.push((culler, other));
         }
         let work = ScenePictures::new(&self.scene, Device::default(), &settings);
@@ -152,15 +148,7 @@ impl Setting {
                 }
                 _ => {}
             }
-            let start = FrameStart { frame: FrameNumber(sent), header: camera };
-            let sent = async {
-                link.frames_tx.begin(start).await.ok()?;
-                for batch in ids.chunks(100) {
-                    link.frames_tx.push(batch).await.ok()?;
-                }
-                link.frames_tx.finish().await.ok()
-            };
-            sent.await;
+            let _gone = send_frame(&mut link, sent, camera, &ids).await;
         }
         None
     }
@@ -193,7 +181,7 @@ fn code(reason: &Option<CloseReason>) -> Option<CloseCode> {
 }
 
 #[test]
-fn sound_cullers_take_turns_and_are_told_when_the_session_is_over() {
+fn sound_cullers_cull_round_robin_and_are_told_when_the_session_is_over() {
     let setting = Setting::new();
     let (played, seen, told) = setting.play(&[Culler::Sound, Culler::Sound], Device::default());
     played.unwrap();

@@ -8,10 +8,7 @@ use std::{
 
 use tokio::runtime::Runtime;
 use trimaran_actors::{FrameStart, Link, LocalCullers, SceneCulling, SessionError, Turns};
-use trimaran_cook::{
-    CookOptions, cook,
-    generate::{PlantOptions, plant},
-};
+use trimaran_cook::generate::PlantOptions;
 use trimaran_proto::{
     Camera, DrawableId, FrameNumber, Identity, Role, RoleMessage, SceneOutline, SessionKey, Settings,
     ViewState, ViewVersion, Walkthrough,
@@ -19,10 +16,8 @@ use trimaran_proto::{
 use trimaran_scene::Scene;
 use trimaran_transport::{Net, RecvError, TokioNet, connect, until};
 
-static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
-    let model = plant(&PlantOptions { seed: 3, objects: 400, triangles: 30_000 });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
-});
+static PLANT: LazyLock<Arc<Scene>> =
+    LazyLock::new(|| crate::common::scene(&PlantOptions { seed: 3, objects: 400, triangles: 30_000 }));
 
 /// A culler, as seen by its peers.
 struct Guest<'g> {
@@ -76,9 +71,7 @@ fn with_a_culler(guests: impl AsyncFnOnce(Guest<'_>)) {
 }
 
 fn camera(frame: u32) -> Camera {
-    let (min, max) = PLANT.nodes().first().unwrap().world_box();
-    let middle = (0.5 * (min + max)).to_array();
-    Camera::new(middle, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, FrameNumber(frame)).unwrap()
+    crate::common::turned(crate::common::middle(&PLANT), 0.0, 1.0, FrameNumber(frame))
 }
 
 /// A culler never connects to an address given by a display; the display learns that it failed, but not why.

@@ -1,17 +1,9 @@
 //! A live display with an eye at rest.
 
-use std::sync::Arc;
-
-use tokio::runtime::Builder;
-use trimaran_actors::{Cameras, LocalSession, Pace, Stop};
-use trimaran_cook::{
-    CookOptions, cook,
-    generate::{PlantOptions, plant},
-};
+use trimaran_actors::{Cameras, LocalSession, Pace};
 use trimaran_proto::{Camera, FrameNumber};
-use trimaran_scene::Scene;
 
-use crate::common::{Device, Frames};
+use crate::common::{Device, Frames, middle, play, settings, small_scene, turned};
 
 /// How often each pose is requested. The display asks every few milliseconds.
 const ASKED: u32 = 200;
@@ -27,8 +19,7 @@ impl Cameras for Resting {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         let place = f64::from(self.asked / ASKED);
         self.asked += 1;
-        let half = 0.1 * place;
-        Camera::new(self.middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
+        turned(self.middle, 0.1 * place, 1.0, frame)
     }
 
     fn is_over(&self) -> bool {
@@ -38,21 +29,13 @@ impl Cameras for Resting {
 
 #[test]
 fn what_is_seen_from_where_an_eye_rests_is_found_out_once() {
-    let scene: Arc<Scene> =
-        Arc::new(cook(&plant(&PlantOptions::small(3)), &CookOptions::default(), &()).unwrap());
-    let (min, max) = scene.nodes().first().unwrap().world_box();
-    let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let scene = small_scene();
     for cullers in [0, 1, 3] {
-        let (_stopper, stop) = Stop::new();
-        let mut cameras = Resting { middle: (0.5 * (min + max)).to_array(), asked: 0, places: 5 };
+        let mut cameras = Resting { middle: middle(&scene), asked: 0, places: 5 };
         let mut frames = Frames::default();
-        let session = LocalSession {
-            pace: Pace::Live,
-            cullers,
-            ..LocalSession::new(&scene, crate::common::settings(32, 2.0), 1)
-        };
-        let device = |_| Ok(Device::default());
-        session.run(device, Device::default(), &mut cameras, &mut frames, runtime.handle(), &stop).unwrap();
+        let session = LocalSession::new(&scene, settings(32, 2.0), 1);
+        let session = LocalSession { pace: Pace::Live, cullers, ..session };
+        play(session, |_| Device::default(), Device::default(), &mut cameras, &mut frames);
         assert_eq!(frames.0.len(), 5, "{cullers} cullers: {:?}", frames.0);
     }
 }

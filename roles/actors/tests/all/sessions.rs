@@ -8,11 +8,9 @@ use std::{
 
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
-    Expected, FrameEvent, LimitError, Link, Meeting, NewSession, RoleError, SceneCulling, Seat,
-    SessionLimits, Stop, Stopper, Turns, max_frame,
+    Expected, FrameEvent, LimitError, Link, Meeting, NewSession, RoleError, SceneCulling, SessionLimits,
+    SlotGuard, Stop, Stopper, Turns, max_frame,
 };
-use trimaran_cook::generate::{PlantOptions, plant};
-use trimaran_cook::{CookOptions, cook};
 use trimaran_proto::{
     Camera, CloseCode, FrameNumber, Role, SessionKey, Settings, ViewState, ViewVersion, Viewport,
 };
@@ -38,20 +36,20 @@ struct Service {
 }
 
 /// The requests of a test's display.
-struct Wish {
+struct PictureSizes {
     side: u32,
     /// In a view state sent after its first frame.
     later: u32,
 }
 
-const HONEST: Wish = Wish { side: SIDE, later: SIDE };
+const HONEST: PictureSizes = PictureSizes { side: SIDE, later: SIDE };
 
 impl Service {
     /// Of pictures of `SIDE`, with memory for this many sessions.
     fn of(sessions: u64) -> Self {
         let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        let scene = Arc::new(cook(&plant(&PlantOptions::small(3)), &CookOptions::default(), &()).unwrap());
+        let scene = crate::common::small_scene();
         // In front of it, so that there are boxes to test.
         let (min, max) = scene.nodes().first().unwrap().world_box();
         let middle = (min + max) / 2.0;
@@ -72,7 +70,7 @@ impl Service {
             cullers: Arc::default(),
             expected: Expected::default(),
         };
-        (NewSession { key: SessionKey(1), settings, display, meeting, seat: Seat::once() }, far)
+        (NewSession { key: SessionKey(1), settings, display, meeting, slot: SlotGuard::once() }, far)
     }
 
     /// Plays a session on such a device; returns its end.
@@ -83,14 +81,14 @@ impl Service {
     }
 
     /// How a session with these requests ends, with the close and the frames that its display received.
-    fn ends(&self, wish: &Wish, device: Device) -> (RoleError, String, u32) {
-        let (session, far) = self.session(wish.side);
+    fn ends(&self, sizes: &PictureSizes, device: Device) -> (RoleError, String, u32) {
+        let (session, far) = self.session(sizes.side);
         let (_stopper, stop) = Stop::new();
         let settings = session.settings;
         thread::scope(|scope| {
             let played = scope.spawn(|| self.play(session, device, &stop).unwrap_err());
             let state =
-                ViewState { viewport: Viewport::new(wish.later, wish.later).unwrap(), ..settings.into() };
+                ViewState { viewport: Viewport::new(sizes.later, sizes.later).unwrap(), ..settings.into() };
             let (told, seen) = self.runtime.block_on(walks(far, &state));
             (played.join().unwrap(), told, seen)
         })
@@ -165,13 +163,13 @@ async fn walks(mut link: Link, state: &ViewState) -> (String, u32) {
 #[test]
 fn a_picture_above_the_limit_ends_its_session_and_no_other_one() {
     let service = Service::of(100);
-    for (wish, frames) in [
-        (Wish { side: SIDE + 1, later: SIDE }, 0),
-        (Wish { side: 65_536, later: SIDE }, 0),
-        (Wish { side: SIDE, later: SIDE + 1 }, 1),
-        (Wish { side: 1, later: 65_536 }, 1),
+    for (sizes, frames) in [
+        (PictureSizes { side: SIDE + 1, later: SIDE }, 0),
+        (PictureSizes { side: 65_536, later: SIDE }, 0),
+        (PictureSizes { side: SIDE, later: SIDE + 1 }, 1),
+        (PictureSizes { side: 1, later: 65_536 }, 1),
     ] {
-        let (error, told, seen) = service.honest(|| service.ends(&wish, Device::default()));
+        let (error, told, seen) = service.honest(|| service.ends(&sizes, Device::default()));
         assert!(matches!(error, RoleError::Limit(LimitError::Picture { .. })), "{error:?}");
         assert!(error.device_failure().is_none());
         assert!(told.starts_with("Failed") && told.contains("up to 64x64"), "{told}");

@@ -15,17 +15,14 @@ use std::{
 use bytes::Bytes;
 use glam::DVec3;
 use parking_lot::Mutex;
-use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     Arrival, BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, CullerRole, DisplayRole, Expected,
-    FrameStart, Link, LocalSession, Meeting, Observer, Pace, Peers, PictureDevice, RoleError, SceneCulling,
-    ScenePictures, Schedule, Seat, SessionLimits, ShownFrame, Stop, Supplied, Turns, WhileLoading, max_frame,
+    Link, LocalSession, Meeting, Observer, Pace, Peers, PictureDevice, RoleError, SceneCulling,
+    ScenePictures, Schedule, SessionLimits, ShownFrame, SlotGuard, Stop, Supplied, Turns, WhileLoading,
+    max_frame,
 };
 use trimaran_audit::{IdBuffer, Placement, ReferenceTest, TriangleId, rasterize};
-use trimaran_cook::{
-    CookOptions, cook,
-    generate::{PlantOptions, plant},
-};
+use trimaran_cook::generate::PlantOptions;
 use trimaran_cull::{
     Answer, CutRule, DepthImage, Image, LodCut, OcclusionTest, TestBox, View, Viewport, draw_order, lod_cut,
 };
@@ -36,22 +33,17 @@ use trimaran_proto::{
 use trimaran_scene::{DrawableEntry, Scene, pack_entries, random::Random};
 use trimaran_transport::{Bulk, LinkConfig, Net, Options, RecvError, TokioNet, causes, inproc, sleep_until};
 
-use crate::common::Broken;
+use crate::common::{Broken, runtime, send_frame};
 
 const SIDE: u32 = 40;
 const EPSILON_PX: f64 = 1.0;
 
 static PLANT: LazyLock<Arc<Scene>> = LazyLock::new(|| {
-    let model = plant(&PlantOptions { objects: 700, triangles: 50_000, ..PlantOptions::small(3) });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
+    crate::common::scene(&PlantOptions { objects: 700, triangles: 50_000, ..PlantOptions::small(3) })
 });
 
 fn settings() -> Settings {
     crate::common::settings(SIDE, EPSILON_PX)
-}
-
-fn runtime() -> Runtime {
-    Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap()
 }
 
 fn supplied(memory: u64, while_loading: WhileLoading) -> Supplied {
@@ -166,7 +158,7 @@ impl PictureDevice for Screen {
 }
 
 /// Cameras on a path through the scene with jumps, and their changing view states.
-struct Way {
+struct TestPath {
     poses: Vec<(DVec3, [f64; 4])>,
     states: Vec<Arc<ViewState>>,
     /// How many frames were shown, if that ends the walk.
@@ -174,7 +166,7 @@ struct Way {
     asked: usize,
 }
 
-impl Way {
+impl TestPath {
     fn new(seed: u64, frames: usize) -> Self {
         let mut random = Random::new(seed);
         let (min, max) = PLANT.nodes()[0].world_box();
@@ -227,7 +219,7 @@ impl Way {
     }
 }
 
-impl Cameras for Way {
+impl Cameras for TestPath {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         let at = if self.shown.is_some() { self.asked / 5 } else { frame.0 as usize };
         self.asked += 1;
@@ -293,23 +285,23 @@ const WHOLE: Walk = Walk {
 const EMPTY: Walk = Walk { memory: Some(1 << 30), ..WHOLE };
 
 impl Walk {
-    fn walk(self, way: &mut Way) -> (Vec<Picture>, Seen) {
+    fn walk(self, path: &mut TestPath) -> (Vec<Picture>, Seen) {
         let Self { cullers, schedule, memory, while_loading, dies_at } = self;
-        let frames = u32::try_from(way.poses.len()).unwrap();
+        let frames = u32::try_from(path.poses.len()).unwrap();
         let supplied = memory.map(|memory| supplied(memory, while_loading));
         let scene = supplied.as_ref().map_or(&*PLANT, |supplied| &supplied.scene);
         let pictures = Arc::default();
         let screen = Screen { scene: Arc::clone(scene), pictures: Arc::clone(&pictures) };
         let (_stopper, stop) = Stop::new();
-        let pace = if way.shown.is_some() { Pace::Live } else { Pace::Lockstep { frames: Some(frames) } };
-        let mut seen = Seen { count: way.shown.clone().unwrap_or_default(), ..Seen::default() };
+        let pace = if path.shown.is_some() { Pace::Live } else { Pace::Lockstep { frames: Some(frames) } };
+        let mut seen = Seen { count: path.shown.clone().unwrap_or_default(), ..Seen::default() };
         let session = LocalSession::new(&PLANT, settings(), frames);
         let device = |id: Option<CullerId>| {
             let dies = dies_at.filter(|_| id.is_some_and(|id| id.index() == 0));
             Ok(Cpu::new(&PLANT, dies))
         };
         LocalSession { cullers, schedule, supplied, pace, ..session }
-            .run(device, screen, way, &mut seen, runtime().handle(), &stop)
+            .run(device, screen, path, &mut seen, runtime().handle(), &stop)
             .unwrap();
         let pictures = std::mem::take(&mut *pictures.lock());
         (pictures, seen)
@@ -329,7 +321,7 @@ fn assert_alike(pictures: &[Picture], exact: &[Picture], what: impl std::fmt::De
 #[test]
 fn what_a_display_without_the_scene_shows_is_what_one_that_holds_it_shows() {
     const FRAMES: usize = 16;
-    let (whole, _) = WHOLE.walk(&mut Way::new(1, FRAMES));
+    let (whole, _) = WHOLE.walk(&mut TestPath::new(1, FRAMES));
     assert_eq!(whole.len(), FRAMES);
     let shown: BTreeSet<_> = whole.iter().flat_map(|picture| picture.solid.seen()).collect();
     assert!(shown.len() > 100, "{} drawables are seen", shown.len());
@@ -340,7 +332,7 @@ fn what_a_display_without_the_scene_shows_is_what_one_that_holds_it_shows() {
         (2, Schedule::Switch),
     ];
     for (cullers, schedule) in cases {
-        let (pictures, seen) = Walk { cullers, schedule, ..EMPTY }.walk(&mut Way::new(1, FRAMES));
+        let (pictures, seen) = Walk { cullers, schedule, ..EMPTY }.walk(&mut TestPath::new(1, FRAMES));
         assert_alike(&pictures, &whole, (cullers, schedule));
         let by: BTreeSet<_> = seen.by.iter().copied().collect();
         assert_eq!(by, (0..cullers).map(Some).collect(), "all of them cull");
@@ -351,12 +343,12 @@ fn what_a_display_without_the_scene_shows_is_what_one_that_holds_it_shows() {
 #[test]
 fn view_states_hold_for_a_display_without_the_scene() {
     const FRAMES: usize = 16;
-    let way = || Way::new(2, FRAMES).with_states(3);
-    let (whole, _) = WHOLE.walk(&mut way());
+    let path = || TestPath::new(2, FRAMES).with_states(3);
+    let (whole, _) = WHOLE.walk(&mut path());
     let through: usize = whole.iter().map(|picture| picture.through.len()).sum();
     assert!(through > 500, "{through} pixels are seen through");
     for (cullers, schedule) in [(1, Schedule::Independent), (2, Schedule::Switch)] {
-        let (pictures, _) = Walk { cullers, schedule, ..EMPTY }.walk(&mut way());
+        let (pictures, _) = Walk { cullers, schedule, ..EMPTY }.walk(&mut path());
         assert_alike(&pictures, &whole, (cullers, schedule));
     }
 }
@@ -365,10 +357,11 @@ fn view_states_hold_for_a_display_without_the_scene() {
 fn however_little_a_display_keeps_it_shows_the_same() {
     for seed in 0..8 {
         let mut random = Random::stream(seed, 1, 1);
-        let (whole, _) = WHOLE.walk(&mut Way::new(seed, 12));
+        let (whole, _) = WHOLE.walk(&mut TestPath::new(seed, 12));
         let memory = random.pick([1, 1 << 10, 16 << 10, 64 << 10]);
         let cullers = 1 + random.below(3);
-        let (pictures, _) = Walk { cullers, memory: Some(memory), ..EMPTY }.walk(&mut Way::new(seed, 12));
+        let (pictures, _) =
+            Walk { cullers, memory: Some(memory), ..EMPTY }.walk(&mut TestPath::new(seed, 12));
         assert_alike(&pictures, &whole, (seed, memory, cullers));
     }
 }
@@ -376,10 +369,10 @@ fn however_little_a_display_keeps_it_shows_the_same() {
 #[test]
 fn if_the_culler_that_supplies_dies_another_one_goes_on() {
     const FRAMES: usize = 14;
-    let (whole, _) = WHOLE.walk(&mut Way::new(5, FRAMES));
+    let (whole, _) = WHOLE.walk(&mut TestPath::new(5, FRAMES));
     for (cullers, dies_at, memory) in [(2, 0, 1 << 30), (2, 6, 1 << 30), (3, 6, 1), (2, 11, 1 << 30)] {
         let walk = Walk { cullers, dies_at: Some(dies_at), memory: Some(memory), ..EMPTY };
-        let (pictures, seen) = walk.walk(&mut Way::new(5, FRAMES));
+        let (pictures, seen) = walk.walk(&mut TestPath::new(5, FRAMES));
         assert_alike(&pictures, &whole, walk);
         let left: BTreeSet<_> = seen.left.iter().map(|(id, _)| *id).collect();
         assert_eq!(left, BTreeSet::from([0]), "{seen:?}");
@@ -389,10 +382,10 @@ fn if_the_culler_that_supplies_dies_another_one_goes_on() {
 #[test]
 fn a_live_display_without_the_scene_shows_complete_frames_alone() {
     for (seed, memory, cullers) in [(1, 1 << 30, 1), (2, 1 << 30, 2), (3, 1, 2)] {
-        let mut way = Way::new(seed, 20).live();
-        let (pictures, _) = Walk { memory: Some(memory), cullers, ..EMPTY }.walk(&mut way);
+        let mut path = TestPath::new(seed, 20).live();
+        let (pictures, _) = Walk { memory: Some(memory), cullers, ..EMPTY }.walk(&mut path);
         assert!(pictures.len() >= 20);
-        let exact: Vec<_> = pictures.iter().map(|picture| way.exact(picture.camera)).collect();
+        let exact: Vec<_> = pictures.iter().map(|picture| path.exact(picture.camera)).collect();
         assert_alike(&pictures, &exact, (seed, memory, cullers));
     }
 }
@@ -400,13 +393,13 @@ fn a_live_display_without_the_scene_shows_complete_frames_alone() {
 #[test]
 fn a_live_display_shows_exact_pictures_where_nothing_is_lacking() {
     for (seed, memory, cullers) in [(1, 1 << 30, 1), (2, 1 << 30, 2), (3, 1, 2), (4, 16 << 10, 3)] {
-        let mut way = Way::new(seed, 40).live();
+        let mut path = TestPath::new(seed, 40).live();
         let walk = Walk { memory: Some(memory), cullers, while_loading: WhileLoading::Coarser, ..EMPTY };
-        let (pictures, seen) = walk.walk(&mut way);
+        let (pictures, seen) = walk.walk(&mut path);
         assert!(pictures.len() >= 40);
         let exact = pictures.iter().zip(&seen.lacking).filter(|(_, (lacking, _))| *lacking == 0);
         let pictures: Vec<_> = exact.map(|(picture, _)| picture.clone()).collect();
-        let exact: Vec<_> = pictures.iter().map(|picture| way.exact(picture.camera)).collect();
+        let exact: Vec<_> = pictures.iter().map(|picture| path.exact(picture.camera)).collect();
         assert_alike(&pictures, &exact, walk);
     }
 }
@@ -472,7 +465,8 @@ impl Cameras for Still {
 
 /// Blocks with all data for drawing these; only the last one completes any of them.
 fn whole<'i>(ids: impl IntoIterator<Item = &'i DrawableId>) -> Vec<Bytes> {
-    let entries: Vec<_> = ids.into_iter().map(|id| DrawableEntry::of(&PLANT, *id).unwrap()).collect();
+    let entries: Vec<_> =
+        ids.into_iter().map(|id| DrawableEntry::of(&PLANT, *id).unwrap().unwrap()).collect();
     let numbers: BTreeSet<_> = entries.iter().map(|entry| entry.geometry).collect();
     let pieces = numbers.into_iter().flat_map(|number| {
         let bytes = Bytes::from(PLANT.packed_geometry(number).unwrap());
@@ -499,9 +493,9 @@ enum Far {
 }
 
 /// The pictures of a display without the scene, with these cullers; the first one is the first supplier.
-fn play(cullers: &[Far], way: &mut Way) -> (Vec<Picture>, Seen) {
-    let pace = Pace::Lockstep { frames: Some(u32::try_from(way.poses.len()).unwrap()) };
-    let (played, pictures, seen) = try_play(cullers, pace, way, Seen::default());
+fn play(cullers: &[Far], path: &mut TestPath) -> (Vec<Picture>, Seen) {
+    let pace = Pace::Lockstep { frames: Some(u32::try_from(path.poses.len()).unwrap()) };
+    let (played, pictures, seen) = try_play(cullers, pace, path, Seen::default());
     played.unwrap();
     (pictures, seen)
 }
@@ -510,7 +504,7 @@ fn play(cullers: &[Far], way: &mut Way) -> (Vec<Picture>, Seen) {
 fn try_play(
     cullers: &[Far],
     pace: Pace,
-    way: &mut dyn Cameras,
+    path: &mut dyn Cameras,
     mut seen: Seen,
 ) -> (Result<(), RoleError>, Vec<Picture>, Seen) {
     let runtime = runtime();
@@ -523,7 +517,7 @@ fn try_play(
             Far::Foreign => foreign_link(&net),
             _ => crate::common::link(&net, &PLANT, Role::Display, Role::Culler),
         };
-        peers.put_back(Arrival { place, link, at: None, seat: Seat::once() });
+        peers.put_back(Arrival { place, link, at: None, slot: SlotGuard::once() });
         far.push((culler, other));
     }
     let pictures = Arc::default();
@@ -547,7 +541,7 @@ fn try_play(
                 Far::Foreign => runtime.block_on(culls(link, u32::MAX)),
             });
         }
-        runtime.block_on(role.run(way, &mut seen, &stop))
+        runtime.block_on(role.run(path, &mut seen, &stop))
     });
     let pictures = std::mem::take(&mut *pictures.lock());
     (played, pictures, seen)
@@ -623,15 +617,7 @@ async fn culls(mut link: Link, frames: u32) {
             }
         };
         let ids = lod_cut(&PLANT, &View::new(camera, settings().viewport), rule);
-        let start = FrameStart { frame: FrameNumber(sent), header: camera };
-        let sent = async {
-            link.frames_tx.begin(start).await.ok()?;
-            for batch in ids.chunks(100) {
-                link.frames_tx.push(batch).await.ok()?;
-            }
-            link.frames_tx.finish().await.ok()
-        };
-        if sent.await.is_none() {
+        if send_frame(&mut link, sent, camera, &ids).await.is_none() {
             return;
         }
     }
@@ -654,8 +640,8 @@ fn part(number: u32, length: u32, offset: u32, part: &'static [u8]) -> Supply {
 
 #[test]
 fn a_culler_that_sends_what_cannot_be_taken_is_let_go_and_the_walk_goes_on() {
-    let (whole, _) = WHOLE.walk(&mut Way::new(7, 8));
-    let entry = DrawableEntry::of(&PLANT, DrawableId(0)).unwrap();
+    let (whole, _) = WHOLE.walk(&mut TestPath::new(7, 8));
+    let entry = DrawableEntry::of(&PLANT, DrawableId(0)).unwrap().unwrap();
     let beyond = DrawableEntry { id: max_frame(&PLANT), ..entry };
     let inside_out = DrawableEntry { world_min: entry.world_max, world_max: entry.world_min, ..entry };
     for (sent, why) in [
@@ -669,7 +655,7 @@ fn a_culler_that_sends_what_cannot_be_taken_is_let_go_and_the_walk_goes_on() {
         (block(&[records(&[inside_out])]), "its box is inside out"),
     ] {
         let cullers = [Far::Sends(vec![sent]), Far::Sound];
-        let (pictures, seen) = play(&cullers, &mut Way::new(7, 8));
+        let (pictures, seen) = play(&cullers, &mut TestPath::new(7, 8));
         assert_alike(&pictures, &whole, why);
         let [(0, said)] = &seen.left[..] else { panic!("{why}: {seen:?}") };
         assert!(said.contains("sent geometry that cannot be taken") && said.contains(why), "{said}");
@@ -678,20 +664,20 @@ fn a_culler_that_sends_what_cannot_be_taken_is_let_go_and_the_walk_goes_on() {
 
 #[test]
 fn a_display_ends_that_cannot_tell_who_has_sent_it_false_records() {
-    let all = (0..max_frame(&PLANT)).filter_map(|id| DrawableEntry::of(&PLANT, DrawableId(id)));
+    let all = (0..max_frame(&PLANT)).filter_map(|id| DrawableEntry::of(&PLANT, DrawableId(id)).unwrap());
     let lies: Vec<_> = all.map(|entry| DrawableEntry { triangles: entry.triangles + 1, ..entry }).collect();
     let sent = lies.chunks(64).map(|lies| block(&[records(lies)])).collect();
     let pace = Pace::Lockstep { frames: Some(8) };
     let cullers = [Far::Sends(sent), Far::Sound];
-    let (played, ..) = try_play(&cullers, pace, &mut Way::new(7, 8), Seen::default());
+    let (played, ..) = try_play(&cullers, pace, &mut TestPath::new(7, 8), Seen::default());
     let error = played.unwrap_err();
     assert!(matches!(&error, RoleError::Supplied { cause, .. } if cause.doubts_what_is_there()), "{error:?}");
 }
 
 #[test]
 fn a_culler_that_sends_nothing_of_what_is_lacking_is_passed_over() {
-    let (whole, _) = WHOLE.walk(&mut Way::new(7, 8));
-    let (pictures, seen) = play(&[Far::Sends(vec![]), Far::Sound], &mut Way::new(7, 8));
+    let (whole, _) = WHOLE.walk(&mut TestPath::new(7, 8));
+    let (pictures, seen) = play(&[Far::Sends(vec![]), Far::Sound], &mut TestPath::new(7, 8));
     assert_alike(&pictures, &whole, "it sends nothing");
     assert!(seen.left.is_empty(), "{seen:?}");
     assert!(seen.by.contains(&Some(0)), "it culls all the same: {seen:?}");
@@ -699,8 +685,8 @@ fn a_culler_that_sends_nothing_of_what_is_lacking_is_passed_over() {
 
 #[test]
 fn a_culler_of_another_scene_is_let_go() {
-    let (whole, _) = WHOLE.walk(&mut Way::new(7, 8));
-    let (pictures, seen) = play(&[Far::Foreign, Far::Sound], &mut Way::new(7, 8));
+    let (whole, _) = WHOLE.walk(&mut TestPath::new(7, 8));
+    let (pictures, seen) = play(&[Far::Foreign, Far::Sound], &mut TestPath::new(7, 8));
     assert_alike(&pictures, &whole, "one is of another scene");
     assert_eq!(seen.by, [Some(1)].repeat(8));
 }
@@ -711,7 +697,7 @@ fn a_scene_that_was_given_all_is_drawn_as_the_whole_one() {
     let empty = Scene::empty(PLANT.outline());
     let all: Vec<_> = (0..PLANT.drawables().len() as u32).map(DrawableId).collect();
     for id in &all {
-        empty.give(&DrawableEntry::of(&PLANT, *id).unwrap()).unwrap();
+        empty.give(&DrawableEntry::of(&PLANT, *id).unwrap().unwrap()).unwrap();
     }
     for number in 0..PLANT.places().len() as u32 {
         empty.give_geometry(number, PLANT.packed_geometry(number).unwrap().into()).unwrap();
@@ -730,16 +716,16 @@ fn a_scene_that_was_given_all_is_drawn_as_the_whole_one() {
     }
     let merged = |id: &DrawableId| PLANT.nodes()[PLANT.drawables()[id.index()].node as usize].objects > 1;
     let (mut levels, mut through) = (0, 0);
-    let mut way = Way::new(9, 40).with_states(4);
+    let mut path = TestPath::new(9, 40).with_states(4);
     // All but a few of these are see-through, so that coarse levels are.
     let objects = u32::try_from(PLANT.objects().len()).unwrap();
-    for state in way.states.iter_mut().skip(1).step_by(2) {
+    for state in path.states.iter_mut().skip(1).step_by(2) {
         let (lod, see_through) = (LodRule::new(30.0).unwrap(), Some((5..objects).collect()));
         *state = Arc::new(ViewState { lod, see_through, ..settings().into() });
     }
     for frame in 0..40 {
-        let camera = way.camera(FrameNumber(frame));
-        let state = &way.states[camera.view().0 as usize];
+        let camera = path.camera(FrameNumber(frame));
+        let state = &path.states[camera.view().0 as usize];
         let view = View::of(camera, state);
         let [mut ours, mut theirs] = [all.clone(), all.clone()];
         draw_order(&empty, &view, &mut ours);

@@ -9,18 +9,14 @@ use std::{
 };
 
 use trimaran_actors::{
-    BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, LocalSession, Observer, Pace, PictureDevice,
-    Schedule, ShownFrame, Stop,
+    BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, LocalSession, Observer, Pace, Schedule,
+    ShownFrame,
 };
-use trimaran_cook::{
-    CookOptions, cook,
-    generate::{PlantOptions, plant},
-};
-use trimaran_cull::{
-    DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport, occluders,
-};
+use trimaran_cull::{DepthImage, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport, occluders};
 use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, Settings};
 use trimaran_scene::Scene;
+
+use crate::common::{Device, large_scene, middle, play, settings, turned};
 
 const FRAMES: u32 = 10;
 const SIDE: u32 = 64;
@@ -117,20 +113,6 @@ impl CullerDevice for Logged {
     }
 }
 
-struct Canvas;
-
-impl PictureDevice for Canvas {
-    type Error = Infallible;
-
-    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Infallible> {
-        Ok(())
-    }
-
-    fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {
-        Ok(())
-    }
-}
-
 /// The frames that RVG showed, with camera and culler.
 #[derive(Default)]
 struct Shown {
@@ -149,34 +131,21 @@ impl Observer for Shown {
     }
 }
 
-fn scene() -> Arc<Scene> {
-    let model = plant(&PlantOptions { seed: 3, objects: 1_500, triangles: 90_000 });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
-}
-
 fn walk(scene: &Arc<Scene>) -> (Vec<Step>, Shown) {
-    let (min, max) = scene.nodes().first().unwrap().world_box();
-    let middle = (0.5 * (min + max)).to_array();
-    let mut turning = |frame: FrameNumber| {
-        let half = 0.05 * f64::from(frame.0);
-        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
-    };
-    let settings =
-        Settings { batch: BatchSize::new(16).unwrap(), ..crate::common::settings(SIDE, EPSILON_PX) };
+    let middle = middle(scene);
+    let mut turning = |frame: FrameNumber| turned(middle, 0.05 * f64::from(frame.0), 1.0, frame);
+    let settings = Settings { batch: BatchSize::new(16).unwrap(), ..settings(SIDE, EPSILON_PX) };
     let (log, mut shown) = (Arc::new(Log::default()), Shown::default());
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let (_stopper, stop) = Stop::new();
-    let device = |culler| Ok(Logged { log: Arc::clone(&log), culler, frame: 0, tests: 0 });
-    LocalSession { schedule: Schedule::Switch, ..LocalSession::new(scene, settings, FRAMES) }
-        .run(device, Canvas, &mut turning, &mut shown, runtime.handle(), &stop)
-        .unwrap();
+    let session = LocalSession { schedule: Schedule::Switch, ..LocalSession::new(scene, settings, FRAMES) };
+    let device = |culler| Logged { log: Arc::clone(&log), culler, frame: 0, tests: 0 };
+    play(session, device, Device::default(), &mut turning, &mut shown);
     let steps = log.steps.lock().unwrap().clone();
     (steps, shown)
 }
 
 #[test]
 fn the_schedule_is_that_of_the_paper() {
-    let scene = scene();
+    let scene = large_scene();
     let (steps, shown) = walk(&scene);
     let [one, other] = CullerId::first(2).collect::<Vec<_>>()[..] else { panic!("two cullers") };
     let mut overlapped = 0;
@@ -247,18 +216,18 @@ fn the_schedule_is_that_of_the_paper() {
 
 #[test]
 fn where_cullers_are_independent_nothing_travels_between_them() {
-    let scene = scene();
-    let settings = crate::common::settings(SIDE, EPSILON_PX);
-    let (min, max) = scene.nodes().first().unwrap().world_box();
-    let middle = (0.5 * (min + max)).to_array();
-    let mut still = |frame| Camera::new(middle, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, frame).unwrap();
+    let scene = large_scene();
+    let session = LocalSession::new(&scene, settings(SIDE, EPSILON_PX), FRAMES);
+    let middle = middle(&scene);
+    let mut still = |frame| turned(middle, 0.0, 1.0, frame);
     let mut shown = Shown::default();
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let (_stopper, stop) = Stop::new();
-    let device = |_| Ok(crate::common::Device::default());
-    LocalSession { cullers: 3, ..LocalSession::new(&scene, settings, FRAMES) }
-        .run(device, Canvas, &mut still, &mut shown, runtime.handle(), &stop)
-        .unwrap();
+    play(
+        LocalSession { cullers: 3, ..session },
+        |_| Device::default(),
+        Device::default(),
+        &mut still,
+        &mut shown,
+    );
     for (frame, stats) in &shown.stats {
         assert_eq!(stats.to_other.messages, 0);
         let own = frame.checked_sub(3).map(FrameNumber);
@@ -276,8 +245,7 @@ struct Restless {
 impl Cameras for Restless {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         self.asked += 1;
-        let half = 1e-4 * f64::from(self.asked);
-        Camera::new(self.middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
+        turned(self.middle, 1e-4 * f64::from(self.asked), 1.0, frame)
     }
 
     fn is_over(&self) -> bool {
@@ -309,21 +277,12 @@ impl Observer for Losses {
 /// too late: it must not be culled as another frame.
 #[test]
 fn a_pose_that_comes_when_its_frame_has_begun_is_no_other_frame() {
-    let scene = scene();
-    let (min, max) = scene.nodes().first().unwrap().world_box();
-    let mut cameras = Restless { asked: 0, middle: (0.5 * (min + max)).to_array() };
+    let scene = large_scene();
+    let mut cameras = Restless { asked: 0, middle: middle(&scene) };
     let mut losses = Losses::default();
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let (_stopper, stop) = Stop::new();
-    let device = |_| Ok(crate::common::Device::default());
-    let settings = crate::common::settings(SIDE, EPSILON_PX);
-    LocalSession {
-        schedule: Schedule::Switch,
-        pace: Pace::Live,
-        ..LocalSession::new(&scene, settings, FRAMES)
-    }
-    .run(device, Canvas, &mut cameras, &mut losses, runtime.handle(), &stop)
-    .unwrap();
+    let session = LocalSession::new(&scene, settings(SIDE, EPSILON_PX), FRAMES);
+    let session = LocalSession { schedule: Schedule::Switch, pace: Pace::Live, ..session };
+    play(session, |_| Device::default(), Device::default(), &mut cameras, &mut losses);
     assert_eq!(losses.lost, [""; 0], "in {} frames", losses.frames);
     assert!(losses.frames > 20, "{} frames", losses.frames);
 }

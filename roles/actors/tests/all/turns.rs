@@ -10,14 +10,10 @@ use std::{
 };
 
 use trimaran_actors::{
-    BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stop, Stopwatch, Turns,
-};
-use trimaran_cook::{
-    CookOptions, cook,
-    generate::{PlantOptions, plant},
+    BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stopwatch, Turns,
 };
 use trimaran_cull::{DepthImage, Image, NoOccluders, OcclusionTest, TestBox, View, Viewport};
-use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, Settings};
+use trimaran_proto::{BatchSize, DrawableId, FrameNumber, FrameStats, Settings};
 use trimaran_scene::Scene;
 
 const FRAMES: u32 = 30;
@@ -128,41 +124,24 @@ impl Record {
     }
 }
 
-fn scene() -> Arc<Scene> {
-    let model = plant(&PlantOptions { seed: 3, objects: 1_500, triangles: 90_000 });
-    Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
-}
-
 /// A whole session, and the most devices that were busy at once.
 fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let batch = BatchSize::new(batch).unwrap();
     let settings = Settings { batch, ..crate::common::settings(SIZE, 0.01) };
-    let (min, max) = scene.nodes().first().unwrap().world_box();
-    let middle = (0.5 * (min + max)).to_array();
-    let mut turning = |frame: FrameNumber| {
-        let half = 0.05 * f64::from(frame.0);
-        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 2.0, 0.1, frame).unwrap()
-    };
+    let middle = crate::common::middle(scene);
+    let mut turning =
+        |frame: FrameNumber| crate::common::turned(middle, 0.05 * f64::from(frame.0), 2.0, frame);
     let devices = Arc::new(Count::default());
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let (_stopper, stop) = Stop::new();
     let mut record = Record::default();
-    LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings, FRAMES) }
-        .run(
-            |_| Ok(Busy::new(&devices)),
-            Busy::new(&devices),
-            &mut turning,
-            &mut record,
-            runtime.handle(),
-            &stop,
-        )
-        .unwrap();
+    let session = LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings, FRAMES) };
+    let device = |_| Busy::new(&devices);
+    crate::common::play(session, device, Busy::new(&devices), &mut turning, &mut record);
     (record, devices.most.load(Ordering::SeqCst))
 }
 
 #[test]
 fn no_two_busy_times_of_roles_that_take_turns_overlap() {
-    let (record, most) = session(&scene(), 1024, &Turns::alone());
+    let (record, most) = session(&crate::common::large_scene(), 1024, &Turns::alone());
     assert_eq!(most, 1, "a device was busy while another one was");
     let work = record.work();
     assert_eq!(work.len(), 3 * FRAMES as usize);
@@ -173,7 +152,7 @@ fn no_two_busy_times_of_roles_that_take_turns_overlap() {
 
 #[test]
 fn a_busy_time_holds_all_that_a_role_does_for_a_frame() {
-    let (record, _) = session(&scene(), 1024, &Turns::alone());
+    let (record, _) = session(&crate::common::large_scene(), 1024, &Turns::alone());
     // Clearing, drawing and completing; at least one test; a picture.
     for (work, calls) in [(&record.occluders, 3), (&record.culling, 1), (&record.drawing, 1)] {
         for [start, end] in work {
@@ -184,7 +163,7 @@ fn a_busy_time_holds_all_that_a_role_does_for_a_frame() {
 
 #[test]
 fn a_session_shows_the_same_whether_its_roles_take_turns_or_not() {
-    let scene = scene();
+    let scene = crate::common::large_scene();
     let (at_once, _) = session(&scene, 1024, &Turns::at_once());
     let (alone, _) = session(&scene, 1024, &Turns::alone());
     assert_eq!(alone.ids, at_once.ids);
@@ -193,7 +172,7 @@ fn a_session_shows_the_same_whether_its_roles_take_turns_or_not() {
 /// One id per message: far more than a link within a process holds, so the culler waits for the receiver.
 #[test]
 fn who_has_the_turn_lets_others_go_on_where_it_has_to_wait_for_them() {
-    let scene = scene();
+    let scene = crate::common::large_scene();
     let (record, most) = session(&scene, 1, &Turns::alone());
     assert_eq!(most, 1);
     let ids = record.ids.iter().map(Vec::len);

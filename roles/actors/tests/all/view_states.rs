@@ -9,14 +9,8 @@ use std::{
 };
 
 use parking_lot::Mutex;
-use tokio::runtime::Builder;
 use trimaran_actors::{
-    BoxedError, Cameras, CullerDevice, LocalSession, Observer, PictureDevice, RoleError, Schedule,
-    SessionError, ShownFrame, Stop,
-};
-use trimaran_cook::{
-    CookOptions, cook,
-    generate::{PlantOptions, plant},
+    Cameras, CullerDevice, LocalSession, PictureDevice, RoleError, Schedule, SessionError, Stop,
 };
 use trimaran_cull::{
     CutRule, DepthImage, DrawOrder, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
@@ -61,7 +55,7 @@ impl Changing {
         };
         let mut states: BTreeMap<_, _> = (1..FRAMES).map(|v| (ViewVersion(v), state(v))).collect();
         states.insert(ViewVersion(0), Arc::new(crate::common::settings(32, 2.0).into()));
-        Self { middle: (0.5 * (min + max)).to_array(), states }
+        Self { middle: crate::common::middle(scene), states }
     }
 
     fn view(&self, camera: &Camera) -> (View, &ViewState) {
@@ -72,8 +66,7 @@ impl Changing {
 
 impl Cameras for Changing {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
-        let half = 0.05 * f64::from(frame.0);
-        let camera = Camera::new(self.middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap();
+        let camera = crate::common::turned(self.middle, 0.05 * f64::from(frame.0), 1.0, frame);
         camera.in_view(ViewVersion(frame.0 / 2))
     }
 
@@ -146,25 +139,13 @@ impl PictureDevice for Noting {
     }
 }
 
-struct Unnoted;
-
-impl Observer for Unnoted {
-    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
-        Ok(())
-    }
-}
-
-fn scene() -> Arc<Scene> {
-    Arc::new(cook(&plant(&PlantOptions::small(3)), &CookOptions::default(), &()).unwrap())
-}
-
 fn walk(
     scene: &Arc<Scene>,
     cullers: usize,
     schedule: Schedule,
     cameras: &mut Changing,
 ) -> (Log, Result<(), SessionError>) {
-    let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let runtime = crate::common::runtime();
     let (_stopper, stop) = Stop::new();
     let log = Arc::new(Mutex::new(Log::default()));
     let session = LocalSession {
@@ -173,14 +154,21 @@ fn walk(
         ..LocalSession::new(scene, crate::common::settings(32, 2.0), FRAMES)
     };
     let device = |_| Ok(Noting::new(&log));
-    let walked = session.run(device, Noting::new(&log), cameras, &mut Unnoted, runtime.handle(), &stop);
+    let walked = session.run(
+        device,
+        Noting::new(&log),
+        cameras,
+        &mut crate::common::Frames::default(),
+        runtime.handle(),
+        &stop,
+    );
     let log = std::mem::take(&mut *log.lock());
     (log, walked)
 }
 
 #[test]
 fn all_who_work_for_a_frame_obey_the_view_state_that_its_camera_names() {
-    let scene = scene();
+    let scene = crate::common::small_scene();
     let cases = [
         (0, Schedule::Independent),
         (1, Schedule::Independent),
@@ -224,7 +212,7 @@ fn all_who_work_for_a_frame_obey_the_view_state_that_its_camera_names() {
 
 #[test]
 fn a_camera_whose_view_state_nobody_has_ends_the_walk() {
-    let scene = scene();
+    let scene = crate::common::small_scene();
     for cullers in [0, 2] {
         let mut cameras = Changing::new(&scene);
         cameras.states.remove(&ViewVersion(3));

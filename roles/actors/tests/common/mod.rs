@@ -8,17 +8,80 @@ use std::{
 };
 
 use thiserror::Error;
-use trimaran_actors::{BoxedError, CullerDevice, Link, Observer, PictureDevice, ShownFrame, max_frame};
-use trimaran_cull::{
-    Cancel, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
+use tokio::runtime::{Builder, Runtime};
+use trimaran_actors::{
+    BoxedError, Cameras, CullerDevice, CullerId, FrameStart, Link, LocalSession, Observer, PictureDevice,
+    ShownFrame, Stop, max_frame,
 };
-use trimaran_proto::{DrawableId, Identity, Role, Settings, Walkthrough};
+use trimaran_cook::{
+    CookOptions, cook,
+    generate::{PlantOptions, plant},
+};
+use trimaran_cull::{Cancel, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, Settings, Walkthrough};
 use trimaran_scene::Scene;
 use trimaran_transport::{LinkConfig, Net, inproc};
 
 /// A display's settings for a picture this many pixels high and wide.
 pub(crate) fn settings(side: u32, epsilon_px: f64) -> Settings {
     Settings::new(Viewport::new(side, side).unwrap(), LodRule::new(epsilon_px).unwrap())
+}
+
+/// A runtime with a thread of its own.
+pub(crate) fn runtime() -> Runtime {
+    Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap()
+}
+
+/// A whole session.
+pub(crate) fn play<D: CullerDevice>(
+    session: LocalSession,
+    device: impl Fn(Option<CullerId>) -> D + Sync,
+    screen: impl PictureDevice,
+    cameras: &mut dyn Cameras,
+    observer: &mut dyn Observer,
+) {
+    let ((_stopper, stop), runtime) = (Stop::new(), runtime());
+    session.run(|id| Ok(device(id)), screen, cameras, observer, runtime.handle(), &stop).unwrap();
+}
+
+/// A generated scene.
+pub(crate) fn scene(options: &PlantOptions) -> Arc<Scene> {
+    Arc::new(cook(&plant(options), &CookOptions::default(), &()).unwrap())
+}
+
+pub(crate) fn small_scene() -> Arc<Scene> {
+    scene(&PlantOptions::small(3))
+}
+
+/// Large enough that each frame has many ids.
+pub(crate) fn large_scene() -> Arc<Scene> {
+    scene(&PlantOptions { seed: 3, objects: 1_500, triangles: 90_000 })
+}
+
+/// The middle of the scene.
+pub(crate) fn middle(scene: &Scene) -> [f64; 3] {
+    let (min, max) = scene.nodes().first().unwrap().world_box();
+    (0.5 * (min + max)).to_array()
+}
+
+/// A camera turned to the left by twice this angle.
+pub(crate) fn turned(eye: [f64; 3], half: f64, tan_half_fov_y: f32, frame: FrameNumber) -> Camera {
+    Camera::new(eye, [0.0, half.sin(), 0.0, half.cos()], tan_half_fov_y, 0.1, frame).unwrap()
+}
+
+/// Sends a frame; none if the other end is gone.
+pub(crate) async fn send_frame(
+    link: &mut Link,
+    frame: u32,
+    camera: Camera,
+    ids: &[DrawableId],
+) -> Option<()> {
+    let start = FrameStart { frame: FrameNumber(frame), header: camera };
+    link.frames_tx.begin(start).await.ok()?;
+    for batch in ids.chunks(100) {
+        link.frames_tx.push(batch).await.ok()?;
+    }
+    link.frames_tx.finish().await.ok().map(drop)
 }
 
 /// A link within this process between two roles that have this scene.

@@ -17,27 +17,22 @@ use super::{
     route::{Pace, line, walk},
     space::Space,
 };
-use crate::{Node, Scene, random::Random};
+use crate::{Node, ReadError, Scene, random::Random};
 
 /// The options of an automatic path.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AutoPathOptions {
     /// Equal seeds make equal paths through equal scenes.
     pub seed: u64,
     /// The number of frames; at least 1.
     pub frames: u32,
-    /// Height of the eye above the floor, metres. By default 1.7 m, or less in a scene too small for people:
-    /// see [`AutoPath::eye_height`].
-    pub eye_height: Option<f64>,
-    /// Vertical field of view, degrees.
-    pub vfov_deg: f64,
     /// Whether the second half of the frames is walked in another place.
     pub teleport: bool,
 }
 
 impl Default for AutoPathOptions {
     fn default() -> Self {
-        Self { seed: 1, frames: 200, eye_height: None, vfov_deg: 60.0, teleport: true }
+        Self { seed: 1, frames: 200, teleport: true }
     }
 }
 
@@ -74,14 +69,16 @@ pub struct AutoPath {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum AutoPathError {
-    /// An eye height that is not a length.
-    #[error("the eye height is {0}; it must be a positive finite number of metres")]
-    EyeHeight(f64),
-    /// There are no frames, or the field of view is out of range.
+    /// There are no frames.
     #[error("no walk can be made with these options")]
     Options(#[from] PathError),
+    /// A part of the scene cannot be read.
+    #[error(transparent)]
+    Scene(#[from] ReadError),
 }
 
+/// The vertical field of view, degrees.
+const FIELD_OF_VIEW: f64 = 60.0;
 /// The eye height of people, metres.
 const HUMAN: f64 = 1.7;
 /// Scenes of at least this diagonal are of human scale, metres.
@@ -100,12 +97,13 @@ const STARTS: usize = 12;
 /// Makes a camera path through a scene. Every scene has one: see [`PathKind`].
 ///
 /// # Errors
-/// If the options are invalid.
+/// If there are no frames, or a part of the scene on the way cannot be read.
 pub fn auto(scene: &Scene, options: &AutoPathOptions) -> Result<AutoPath, AutoPathError> {
-    if let Some(height) = options.eye_height.filter(|h| !(h.is_finite() && *h > 0.0)) {
-        return Err(AutoPathError::EyeHeight(height));
-    }
-    let eye_height = options.eye_height.unwrap_or_else(|| natural_eye_height(scene));
+    scene.reading(|| find(scene, options))?
+}
+
+fn find(scene: &Scene, options: &AutoPathOptions) -> Result<AutoPath, AutoPathError> {
+    let eye_height = natural_eye_height(scene);
     let frames = options.frames as usize;
     let pace = Pace { step: 1.4 / 30.0 * eye_height / HUMAN, turn: 0.07 };
     let space = Space::new(scene);
@@ -113,7 +111,7 @@ pub fn auto(scene: &Scene, options: &AutoPathOptions) -> Result<AutoPath, AutoPa
         let body = Body { eye_height, clearance: 0.15 * eye_height, footing };
         let poses = Explorer { space: &space, body, options }.poses(frames, pace);
         if let Some(poses) = poses {
-            let path = PosePath::new(options.vfov_deg, poses)?.with_near(body.clearance / 2.0)?;
+            let path = PosePath::new(FIELD_OF_VIEW, poses)?.with_near(body.clearance / 2.0)?;
             return Ok(AutoPath { path, kind, eye_height, clearance: body.clearance, step: pace.step });
         }
     }
@@ -246,7 +244,7 @@ fn orbit(scene: &Scene, options: &AutoPathOptions, eye_height: f64) -> Result<Au
         })
         .collect();
     let clearance = 1.5 * radius;
-    let path = PosePath::new(options.vfov_deg, poses)?.with_near(clearance / 2.0)?;
+    let path = PosePath::new(FIELD_OF_VIEW, poses)?.with_near(clearance / 2.0)?;
     Ok(AutoPath { path, kind: PathKind::Orbit, eye_height, clearance, step: 2.5 * radius * turn })
 }
 
@@ -274,6 +272,15 @@ mod tests {
         }
         assert_eq!(jumps, usize::from(options.teleport));
         assert_eq!(made.path.near(), Some((made.clearance / 2.0) as f32));
+    }
+
+    /// A checked path of this kind.
+    fn made(scene: &Scene, frames: u32, kind: PathKind) -> AutoPath {
+        let options = AutoPathOptions { frames, ..AutoPathOptions::default() };
+        let made = auto(scene, &options).unwrap();
+        assert_eq!(made.kind, kind);
+        check(scene, &made, &options);
+        made
     }
 
     fn small_plant() -> Scene {
@@ -311,11 +318,8 @@ mod tests {
         let shrink = glam::DAffine3::from_scale(DVec3::splat(0.02));
         model.objects.iter_mut().for_each(|object| object.to_world = shrink * object.to_world);
         let scene = uncooked(&model);
-        let options = AutoPathOptions { frames: 80, ..AutoPathOptions::default() };
-        let made = auto(&scene, &options).unwrap();
+        let made = made(&scene, 80, PathKind::Floors);
         assert!((0.005..0.08).contains(&made.eye_height), "{}", made.eye_height);
-        assert_eq!(made.kind, PathKind::Floors);
-        check(&scene, &made, &options);
     }
 
     #[test]
@@ -325,10 +329,7 @@ mod tests {
             .map(|at| (at, [at[0] + 3.0, at[1] + 0.05, at[2] + 0.05]))
             .collect();
         let scene = uncooked(&boxes(&bars));
-        let options = AutoPathOptions { frames: 100, ..AutoPathOptions::default() };
-        let made = auto(&scene, &options).unwrap();
-        assert_eq!(made.kind, PathKind::Hovering);
-        check(&scene, &made, &options);
+        made(&scene, 100, PathKind::Hovering);
     }
 
     #[test]
@@ -353,11 +354,7 @@ mod tests {
         let sheets: Vec<_> =
             (0..40).map(|i| f64::from(i) * 0.2).map(|y| ([0.0, y, 0.0], [120.0, y + 0.1, 120.0])).collect();
         let scene = uncooked(&boxes(&sheets));
-        let options = AutoPathOptions { frames: 40, ..AutoPathOptions::default() };
-        let made = auto(&scene, &options).unwrap();
-        assert_eq!(made.kind, PathKind::Floors);
-        check(&scene, &made, &options);
-        for frame in made.path.frames() {
+        for frame in made(&scene, 40, PathKind::Floors).path.frames() {
             assert!((frame.eye().y - 9.6).abs() < 1e-6, "{}", frame.eye());
         }
     }
@@ -376,17 +373,9 @@ mod tests {
     }
 
     #[test]
-    fn bad_options_are_refused() {
+    fn a_path_without_frames_is_refused() {
         let scene = uncooked(&boxes(&[([0.0; 3], [1.0; 3])]));
-        let with = |options: AutoPathOptions| auto(&scene, &options).unwrap_err();
-        let usual = AutoPathOptions::default();
-        for height in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let refused = with(AutoPathOptions { eye_height: Some(height), ..usual });
-            assert!(matches!(refused, AutoPathError::EyeHeight(_)));
-        }
-        let refused = with(AutoPathOptions { frames: 0, ..usual });
-        assert!(matches!(refused, AutoPathError::Options(PathError::NoFrames)), "{refused:?}");
-        let refused = with(AutoPathOptions { vfov_deg: 180.0, ..usual });
-        assert!(matches!(refused, AutoPathError::Options(PathError::FieldOfView(_))), "{refused:?}");
+        let refused = auto(&scene, &AutoPathOptions { frames: 0, ..AutoPathOptions::default() });
+        assert!(matches!(refused, Err(AutoPathError::Options(PathError::NoFrames))), "{refused:?}");
     }
 }

@@ -131,7 +131,7 @@ impl Flood {
     }
 
     /// The eyes along the path from one cell to another, through the cell from which both were reached.
-    pub(super) fn way(&self, from: usize, to: usize) -> Vec<DVec3> {
+    pub(super) fn path(&self, from: usize, to: usize) -> Vec<DVec3> {
         let (mut up, mut down) = (vec![from], vec![to]);
         let (mut a, mut b) = (from, to);
         while a != b {
@@ -190,7 +190,7 @@ mod tests {
     fn a_way_goes_through_neighbouring_cells() {
         let scene = uncooked(&boxes(&[([-3.0, -0.1, -3.0], [3.0, 0.0, 3.0])]));
         let flood = Flood::from(&Space::new(&scene), &WALKER, DVec3::new(0.0, 1.7, 0.0), 500);
-        let way = flood.way(flood.farthest(), flood.len() - 1);
+        let way = flood.path(flood.farthest(), flood.len() - 1);
         assert_eq!((way[0], way[way.len() - 1]), (flood.eye(flood.farthest()), flood.eye(flood.len() - 1)));
         assert!(way.windows(2).all(|p| p[0].distance(p[1]) < WALKER.stride() * 1.5));
         assert!(

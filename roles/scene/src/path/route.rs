@@ -33,7 +33,7 @@ pub(super) fn line(
     let mut walked = 0.0;
     for leg in 0..MOST_LEGS {
         let to = if leg == 0 { flood.farthest() } else { random.below(flood.len()) };
-        let way = shortcut(space, body, &flood.way(at, to));
+        let way = shortcut(space, body, &flood.path(at, to));
         walked += way.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
         line.extend(way.into_iter().skip(1));
         at = to;

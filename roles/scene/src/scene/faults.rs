@@ -1,8 +1,8 @@
-//! Unreadable parts of a scene: the first fault, each page, and each thread's last fault.
+//! Unreadable parts of a scene: the first fault, each page, and the last one in a thread's present work.
 
 use std::{
     cell::RefCell,
-    collections::BTreeMap,
+    collections::{BTreeMap, HashMap},
     sync::{
         OnceLock,
         atomic::{AtomicU64, Ordering},
@@ -17,8 +17,8 @@ use super::{ReadError, layout::Section};
 pub(super) type PageNumber = (Section, usize);
 
 thread_local! {
-    /// This thread's last fault, and its scene.
-    static HERE: RefCell<Option<(u64, ReadError)>> = const { RefCell::new(None) };
+    /// By the number of a scene: the last fault of this thread's present work on it.
+    static WORK: RefCell<BTreeMap<u64, Option<ReadError>>> = const { RefCell::new(BTreeMap::new()) };
 }
 
 /// Scenes are numbered as they are made.
@@ -28,8 +28,7 @@ static MADE: AtomicU64 = AtomicU64::new(0);
 pub(super) struct Faults {
     scene: u64,
     first: OnceLock<ReadError>,
-    /// By the section's number and the page.
-    pages: RwLock<BTreeMap<(usize, usize), ReadError>>,
+    pages: RwLock<HashMap<PageNumber, ReadError>>,
 }
 
 impl Faults {
@@ -42,10 +41,20 @@ impl Faults {
         self.first.get()
     }
 
-    /// This thread's last fault.
-    pub(super) fn here(&self) -> Option<ReadError> {
-        let of_this = |(scene, fault): &(u64, ReadError)| (*scene == self.scene).then(|| fault.clone());
-        HERE.with_borrow(|here| here.as_ref().and_then(of_this))
+    /// The result of `work`, unless this thread requests something unreadable in it. Then it returns the last
+    /// such fault.
+    pub(super) fn within<T>(&self, work: impl FnOnce() -> T) -> Result<T, ReadError> {
+        let around = WORK.with_borrow_mut(|open| open.insert(self.scene, None));
+        let done = work();
+        let fault = WORK.with_borrow_mut(|open| {
+            let fault = open.remove(&self.scene).flatten();
+            if let Some(around) = around {
+                // The work around this one has left the part out as well.
+                open.insert(self.scene, fault.clone().or(around));
+            }
+            fault
+        });
+        fault.map_or(Ok(done), Err)
     }
 
     /// This thread has requested something unreadable.
@@ -54,18 +63,22 @@ impl Faults {
             tracing::warn!(%fault, "part of the scene cannot be read");
         }
         let _later = self.first.set(fault.clone());
-        HERE.set(Some((self.scene, fault)));
+        WORK.with_borrow_mut(|open| {
+            if let Some(last) = open.get_mut(&self.scene) {
+                *last = Some(fault);
+            }
+        });
     }
 
     /// The same for a page, which is not tried again.
-    pub(super) fn note_page(&self, (section, page): PageNumber, fault: ReadError) {
-        self.pages.write().insert((section as usize, page), fault.clone());
+    pub(super) fn note_page(&self, page: PageNumber, fault: ReadError) {
+        self.pages.write().insert(page, fault.clone());
         self.note(fault);
     }
 
     /// Whether the page is known to be unreadable; notes this thread's request.
-    pub(super) fn has(&self, (section, page): PageNumber) -> bool {
-        let fault = self.pages.read().get(&(section as usize, page)).cloned();
+    pub(super) fn has(&self, page: PageNumber) -> bool {
+        let fault = self.pages.read().get(&page).cloned();
         let is_known = fault.is_some();
         fault.into_iter().for_each(|fault| self.note(fault));
         is_known

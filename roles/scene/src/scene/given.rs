@@ -12,7 +12,7 @@ use thiserror::Error;
 use trimaran_proto::{DrawableId, SceneOutline};
 
 use super::file::SceneFile;
-use super::{Drawable, Geometry, GeometryError, GeometryPlace, Node, NodeId, Scene, Sides};
+use super::{Drawable, Geometry, GeometryError, GeometryPlace, Node, NodeId, ReadError, Scene, Sides};
 
 /// A record of a drawable and its node, for drawing.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -111,9 +111,15 @@ impl DrawableEntry {
     /// The bit of [`objects`](Self::objects) for objects that the model has see-through.
     pub const SEE_THROUGH: u32 = 1 << 31;
 
-    /// The record of a drawable of `scene`. `None` if it does not exist or cannot be read.
-    #[must_use]
-    pub fn of(scene: &Scene, id: DrawableId) -> Option<Self> {
+    /// The record of a drawable of `scene`; `None` if it does not exist.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn of(scene: &Scene, id: DrawableId) -> Result<Option<Self>, ReadError> {
+        scene.reading(|| Self::find(scene, id))
+    }
+
+    fn find(scene: &Scene, id: DrawableId) -> Option<Self> {
         let drawable = scene.drawables().get(id.index())?;
         let node = scene.nodes().get(drawable.node as usize)?;
         let object = an_object(scene, node)?;
@@ -195,7 +201,7 @@ impl Scene {
             places: FrozenMap::new(),
             geometry: RwLock::default(),
         };
-        Self::of_nothing(Arc::new(SceneFile::absent(&outline)), given)
+        Self::of_nothing(Arc::new(SceneFile::absent(&outline)), Some(given))
     }
 
     /// The outline, which a receiver needs before any part.

@@ -48,7 +48,7 @@ fn scene() -> Scene {
 }
 
 fn entry(number: u32) -> DrawableEntry {
-    DrawableEntry::of(&scene(), DrawableId(number)).unwrap()
+    DrawableEntry::of(&scene(), DrawableId(number)).unwrap().unwrap()
 }
 
 fn packed(number: u32) -> Bytes {
@@ -92,7 +92,7 @@ fn a_level_of_several_objects_names_one_of_them() {
     let entries = [0, 1, 2].map(entry);
     assert_eq!(entries.map(|entry| entry.objects), [2, 1, 1 | DrawableEntry::SEE_THROUGH]);
     assert_eq!(entries.map(|entry| entry.object), [0, 0, 1]);
-    assert_eq!(DrawableEntry::of(&scene(), DrawableId(3)), None);
+    assert_eq!(DrawableEntry::of(&scene(), DrawableId(3)).unwrap(), None);
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn what_was_given_is_there() {
         empty.give_geometry(number, packed(number)).unwrap();
         assert_eq!(empty.has(DrawableId(number)), Ok(true));
         assert_eq!(empty.geometry(number).unwrap(), whole.geometry(number).unwrap());
-        assert_eq!(DrawableEntry::of(&empty, DrawableId(number)), Some(entry(number)));
+        assert_eq!(DrawableEntry::of(&empty, DrawableId(number)).unwrap(), Some(entry(number)));
     }
     assert_eq!(empty.has(DrawableId(1)), Ok(false));
     let counts = |scene: &Scene| (scene.drawables().iter().count(), scene.places().iter().count());
@@ -184,7 +184,7 @@ fn a_record_that_is_another_one_than_before_is_refused_and_nothing_of_it_is_take
     // The same node with another box, under another drawable.
     let other = DrawableEntry { id: 2, world_max: [9.0; 3], ..first };
     assert_eq!(empty.give(&other), Err(GiveError::Other(DrawableId(2))));
-    assert_eq!(DrawableEntry::of(&empty, DrawableId(1)), Some(first));
+    assert_eq!(DrawableEntry::of(&empty, DrawableId(1)).unwrap(), Some(first));
     assert_eq!((empty.drawables().iter().count(), empty.nodes().iter().count()), (1, 1));
     empty.give(&entry(2)).unwrap();
 }
@@ -215,6 +215,6 @@ fn a_scene_of_a_file_takes_nothing() {
     let whole = scene();
     assert_eq!(whole.give(&DrawableEntry { triangles: 0, ..entry(1) }), Ok(()));
     assert_eq!(whole.give_geometry(0, Bytes::new()), Ok(()));
-    assert_eq!(DrawableEntry::of(&whole, DrawableId(1)), Some(entry(1)));
+    assert_eq!(DrawableEntry::of(&whole, DrawableId(1)).unwrap(), Some(entry(1)));
     assert_eq!(whole.geometry(0).unwrap().triangles(), 1);
 }

@@ -129,7 +129,7 @@ impl Firsts {
 }
 
 /// The kinds of pages, in the order of the file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Section {
     Nodes,
     Drawables,

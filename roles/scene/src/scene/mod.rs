@@ -58,8 +58,8 @@ pub fn looks_like_a_scene(head: &[u8]) -> bool {
 /// that later code can trust them: every index is in range, every box finite, errors never fall towards the
 /// root.
 ///
-/// Unreadable parts appear absent. After a traversal check [`fault_here`](Self::fault_here) before using the
-/// result: culling and drawing do.
+/// A traversal leaves out parts that cannot be read. Run it within [`reading`](Self::reading), which returns
+/// the error.
 #[derive(Debug)]
 pub struct Scene {
     file: Arc<SceneFile>,
@@ -114,8 +114,8 @@ impl Scene {
     /// its tree. All else is checked on first use.
     ///
     /// **An open scene never changes.** A file that is replaced or deleted stays readable. One that is
-    /// overwritten in place no longer matches its fingerprint: loaded parts stay, and others are a
-    /// [`fault`](Self::fault).
+    /// overwritten in place no longer matches its fingerprint: loaded parts stay, and others cannot
+    /// be read.
     ///
     /// # Errors
     /// The error in the file, and the remedy. [`OpenError::may_pass`] tells a file that is not there yet or
@@ -159,34 +159,23 @@ impl Scene {
         let bytes = file.unpack(Section::Sources, 0, &of_all)?;
         let (sources, see_through) =
             encode::decode_sources(&bytes, header.version, header.objects).ok_or_else(damaged)?;
-        Ok(Self {
-            nodes: validate::node_pages(header.nodes as usize),
-            drawables: validate::drawable_pages(header.drawables as usize),
-            places: validate::place_pages(header.geometries as usize),
-            objects: validate::object_pages(header.objects as usize),
-            names: OnceLock::new(),
-            sources,
-            see_through,
-            faults: Faults::none(),
-            file,
-            given: None,
-        })
+        Ok(Self { sources, see_through, ..Self::of_nothing(file, None) })
     }
 
-    /// A scene without pages, with only the given parts.
-    fn of_nothing(file: Arc<SceneFile>, given: Given) -> Self {
-        let header = file.header();
+    /// A scene with no records loaded, or without pages and with only the `given` parts.
+    fn of_nothing(file: Arc<SceneFile>, given: Option<Given>) -> Self {
+        let (header, paged) = (file.header(), given.is_none());
         Self {
-            nodes: validate::node_pages(header.nodes as usize).without_pages(),
-            drawables: validate::drawable_pages(header.drawables as usize).without_pages(),
-            places: validate::place_pages(header.geometries as usize).without_pages(),
-            objects: validate::object_pages(header.objects as usize).without_pages(),
+            nodes: validate::node_pages(header.nodes as usize, paged),
+            drawables: validate::drawable_pages(header.drawables as usize, paged),
+            places: validate::place_pages(header.geometries as usize, paged),
+            objects: validate::object_pages(header.objects as usize, paged),
             names: OnceLock::new(),
             sources: Vec::new(),
             see_through: ObjectSet::default(),
             faults: Faults::none(),
             file,
-            given: Some(Box::new(given)),
+            given: given.map(Box::new),
         }
     }
 
@@ -255,7 +244,7 @@ impl Scene {
     }
 
     /// The name of an object (index into [`Scene::objects`]); `None` past their end, empty if the object has
-    /// no name.
+    /// no name. `None` as well if it cannot be read, which [`reading`](Self::reading) tells.
     #[must_use]
     pub fn object_name(&self, object: u32) -> Option<&str> {
         let record = self.objects().get(object as usize)?;
@@ -319,8 +308,8 @@ impl Scene {
         Ok(hierarchy)
     }
 
-    /// A drawable's triangles, in its node's local frame. None if they cannot be read; see
-    /// [`fault`](Self::fault).
+    /// A drawable's triangles, in its node's local frame. None if they cannot be read, which
+    /// [`reading`](Self::reading) tells.
     pub fn triangles(&self, drawable: &Drawable) -> impl Iterator<Item = [Vec3; 3]> + use<> {
         let geometry = self.geometry(drawable.geometry).unwrap_or_else(|fault| {
             self.set_fault(fault);
@@ -354,18 +343,18 @@ impl Scene {
         self.file.header().scene_hash()
     }
 
-    /// The first unreadable part that was requested, if any. Results from the scene since then are
-    /// incomplete.
+    /// The first unreadable part that any thread has requested, for reports.
     #[must_use]
     pub fn fault(&self) -> Option<&ReadError> {
         self.faults.first()
     }
 
-    /// The last unreadable part that the calling thread has requested, if any. Threads that request other
-    /// parts are not affected.
-    #[must_use]
-    pub fn fault_here(&self) -> Option<ReadError> {
-        self.faults.here()
+    /// The result of `work`, for which no part of the scene was left out as unreadable.
+    ///
+    /// # Errors
+    /// The last unreadable part that `work` requests on this thread.
+    pub fn reading<T>(&self, work: impl FnOnce() -> T) -> Result<T, ReadError> {
+        self.faults.within(work)
     }
 
     /// Bytes of records in memory, and of given geometry.
@@ -479,14 +468,11 @@ impl GeometryReader<'_> {
     /// Applies `take` to a piece as stored in the file.
     fn packed<T>(&mut self, number: u32, take: impl FnOnce(&[u8]) -> T) -> Result<T, ReadError> {
         let scene = self.scene;
-        let missing = || {
-            let error = self.error(number, GeometryError::Length(0).into());
-            scene.fault().cloned().unwrap_or(error)
-        };
+        let missing = || self.error(number, GeometryError::Length(0).into());
         if let Some(given) = &scene.given {
             return given.geometry(number).map(|bytes| take(&bytes)).ok_or_else(missing);
         }
-        let place = scene.places().get(number as usize).ok_or_else(missing)?;
+        let place = scene.places().read(number as usize)?.ok_or_else(missing)?;
         Ok(take(scene.file.geometry(number as usize, place, &mut self.page)?))
     }
 

@@ -31,8 +31,15 @@ pub(super) type FindGiven<T> = fn(&Given, u32) -> Option<&T>;
 pub(super) type Check<T> = fn(&Scene, usize, &[T]) -> Result<(), SceneError>;
 
 impl<T: Pod> Pages<T> {
-    pub(super) fn new(section: Section, length: usize, check: Check<T>, given: FindGiven<T>) -> Self {
-        let pages = length.div_ceil(section.per_page());
+    /// Without pages the records are given.
+    pub(super) fn new(
+        section: Section,
+        length: usize,
+        paged: bool,
+        check: Check<T>,
+        given: FindGiven<T>,
+    ) -> Self {
+        let pages = if paged { length.div_ceil(section.per_page()) } else { 0 };
         Self {
             pages: (0..pages).map(|_| OnceLock::new()).collect(),
             length,
@@ -43,11 +50,6 @@ impl<T: Pod> Pages<T> {
         }
     }
 
-    /// The same without a page: its records are given.
-    pub(super) fn without_pages(self) -> Self {
-        Self { pages: Box::default(), ..self }
-    }
-
     /// Records in memory.
     pub(super) fn resident(&self) -> usize {
         self.pages.iter().filter_map(OnceLock::get).map(|page| page.len()).sum()
@@ -56,21 +58,14 @@ impl<T: Pod> Pages<T> {
 
 /// An array of a scene's records, numbered from 0.
 ///
-/// Records are read from the file a page at a time, on first use. Unreadable ones appear absent, and
-/// [`Scene::fault`] says why from then on.
-#[derive(Debug)]
+/// Records are read from the file a page at a time, on first use. [`read`](Self::read) tells an absent record
+/// from an unreadable one. All other methods leave unreadable ones out: call them within
+/// [`Scene::reading`], which returns the error.
+#[derive(Debug, Clone, Copy)]
 pub struct Records<'s, T> {
     scene: &'s Scene,
     pages: &'s Pages<T>,
 }
-
-impl<T> Clone for Records<'_, T> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<T> Copy for Records<'_, T> {}
 
 impl<'s, T: Pod> Records<'s, T> {
     pub(super) const fn new(scene: &'s Scene, pages: &'s Pages<T>) -> Self {
@@ -87,6 +82,17 @@ impl<'s, T: Pod> Records<'s, T> {
     #[must_use]
     pub const fn is_empty(self) -> bool {
         self.len() == 0
+    }
+
+    /// The record of this number; `None` past the last one.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn read(self, index: usize) -> Result<Option<&'s T>, ReadError> {
+        match self.get(index) {
+            None if index < self.len() => self.scene.reading(|| self.get(index)),
+            found => Ok(found),
+        }
     }
 
     /// The record of this number; `None` past the last one, and if it cannot be read.

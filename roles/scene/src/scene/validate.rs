@@ -49,15 +49,17 @@ fn malformed(what: &'static str, index: usize) -> impl FnOnce(&'static str) -> S
     move |why| SceneError::Malformed { what, index, why }
 }
 
-pub(super) fn node_pages(count: usize) -> Pages<Node> {
-    Pages::new(Section::Nodes, count, nodes::check, |given, number| given.node(number))
+pub(super) fn node_pages(count: usize, paged: bool) -> Pages<Node> {
+    Pages::new(Section::Nodes, count, paged, nodes::check, |given, number| given.node(number))
 }
 
-pub(super) fn drawable_pages(count: usize) -> Pages<Drawable> {
-    Pages::new(Section::Drawables, count, drawables::check, |given, number| given.drawables.get(&number))
+pub(super) fn drawable_pages(count: usize, paged: bool) -> Pages<Drawable> {
+    Pages::new(Section::Drawables, count, paged, drawables::check, |given, number| {
+        given.drawables.get(&number)
+    })
 }
 
-pub(super) fn place_pages(count: usize) -> Pages<GeometryPlace> {
+pub(super) fn place_pages(count: usize, paged: bool) -> Pages<GeometryPlace> {
     let check: table::Check<GeometryPlace> = |scene, first, places| {
         let sound = |place: &GeometryPlace| {
             let page = scene.file().geometry_page_length(place.page);
@@ -68,10 +70,10 @@ pub(super) fn place_pages(count: usize) -> Pages<GeometryPlace> {
             None => Ok(()),
         }
     };
-    Pages::new(Section::Places, count, check, |given, number| given.places.get(&number))
+    Pages::new(Section::Places, count, paged, check, |given, number| given.places.get(&number))
 }
 
-pub(super) fn object_pages(count: usize) -> Pages<ObjectRecord> {
+pub(super) fn object_pages(count: usize, paged: bool) -> Pages<ObjectRecord> {
     let check: table::Check<ObjectRecord> = |scene, first, objects| {
         for (index, object) in (first..).zip(objects) {
             check_object(scene, object).map_err(malformed("object", index))?;
@@ -79,7 +81,7 @@ pub(super) fn object_pages(count: usize) -> Pages<ObjectRecord> {
         Ok(())
     };
     // Drawing needs no objects.
-    Pages::new(Section::Objects, count, check, |_, _| None)
+    Pages::new(Section::Objects, count, paged, check, |_, _| None)
 }
 
 fn check_object(scene: &Scene, object: &ObjectRecord) -> Check {

@@ -30,7 +30,7 @@ pub(super) struct Inbox {
 /// An event while a culler waits for a camera.
 enum Event {
     Camera(Camera),
-    Said(RoleMessage),
+    Message(RoleMessage),
     Other(News),
 }
 
@@ -49,13 +49,13 @@ impl Inbox {
                 self.early = None;
                 return Ok((camera, Arc::clone(state)));
             }
-            if let Some(said) = self.other.unsaid.take() {
-                display.messages_tx.send(&said).await.map_err(link("answering the display"))?;
+            if let Some(message) = self.other.unsaid.take() {
+                display.messages_tx.send(&message).await.map_err(link("answering the display"))?;
             }
             let event = tokio::select! {
                 biased;
-                said = display.messages_rx.recv() => match said {
-                    Ok(said) => Event::Said(said),
+                message = display.messages_rx.recv() => match message {
+                    Ok(message) => Event::Message(message),
                     Err(RecvError::Silent { .. }) => continue,
                     Err(end) => return Err(link("waiting for a camera")(end)),
                 },
@@ -68,7 +68,7 @@ impl Inbox {
             };
             match event {
                 Event::Camera(camera) => self.early = Some(camera),
-                Event::Said(said) => self.hear(said)?,
+                Event::Message(message) => self.hear(message)?,
                 Event::Other(news) => self.other.learn(news),
             }
         }
@@ -100,25 +100,25 @@ impl Inbox {
 
     /// Waits for more messages of the other culler, or of the display about it.
     async fn hear_more(&mut self, display: &mut Link) -> Result<(), RoleError> {
-        let said = tokio::select! {
+        let message = tokio::select! {
             biased;
-            said = display.messages_rx.recv() => said,
+            message = display.messages_rx.recv() => message,
             news = self.other.news() => {
                 self.other.learn(news);
                 return Ok(());
             }
         };
-        match said {
-            Ok(said) => self.hear(said),
+        match message {
+            Ok(message) => self.hear(message),
             Err(RecvError::Silent { .. }) => Ok(()),
             Err(end) => Err(link("waiting for occluders")(end)),
         }
     }
 
-    fn hear(&mut self, said: RoleMessage) -> Result<(), RoleError> {
-        match said {
+    fn hear(&mut self, message: RoleMessage) -> Result<(), RoleError> {
+        match message {
             RoleMessage::View { version, part, last } => self.views.take(version, &part, last)?,
-            said => self.other.hear(said),
+            message => self.other.hear(message),
         }
         Ok(())
     }

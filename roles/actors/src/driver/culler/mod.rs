@@ -14,9 +14,9 @@ mod switch;
 mod views;
 mod work;
 
-use std::{future::pending, mem, panic::AssertUnwindSafe, sync::Arc};
+use std::{mem, panic::AssertUnwindSafe, rc::Rc, sync::Arc};
 
-use futures_util::FutureExt;
+use futures_util::{FutureExt, future::OptionFuture};
 use trimaran_cull::View;
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, ViewState, ViewVersion};
 use trimaran_scene::Scene;
@@ -24,14 +24,15 @@ use trimaran_scene::Scene;
 use super::{
     close::{part, worked},
     error::{RoleError, link},
+    in_turn::InTurn,
 };
 use crate::{
     limits::Lease,
     links::{FrameStart, Link},
     meeting::Meeting,
     stop::Stop,
-    supply::{CullerEnd, SupplyFault},
-    turn::{Turn, Turns},
+    supply::CullerEnd,
+    turn::Turns,
 };
 
 use inbox::Inbox;
@@ -65,34 +66,36 @@ impl<W: CullerWork> CullerRole<W> {
     /// this role is no error.
     pub async fn run(mut self, stop: &Stop) -> Result<(), RoleError> {
         self.work.cancel_on(stop);
-        let turn = self.turns.of_a_role();
+        let turn = Rc::new(self.turns.of_a_role());
         let (net, scene) = (&self.meeting.net, &self.scene);
         let bulk = scene.as_ref().and_then(|scene| Some((scene, self.display.bulk.take()?)));
         let supply = bulk.map(|(scene, bulk)| CullerEnd::start(net, bulk, scene));
-        let session = Session {
-            work: self.work,
+        let mut session = Session {
+            work: InTurn::new(self.work, &turn),
             inbox: Inbox::new(self.meeting, self.drawables),
             display: self.display,
             lease: self.lease,
             supply,
-            turn: &turn,
             sent: FrameNumber(0),
             view: ViewVersion(0),
             state: None,
             last: None,
         };
-        let (display, result) = session.play(stop).await;
-        part(vec![display], result, stop).await
+        // A bug in one session ends only that session.
+        let frames = AssertUnwindSafe(session.frames()).catch_unwind();
+        let frames = frames.map(|ended| ended.unwrap_or_else(|payload| Err(RoleError::panic(&*payload))));
+        let result = worked(turn.given_back_while_waiting(frames), stop).await;
+        turn.give_back();
+        part(vec![session.into_link().await], result, stop).await
     }
 }
 
-struct Session<'t, W> {
+struct Session<W> {
     work: W,
     lease: Lease,
     inbox: Inbox,
     display: Link,
     supply: Option<CullerEnd>,
-    turn: &'t Turn,
     /// The number of the next frame on the display's link.
     sent: FrameNumber,
     /// The view state of the last frame.
@@ -102,18 +105,14 @@ struct Session<'t, W> {
     last: Option<(FrameNumber, Vec<DrawableId>)>,
 }
 
-impl<W: CullerWork> Session<'_, W> {
-    async fn play(mut self, stop: &Stop) -> (Link, Result<(), RoleError>) {
-        let turn = self.turn;
-        // A bug in one session ends only that session.
-        let frames = AssertUnwindSafe(self.frames()).catch_unwind();
-        let frames = frames.map(|ended| ended.unwrap_or_else(|payload| Err(RoleError::panic(&*payload))));
-        let result = worked(frames, turn, stop).await;
+impl<W: CullerWork> Session<W> {
+    /// The link to the display, at the end.
+    async fn into_link(mut self) -> Link {
         self.inbox.other.part();
-        if let Some(supply) = self.supply.take() {
+        if let Some(supply) = self.supply {
             self.display.bulk = supply.give_back().await;
         }
-        (self.display, result)
+        self.display
     }
 
     async fn frames(&mut self) -> Result<(), RoleError> {
@@ -121,7 +120,9 @@ impl<W: CullerWork> Session<'_, W> {
             self.work.awaits_camera();
             let (camera, state) = tokio::select! {
                 biased;
-                fault = failed(self.supply.as_ref()) => return Err(fault.into()),
+                Some(fault) = OptionFuture::from(self.supply.as_ref().map(CullerEnd::failed)) => {
+                    return Err(fault.into());
+                }
                 camera = self.inbox.camera(&mut self.display) => camera?,
             };
             // A newer pose for a frame that had already begun.
@@ -141,7 +142,6 @@ impl<W: CullerWork> Session<'_, W> {
             self.work.has_camera(&camera);
             let occluders_of = self.occlude(camera).await?;
             self.cull(camera, occluders_of).await?;
-            self.turn.give_back();
         }
     }
 
@@ -152,9 +152,7 @@ impl<W: CullerWork> Session<'_, W> {
         if as_they_come {
             as_they_come = self.inbox.begins(&mut self.display, camera.frame()).await?;
         }
-        // It keeps the turn until the frame is culled.
-        self.turn.take().await;
-        self.work.begin_occluders(camera, as_they_come)?;
+        self.work.begin_occluders(camera, as_they_come).await?;
         if as_they_come {
             while let Some(ids) = self.inbox.ids(&mut self.display).await? {
                 self.work.take_occluders(&ids)?;
@@ -172,8 +170,6 @@ impl<W: CullerWork> Session<'_, W> {
 
     /// HC (paper, section 4.1): sends the camera, then each visible drawable as it is decided, then the end.
     async fn cull(&mut self, camera: Camera, occluders_of: Option<FrameNumber>) -> Result<(), RoleError> {
-        // Only time away from here on is subtracted from HC.
-        self.turn.away();
         let frame = self.sent;
         self.sent = FrameNumber(frame.0.wrapping_add(1));
         let start = FrameStart { frame, header: camera };
@@ -185,22 +181,14 @@ impl<W: CullerWork> Session<'_, W> {
         });
         let view = self.state.as_ref().map(|state| View::of(camera, state));
         let supply = self.supply.as_ref().zip(view);
-        let (display, turn) = (Some(&mut self.display.frames_tx), Some(self.turn));
-        let mut visible = VisibleIds { found, display, other, supply, turn };
+        let display = Some(&mut self.display.frames_tx);
+        let mut visible = VisibleIds { found, display, other, supply, turn: None };
         self.work.cull(camera, &mut visible).await?;
         self.last = Some((camera.frame(), mem::take(&mut visible.found)));
         let to_other = self.inbox.other.finish().await;
         self.display.frames_tx.finish().await.map_err(link("ending a frame"))?;
-        let stats = FrameStats { occluders_of, to_other, ..self.work.frame_stats(self.turn.away()) };
-        let said = RoleMessage::Stats(stats);
-        self.display.messages_tx.send(&said).await.map_err(link("sending statistics"))
-    }
-}
-
-/// Waits for an error of the supply. Pending for ever if there is none, or no supply.
-async fn failed(supply: Option<&CullerEnd>) -> SupplyFault {
-    match supply {
-        Some(supply) => supply.failed().await,
-        None => pending().await,
+        let stats = FrameStats { occluders_of, to_other, ..self.work.frame_stats() };
+        let message = RoleMessage::Stats(stats);
+        self.display.messages_tx.send(&message).await.map_err(link("sending statistics"))
     }
 }

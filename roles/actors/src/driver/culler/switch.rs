@@ -175,8 +175,8 @@ impl Switch {
     }
 
     /// Handles the display's message about it.
-    pub(super) fn hear(&mut self, said: RoleMessage) {
-        match (said, &mut self.state) {
+    pub(super) fn hear(&mut self, message: RoleMessage) {
+        match (message, &mut self.state) {
             (RoleMessage::Meet { key, at }, _) => {
                 self.part();
                 let met = match at {

@@ -1,6 +1,6 @@
 //! A culler's work on a frame, and the receivers of its ids.
 
-use std::{future::Future, time::Duration};
+use std::{future::Future, rc::Rc};
 
 use trimaran_cull::View;
 use trimaran_proto::{Camera, DrawableId, FrameStats, ViewState};
@@ -38,7 +38,11 @@ pub trait CullerWork {
     ///
     /// # Errors
     /// Those of the device.
-    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError>;
+    fn begin_occluders(
+        &mut self,
+        camera: Camera,
+        as_they_come: bool,
+    ) -> impl Future<Output = Result<(), RoleError>>;
 
     /// Takes the visible set of an earlier frame: all of it, or the next part.
     ///
@@ -62,9 +66,8 @@ pub trait CullerWork {
         visible: &mut VisibleIds<'_>,
     ) -> impl Future<Output = Result<(), RoleError>>;
 
-    /// The statistics of the frame just culled. Since its occluders were complete, other roles have computed
-    /// for `away` in this culler's place.
-    fn frame_stats(&mut self, away: Duration) -> FrameStats;
+    /// The statistics of the frame just culled.
+    fn frame_stats(&mut self) -> FrameStats;
 }
 
 /// Takes the ids of a frame during culling: they are sent to all receivers at once, while culling goes on.
@@ -75,19 +78,15 @@ pub struct VisibleIds<'l> {
     pub(super) other: Option<&'l mut Switch>,
     /// For a display that holds no scene.
     pub(super) supply: Option<(&'l CullerEnd, View)>,
-    pub(super) turn: Option<&'l Turn>,
+    /// The role's turn, if others may get the device in the midst of the frame.
+    pub(crate) turn: Option<Rc<Turn>>,
 }
 
-impl<'l> VisibleIds<'l> {
+impl VisibleIds<'_> {
     /// Keeps the ids, and sends them to nobody.
     #[must_use]
     pub const fn kept() -> Self {
         Self { found: Vec::new(), display: None, other: None, supply: None, turn: None }
-    }
-
-    /// The role's turn, if others may get the device in the midst of the frame.
-    pub(crate) fn shared_turn(&self) -> Option<&'l Turn> {
-        self.turn.filter(|turn| turn.is_shared())
     }
 
     /// Sends visible ids. Waits if a receiver has no room.

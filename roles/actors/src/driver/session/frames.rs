@@ -2,7 +2,7 @@
 
 use std::{sync::Arc, time::Duration};
 
-use trimaran_proto::{Camera, FrameNumber, FrameStats, SentBytes, ViewState, ViewVersion};
+use trimaran_proto::{Camera, FrameNumber, FrameStats, ViewState, ViewVersion};
 
 use super::super::{
     culler::{CullerWork, VisibleIds},
@@ -80,7 +80,6 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     pub(super) async fn cull_itself(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
         let camera = self.published.newest(frame).unwrap_or_else(|| self.cameras.camera(frame));
         self.published.note(camera, self.clock.elapsed());
-        self.turn.take().await;
         if self.culled_in != camera.view() {
             self.culled_in = camera.view();
             let state = self.view_state(camera.view())?;
@@ -89,29 +88,17 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             }
         }
         let Some(alone) = &mut self.role.alone else { return Ok(()) };
-        alone.begin_occluders(camera, false)?;
+        alone.begin_occluders(camera, false).await?;
         alone.take_occluders(&self.last)?;
         alone.complete_occluders(camera).await?;
-        self.turn.away();
         let begun = self.clock.elapsed();
         let mut visible = VisibleIds::kept();
         alone.cull(camera, &mut visible).await?;
-        let occluders_of = self.said.last_shown();
-        let stats = FrameStats { occluders_of, ..alone.frame_stats(self.turn.away()) };
+        let occluders_of = self.stats.last_shown();
+        let stats = FrameStats { occluders_of, ..alone.frame_stats() };
         // It is not shown yet.
-        let _later = self.said.note(stats);
-        let culled = Culled {
-            camera,
-            by: None,
-            ids: visible.into_found(),
-            lacking: Vec::new(),
-            stand_ins: None,
-            may_lack_from: None,
-            missing: 0,
-            begun,
-            arrivals: Vec::new(),
-            traffic: SentBytes::default(),
-        };
+        let _later = self.stats.note(stats);
+        let culled = Culled::alone(camera, visible.into_found(), begun);
         self.there.insert(frame, culled);
         self.dealer.culled_itself(frame);
         Ok(())
@@ -125,7 +112,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let published = self.published.when(&culled.camera).unwrap_or(culled.begun);
         self.published.shown(frame);
         self.draw(frame, culled, published, false).await?;
-        if let Some(stats) = self.said.shown(frame) {
+        if let Some(stats) = self.stats.shown(frame) {
             self.observer.culled(&stats);
         }
         Ok(())
@@ -135,7 +122,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
     pub(super) async fn show_again(&mut self) -> Result<(), RoleError> {
         let Some(Loading { frame, culled, published, .. }) = self.loading.take() else { return Ok(()) };
         self.draw(frame, culled, published, true).await?;
-        self.said.shown_again();
+        self.stats.shown_again();
         Ok(())
     }
 
@@ -148,7 +135,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         again: bool,
     ) -> Result<(), RoleError> {
         // Before this it only takes messages, which is no computing.
-        self.turn.take().await;
+        self.role.work.begin_frame().await;
         let drawing = self.clock.elapsed();
         let camera = culled.camera;
         if self.drawn_in != camera.view() {
@@ -162,7 +149,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let for_loss = self.role.work.draw(camera, &mut ids, culled.missing).await?;
         self.shown_whole = (culled.missing == 0).then_some(camera);
         let shown = self.clock.elapsed();
-        let number = self.said.next_number();
+        let number = self.stats.next_number();
         let picture = match self.observer.wants_picture(number) {
             true => self.role.work.picture()?,
             false => None,
@@ -183,7 +170,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             arrivals: &std::mem::take(&mut culled.arrivals),
         };
         self.observer.shown(&seen).map_err(RoleError::Observer)?;
-        self.turn.give_back();
+        self.role.work.end_frame();
         self.last = ids;
         self.loading = (lacking > 0).then_some(Loading { frame, culled, published, lacked: lacking });
         self.note_shown(frame)

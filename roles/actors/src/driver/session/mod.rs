@@ -3,9 +3,12 @@
 mod frames;
 mod supply;
 
-use std::{collections::BTreeMap, sync::Arc, time::Duration};
+use std::{collections::BTreeMap, rc::Rc, sync::Arc, time::Duration};
 
-use futures_util::{FutureExt, future::join_all};
+use futures_util::{
+    FutureExt,
+    future::{OptionFuture, join_all},
+};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, RoleMessage, ViewVersion};
 use trimaran_transport::{Instant, sleep_until, until};
 
@@ -18,7 +21,7 @@ use super::{
     introduction::{Introduction, Word},
     observer::{CullerEvent, Observer},
     published::{Cameras, Published},
-    said::Said,
+    shown_stats::ShownStats,
 };
 use crate::{
     clock::Stopwatch,
@@ -27,7 +30,6 @@ use crate::{
     links::Link,
     peers::Arrival,
     stop::Stop,
-    turn::Turn,
 };
 
 use supply::Supplies;
@@ -58,14 +60,13 @@ pub(super) struct Session<'r, W, A> {
     /// The camera of the last shown frame, if none of its ids were lost.
     shown_whole: Option<Camera>,
     /// The cullers' statistics of frames.
-    said: Said,
+    stats: ShownStats,
     /// The drawables of the last picture.
     last: Vec<DrawableId>,
     /// The view states of the last frames that it culled itself and drew.
     culled_in: ViewVersion,
     drawn_in: ViewVersion,
     clock: Stopwatch,
-    turn: &'r Turn,
     stop: &'r Stop,
     cameras: &'r mut dyn Cameras,
     observer: &'r mut dyn Observer,
@@ -108,9 +109,10 @@ impl<W: DisplayWork, A: CullerWork> DisplayRole<W, A> {
         if let Some(alone) = &mut self.alone {
             alone.cancel_on(stop);
         }
-        let turn = self.turns.of_a_role();
-        let mut session = Session::new(self, &turn, stop, cameras, observer);
-        let result = worked(session.play(), &turn, stop).await;
+        let turn = Rc::new(self.turns.of_a_role());
+        let mut session = Session::new(self.in_turn(&turn), stop, cameras, observer);
+        let result = worked(turn.given_back_while_waiting(session.play()), stop).await;
+        turn.give_back();
         session.tell_ahead_use();
         part(session.into_links().await, result, stop).await
     }
@@ -119,7 +121,6 @@ impl<W: DisplayWork, A: CullerWork> DisplayRole<W, A> {
 impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
     pub(super) fn new(
         role: DisplayRole<W, A>,
-        turn: &'r Turn,
         stop: &'r Stop,
         cameras: &'r mut dyn Cameras,
         observer: &'r mut dyn Observer,
@@ -139,12 +140,11 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             published: Published::default(),
             newest: None,
             shown_whole: None,
-            said: Said::from(role.first),
+            stats: ShownStats::from(role.first),
             last: Vec::new(),
             culled_in: ViewVersion(0),
             drawn_in: ViewVersion(0),
             clock: role.turns.clock(),
-            turn,
             stop,
             cameras,
             observer,
@@ -215,18 +215,14 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
     /// The next event, until `look` at the latest. Dropping the future loses nothing.
     async fn event(&mut self, look: Option<Instant>) -> Event {
         let Self { role: DisplayRole { net, cullers: peers, .. }, cullers, supplies, clock, .. } = self;
-        let tick = async {
-            match look {
-                Some(look) => sleep_until(&**net, look).await,
-                None => std::future::pending().await,
-            }
-        };
+        let came = supplies.as_ref().map(|supplies| supplies.holdings.came.notified());
+        let tick = look.map(|look| sleep_until(&**net, look));
         tokio::select! {
             biased;
             (id, heard) = first_of(cullers, clock) => Event::Heard(id, heard),
-            () = Self::supplied(supplies.as_ref()) => Event::Supplied,
+            Some(()) = OptionFuture::from(came) => Event::Supplied,
             arrival = peers.next() => Event::Arrived(Box::new(arrival)),
-            () = tick => Event::Tick,
+            Some(()) = OptionFuture::from(tick) => Event::Tick,
         }
     }
 
@@ -259,8 +255,8 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
                 }
                 (from, ended.map(drop))
             }
-            Event::Heard(from, Heard::Said(said)) => {
-                self.hear(from, said);
+            Event::Heard(from, Heard::Message(message)) => {
+                self.hear(from, message);
                 return;
             }
             Event::Heard(_, Heard::Gone(RoleError::Supplied { peer, cause }))
@@ -356,14 +352,14 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         self.choose_supplier(self.role.net.now());
     }
 
-    fn hear(&mut self, from: CullerId, said: RoleMessage) {
-        if let RoleMessage::Stats(stats) = said {
-            if let Some(stats) = self.said.note(stats) {
+    fn hear(&mut self, from: CullerId, message: RoleMessage) {
+        if let RoleMessage::Stats(stats) = message {
+            if let Some(stats) = self.stats.note(stats) {
                 self.observer.culled(&stats);
             }
         } else if let Some(introduction) = &mut self.introduction {
             let now = self.role.net.now();
-            let words = introduction.hear(from, &said, &mut self.dealer, now);
+            let words = introduction.hear(from, &message, &mut self.dealer, now);
             self.say(words);
         }
     }
@@ -388,7 +384,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
     /// After the last frame: waits for the cullers' statistics.
     async fn hear_last_words(&mut self) {
         let deadline = self.role.net.now().after(LAST_WORDS);
-        while self.said.awaits() && !self.cullers.is_empty() {
+        while self.stats.awaits() && !self.cullers.is_empty() {
             let net = Arc::clone(&self.role.net);
             match until(&*net, deadline, self.event(None)).await {
                 Some(event) => self.take(event),

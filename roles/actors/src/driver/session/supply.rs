@@ -88,7 +88,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
             let supplier = find(&self.cullers, supplies.supplier);
             let taken = supplier.map_or(0, |supplier| supplier.taken());
             supplies.look(&mut culled)?;
-            if let Some(supplier) = supplier.filter(|_| !culled.lacking.is_empty()) {
+            if let Some(supplier) = supplier {
                 supplier.lacks(frame, taken, &culled.lacking);
             }
         }
@@ -177,7 +177,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let loading = self.loading.iter_mut().map(|loading| (loading.frame, &mut loading.culled));
         for (frame, culled) in self.there.iter_mut().map(|(frame, culled)| (*frame, culled)).chain(loading) {
             supplies.look(culled)?;
-            if let Some(supplier) = supplier.filter(|_| !culled.lacking.is_empty()) {
+            if let Some(supplier) = supplier {
                 supplier.lacks(frame, taken, &culled.lacking);
             }
         }
@@ -257,21 +257,13 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
 
     /// Tells a culler why it is rejected. Its slot is freed after a pause: it may be restarted with another
     /// scene.
-    pub(super) fn turn_away(&self, Arrival { link, seat, .. }: Arrival, why: &str) {
+    pub(super) fn turn_away(&self, Arrival { link, slot, .. }: Arrival, why: &str) {
         let (net, reason) = (Arc::clone(&self.role.net), CloseCode::Failed.because(why));
         self.role.net.spawn(Box::pin(async move {
             leave(vec![link], reason).await;
             sleep_until(&*net, net.now().after(PAUSE)).await;
-            drop(seat);
+            drop(slot);
         }));
-    }
-
-    /// Waits until geometry has come. Pending for ever if the display has its scene.
-    pub(super) async fn supplied(supplies: Option<&Supplies>) {
-        match supplies {
-            Some(supplies) => supplies.holdings.came.notified().await,
-            None => std::future::pending().await,
-        }
     }
 
     /// The session is over.

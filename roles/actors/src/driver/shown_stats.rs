@@ -11,7 +11,7 @@ const KEPT: usize = 64;
 ///
 /// A frame is dealt under one number and shown under another: in a live session some are never shown.
 #[derive(Debug)]
-pub(super) struct Said {
+pub(super) struct ShownStats {
     /// How many frames have been shown, with those of the walk before this session.
     count: FrameNumber,
     /// The last frames, by dealt and by shown number.
@@ -22,7 +22,7 @@ pub(super) struct Said {
     awaited: BTreeSet<FrameNumber>,
 }
 
-impl Said {
+impl ShownStats {
     /// Empty; the first shown frame gets the number `first`.
     pub(super) const fn from(first: FrameNumber) -> Self {
         Self { count: first, numbers: VecDeque::new(), early: BTreeMap::new(), awaited: BTreeSet::new() }
@@ -47,14 +47,14 @@ impl Said {
         self.count = FrameNumber(self.count.0.saturating_add(1));
         // Statistics of earlier frames that are not shown are useless.
         let later = self.early.split_off(&FrameNumber(dealt.0.saturating_add(1)));
-        let said = std::mem::replace(&mut self.early, later).remove(&dealt);
-        if said.is_none() {
+        let known = std::mem::replace(&mut self.early, later).remove(&dealt);
+        if known.is_none() {
             self.awaited.insert(dealt);
             if self.awaited.len() > KEPT {
                 self.awaited.pop_first();
             }
         }
-        said.and_then(|stats| self.as_shown(stats))
+        known.and_then(|stats| self.as_shown(stats))
     }
 
     /// The last frame is shown again, without new statistics.
@@ -99,15 +99,15 @@ mod tests {
 
     #[test]
     fn what_is_said_of_a_frame_is_told_under_the_number_it_is_shown_by() {
-        let mut said = Said::from(FrameNumber(100));
-        assert_eq!(said.note(stats(5, 3)), None, "it is not shown yet");
-        assert_eq!(said.note(stats(4, 2)), None);
-        assert_eq!(said.shown(FrameNumber(3)), None);
-        assert!(said.awaits());
-        assert_eq!(said.shown(FrameNumber(5)), Some(stats(101, 100)), "frame 4 was never shown");
-        assert_eq!(said.note(stats(4, 3)), None);
-        let told = said.note(stats(3, 1)).unwrap();
+        let mut shown = ShownStats::from(FrameNumber(100));
+        assert_eq!(shown.note(stats(5, 3)), None, "it is not shown yet");
+        assert_eq!(shown.note(stats(4, 2)), None);
+        assert_eq!(shown.shown(FrameNumber(3)), None);
+        assert!(shown.awaits());
+        assert_eq!(shown.shown(FrameNumber(5)), Some(stats(101, 100)), "frame 4 was never shown");
+        assert_eq!(shown.note(stats(4, 3)), None);
+        let told = shown.note(stats(3, 1)).unwrap();
         assert_eq!((told.frame, told.occluders_of), (FrameNumber(100), None), "frame 1 is unknown");
-        assert!(!said.awaits());
+        assert!(!shown.awaits());
     }
 }
