@@ -107,7 +107,7 @@ impl Connection {
             here,
             there,
             peer_path: None,
-            recovery: Recovery::new(MIN_DATAGRAM, config.initial_window, config.ack_delay),
+            recovery: Recovery::new(MIN_DATAGRAM, config.initial_window, config.ack_delay, config.window),
             pacer: Pacer::new(MIN_DATAGRAM),
             paced_until: None,
             scavenger: Scavenger::new(MIN_DATAGRAM),
