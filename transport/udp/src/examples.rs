@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_net::Instant;
-use trimaran_wire::{CloseReason, FixedBytes, Format, FrameMessage, FrameNumber, Message};
+use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Message};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
@@ -22,6 +22,7 @@ use crate::keys::Keys;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, VERSION, data_header};
 use crate::ranges::RangeSet;
 use crate::repair::{Block, protect};
+use crate::samples::{FORMAT, value};
 use crate::wire::Reader;
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -59,23 +60,8 @@ fn numbers() -> RangeSet {
     numbers
 }
 
-/// The sizes of the values in examples and tests. A coded batch begins with its number of items.
-pub(crate) const FORMAT: Format = Format {
-    latest: 72,
-    header: 72,
-    item: 4,
-    count_coded: |bytes| bytes.first().map(|count| usize::from(*count)),
-};
-/// Sizes of which none divides another.
-pub(crate) const FORMAT_OF_12: Format = Format { latest: 5, header: 8, item: 12, ..FORMAT };
-
-pub(crate) fn config() -> Config {
+fn config() -> Config {
     Config::new(FORMAT)
-}
-
-/// A value or a header that begins with `first`.
-pub(crate) fn value(first: u32) -> FixedBytes {
-    first.to_le_bytes().into_iter().chain(4..72).collect()
 }
 
 /// A frame of two items, up to its end, in messages.

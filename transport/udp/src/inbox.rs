@@ -255,13 +255,13 @@ impl FlowControl {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use bytes::BytesMut;
     use proptest::prelude::*;
     use trimaran_wire::{FrameNumber, Message};
 
     use super::*;
-    use crate::examples::{FORMAT, FORMAT_OF_12, value};
+    use crate::samples::{FORMAT, FORMAT_OF_12, value};
 
     pub(super) fn empty() -> Inbox {
         Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 4 << 20)

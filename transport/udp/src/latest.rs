@@ -192,7 +192,7 @@ mod tests {
     use trimaran_wire::MAX_FIXED;
 
     use super::*;
-    use crate::examples::{FORMAT, value};
+    use crate::samples::{FORMAT, value};
 
     #[test]
     fn only_the_newest_value_is_sent_again() {

@@ -5,13 +5,13 @@ use trimaran_net::Instant;
 use trimaran_wire::{FrameMessage, FrameNumber, MAX_BLOCK, MAX_MESSAGE, Message};
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
-use crate::connection::{Closed, Connection};
-use crate::examples::{config, value};
+use crate::connection::{Closed, Config, Connection};
 use crate::inbox::LaneViolation;
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, data_header};
 use crate::ranges::RangeSet;
 use crate::repair::Block;
+use crate::samples::{FORMAT, value};
 use crate::wire::Malformed;
 
 const HERE: ConnectionId = ConnectionId(10);
@@ -25,7 +25,7 @@ fn now() -> Instant {
 
 /// How a connection that receives `plain` ends, if it does.
 fn told(plain: &[u8]) -> Option<Closed> {
-    let mut connection = Connection::plaintext(now(), HERE, THERE, config());
+    let mut connection = Connection::plaintext(now(), HERE, THERE, Config::new(FORMAT));
     let mut packet = Vec::from(data_header(HERE, 0));
     assert!(Keys::Plaintext.seal(HERE, 0, plain, &mut packet));
     connection.handle(now(), &packet);

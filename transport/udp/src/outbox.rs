@@ -269,8 +269,8 @@ mod tests {
     use trimaran_net::Instant;
 
     use super::*;
-    use crate::examples::{FORMAT, value};
     use crate::repair::Repair;
+    use crate::samples::{FORMAT, value};
 
     pub(super) const PATH: Path = Path { shard: 1136, loss: 0.0 };
 

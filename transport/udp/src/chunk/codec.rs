@@ -250,7 +250,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::examples::FORMAT;
+    use crate::samples::FORMAT;
 
     fn back(chunk: &Chunk<'_>) {
         let mut out = Vec::new();

@@ -108,7 +108,7 @@ mod tests {
     use super::super::tests::{all, batches, empty, unit_of};
     use super::*;
     use crate::chunk::UnitLane;
-    use crate::examples::{FORMAT, FORMAT_OF_12};
+    use crate::samples::{FORMAT, FORMAT_OF_12};
 
     /// The unit of a frame of the items 0, 1, ..
     fn frame_of(count: u32) -> Vec<u8> {

@@ -116,10 +116,10 @@ mod tests {
 
     use super::*;
     use crate::chunk::{Chunk, UnitLane};
-    use crate::examples::FORMAT;
     use crate::outbox::tests::{PATH, at, begin, frame, sender};
     use crate::recovery::Content;
     use crate::repair::{Budget, Path, Repair};
+    use crate::samples::FORMAT;
     use crate::wire::Reader;
 
     #[test]
