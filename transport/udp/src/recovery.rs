@@ -52,7 +52,6 @@ pub(crate) enum Probe {
 pub(crate) struct NeverSent;
 
 /// The packets of one connection that ask for an acknowledgement; the others are not tracked.
-#[derive(Debug)]
 pub(crate) struct Recovery {
     flight: Flight,
     skipped: Skipped,
