@@ -54,11 +54,7 @@ impl Acks {
     /// A packet was received but could not be taken completely: its sender must count it as lost.
     pub(crate) fn on_refused(&mut self, number: PacketNumber) {
         self.refused.insert(number..number + 1);
-        while self.refused.len() > ACK_RANGES {
-            if let Some(oldest) = self.refused.pop_front(u64::MAX) {
-                self.floor = self.floor.max(oldest.end);
-            }
-        }
+        self.forget_oldest();
     }
 
     /// A packet was received and taken completely.
@@ -75,12 +71,7 @@ impl Acks {
         }
         self.numbers.insert(number..number + 1);
         self.lowest = Some(self.lowest.map_or(number, |lowest| lowest.min(number)));
-        while self.numbers.len() > ACK_RANGES {
-            if let Some(oldest) = self.numbers.pop_front(u64::MAX) {
-                self.floor = self.floor.max(oldest.end);
-                self.refused.remove(&(0..self.floor));
-            }
-        }
+        self.forget_oldest();
         if asks > Asks::Nothing {
             self.owed += 1;
             self.asked += u32::from(asks == Asks::AckNow);
@@ -90,6 +81,16 @@ impl Acks {
             let at = now.after(wait);
             self.due = Some(self.due.map_or(at, |due| due.min(at)));
         }
+    }
+
+    /// Moves the window over the oldest ranges, of which there are too many.
+    fn forget_oldest(&mut self) {
+        for set in [&mut self.numbers, &mut self.refused] {
+            while set.len() > ACK_RANGES {
+                self.floor = set.pop_front().map_or(self.floor, |oldest| self.floor.max(oldest.end));
+            }
+        }
+        self.refused.remove(&(0..self.floor));
     }
 
     /// Whether this packet shows the sender that one is lost; the numbers received before ended at `highest`.

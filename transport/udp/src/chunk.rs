@@ -15,9 +15,10 @@ pub(crate) use codec::CLOSE;
 pub(crate) const ACK_RANGES: usize = 32;
 
 /// A lane that is a sequence of units: each is assembled independently, and they are delivered in order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UnitLane {
     /// A unit is a frame.
+    #[default]
     Frames,
     /// A unit is a message.
     Messages,

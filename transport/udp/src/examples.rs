@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use trimaran_net::Instant;
-use trimaran_wire::{CloseReason, FixedBytes, Format, FrameMessage, FrameNumber, Message};
+use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Message};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
@@ -22,6 +22,7 @@ use crate::keys::Keys;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, VERSION, data_header};
 use crate::ranges::RangeSet;
 use crate::repair::{Block, protect};
+use crate::samples::{FORMAT, encoded, value};
 use crate::wire::Reader;
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -59,31 +60,14 @@ fn numbers() -> RangeSet {
     numbers
 }
 
-/// The sizes of the values in examples and tests. A coded batch begins with its number of items.
-pub(crate) const FORMAT: Format = Format {
-    latest: 72,
-    header: 72,
-    item: 4,
-    count_coded: |bytes| bytes.first().map(|count| usize::from(*count)),
-};
-/// Sizes of which none divides another.
-pub(crate) const FORMAT_OF_12: Format = Format { latest: 5, header: 8, item: 12, ..FORMAT };
-
-pub(crate) fn config() -> Config {
+fn config() -> Config {
     Config::new(FORMAT)
-}
-
-/// A value or a header that begins with `first`.
-pub(crate) fn value(first: u32) -> FixedBytes {
-    first.to_le_bytes().into_iter().chain(4..72).collect()
 }
 
 /// A frame of two items, up to its end, in messages.
 fn messages(batch: FrameMessage) -> Vec<u8> {
-    let mut bytes = BytesMut::new();
-    FrameMessage::Begin { frame: FrameNumber(7), header: value(7) }.encode(&mut bytes);
-    batch.encode(&mut bytes);
-    bytes.to_vec()
+    let begin = FrameMessage::Begin { frame: FrameNumber(7), header: value(7) };
+    [begin, batch].into_iter().flat_map(|message| encoded(&Message::Frame(message))).collect()
 }
 
 /// A frame of two items.
@@ -115,12 +99,16 @@ const CODED: &[u8] = &[2, 1, 0, 2, 1];
 
 #[test]
 fn every_chunk_has_an_example() {
-    let unit = unit();
-    let coded = coded_unit();
+    let (unit, coded) = (unit(), coded_unit());
     let hash = xxh3_64(&unit[80..]);
-    let (value, mut close) = (value(7), BytesMut::new());
-    Message::Close(CloseReason::new(0, "over")).encode(&mut close);
+    let (value, close) = (value(7), encoded(&Message::Close(CloseReason::new(0, "over"))));
+    let message = encoded(&Message::Message(Bytes::from_static(b"\x01\x04dock")));
+    let block_message = encoded(&Message::Block(Bytes::from_static(b"map tile")));
+    let cookie = TokenKey::new(SECRET).issue(now(), address(), HERE);
     let part = |unit, offset, tail, data| Chunk::Part { lane: UnitLane::Frames, unit, offset, tail, data };
+    let whole = |lane, data| Chunk::Part { lane, unit: 0, offset: 0, tail: Tail::End, data };
+    let block = Block { offset: 0, length: 88, shard: 44, count: 1 };
+    let repair = protect(&unit, 44, 1);
     let chunks = [
         ("ping", Chunk::Ping),
         ("ack", Chunk::Ack { delay_us: 300, numbers: numbers() }),
@@ -131,8 +119,8 @@ fn every_chunk_has_an_example() {
         ("unread-messages", Chunk::StopSending { lane: UnitLane::Messages }),
         ("max-data-bulk", Chunk::MaxData { lane: UnitLane::Bulk, bytes: 64 << 10, units: 1024 }),
         ("unread-bulk", Chunk::StopSending { lane: UnitLane::Bulk }),
-        ("challenge", Chunk::Challenge { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
-        ("response", Chunk::Response { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
+        ("challenge", Chunk::Challenge { cookie }),
+        ("response", Chunk::Response { cookie }),
         ("last-value", Chunk::LastLatest { number: 1, close: &close }),
         ("value", Chunk::Latest { number: 1, value: &value }),
         ("part", part(0, 0, Tail::More, &unit[..80])),
@@ -140,28 +128,14 @@ fn every_chunk_has_an_example() {
         ("part-frame", part(0, 84, Tail::Frame(hash), &unit[84..])),
         ("part-close", part(1, 0, Tail::End, &close)),
         ("part-gone", part(2, 0, Tail::End, &[])),
+        ("pad", Chunk::Pad),
+        ("give-up", Chunk::GiveUp { unit: 0, about: given_up(hash), head: &[] }),
+        ("part-coded", part(3, 0, Tail::Frame(hash), &coded)),
+        ("give-up-coded", Chunk::GiveUp { unit: 3, about: coded_given_up(hash), head: &unit[..80] }),
+        ("repair", Chunk::Repair { unit: 0, block, hash: Some(hash), index: 0, data: &repair[0] }),
+        ("part-message", whole(UnitLane::Messages, &message)),
+        ("part-block", whole(UnitLane::Bulk, &block_message)),
     ];
-    let block = Block { offset: 0, length: 88, shard: 44, count: 1 };
-    let repair = protect(&unit, 44, 1);
-    let chunks = [
-        chunks.as_slice(),
-        &[
-            ("pad", Chunk::Pad),
-            ("give-up", Chunk::GiveUp { unit: 0, about: given_up(hash), head: &[] }),
-            ("part-coded", part(3, 0, Tail::Frame(hash), &coded)),
-            ("give-up-coded", Chunk::GiveUp { unit: 3, about: coded_given_up(hash), head: &unit[..80] }),
-            ("repair", Chunk::Repair { unit: 0, block, hash: Some(hash), index: 0, data: &repair[0] }),
-        ],
-    ]
-    .concat();
-    let mut message = BytesMut::new();
-    Message::Message(Bytes::from_static(b"\x01\x04dock")).encode(&mut message);
-    let message =
-        Chunk::Part { lane: UnitLane::Messages, unit: 0, offset: 0, tail: Tail::End, data: &message };
-    let mut block = BytesMut::new();
-    Message::Block(Bytes::from_static(b"map tile")).encode(&mut block);
-    let block = Chunk::Part { lane: UnitLane::Bulk, unit: 0, offset: 0, tail: Tail::End, data: &block };
-    let chunks = [&chunks[..], &[("part-message", message), ("part-block", block)]].concat();
     let mut inbox = inbox();
     for (name, chunk) in &chunks {
         let mut out = Vec::new();
@@ -171,6 +145,9 @@ fn every_chunk_has_an_example() {
         let mut reader = Reader::new(written);
         assert_eq!(Chunk::read(&mut reader, &FORMAT).as_ref(), Ok(chunk), "the example {name}");
         assert!(reader.is_empty());
+        for cut in 0..out.len() {
+            assert!(Chunk::read(&mut Reader::new(&out[..cut]), &FORMAT).is_err(), "{cut} bytes of {name}");
+        }
         if let Chunk::Part { lane: UnitLane::Frames, unit, offset, tail, data } = *chunk {
             inbox.put(unit, offset, tail, data).unwrap();
         }

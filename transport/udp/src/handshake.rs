@@ -99,36 +99,24 @@ impl Half {
     }
 
     fn write(&mut self, payload: &[u8]) -> Result<Vec<u8>, snow::Error> {
-        match self {
-            Self::Plaintext => Ok(payload.to_vec()),
-            Self::Noise(state) => {
-                let mut out = vec![0; payload.len() + 128];
-                let length = state.write_message(payload, &mut out)?;
-                out.truncate(length);
-                Ok(out)
-            }
-        }
+        let Self::Noise(state) = self else { return Ok(payload.to_vec()) };
+        let mut out = vec![0; payload.len() + 128];
+        let length = state.write_message(payload, &mut out)?;
+        out.truncate(length);
+        Ok(out)
     }
 
     fn read(&mut self, message: &[u8]) -> Option<Vec<u8>> {
-        match self {
-            Self::Plaintext => Some(message.to_vec()),
-            Self::Noise(state) => {
-                let mut out = vec![0; message.len()];
-                let length = state.read_message(message, &mut out).ok()?;
-                out.truncate(length);
-                Some(out)
-            }
-        }
+        let Self::Noise(state) = self else { return Some(message.to_vec()) };
+        let mut out = vec![0; message.len()];
+        let length = state.read_message(message, &mut out).ok()?;
+        out.truncate(length);
+        Some(out)
     }
 
     fn keys(self) -> Option<Keys> {
-        match self {
-            Self::Plaintext => Some(Keys::Plaintext),
-            Self::Noise(state) => {
-                state.into_stateless_transport_mode().ok().map(|state| Keys::Noise(Box::new(state)))
-            }
-        }
+        let Self::Noise(state) = self else { return Some(Keys::Plaintext) };
+        Some(Keys::Noise(Box::new(state.into_stateless_transport_mode().ok()?)))
     }
 }
 
@@ -221,25 +209,20 @@ impl Connecting {
                 if self.may_answer(now) { Progress::Retry(self) } else { Progress::None(self) }
             }
             Ok(Packet::Answer { version: VERSION, to, noise }) if to == self.here => {
-                let Some(payload) = self.half.read(noise) else { return Progress::None(self) };
-                let Some((&[taken, a, b, c, d], rest)) = payload.split_first_chunk() else {
+                let payload = self.half.read(noise).unwrap_or_default();
+                let Some((&[taken, ref there @ ..], rest)) = payload.split_first_chunk::<5>() else {
                     return Progress::None(self);
                 };
                 if taken == 0 {
                     return Progress::Refused(rest.to_vec());
                 }
-                let there = ConnectionId(u32::from_le_bytes([a, b, c, d]));
-                let here = self.here;
-                match self.half.keys() {
-                    Some(keys) => {
-                        let mut connection = Connection::new(now, here, there, config, keys);
-                        if let Some(asked) = self.asked {
-                            connection.guess_round_trip(now.since(asked));
-                        }
-                        Progress::Taken(Box::new(connection), rest.to_vec())
-                    }
-                    None => Progress::Refused(Vec::new()),
+                let there = ConnectionId(u32::from_le_bytes(*there));
+                let Some(keys) = self.half.keys() else { return Progress::Refused(Vec::new()) };
+                let mut connection = Connection::new(now, self.here, there, config, keys);
+                if let Some(asked) = self.asked {
+                    connection.guess_round_trip(now.since(asked));
                 }
+                Progress::Taken(Box::new(connection), rest.to_vec())
             }
             _ => Progress::None(self),
         }
@@ -301,36 +284,35 @@ impl Acceptor {
 
     /// Takes a datagram from `address`. Nothing is allocated before the cookie is validated.
     pub fn handle(&self, now: Instant, address: SocketAddr, datagram: &[u8], out: &mut Vec<u8>) -> Handled {
-        // All first packets have the full length: a shorter one could get an answer larger than itself.
-        if datagram.len() < MIN_DATAGRAM {
-            return Handled::Ignore;
-        }
-        let Ok(Packet::Initial { version, from, cookie, noise }) = Packet::parse(datagram) else {
-            return Handled::Ignore;
-        };
-        let cookie =
-            cookie.filter(|cookie| version == VERSION && self.token_key.accepts(now, address, from, cookie));
-        if cookie.is_none() {
+        let Some((from, noise)) = self.parse(now, address, datagram) else { return Handled::Ignore };
+        let Some(noise) = noise else {
             let cookie = &self.token_key.issue(now, address, from);
             Packet::Retry { version: VERSION, to: from, cookie }.write(out);
             return Handled::Reply;
-        }
-        match self.open(from, noise) {
-            Some(initial) => Handled::Initial(Box::new(initial)),
-            None => Handled::Stranger,
-        }
+        };
+        self.open(from, noise).map_or(Handled::Stranger, |initial| Handled::Initial(Box::new(initial)))
     }
 
     /// Whether `datagram` is a first packet with a valid cookie, which [`Acceptor::handle`] decrypts. Others
     /// it answers for nearly nothing.
     #[must_use]
     pub fn would_decrypt(&self, now: Instant, address: SocketAddr, datagram: &[u8]) -> bool {
-        let Ok(Packet::Initial { version: VERSION, from, cookie: Some(cookie), .. }) =
-            Packet::parse(datagram)
-        else {
-            return false;
+        matches!(self.parse(now, address, datagram), Some((_, Some(_))))
+    }
+
+    /// The sender of a first packet, and the Noise message in it if its cookie is valid.
+    fn parse<'a>(
+        &self,
+        now: Instant,
+        address: SocketAddr,
+        datagram: &'a [u8],
+    ) -> Option<(ConnectionId, Option<&'a [u8]>)> {
+        let Ok(Packet::Initial { version, from, cookie, noise }) = Packet::parse(datagram) else {
+            return None;
         };
-        datagram.len() >= MIN_DATAGRAM && self.token_key.accepts(now, address, from, cookie)
+        let valid = |cookie| version == VERSION && self.token_key.accepts(now, address, from, cookie);
+        // All first packets have the full length: a shorter one could get an answer larger than itself.
+        (datagram.len() >= MIN_DATAGRAM).then_some((from, cookie.is_some_and(valid).then_some(noise)))
     }
 
     fn open(&self, from: ConnectionId, noise: &[u8]) -> Option<Initial> {

@@ -197,7 +197,7 @@ impl Inbox {
                 Step::Last(item) => {
                     if let Some(over) = self.units.remove(&self.first) {
                         self.repair -= over.repair_shards();
-                        self.buffers.pool.take_back(over.into_store());
+                        self.buffers.pool.take_back(over.store);
                     }
                     self.first += 1;
                     if let Some(item) = item {
@@ -255,13 +255,12 @@ impl FlowControl {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use bytes::BytesMut;
+mod tests {
     use proptest::prelude::*;
     use trimaran_wire::{FrameNumber, Message};
 
     use super::*;
-    use crate::examples::{FORMAT, FORMAT_OF_12, value};
+    use crate::samples::{FORMAT, FORMAT_OF_12, encoded, value};
 
     pub(super) fn empty() -> Inbox {
         Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 4 << 20)
@@ -270,9 +269,8 @@ pub(crate) mod tests {
     /// The unit of a frame with these item bytes, its header as large as `format` says.
     pub(super) fn unit_of(format: &Format, items: &[u8]) -> Vec<u8> {
         let header = value(3).iter().copied().cycle().take(format.header).collect();
-        let mut bytes = BytesMut::new();
-        FrameMessage::Begin { frame: FrameNumber(0), header }.encode(&mut bytes);
-        [&bytes[..], items].concat()
+        let begin = FrameMessage::Begin { frame: FrameNumber(0), header };
+        [&encoded(&Message::Frame(begin))[..], items].concat()
     }
 
     pub(super) fn all(inbox: &mut Inbox) -> Vec<Received> {
@@ -294,7 +292,7 @@ pub(crate) mod tests {
             for at in 0..4096 * 16 {
                 inbox.put(at / each, 1 + at % each * 2, Tail::More, &[0]).unwrap();
             }
-            let kept: usize = inbox.units.values().map(Unit::pages).sum();
+            let kept: usize = inbox.units.values().map(|unit| unit.store.pages()).sum();
             assert_eq!((inbox.take(), kept), (Ok(None), pages * (2 * each as usize).div_ceil(store::PAGE)));
         }
     }
@@ -323,10 +321,9 @@ pub(crate) mod tests {
 
     #[test]
     fn a_message_longer_than_the_beginning_of_a_frame_is_readable_once_it_is_whole() {
-        let (mut inbox, mut bytes) =
-            (Inbox::new(UnitLane::Messages, FORMAT_OF_12, BatchSize::default(), 4 << 20), BytesMut::new());
+        let mut inbox = Inbox::new(UnitLane::Messages, FORMAT_OF_12, BatchSize::default(), 4 << 20);
         let message = Bytes::from(vec![7; 100]);
-        Message::Message(message.clone()).encode(&mut bytes);
+        let bytes = encoded(&Message::Message(message.clone()));
         inbox.put(0, 0, Tail::More, &bytes[..90]).unwrap();
         assert_eq!((inbox.is_readable(), inbox.take()), (false, Ok(None)));
         inbox.put(0, 90, Tail::End, &bytes[90..]).unwrap();

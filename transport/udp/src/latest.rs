@@ -192,7 +192,7 @@ mod tests {
     use trimaran_wire::MAX_FIXED;
 
     use super::*;
-    use crate::examples::{FORMAT, value};
+    use crate::samples::{FORMAT, encoded, value};
 
     #[test]
     fn only_the_newest_value_is_sent_again() {
@@ -234,9 +234,8 @@ mod tests {
 
     #[test]
     fn the_end_waits_for_the_value_before_it() {
-        let (mut lane, mut close) = (LatestIn::new(FORMAT), BytesMut::new());
-        let reason = CloseReason::new(0, "over");
-        Message::Close(reason.clone()).encode(&mut close);
+        let (mut lane, reason) = (LatestIn::new(FORMAT), CloseReason::new(0, "over"));
+        let close = encoded(&Message::Close(reason.clone()));
         lane.put_end(2, &close).unwrap();
         lane.put(1, &value(0));
         assert_eq!((lane.take(), lane.end()), (Some(value(0)), None));

@@ -60,6 +60,8 @@ mod ranges;
 mod recovery;
 mod repair;
 mod rtt;
+#[cfg(test)]
+mod samples;
 mod scavenger;
 mod spare;
 mod wire;

@@ -1,17 +1,17 @@
 //! A peer with valid keys that lies in every field with a size, a count or a number.
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use trimaran_net::Instant;
 use trimaran_wire::{FrameMessage, FrameNumber, MAX_BLOCK, MAX_MESSAGE, Message};
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
-use crate::connection::{Closed, Connection};
-use crate::examples::{config, value};
+use crate::connection::{Closed, Config, Connection};
 use crate::inbox::LaneViolation;
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, data_header};
 use crate::ranges::RangeSet;
 use crate::repair::Block;
+use crate::samples::{FORMAT, encoded, value};
 use crate::wire::Malformed;
 
 const HERE: ConnectionId = ConnectionId(10);
@@ -25,7 +25,7 @@ fn now() -> Instant {
 
 /// How a connection that receives `plain` ends, if it does.
 fn told(plain: &[u8]) -> Option<Closed> {
-    let mut connection = Connection::plaintext(now(), HERE, THERE, config());
+    let mut connection = Connection::plaintext(now(), HERE, THERE, Config::new(FORMAT));
     let mut packet = Vec::from(data_header(HERE, 0));
     assert!(Keys::Plaintext.seal(HERE, 0, plain, &mut packet));
     connection.handle(now(), &packet);
@@ -105,21 +105,20 @@ fn places_beyond_what_was_allowed_end_the_connection() {
 
 #[test]
 fn a_unit_on_the_wrong_lane_ends_the_connection() {
-    let mut unit = BytesMut::new();
-    Message::Message(Bytes::from_static(b"stop")).encode(&mut unit);
-    let (mut begin, mut long) = (BytesMut::new(), BytesMut::new());
-    FrameMessage::Begin { frame: FrameNumber(0), header: value(0) }.encode(&mut begin);
-    Message::Message(vec![0; MAX_MESSAGE + 1].into()).encode(&mut long);
+    let unit = encoded(&Message::Message(Bytes::from_static(b"stop")));
+    let block = encoded(&Message::Block(Bytes::from_static(b"tile")));
+    let begin = FrameMessage::Begin { frame: FrameNumber(0), header: value(0) };
+    let begin = encoded(&Message::Frame(begin));
+    let long = encoded(&Message::Message(vec![0; MAX_MESSAGE + 1].into()));
+    let long_block = encoded(&Message::Block(vec![0; MAX_BLOCK + 1].into()));
     let part = |lane, data| Chunk::Part { lane, unit: 0, offset: 0, tail: Tail::End, data };
-    assert_eq!(lie(&part(UnitLane::Messages, &unit)), None);
-    assert_eq!(lie(&part(UnitLane::Frames, &unit)), lane(LaneViolation::Unit));
-    assert_eq!(lie(&part(UnitLane::Messages, &begin)), lane(LaneViolation::Unit));
-    let (mut block, mut long_block) = (BytesMut::new(), BytesMut::new());
-    Message::Block(Bytes::from_static(b"tile")).encode(&mut block);
-    Message::Block(vec![0; MAX_BLOCK + 1].into()).encode(&mut long_block);
-    assert_eq!(lie(&part(UnitLane::Bulk, &block)), None);
+    for (right, data) in [(UnitLane::Messages, &unit), (UnitLane::Bulk, &block)] {
+        assert_eq!(lie(&part(right, data)), None, "{right:?}");
+    }
     for (wrong, data) in [
+        (UnitLane::Frames, &unit),
         (UnitLane::Frames, &block),
+        (UnitLane::Messages, &begin),
         (UnitLane::Messages, &block),
         (UnitLane::Bulk, &unit),
         (UnitLane::Bulk, &begin),

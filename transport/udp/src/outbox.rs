@@ -22,7 +22,7 @@ const UNIT_COST: usize = 256;
 
 /// Units in order of their numbers. A unit is a frame, a message, a block, a close, or, if empty, the end of
 /// the lane without a close.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Outbox {
     lane: UnitLane,
     format: Format,
@@ -46,7 +46,7 @@ pub(crate) struct Outbox {
     kept: usize,
     /// How long after its end a frame is worth sending; always if `None`.
     pub(crate) frame_deadline: Option<Duration>,
-    repair: Budget,
+    pub(crate) repair: Budget,
     /// The size of the last frame: the next one will be about as large.
     last_length: usize,
     /// Whether the batches of later frames are messages.
@@ -63,38 +63,9 @@ pub(crate) struct Outbox {
 }
 
 impl Outbox {
-    pub(crate) fn new(
-        lane: UnitLane,
-        format: Format,
-        (allowed_bytes, allowed_units): (u64, u64),
-        frame_deadline: Option<Duration>,
-        repair: Budget,
-        coded: bool,
-    ) -> Self {
-        Self {
-            lane,
-            format,
-            units: VecDeque::new(),
-            spare: Spare::default(),
-            first: 0,
-            due: BTreeSet::new(),
-            fresh: 0,
-            undated: 0,
-            in_time: 0,
-            allowed_bytes,
-            allowed_units,
-            offered: 0,
-            kept: 0,
-            frame_deadline,
-            repair,
-            last_length: 0,
-            coded,
-            confirmed: None,
-            frames_given_up: 0,
-            repeated: 0,
-            repair_sent: 0,
-            visited: 0,
-        }
+    /// A lane without deadline, repair and coding, whose receiver takes so many bytes and units at first.
+    pub(crate) fn new(lane: UnitLane, format: Format, (allowed_bytes, allowed_units): (u64, u64)) -> Self {
+        Self { lane, format, allowed_bytes, allowed_units, ..Self::default() }
     }
 
     /// Bytes that wait for acknowledgement, and the cost of their units.
@@ -141,7 +112,7 @@ impl Outbox {
     }
 
     fn is_coded(&self) -> bool {
-        self.units.back().is_some_and(Unit::is_coded)
+        self.units.back().is_some_and(|unit| unit.coded)
     }
 
     pub(crate) fn end_with(&mut self, reason: CloseReason, path: Path) {
@@ -163,7 +134,7 @@ impl Outbox {
 
     fn finish(&mut self, end: &FrameEnd, path: Path) {
         if let Some(unit) = self.units.back_mut() {
-            unit.set_items(end.items);
+            unit.items = end.items;
             self.last_length = usize::try_from(unit.written()).unwrap_or(usize::MAX);
         }
         self.end(Tail::Frame(end.hash), path);
@@ -269,16 +240,14 @@ mod tests {
     use trimaran_net::Instant;
 
     use super::*;
-    use crate::examples::{FORMAT, value};
-    use crate::repair::Repair;
+    use crate::samples::{FORMAT, value};
 
     pub(super) const PATH: Path = Path { shard: 1136, loss: 0.0 };
 
     /// A sender without repair.
     pub(super) fn sender(frame_deadline: Option<u64>) -> Outbox {
-        let frame_deadline = frame_deadline.map(Duration::from_millis);
-        let repair = Budget::new(Repair::Off, 15);
-        Outbox::new(UnitLane::Frames, FORMAT, (1 << 20, 1024), frame_deadline, repair, false)
+        let outbox = Outbox::new(UnitLane::Frames, FORMAT, (1 << 20, 1024));
+        Outbox { frame_deadline: frame_deadline.map(Duration::from_millis), ..outbox }
     }
 
     pub(super) fn frame(outbox: &mut Outbox, number: u32) {

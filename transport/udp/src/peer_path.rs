@@ -115,9 +115,6 @@ impl PeerPath {
 
     /// The next packet for another address than the peer's.
     pub(crate) fn next(&mut self, now: Instant, here: ConnectionId) -> Option<Migration> {
-        if self.response.is_none() && self.candidate.is_none() {
-            return None;
-        }
         if let Some(response) = self.response.take() {
             if let Some(candidate) = self.candidate.as_mut().filter(|candidate| candidate.at == response.to) {
                 candidate.sent += response.size;

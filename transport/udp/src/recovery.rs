@@ -52,7 +52,6 @@ pub(crate) enum Probe {
 pub(crate) struct NeverSent;
 
 /// The packets of one connection that ask for an acknowledgement; the others are not tracked.
-#[derive(Debug)]
 pub(crate) struct Recovery {
     flight: Flight,
     skipped: Skipped,
@@ -79,9 +78,10 @@ pub(crate) struct Recovery {
 }
 
 impl Recovery {
-    pub(crate) fn new(segment: usize, initial: u16, max_ack_delay: Duration) -> Self {
+    /// A window of `initial` packets of `segment` bytes; the link's receiver buffers `link_window` bytes.
+    pub(crate) fn new(segment: usize, initial: u16, max_ack_delay: Duration, link_window: u64) -> Self {
         Self {
-            flight: Flight::default(),
+            flight: Flight::new(link_window),
             skipped: Skipped::default(),
             largest_acked: None,
             last_sent: None,
@@ -315,7 +315,7 @@ mod tests {
     }
 
     fn sender() -> Recovery {
-        Recovery::new(1000, 10, Duration::from_millis(1))
+        Recovery::new(1000, 10, Duration::from_millis(1), 4 << 20)
     }
 
     #[test]

@@ -153,10 +153,12 @@ impl Connection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::connection::Config;
     use crate::keys::Keys;
     use crate::packet::{ConnectionId, data_header};
     use crate::ranges::RangeSet;
     use crate::repair::Block;
+    use crate::samples::FORMAT;
 
     const HERE: ConnectionId = ConnectionId(10);
 
@@ -165,7 +167,7 @@ mod tests {
     }
 
     fn connection() -> Connection {
-        Connection::plaintext(now(), HERE, ConnectionId(20), crate::examples::config())
+        Connection::plaintext(now(), HERE, ConnectionId(20), Config::new(FORMAT))
     }
 
     fn sealed(number: u64, chunk: &Chunk<'_>) -> Vec<u8> {
@@ -193,7 +195,7 @@ mod tests {
         let mut out = Vec::new();
         assert!(connection.poll_transmit(now().after(Duration::from_secs(1)), &mut out));
         let Ok(Packet::Data { sealed, .. }) = Packet::parse(&out) else { panic!("{out:?}") };
-        let chunk = Chunk::read(&mut Reader::new(sealed), &crate::examples::FORMAT);
+        let chunk = Chunk::read(&mut Reader::new(sealed), &FORMAT);
         let Ok(Chunk::Ack { numbers, .. }) = chunk else { panic!("{chunk:?}") };
         assert_eq!((numbers.len(), numbers.iter().next()), (1, Some(0..256)));
     }

@@ -5,7 +5,7 @@ use crate::chunk::{Chunk, UnitLane};
 use crate::inbox::{Inbox, LaneViolation, Received};
 use crate::outbox::Outbox;
 use crate::recovery::{Content, Contents};
-use crate::repair::{Budget, Repair};
+use crate::repair::Budget;
 
 /// Bytes of the messages lane that the receiver buffers for a slow reader, and that the sender keeps until
 /// they are acknowledged: four of the longest messages.
@@ -31,38 +31,26 @@ pub(super) struct Units {
 
 impl Units {
     pub(super) fn frames(config: &Config) -> Self {
-        let Config { format, batch, window, send_buffer, .. } = *config;
-        let repair = Budget::new(config.repair, config.repair_percent);
-        let outbox = Outbox::new(
-            UnitLane::Frames,
-            format,
-            (window, Inbox::initial_units()),
-            config.frame_deadline,
-            repair,
-            config.coded,
-        );
-        Self::new(UnitLane::Frames, outbox, Inbox::new(UnitLane::Frames, format, batch, window), send_buffer)
+        let mut frames = Self::new(UnitLane::Frames, config, config.window);
+        frames.send_buffer = config.send_buffer;
+        frames.outbox.frame_deadline = config.frame_deadline;
+        frames.outbox.repair = Budget::new(config.repair, config.repair_percent);
+        frames.outbox.set_coded(config.coded);
+        frames
     }
 
-    /// Messages or blocks, with this window in each direction. They have no deadline and no repair; lost data
-    /// is retransmitted.
-    pub(super) fn records(lane: UnitLane, config: &Config, window: u64) -> Self {
-        let format = config.format;
-        let allowed = (window, Inbox::initial_units());
-        let outbox = Outbox::new(lane, format, allowed, None, Budget::new(Repair::Off, 0), false);
-        Self::new(lane, outbox, Inbox::new(lane, format, config.batch, window), window as usize)
-    }
-
-    const fn new(lane: UnitLane, outbox: Outbox, inbox: Inbox, send_buffer: usize) -> Self {
+    /// A lane with this window in each direction. It has no deadline and no repair; lost data is
+    /// retransmitted.
+    pub(super) fn new(lane: UnitLane, config: &Config, window: u64) -> Self {
         Self {
             lane,
-            outbox,
-            inbox,
+            outbox: Outbox::new(lane, config.format, (window, Inbox::initial_units())),
+            inbox: Inbox::new(lane, config.format, config.batch, window),
             max_data_due: false,
             unread: false,
             stop_sending_due: false,
             stopped: false,
-            send_buffer,
+            send_buffer: window as usize,
         }
     }
 

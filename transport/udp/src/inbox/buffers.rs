@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn a_page_is_used_again_once_nobody_holds_a_part_of_it_and_not_before() {
-        let mut buffers = Buffers::new(crate::examples::FORMAT);
+        let mut buffers = Buffers::new(crate::samples::FORMAT);
         let mut copy = |bytes: &[u8]| buffers.copy(bytes.len(), bytes.chunks(1000));
         let first = copy(&[1; PAGE / 2]);
         let at = first.as_ptr();

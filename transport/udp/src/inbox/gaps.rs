@@ -37,7 +37,10 @@ impl Inbox {
             }
             let found = match (block.shard_count(), room) {
                 // It has a single shard.
-                (1, _) => return put_restored(unit, flow, pool, vec![(block.offset, cut(data, block))]),
+                (1, _) => {
+                    let bytes = data.get(..block.length as usize).unwrap_or(data).to_vec();
+                    return put_restored(unit, flow, pool, vec![(block.offset, bytes)]);
+                }
                 (_, true) => unit.keep_repair(block, index, data, pool),
                 (_, false) => {
                     has_place = false;
@@ -61,11 +64,6 @@ impl Inbox {
             Ok(())
         })
     }
-}
-
-/// The bytes of a block of one shard.
-fn cut(data: &[u8], block: Block) -> Vec<u8> {
-    data.get(..block.length as usize).unwrap_or(data).to_vec()
 }
 
 /// Restores lost bytes of the given blocks.
@@ -108,7 +106,7 @@ mod tests {
     use super::super::tests::{all, batches, empty, unit_of};
     use super::*;
     use crate::chunk::UnitLane;
-    use crate::examples::{FORMAT, FORMAT_OF_12};
+    use crate::samples::{FORMAT, FORMAT_OF_12};
 
     /// The unit of a frame of the items 0, 1, ..
     fn frame_of(count: u32) -> Vec<u8> {

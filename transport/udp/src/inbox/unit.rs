@@ -12,7 +12,7 @@ mod pass;
 
 #[derive(Debug, Default)]
 pub(super) struct Unit {
-    store: Store,
+    pub(super) store: Store,
     /// Data before this was delivered.
     pub(super) base: u64,
     pub(super) highest: u64,
@@ -41,17 +41,6 @@ impl Unit {
     /// A unit without received data.
     pub(super) fn new(store: Store) -> Self {
         Self { store, ..Self::default() }
-    }
-
-    /// Its pages, for another unit.
-    pub(super) fn into_store(self) -> Store {
-        self.store
-    }
-
-    /// The number of its pages.
-    #[cfg(test)]
-    pub(super) fn pages(&self) -> usize {
-        self.store.pages()
     }
 
     /// The number of repair shards it keeps.

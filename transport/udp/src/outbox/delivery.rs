@@ -61,17 +61,11 @@ impl Outbox {
 
     /// A part was lost: it is retransmitted, unless repair makes up for it.
     pub(crate) fn on_loss(&mut self, number: u64, range: Range<u64>, ended: bool) {
-        if let Some(unit) = self.unit(number) {
-            unit.on_loss(range, ended);
-            self.look(number);
-        }
+        self.on_event(number, |unit| unit.on_loss(range, ended));
     }
 
     pub(crate) fn on_repair_loss(&mut self, number: u64, offset: u64, index: u8) {
-        if let Some(unit) = self.unit(number) {
-            unit.on_repair_loss(offset, index);
-            self.look(number);
-        }
+        self.on_event(number, |unit| unit.on_repair_loss(offset, index));
     }
 
     /// Retransmits all lost data: nothing is heard of the repair that could make up for it.
@@ -85,16 +79,17 @@ impl Outbox {
 
     /// The peer knows that a frame was given up.
     pub(crate) fn on_give_up_ack(&mut self, number: u64) {
-        if let Some(unit) = self.unit(number) {
-            unit.on_give_up_ack();
-            self.look(number);
-        }
+        self.on_event(number, Unit::on_give_up_ack);
         self.forget_arrived();
     }
 
     pub(crate) fn on_give_up_loss(&mut self, number: u64) {
+        self.on_event(number, Unit::on_give_up_loss);
+    }
+
+    fn on_event(&mut self, number: u64, note: impl FnOnce(&mut Unit)) {
         if let Some(unit) = self.unit(number) {
-            unit.on_give_up_loss();
+            note(unit);
             self.look(number);
         }
     }
@@ -103,7 +98,7 @@ impl Outbox {
         while self.units.front().is_some_and(Unit::has_arrived) {
             let arrived = self.units.pop_front();
             self.due.remove(&self.first);
-            arrived.into_iter().for_each(|unit| self.spare.put(unit.into_buffer()));
+            arrived.into_iter().for_each(|unit| self.spare.put(unit.data));
             self.first += 1;
             self.kept = self.kept.saturating_sub(UNIT_COST);
         }
@@ -116,10 +111,10 @@ mod tests {
 
     use super::*;
     use crate::chunk::{Chunk, UnitLane};
-    use crate::examples::FORMAT;
     use crate::outbox::tests::{PATH, at, begin, frame, sender};
     use crate::recovery::Content;
     use crate::repair::{Budget, Path, Repair};
+    use crate::samples::FORMAT;
     use crate::wire::Reader;
 
     #[test]

@@ -10,7 +10,7 @@ use crate::repair::Block;
 pub(super) struct RepairBlock {
     block: Block,
     /// Whether its repair shards also mark the end of the frame.
-    ends: bool,
+    pub(super) ends: bool,
     /// Repair shards by index, as bits: arrived ones, and those found lost. Probes may count one as lost that
     /// arrives.
     arrived: u32,
@@ -32,11 +32,7 @@ impl RepairBlock {
     }
 
     pub(super) const fn range(&self) -> Range<u64> {
-        self.block.offset..self.block.offset + self.block.length as u64
-    }
-
-    pub(super) const fn tells_the_end(&self) -> bool {
-        self.ends
+        self.block.range()
     }
 
     pub(super) const fn on_arrived(&mut self, index: u8) {
@@ -69,59 +65,34 @@ impl RepairBlock {
 mod tests {
     use super::*;
 
-    /// Four shards of ten bytes, two of repair.
-    fn repair_block() -> RepairBlock {
-        RepairBlock::new(Block { offset: 100, length: 35, shard: 10, count: 2 }, true)
-    }
-
     fn set(ranges: &[(u64, u64)]) -> RangeSet {
         let mut set = RangeSet::default();
         ranges.iter().for_each(|(start, end)| set.insert(*start..*end));
         set
     }
 
+    /// Four shards of ten bytes, two of repair.
     #[test]
-    fn as_many_lost_shards_as_repair_may_come_are_waited_for() {
-        let mut repair_block = repair_block();
-        let acked = set(&[(100, 110)]);
-        assert_eq!(repair_block.need(&acked, &set(&[(110, 120), (130, 135)])), Need::Again(vec![]));
-        assert_eq!(
-            repair_block.need(&acked, &set(&[(110, 135)])),
-            Need::Again(std::iter::once(110..120).collect()),
-            "one too many"
-        );
-        repair_block.on_lost(1);
-        assert_eq!(
-            repair_block.need(&acked, &set(&[(110, 120), (130, 135)])),
-            Need::Again(std::iter::once(110..120).collect())
-        );
-        repair_block.on_arrived(1);
-        assert_eq!(
-            repair_block.need(&acked, &set(&[(110, 120), (130, 135)])),
-            Need::Again(vec![]),
-            "it came late"
-        );
-    }
-
-    #[test]
-    fn a_block_is_restored_once_repair_stands_in_for_all_that_is_missing() {
-        let mut repair_block = repair_block();
-        let lost = set(&[(130, 135)]);
-        repair_block.on_arrived(0);
-        assert_eq!(
-            repair_block.need(&set(&[(100, 120)]), &lost),
-            Need::Again(vec![]),
-            "one is still under way"
-        );
-        assert_eq!(repair_block.need(&set(&[(100, 130)]), &lost), Need::Restored);
-        assert_eq!(
-            repair_block.need(&set(&[(100, 129)]), &lost),
-            Need::Again(vec![]),
-            "a part of a shard is none"
-        );
-        repair_block.on_arrived(1);
-        repair_block.on_arrived(1);
-        assert_eq!(repair_block.need(&set(&[(100, 120)]), &lost), Need::Restored);
-        assert_eq!(repair_block.need(&set(&[(100, 110)]), &lost), Need::Again(vec![]), "one counts once");
+    fn lost_shards_are_waited_for_as_long_as_enough_repair_has_come_or_may_come() {
+        let one = || Need::Again(std::iter::once(110..120).collect());
+        let none = || Need::Again(vec![]);
+        let (second_and_last, last) = (&[(110, 120), (130, 135)][..], &[(130, 135)][..]);
+        for (arrived, lost, acked, waiting, need, why) in [
+            (&[][..], &[][..], 110, second_and_last, none(), "two may come"),
+            (&[], &[], 110, &[(110, 135)], one(), "one too many"),
+            (&[], &[1], 110, second_and_last, one(), "one repair shard is lost"),
+            (&[1], &[1], 110, second_and_last, none(), "it came late"),
+            (&[0], &[], 120, last, none(), "one is still under way"),
+            (&[0], &[], 130, last, Need::Restored, "repair stands in for all that is missing"),
+            (&[0], &[], 129, last, none(), "a part of a shard is none"),
+            (&[0, 1, 1], &[], 120, last, Need::Restored, "both stand in"),
+            (&[0, 1, 1], &[], 110, last, none(), "one counts once"),
+        ] {
+            let block = Block { offset: 100, length: 35, shard: 10, count: 2 };
+            let mut repair_block = RepairBlock::new(block, true);
+            lost.iter().for_each(|index| repair_block.on_lost(*index));
+            arrived.iter().for_each(|index| repair_block.on_arrived(*index));
+            assert_eq!(repair_block.need(&set(&[(100, acked)]), &set(waiting)), need, "{why}");
+        }
     }
 }

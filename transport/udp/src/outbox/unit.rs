@@ -14,10 +14,10 @@ use crate::repair::{BLOCK, Block, Budget, Path, protect, shard_size};
 mod delivery;
 mod write;
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Unit {
     /// Bytes from `base` on; data before it is acknowledged.
-    data: BytesMut,
+    pub(super) data: BytesMut,
     base: u64,
     sent: u64,
     acked: RangeSet,
@@ -40,9 +40,9 @@ pub(super) struct Unit {
     /// The frame number, if it is a frame.
     frame: Option<FrameNumber>,
     /// Whether its batches are messages.
-    coded: bool,
+    pub(super) coded: bool,
     /// The number of items, once it has ended.
-    items: u32,
+    pub(super) items: u32,
     /// The bytes of its beginning, and of an item.
     head: usize,
     item: usize,
@@ -70,25 +70,10 @@ impl Unit {
     pub(super) fn new(format: &Format, shard: usize, data: BytesMut) -> Self {
         Self {
             data,
-            base: 0,
-            sent: 0,
-            acked: RangeSet::default(),
-            lost: RangeSet::default(),
-            waiting: RangeSet::default(),
-            repair_blocks: Vec::new(),
-            end: None,
-            end_due: false,
-            end_acked: false,
             shard: shard.max(format.item),
-            protected: 0,
-            repair: VecDeque::new(),
-            deadline: None,
-            given_up: None,
-            frame: None,
-            coded: false,
-            items: 0,
             head: unit_head(format, false),
             item: format.item,
+            ..Self::default()
         }
     }
 
@@ -102,19 +87,6 @@ impl Unit {
     ) -> Self {
         let head = unit_head(format, coded);
         Self { frame: Some(frame), coded, head, ..Self::new(format, shard, data) }
-    }
-
-    /// The buffer, for another unit.
-    pub(super) fn into_buffer(self) -> BytesMut {
-        self.data
-    }
-
-    pub(super) const fn is_coded(&self) -> bool {
-        self.coded
-    }
-
-    pub(super) const fn set_items(&mut self, items: u32) {
-        self.items = items;
     }
 
     /// The frame, if it has arrived completely.
@@ -200,8 +172,7 @@ impl Unit {
         let about = GivenUp { length, sent: self.sent, hash, coded };
         self.given_up = Some(GivingUp { about, head, due: true });
         self.base = length;
-        self.lost = RangeSet::default();
-        self.waiting = RangeSet::default();
+        (self.lost, self.waiting) = Default::default();
         self.repair_blocks.clear();
         self.repair.clear();
         self.end_due = false;

@@ -7,11 +7,12 @@ use smallvec::SmallVec;
 use trimaran_net::Instant;
 
 use crate::chunk::UnitLane;
-use crate::packet::PacketNumber;
+use crate::packet::{MIN_DATAGRAM, PacketNumber};
 
-/// How many packets are remembered at most: far more than a window of honest ones. Beyond it the oldest count
-/// as lost.
-const REMEMBERED: usize = 16 * 1024;
+/// With so many packets in flight data waits, however small or large the window of the link is. Small windows
+/// leave room for small packets; large ones must not fill the memory with them.
+const FEWEST: u64 = 1024;
+const MOST: u64 = 8 * 1024;
 
 /// The contents of a packet that matter for its loss or arrival.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -65,15 +66,24 @@ impl Sent {
 }
 
 /// The unacknowledged packets that ask for an acknowledgement; the others are not tracked.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Flight {
     /// Packets from number `base` on; `None` if one was acknowledged, lost, or asked for nothing.
     packets: VecDeque<Option<Sent>>,
     base: PacketNumber,
     bytes: usize,
+    /// With so many packets data waits. With twice as many the oldest one counts as lost.
+    full: usize,
 }
 
 impl Flight {
+    /// For a link whose receiver buffers `window` bytes. Twice as many full packets as fill it leave room for
+    /// repair, messages and blocks; of values, only the newest waits.
+    pub(super) fn new(window: u64) -> Self {
+        let full = (window / (MIN_DATAGRAM as u64 / 2)).clamp(FEWEST, MOST) as usize;
+        Self { packets: VecDeque::new(), base: 0, bytes: 0, full }
+    }
+
     /// The number of the next packet.
     pub(super) fn next_number(&self) -> PacketNumber {
         self.base + self.packets.len() as u64
@@ -91,14 +101,14 @@ impl Flight {
 
     /// Whether data must wait: keep-alives and acknowledgements still have room then.
     pub(super) fn is_full(&self) -> bool {
-        self.packets.len() >= REMEMBERED / 2
+        self.packets.len() >= self.full
     }
 
     /// The packet with the next number leaves. Returns one that must be forgotten for it.
     pub(super) fn push(&mut self, eliciting: Option<Sent>) -> Option<Sent> {
         self.bytes += eliciting.as_ref().map_or(0, |sent| sent.bytes);
         self.packets.push_back(eliciting);
-        let overflow = if self.packets.len() > REMEMBERED { self.forget(self.base) } else { None };
+        let overflow = if self.packets.len() > 2 * self.full { self.forget(self.base) } else { None };
         self.trim();
         overflow
     }
@@ -151,24 +161,26 @@ mod tests {
 
     #[test]
     fn what_is_never_acknowledged_is_not_remembered_for_ever() {
-        let mut flight = Flight::default();
-        flight.push(sent());
-        for _ in 1..REMEMBERED {
-            assert!(flight.push(None).is_none());
-        }
-        assert!(flight.push(None).is_some(), "one more than are remembered");
-        assert_eq!((flight.packets.len(), flight.bytes()), (0, 0));
-        assert_eq!(flight.next_number(), REMEMBERED as u64 + 1);
-        for _ in 0..REMEMBERED / 2 {
-            assert!(!flight.is_full());
+        for (window, full) in [(0, 1024), (1 << 20, 1747), (4 << 20, 6990), (u64::MAX, 8192)] {
+            let mut flight = Flight::new(window);
             flight.push(sent());
+            for _ in 1..2 * full {
+                assert!(flight.push(None).is_none());
+            }
+            assert!(flight.push(None).is_some(), "one more than are remembered");
+            assert_eq!((flight.packets.len(), flight.bytes()), (0, 0));
+            assert_eq!(flight.next_number(), 2 * full + 1);
+            for _ in 0..full {
+                assert!(!flight.is_full());
+                flight.push(sent());
+            }
+            assert!(flight.is_full());
         }
-        assert!(flight.is_full());
     }
 
     #[test]
     fn places_are_freed_from_the_lowest_on() {
-        let mut flight = Flight::default();
+        let mut flight = Flight::new(0);
         (0..4).for_each(|_| assert!(flight.push(sent()).is_none()));
         for (number, base) in [(1, 0), (0, 2), (0, 2), (9, 2), (3, 2), (2, 4)] {
             let there = flight.get(number).is_some();

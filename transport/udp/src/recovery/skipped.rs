@@ -2,7 +2,6 @@
 //! section 21.4).
 
 use std::collections::VecDeque;
-use std::fmt;
 
 use zeroize::Zeroizing;
 
@@ -22,15 +21,6 @@ pub(super) struct Skipped {
     next: PacketNumber,
     count: u32,
     last: VecDeque<PacketNumber>,
-}
-
-impl fmt::Debug for Skipped {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Skipped")
-            .field("next", &self.next)
-            .field("count", &self.count)
-            .finish_non_exhaustive()
-    }
 }
 
 impl Skipped {

@@ -47,7 +47,7 @@ pub(crate) struct Path {
 }
 
 /// The budget for repair: a share of the bytes that would be sent without.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Budget {
     share: f64,
     saved: f64,

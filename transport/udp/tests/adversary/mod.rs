@@ -30,6 +30,15 @@ pub struct Attack {
     pub packets: Vec<Vec<u8>>,
 }
 
+impl Attack {
+    /// The packets with these chunks.
+    fn of(name: &'static str, write: impl FnOnce(&mut Packets)) -> Self {
+        let mut packets = Packets::default();
+        write(&mut packets);
+        Self { name, before: Vec::new(), packets: packets.take() }
+    }
+}
+
 /// A connection under attack: it takes each packet, reads received data, and sends its packets.
 pub struct Victim {
     pub connection: Connection,
@@ -119,8 +128,8 @@ pub fn attacks(times: u64) -> Vec<Attack> {
     vec![
         repair_for_many_blocks_in_one_place(times),
         repair_for_many_blocks_side_by_side(times),
-        small_blocks(times),
-        small_blocks_of_one_repair_shard(times),
+        small_blocks(times, 2, "small blocks of two repair shards"),
+        small_blocks(times, 1, "small blocks of one repair shard"),
         blocks_that_a_byte_completes(times),
         repair_without_an_end(times),
         a_byte_at_the_end_of_the_window(times),
@@ -165,104 +174,93 @@ fn repair_for_many_blocks_side_by_side(times: u64) -> Attack {
     Attack { name: "repair for many blocks side by side", before, packets: packets.take() }
 }
 
-/// The smallest blocks of two shards and two of repair, each restored.
-fn small_blocks(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for at in 0..times {
-        let block = Block { unit: 0, offset: at * 4, length: 4, shard: 2, count: 2 };
-        packets.push(&part(0, block.offset, 0, &[1; 2]));
-        packets.push(&repair(block, 0));
-    }
-    Attack { name: "small blocks of two repair shards", before: Vec::new(), packets: packets.take() }
-}
-
-/// The smallest blocks of two shards and one of repair, each restored.
-fn small_blocks_of_one_repair_shard(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for at in 0..times {
-        let block = Block { unit: 0, offset: at * 4, length: 4, shard: 2, count: 1 };
-        packets.push(&part(0, block.offset, 0, &[1; 2]));
-        packets.push(&repair(block, 0));
-    }
-    Attack { name: "small blocks of one repair shard", before: Vec::new(), packets: packets.take() }
+/// The smallest blocks of two shards, each restored from `count` repair shards.
+fn small_blocks(times: u64, count: u8, name: &'static str) -> Attack {
+    Attack::of(name, |packets| {
+        for at in 0..times {
+            let block = Block { unit: 0, offset: at * 4, length: 4, shard: 2, count };
+            packets.push(&part(0, block.offset, 0, &[1; 2]));
+            packets.push(&repair(block, 0));
+        }
+    })
 }
 
 /// Blocks of two shards of 512 bytes and two of repair: the last piece of each is one byte.
 fn blocks_that_a_byte_completes(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for at in 0..times.min(4000) {
-        let block = Block { unit: 0, offset: at * 1024, length: 1024, shard: 512, count: 2 };
-        packets.push(&part(0, block.offset, 0, &[1; 511]));
-        packets.push(&repair(block, 0));
-        packets.push(&part(0, block.offset + 511, 0, &[1]));
-    }
-    Attack { name: "blocks that a byte completes", before: Vec::new(), packets: packets.take() }
+    Attack::of("blocks that a byte completes", |packets| {
+        for at in 0..times.min(4000) {
+            let block = Block { unit: 0, offset: at * 1024, length: 1024, shard: 512, count: 2 };
+            packets.push(&part(0, block.offset, 0, &[1; 511]));
+            packets.push(&repair(block, 0));
+            packets.push(&part(0, block.offset + 511, 0, &[1]));
+        }
+    })
 }
 
 /// More repair than there is room for.
 fn repair_without_an_end(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for at in 0..times {
-        let block = Block { unit: at % 1000, offset: 0, length: 1024, shard: 512, count: 32 };
-        packets.push(&repair(block, (at / 1000 % 32) as u8));
-    }
-    Attack { name: "more repair than there is place for", before: Vec::new(), packets: packets.take() }
+    Attack::of("more repair than there is place for", |packets| {
+        for at in 0..times {
+            let block = Block { unit: at % 1000, offset: 0, length: 1024, shard: 512, count: 32 };
+            packets.push(&repair(block, (at / 1000 % 32) as u8));
+        }
+    })
 }
 
 /// A frame of which a single byte comes, at the end of the window, and then a notice that no more comes.
 fn a_byte_at_the_end_of_the_window(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for unit in 0..times.min(200) {
-        packets.push(&part(unit, 0, 0, &beginning()));
-        packets.push(&part(unit, WINDOW - 1, 0, &[1]));
-        packets.push(&give_up(unit, WINDOW));
-        // Each frame makes room for the next one once it was read.
-        packets.flush();
-    }
-    Attack { name: "a byte at the end of the window", before: Vec::new(), packets: packets.take() }
+    Attack::of("a byte at the end of the window", |packets| {
+        for unit in 0..times.min(200) {
+            packets.push(&part(unit, 0, 0, &beginning()));
+            packets.push(&part(unit, WINDOW - 1, 0, &[1]));
+            packets.push(&give_up(unit, WINDOW));
+            // Each frame makes room for the next one once it was read.
+            packets.flush();
+        }
+    })
 }
 
 /// Single bytes with gaps between them, the last one first.
 fn bytes_backwards(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    let count = times.min(4000);
-    (0..count).rev().for_each(|at| packets.push(&part(0, 1 + at * 2, 0, &[1])));
-    Attack { name: "bytes with gaps, backwards", before: Vec::new(), packets: packets.take() }
+    Attack::of("bytes with gaps, backwards", |packets| {
+        let count = times.min(4000);
+        (0..count).rev().for_each(|at| packets.push(&part(0, 1 + at * 2, 0, &[1])));
+    })
 }
 
 /// Items with gaps between them, delivered once the frame is given up.
 fn bytes_with_gaps(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for unit in 0..times.div_ceil(4000) {
-        packets.push(&part(unit, 0, 0, &beginning()));
-        (0..4000).for_each(|at| packets.push(&part(unit, 88 + at * 8, 0, &[1; 4])));
-        packets.push(&give_up(unit, 40_000));
-        packets.flush();
-    }
-    Attack { name: "items with gaps, given up", before: Vec::new(), packets: packets.take() }
+    Attack::of("items with gaps, given up", |packets| {
+        for unit in 0..times.div_ceil(4000) {
+            packets.push(&part(unit, 0, 0, &beginning()));
+            (0..4000).for_each(|at| packets.push(&part(unit, 88 + at * 8, 0, &[1; 4])));
+            packets.push(&give_up(unit, 40_000));
+            packets.flush();
+        }
+    })
 }
 
 /// The last unit allowed, in packets of its own; and all units before it end.
 fn the_last_unit_allowed(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for round in 0..times.div_ceil(2000) {
-        packets.push(&part(round * 1024 + 1023, 0, 0, &[]));
-        packets.flush();
-        for unit in 0..1024 {
-            packets.push(&part(round * 1024 + unit, 0, 2, &[]));
+    Attack::of("the last unit allowed", |packets| {
+        for round in 0..times.div_ceil(2000) {
+            packets.push(&part(round * 1024 + 1023, 0, 0, &[]));
+            packets.flush();
+            for unit in 0..1024 {
+                packets.push(&part(round * 1024 + unit, 0, 2, &[]));
+            }
+            packets.flush();
         }
-        packets.flush();
-    }
-    Attack { name: "the last unit allowed", before: Vec::new(), packets: packets.take() }
+    })
 }
 
 /// Units that consist only of their end.
 fn ends_of_units(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for unit in 0..times {
-        packets.push(&part(unit, 0, 2, &[]));
-    }
-    Attack { name: "units of nothing", before: Vec::new(), packets: packets.take() }
+    Attack::of("units of nothing", |packets| {
+        for unit in 0..times {
+            packets.push(&part(unit, 0, 2, &[]));
+        }
+    })
 }
 
 /// Acknowledgements of the same packets, with as many ranges as allowed.
@@ -279,26 +277,26 @@ fn acknowledgements(times: u64) -> Attack {
 }
 
 fn answers_to_no_question(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    for code in [6, 7] {
-        (0..times).for_each(|_| packets.push(&[&[code][..], &[9; 24]].concat()));
-    }
-    Attack { name: "challenges and responses", before: Vec::new(), packets: packets.take() }
+    Attack::of("challenges and responses", |packets| {
+        for code in [6, 7] {
+            (0..times).for_each(|_| packets.push(&[&[code][..], &[9; 24]].concat()));
+        }
+    })
 }
 
 fn endings_of_the_latest_lane(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    (0..times).for_each(|_| packets.push(&[0x11, 9, 6, 0, 4, 2, 0, 0, 0, 0]));
-    Attack { name: "last values", before: Vec::new(), packets: packets.take() }
+    Attack::of("last values", |packets| {
+        (0..times).for_each(|_| packets.push(&[0x11, 9, 6, 0, 4, 2, 0, 0, 0, 0]));
+    })
 }
 
 fn pings_in_packets_of_their_own(times: u64) -> Attack {
-    let mut packets = Packets::default();
-    (0..times.min(20_000)).for_each(|_| {
-        packets.push(&[0x01]);
-        packets.flush();
-    });
-    Attack { name: "pings", before: Vec::new(), packets: packets.take() }
+    Attack::of("pings", |packets| {
+        (0..times.min(20_000)).for_each(|_| {
+            packets.push(&[0x01]);
+            packets.flush();
+        });
+    })
 }
 
 /// Frames of an honest peer.

@@ -29,9 +29,7 @@ impl Unit {
         self.end_due |= ended && !self.end_acked;
         let at = range.start;
         let set = if self.repair_block(at).is_some() { &mut self.waiting } else { &mut self.lost };
-        for gap in self.acked.gaps(range) {
-            set.insert(gap);
-        }
+        self.acked.gaps(range).iter().for_each(|gap| set.insert(gap));
         self.settle(at);
     }
 
@@ -39,7 +37,7 @@ impl Unit {
     pub(in crate::outbox) fn on_repair_ack(&mut self, offset: u64, index: u8) -> usize {
         let Some(repair_block) = self.repair_block(offset) else { return 0 };
         repair_block.on_arrived(index);
-        let ends = repair_block.tells_the_end();
+        let ends = repair_block.ends;
         self.end_acked |= ends;
         self.end_due &= !ends;
         self.settle(offset);
@@ -62,16 +60,13 @@ impl Unit {
 
     /// The block around `at`, if it has repair.
     fn repair_block(&mut self, at: u64) -> Option<&mut RepairBlock> {
-        self.repair_blocks.iter_mut().find(|repair_block| repair_block.range().contains(&at))
+        self.repair_blocks.iter_mut().find(|block| block.range().contains(&at))
     }
 
     /// Decides about the lost bytes of the block around `at`.
     fn settle(&mut self, at: u64) {
-        let Some(repair_block) =
-            self.repair_blocks.iter().find(|repair_block| repair_block.range().contains(&at))
-        else {
-            return;
-        };
+        let mut blocks = self.repair_blocks.iter();
+        let Some(repair_block) = blocks.find(|block| block.range().contains(&at)) else { return };
         match repair_block.need(&self.acked, &self.waiting) {
             Need::Restored => {
                 self.lost.remove(&repair_block.range());
@@ -80,9 +75,7 @@ impl Unit {
             }
             Need::Again(shards) => {
                 for shard in shards {
-                    for lost in self.waiting.take(&shard).iter() {
-                        self.lost.insert(lost);
-                    }
+                    self.waiting.take(&shard).iter().for_each(|lost| self.lost.insert(lost));
                 }
             }
         }

@@ -222,6 +222,26 @@ fn no_more_is_under_way_than_the_congestion_window_allows() {
     assert!(pair.ends[0].stats().in_flight > 10_000, "{:?}", pair.ends[0].stats());
 }
 
+/// The congestion window is wide, and nothing is acknowledged.
+#[test]
+fn values_that_newer_ones_replace_wait_in_their_place_and_fill_no_memory() {
+    let config = Config { window: 1 << 20, initial_window: u16::MAX, ..RELIABLE };
+    let mut pair = Pair::new(CLEAN, config);
+    pair.deaf = true;
+    for number in 0..10_000 {
+        pair.ends[0].publish(value(number));
+        pair.now = pair.now.after(Duration::from_micros(100));
+        pair.transmit();
+    }
+    let sent = pair.ends[0].stats().sent;
+    assert!((1024..=1747).contains(&sent), "{sent} packets: two windows of full ones are 1,747");
+    pair.deaf = false;
+    while !pair.ends[0].is_drained() {
+        assert!(pair.step(Instant::from_nanos(0).after(Duration::from_secs(19))));
+    }
+    assert_eq!(pair.ends[1].latest(), Some(value(9_999)));
+}
+
 #[test]
 fn a_wider_path_is_found_and_a_narrower_one_too() {
     let (pair, _) = stream(Network { mtu: 1500, ..SEALED }, RELIABLE, 2);

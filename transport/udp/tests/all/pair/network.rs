@@ -1,7 +1,7 @@
 //! Two ends in virtual time, and the network between them.
 
 use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::net::SocketAddr;
 use std::ops::Range;
 use std::time::Duration;
@@ -33,16 +33,15 @@ pub(crate) const CLEAN: Network =
 pub(crate) const SEALED: Network = Network { sealed: true, ..CLEAN };
 pub(crate) const ONE_WAY: Duration = Duration::from_millis(5);
 
-/// Arrival, order, destination, bytes.
-type Flight = (Instant, u64, usize, Vec<u8>);
+/// A packet in flight: its arrival, its order among equal arrivals, source, destination, bytes.
+type Flight = (Instant, u64, SocketAddr, SocketAddr, Vec<u8>);
+
+pub(crate) fn address(host: u8, port: u16) -> SocketAddr {
+    ([10, 0, 0, host], port).into()
+}
 
 /// Two ends that have met at an acceptor and share a key.
-pub(crate) fn introduce(
-    now: Instant,
-    here: ConnectionId,
-    there: ConnectionId,
-    config: Config,
-) -> [Connection; 2] {
+fn introduce(now: Instant, here: ConnectionId, there: ConnectionId, config: Config) -> [Connection; 2] {
     let key = Security::PreShared([9; 32].into());
     let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
     let address = SocketAddr::from(([192, 0, 2, 1], 4000));
@@ -66,15 +65,21 @@ pub(crate) fn introduce(
 pub(crate) struct Pair {
     pub(crate) now: Instant,
     pub(crate) ends: [Connection; 2],
+    /// The address of each.
+    pub(crate) at: [SocketAddr; 2],
     pub(crate) network: Network,
     pub(crate) flying: BinaryHeap<Reverse<Flight>>,
-    pub(crate) count: u64,
+    count: u64,
     pub(crate) sent: u64,
     pub(crate) bytes: [u64; 2],
     pub(crate) longest: usize,
     /// Whether each direction is in a burst; packets lost to bursts.
-    pub(crate) in_burst: [bool; 2],
+    in_burst: [bool; 2],
     pub(crate) burst_losses: u64,
+    /// Bytes that arrived at addresses without an end.
+    pub(crate) astray: BTreeMap<SocketAddr, usize>,
+    /// The address of an attacker that repeats all packets of the second end, faster than the network.
+    pub(crate) echo: Option<SocketAddr>,
     /// Nothing that the first end sends arrives.
     pub(crate) deaf: bool,
     /// The first end does nothing before this time: its machine does not let it run.
@@ -90,24 +95,26 @@ impl Pair {
         } else {
             [Connection::plaintext(now, a, b, config), Connection::plaintext(now, b, a, config)]
         };
-        let (flying, in_burst) = (BinaryHeap::new(), [false; 2]);
         Self {
             now,
             ends,
+            at: [address(1, 7400), address(2, 5000)],
             network,
-            flying,
+            flying: BinaryHeap::new(),
             count: 0,
             sent: 0,
             bytes: [0; 2],
             longest: 0,
-            in_burst,
+            in_burst: [false; 2],
             burst_losses: 0,
+            astray: BTreeMap::new(),
+            echo: None,
             deaf: false,
             asleep_until: now,
         }
     }
 
-    pub(crate) fn lost_in_burst(&mut self, end: usize) -> bool {
+    fn lost_in_burst(&mut self, end: usize) -> bool {
         let turns = self.chance(if self.in_burst[end] { 250 } else { self.network.bursts });
         self.in_burst[end] ^= turns;
         let lost = self.in_burst[end] && self.chance(750);
@@ -120,7 +127,7 @@ impl Pair {
     }
 
     /// Splitmix64: the same network for the same seed.
-    pub(crate) fn chance(&mut self, per_mille: u64) -> bool {
+    fn chance(&mut self, per_mille: u64) -> bool {
         self.network.seed = self.network.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.network.seed;
         z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -133,26 +140,42 @@ impl Pair {
         for end in self.awake() {
             while self.ends[end].poll_transmit(self.now, &mut out) {
                 assert!(out.len() <= 1452, "{} bytes", out.len());
-                self.bytes[end] += out.len() as u64;
-                self.sent += 1;
-                self.longest = self.longest.max(out.len());
-                let copies = 1 + usize::from(self.chance(self.network.twice));
-                for _ in 0..copies {
-                    let lost = self.lost_in_burst(end) || out.len() > self.network.mtu;
-                    if self.chance(self.network.loss) || lost || self.deaf && end == 0 {
-                        continue;
-                    }
-                    let mut packet = out.clone();
-                    if self.chance(self.network.broken) {
-                        let at = (self.count as usize * 7) % packet.len();
-                        packet[at] ^= 0x10;
-                    }
-                    let late = if self.chance(self.network.late) { ONE_WAY } else { Duration::ZERO };
-                    self.count += 1;
-                    self.flying.push(Reverse((self.now.after(ONE_WAY + late), self.count, 1 - end, packet)));
-                }
+                let to = self.ends[end].remote().unwrap_or(self.at[1 - end]);
+                self.send(end, to, &out);
+            }
+            while let Some(to) = self.ends[end].poll_excursion(self.now, &mut out) {
+                assert!(out.len() <= MIN_DATAGRAM, "{} bytes", out.len());
+                self.send(end, to, &out);
             }
         }
+    }
+
+    fn send(&mut self, end: usize, to: SocketAddr, packet: &[u8]) {
+        self.bytes[end] += packet.len() as u64;
+        self.sent += 1;
+        self.longest = self.longest.max(packet.len());
+        if let Some(echo) = self.echo.filter(|_| end == 1) {
+            self.launch(echo, to, ONE_WAY / 2, packet.to_vec());
+        }
+        let copies = 1 + usize::from(self.chance(self.network.twice));
+        for _ in 0..copies {
+            let lost = self.lost_in_burst(end) || packet.len() > self.network.mtu;
+            if self.chance(self.network.loss) || lost || self.deaf && end == 0 {
+                continue;
+            }
+            let mut packet = packet.to_vec();
+            if self.chance(self.network.broken) {
+                let at = (self.count as usize * 7) % packet.len();
+                packet[at] ^= 0x10;
+            }
+            let late = if self.chance(self.network.late) { ONE_WAY } else { Duration::ZERO };
+            self.launch(self.at[end], to, ONE_WAY + late, packet);
+        }
+    }
+
+    pub(crate) fn launch(&mut self, from: SocketAddr, to: SocketAddr, takes: Duration, packet: Vec<u8>) {
+        self.count += 1;
+        self.flying.push(Reverse((self.now.after(takes), self.count, from, to, packet)));
     }
 
     /// Advances to the next event, but not beyond `wake`.
@@ -175,12 +198,13 @@ impl Pair {
         };
         self.now = self.now.max(next);
         while self.flying.peek().is_some_and(|Reverse((at, ..))| *at <= self.now) {
-            if let Some(Reverse((_, order, to, packet))) = self.flying.pop() {
-                if !self.awake().contains(&to) {
-                    self.flying.push(Reverse((self.asleep_until, order, to, packet)));
-                    continue;
+            let Some(Reverse((_, order, from, to, packet))) = self.flying.pop() else { break };
+            match self.at.iter().position(|at| *at == to) {
+                Some(end) if self.awake().contains(&end) => {
+                    self.ends[end].handle_from(self.now, from, &packet);
                 }
-                self.ends[to].handle(self.now, &packet);
+                Some(_) => self.flying.push(Reverse((self.asleep_until, order, from, to, packet))),
+                None => *self.astray.entry(to).or_default() += packet.len(),
             }
         }
         for end in self.awake() {
