@@ -176,7 +176,6 @@ impl From<LaneError> for HandshakeError {
             // A message that belongs on a lane.
             LaneError::Protocol(_) => Self::Unexpected { kind: Kind::Batch },
             LaneError::Closed(_) => Self::Unexpected { kind: Kind::Close },
-            LaneError::Expired(_) => Self::TimedOut,
         }
     }
 }

@@ -99,7 +99,6 @@ mod stream;
 #[cfg(feature = "tcp")]
 mod tcp;
 mod timeouts;
-mod trace;
 mod transport;
 #[cfg(feature = "udp")]
 pub mod udp;
@@ -115,10 +114,12 @@ pub use endpoint::{
     UdpEndpoint, UdpMode, WsEndpoint, WsPath,
 };
 pub use endpoints::Endpoints;
-pub use error::{Loss, ProtocolError, RecvError, SendError};
+pub use error::{LaneError, Loss, ProtocolError, RecvError, SendError};
 pub use handshake::{HandshakeError, HelloTooLong};
+pub use lanes::Lanes;
 pub use lanes::bulk::{BulkReceiver, BulkSender};
 pub use lanes::frames::{FrameReceiver, FrameSender};
+pub use lanes::half::{Duplex, Half, LaneTx, Rx, Tx};
 pub use lanes::latest::{LatestReceiver, LatestSender};
 pub use lanes::messages::{MessageReceiver, MessageSender};
 pub use link::{Bulk, Link};

@@ -1,13 +1,13 @@
 //! The result of every handshake.
 
 use std::any::Any;
+use std::time::Duration;
 
-use trimaran_wire::SessionId;
+use bytes::Bytes;
+use trimaran_wire::{FixedBytes, FrameMessage, SessionId};
 
 use crate::handshake::HandshakeError;
-use crate::lanes::frames::{WireFrameRx, WireFrameTx};
-use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::records::{WireRecordRx, WireRecordTx};
+use crate::lanes;
 use crate::lanes::shared::Shared;
 use crate::peer::{Peer, PeerAddress};
 use crate::transport::Capabilities;
@@ -21,24 +21,20 @@ pub(crate) struct Parts {
     pub(crate) address: PeerAddress,
     pub(crate) capabilities: Capabilities,
     pub(crate) shared: Shared,
+    /// The idle timeout, if the transport leaves it to the link to notice that the peer is silent.
+    pub(crate) idle_timeout: Option<Duration>,
     /// Why this side refuses the peer after all; the peer is told.
     pub(crate) doubt: Option<HandshakeError>,
 }
 
-/// The lanes as bytes.
-#[derive(Debug)]
-pub(crate) struct Wire {
-    pub(crate) latest: (WireLatestTx, WireLatestRx),
-    pub(crate) frames: (WireFrameTx, WireFrameRx),
-    pub(crate) messages: (WireRecordTx, WireRecordRx),
-    pub(crate) bulk: (WireRecordTx, WireRecordRx),
-}
+/// Lanes of bytes.
+pub(crate) type ByteLanes = lanes::Lanes<FixedBytes, FrameMessage, Bytes, Bytes>;
 
 /// The lanes.
 #[derive(Debug)]
 pub(crate) enum Lanes {
     /// Lanes of bytes.
-    Wire(Box<Wire>),
-    /// Lanes of values: `inproc::Lanes` of the application's protocol.
+    Wire(ByteLanes),
+    /// Lanes of values: `LocalLanes` of the application's protocol.
     Local(Box<dyn Any + Send>),
 }

@@ -1,8 +1,5 @@
 //! Links within one process: values are passed on without encoding.
 
-pub(crate) mod lanes;
-mod queue;
-pub(crate) mod records;
 mod scheme;
 
 #[cfg(feature = "inproc")]

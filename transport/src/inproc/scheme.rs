@@ -80,7 +80,7 @@ async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, 
     }
     let (ours, place) = acceptor.enter(application.hello()).map_err(refused)?;
     let theirs = application.recognize(acceptor.application.hello()).map_err(failed)?;
-    let [here, there] = application.local_lanes();
+    let [here, there] = ends(application);
     acceptor.hand_out(assemble(&*acceptor.application, ours, session, there, Some(place))).await;
     Ok(assemble(application, theirs, session, here, None))
 }
@@ -98,17 +98,27 @@ pub fn pair<P: Protocol>(
     let (here, there) = (Side::<P>::of(ours)?, Side::<P>::of(theirs)?);
     let guest = here.admit(there.hello()).map_err(HandshakeError::Refused)?;
     let host = there.recognize(here.hello())?;
-    let [near, far] = here.local_lanes();
+    let [near, far] = ends(&*here);
     let near = assemble(&*here, guest, SessionId(0), near, None).into_link(net, config);
     let far = assemble(&*there, host, SessionId(0), far, None).into_link(net, config);
     near.zip(far).ok_or(HandshakeError::Closed)
+}
+
+/// One end of lanes within this process, and its counters.
+type End = (Box<dyn Any + Send>, Arc<Counters>);
+
+/// Both ends of new lanes.
+fn ends(application: &dyn Application) -> [End; 2] {
+    let [here, there] = [Counters::unframed(), Counters::unframed()];
+    let [near, far] = application.local_lanes([&here, &there]);
+    [(near, here), (far, there)]
 }
 
 fn assemble(
     application: &dyn Application,
     peer: Peer,
     session: SessionId,
-    lanes: Box<dyn Any + Send>,
+    (lanes, counters): End,
     place: Option<Place>,
 ) -> Parts {
     Parts {
@@ -119,10 +129,11 @@ fn assemble(
         shared: Shared {
             peer: peer.name.clone(),
             format: application.format(),
-            counters: Counters::unframed(),
+            counters,
             _place: place.map(|place| Arc::new(place) as _),
         },
         peer,
+        idle_timeout: None,
         doubt: None,
     }
 }

@@ -18,11 +18,10 @@ use super::tls::Verifier;
 use crate::error::{LaneError, Loss};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Fingerprint;
-use crate::lanes::frames::{WireFrameRx, WireFrameTx};
-use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::records::{RecordLane, WireRecordRx, WireRecordTx};
+use crate::lanes;
+use crate::lanes::records::RecordLane;
 use crate::lanes::shared::Shared;
-use crate::parts::{Lanes, Parts, Wire};
+use crate::parts::{Lanes, Parts};
 use crate::peer::Peer;
 use crate::peer::PeerAddress;
 use crate::stats::Counters;
@@ -104,29 +103,25 @@ impl Control {
     ) -> Parts {
         let Self { connection, send, recv, format, decoder, counters } = self;
         let address = PeerAddress::Quic(connection.remote_address());
-        let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
         let carrier = Carrier::new(net, connection);
-        // The lane in the task outlives the link, and must not keep the peer's place.
-        let copier = Shared { _place: None, ..shared.clone() };
+        let counts = &counters;
         let records = |lane, (send, recv): BothWays| {
-            (
-                WireRecordTx::Quic(RecordTx::new(&carrier, lane, send)),
-                WireRecordRx::Quic(RecordRx::new(&carrier, lane, recv, format)),
-            )
+            let tx = RecordTx::new(&carrier, lane, send, counts);
+            (Box::new(tx) as _, Box::new(RecordRx::new(&carrier, lane, recv, format, counts)) as _)
         };
-        let lanes = Lanes::Wire(Box::new(Wire {
-            latest: (
-                WireLatestTx::Quic(LatestTx::new(&carrier, send, copier)),
-                WireLatestRx::Quic(LatestRx::new(&carrier, recv, decoder)),
-            ),
+        let latest = LatestRx::new(&carrier, recv, decoder, format, counts);
+        let lanes = Lanes::Wire(lanes::Lanes {
+            latest: (Box::new(LatestTx::new(&carrier, send, counts)), Box::new(latest)),
             frames: (
-                WireFrameTx::Quic(FrameTx::new(&carrier)),
-                WireFrameRx::Quic(FrameRx::new(&carrier, format)),
+                Box::new(FrameTx::new(&carrier, counts)),
+                Box::new(FrameRx::new(&carrier, format, counts)),
             ),
             messages: records(RecordLane::Messages, messages),
             bulk: records(RecordLane::Bulk, bulk),
-        }));
-        Parts { lanes, peer, session, address, capabilities: CAPABILITIES, shared, doubt: None }
+        });
+        let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
+        let (capabilities, idle_timeout) = (CAPABILITIES, None);
+        Parts { lanes, peer, session, address, capabilities, shared, idle_timeout, doubt: None }
     }
 }
 

@@ -32,7 +32,10 @@ pub(super) fn listen(at: SocketAddr, acceptor: &Arc<Acceptor>) -> io::Result<Soc
 }
 
 /// The configuration of one handshake, and its certificate verifier.
-fn server(acceptor: &Acceptor, security: &Security) -> Result<(ServerConfig, Arc<Verifier>), HandshakeError> {
+pub(super) fn server(
+    acceptor: &Acceptor,
+    security: &Security,
+) -> Result<(ServerConfig, Arc<Verifier>), HandshakeError> {
     let verifier = Verifier::new(&security.peers);
     let crypto = tls::server(&security.keys, &verifier, &acceptor.application.protocol())?;
     let crypto = QuicServerConfig::try_from(crypto).map_err(|e| HandshakeError::Io(io::Error::other(e)))?;

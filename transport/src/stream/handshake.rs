@@ -8,17 +8,16 @@ use trimaran_wire::{Format, Hello, Message, Refusal, SessionId};
 use super::frames::{Outlet, frames as frames_lane};
 use super::latest::{LatestRx, LatestTx};
 use super::pulse::{Pulse, keep_alive};
-use super::records::{RecordRx, RecordTx, records};
+use super::records::records;
 use super::source::{Sink, Source};
 use super::writer::Cell;
 use crate::acceptor::Place;
 use crate::handshake::{Handshake, HandshakeError};
-use crate::lanes::frames::{WireFrameRx, WireFrameTx};
-use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::records::{RecordLane, WireRecordRx, WireRecordTx};
+use crate::lanes::Lanes as AllLanes;
+use crate::lanes::records::RecordLane;
 use crate::lanes::shared::Shared;
 use crate::options::link::LinkConfig;
-use crate::parts::{Lanes as AnyLanes, Parts, Wire};
+use crate::parts::{Lanes as AnyLanes, Parts};
 use crate::peer::Peer;
 use crate::peer::PeerAddress;
 use crate::stats::Counters;
@@ -124,17 +123,14 @@ impl Lanes {
             [&messages.0, &bulk.0].map(|tx| Arc::<Cell>::clone(tx.cell()) as Arc<dyn Pulse>);
         let lanes = [&latest_pulse, &frames_pulse, &messages_pulse, &bulk_pulse].map(Arc::downgrade);
         keep_alive(net, config.keepalive(), lanes);
-        let lanes = AnyLanes::Wire(Box::new(Wire {
-            latest: (WireLatestTx::Stream(latest_tx), WireLatestRx::Stream(LatestRx::new(latest.source))),
-            frames: (WireFrameTx::Stream(frames_tx), WireFrameRx::Stream(frames_rx)),
-            messages: over_stream(messages),
-            bulk: over_stream(bulk),
-        }));
-        Parts { lanes, peer, session, address, capabilities, shared, doubt: None }
+        let latest_rx = LatestRx::new(latest.source, &shared.counters);
+        let lanes = AnyLanes::Wire(AllLanes {
+            latest: (Box::new(latest_tx), Box::new(latest_rx)),
+            frames: (Box::new(frames_tx), Box::new(frames_rx)),
+            messages: (Box::new(messages.0), Box::new(messages.1)),
+            bulk: (Box::new(bulk.0), Box::new(bulk.1)),
+        });
+        let idle_timeout = Some(config.idle_timeout);
+        Parts { lanes, peer, session, address, capabilities, shared, idle_timeout, doubt: None }
     }
-}
-
-/// Both halves of a lane of records, as a link holds them.
-fn over_stream((tx, rx): (RecordTx, RecordRx)) -> (WireRecordTx, WireRecordRx) {
-    (WireRecordTx::Stream(tx), WireRecordRx::Stream(rx))
 }

@@ -10,11 +10,10 @@ use super::latest::{LatestRx, LatestTx};
 use super::options::UdpOptions;
 use super::port::{Carrier, Port};
 use super::records::{RecordRx, RecordTx};
-use crate::lanes::frames::{WireFrameRx, WireFrameTx};
-use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::records::{RecordLane, WireRecordRx, WireRecordTx};
+use crate::lanes;
+use crate::lanes::records::RecordLane;
 use crate::lanes::shared::Shared;
-use crate::parts::{Lanes, Parts, Wire};
+use crate::parts::{Lanes, Parts};
 use crate::peer::{Peer, PeerAddress};
 use crate::stats::Counters;
 use crate::transport::Capabilities;
@@ -31,15 +30,17 @@ pub(super) fn parts(
 ) -> Parts {
     let carrier = Carrier::new(port);
     counters.watch(port.watch());
+    let counts = &counters;
     let records = |lane| {
-        (WireRecordTx::Udp(RecordTx::new(&carrier, lane)), WireRecordRx::Udp(RecordRx::new(&carrier, lane)))
+        let tx = RecordTx::new(&carrier, lane, counts);
+        (Box::new(tx) as _, Box::new(RecordRx::new(&carrier, lane, counts)) as _)
     };
-    let lanes = Lanes::Wire(Box::new(Wire {
-        latest: (WireLatestTx::Udp(LatestTx::new(&carrier)), WireLatestRx::Udp(LatestRx::new(&carrier))),
-        frames: (WireFrameTx::Udp(FrameTx::new(&carrier)), WireFrameRx::Udp(FrameRx::new(&carrier))),
+    let lanes = Lanes::Wire(lanes::Lanes {
+        latest: (Box::new(LatestTx::new(&carrier, counts)), Box::new(LatestRx::new(&carrier, counts))),
+        frames: (Box::new(FrameTx::new(&carrier, counts)), Box::new(FrameRx::new(&carrier, counts))),
         messages: records(RecordLane::Messages),
         bulk: records(RecordLane::Bulk),
-    }));
+    });
     Parts {
         lanes,
         session,
@@ -52,6 +53,7 @@ pub(super) fn parts(
         },
         shared: Shared { peer: peer.name.clone(), format, counters, _place: place },
         peer,
+        idle_timeout: None,
         doubt: None,
     }
 }

@@ -4,7 +4,7 @@ use tracing::field::Empty;
 use tracing::{Span, debug, debug_span};
 use trimaran_wire::FrameNumber;
 
-use crate::lanes::shared::Shared;
+use super::shared::Shared;
 use crate::stats::Direction;
 
 /// The span of the open frame. If nobody listens it is disabled, and costs a check of a flag.
