@@ -8,6 +8,7 @@ use trimaran_net::{Net, until};
 use trimaran_wire::{CloseReason, Protocol};
 
 use crate::application::whole;
+use crate::config::link::LinkConfig;
 use crate::error::{ProtocolError, RecvError, SendError};
 use crate::lanes::bulk::{BulkReceiver, BulkSender};
 use crate::lanes::ends::{AnyRx, AnyTx, Receiver, Sender};
@@ -18,8 +19,7 @@ use crate::lanes::local::LocalLanes;
 use crate::lanes::messages::{MessageReceiver, MessageSender};
 use crate::lanes::records::RecordReceiver;
 use crate::lanes::shared::Shared;
-use crate::options::link::LinkConfig;
-use crate::parts::{Lanes, Parts};
+use crate::parts::{Lanes, LinkParts};
 use crate::peer::{PeerAddress, PeerInfo};
 use crate::rates::Messages;
 use crate::stats::StatsHandle;
@@ -143,15 +143,16 @@ impl<P: Protocol> Link<P> {
     }
 }
 
-impl Parts {
+impl LinkParts {
     /// The link, if its peer speaks `P`, which the handshake has ensured.
     pub(crate) fn into_link<P: Protocol>(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Option<Link<P>> {
-        let Self { lanes, peer, session, address, capabilities, shared, idle_timeout, .. } = self;
+        let Self { lanes, peer, session, address, capabilities, counters, idle_timeout, place, .. } = self;
         let hello = postcard::from_bytes(&peer.hello).ok()?;
         let local = address == PeerAddress::InProcess;
         let most = if local { u32::MAX } else { config.messages_per_s };
         let batching = peer.batching.unwrap_or(config.batching);
-        let stats = shared.counters.handle();
+        let stats = counters.handle();
+        let shared = Shared { peer: peer.name.clone(), counters, _place: place };
         let ends = Ends { net, shared, timeout: config.timeout, idle_timeout };
         let (latest, frames, messages, bulk) = match lanes {
             Lanes::Wire(lanes) => (

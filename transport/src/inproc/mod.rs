@@ -2,7 +2,5 @@
 
 mod scheme;
 
-#[cfg(feature = "inproc")]
 pub(crate) use scheme::Inproc;
-#[cfg(any(feature = "inproc", test))]
 pub use scheme::pair;

@@ -1,9 +1,9 @@
 //! The frames lane: begin, batches, end.
 
 use trimaran_wire::{
-    Batch, BatchDecoder, BatchEncoder, Batching, CloseReason, Delivery, Fixed, FrameAssembler, FrameEnd,
-    FrameEvent, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameStep, FrameWriter,
-    Item, Protocol, to_bytes,
+    Batch, BatchDecoder, BatchEncoder, Batching, CloseReason, Delivery, Fixed, Format, FrameAssembler,
+    FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameStep,
+    FrameWriter, Item, Protocol, to_bytes,
 };
 
 use super::ends::{AnyRx, AnyTx, Came, Receiver, Sender, at_once, lost};
@@ -63,7 +63,7 @@ impl<P: Protocol> FrameSender<P> {
     pub async fn begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
         let frame = start.frame;
         self.write(|writer, _| writer.begin(frame))?;
-        self.span = FrameSpan::open(Way::Sent, frame, &self.lane.shared);
+        self.span = FrameSpan::open(Way::Sent, frame, Format::of::<P>().begin(), &self.lane.shared);
         match &mut self.lane.lane {
             AnyTx::Local(lane) => lane.stage(FrameEvent::Begin(start)),
             AnyTx::Wire(lane) => {
@@ -245,7 +245,7 @@ impl<P: Protocol> FrameReceiver<P> {
             .map_err(|e| LaneError::Protocol(e).receiving(&shared.peer))?;
         match &event {
             FrameEvent::Begin(start) => {
-                self.span = FrameSpan::open(Way::Received, start.frame, shared);
+                self.span = FrameSpan::open(Way::Received, start.frame, Format::of::<P>().begin(), shared);
             }
             FrameEvent::Batch(batch) => shared.counters.received.count_items(batch.count()),
             FrameEvent::End(FrameOutcome::Complete(end)) => {

@@ -3,8 +3,6 @@
 use std::fmt;
 use std::sync::Arc;
 
-use trimaran_wire::Format;
-
 use crate::peer::PeerName;
 use crate::stats::Counters;
 
@@ -12,7 +10,6 @@ use crate::stats::Counters;
 #[derive(Debug, Clone)]
 pub(crate) struct Shared {
     pub(crate) peer: PeerName,
-    pub(crate) format: Format,
     pub(crate) counters: Arc<Counters>,
     /// Dropped with the last half.
     pub(crate) _place: Option<Arc<dyn fmt::Debug + Send + Sync>>,

@@ -36,8 +36,8 @@ impl FrameSpan {
         Self { span: Span::none(), before: 0 }
     }
 
-    /// The span of a frame that begins now.
-    pub(crate) fn open(way: Way, frame: FrameNumber, shared: &Shared) -> Self {
+    /// The span of a frame that begins now, with a beginning of `begin` bytes.
+    pub(crate) fn open(way: Way, frame: FrameNumber, begin: usize, shared: &Shared) -> Self {
         let direction = match way {
             Way::Sent => "sent",
             Way::Received => "received",
@@ -50,7 +50,7 @@ impl FrameSpan {
         // A beginning that has arrived was already counted.
         let before = match way {
             Way::Sent => counted,
-            Way::Received => counted.saturating_sub(shared.format.begin() as u64),
+            Way::Received => counted.saturating_sub(begin as u64),
         };
         Self { span, before }
     }

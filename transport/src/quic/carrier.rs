@@ -138,9 +138,14 @@ mod tests {
         runtime().block_on(async {
             let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
             let application = Side::<Robot>::of(greeting(ARM)).unwrap();
-            let acceptor =
-                Acceptor::new(&net, Arc::clone(&application), &ours, tokio::sync::mpsc::channel(1).0);
-            let (config, _) = server(&acceptor, ours.security.as_ref().unwrap()).unwrap();
+            let acceptor = Acceptor::new(
+                &net,
+                Arc::clone(&application),
+                ours.link,
+                ours.limits,
+                tokio::sync::mpsc::channel(1).0,
+            );
+            let (config, _) = server(&acceptor, ours.security.as_ref().unwrap(), &ours.quic).unwrap();
             let loopback = "127.0.0.1:0".parse().unwrap();
             let (endpoint, at) = endpoint(&net, loopback, &ours.quic, Some(config)).unwrap();
             tell.send(format!("quic://{at}").parse().unwrap()).unwrap();
@@ -152,7 +157,7 @@ mod tests {
             let beside = control.accept_beside().await.unwrap();
             let accept = Accept { application: application.hello().clone() };
             control.send(&Message::Accept(accept)).await.unwrap();
-            let parts = control.into_parts(&net, peer, (hello.session, beside), None);
+            let parts = control.into_parts(&net, peer, (hello.session, beside));
             let link = parts.into_link::<Robot>(&net, &LinkConfig::default()).unwrap();
             let Link { frames_tx, latest_tx, messages_tx, bulk, latest_rx: _latest_rx, .. } = link;
             frames_tx.close(finished()).await.unwrap();

@@ -1,6 +1,5 @@
 //! The control stream during the handshake, and the link made from it.
 
-use std::fmt;
 use std::future::poll_fn;
 use std::sync::Arc;
 
@@ -20,8 +19,7 @@ use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Fingerprint;
 use crate::lanes;
 use crate::lanes::records::RecordLane;
-use crate::lanes::shared::Shared;
-use crate::parts::{Lanes, Parts};
+use crate::parts::LinkParts;
 use crate::peer::Peer;
 use crate::peer::PeerAddress;
 use crate::stats::Counters;
@@ -38,14 +36,14 @@ const CERTIFICATE_UNKNOWN: u8 = 46;
 const NO_APPLICATION_PROTOCOL: u8 = 120;
 
 /// A stream in both directions.
-pub(super) type BothWays = (SendStream, RecvStream);
+pub(crate) type BothWays = (SendStream, RecvStream);
 
 /// The streams beside the control stream: one for messages, and one for blocks.
-pub(super) type Beside = [BothWays; 2];
+pub(crate) type Beside = [BothWays; 2];
 
 /// The stream on which the two sides introduce themselves.
 #[derive(Debug)]
-pub(super) struct Control {
+pub(crate) struct Control {
     connection: Connection,
     send: SendStream,
     recv: RecvStream,
@@ -55,13 +53,13 @@ pub(super) struct Control {
 }
 
 impl Control {
-    pub(super) fn new(connection: Connection, (send, recv): BothWays, format: Format) -> Self {
+    pub(crate) fn new(connection: Connection, (send, recv): BothWays, format: Format) -> Self {
         // Fails only for a stream that is closed.
         let _ = send.set_priority(i32::MAX);
         Self { connection, send, recv, format, decoder: Decoder::new(format), counters: Counters::framed() }
     }
 
-    pub(super) async fn send(&mut self, message: &Message) -> Result<(), HandshakeError> {
+    pub(crate) async fn send(&mut self, message: &Message) -> Result<(), HandshakeError> {
         let mut bytes = BytesMut::new();
         message.encode(&mut bytes);
         self.counters.sent.count(message.kind(), bytes.len() - HEADER_BYTES);
@@ -72,7 +70,7 @@ impl Control {
     }
 
     /// Opens the streams beside this one, and announces them to the other side.
-    pub(super) async fn open_beside(&self) -> Result<Beside, HandshakeError> {
+    pub(crate) async fn open_beside(&self) -> Result<Beside, HandshakeError> {
         Ok([self.open().await?, self.open().await?])
     }
 
@@ -99,8 +97,7 @@ impl Control {
         net: &Arc<dyn Net>,
         peer: Peer,
         (session, [messages, bulk]): (SessionId, Beside),
-        place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
-    ) -> Parts {
+    ) -> LinkParts {
         let Self { connection, send, recv, format, decoder, counters } = self;
         let address = PeerAddress::Quic(connection.remote_address());
         let carrier = Carrier::new(net, connection);
@@ -110,7 +107,7 @@ impl Control {
             (Box::new(tx) as _, Box::new(RecordRx::new(&carrier, lane, recv, format, counts)) as _)
         };
         let latest = LatestRx::new(&carrier, recv, decoder, format, counts);
-        let lanes = Lanes::Wire(lanes::Lanes {
+        let lanes = lanes::Lanes {
             latest: (Box::new(LatestTx::new(&carrier, send, counts)), Box::new(latest)),
             frames: (
                 Box::new(FrameTx::new(&carrier, counts)),
@@ -118,10 +115,8 @@ impl Control {
             ),
             messages: records(RecordLane::Messages, messages),
             bulk: records(RecordLane::Bulk, bulk),
-        });
-        let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
-        let (capabilities, idle_timeout) = (CAPABILITIES, None);
-        Parts { lanes, peer, session, address, capabilities, shared, idle_timeout, doubt: None }
+        };
+        LinkParts::new(lanes, peer, session, address, CAPABILITIES, counters)
     }
 }
 
