@@ -7,35 +7,35 @@ use std::sync::Arc;
 use bytes::Bytes;
 use parking_lot::Mutex;
 use tokio::sync::mpsc;
-use trimaran_wire::{Hello, Refusal};
+use trimaran_wire::{Accept, Format, Hello, Refusal};
 
+use crate::PeerAddress;
 use crate::application::Application;
+use crate::config::limits::Limits;
+use crate::config::link::LinkConfig;
 use crate::handshake::HandshakeError;
-#[cfg(feature = "keys")]
-use crate::keys::WrongRole;
-use crate::parts::Parts;
+use crate::parts::LinkParts;
 use crate::peer::Peer;
 use crate::pending::{Pending, Slot};
 use crate::rates::{Handshakes, ListenerStats, Origin, Sparse, TurnedAway};
-use crate::{Options, PeerAddress};
 use trimaran_net::Net;
 
 /// Admits peers and hands their links to the accepting task. A transport's listening task holds it, asks
 /// [`Acceptor::enter`] once a peer has introduced itself, and ends when [`Acceptor::closed`] does.
 #[derive(Debug)]
-pub(crate) struct Acceptor {
+pub struct Acceptor {
     pub(crate) net: Arc<dyn Net>,
     pub(crate) application: Arc<dyn Application>,
-    pub(crate) options: Options,
+    pub(crate) link: LinkConfig,
+    pub(crate) limits: Limits,
     taken: Arc<Mutex<Taken>>,
     pending: Pending,
     handshakes: Arc<Handshakes>,
-    done: mpsc::Sender<Parts>,
+    done: mpsc::Sender<LinkParts>,
     last_failure: Mutex<Option<HandshakeError>>,
     warnings: Sparse,
     /// Wrong claims of known keys; each is logged once.
-    #[cfg(feature = "keys")]
-    wrong_roles: Mutex<Vec<WrongRole>>,
+    wrong_roles: Mutex<Vec<String>>,
 }
 
 /// The places of peers.
@@ -80,7 +80,7 @@ impl Taken {
 
 /// A peer's place at the listener: freed when the last half of its link is dropped.
 #[derive(Debug)]
-pub(crate) struct Place {
+pub struct Place {
     taken: Arc<Mutex<Taken>>,
     link: u64,
 }
@@ -96,31 +96,60 @@ impl Acceptor {
     pub(crate) fn new(
         net: &Arc<dyn Net>,
         application: Arc<dyn Application>,
-        options: &Options,
-        done: mpsc::Sender<Parts>,
+        link: LinkConfig,
+        limits: Limits,
+        done: mpsc::Sender<LinkParts>,
     ) -> Self {
         Self {
             net: Arc::clone(net),
             application,
-            options: options.clone(),
+            link,
+            limits,
             taken: Arc::default(),
-            pending: Pending::new(options.limits.handshakes),
-            handshakes: Arc::new(Handshakes::new(&options.limits)),
+            pending: Pending::new(limits.handshakes),
+            handshakes: Arc::new(Handshakes::new(&limits)),
             done,
             last_failure: Mutex::default(),
             warnings: Sparse::default(),
-            #[cfg(feature = "keys")]
             wrong_roles: Mutex::default(),
         }
     }
 
+    /// The network of the listener.
+    #[must_use]
+    pub fn net(&self) -> &Arc<dyn Net> {
+        &self.net
+    }
+
+    /// The options of its links.
+    #[must_use]
+    pub const fn link(&self) -> &LinkConfig {
+        &self.link
+    }
+
+    /// The sizes of the application's types.
+    #[must_use]
+    pub fn format(&self) -> Format {
+        self.application.format()
+    }
+
+    /// This side's answer to the hello of a peer that has [entered](Acceptor::enter).
+    #[must_use]
+    pub fn answer(&self) -> Accept {
+        Accept { application: self.application.hello().clone() }
+    }
+
     /// Counts a new handshake.
-    pub(crate) fn begin(&self, from: &PeerAddress) -> Result<(), HandshakeError> {
+    ///
+    /// # Errors
+    /// If too many begin: the transport drops it.
+    pub fn begin(&self, from: &PeerAddress) -> Result<(), HandshakeError> {
         self.handshakes.begin(self.net.now(), from).map_err(HandshakeError::TooMany)
     }
 
     /// A slot for one more handshake. If all are taken, another handshake loses its own.
-    pub(crate) fn slot(&self, from: &PeerAddress) -> Slot {
+    #[must_use]
+    pub fn slot(&self, from: &PeerAddress) -> Slot {
         let (slot, evicted) = self.pending.take(Origin::of(from));
         if evicted {
             self.handshakes.no_room();
@@ -134,14 +163,19 @@ impl Acceptor {
     }
 
     /// The peer that sent `hello`, whether admitted or not.
-    #[cfg(feature = "keys")]
-    pub(crate) fn identify(&self, hello: &Hello) -> Result<Peer, HandshakeError> {
+    ///
+    /// # Errors
+    /// If it has another protocol, or its hello cannot be read.
+    pub fn identify(&self, hello: &Hello) -> Result<Peer, HandshakeError> {
         self.same_protocol(hello).map_err(HandshakeError::Refused)?;
         self.application.recognize(&hello.application)
     }
 
     /// Whether the sender of `hello` may come in; it takes no place yet.
-    pub(crate) fn admits(&self, hello: &Hello) -> Result<(), Refusal> {
+    ///
+    /// # Errors
+    /// If it has another protocol, is rejected, or there is no place.
+    pub fn admits(&self, hello: &Hello) -> Result<(), Refusal> {
         self.same_protocol(hello)?;
         self.vacant(&hello.application, &self.taken.lock()).map(|_| ())
     }
@@ -151,8 +185,11 @@ impl Acceptor {
         if listener == connector { Ok(()) } else { Err(Refusal::Protocol { listener, connector }) }
     }
 
-    /// Takes the place of the peer that sent this hello.
-    pub(crate) fn enter(&self, theirs: &Bytes) -> Result<(Peer, Place), Refusal> {
+    /// Takes the place of the peer that sent this application's hello.
+    ///
+    /// # Errors
+    /// If it is rejected, or there is no place.
+    pub fn enter(&self, theirs: &Bytes) -> Result<(Peer, Place), Refusal> {
         let mut taken = self.taken.lock();
         let peer = self.vacant(theirs, &taken)?;
         let link = taken.enter(&peer);
@@ -161,7 +198,7 @@ impl Acceptor {
 
     fn vacant(&self, theirs: &Bytes, taken: &Taken) -> Result<Peer, Refusal> {
         let peer = self.application.admit(theirs)?;
-        if !taken.has_room(&peer, self.options.limits.peers) {
+        if !taken.has_room(&peer, self.limits.peers) {
             self.handshakes.no_place();
             return Err(Refusal::Busy);
         }
@@ -169,24 +206,23 @@ impl Acceptor {
     }
 
     /// Hands out a link. If nobody accepts it, dropping it tells the peer.
-    pub(crate) async fn hand_out(&self, parts: Parts) {
-        parts.shared.counters.handle().came_from(ListenerStats(Arc::clone(&self.handshakes)));
+    pub async fn hand_out(&self, parts: LinkParts) {
+        parts.counters.handle().came_from(ListenerStats(Arc::clone(&self.handshakes)));
         let _unwanted = self.done.send(parts).await;
     }
 
     /// Ends when nobody accepts any more.
-    pub(crate) async fn closed(&self) {
+    pub async fn closed(&self) {
         self.done.closed().await;
     }
 
     /// Notes how a connection failed before it became a link. Mismatches are logged, but strangers must not
     /// flood the log. They can neither flood nor hide the claims of known keys.
-    pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
+    pub fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
         let cause = &error as &dyn std::error::Error;
-        let told = match &error {
-            #[cfg(feature = "keys")]
-            HandshakeError::WrongRole(claim) => self.is_news(claim).then_some(0),
-            _ => error.is_mismatch().then(|| self.warnings.take(self.net.now())).flatten(),
+        let told = match error.wrong_role() {
+            Some(_) => self.is_news(error.to_string()).then_some(0),
+            None => error.is_mismatch().then(|| self.warnings.take(self.net.now())).flatten(),
         };
         match told {
             Some(untold) => {
@@ -197,12 +233,11 @@ impl Acceptor {
         *self.last_failure.lock() = Some(error);
     }
 
-    #[cfg(feature = "keys")]
-    fn is_news(&self, claim: &WrongRole) -> bool {
+    fn is_news(&self, claim: String) -> bool {
         let mut known = self.wrong_roles.lock();
-        let news = !known.contains(claim);
+        let news = !known.contains(&claim);
         if news {
-            known.push(claim.clone());
+            known.push(claim);
         }
         news
     }

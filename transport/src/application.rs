@@ -9,8 +9,9 @@ use serde::de::DeserializeOwned;
 use trimaran_wire::{Format, Hello, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection, SessionId};
 
 use crate::handshake::{HandshakeError, HelloTooLong};
-use crate::inproc::lanes::Lanes;
+use crate::lanes::local;
 use crate::peer::{Peer, PeerName};
+use crate::stats::Counters;
 
 /// One side of a protocol.
 pub(crate) trait Application: fmt::Debug + Send + Sync {
@@ -29,8 +30,9 @@ pub(crate) trait Application: fmt::Debug + Send + Sync {
     /// Judges an answer, at the connecting peer.
     fn recognize(&self, theirs: &Bytes) -> Result<Peer, HandshakeError>;
 
-    /// Both ends of lanes within this process: boxed `inproc::Lanes` of this protocol.
-    fn local_lanes(&self) -> [Box<dyn Any + Send>; 2];
+    /// Both ends of lanes within this process, which count their traffic there: boxed `LocalLanes` of this
+    /// protocol.
+    fn local_lanes(&self, counters: [&Arc<Counters>; 2]) -> [Box<dyn Any + Send>; 2];
 
     /// The protocol's type, to tell protocols apart.
     fn type_of(&self) -> TypeId;
@@ -111,8 +113,8 @@ impl<P: Protocol> Application for Side<P> {
         Ok(self.peer(theirs, &hello))
     }
 
-    fn local_lanes(&self) -> [Box<dyn Any + Send>; 2] {
-        Lanes::<P>::pair().map(|lanes| Box::new(lanes) as _)
+    fn local_lanes(&self, counters: [&Arc<Counters>; 2]) -> [Box<dyn Any + Send>; 2] {
+        local::pair::<P>(counters).map(|lanes| Box::new(lanes) as _)
     }
 
     fn type_of(&self) -> TypeId {

@@ -12,9 +12,9 @@ use crate::application::Side;
 use crate::causes::causes;
 use crate::error::readable;
 use crate::handshake::HandshakeError;
-use crate::parts::Parts;
-use crate::scheme::Introduction;
-use crate::schemes::scheme_of;
+use crate::lane_transport::Introduction;
+use crate::parts::LinkParts;
+use crate::schemes::transport_of;
 use crate::transport::AttemptError;
 use crate::{Endpoint, Link, Options};
 use trimaran_net::{Instant, Net, sleep_until, until};
@@ -118,16 +118,12 @@ pub async fn connect<P: Protocol>(
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
         let timeout = net.now().after(options.link.handshake_timeout).min(deadline);
-        let introduction = Introduction {
-            application: &*application,
-            session,
-            options,
-            #[cfg(feature = "udp")]
-            by: timeout,
-        };
+        let introduction =
+            Introduction { application: &*application, session, link: &options.link, by: timeout };
         let attempt = async {
-            let scheme = scheme_of(endpoint, options).map_err(unsupported)?;
-            believed::<P>(net, options, scheme.attempt(net, &introduction).await?).await
+            let transport = transport_of(endpoint, options).map_err(unsupported)?;
+            let parts = transport.connect(net, &endpoint.address(), &introduction).await?;
+            believed::<P>(net, options, parts).await
         };
         let last = match until(&**net, timeout, attempt).await {
             Some(Ok(link)) => return Ok(link),
@@ -173,20 +169,20 @@ fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
 async fn believed<P: Protocol>(
     net: &Arc<dyn Net>,
     options: &Options,
-    mut parts: Parts,
+    mut parts: LinkParts,
 ) -> Result<Link<P>, AttemptError> {
     let (address, doubt) = (parts.address.to_string(), parts.doubt.take());
     let failed = |cause| AttemptError::Handshake { address, cause };
     let link = parts.into_link::<P>(net, &options.link);
     match (link, doubt) {
         (Some(link), None) => Ok(link),
-        #[cfg(feature = "keys")]
-        (Some(link), Some(HandshakeError::WrongRole(claim))) => {
-            // The peer need not receive it.
-            let _unheard = link.close(claim.close()).await;
-            Err(failed(claim.into()))
+        (Some(link), Some(error)) => {
+            if let Some(reason) = error.wrong_role() {
+                // The peer need not receive it.
+                let _unheard = link.close(reason).await;
+            }
+            Err(failed(error))
         }
-        (Some(_), Some(error)) => Err(failed(error)),
         (None, _) => Err(failed(HandshakeError::Closed)),
     }
 }

@@ -166,25 +166,43 @@ pub enum ProtocolError {
     },
 }
 
-/// An error of a lane, before the peer is added.
+/// Why nothing comes from a lane, before its link names the peer.
 #[derive(Debug)]
-pub(crate) enum LaneError {
+pub enum LaneError {
+    /// The peer closed the lane.
     Closed(CloseReason),
+    /// The connection ended without a close.
     Lost(Loss),
-    Expired(Expired),
+    /// The peer broke the protocol.
     Protocol(ProtocolError),
 }
 
 impl LaneError {
-    pub(crate) fn receiving(self, peer: &PeerName, timeout: Duration) -> RecvError {
+    pub(crate) fn receiving(self, peer: &PeerName) -> RecvError {
         let peer = peer.clone();
         match self {
             Self::Closed(reason) => RecvError::Closed { peer, reason },
             Self::Lost(cause) => RecvError::Lost { peer, cause },
-            Self::Expired(Expired::Deadline) => RecvError::Deadline { peer },
-            Self::Expired(Expired::Timeout) => RecvError::Silent { peer, waited: timeout },
-            Self::Expired(Expired::Idle) => RecvError::Lost { peer, cause: Loss::Silent },
             Self::Protocol(cause) => RecvError::Protocol { peer, cause },
+        }
+    }
+}
+
+impl Expired {
+    pub(crate) fn receiving(self, peer: &PeerName, timeout: Duration) -> RecvError {
+        let peer = peer.clone();
+        match self {
+            Self::Deadline => RecvError::Deadline { peer },
+            Self::Timeout => RecvError::Silent { peer, waited: timeout },
+            Self::Idle => RecvError::Lost { peer, cause: Loss::Silent },
+        }
+    }
+
+    pub(crate) fn sending(self, peer: &PeerName, timeout: Duration) -> SendError {
+        let peer = peer.clone();
+        match self {
+            Self::Idle => SendError::Lost { peer, cause: Loss::Silent },
+            Self::Timeout | Self::Deadline => SendError::Stalled { peer, waited: timeout },
         }
     }
 }
@@ -197,21 +215,4 @@ pub(crate) fn readable(measured: &Duration) -> Duration {
 /// The error for a message on the wrong lane.
 pub(crate) const fn misplaced(kind: Kind, lane: Lane) -> LaneError {
     LaneError::Protocol(ProtocolError::Misplaced { kind, lane })
-}
-
-/// A sending error of a lane, before the peer is added.
-#[derive(Debug)]
-pub(crate) enum LaneSendError {
-    Lost(Loss),
-    Stalled,
-}
-
-impl LaneSendError {
-    pub(crate) fn sending(self, peer: &PeerName, timeout: Duration) -> SendError {
-        let peer = peer.clone();
-        match self {
-            Self::Lost(cause) => SendError::Lost { peer, cause },
-            Self::Stalled => SendError::Stalled { peer, waited: timeout },
-        }
-    }
 }

@@ -4,17 +4,13 @@ use std::io;
 
 use bytes::Bytes;
 use thiserror::Error;
-#[cfg(feature = "quic")]
-use trimaran_wire::ProtocolName;
-use trimaran_wire::{DecodeError, DecodeFault, Hello, Kind, MAX_HELLO, Message, Refusal};
+use trimaran_wire::{
+    CloseReason, DecodeError, DecodeFault, Hello, Kind, MAX_HELLO, Message, ProtocolName, Refusal,
+};
 
 use crate::error::{LaneError, Loss, ProtocolError};
-#[cfg(feature = "quic")]
-use crate::keys::Fingerprint;
 #[cfg(feature = "keys")]
-use crate::keys::{KeyFault, WrongRole};
-#[cfg(feature = "quic")]
-use crate::quic::UnknownPeer;
+use crate::keys::{Fingerprint, KeyFault, UnknownPeer, WrongRole};
 use crate::rates::TooMany;
 
 /// Why a handshake failed.
@@ -43,7 +39,6 @@ pub enum HandshakeError {
     #[error("the handshake took too long")]
     TimedOut,
     /// This side has no keys.
-    #[cfg(feature = "keys")]
     #[error(
         "this transport needs keys: make them with `trimaran keys new NAME`, and name them and the peers' public files"
     )]
@@ -52,11 +47,9 @@ pub enum HandshakeError {
     #[error("no answer: nobody listens there, or not to these keys")]
     Unanswered,
     /// A peer came with keys that do not fit.
-    #[cfg(feature = "keys")]
     #[error("someone came whose keys do not fit")]
     Stranger,
     /// No answer came in this version of the datagrams, but a claim that the other side has another one.
-    #[cfg(feature = "udp")]
     #[error(
         "no answer in version {ours} of the datagrams, but a claim that the other side has version {theirs}: if both sides have different releases, install the same on both"
     )]
@@ -67,11 +60,11 @@ pub enum HandshakeError {
         ours: u64,
     },
     /// TLS cannot be set up.
-    #[cfg(feature = "quic")]
+    #[cfg(feature = "keys")]
     #[error("TLS cannot be set up")]
     Tls(#[from] rustls::Error),
     /// This side does not know the peer's certificate.
-    #[cfg(feature = "quic")]
+    #[cfg(feature = "keys")]
     #[error(transparent)]
     UnknownPeer(#[from] Box<UnknownPeer>),
     /// The peer's key is known for another role than the claimed one.
@@ -79,7 +72,7 @@ pub enum HandshakeError {
     #[error(transparent)]
     WrongRole(#[from] Box<WrongRole>),
     /// The peer does not know this side's certificate.
-    #[cfg(feature = "quic")]
+    #[cfg(feature = "keys")]
     #[error(
         "the peer does not expect our certificate {presented}: add it to the peer's list, or use the keys it expects"
     )]
@@ -88,7 +81,6 @@ pub enum HandshakeError {
         presented: Fingerprint,
     },
     /// The other side speaks QUIC, but none of our protocols or versions.
-    #[cfg(feature = "quic")]
     #[error("the other side speaks QUIC, but not {0}: install the same release on both")]
     Alpn(ProtocolName),
     /// This side's hello is too long.
@@ -98,7 +90,6 @@ pub enum HandshakeError {
     #[error("the other side's hello cannot be read: install the same release on both")]
     Hello(#[source] postcard::Error),
     /// Values of the latest lane do not fit into the datagrams of the connection.
-    #[cfg(feature = "quic")]
     #[error("values of the latest lane need datagrams of {needed} bytes, and the connection allows {}", .allowed.map_or("none".to_owned(), |n| n.to_string()))]
     Datagrams {
         /// The bytes that a value needs.
@@ -121,8 +112,8 @@ pub struct HelloTooLong(pub(crate) usize);
 
 impl HandshakeError {
     /// The refusal to send to the peer, if any.
-    #[cfg(feature = "keys")]
-    pub(crate) fn refusal(&self) -> Option<Refusal> {
+    #[must_use]
+    pub fn refusal(&self) -> Option<Refusal> {
         match self {
             Self::Refused(refusal) => Some(refusal.clone()),
             #[cfg(feature = "keys")]
@@ -131,13 +122,20 @@ impl HandshakeError {
         }
     }
 
+    /// The close for a peer whose key is known for another role, if it is one.
+    pub(crate) fn wrong_role(&self) -> Option<CloseReason> {
+        match self {
+            #[cfg(feature = "keys")]
+            Self::WrongRole(claim) => Some(claim.close()),
+            _ => None,
+        }
+    }
+
     /// Whether this side's own settings are at fault.
     pub(crate) const fn is_final(&self) -> bool {
         match self {
-            Self::HelloTooLong(_) => true,
+            Self::HelloTooLong(_) | Self::NoKeys => true,
             #[cfg(feature = "keys")]
-            Self::NoKeys => true,
-            #[cfg(feature = "quic")]
             Self::Tls(_) => true,
             _ => false,
         }
@@ -176,7 +174,6 @@ impl From<LaneError> for HandshakeError {
             // A message that belongs on a lane.
             LaneError::Protocol(_) => Self::Unexpected { kind: Kind::Batch },
             LaneError::Closed(_) => Self::Unexpected { kind: Kind::Close },
-            LaneError::Expired(_) => Self::TimedOut,
         }
     }
 }

@@ -57,17 +57,18 @@
 //! | `link`, `lanes` | a link and its halves, over the application's types |
 //! | `connect`, `listen`, `acceptor`, `handshake` | making links, and admission of peers |
 //! | `application`, `peer` | the two sides of a link, for the layers that only handle bytes |
-//! | `endpoint`, `schemes` | the choice of a transport |
+//! | `endpoint`, `schemes` | the choice of a transport; only `schemes` and `options` name them all |
 //! | `stream`, `tcp`, `unix`, [`ws`], [`quic`], [`udp`], [`inproc`] | the transports, each with its lanes |
-//! | `transport`, `scheme`, `parts` | the tasks of a transport, and its result |
+//! | `transport`, `lane_transport`, `parts` | the tasks of a transport, and its result |
 //! | [`keys`] | the keys of peers |
-//! | `options`, `timeouts`, `rates`, `pending` | options; limits in time and number |
-//! | `stats`, `trace` | counters and logs |
+//! | `options`, `config`, `timeouts`, `rates`, `pending` | options; limits in time and number |
+//! | `stats` | counters |
 //! | `conformance` | the requirements on every transport, as a suite of tests |
 
 mod acceptor;
 mod application;
 mod causes;
+mod config;
 #[cfg(feature = "conformance")]
 pub mod conformance;
 mod connect;
@@ -77,11 +78,9 @@ mod error;
 mod handshake;
 #[cfg(feature = "inproc")]
 pub mod inproc;
-#[cfg(not(feature = "inproc"))]
-#[allow(dead_code, unreachable_pub, reason = "a build without it leads nobody to its lanes, but tests")]
-mod inproc;
 #[cfg(feature = "keys")]
 pub mod keys;
+mod lane_transport;
 mod lanes;
 mod link;
 mod listen;
@@ -92,14 +91,14 @@ mod pending;
 #[cfg(feature = "quic")]
 pub mod quic;
 mod rates;
-mod scheme;
 mod schemes;
 mod stats;
 mod stream;
 #[cfg(feature = "tcp")]
 mod tcp;
+#[cfg(test)]
+mod tests;
 mod timeouts;
-mod trace;
 mod transport;
 #[cfg(feature = "udp")]
 pub mod udp;
@@ -108,28 +107,34 @@ mod unix;
 #[cfg(feature = "ws")]
 pub mod ws;
 
+pub use acceptor::{Acceptor, Place};
 pub use causes::causes;
+pub use config::limits::Limits;
+pub use config::link::LinkConfig;
 pub use connect::{ConnectError, connect, growing_pauses};
 pub use endpoint::{
     Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, OtherEndpoint, SocketPath,
     UdpEndpoint, UdpMode, WsEndpoint, WsPath,
 };
 pub use endpoints::Endpoints;
-pub use error::{Loss, ProtocolError, RecvError, SendError};
+pub use error::{LaneError, Loss, ProtocolError, RecvError, SendError};
 pub use handshake::{HandshakeError, HelloTooLong};
+pub use lane_transport::{Introduction, LaneTransport, Listened};
+pub use lanes::Lanes;
 pub use lanes::bulk::{BulkReceiver, BulkSender};
 pub use lanes::frames::{FrameReceiver, FrameSender};
+pub use lanes::half::{Duplex, Half, LaneTx, Rx, Tx};
 pub use lanes::latest::{LatestReceiver, LatestSender};
 pub use lanes::messages::{MessageReceiver, MessageSender};
 pub use link::{Bulk, Link};
 pub use listen::{AcceptError, ListenError, Listener};
 pub use options::Options;
-pub use options::limits::Limits;
-pub use options::link::LinkConfig;
-pub use peer::{PeerAddress, PeerInfo, PeerName};
+pub use parts::{ByteLanes, LinkParts};
+pub use peer::{Peer, PeerAddress, PeerInfo, PeerName};
+pub use pending::Slot;
 pub use rates::{ListenerStats, TooMany, TurnedAway};
-pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
-pub use transport::{AttemptError, Capabilities, ListenFault, Listening, Transport, Upgrade};
+pub use stats::{Counters, Direction, LinkStats, StatsHandle, Tally, Traffic};
+pub use transport::{AttemptError, Capabilities, ListenFault, Listening, Transport, Upgrade, first_address};
 pub use trimaran_net::{
     Credentials, Instant, Net, TcpOptions, TokioNet, UdpSocketOptions, UnixSocketOptions, sleep_until, until,
 };

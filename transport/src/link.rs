@@ -8,15 +8,18 @@ use trimaran_net::{Net, until};
 use trimaran_wire::{CloseReason, Protocol};
 
 use crate::application::whole;
+use crate::config::link::LinkConfig;
 use crate::error::{ProtocolError, RecvError, SendError};
-use crate::inproc::lanes as inproc;
 use crate::lanes::bulk::{BulkReceiver, BulkSender};
-use crate::lanes::frames::{FrameReceiver, FrameRx, FrameSender, FrameTx};
-use crate::lanes::latest::{LatestReceiver, LatestRx, LatestSender, LatestTx};
+use crate::lanes::ends::{AnyRx, AnyTx, Receiver, Sender};
+use crate::lanes::frames::{FrameReceiver, FrameSender};
+use crate::lanes::half::Duplex;
+use crate::lanes::latest::{LatestReceiver, LatestSender};
+use crate::lanes::local::LocalLanes;
 use crate::lanes::messages::{MessageReceiver, MessageSender};
-use crate::lanes::records::{RecordReceiver, RecordRx, RecordSender, RecordTx};
-use crate::options::link::LinkConfig;
-use crate::parts::{Lanes, Parts};
+use crate::lanes::records::RecordReceiver;
+use crate::lanes::shared::Shared;
+use crate::parts::{Lanes, LinkParts};
 use crate::peer::{PeerAddress, PeerInfo};
 use crate::rates::Messages;
 use crate::stats::StatsHandle;
@@ -134,80 +137,94 @@ impl<P: Protocol> Link<P> {
             }
         };
         let Some((has_left, lane)) = heard else { return said };
-        lane.part().await;
+        lane.0.part().await;
         // The peer may leave between the close on one lane and that on the other.
         if has_left { Ok(()) } else { said }
     }
 }
 
-impl Parts {
+impl LinkParts {
     /// The link, if its peer speaks `P`, which the handshake has ensured.
     pub(crate) fn into_link<P: Protocol>(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Option<Link<P>> {
-        let Self { lanes, peer, session, address, capabilities, shared, .. } = self;
+        let Self { lanes, peer, session, address, capabilities, counters, idle_timeout, place, .. } = self;
         let hello = postcard::from_bytes(&peer.hello).ok()?;
         let local = address == PeerAddress::InProcess;
         let most = if local { u32::MAX } else { config.messages_per_s };
-        let timeouts = || Timeouts::new(net, config.timeout, config.idle_timeout);
         let batching = peer.batching.unwrap_or(config.batching);
+        let stats = counters.handle();
+        let shared = Shared { peer: peer.name.clone(), counters, _place: place };
+        let ends = Ends { net, shared, timeout: config.timeout, idle_timeout };
         let (latest, frames, messages, bulk) = match lanes {
-            Lanes::Wire(wire) => (
-                (LatestTx::Wire(wire.latest.0), LatestRx::Wire(Box::new(wire.latest.1))),
-                (FrameTx::Wire(wire.frames.0), FrameRx::Wire(wire.frames.1)),
-                (RecordTx::Wire(wire.messages.0), RecordRx::Wire(wire.messages.1)),
-                (RecordTx::Wire(wire.bulk.0), RecordRx::Wire(wire.bulk.1)),
+            Lanes::Wire(lanes) => (
+                ends.wire(lanes.latest, config.timeout),
+                ends.wire(lanes.frames, config.timeout),
+                ends.wire(lanes.messages, Duration::MAX),
+                ends.wire(lanes.bulk, Duration::MAX),
             ),
             Lanes::Local(lanes) => {
-                let inproc::Lanes { latest, frames, messages, bulk } =
-                    *lanes.downcast::<inproc::Lanes<P>>().ok()?;
+                let lanes = *lanes.downcast::<LocalLanes<P>>().ok()?;
                 (
-                    (LatestTx::Local(latest.0), LatestRx::Local(latest.1)),
-                    (FrameTx::Local(frames.0), FrameRx::Local(frames.1)),
-                    (RecordTx::Local(messages.0), RecordRx::Local(messages.1)),
-                    (RecordTx::Local(bulk.0), RecordRx::Local(bulk.1)),
+                    ends.local(lanes.latest, config.timeout),
+                    ends.local(lanes.frames, config.timeout),
+                    ends.local(lanes.messages, Duration::MAX),
+                    ends.local(lanes.bulk, Duration::MAX),
                 )
             }
         };
         let (max_frame, rate) = (config.max_frame, || Messages::new(most));
-        // A peer may never send a message or a block.
-        let patient = || Timeouts::new(net, Duration::MAX, config.idle_timeout);
         Some(Link {
             peer: PeerInfo { name: peer.name, hello, session, address },
             capabilities,
             net: Arc::clone(net),
-            stats: shared.counters.handle(),
-            latest_tx: LatestSender { lane: latest.0, shared: shared.clone(), timeouts: timeouts() },
-            latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), timeouts: timeouts() },
-            frames_tx: FrameSender::new(
-                batching,
-                max_frame,
-                capabilities,
-                frames.0,
-                shared.clone(),
-                timeouts(),
-            ),
-            frames_rx: FrameReceiver::new(max_frame, frames.1, shared.clone(), timeouts(), rate()),
-            messages_tx: MessageSender(RecordSender {
-                lane: messages.0,
-                shared: shared.clone(),
-                timeouts: timeouts(),
-            }),
+            stats,
+            latest_tx: LatestSender(latest.0),
+            latest_rx: LatestReceiver(latest.1),
+            frames_tx: FrameSender::new(batching, max_frame, capabilities, frames.0),
+            frames_rx: FrameReceiver::new(max_frame, frames.1, rate()),
+            messages_tx: MessageSender(messages.0),
             messages_rx: MessageReceiver(RecordReceiver {
                 lane: messages.1,
-                shared: shared.clone(),
-                timeouts: patient(),
                 rate: Some(rate()),
                 read: |bytes| whole(&bytes).map_err(ProtocolError::Message),
             }),
             bulk: Some(Bulk {
-                tx: BulkSender(RecordSender { lane: bulk.0, shared: shared.clone(), timeouts: timeouts() }),
-                rx: BulkReceiver(RecordReceiver {
-                    lane: bulk.1,
-                    shared,
-                    timeouts: patient(),
-                    rate: None,
-                    read: Ok,
-                }),
+                tx: BulkSender(bulk.0),
+                rx: BulkReceiver(RecordReceiver { lane: bulk.1, rate: None, read: Ok }),
             }),
         })
+    }
+}
+
+/// What the halves of a link have in common.
+struct Ends<'n> {
+    net: &'n Arc<dyn Net>,
+    shared: Shared,
+    timeout: Duration,
+    idle_timeout: Option<Duration>,
+}
+
+impl Ends<'_> {
+    /// Halves over bytes; a wait to receive lasts `patience`, as a peer may never send a message or a block.
+    fn wire<L, W>(&self, (tx, rx): Duplex<W>, patience: Duration) -> (Sender<L, W>, Receiver<L, W>) {
+        self.both(AnyTx::Wire(tx), AnyRx::Wire(rx), patience)
+    }
+
+    /// The same over values within this process.
+    fn local<L, W>(&self, (tx, rx): Duplex<L>, patience: Duration) -> (Sender<L, W>, Receiver<L, W>) {
+        self.both(AnyTx::Local(tx), AnyRx::Local(rx), patience)
+    }
+
+    fn both<L, W>(
+        &self,
+        tx: AnyTx<L, W>,
+        rx: AnyRx<L, W>,
+        patience: Duration,
+    ) -> (Sender<L, W>, Receiver<L, W>) {
+        let timeouts = |limit| Timeouts::new(self.net, limit, self.idle_timeout);
+        let (ours, theirs) = (self.shared.clone(), self.shared.clone());
+        (
+            Sender { lane: tx, shared: ours, timeouts: timeouts(self.timeout) },
+            Receiver { lane: rx, shared: theirs, timeouts: timeouts(patience) },
+        )
     }
 }

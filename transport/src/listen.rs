@@ -14,10 +14,10 @@ use crate::acceptor::Acceptor;
 use crate::application::Side;
 use crate::error::readable;
 use crate::handshake::HandshakeError;
-use crate::parts::Parts;
+use crate::lane_transport::Listened;
+use crate::parts::LinkParts;
 use crate::rates::TurnedAway;
-use crate::scheme::Listened;
-use crate::schemes::scheme_of;
+use crate::schemes::transport_of;
 use crate::transport::ListenFault;
 use crate::{Endpoint, Endpoints, Link, Options};
 use trimaran_net::{Instant, Net, until};
@@ -132,7 +132,7 @@ pub enum AcceptError {
 /// Handshakes run in the background: a stranger, or a peer that stops midway, holds up nobody. Each handshake
 /// has a time limit, and their number is limited.
 pub struct Listener<P: Protocol> {
-    links: mpsc::Receiver<Parts>,
+    links: mpsc::Receiver<LinkParts>,
     protocol: PhantomData<fn() -> P>,
     endpoints: Endpoints,
     net: Arc<dyn Net>,
@@ -180,13 +180,15 @@ impl<P: Protocol> Listener<P> {
             cause: io::Error::other(e),
         })?;
         let (done, links) = mpsc::channel(QUEUE);
-        let acceptor = Arc::new(Acceptor::new(net, application, options, done));
+        let acceptor = Arc::new(Acceptor::new(net, application, options.link, options.limits, done));
         let mut guards = Vec::new();
         let mut bound: Option<Endpoints> = None;
         for endpoint in endpoints.iter() {
             let failed = |fault| ListenError::new(endpoint, fault);
-            let scheme = scheme_of(endpoint, options).map_err(|e| failed(e.into()))?;
-            let Listened { at: local, guard } = scheme.listen(&acceptor).await.map_err(failed)?;
+            let transport = transport_of(endpoint, options).map_err(|e| failed(e.into()))?;
+            let address = endpoint.address();
+            let Listened { address, guard } = transport.listen(&address, &acceptor).await.map_err(failed)?;
+            let local = endpoint.at(&address).map_err(|e| failed(io::Error::other(e).into()))?;
             guards.extend(guard);
             match &mut bound {
                 Some(bound) => bound.push(local),
@@ -229,7 +231,7 @@ impl<P: Protocol> Listener<P> {
             match until(&*self.net, deadline, self.links.recv()).await {
                 Some(Some(parts)) => {
                     // An admitted hello can be read.
-                    if let Some(link) = parts.into_link(&self.net, &self.acceptor.options.link) {
+                    if let Some(link) = parts.into_link(&self.net, &self.acceptor.link) {
                         return Ok(link);
                     }
                 }

@@ -51,16 +51,29 @@ impl fmt::Debug for PeerName {
 
 /// A peer, from its hello.
 #[derive(Debug, Clone)]
-pub(crate) struct Peer {
+pub struct Peer {
     pub(crate) hello: Bytes,
     pub(crate) name: PeerName,
     /// The role that it claims. Transports with keys check it against its key.
-    #[cfg_attr(not(any(feature = "quic", feature = "udp")), expect(dead_code, reason = "there are no keys"))]
     pub(crate) role: Option<String>,
     /// The identity by which a listener recognizes it when it connects again.
     pub(crate) place: Option<u64>,
     /// How items travel, if the hellos of both sides decide it.
     pub(crate) batching: Option<Batching>,
+}
+
+impl Peer {
+    /// Its name.
+    #[must_use]
+    pub const fn name(&self) -> &PeerName {
+        &self.name
+    }
+
+    /// The role that it claims.
+    #[must_use]
+    pub fn role(&self) -> Option<&str> {
+        self.role.as_deref()
+    }
 }
 
 /// The address of a peer.

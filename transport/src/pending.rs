@@ -40,7 +40,7 @@ struct Taken {
 
 /// A handshake's slot, free again when this is dropped.
 #[derive(Debug)]
-pub(crate) struct Slot {
+pub struct Slot {
     number: u64,
     slots: Arc<Mutex<Slots>>,
     revoked: oneshot::Receiver<Infallible>,
@@ -82,7 +82,7 @@ impl Slots {
 
 impl Slot {
     /// Ends once the slot has been given to another handshake.
-    pub(crate) async fn revoked(&mut self) {
+    pub async fn revoked(&mut self) {
         let Err(_) = (&mut self.revoked).await;
     }
 }

@@ -9,8 +9,7 @@ mod counters;
 
 #[cfg(feature = "udp")]
 pub(crate) use counters::PathSource;
-pub use counters::StatsHandle;
-pub(crate) use counters::{Counters, Direction};
+pub use counters::{Counters, Direction, StatsHandle};
 
 /// Traffic over a link since it was made, handshake included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

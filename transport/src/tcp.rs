@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::scheme::first_address;
-use crate::transport::AttemptError;
-use crate::transport::{ListenFault, Listening, Transport};
+use crate::transport::{AttemptError, ListenFault, Listening, Transport, first_address};
 use trimaran_net::{BoxFuture, Net, Stream, StreamPeer, TcpOptions};
 
 /// TCP connections.

@@ -22,7 +22,8 @@ const NEVER: Instant = Instant::from_nanos(u64::MAX);
 pub(crate) struct Timeouts {
     net: Arc<dyn Net>,
     limit: Duration,
-    idle_timeout: Duration,
+    /// The idle timeout, unless the transport itself notices that a peer is gone.
+    idle_timeout: Option<Duration>,
     /// How long nothing has come, as far as this half knows.
     quiet: Duration,
     /// When it listened last without result.
@@ -42,17 +43,19 @@ pub(crate) struct Wait {
 /// A half that listens, and has received nothing yet.
 struct Listening<'t> {
     timeouts: &'t mut Timeouts,
+    idle_timeout: Duration,
     since: Option<Instant>,
 }
 
 impl Listening<'_> {
     /// When it began to wait.
     fn begun(&mut self) -> Instant {
-        let Timeouts { net, idle_timeout, quiet, listened, .. } = &mut *self.timeouts;
+        let Timeouts { net, quiet, listened, .. } = &mut *self.timeouts;
+        let idle_timeout = self.idle_timeout;
         *self.since.get_or_insert_with(|| {
             let now = net.now();
             let elsewhere = listened.map_or(Duration::ZERO, |listened| now.since(listened));
-            *quiet += elsewhere.min(*idle_timeout / LOOKS);
+            *quiet += elsewhere.min(idle_timeout / LOOKS);
             now
         })
     }
@@ -96,8 +99,9 @@ impl fmt::Debug for Timeouts {
 }
 
 impl Timeouts {
-    /// Waits last `limit` at most; without end if that is [`Duration::MAX`].
-    pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, idle_timeout: Duration) -> Self {
+    /// Waits last `limit` at most; without end if that is [`Duration::MAX`]. Silence counts only if there is an
+    /// idle timeout.
+    pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, idle_timeout: Option<Duration>) -> Self {
         let (quiet, timer) = (Duration::ZERO, net.timer());
         Self { net: Arc::clone(net), limit, idle_timeout, quiet, listened: None, timer, armed: None }
     }
@@ -140,8 +144,9 @@ impl Timeouts {
         by: Option<Instant>,
         future: F,
     ) -> Result<F::Output, Expired> {
+        let Some(idle_timeout) = self.idle_timeout else { return self.wait(by, future).await };
         let mut future = pin!(future);
-        let mut listening = Listening { timeouts: self, since: None };
+        let mut listening = Listening { timeouts: self, idle_timeout, since: None };
         poll_fn(|cx| {
             if let Poll::Ready(output) = future.as_mut().poll(cx) {
                 listening.since = None;
@@ -151,30 +156,33 @@ impl Timeouts {
             let begun = listening.begun();
             let timeouts = &mut *listening.timeouts;
             let end = timeouts.end(wait, by);
-            let idle_timeout = begun.after(timeouts.idle_timeout.saturating_sub(timeouts.quiet));
-            let (at, why) = if idle_timeout < end.0 { (idle_timeout, Expired::Idle) } else { end };
+            let silent = begun.after(idle_timeout.saturating_sub(timeouts.quiet));
+            let (at, why) = if silent < end.0 { (silent, Expired::Idle) } else { end };
             timeouts.poll_reached(at, cx).map(|()| Err(why))
         })
         .await
     }
 
     /// Something came from the peer.
-    pub(crate) const fn heard(&mut self) {
+    const fn heard(&mut self) {
         (self.quiet, self.listened) = (Duration::ZERO, None);
     }
 
-    /// The output of `future`, unless the timeout or the idle timeout ends first. `heard` is asked four times
-    /// in each idle timeout whether anything came from the peer since the last call.
-    pub(crate) async fn wait_while_alive<F: Future>(
+    /// The output of `poll`, unless the timeout or the idle timeout ends first. `heard` is asked four times in
+    /// each idle timeout whether anything came from the peer since the last call. Both are given `half`.
+    pub(crate) async fn wait_while_alive<H: ?Sized, T>(
         &mut self,
-        mut heard: impl FnMut() -> bool,
-        future: F,
-    ) -> Result<F::Output, Expired> {
-        let mut future = pin!(future);
+        half: &mut H,
+        mut heard: impl FnMut(&mut H) -> bool,
+        mut poll: impl FnMut(&mut H, &mut Context<'_>) -> Poll<T>,
+    ) -> Result<T, Expired> {
+        let Some(idle_timeout) = self.idle_timeout else {
+            return self.wait(None, poll_fn(|cx| poll(half, cx))).await;
+        };
         let mut wait = Wait::default();
         let mut life: Option<Life> = None;
         poll_fn(|cx| {
-            if let Poll::Ready(output) = future.as_mut().poll(cx) {
+            if let Poll::Ready(output) = poll(half, cx) {
                 return Poll::Ready(Ok(output));
             }
             let (end, why) = self.end(&mut wait, None);
@@ -184,17 +192,17 @@ impl Timeouts {
                     Some(life) => life,
                     // Earlier data counts as a keep-alive at this moment, because its age is unknown.
                     None => {
-                        heard();
-                        life.insert(Life { sign: now, look: now.after(self.idle_timeout / LOOKS) })
+                        heard(half);
+                        life.insert(Life { sign: now, look: now.after(idle_timeout / LOOKS) })
                     }
                 };
                 if now >= life.look {
-                    if heard() {
+                    if heard(half) {
                         life.sign = now;
                     }
-                    life.look = now.after(self.idle_timeout / LOOKS);
+                    life.look = now.after(idle_timeout / LOOKS);
                 }
-                if now.since(life.sign) >= self.idle_timeout {
+                if now.since(life.sign) >= idle_timeout {
                     return Poll::Ready(Err(Expired::Idle));
                 }
                 if now >= end {
@@ -251,7 +259,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn each_wait_has_the_whole_patience() {
         let net = net();
-        let mut timeouts = Timeouts::new(&net, Duration::from_millis(100), IDLE_TIMEOUT);
+        let mut timeouts = Timeouts::new(&net, Duration::from_millis(100), Some(IDLE_TIMEOUT));
         for _ in 0..5 {
             let soon = net.now().after(Duration::from_millis(90));
             assert_eq!(timeouts.wait(None, sleep_until(&*net, soon)).await, Ok(()));
@@ -265,7 +273,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_deadline_cuts_a_wait_short_and_only_that_one() {
         let net = net();
-        let mut timeouts = Timeouts::new(&net, Duration::from_secs(10), IDLE_TIMEOUT);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(10), Some(IDLE_TIMEOUT));
         let start = net.now();
         let by = start.after(Duration::from_millis(50));
         let never = std::future::pending::<()>();
@@ -278,7 +286,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_deadline_in_the_past_still_takes_what_is_there() {
         let net = net();
-        let mut timeouts = Timeouts::new(&net, Duration::from_secs(10), IDLE_TIMEOUT);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(10), Some(IDLE_TIMEOUT));
         let past = Instant::from_nanos(0);
         assert_eq!(timeouts.wait(Some(past), std::future::ready(7)).await, Ok(7));
         let never = std::future::pending::<()>();
@@ -288,7 +296,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn keep_alives_renew_the_idle_timeout_and_not_the_timeout() {
         let net = net();
-        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), Some(IDLE_TIMEOUT));
         let (start, mut wait, mut signs) = (net.now(), Wait::default(), 0);
         let end = loop {
             let soon = net.now().after(Duration::from_secs(19));
@@ -304,7 +312,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn who_is_elsewhere_for_long_still_listens_to_the_last() {
         let net = net();
-        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), Some(IDLE_TIMEOUT));
         let mut listened = 0;
         let end = loop {
             assert!(listened < 100, "the idle_timeout never ends");
@@ -324,7 +332,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn waits_that_are_given_up_count_as_well() {
         let net = net();
-        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), Some(IDLE_TIMEOUT));
         let start = net.now();
         let end = loop {
             let soon = net.now().after(Duration::from_millis(10));

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -13,7 +14,7 @@ use crate::handshake::HandshakeError;
 /// A transport that carries bytes in order and without loss. The crate makes links of it, with a byte stream
 /// for each lane. TCP and Unix sockets are such; give others to [`Options`](crate::Options).
 ///
-/// Transports that lose or reorder packets, such as datagrams, have lanes of their own inside this crate.
+/// A transport that loses or reorders packets is a [`LaneTransport`](crate::LaneTransport).
 pub trait Transport: fmt::Debug + Send + Sync {
     /// The transport's name in endpoints, such as `tls` of `tls://host:443`: letters, digits, `+`, `-`, `.`.
     fn scheme(&self) -> &'static str;
@@ -111,6 +112,15 @@ pub enum ListenFault {
     /// The system refuses.
     #[error(transparent)]
     Io(#[from] io::Error),
+}
+
+/// The first address of a host and port.
+///
+/// # Errors
+/// If it has none.
+pub async fn first_address(net: &Arc<dyn Net>, at: &str) -> Result<SocketAddr, ListenFault> {
+    let addresses = net.resolve(at).await.map_err(ListenFault::Address)?;
+    addresses.first().copied().ok_or_else(|| ListenFault::Address(io::ErrorKind::NotFound.into()))
 }
 
 /// The guarantees of a link's transport.

@@ -9,17 +9,16 @@ use parking_lot::Mutex;
 use trimaran_net::{BoxFuture, Net};
 use trimaran_wire::{Protocol, Refusal, SessionId};
 
-use crate::acceptor::{Acceptor, Place};
+use crate::acceptor::Acceptor;
 use crate::application::{Application, Side};
 use crate::handshake::HandshakeError;
-use crate::lanes::shared::Shared;
+use crate::lane_transport::{Introduction, LaneTransport, Listened};
 use crate::link::Link;
-use crate::parts::{Lanes, Parts};
+use crate::parts::{Lanes, LinkParts};
 use crate::peer::{Peer, PeerAddress};
-use crate::scheme::{Introduction, Listened, Scheme};
 use crate::stats::Counters;
 use crate::transport::{AttemptError, Capabilities, ListenFault};
-use crate::{Endpoint, LinkConfig, Name};
+use crate::{LinkConfig, Name};
 
 const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, encrypted: false, local: true };
@@ -38,21 +37,31 @@ impl Drop for Registered {
 }
 
 /// A name within this process.
+#[derive(Debug)]
 pub(crate) struct Inproc(pub(crate) Name);
 
-impl Scheme for Inproc {
-    fn attempt<'a>(
+impl LaneTransport for Inproc {
+    fn scheme(&self) -> &'static str {
+        "inproc"
+    }
+
+    fn connect<'a>(
         &'a self,
         _net: &'a Arc<dyn Net>,
+        _address: &'a str,
         introduction: &'a Introduction<'_>,
-    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
+    ) -> BoxFuture<'a, Result<LinkParts, AttemptError>> {
         Box::pin(attempt(&self.0, introduction))
     }
 
-    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+    fn listen<'a>(
+        &'a self,
+        address: &'a str,
+        acceptor: &'a Arc<Acceptor>,
+    ) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
             let registered = listen(&self.0, acceptor)?;
-            Ok(Listened { at: Endpoint::Inproc(self.0.clone()), guard: Some(Box::new(registered)) })
+            Ok(Listened { address: address.to_owned(), guard: Some(Box::new(registered)) })
         })
     }
 }
@@ -68,7 +77,7 @@ fn listen(name: &Name, acceptor: &Arc<Acceptor>) -> io::Result<Registered> {
 }
 
 /// Makes a link with the listener `name`.
-async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, AttemptError> {
+async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<LinkParts, AttemptError> {
     let found = LISTENERS.lock().get(name).and_then(Weak::upgrade);
     let acceptor = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
     let Introduction { application, session, .. } = *introduction;
@@ -80,9 +89,9 @@ async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, 
     }
     let (ours, place) = acceptor.enter(application.hello()).map_err(refused)?;
     let theirs = application.recognize(acceptor.application.hello()).map_err(failed)?;
-    let [here, there] = application.local_lanes();
-    acceptor.hand_out(assemble(&*acceptor.application, ours, session, there, Some(place))).await;
-    Ok(assemble(application, theirs, session, here, None))
+    let [here, there] = ends(application);
+    acceptor.hand_out(assemble(ours, session, there).holding(place)).await;
+    Ok(assemble(theirs, session, here))
 }
 
 /// Two links, each the other's peer: the first is `ours`, and has `theirs` at its other end.
@@ -98,31 +107,23 @@ pub fn pair<P: Protocol>(
     let (here, there) = (Side::<P>::of(ours)?, Side::<P>::of(theirs)?);
     let guest = here.admit(there.hello()).map_err(HandshakeError::Refused)?;
     let host = there.recognize(here.hello())?;
-    let [near, far] = here.local_lanes();
-    let near = assemble(&*here, guest, SessionId(0), near, None).into_link(net, config);
-    let far = assemble(&*there, host, SessionId(0), far, None).into_link(net, config);
+    let [near, far] = ends(&*here);
+    let near = assemble(guest, SessionId(0), near).into_link(net, config);
+    let far = assemble(host, SessionId(0), far).into_link(net, config);
     near.zip(far).ok_or(HandshakeError::Closed)
 }
 
-fn assemble(
-    application: &dyn Application,
-    peer: Peer,
-    session: SessionId,
-    lanes: Box<dyn Any + Send>,
-    place: Option<Place>,
-) -> Parts {
-    Parts {
-        lanes: Lanes::Local(lanes),
-        session,
-        address: PeerAddress::InProcess,
-        capabilities: CAPABILITIES,
-        shared: Shared {
-            peer: peer.name.clone(),
-            format: application.format(),
-            counters: Counters::unframed(),
-            _place: place.map(|place| Arc::new(place) as _),
-        },
-        peer,
-        doubt: None,
-    }
+/// One end of lanes within this process, and its counters.
+type End = (Box<dyn Any + Send>, Arc<Counters>);
+
+/// Both ends of new lanes.
+fn ends(application: &dyn Application) -> [End; 2] {
+    let [here, there] = [Counters::unframed(), Counters::unframed()];
+    let [near, far] = application.local_lanes([&here, &there]);
+    [(near, here), (far, there)]
+}
+
+fn assemble(peer: Peer, session: SessionId, (lanes, counters): End) -> LinkParts {
+    let lanes = Lanes::Local(lanes);
+    LinkParts::over(lanes, peer, session, PeerAddress::InProcess, CAPABILITIES, counters)
 }

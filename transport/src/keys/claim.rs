@@ -35,6 +35,27 @@ pub struct WrongRole {
     pub known: String,
 }
 
+/// This side does not know the peer's certificate.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error(
+    "the peer's certificate is {presented}, but {} expected: if it is the right peer, add its fingerprint to the peers",
+    expectation(.expected)
+)]
+pub struct UnknownPeer {
+    /// The certificates that this side knows.
+    pub expected: Vec<Fingerprint>,
+    /// The certificate that was shown.
+    pub presented: Fingerprint,
+}
+
+fn expectation(expected: &[Fingerprint]) -> String {
+    match expected {
+        [] => "none is".to_owned(),
+        [one] => format!("{one} is"),
+        many => format!("one of {many:?} is"),
+    }
+}
+
 /// Why the holder of a key is refused.
 #[derive(Debug, PartialEq)]
 pub(crate) enum KeyFault {

@@ -22,7 +22,7 @@ use zeroize::Zeroize;
 
 use crate::Name;
 pub(crate) use claim::KeyFault;
-pub use claim::{PeerKey, WrongRole};
+pub use claim::{PeerKey, UnknownPeer, WrongRole};
 use file::PrivateFile;
 pub use file::{KeyFiles, KeysError};
 pub use fingerprint::{Fingerprint, FingerprintError};

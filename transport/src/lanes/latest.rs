@@ -1,48 +1,18 @@
 //! The latest lane: a cell of size one.
 
-use trimaran_wire::{CloseReason, Fixed, Protocol, to_bytes};
-
-use crate::error::{LaneError, LaneSendError, ProtocolError, RecvError, SendError};
-use crate::inproc::lanes as inproc;
-use crate::lanes::shared::Shared;
-#[cfg(feature = "quic")]
-use crate::quic::latest as quic;
-use crate::stream::latest as stream;
-use crate::timeouts::Timeouts;
-#[cfg(feature = "udp")]
-use crate::udp::latest as udp;
 use trimaran_net::Instant;
+use trimaran_wire::{CloseReason, Fixed, FixedBytes, Protocol, to_bytes};
+
+use super::ends::{AnyTx, Came, Receiver, Sender, at_once, lost};
+use crate::error::{LaneError, ProtocolError, RecvError, SendError};
 
 /// Publishes values: each replaces the one before, whether that has been read or not.
 #[derive(Debug)]
-pub struct LatestSender<P: Protocol> {
-    pub(crate) lane: LatestTx<P>,
-    pub(crate) shared: Shared,
-    pub(crate) timeouts: Timeouts,
-}
+pub struct LatestSender<P: Protocol>(pub(crate) Sender<P::Latest, FixedBytes>);
 
 /// Reads the newest value.
 #[derive(Debug)]
-pub struct LatestReceiver<P: Protocol> {
-    pub(crate) lane: LatestRx<P>,
-    pub(crate) shared: Shared,
-    pub(crate) timeouts: Timeouts,
-}
-
-#[derive(Debug)]
-pub(crate) enum LatestTx<P: Protocol> {
-    Local(inproc::LatestTx<P>),
-    Wire(WireLatestTx),
-}
-
-#[derive(Debug)]
-pub(crate) enum LatestRx<P: Protocol> {
-    Local(inproc::LatestRx<P>),
-    Wire(Box<WireLatestRx>),
-}
-
-over_bytes!(WireLatestTx: LatestTx);
-over_bytes!(WireLatestRx: LatestRx);
+pub struct LatestReceiver<P: Protocol>(pub(crate) Receiver<P::Latest, FixedBytes>);
 
 impl<P: Protocol> LatestSender<P> {
     /// Publishes `value`. Never waits: if the peer is slow, only the newest value waits for it.
@@ -50,13 +20,11 @@ impl<P: Protocol> LatestSender<P> {
     /// # Errors
     /// If the peer is gone.
     pub fn publish(&mut self, value: P::Latest) -> Result<(), SendError> {
-        match &mut self.lane {
-            LatestTx::Local(lane) => lane.publish(value, &self.shared),
-            LatestTx::Wire(lane) => {
-                whichever!(WireLatestTx: lane, lane => lane.publish(to_bytes(&value), &self.shared))
-            }
+        match &mut self.0.lane {
+            AnyTx::Local(lane) => lane.stage(value),
+            AnyTx::Wire(lane) => lane.stage(to_bytes(&value)),
         }
-        .map_err(|e| self.error(e))
+        .map_err(|loss| lost(loss, &self.0.shared))
     }
 
     /// Closes this lane, after the last published value.
@@ -65,18 +33,8 @@ impl<P: Protocol> LatestSender<P> {
     ///
     /// # Errors
     /// If the peer is gone already, or takes nothing within the link's timeout.
-    pub async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
-        match &mut self.lane {
-            LatestTx::Local(lane) => lane.close(reason, &self.shared),
-            LatestTx::Wire(lane) => {
-                whichever!(WireLatestTx: lane, lane => lane.close(reason, &mut self.timeouts).await)
-            }
-        }
-        .map_err(|e| self.error(e))
-    }
-
-    fn error(&self, error: LaneSendError) -> SendError {
-        error.sending(&self.shared.peer, self.timeouts.limit())
+    pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
+        self.0.close(reason).await
     }
 }
 
@@ -105,14 +63,7 @@ impl<P: Protocol> LatestReceiver<P> {
     /// # Errors
     /// If the peer closed the link, is lost, or broke the protocol.
     pub fn try_latest(&mut self) -> Result<Option<P::Latest>, RecvError> {
-        match &mut self.lane {
-            LatestRx::Local(lane) => lane.try_latest(&self.shared),
-            LatestRx::Wire(lane) => {
-                let bytes = whichever!(WireLatestRx: &mut **lane, lane => lane.try_latest(&self.shared));
-                bytes.and_then(|bytes| bytes.as_deref().map(read::<P>).transpose())
-            }
-        }
-        .map_err(|e| self.error(e))
+        at_once(self.latest_until(None))
     }
 
     /// Discards everything until the lane ends, and returns how it ended.
@@ -124,32 +75,11 @@ impl<P: Protocol> LatestReceiver<P> {
         }
     }
 
-    /// Tells the peer's machine that this side is gone, on transports that need a live process for that:
-    /// after both have closed the link.
-    pub(crate) async fn part(self) {
-        #[cfg(feature = "quic")]
-        if let LatestRx::Wire(lane) = self.lane
-            && let WireLatestRx::Quic(lane) = *lane
-        {
-            lane.part().await;
-        }
-    }
-
     async fn latest_until(&mut self, by: Option<Instant>) -> Result<P::Latest, RecvError> {
-        match &mut self.lane {
-            LatestRx::Local(lane) => lane.latest(by, &self.shared, &mut self.timeouts).await,
-            LatestRx::Wire(lane) => {
-                let (shared, timeouts) = (&self.shared, &mut self.timeouts);
-                let bytes =
-                    whichever!(WireLatestRx: &mut **lane, lane => lane.latest(by, shared, timeouts).await);
-                bytes.and_then(|bytes| read::<P>(&bytes))
-            }
+        match self.0.next(by).await? {
+            Came::Local(value) => Ok(value),
+            Came::Wire(bytes) => read::<P>(&bytes).map_err(|e| e.receiving(&self.0.shared.peer)),
         }
-        .map_err(|e| self.error(e))
-    }
-
-    fn error(&self, error: LaneError) -> RecvError {
-        error.receiving(&self.shared.peer, self.timeouts.limit())
     }
 }
 

@@ -1,37 +1,28 @@
-//! The lanes of a link as the application uses them, over any transport.
-
-/// Half a lane over one of the transports that carry bytes: `over_bytes!(Name: Half)`, where each of the
-/// modules `stream`, `quic` and `udp` has its `Half`.
-macro_rules! over_bytes {
-    ($name:ident: $half:ident) => {
-        #[derive(Debug)]
-        #[allow(clippy::large_enum_variant, reason = "a link has one of each, for as long as it lives")]
-        pub(crate) enum $name {
-            Stream(stream::$half),
-            #[cfg(feature = "quic")]
-            Quic(quic::$half),
-            #[cfg(feature = "udp")]
-            Udp(udp::$half),
-        }
-    };
-}
-
-/// Applies the same code to such a half of any transport.
-macro_rules! whichever {
-    ($name:ident: $half:expr, $lane:ident => $act:expr) => {
-        match $half {
-            $name::Stream($lane) => $act,
-            #[cfg(feature = "quic")]
-            $name::Quic($lane) => $act,
-            #[cfg(feature = "udp")]
-            $name::Udp($lane) => $act,
-        }
-    };
-}
+//! The lanes of a link: their halves, which each transport brings, and these as the application uses them.
 
 pub(crate) mod bulk;
+pub(crate) mod ends;
 pub(crate) mod frames;
+pub(crate) mod half;
 pub(crate) mod latest;
+pub(crate) mod local;
 pub(crate) mod messages;
+pub(crate) mod queue;
 pub(crate) mod records;
 pub(crate) mod shared;
+mod trace;
+
+use half::Duplex;
+
+/// All lanes of a link: values `V`, messages of frames `F`, messages `M`, and blocks `B`.
+#[derive(Debug)]
+pub struct Lanes<V, F, M, B> {
+    /// Values that replace each other.
+    pub latest: Duplex<V>,
+    /// Frames.
+    pub frames: Duplex<F>,
+    /// Messages, in order and without loss.
+    pub messages: Duplex<M>,
+    /// Blocks, in order and without loss, behind all other lanes.
+    pub bulk: Duplex<B>,
+}

@@ -3,18 +3,14 @@
 
 use bytes::Bytes;
 use trimaran_net::Instant;
-use trimaran_wire::{CloseReason, Kind, Lane, Message};
+use trimaran_wire::{Kind, Lane, Message};
 
-use crate::error::{LaneError, LaneSendError, ProtocolError, RecvError, SendError, misplaced};
-use crate::inproc::records as inproc;
-use crate::lanes::shared::{Shared, at_once};
-#[cfg(feature = "quic")]
-use crate::quic::records as quic;
+use super::ends::{AnyTx, Came, Receiver, Sender, at_once, lost};
+use crate::error::{LaneError, ProtocolError, RecvError, SendError, misplaced};
 use crate::rates::Messages;
-use crate::stream::records as stream;
-use crate::timeouts::Timeouts;
-#[cfg(feature = "udp")]
-use crate::udp::records as udp;
+
+/// A record within this process, and its size if it were encoded.
+pub(crate) type Measured<T> = (T, usize);
 
 /// One of the lanes of records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,75 +48,38 @@ impl RecordLane {
     }
 }
 
-over_bytes!(WireRecordTx: RecordTx);
-over_bytes!(WireRecordRx: RecordRx);
-
-#[derive(Debug)]
-pub(crate) enum RecordTx<T> {
-    Local(inproc::RecordTx<T>),
-    Wire(WireRecordTx),
-}
-
-#[derive(Debug)]
-pub(crate) enum RecordRx<T> {
-    Local(inproc::RecordRx<T>),
-    Wire(WireRecordRx),
-}
-
 /// Sends records.
-#[derive(Debug)]
-pub(crate) struct RecordSender<T> {
-    pub(crate) lane: RecordTx<T>,
-    pub(crate) shared: Shared,
-    pub(crate) timeouts: Timeouts,
-}
+pub(crate) type RecordSender<T> = Sender<Measured<T>, Bytes>;
 
 impl<T> RecordSender<T> {
     /// Sends a record. Within one process `local` gives it, with its encoded size; otherwise `wire` gives its
     /// bytes. Either returns nothing for a record that is too long.
     pub(crate) async fn send(
         &mut self,
-        local: impl FnOnce() -> Option<(T, usize)>,
+        local: impl FnOnce() -> Option<Measured<T>>,
         wire: impl FnOnce() -> Option<Bytes>,
     ) -> Result<(), SendError> {
-        let Self { lane, shared, timeouts } = self;
-        let too_long = || SendError::TooLong { peer: shared.peer.clone() };
-        let sent = match lane {
-            RecordTx::Local(lane) => {
-                let (record, bytes) = local().ok_or_else(too_long)?;
-                lane.send(record, bytes, shared, timeouts).await
-            }
-            RecordTx::Wire(lane) => {
-                let record = wire().ok_or_else(too_long)?;
-                whichever!(WireRecordTx: lane, lane => lane.send(record, shared, timeouts).await)
-            }
+        let record = match &self.lane {
+            AnyTx::Local(_) => local().map(Came::Local),
+            AnyTx::Wire(_) => wire().map(Came::Wire),
         };
-        sent.map_err(|e| self.error(e))
-    }
-
-    pub(crate) async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
-        let (shared, timeouts) = (&self.shared, &mut self.timeouts);
-        match &mut self.lane {
-            RecordTx::Local(lane) => lane.close(reason, shared, timeouts).await,
-            RecordTx::Wire(lane) => {
-                whichever!(WireRecordTx: lane, lane => lane.close(reason, shared, timeouts).await)
-            }
+        let record = record.ok_or_else(|| SendError::TooLong { peer: self.shared.peer.clone() })?;
+        self.send_staged().await?;
+        match (&mut self.lane, record) {
+            (AnyTx::Local(lane), Came::Local(record)) => lane.stage(record),
+            (AnyTx::Wire(lane), Came::Wire(record)) => lane.stage(record),
+            // The lane stays what it is.
+            _ => Ok(()),
         }
-        .map_err(|e| self.error(e))
-    }
-
-    fn error(&self, error: LaneSendError) -> SendError {
-        error.sending(&self.shared.peer, self.timeouts.limit())
+        .map_err(|loss| lost(loss, &self.shared))
     }
 }
 
 /// Receives records.
 #[derive(Debug)]
 pub(crate) struct RecordReceiver<T> {
-    pub(crate) lane: RecordRx<T>,
-    pub(crate) shared: Shared,
     /// Without a limit to a wait.
-    pub(crate) timeouts: Timeouts,
+    pub(crate) lane: Receiver<Measured<T>, Bytes>,
     /// The message rate limit, where messages are counted.
     pub(crate) rate: Option<Messages>,
     /// Decodes a record.
@@ -130,24 +89,14 @@ pub(crate) struct RecordReceiver<T> {
 impl<T> RecordReceiver<T> {
     /// Waits for the next record, until `by` at most if that is given. Dropping the future loses nothing.
     pub(crate) async fn recv(&mut self, by: Option<Instant>) -> Result<T, RecvError> {
-        let Self { lane, shared, timeouts, rate, read } = self;
-        let record = match lane {
-            RecordRx::Local(lane) => lane.next(by, shared, timeouts).await,
-            RecordRx::Wire(lane) => {
-                { whichever!(WireRecordRx: lane, lane => lane.next(by, shared, timeouts).await) }.and_then(
-                    |bytes| {
-                        if let Some(rate) = rate {
-                            rate.count(|| timeouts.now()).map_err(|e| {
-                                shared.counters.flooded();
-                                LaneError::Protocol(ProtocolError::TooMany(e))
-                            })?;
-                        }
-                        read(bytes).map_err(LaneError::Protocol)
-                    },
-                )
+        let Self { lane, rate, read } = self;
+        match lane.next(by).await? {
+            Came::Local((record, _)) => Ok(record),
+            Came::Wire(bytes) => {
+                rate.as_mut().map_or(Ok(()), |rate| lane.count(rate)).and_then(|()| read(bytes))
             }
-        };
-        record.map_err(|e| e.receiving(&self.shared.peer, self.timeouts.limit()))
+        }
+        .map_err(|e| LaneError::Protocol(e).receiving(&lane.shared.peer))
     }
 
     /// The next record if it has arrived.

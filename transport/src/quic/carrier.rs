@@ -5,6 +5,7 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
+use futures_util::future::join_all;
 use quinn::{Connection, ConnectionError, ReadError, SendStream, VarInt, WriteError};
 
 use crate::error::Loss;
@@ -62,16 +63,9 @@ impl Drop for Carrier {
         let (net, connection) = (Arc::clone(&self.net), self.connection.clone());
         let leaving = std::mem::take(&mut *self.leaving.lock());
         self.net.spawn(Box::pin(async move {
-            until(&*net, net.now().after(LINGER), all_arrived(&leaving)).await;
+            until(&*net, net.now().after(LINGER), join_all(leaving.iter().map(SendStream::stopped))).await;
             connection.close(CLOSED, b"");
         }));
-    }
-}
-
-/// Waits until the peer's machine has everything of `streams`, or the connection is gone.
-pub(crate) async fn all_arrived(streams: impl IntoIterator<Item = &SendStream>) {
-    for stream in streams {
-        let _gone = stream.stopped().await;
     }
 }
 
@@ -104,13 +98,19 @@ mod tests {
     use std::sync::mpsc;
     use std::thread;
 
-    use crate::conformance::{ARM, PANEL, Robot, finished, greeting};
-    use crate::keys::{Keys, Security};
-    use crate::lanes::latest::{LatestRx, WireLatestRx};
-    use crate::{Bulk, Link, Listener, Options, RecvError, TokioNet, connect};
     use tokio::runtime::Builder;
+    use trimaran_wire::{Accept, Message};
 
+    use super::super::connect::endpoint;
+    use super::super::control::Control;
+    use super::super::listen::server;
     use super::*;
+    use crate::acceptor::Acceptor;
+    use crate::application::Side;
+    use crate::conformance::{ARM, PANEL, Robot, finished, greeting};
+    use crate::handshake::Handshake;
+    use crate::keys::{Keys, Security};
+    use crate::{Bulk, Endpoint, Link, LinkConfig, Options, RecvError, TokioNet, connect};
 
     const SECONDS: Duration = Duration::from_secs(10);
 
@@ -128,7 +128,7 @@ mod tests {
         let process = thread::spawn(move || {
             runtime().block_on(async {
                 let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
-                let (endpoint, by) = (told.recv().unwrap(), net.now().after(SECONDS));
+                let (endpoint, by): (Endpoint, _) = (told.recv().unwrap(), net.now().after(SECONDS));
                 let mut link = connect::<Robot>(&net, &endpoint, greeting(PANEL), &theirs, by).await.unwrap();
                 let heard = link.frames_rx.recv().await;
                 assert!(matches!(heard, Err(RecvError::Closed { .. })), "{heard:?}");
@@ -137,20 +137,36 @@ mod tests {
         });
         runtime().block_on(async {
             let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
-            let loopback = "quic://127.0.0.1:0".parse().unwrap();
-            let mut listener = Listener::<Robot>::bind(&net, &loopback, greeting(ARM), &ours).await.unwrap();
-            tell.send(listener.local_endpoint().clone()).unwrap();
-            let link = listener.accept(net.now().after(SECONDS)).await.unwrap();
-            let Link { frames_tx, latest_tx, messages_tx, bulk, latest_rx, .. } = link;
-            let LatestRx::Wire(lane) = &latest_rx.lane else { unreachable!("not within one process") };
-            let WireLatestRx::Quic(lane) = &**lane else { unreachable!("a link over QUIC") };
+            let application = Side::<Robot>::of(greeting(ARM)).unwrap();
+            let acceptor = Acceptor::new(
+                &net,
+                Arc::clone(&application),
+                ours.link,
+                ours.limits,
+                tokio::sync::mpsc::channel(1).0,
+            );
+            let (config, _) = server(&acceptor, ours.security.as_ref().unwrap(), &ours.quic).unwrap();
+            let loopback = "127.0.0.1:0".parse().unwrap();
+            let (endpoint, at) = endpoint(&net, loopback, &ours.quic, Some(config)).unwrap();
+            tell.send(format!("quic://{at}").parse().unwrap()).unwrap();
+            let connection = endpoint.accept().await.unwrap().await.unwrap();
+            let streams = connection.accept_bi().await.unwrap();
+            let mut control = Control::new(connection.clone(), streams, application.format());
+            let hello = control.recv_hello().await.unwrap();
+            let peer = application.recognize(&hello.application).unwrap();
+            let beside = control.accept_beside().await.unwrap();
+            let accept = Accept { application: application.hello().clone() };
+            control.send(&Message::Accept(accept)).await.unwrap();
+            let parts = control.into_parts(&net, peer, (hello.session, beside));
+            let link = parts.into_link::<Robot>(&net, &LinkConfig::default()).unwrap();
+            let Link { frames_tx, latest_tx, messages_tx, bulk, latest_rx: _latest_rx, .. } = link;
             frames_tx.close(finished()).await.unwrap();
             latest_tx.close(finished()).await.unwrap();
             messages_tx.close(finished()).await.unwrap();
             let Bulk { tx: bulk_tx, rx: _bulk_rx } = bulk.unwrap();
             bulk_tx.close(finished()).await.unwrap();
             // Not a silence until the idle timeout.
-            let end = lane.connection().closed().await;
+            let end = connection.closed().await;
             assert!(matches!(end, ConnectionError::ApplicationClosed(_)), "{end:?}");
         });
         process.join().unwrap();

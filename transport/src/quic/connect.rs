@@ -8,15 +8,14 @@ use quinn::crypto::rustls::QuicClientConfig;
 use quinn::{ClientConfig, Endpoint, EndpointConfig, ServerConfig};
 use trimaran_wire::{Lane, Message};
 
-use super::QuicOptions;
 use super::control::{Control, check_datagrams, explain};
 use super::runtime::{NetRuntime, NetSocket};
 use super::tls::{self, Verifier};
-use crate::HostPort;
+use super::{Quic, QuicOptions};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Security;
-use crate::parts::Parts;
-use crate::scheme::Introduction;
+use crate::lane_transport::Introduction;
+use crate::parts::LinkParts;
 use crate::transport::AttemptError;
 use trimaran_net::{Net, random_bytes};
 
@@ -26,20 +25,21 @@ const SERVER_NAME: &str = "trimaran";
 /// One attempt.
 pub(super) async fn attempt(
     net: &Arc<dyn Net>,
-    at: &HostPort,
+    at: &str,
+    quic: &Quic,
     introduction: &Introduction<'_>,
-) -> Result<Parts, AttemptError> {
-    each_address(net, at, |to| introduce(net, to, introduction)).await
+) -> Result<LinkParts, AttemptError> {
+    each_address(net, at, |to| introduce(net, to, quic, introduction)).await
 }
 
 /// Tries each address of a host once, until one answers: that answer is final.
-async fn each_address<F: Future<Output = Result<Parts, AttemptError>>>(
+async fn each_address<F: Future<Output = Result<LinkParts, AttemptError>>>(
     net: &Arc<dyn Net>,
-    at: &HostPort,
+    at: &str,
     introduce: impl Fn(SocketAddr) -> F,
-) -> Result<Parts, AttemptError> {
+) -> Result<LinkParts, AttemptError> {
     let mut last = AttemptError::NoAddress;
-    for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {
+    for to in net.resolve(at).await.map_err(AttemptError::Resolve)? {
         match introduce(to).await {
             Err(e @ AttemptError::Connect { .. }) => last = e,
             done => return done,
@@ -51,23 +51,24 @@ async fn each_address<F: Future<Output = Result<Parts, AttemptError>>>(
 async fn introduce(
     net: &Arc<dyn Net>,
     to: SocketAddr,
+    Quic { options, security }: &Quic,
     introduction: &Introduction<'_>,
-) -> Result<Parts, AttemptError> {
-    let Introduction { application, session, options, .. } = *introduction;
+) -> Result<LinkParts, AttemptError> {
+    let Introduction { application, session, link, .. } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
-    let security = options.security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
+    let security = security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
     let Security { keys, peers } = security;
     let verifier = Verifier::new(peers);
     let crypto = tls::client(keys, &verifier, &application.protocol()).map_err(|e| failed(e.into()))?;
     let crypto = QuicClientConfig::try_from(crypto).map_err(|e| refused(io::Error::other(e)))?;
     let mut config = ClientConfig::new(Arc::new(crypto));
-    config.transport_config(options.quic.transport(&options.link, &application.format()));
+    config.transport_config(options.transport(link, &application.format()));
     let here: SocketAddr = match to {
         SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
         SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
     };
-    let (endpoint, _) = endpoint(net, here, &options.quic, None).map_err(refused)?;
+    let (endpoint, _) = endpoint(net, here, options, None).map_err(refused)?;
     let connecting =
         endpoint.connect_with(config, to, SERVER_NAME).map_err(|e| refused(io::Error::other(e)))?;
     let explained = |e| failed(explain(e, &verifier, keys.public().quic, application.protocol()));
@@ -89,12 +90,12 @@ async fn introduce(
     })?;
     let judged = tls::key_of(&connection).ok_or(HandshakeError::Stranger);
     let judged = judged.and_then(|key| Ok(security.judge(key, theirs.role.as_deref())?));
-    let parts = control.into_parts(net, theirs, (session, beside), None);
-    Ok(Parts { doubt: judged.err(), ..parts })
+    let parts = control.into_parts(net, theirs, (session, beside));
+    Ok(LinkParts { doubt: judged.err(), ..parts })
 }
 
 /// quinn on a socket of `net`; returns the bound address.
-pub(super) fn endpoint(
+pub(crate) fn endpoint(
     net: &Arc<dyn Net>,
     at: SocketAddr,
     options: &QuicOptions,

@@ -1,6 +1,5 @@
 //! The control stream during the handshake, and the link made from it.
 
-use std::fmt;
 use std::future::poll_fn;
 use std::sync::Arc;
 
@@ -18,11 +17,9 @@ use super::tls::Verifier;
 use crate::error::{LaneError, Loss};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Fingerprint;
-use crate::lanes::frames::{WireFrameRx, WireFrameTx};
-use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::records::{RecordLane, WireRecordRx, WireRecordTx};
-use crate::lanes::shared::Shared;
-use crate::parts::{Lanes, Parts, Wire};
+use crate::lanes;
+use crate::lanes::records::RecordLane;
+use crate::parts::LinkParts;
 use crate::peer::Peer;
 use crate::peer::PeerAddress;
 use crate::stats::Counters;
@@ -39,14 +36,14 @@ const CERTIFICATE_UNKNOWN: u8 = 46;
 const NO_APPLICATION_PROTOCOL: u8 = 120;
 
 /// A stream in both directions.
-pub(super) type BothWays = (SendStream, RecvStream);
+pub(crate) type BothWays = (SendStream, RecvStream);
 
 /// The streams beside the control stream: one for messages, and one for blocks.
-pub(super) type Beside = [BothWays; 2];
+pub(crate) type Beside = [BothWays; 2];
 
 /// The stream on which the two sides introduce themselves.
 #[derive(Debug)]
-pub(super) struct Control {
+pub(crate) struct Control {
     connection: Connection,
     send: SendStream,
     recv: RecvStream,
@@ -56,13 +53,13 @@ pub(super) struct Control {
 }
 
 impl Control {
-    pub(super) fn new(connection: Connection, (send, recv): BothWays, format: Format) -> Self {
+    pub(crate) fn new(connection: Connection, (send, recv): BothWays, format: Format) -> Self {
         // Fails only for a stream that is closed.
         let _ = send.set_priority(i32::MAX);
         Self { connection, send, recv, format, decoder: Decoder::new(format), counters: Counters::framed() }
     }
 
-    pub(super) async fn send(&mut self, message: &Message) -> Result<(), HandshakeError> {
+    pub(crate) async fn send(&mut self, message: &Message) -> Result<(), HandshakeError> {
         let mut bytes = BytesMut::new();
         message.encode(&mut bytes);
         self.counters.sent.count(message.kind(), bytes.len() - HEADER_BYTES);
@@ -73,7 +70,7 @@ impl Control {
     }
 
     /// Opens the streams beside this one, and announces them to the other side.
-    pub(super) async fn open_beside(&self) -> Result<Beside, HandshakeError> {
+    pub(crate) async fn open_beside(&self) -> Result<Beside, HandshakeError> {
         Ok([self.open().await?, self.open().await?])
     }
 
@@ -100,33 +97,26 @@ impl Control {
         net: &Arc<dyn Net>,
         peer: Peer,
         (session, [messages, bulk]): (SessionId, Beside),
-        place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
-    ) -> Parts {
+    ) -> LinkParts {
         let Self { connection, send, recv, format, decoder, counters } = self;
         let address = PeerAddress::Quic(connection.remote_address());
-        let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
         let carrier = Carrier::new(net, connection);
-        // The lane in the task outlives the link, and must not keep the peer's place.
-        let copier = Shared { _place: None, ..shared.clone() };
+        let counts = &counters;
         let records = |lane, (send, recv): BothWays| {
-            (
-                WireRecordTx::Quic(RecordTx::new(&carrier, lane, send)),
-                WireRecordRx::Quic(RecordRx::new(&carrier, lane, recv, format)),
-            )
+            let tx = RecordTx::new(&carrier, lane, send, counts);
+            (Box::new(tx) as _, Box::new(RecordRx::new(&carrier, lane, recv, format, counts)) as _)
         };
-        let lanes = Lanes::Wire(Box::new(Wire {
-            latest: (
-                WireLatestTx::Quic(LatestTx::new(&carrier, send, copier)),
-                WireLatestRx::Quic(LatestRx::new(&carrier, recv, decoder)),
-            ),
+        let latest = LatestRx::new(&carrier, recv, decoder, format, counts);
+        let lanes = lanes::Lanes {
+            latest: (Box::new(LatestTx::new(&carrier, send, counts)), Box::new(latest)),
             frames: (
-                WireFrameTx::Quic(FrameTx::new(&carrier)),
-                WireFrameRx::Quic(FrameRx::new(&carrier, format)),
+                Box::new(FrameTx::new(&carrier, counts)),
+                Box::new(FrameRx::new(&carrier, format, counts)),
             ),
             messages: records(RecordLane::Messages, messages),
             bulk: records(RecordLane::Bulk, bulk),
-        }));
-        Parts { lanes, peer, session, address, capabilities: CAPABILITIES, shared, doubt: None }
+        };
+        LinkParts::new(lanes, peer, session, address, CAPABILITIES, counters)
     }
 }
 

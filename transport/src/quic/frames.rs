@@ -5,21 +5,22 @@
 //! the close. Older streams go first where the connection cannot take all.
 
 use std::collections::VecDeque;
-use std::future::poll_fn;
+use std::fmt;
 use std::pin::pin;
 use std::sync::Arc;
-use std::task::{Context, Poll, Waker, ready};
+use std::task::{Context, Poll, ready};
 
 use bytes::{Bytes, BytesMut};
-use quinn::{RecvStream, SendStream, VarInt};
+use futures_util::future::{BoxFuture, FutureExt, join_all};
+use futures_util::stream::{self, BoxStream, StreamExt};
+use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
 use tokio::io::AsyncReadExt;
 use trimaran_wire::{CloseReason, Decoder, Format, FrameMessage, HEADER_BYTES, Kind, Lane, Message};
 
-use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
-use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
-use crate::lanes::shared::Shared;
-use crate::timeouts::Timeouts;
-use trimaran_net::Instant;
+use super::carrier::{Carrier, loss, read_loss, write_loss};
+use crate::error::{LaneError, Loss, ProtocolError, misplaced};
+use crate::lanes::half::{Half, LaneTx, Rx, Tx};
+use crate::stats::{Counters, Direction};
 
 /// How much is read at once: whole frames, mostly.
 const ROOM: usize = 64 * 1024;
@@ -28,9 +29,14 @@ const PART: usize = 64 * 1024;
 /// The code that stops a stream that nobody reads.
 const UNREAD: VarInt = VarInt::from_u32(0);
 
-#[derive(Debug)]
+/// Streams, one after the other, as quinn gives them.
+type Streams<S> = BoxStream<'static, Result<S, ConnectionError>>;
+
 pub(crate) struct FrameTx {
     carrier: Arc<Carrier>,
+    counters: Arc<Counters>,
+    /// Opens streams.
+    open: Streams<SendStream>,
     /// The stream of the open frame.
     stream: Option<SendStream>,
     /// Finished streams that may not have arrived completely.
@@ -39,6 +45,14 @@ pub(crate) struct FrameTx {
     priority: i32,
     buffer: BytesMut,
     staged: VecDeque<Part>,
+    /// Ends when everything has arrived.
+    arrived: Option<BoxFuture<'static, ()>>,
+}
+
+impl fmt::Debug for FrameTx {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FrameTx").field("staged", &self.staged).finish_non_exhaustive()
+    }
 }
 
 /// Bytes of one stream.
@@ -50,26 +64,29 @@ struct Part {
 }
 
 impl FrameTx {
-    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
+    pub(crate) fn new(carrier: &Arc<Carrier>, counters: &Arc<Counters>) -> Self {
+        let open = |connection: Connection| async { Some((connection.open_uni().await, connection)) };
         Self {
             carrier: Arc::clone(carrier),
+            counters: Arc::clone(counters),
+            open: stream::unfold(carrier.connection.clone(), open).boxed(),
             stream: None,
             flying: VecDeque::new(),
             priority: 0,
             buffer: BytesMut::new(),
             staged: VecDeque::new(),
+            arrived: None,
         }
     }
 
-    pub(crate) fn stage(&mut self, message: impl Into<Message>, shared: &Shared) {
-        let message = message.into();
+    fn put(&mut self, message: &Message) {
         // The rest of the buffer serves the following reads; once it is used up, a new one is allocated.
         if self.buffer.capacity() == 0 {
             self.buffer.reserve(PART);
         }
         let before = self.buffer.len();
         message.encode(&mut self.buffer);
-        shared.counters.sent.count(message.kind(), self.buffer.len() - before - HEADER_BYTES);
+        self.counters.sent.count(message.kind(), self.buffer.len() - before - HEADER_BYTES);
         let last = matches!(message.kind(), Kind::End | Kind::Close);
         if last || self.buffer.len() >= PART {
             self.cut(last);
@@ -80,44 +97,18 @@ impl FrameTx {
         self.staged.push_back(Part { bytes: self.buffer.split().freeze(), last });
     }
 
-    /// Passes staged messages to the connection. Any progress restarts the timeout.
-    pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        if !self.buffer.is_empty() {
-            self.cut(false);
+    /// The stream of the open frame.
+    fn poll_stream(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        if self.stream.is_none()
+            && let Some(opened) = ready!(self.open.poll_next_unpin(cx))
+        {
+            let stream = opened.map_err(loss)?;
+            self.priority = self.priority.checked_sub(1).unwrap_or(0);
+            // Fails only for a stream that is closed.
+            let _ = stream.set_priority(self.priority);
+            self.stream = Some(stream);
         }
-        while let Some(part) = self.staged.front_mut() {
-            let stream = match &mut self.stream {
-                Some(stream) => stream,
-                None => {
-                    let opened = timeouts.wait(None, self.carrier.connection.open_uni()).await;
-                    let stream = opened
-                        .map_err(|_| LaneSendError::Stalled)?
-                        .map_err(|e| LaneSendError::Lost(loss(e)))?;
-                    self.priority = self.priority.checked_sub(1).unwrap_or(0);
-                    // Fails only for a stream that is closed.
-                    let _ = stream.set_priority(self.priority);
-                    self.stream.insert(stream)
-                }
-            };
-            while !part.bytes.is_empty() {
-                let bytes = std::slice::from_mut(&mut part.bytes);
-                timeouts
-                    .wait(None, stream.write_chunks(bytes))
-                    .await
-                    .map_err(|_| LaneSendError::Stalled)?
-                    .map_err(|e| LaneSendError::Lost(write_loss(e)))?;
-            }
-            if part.last {
-                self.finish();
-            }
-            self.staged.pop_front();
-        }
-        Ok(())
-    }
-
-    /// Waits until everything has arrived.
-    pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        timeouts.wait(None, all_arrived(&self.flying)).await.map_err(|_| LaneSendError::Stalled)
+        Poll::Ready(Ok(()))
     }
 
     fn finish(&mut self) {
@@ -133,6 +124,52 @@ impl FrameTx {
     }
 }
 
+impl Half for FrameTx {}
+
+impl LaneTx for FrameTx {
+    fn poll_send(&mut self, cx: &mut Context<'_>) -> Poll<Result<bool, Loss>> {
+        if !self.buffer.is_empty() {
+            self.cut(false);
+        }
+        if self.staged.is_empty() {
+            return Poll::Ready(Ok(true));
+        }
+        ready!(self.poll_stream(cx))?;
+        if let (Some(part), Some(stream)) = (self.staged.front_mut(), &mut self.stream) {
+            if !part.bytes.is_empty() {
+                // The future holds no state of its own, so that a fresh one per poll continues the last one.
+                let bytes = std::slice::from_mut(&mut part.bytes);
+                ready!(pin!(stream.write_chunks(bytes)).poll(cx)).map_err(write_loss)?;
+            }
+            if part.bytes.is_empty() {
+                let last = part.last;
+                self.staged.pop_front();
+                if last {
+                    self.finish();
+                }
+            }
+        }
+        Poll::Ready(Ok(self.staged.is_empty()))
+    }
+
+    fn close(&mut self, reason: CloseReason) -> Result<(), Loss> {
+        self.put(&Message::Close(reason));
+        Ok(())
+    }
+
+    fn poll_closed(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        let arrive = || join_all(self.flying.iter().map(SendStream::stopped)).map(drop).boxed();
+        self.arrived.get_or_insert_with(arrive).poll_unpin(cx).map(Ok)
+    }
+}
+
+impl Tx<FrameMessage> for FrameTx {
+    fn stage(&mut self, message: FrameMessage) -> Result<(), Loss> {
+        self.put(&message.into());
+        Ok(())
+    }
+}
+
 impl Drop for FrameTx {
     fn drop(&mut self) {
         self.finish();
@@ -140,9 +177,11 @@ impl Drop for FrameTx {
     }
 }
 
-#[derive(Debug)]
 pub(crate) struct FrameRx {
     carrier: Arc<Carrier>,
+    counters: Arc<Counters>,
+    /// The peer's streams.
+    accept: Streams<RecvStream>,
     stream: Option<RecvStream>,
     decoder: Decoder,
     /// Between the beginning and the end of a frame.
@@ -150,64 +189,24 @@ pub(crate) struct FrameRx {
     closed: Option<CloseReason>,
 }
 
+impl fmt::Debug for FrameRx {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FrameRx").field("decoder", &self.decoder).finish_non_exhaustive()
+    }
+}
+
 impl FrameRx {
-    pub(crate) fn new(carrier: &Arc<Carrier>, format: Format) -> Self {
-        let carrier = Arc::clone(carrier);
-        Self { carrier, stream: None, decoder: Decoder::new(format), within: false, closed: None }
-    }
-
-    pub(crate) async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<FrameMessage, LaneError> {
-        if let Some(reason) = &self.closed {
-            return Err(LaneError::Closed(reason.clone()));
+    pub(crate) fn new(carrier: &Arc<Carrier>, format: Format, counters: &Arc<Counters>) -> Self {
+        let accept = |connection: Connection| async { Some((connection.accept_uni().await, connection)) };
+        Self {
+            carrier: Arc::clone(carrier),
+            counters: Arc::clone(counters),
+            accept: stream::unfold(carrier.connection.clone(), accept).boxed(),
+            stream: None,
+            decoder: Decoder::new(format),
+            within: false,
+            closed: None,
         }
-        loop {
-            if let Some(message) = self.buffered(shared)? {
-                let message = match message {
-                    Message::Frame(message) => message,
-                    Message::Close(reason) => {
-                        self.closed = Some(reason.clone());
-                        return Err(LaneError::Closed(reason));
-                    }
-                    other => return Err(misplaced(other.kind(), Lane::Frames)),
-                };
-                match &message {
-                    FrameMessage::Begin { .. } => self.within = true,
-                    FrameMessage::End(_) => self.within = false,
-                    _ => {}
-                }
-                return Ok(message);
-            }
-            match &mut self.stream {
-                Some(stream) => {
-                    let decoder = &mut self.decoder;
-                    let read = timeouts.wait(by, poll_fn(|cx| poll_fill(stream, decoder, cx))).await;
-                    if read.map_err(LaneError::Expired)?? == 0 {
-                        self.end_of_stream()?;
-                    }
-                }
-                None => {
-                    let accepted = timeouts.wait(by, self.carrier.connection.accept_uni()).await;
-                    let stream = accepted.map_err(LaneError::Expired)?;
-                    self.stream = Some(stream.map_err(|e| LaneError::Lost(loss(e)))?);
-                }
-            }
-        }
-    }
-
-    fn buffered(&mut self, shared: &Shared) -> Result<Option<Message>, LaneError> {
-        let before = self.decoder.position();
-        let message =
-            self.decoder.next_message().map_err(|e| LaneError::Protocol(ProtocolError::Decode(e)))?;
-        if let Some(message) = &message {
-            let bytes = self.decoder.position().saturating_sub(before) as usize;
-            shared.counters.received.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
-        }
-        Ok(message)
     }
 
     /// A stream ends with its frame. One that ends earlier was left by a dropped sender.
@@ -220,6 +219,44 @@ impl FrameRx {
             }
             bytes => Err(LaneError::Lost(Loss::Cut { bytes })),
         }
+    }
+}
+
+impl Half for FrameRx {}
+
+impl Rx<FrameMessage> for FrameRx {
+    fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<FrameMessage>, LaneError>> {
+        if let Some(reason) = &self.closed {
+            return Poll::Ready(Err(LaneError::Closed(reason.clone())));
+        }
+        match buffered(&mut self.decoder, &self.counters.received)? {
+            Some(Message::Frame(message)) => {
+                match &message {
+                    FrameMessage::Begin { .. } => self.within = true,
+                    FrameMessage::End(_) => self.within = false,
+                    _ => {}
+                }
+                return Poll::Ready(Ok(Some(message)));
+            }
+            Some(Message::Close(reason)) => {
+                self.closed = Some(reason.clone());
+                return Poll::Ready(Err(LaneError::Closed(reason)));
+            }
+            Some(other) => return Poll::Ready(Err(misplaced(other.kind(), Lane::Frames))),
+            None => {}
+        }
+        match &mut self.stream {
+            Some(stream) => {
+                if ready!(poll_fill(stream, &mut self.decoder, cx))? == 0 {
+                    self.end_of_stream()?;
+                }
+            }
+            None => {
+                let accepted = ready!(self.accept.poll_next_unpin(cx)).transpose();
+                self.stream = accepted.map_err(|e| LaneError::Lost(loss(e)))?;
+            }
+        }
+        Poll::Ready(Ok(None))
     }
 }
 
@@ -256,7 +293,13 @@ pub(super) fn poll_fill(
     Poll::Ready(read.map_err(|e| LaneError::Lost(e.downcast().map_or_else(Loss::Io, read_loss))))
 }
 
-/// Polls without being woken later.
-pub(super) fn noop() -> Context<'static> {
-    Context::from_waker(Waker::noop())
+/// A message that has arrived in full.
+pub(super) fn buffered(decoder: &mut Decoder, counts: &Direction) -> Result<Option<Message>, LaneError> {
+    let before = decoder.position();
+    let message = decoder.next_message().map_err(|e| LaneError::Protocol(ProtocolError::Decode(e)))?;
+    if let Some(message) = &message {
+        let bytes = decoder.position().saturating_sub(before) as usize;
+        counts.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
+    }
+    Ok(message)
 }

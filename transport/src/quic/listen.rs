@@ -11,6 +11,7 @@ use trimaran_wire::{Accept, Hello, Lane, Message, Refusal};
 use super::connect::endpoint;
 use super::control::{Control, check_datagrams, explain};
 use super::tls::{self, Verifier};
+use super::{Quic, QuicOptions};
 use crate::PeerAddress;
 use crate::acceptor::Acceptor;
 use crate::handshake::{Handshake, HandshakeError};
@@ -22,33 +23,35 @@ use trimaran_net::until;
 const WAITING: u64 = 16 * 1024;
 
 /// Listens, and receives peers until nobody accepts any more. Returns the address.
-pub(super) fn listen(at: SocketAddr, acceptor: &Arc<Acceptor>) -> io::Result<SocketAddr> {
-    let options = &acceptor.options;
-    let security = options.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
-    let (config, _) = server(acceptor, &security).map_err(io::Error::other)?;
-    let (endpoint, address) = endpoint(&acceptor.net, at, &options.quic, Some(config))?;
-    acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), security, endpoint)));
+pub(super) fn listen(at: SocketAddr, quic: &Quic, acceptor: &Arc<Acceptor>) -> io::Result<SocketAddr> {
+    let options = quic.options;
+    let security = quic.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
+    let (config, _) = server(acceptor, &security, &options).map_err(io::Error::other)?;
+    let (endpoint, address) = endpoint(&acceptor.net, at, &options, Some(config))?;
+    acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), security, options, endpoint)));
     Ok(address)
 }
 
 /// The configuration of one handshake, and its certificate verifier.
-fn server(acceptor: &Acceptor, security: &Security) -> Result<(ServerConfig, Arc<Verifier>), HandshakeError> {
+pub(super) fn server(
+    acceptor: &Acceptor,
+    security: &Security,
+    options: &QuicOptions,
+) -> Result<(ServerConfig, Arc<Verifier>), HandshakeError> {
     let verifier = Verifier::new(&security.peers);
     let crypto = tls::server(&security.keys, &verifier, &acceptor.application.protocol())?;
     let crypto = QuicServerConfig::try_from(crypto).map_err(|e| HandshakeError::Io(io::Error::other(e)))?;
     let mut config = ServerConfig::with_crypto(Arc::new(crypto));
-    let handshakes = acceptor.options.limits.handshakes;
+    let handshakes = acceptor.limits.handshakes;
     config
-        .transport_config(
-            acceptor.options.quic.transport(&acceptor.options.link, &acceptor.application.format()),
-        )
+        .transport_config(options.transport(&acceptor.link, &acceptor.application.format()))
         .max_incoming(handshakes)
         .incoming_buffer_size(WAITING)
         .incoming_buffer_size_total(WAITING * handshakes as u64);
     Ok((config, verifier))
 }
 
-async fn serve(acceptor: Arc<Acceptor>, security: Security, endpoint: Endpoint) {
+async fn serve(acceptor: Arc<Acceptor>, security: Security, options: QuicOptions, endpoint: Endpoint) {
     loop {
         let incoming = tokio::select! {
             biased;
@@ -71,7 +74,7 @@ async fn serve(acceptor: Arc<Acceptor>, security: Security, endpoint: Endpoint) 
         }
         let guest = Guest { slot: acceptor.slot(&from), acceptor: Arc::clone(&acceptor) };
         let security = security.clone();
-        acceptor.net.spawn(Box::pin(async move { guest.receive(incoming, &security).await }));
+        acceptor.net.spawn(Box::pin(async move { guest.receive(incoming, &security, &options).await }));
     }
     endpoint.set_server_config(None);
 }
@@ -83,11 +86,11 @@ struct Guest {
 }
 
 impl Guest {
-    async fn receive(mut self, incoming: Incoming, security: &Security) {
+    async fn receive(mut self, incoming: Incoming, security: &Security, options: &QuicOptions) {
         let address = incoming.remote_address();
         let acceptor = &self.acceptor;
-        let deadline = acceptor.net.now().after(acceptor.options.link.handshake_timeout);
-        let handshake = shake_hands(acceptor, incoming, security);
+        let deadline = acceptor.net.now().after(acceptor.link.handshake_timeout);
+        let handshake = shake_hands(acceptor, incoming, security, options);
         let outcome = tokio::select! {
             biased;
             outcome = until(&*acceptor.net, deadline, handshake) => outcome.unwrap_or(Err(HandshakeError::TimedOut)),
@@ -103,8 +106,9 @@ async fn shake_hands(
     acceptor: &Acceptor,
     incoming: Incoming,
     security: &Security,
+    options: &QuicOptions,
 ) -> Result<(), HandshakeError> {
-    let (config, verifier) = server(acceptor, security)?;
+    let (config, verifier) = server(acceptor, security, options)?;
     let Acceptor { net, application, .. } = acceptor;
     let explained = |e| explain(e, &verifier, security.keys.public().quic, application.protocol());
     let connection = incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
@@ -127,8 +131,8 @@ async fn shake_hands(
         Ok((peer, place)) => {
             let beside = control.accept_beside().await?;
             control.send(&Message::Accept(Accept { application: application.hello().clone() })).await?;
-            let place = Some(Arc::new(place) as _);
-            acceptor.hand_out(control.into_parts(net, peer, (session, beside), place)).await;
+            let parts = control.into_parts(net, peer, (session, beside));
+            acceptor.hand_out(parts.holding(place)).await;
             Ok(())
         }
         Err(error) => {
@@ -149,7 +153,6 @@ mod tests {
     use tokio::sync::mpsc;
     use tokio::task::JoinSet;
 
-    use super::super::QuicOptions;
     use super::*;
     use crate::application::Side;
     use crate::conformance::{ARM, Robot, greeting};
@@ -171,8 +174,8 @@ mod tests {
         let options = Options { limits, link, quic, ..Options::default() };
         let application = Side::<Robot>::of(greeting(ARM)).unwrap();
         let (protocol, format) = (application.protocol(), application.format());
-        let acceptor = Acceptor::new(&net, application, &options, mpsc::channel(1).0);
-        let (config, _) = server(&acceptor, &security).unwrap();
+        let acceptor = Acceptor::new(&net, application, options.link, options.limits, mpsc::channel(1).0);
+        let (config, _) = server(&acceptor, &security, &options.quic).unwrap();
         let loopback = "127.0.0.1:0".parse().unwrap();
         let (there, at) = endpoint(&net, loopback, &options.quic, Some(config)).unwrap();
 

@@ -6,19 +6,17 @@
 //! followed, then the close of the latest lane. See `transport/wire/WIRE.md`.
 
 mod carrier;
-mod connect;
-mod control;
-pub(crate) mod frames;
-pub(crate) mod latest;
-#[cfg(test)]
-mod lies;
+pub(crate) mod connect;
+pub(crate) mod control;
+mod frames;
+mod latest;
 mod listen;
 mod options;
-pub(crate) mod records;
+mod records;
 mod runtime;
 mod scheme;
-mod tls;
+pub(crate) mod tls;
 
+pub use crate::keys::UnknownPeer;
 pub use options::{Congestion, QuicOptions};
 pub(crate) use scheme::Quic;
-pub use tls::UnknownPeer;

@@ -2,24 +2,27 @@
 //! it, so that a sender may stop waiting at any time without leaving half a record.
 
 use std::future::poll_fn;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use quinn::{RecvStream, SendStream};
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::oneshot;
 use trimaran_wire::{CloseReason, Decoder, Format, HEADER_BYTES, Kind, Message};
 
-use super::carrier::{Carrier, all_arrived, loss};
-use super::frames::poll_fill;
-use crate::error::{LaneError, LaneSendError, Loss, ProtocolError};
+use super::carrier::{Carrier, loss};
+use super::frames::{buffered, poll_fill};
+use crate::error::{LaneError, Loss};
+use crate::lanes::half::{Half, LaneTx, Rx, Tx};
+use crate::lanes::queue::{Gone, Receiver, Sender, queue};
 use crate::lanes::records::RecordLane;
-use crate::lanes::shared::Shared;
-use crate::timeouts::Timeouts;
-use trimaran_net::{Instant, sleep_until};
+use crate::stats::Counters;
+use trimaran_net::sleep_until;
 
-/// How many records may wait for room on the stream.
-const QUEUE: usize = 8;
+/// How many records may wait for room on the stream, and be taken at once by the task that writes it.
+const QUEUE: usize = 4;
 /// How long sent records may wait for room after the sending half was dropped.
 const LINGER: Duration = Duration::from_secs(2);
 
@@ -37,7 +40,8 @@ impl RecordLane {
 pub(crate) struct RecordTx {
     lane: RecordLane,
     carrier: Arc<Carrier>,
-    queue: mpsc::Sender<Said>,
+    counters: Arc<Counters>,
+    queue: Sender<Said>,
     /// Dropped with this half.
     _open: oneshot::Sender<()>,
     /// Resolves when everything has arrived, or never will.
@@ -48,52 +52,57 @@ pub(crate) struct RecordTx {
 type Said = (Bytes, bool);
 
 impl RecordTx {
-    pub(super) fn new(carrier: &Arc<Carrier>, lane: RecordLane, stream: SendStream) -> Self {
+    pub(super) fn new(
+        carrier: &Arc<Carrier>,
+        lane: RecordLane,
+        stream: SendStream,
+        counters: &Arc<Counters>,
+    ) -> Self {
         // Fails only for a stream that is closed.
         let _ = stream.set_priority(lane.priority());
-        let ((queue, waiting), (_open, left), (end, ended)) =
-            (mpsc::channel(QUEUE), oneshot::channel(), oneshot::channel());
+        let ((sender, waiting), (_open, left), (end, ended)) =
+            (queue(QUEUE), oneshot::channel(), oneshot::channel());
         let task = write(Arc::clone(carrier), stream, waiting, left, end);
         carrier.net.spawn(Box::pin(task));
-        Self { lane, carrier: Arc::clone(carrier), queue, _open, ended }
+        let (carrier, counters) = (Arc::clone(carrier), Arc::clone(counters));
+        Self { lane, carrier, counters, queue: sender, _open, ended }
     }
 
-    pub(crate) async fn send(
-        &mut self,
-        record: Bytes,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        self.say(&self.lane.message(record), shared, timeouts).await
-    }
-
-    /// Closes the lane, and waits until all of it has arrived.
-    pub(crate) async fn close(
-        &mut self,
-        reason: CloseReason,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        self.say(&Message::Close(reason), shared, timeouts).await?;
-        let _ended = timeouts.wait(None, &mut self.ended).await.map_err(|_| LaneSendError::Stalled)?;
-        Ok(())
-    }
-
-    async fn say(
-        &self,
-        message: &Message,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
+    fn say(&self, message: &Message) -> Result<(), Loss> {
         let mut bytes = BytesMut::new();
         message.encode(&mut bytes);
         let (payload, last) = (bytes.len() - HEADER_BYTES, message.kind() == Kind::Close);
-        let queued = timeouts.wait(None, self.queue.send((bytes.freeze(), last))).await;
-        queued.map_err(|_| LaneSendError::Stalled)?.map_err(|_gone| {
-            LaneSendError::Lost(self.carrier.connection.close_reason().map_or(Loss::Closed, loss))
-        })?;
-        shared.counters.sent.count(message.kind(), payload);
+        self.queue.push((bytes.freeze(), last)).map_err(|Gone| self.loss())?;
+        self.counters.sent.count(message.kind(), payload);
         Ok(())
+    }
+
+    /// Why nobody writes any more.
+    fn loss(&self) -> Loss {
+        self.carrier.connection.close_reason().map_or(Loss::Closed, loss)
+    }
+}
+
+impl Half for RecordTx {}
+
+impl LaneTx for RecordTx {
+    fn poll_send(&mut self, cx: &mut Context<'_>) -> Poll<Result<bool, Loss>> {
+        Poll::Ready(ready!(self.queue.poll_room(cx)).map(|()| true).map_err(|Gone| self.loss()))
+    }
+
+    fn close(&mut self, reason: CloseReason) -> Result<(), Loss> {
+        self.say(&Message::Close(reason))
+    }
+
+    /// Waits until all of the lane has arrived.
+    fn poll_closed(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        Pin::new(&mut self.ended).poll(cx).map(|_| Ok(()))
+    }
+}
+
+impl Tx<Bytes> for RecordTx {
+    fn stage(&mut self, record: Bytes) -> Result<(), Loss> {
+        self.say(&self.lane.message(record))
     }
 }
 
@@ -101,14 +110,14 @@ impl RecordTx {
 async fn write(
     carrier: Arc<Carrier>,
     mut stream: SendStream,
-    mut waiting: mpsc::Receiver<Said>,
+    mut waiting: Receiver<Said>,
     left: oneshot::Receiver<()>,
     end: oneshot::Sender<()>,
 ) {
     let net = Arc::clone(&carrier.net);
     let connection = carrier.connection.clone();
     let all = async {
-        while let Some((bytes, last)) = waiting.recv().await {
+        while let Some((bytes, last)) = poll_fn(|cx| waiting.poll_recv(cx)).await {
             if stream.write_chunk(bytes).await.is_err() {
                 return;
             }
@@ -118,7 +127,7 @@ async fn write(
         }
         // Fails only for a stream that is closed.
         let _ = stream.finish();
-        all_arrived([&stream]).await;
+        let _gone = stream.stopped().await;
     };
     let late = async {
         let _left = left.await;
@@ -139,50 +148,46 @@ pub(crate) struct RecordRx {
     lane: RecordLane,
     /// Kept as long as the lane is read.
     _carrier: Arc<Carrier>,
+    counters: Arc<Counters>,
     stream: RecvStream,
     decoder: Decoder,
     closed: Option<CloseReason>,
 }
 
 impl RecordRx {
-    pub(super) fn new(carrier: &Arc<Carrier>, lane: RecordLane, stream: RecvStream, format: Format) -> Self {
-        Self { lane, _carrier: Arc::clone(carrier), stream, decoder: Decoder::new(format), closed: None }
+    pub(super) fn new(
+        carrier: &Arc<Carrier>,
+        lane: RecordLane,
+        stream: RecvStream,
+        format: Format,
+        counters: &Arc<Counters>,
+    ) -> Self {
+        let (carrier, counters) = (Arc::clone(carrier), Arc::clone(counters));
+        Self { lane, _carrier: carrier, counters, stream, decoder: Decoder::new(format), closed: None }
     }
+}
 
-    pub(crate) async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<Bytes, LaneError> {
+impl Half for RecordRx {}
+
+impl Rx<Bytes> for RecordRx {
+    fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<Bytes>, LaneError>> {
         if let Some(reason) = &self.closed {
-            return Err(LaneError::Closed(reason.clone()));
+            return Poll::Ready(Err(LaneError::Closed(reason.clone())));
         }
-        let Self { stream, decoder, .. } = self;
-        loop {
-            let before = decoder.position();
-            let message =
-                decoder.next_message().map_err(|e| LaneError::Protocol(ProtocolError::Decode(e)))?;
-            let Some(message) = message else {
-                let read = timeouts.wait(by, poll_fn(|cx| poll_fill(stream, decoder, cx))).await;
-                if read.map_err(LaneError::Expired)?? == 0 {
-                    return Err(LaneError::Lost(match decoder.pending() {
-                        0 => Loss::Closed,
-                        bytes => Loss::Cut { bytes },
-                    }));
-                }
-                continue;
-            };
-            let bytes = decoder.position().saturating_sub(before) as usize;
-            shared.counters.received.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
-            match message {
-                Message::KeepAlive => {}
-                Message::Close(reason) => {
-                    self.closed = Some(reason.clone());
-                    return Err(LaneError::Closed(reason));
-                }
-                record => return self.lane.record(record),
+        Poll::Ready(match buffered(&mut self.decoder, &self.counters.received)? {
+            Some(Message::KeepAlive) => Ok(None),
+            Some(Message::Close(reason)) => {
+                self.closed = Some(reason.clone());
+                Err(LaneError::Closed(reason))
             }
-        }
+            Some(record) => self.lane.record(record).map(Some),
+            None => match ready!(poll_fill(&mut self.stream, &mut self.decoder, cx))? {
+                0 => Err(LaneError::Lost(match self.decoder.pending() {
+                    0 => Loss::Closed,
+                    bytes => Loss::Cut { bytes },
+                })),
+                _ => Ok(None),
+            },
+        })
     }
 }

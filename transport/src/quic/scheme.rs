@@ -4,29 +4,43 @@ use std::sync::Arc;
 
 use trimaran_net::{BoxFuture, Net};
 
-use super::{connect, listen};
+use super::{QuicOptions, connect, listen};
+use crate::HostPort;
 use crate::acceptor::Acceptor;
-use crate::parts::Parts;
-use crate::scheme::{Introduction, Listened, Scheme, first_address};
-use crate::transport::{AttemptError, ListenFault};
-use crate::{Endpoint, HostPort};
+use crate::keys::Security;
+use crate::lane_transport::{Introduction, LaneTransport, Listened};
+use crate::parts::LinkParts;
+use crate::transport::{AttemptError, ListenFault, first_address};
 
 /// A socket for QUIC.
-pub(crate) struct Quic(pub(crate) HostPort);
+#[derive(Debug)]
+pub(crate) struct Quic {
+    pub(crate) options: QuicOptions,
+    pub(crate) security: Option<Security>,
+}
 
-impl Scheme for Quic {
-    fn attempt<'a>(
-        &'a self,
-        net: &'a Arc<dyn Net>,
-        introduction: &'a Introduction<'_>,
-    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
-        Box::pin(connect::attempt(net, &self.0, introduction))
+impl LaneTransport for Quic {
+    fn scheme(&self) -> &'static str {
+        "quic"
     }
 
-    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+    fn connect<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        address: &'a str,
+        introduction: &'a Introduction<'_>,
+    ) -> BoxFuture<'a, Result<LinkParts, AttemptError>> {
+        Box::pin(connect::attempt(net, address, self, introduction))
+    }
+
+    fn listen<'a>(
+        &'a self,
+        address: &'a str,
+        acceptor: &'a Arc<Acceptor>,
+    ) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
-            let to = first_address(&acceptor.net, &self.0.to_string()).await?;
-            Ok(Endpoint::Quic(listen::listen(to, acceptor)?.into()).into())
+            let to = first_address(&acceptor.net, address).await?;
+            Ok(HostPort::from(listen::listen(to, self, acceptor)?).to_string().into())
         })
     }
 }

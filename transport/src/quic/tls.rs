@@ -15,31 +15,9 @@ use rustls::{
     CertificateError, ClientConfig, DigitallySignedStruct, DistinguishedName, Error, OtherError,
     PeerIncompatible, ServerConfig, SignatureScheme, version::TLS13,
 };
-use thiserror::Error;
 use trimaran_wire::ProtocolName;
 
-use crate::keys::{Fingerprint, Keys, KnownPeer, PeerKey};
-
-/// This side does not know the peer's certificate.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error(
-    "the peer's certificate is {presented}, but {} expected: if it is the right peer, add its fingerprint to the peers",
-    expectation(.expected)
-)]
-pub struct UnknownPeer {
-    /// The certificates that this side knows.
-    pub expected: Vec<Fingerprint>,
-    /// The certificate that was shown.
-    pub presented: Fingerprint,
-}
-
-fn expectation(expected: &[Fingerprint]) -> String {
-    match expected {
-        [] => "none is".to_owned(),
-        [one] => format!("{one} is"),
-        many => format!("one of {many:?} is"),
-    }
-}
+use crate::keys::{Fingerprint, Keys, KnownPeer, PeerKey, UnknownPeer};
 
 /// Admits peers that show one of these certificates and prove to hold its key; one for each handshake.
 ///

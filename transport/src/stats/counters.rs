@@ -52,9 +52,11 @@ pub(crate) trait PathSource: fmt::Debug + Send + Sync {
 /// Counters shared by the halves of a link. Its atomics only add up, each by itself: they decide nothing and
 /// publish nothing else, so any memory order is correct.
 #[derive(Debug)]
-pub(crate) struct Counters {
-    pub(crate) sent: Direction,
-    pub(crate) received: Direction,
+pub struct Counters {
+    /// Sent by this side.
+    pub sent: Direction,
+    /// Received by this side.
+    pub received: Direction,
     floods: AtomicU64,
     /// The header bytes of a message on this transport.
     header: u64,
@@ -65,13 +67,15 @@ pub(crate) struct Counters {
 }
 
 impl Counters {
-    /// For a transport whose messages are encoded.
-    pub(crate) fn framed() -> Arc<Self> {
+    /// For a transport whose messages have a header of [`HEADER_BYTES`] each.
+    #[must_use]
+    pub fn framed() -> Arc<Self> {
         Self::with_header(HEADER_BYTES as u64)
     }
 
-    /// For a transport whose messages are passed on without encoding.
-    pub(crate) fn unframed() -> Arc<Self> {
+    /// For a transport whose messages have no header.
+    #[must_use]
+    pub fn unframed() -> Arc<Self> {
         Self::with_header(0)
     }
 
@@ -112,7 +116,7 @@ impl Counters {
 
 /// Counters of one direction. Relaxed, because they only add up.
 #[derive(Debug, Default)]
-pub(crate) struct Direction {
+pub struct Direction {
     latest: AtomicTally,
     begin: AtomicTally,
     batches: AtomicTally,
@@ -143,7 +147,7 @@ impl AtomicTally {
 
 impl Direction {
     /// Counts one message of `bytes` bytes of payload.
-    pub(crate) fn count(&self, kind: Kind, bytes: usize) {
+    pub fn count(&self, kind: Kind, bytes: usize) {
         let tally = match kind {
             Kind::Latest | Kind::Numbered => &self.latest,
             Kind::Begin => &self.begin,

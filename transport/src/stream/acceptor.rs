@@ -138,10 +138,10 @@ impl Reception {
     /// One connection, from its first byte to a link or a failure.
     async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
         let address = self.address(stream.peer);
-        let deadline = self.acceptor.net.now().after(self.acceptor.options.link.handshake_timeout);
+        let deadline = self.acceptor.net.now().after(self.acceptor.link.handshake_timeout);
         // A lane that waits for another one watches the deadline itself, in order to refuse politely. The
         // limit is for a peer that does not even read the refusal.
-        let limit = deadline.after(self.acceptor.options.link.handshake_timeout);
+        let limit = deadline.after(self.acceptor.link.handshake_timeout);
         let handshake = self.shake_hands(stream, deadline, &mut slot);
         let outcome =
             until(&*self.acceptor.net, limit, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));
@@ -256,13 +256,13 @@ impl Reception {
         peer: Peer,
         place: Place,
     ) -> Result<(), HandshakeError> {
-        let Acceptor { net, application, options, .. } = &*self.acceptor;
+        let Acceptor { net, application, link, .. } = &*self.acceptor;
         let accept = Message::Accept(Accept { application: application.hello().clone() });
         lanes.latest.send(&accept).await?;
         lanes.frames.send(&accept).await?;
         lanes.messages.send(&accept).await?;
         lanes.bulk.send(&accept).await?;
-        let parts = lanes.into_parts(net, &options.link, application.format(), peer, session, Some(place));
+        let parts = lanes.into_parts(net, link, peer, session).holding(place);
         self.acceptor.hand_out(parts).await;
         Ok(())
     }

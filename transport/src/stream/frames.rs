@@ -1,21 +1,18 @@
 //! The frames lane over a byte stream of its own.
 
 use parking_lot::Mutex;
-use std::future::poll_fn;
 use std::mem;
 use std::sync::Arc;
-use std::task::{Context, Waker};
+use std::task::{Context, Poll, Waker, ready};
 
-use trimaran_wire::{FrameMessage, Lane, Message};
+use trimaran_wire::{CloseReason, FrameMessage, Lane, Message};
 
 use super::inlet::{Inlet, Reader};
 use super::pulse::Pulse;
 use super::source::{Sink, Source};
-use crate::error::{LaneError, LaneSendError, Loss, misplaced};
-use crate::lanes::shared::Shared;
+use crate::error::{Loss, misplaced};
+use crate::lanes::half::{Half, LaneTx, Tx};
 use crate::stats::Counters;
-use crate::timeouts::{Expired, Timeouts};
-use trimaran_net::Instant;
 
 /// How much is read at once: whole frames, mostly.
 const ROOM: usize = 64 * 1024;
@@ -55,61 +52,57 @@ impl FrameTx {
         &self.outlet
     }
 
-    pub(crate) fn stage(&mut self, message: impl Into<Message>, shared: &Shared) {
-        self.outlet.state.lock().sink.stage(&message.into(), &shared.counters.sent);
+    fn put(&self, message: &Message) {
+        self.outlet.state.lock().sink.stage(message, &self.outlet.counters.sent);
+    }
+}
+
+impl Half for FrameTx {
+    fn rest(&mut self) {
+        self.outlet.state.lock().waiting = false;
     }
 
-    /// Writes staged messages. Any progress restarts the timeout, and a hanging peer is noticed earlier.
-    pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        let turn = Turn::take(&self.outlet);
-        while !turn.state.lock().sink.is_drained() {
-            timeouts
-                .wait_while_alive(|| self.inlet.heard(), poll_fn(|cx| turn.state.lock().sink.poll_write(cx)))
-                .await
-                .map_err(|end| match end {
-                    Expired::Idle => LaneSendError::Lost(Loss::Silent),
-                    Expired::Timeout | Expired::Deadline => LaneSendError::Stalled,
-                })?
-                .map_err(|e| LaneSendError::Lost(Loss::Io(e)))?;
+    fn heard(&mut self) -> bool {
+        self.inlet.heard()
+    }
+}
+
+impl LaneTx for FrameTx {
+    fn poll_send(&mut self, cx: &mut Context<'_>) -> Poll<Result<bool, Loss>> {
+        let mut state = self.outlet.state.lock();
+        (state.waiting, state.spoke) = (false, true);
+        let mut wrote = false;
+        while !state.sink.is_drained() {
+            match state.sink.poll_write(cx) {
+                Poll::Ready(Ok(())) => wrote = true,
+                Poll::Ready(Err(e)) => return Poll::Ready(Err(Loss::Io(e))),
+                Poll::Pending if wrote => return Poll::Ready(Ok(false)),
+                Poll::Pending => {
+                    state.waiting = true;
+                    return Poll::Pending;
+                }
+            }
         }
+        Poll::Ready(Ok(true))
+    }
+
+    fn close(&mut self, reason: CloseReason) -> Result<(), Loss> {
+        self.put(&Message::Close(reason));
         Ok(())
     }
 
     /// Tells the peer that nothing more comes.
-    pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        self.outlet.state.lock().closed = true;
-        timeouts
-            .wait(None, poll_fn(|cx| self.outlet.state.lock().sink.poll_shutdown(cx)))
-            .await
-            .map_err(|_| LaneSendError::Stalled)?
-            .map_err(|e| LaneSendError::Lost(Loss::Io(e)))
+    fn poll_closed(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        let mut state = self.outlet.state.lock();
+        state.closed = true;
+        Poll::Ready(ready!(state.sink.poll_shutdown(cx)).map_err(Loss::Io))
     }
 }
 
-/// The owner's turn to write. It ends with its future, finished or not.
-struct Turn<'o>(&'o Outlet);
-
-impl<'o> Turn<'o> {
-    fn take(outlet: &'o Outlet) -> Self {
-        let mut state = outlet.state.lock();
-        state.waiting = true;
-        state.spoke = true;
-        drop(state);
-        Self(outlet)
-    }
-}
-
-impl std::ops::Deref for Turn<'_> {
-    type Target = Outlet;
-
-    fn deref(&self) -> &Outlet {
-        self.0
-    }
-}
-
-impl Drop for Turn<'_> {
-    fn drop(&mut self) {
-        self.0.state.lock().waiting = false;
+impl Tx<FrameMessage> for FrameTx {
+    fn stage(&mut self, message: FrameMessage) -> Result<(), Loss> {
+        self.put(&message.into());
+        Ok(())
     }
 }
 
@@ -131,26 +124,17 @@ impl Pulse for Outlet {
     }
 }
 
-#[derive(Debug)]
-pub(crate) struct FrameRx(Reader);
-
 /// Both halves of the lane.
-pub(super) fn frames(sink: Sink, source: Source, counters: &Arc<Counters>) -> (FrameTx, FrameRx) {
-    let inlet = Arc::new(Inlet::new(source.with_room(ROOM), ROOM));
+pub(super) fn frames(
+    sink: Sink,
+    source: Source,
+    counters: &Arc<Counters>,
+) -> (FrameTx, Reader<FrameMessage>) {
+    let inlet = Inlet::new(source, ROOM, counters);
     let tx = FrameTx::new(sink, counters, &inlet);
-    (tx, FrameRx(Reader::new(inlet)))
-}
-
-impl FrameRx {
-    pub(crate) async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<FrameMessage, LaneError> {
-        match self.0.next(by, shared, timeouts).await? {
-            Message::Frame(message) => Ok(message),
-            other => Err(misplaced(other.kind(), Lane::Frames)),
-        }
-    }
+    let rx = Reader::new(inlet, |message| match message {
+        Message::Frame(message) => Ok(message),
+        other => Err(misplaced(other.kind(), Lane::Frames)),
+    });
+    (tx, rx)
 }

@@ -8,17 +8,14 @@ use trimaran_wire::{Format, Hello, Message, Refusal, SessionId};
 use super::frames::{Outlet, frames as frames_lane};
 use super::latest::{LatestRx, LatestTx};
 use super::pulse::{Pulse, keep_alive};
-use super::records::{RecordRx, RecordTx, records};
+use super::records::records;
 use super::source::{Sink, Source};
 use super::writer::Cell;
-use crate::acceptor::Place;
+use crate::config::link::LinkConfig;
 use crate::handshake::{Handshake, HandshakeError};
-use crate::lanes::frames::{WireFrameRx, WireFrameTx};
-use crate::lanes::latest::{WireLatestRx, WireLatestTx};
-use crate::lanes::records::{RecordLane, WireRecordRx, WireRecordTx};
-use crate::lanes::shared::Shared;
-use crate::options::link::LinkConfig;
-use crate::parts::{Lanes as AnyLanes, Parts, Wire};
+use crate::lanes::Lanes as AllLanes;
+use crate::lanes::records::RecordLane;
+use crate::parts::LinkParts;
 use crate::peer::Peer;
 use crate::peer::PeerAddress;
 use crate::stats::Counters;
@@ -31,7 +28,7 @@ const ROOM: usize = 512;
 
 /// A connection during the handshake.
 #[derive(Debug)]
-pub(super) struct Connection {
+pub(crate) struct Connection {
     source: Source,
     sink: Sink,
     pub(super) address: PeerAddress,
@@ -39,7 +36,7 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    pub(super) fn new(
+    pub(crate) fn new(
         stream: Stream,
         transport: &dyn Transport,
         format: Format,
@@ -86,24 +83,22 @@ impl Handshake for Connection {
 
 /// The connections of a link whose handshake is done.
 #[derive(Debug)]
-pub(super) struct Lanes {
-    pub(super) latest: Connection,
-    pub(super) frames: Connection,
-    pub(super) messages: Connection,
-    pub(super) bulk: Connection,
-    pub(super) capabilities: Capabilities,
+pub(crate) struct Lanes {
+    pub(crate) latest: Connection,
+    pub(crate) frames: Connection,
+    pub(crate) messages: Connection,
+    pub(crate) bulk: Connection,
+    pub(crate) capabilities: Capabilities,
 }
 
 impl Lanes {
-    pub(super) fn into_parts(
+    pub(crate) fn into_parts(
         self,
         net: &Arc<dyn Net>,
         config: &LinkConfig,
-        format: Format,
         peer: Peer,
         session: SessionId,
-        place: Option<Place>,
-    ) -> Parts {
+    ) -> LinkParts {
         let Self { latest, frames, messages, bulk, capabilities } = self;
         let (counters, address) = (frames.counters, frames.address);
         for other in [&latest.counters, &messages.counters, &bulk.counters] {
@@ -111,11 +106,9 @@ impl Lanes {
                 counters.absorb(other);
             }
         }
-        let place = place.map(|place| Arc::new(place) as _);
-        let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
-        let latest_tx = LatestTx::new(net, latest.sink, &shared.counters);
-        let (frames_tx, frames_rx) = frames_lane(frames.sink, frames.source, &shared.counters);
-        let records = |lane, of: Connection| records(lane, net, of.sink, of.source, &shared.counters);
+        let latest_tx = LatestTx::new(net, latest.sink, &counters);
+        let (frames_tx, frames_rx) = frames_lane(frames.sink, frames.source, &counters);
+        let records = |lane, of: Connection| records(lane, net, of.sink, of.source, &counters);
         let messages = records(RecordLane::Messages, messages);
         let bulk = records(RecordLane::Bulk, bulk);
         let latest_pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(latest_tx.cell());
@@ -124,17 +117,14 @@ impl Lanes {
             [&messages.0, &bulk.0].map(|tx| Arc::<Cell>::clone(tx.cell()) as Arc<dyn Pulse>);
         let lanes = [&latest_pulse, &frames_pulse, &messages_pulse, &bulk_pulse].map(Arc::downgrade);
         keep_alive(net, config.keepalive(), lanes);
-        let lanes = AnyLanes::Wire(Box::new(Wire {
-            latest: (WireLatestTx::Stream(latest_tx), WireLatestRx::Stream(LatestRx::new(latest.source))),
-            frames: (WireFrameTx::Stream(frames_tx), WireFrameRx::Stream(frames_rx)),
-            messages: over_stream(messages),
-            bulk: over_stream(bulk),
-        }));
-        Parts { lanes, peer, session, address, capabilities, shared, doubt: None }
+        let latest_rx = LatestRx::new(latest.source, &counters);
+        let lanes = AllLanes {
+            latest: (Box::new(latest_tx), Box::new(latest_rx)),
+            frames: (Box::new(frames_tx), Box::new(frames_rx)),
+            messages: (Box::new(messages.0), Box::new(messages.1)),
+            bulk: (Box::new(bulk.0), Box::new(bulk.1)),
+        };
+        let parts = LinkParts::new(lanes, peer, session, address, capabilities, counters);
+        parts.with_idle_timeout(config.idle_timeout)
     }
-}
-
-/// Both halves of a lane of records, as a link holds them.
-fn over_stream((tx, rx): (RecordTx, RecordRx)) -> (WireRecordTx, WireRecordRx) {
-    (WireRecordTx::Stream(tx), WireRecordRx::Stream(rx))
 }

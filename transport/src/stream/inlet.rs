@@ -2,7 +2,6 @@
 //! keep-alives.
 
 use parking_lot::Mutex;
-use std::future::poll_fn;
 use std::sync::Arc;
 use std::task::{Context, Poll, Waker, ready};
 
@@ -10,15 +9,14 @@ use trimaran_wire::{CloseReason, Message};
 
 use super::source::Source;
 use crate::error::LaneError;
-use crate::lanes::shared::Shared;
-use crate::stats::Direction;
-use crate::timeouts::{Timeouts, Wait};
-use trimaran_net::Instant;
+use crate::lanes::half::{Half, Rx};
+use crate::stats::Counters;
 
 /// A stream and the data read from it.
 #[derive(Debug)]
 pub(super) struct Inlet {
     state: Mutex<State>,
+    counters: Arc<Counters>,
     /// The most bytes that a sender buffers while the owner does not read.
     room: usize,
 }
@@ -35,20 +33,28 @@ struct State {
 }
 
 impl Inlet {
-    pub(super) const fn new(source: Source, room: usize) -> Self {
-        let state = State { source, attended: false, heard: false, ended: None };
-        Self { state: Mutex::new(state), room }
+    /// Reads `room` bytes or more at once.
+    pub(super) fn new(source: Source, room: usize, counters: &Arc<Counters>) -> Arc<Self> {
+        let state = State { source: source.with_room(room), attended: false, heard: false, ended: None };
+        Arc::new(Self { state: Mutex::new(state), counters: Arc::clone(counters), room })
     }
 
-    /// A message that has arrived in full.
-    pub(super) fn next_buffered(&self, counts: &Direction) -> Result<Option<Message>, LaneError> {
-        self.state.lock().source.next_buffered(counts)
-    }
-
-    /// The owner's wait for more.
-    pub(super) fn attend(&self) -> Attention<'_> {
-        self.state.lock().attended = true;
-        Attention(self)
+    /// The owner's next message; `None` if only a part of it has come.
+    fn poll_next(&self, cx: &mut Context<'_>) -> Poll<Result<Option<Message>, LaneError>> {
+        let mut state = self.state.lock();
+        state.attended = false;
+        let counts = &self.counters.received;
+        if let Some(message) = state.source.next_buffered(counts)? {
+            return Poll::Ready(Ok(Some(message)));
+        }
+        if let Some(end) = state.ended.take() {
+            return Poll::Ready(Err(end));
+        }
+        let filled = state.source.poll_fill(cx);
+        state.attended = filled.is_pending();
+        ready!(filled)?;
+        state.heard = true;
+        Poll::Ready(state.source.next_buffered(counts))
     }
 
     /// Whether anything came since the last call. If more has come than is buffered for an idle owner, the
@@ -69,71 +75,45 @@ impl Inlet {
     }
 }
 
-/// The owner waits until this is dropped.
-pub(super) struct Attention<'i>(&'i Inlet);
-
-impl Attention<'_> {
-    /// Reads what there is, at least one byte.
-    pub(super) fn poll_fill(&self, cx: &mut Context<'_>) -> Poll<Result<(), LaneError>> {
-        let mut state = self.0.state.lock();
-        if let Some(end) = state.ended.take() {
-            return Poll::Ready(Err(end));
-        }
-        let filled = ready!(state.source.poll_fill(cx));
-        state.heard = true;
-        Poll::Ready(filled)
-    }
-}
-
-impl Drop for Attention<'_> {
-    fn drop(&mut self) {
-        self.0.state.lock().attended = false;
-    }
-}
-
-/// Reads the messages of a lane, up to its close.
+/// Reads the messages of a lane of `T`, up to its close.
 #[derive(Debug)]
-pub(super) struct Reader {
+pub(super) struct Reader<T> {
     inlet: Arc<Inlet>,
     closed: Option<CloseReason>,
+    /// The data in a message.
+    read: fn(Message) -> Result<T, LaneError>,
 }
 
-impl Reader {
-    pub(super) const fn new(inlet: Arc<Inlet>) -> Self {
-        Self { inlet, closed: None }
+impl<T> Reader<T> {
+    pub(super) const fn new(inlet: Arc<Inlet>, read: fn(Message) -> Result<T, LaneError>) -> Self {
+        Self { inlet, closed: None, read }
     }
+}
 
-    /// The next message, without keep-alives.
-    pub(super) async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<Message, LaneError> {
+impl<T> Half for Reader<T>
+where
+    Self: std::fmt::Debug,
+{
+    fn rest(&mut self) {
+        self.inlet.state.lock().attended = false;
+    }
+}
+
+impl<T> Rx<T> for Reader<T>
+where
+    Self: std::fmt::Debug,
+{
+    fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<T>, LaneError>> {
         if let Some(reason) = &self.closed {
-            return Err(LaneError::Closed(reason.clone()));
+            return Poll::Ready(Err(LaneError::Closed(reason.clone())));
         }
-        let mut wait = Wait::default();
-        loop {
-            let buffered = self.inlet.next_buffered(&shared.counters.received)?;
-            if buffered.is_some() {
-                timeouts.heard();
+        Poll::Ready(match ready!(self.inlet.poll_next(cx))? {
+            Some(Message::Close(reason)) => {
+                self.closed = Some(reason.clone());
+                Err(LaneError::Closed(reason))
             }
-            match buffered {
-                Some(Message::Close(reason)) => {
-                    self.closed = Some(reason.clone());
-                    return Err(LaneError::Closed(reason));
-                }
-                Some(Message::KeepAlive) => {}
-                Some(message) => return Ok(message),
-                None => {
-                    let attention = self.inlet.attend();
-                    timeouts
-                        .hear(&mut wait, by, poll_fn(|cx| attention.poll_fill(cx)))
-                        .await
-                        .map_err(LaneError::Expired)??;
-                }
-            }
-        }
+            Some(Message::KeepAlive) | None => Ok(None),
+            Some(message) => (self.read)(message).map(Some),
+        })
     }
 }

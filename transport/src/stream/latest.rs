@@ -1,19 +1,16 @@
 //! The latest lane over a byte stream of its own.
 
-use std::future::poll_fn;
-use std::mem;
 use std::sync::Arc;
-use std::task::{Context, Poll, Waker};
+use std::task::{Context, Poll};
 
 use trimaran_wire::{CloseReason, FixedBytes, Lane, Message};
 
 use super::source::{Sink, Source};
 use super::writer::{Cell, Writer};
-use crate::error::{LaneError, LaneSendError, misplaced};
-use crate::lanes::shared::Shared;
+use crate::error::{LaneError, Loss, misplaced};
+use crate::lanes::half::{Half, LaneTx, Rx, Tx};
 use crate::stats::Counters;
-use crate::timeouts::{Timeouts, Wait};
-use trimaran_net::{Instant, Net};
+use trimaran_net::Net;
 
 /// How much is read at once: many values.
 const ROOM: usize = 4 * 1024;
@@ -34,80 +31,50 @@ impl LatestTx {
     pub(super) fn cell(&self) -> &Arc<Cell> {
         self.0.cell()
     }
+}
 
-    pub(crate) fn publish(&mut self, value: FixedBytes, _: &Shared) -> Result<(), LaneSendError> {
-        self.0.send(Message::Latest(value))
+impl Half for LatestTx {}
+
+impl LaneTx for LatestTx {
+    fn close(&mut self, reason: CloseReason) -> Result<(), Loss> {
+        self.0.close(reason)
     }
 
-    pub(crate) async fn close(
-        &mut self,
-        reason: CloseReason,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        self.0.close(reason, timeouts).await
+    fn poll_closed(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        self.0.poll_idle(cx)
+    }
+}
+
+impl Tx<FixedBytes> for LatestTx {
+    fn stage(&mut self, value: FixedBytes) -> Result<(), Loss> {
+        self.0.send(Message::Latest(value))
     }
 }
 
 #[derive(Debug)]
 pub(crate) struct LatestRx {
     source: Source,
+    counters: Arc<Counters>,
     closed: Option<CloseReason>,
     /// The end of the lane behind a value that was returned first.
     ended: Option<LaneError>,
-    /// Something has come that the timeouts have not counted.
-    heard: bool,
 }
 
 impl LatestRx {
-    pub(crate) fn new(source: Source) -> Self {
-        Self { source: source.with_room(ROOM), closed: None, ended: None, heard: false }
+    pub(crate) fn new(source: Source, counters: &Arc<Counters>) -> Self {
+        let counters = Arc::clone(counters);
+        Self { source: source.with_room(ROOM), counters, closed: None, ended: None }
     }
 
-    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
-        if let Some(end) = self.ended.take() {
-            return Err(end);
-        }
-        let mut newest = None;
-        match self.drain(shared, &mut newest) {
-            Ok(()) => Ok(newest),
-            Err(end) if newest.is_some() => {
-                self.ended = Some(end);
-                Ok(newest)
-            }
-            Err(end) => Err(end),
-        }
-    }
-
-    pub(crate) async fn latest(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<FixedBytes, LaneError> {
-        let mut wait = Wait::default();
-        loop {
-            let value = self.try_latest(shared)?;
-            if mem::take(&mut self.heard) {
-                timeouts.heard();
-            }
-            if let Some(value) = value {
-                return Ok(value);
-            }
-            timeouts
-                .hear(&mut wait, by, poll_fn(|cx| self.source.poll_fill(cx)))
-                .await
-                .map_err(LaneError::Expired)??;
-        }
-    }
-
-    /// Takes everything that has arrived.
-    fn drain(&mut self, shared: &Shared, newest: &mut Option<FixedBytes>) -> Result<(), LaneError> {
+    /// Takes everything that has arrived; whether that was anything at all.
+    fn drain(&mut self, cx: &mut Context<'_>, newest: &mut Option<FixedBytes>) -> Result<bool, LaneError> {
         if let Some(reason) = &self.closed {
             return Err(LaneError::Closed(reason.clone()));
         }
+        let mut came = false;
         for _ in 0..READS {
-            while let Some(message) = self.source.next_buffered(&shared.counters.received)? {
-                self.heard = true;
+            while let Some(message) = self.source.next_buffered(&self.counters.received)? {
+                came = true;
                 match message {
                     Message::Latest(value) => *newest = Some(value),
                     Message::KeepAlive => {}
@@ -118,11 +85,33 @@ impl LatestRx {
                     other => return Err(misplaced(other.kind(), Lane::Latest)),
                 }
             }
-            match self.source.poll_fill(&mut Context::from_waker(Waker::noop())) {
+            match self.source.poll_fill(cx) {
                 Poll::Ready(filled) => filled?,
                 Poll::Pending => break,
             }
+            came = true;
         }
-        Ok(())
+        Ok(came)
+    }
+}
+
+impl Half for LatestRx {}
+
+impl Rx<FixedBytes> for LatestRx {
+    fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<FixedBytes>, LaneError>> {
+        if let Some(end) = self.ended.take() {
+            return Poll::Ready(Err(end));
+        }
+        let mut newest = None;
+        let drained = self.drain(cx, &mut newest);
+        match (drained, newest) {
+            (Ok(false), None) => Poll::Pending,
+            (Ok(_), newest) => Poll::Ready(Ok(newest)),
+            (Err(end), None) => Poll::Ready(Err(end)),
+            (Err(end), newest) => {
+                self.ended = Some(end);
+                Poll::Ready(Ok(newest))
+            }
+        }
     }
 }

@@ -1,19 +1,19 @@
 //! A lane of records, messages or blocks, over a byte stream of its own.
 
 use std::sync::Arc;
+use std::task::{Context, Poll, ready};
 
 use bytes::Bytes;
-use trimaran_wire::CloseReason;
+use trimaran_wire::{CloseReason, Message};
 
 use super::inlet::{Inlet, Reader};
 use super::source::{Sink, Source};
 use super::writer::{Cell, Writer};
-use crate::error::{LaneError, LaneSendError, Loss};
+use crate::error::Loss;
+use crate::lanes::half::{Half, LaneTx, Tx};
 use crate::lanes::records::RecordLane;
-use crate::lanes::shared::Shared;
 use crate::stats::Counters;
-use crate::timeouts::{Expired, Timeouts};
-use trimaran_net::{Instant, Net};
+use trimaran_net::Net;
 
 /// How much is read at once: several records, or one of the longest.
 const ROOM: usize = 16 * 1024;
@@ -26,12 +26,6 @@ pub(crate) struct RecordTx {
     inlet: Arc<Inlet>,
 }
 
-#[derive(Debug)]
-pub(crate) struct RecordRx {
-    lane: RecordLane,
-    reader: Reader,
-}
-
 /// Both halves of the lane.
 pub(super) fn records(
     lane: RecordLane,
@@ -39,49 +33,45 @@ pub(super) fn records(
     sink: Sink,
     source: Source,
     counters: &Arc<Counters>,
-) -> (RecordTx, RecordRx) {
-    let inlet = Arc::new(Inlet::new(source.with_room(ROOM), ROOM));
+) -> (RecordTx, Reader<Bytes>) {
+    let inlet = Inlet::new(source, ROOM, counters);
     let tx = RecordTx { lane, writer: Writer::new(net, sink, counters), inlet: Arc::clone(&inlet) };
-    (tx, RecordRx { lane, reader: Reader::new(inlet) })
+    let read: fn(Message) -> _ = match lane {
+        RecordLane::Messages => |message| RecordLane::Messages.record(message),
+        RecordLane::Bulk => |message| RecordLane::Bulk.record(message),
+    };
+    (tx, Reader::new(inlet, read))
 }
 
 impl RecordTx {
     pub(super) fn cell(&self) -> &Arc<Cell> {
         self.writer.cell()
     }
+}
 
-    /// Waits until all earlier records are with the system, so at most one record waits here.
-    pub(crate) async fn send(
-        &mut self,
-        record: Bytes,
-        _: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        let Self { lane, writer, inlet } = self;
-        timeouts.wait_while_alive(|| inlet.heard(), writer.idle()).await.map_err(|end| match end {
-            Expired::Idle => LaneSendError::Lost(Loss::Silent),
-            Expired::Timeout | Expired::Deadline => LaneSendError::Stalled,
-        })??;
-        writer.send(lane.message(record))
-    }
-
-    pub(crate) async fn close(
-        &mut self,
-        reason: CloseReason,
-        _: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        self.writer.close(reason, timeouts).await
+impl Half for RecordTx {
+    fn heard(&mut self) -> bool {
+        self.inlet.heard()
     }
 }
 
-impl RecordRx {
-    pub(crate) async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<Bytes, LaneError> {
-        self.lane.record(self.reader.next(by, shared, timeouts).await?)
+impl LaneTx for RecordTx {
+    /// Waits until all earlier records are with the system, so at most one record waits here.
+    fn poll_send(&mut self, cx: &mut Context<'_>) -> Poll<Result<bool, Loss>> {
+        Poll::Ready(ready!(self.writer.poll_idle(cx)).map(|()| true))
+    }
+
+    fn close(&mut self, reason: CloseReason) -> Result<(), Loss> {
+        self.writer.close(reason)
+    }
+
+    fn poll_closed(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        self.writer.poll_idle(cx)
+    }
+}
+
+impl Tx<Bytes> for RecordTx {
+    fn stage(&mut self, record: Bytes) -> Result<(), Loss> {
+        self.writer.send(self.lane.message(record))
     }
 }

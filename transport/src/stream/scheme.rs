@@ -1,6 +1,5 @@
 //! Links over byte streams of any transport: a connection for each lane, with a hello and an answer.
 
-use std::io;
 use std::sync::Arc;
 
 use trimaran_net::{BoxFuture, Net, StreamPeer};
@@ -8,37 +7,40 @@ use trimaran_wire::Lane;
 
 use super::acceptor::serve;
 use super::handshake::{Connection, Lanes};
-use crate::Endpoint;
 use crate::acceptor::Acceptor;
 use crate::handshake::{Handshake, HandshakeError};
-use crate::parts::Parts;
-use crate::scheme::{Introduction, Listened, Scheme};
+use crate::lane_transport::{Introduction, LaneTransport, Listened};
+use crate::parts::LinkParts;
 use crate::stats::Counters;
 use crate::transport::{AttemptError, Capabilities, ListenFault, Listening, Transport};
 
 /// Makes links with a byte stream for each lane.
 #[derive(Debug, Clone)]
-pub(crate) struct Streams {
-    pub(crate) transport: Arc<dyn Transport>,
-    pub(crate) endpoint: Endpoint,
-}
+pub(crate) struct Streams(pub(crate) Arc<dyn Transport>);
 
-impl Scheme for Streams {
-    fn attempt<'a>(
-        &'a self,
-        net: &'a Arc<dyn Net>,
-        introduction: &'a Introduction<'_>,
-    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
-        Box::pin(introduce(net, self, introduction))
+impl LaneTransport for Streams {
+    fn scheme(&self) -> &'static str {
+        self.0.scheme()
     }
 
-    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+    fn connect<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        address: &'a str,
+        introduction: &'a Introduction<'_>,
+    ) -> BoxFuture<'a, Result<LinkParts, AttemptError>> {
+        Box::pin(introduce(net, address, &*self.0, introduction))
+    }
+
+    fn listen<'a>(
+        &'a self,
+        address: &'a str,
+        acceptor: &'a Arc<Acceptor>,
+    ) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
-            let address = self.endpoint.address();
-            let Listening { socket, address } = self.transport.listen(&acceptor.net, &address).await?;
-            let at = self.endpoint.at(&address).map_err(io::Error::other)?;
-            acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), socket, Arc::clone(&self.transport))));
-            Ok(at.into())
+            let Listening { socket, address } = self.0.listen(&acceptor.net, address).await?;
+            acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), socket, Arc::clone(&self.0))));
+            Ok(address.into())
         })
     }
 }
@@ -46,14 +48,14 @@ impl Scheme for Streams {
 /// Opens the connections to the listener, sends a hello on each, and reads the answers.
 async fn introduce(
     net: &Arc<dyn Net>,
-    Streams { transport, endpoint }: &Streams,
+    to: &str,
+    transport: &dyn Transport,
     introduction: &Introduction<'_>,
-) -> Result<Parts, AttemptError> {
-    let Introduction { application, session, options, .. } = *introduction;
-    let (to, transport) = (endpoint.address(), &**transport);
+) -> Result<LinkParts, AttemptError> {
+    let Introduction { application, session, link, .. } = *introduction;
     let (format, counters) = (application.format(), Counters::framed());
     let connection = async |beside: Option<StreamPeer>| {
-        let stream = transport.connect(net, &to, beside).await?;
+        let stream = transport.connect(net, to, beside).await?;
         let peer = stream.peer;
         let connection = Connection::new(stream, transport, format, &counters);
         let failed = |e| AttemptError::Handshake {
@@ -85,5 +87,5 @@ async fn introduce(
     .await
     .map_err(failed)?;
     let lanes = Lanes { latest, frames, messages, bulk, capabilities: Capabilities::over(transport) };
-    Ok(lanes.into_parts(net, &options.link, format, theirs, session, None))
+    Ok(lanes.into_parts(net, link, theirs, session))
 }

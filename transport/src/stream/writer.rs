@@ -7,14 +7,12 @@ use std::mem;
 use std::sync::Arc;
 use std::task::{Context, Poll, Waker, ready};
 
-use tokio::sync::Notify;
 use trimaran_wire::{CloseReason, Message};
 
 use super::pulse::Pulse;
 use super::source::Sink;
-use crate::error::{LaneSendError, Loss};
+use crate::error::Loss;
 use crate::stats::Counters;
-use crate::timeouts::Timeouts;
 use trimaran_net::Net;
 
 /// Writes each message straight from the sending thread. Only when the stream takes no more does a task take
@@ -28,8 +26,6 @@ pub(super) struct Writer {
 #[derive(Debug)]
 pub(super) struct Cell {
     outgoing: Mutex<Outgoing>,
-    /// Notified when the task is done.
-    idle: Notify,
     counters: Arc<Counters>,
 }
 
@@ -47,6 +43,8 @@ struct Outgoing {
     left: bool,
     /// A task writes. Nobody else may, because a stream wakes only its last poller.
     busy: bool,
+    /// The owner waits until the task is done.
+    waiting: Option<Waker>,
     failed: Option<io::ErrorKind>,
 }
 
@@ -60,10 +58,10 @@ impl Writer {
             spoke: false,
             left: false,
             busy: false,
+            waiting: None,
             failed: None,
         };
-        let cell =
-            Cell { outgoing: Mutex::new(outgoing), idle: Notify::new(), counters: Arc::clone(counters) };
+        let cell = Cell { outgoing: Mutex::new(outgoing), counters: Arc::clone(counters) };
         Self { net: Arc::clone(net), cell: Arc::new(cell) }
     }
 
@@ -72,40 +70,30 @@ impl Writer {
     }
 
     /// Sends `message`. It replaces a waiting one.
-    pub(super) fn send(&self, message: Message) -> Result<(), LaneSendError> {
+    pub(super) fn send(&self, message: Message) -> Result<(), Loss> {
         self.say(|outgoing| outgoing.next = Some(message))
     }
 
-    /// Waits until no message waits.
-    pub(super) async fn idle(&self) -> Result<(), LaneSendError> {
-        loop {
-            // Created before the check, so that a task that ends in between is not missed.
-            let idle = self.cell.idle.notified();
-            {
-                let outgoing = self.cell.lock();
-                outgoing.check()?;
-                if !outgoing.busy {
-                    return Ok(());
-                }
-            }
-            idle.await;
+    /// Ready when no message waits.
+    pub(super) fn poll_idle(&self, cx: &Context<'_>) -> Poll<Result<(), Loss>> {
+        let mut outgoing = self.cell.lock();
+        outgoing.check()?;
+        if outgoing.busy {
+            outgoing.waiting = Some(cx.waker().clone());
+            return Poll::Pending;
         }
+        Poll::Ready(Ok(()))
     }
 
     /// Closes the lane behind everything sent.
-    pub(super) async fn close(
-        &self,
-        reason: CloseReason,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
+    pub(super) fn close(&self, reason: CloseReason) -> Result<(), Loss> {
         self.say(|outgoing| {
             outgoing.closed = Some(reason);
             outgoing.left = true;
-        })?;
-        timeouts.wait(None, self.idle()).await.map_err(|_| LaneSendError::Stalled)?
+        })
     }
 
-    fn say(&self, put: impl FnOnce(&mut Outgoing)) -> Result<(), LaneSendError> {
+    fn say(&self, put: impl FnOnce(&mut Outgoing)) -> Result<(), Loss> {
         let mut outgoing = self.cell.lock();
         outgoing.check()?;
         put(&mut outgoing);
@@ -131,14 +119,16 @@ impl Cell {
     }
 
     async fn send_all(&self) {
-        poll_fn(|cx| {
+        let waiting = poll_fn(|cx| {
             let mut outgoing = self.lock();
             ready!(self.poll_send(&mut outgoing, cx));
             outgoing.busy = false;
-            Poll::Ready(())
+            Poll::Ready(outgoing.waiting.take())
         })
         .await;
-        self.idle.notify_waiters();
+        if let Some(waiting) = waiting {
+            waiting.wake();
+        }
     }
 
     /// Ready when there is nothing more to send, or the stream has failed.
@@ -178,9 +168,9 @@ impl Pulse for Cell {
 }
 
 impl Outgoing {
-    fn check(&self) -> Result<(), LaneSendError> {
+    fn check(&self) -> Result<(), Loss> {
         match self.failed {
-            Some(kind) => Err(LaneSendError::Lost(Loss::Io(kind.into()))),
+            Some(kind) => Err(Loss::Io(kind.into())),
             None => Ok(()),
         }
     }

@@ -10,16 +10,16 @@ use bytes::{BufMut, Bytes, BytesMut};
 use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, Security, VERSION};
 use trimaran_wire::{Decoder, Format, HEADER_BYTES, Lane, Message};
 
+use super::Udp;
 use super::driver::Connections;
 use super::port::Port;
 use super::socket::{Incoming, Outgoing, Path};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
-use crate::parts::Parts;
-use crate::scheme::Introduction;
+use crate::lane_transport::Introduction;
+use crate::parts::LinkParts;
 use crate::stats::Counters;
 use crate::transport::AttemptError;
-use crate::{UdpEndpoint, UdpMode};
 use trimaran_net::{Instant, Net, UdpSocket, random_bytes, until};
 
 /// The pause before the first packet is sent again; it doubles up to [`LAST_PAUSE`].
@@ -34,16 +34,16 @@ const REST: u32 = 50;
 /// no error.
 pub(super) async fn attempt(
     net: &Arc<dyn Net>,
-    endpoint: &UdpEndpoint,
+    udp: &Udp,
     introduction: &Introduction<'_>,
-) -> Result<Parts, AttemptError> {
-    let addresses = net.resolve(&endpoint.at.to_string()).await.map_err(AttemptError::Resolve)?;
+) -> Result<LinkParts, AttemptError> {
+    let addresses = net.resolve(&udp.at.at.to_string()).await.map_err(AttemptError::Resolve)?;
     let count = u32::try_from(addresses.len()).unwrap_or(u32::MAX);
     let mut last = AttemptError::NoAddress;
     for (to, others) in addresses.into_iter().zip((0..count).rev()) {
         let share = introduction.by.since(net.now()) / (others + 1);
         let by = net.now().after(share - share / REST);
-        match introduce(net, to, endpoint.mode, introduction, by).await {
+        match introduce(net, to, udp, introduction, by).await {
             Ok(parts) => return Ok(parts),
             Err(e) if e.is_about_one_address() => last = e,
             Err(e) => return Err(e),
@@ -66,36 +66,36 @@ impl AttemptError {
 async fn introduce(
     net: &Arc<dyn Net>,
     to: SocketAddr,
-    mode: Option<UdpMode>,
+    Udp { at, options, security }: &Udp,
     introduction: &Introduction<'_>,
     by: Instant,
-) -> Result<Parts, AttemptError> {
-    let Introduction { application, session, options, .. } = *introduction;
+) -> Result<LinkParts, AttemptError> {
+    let Introduction { application, session, link, .. } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
-    let candidates = options.udp.trust.connecting(options.security.as_ref()).map_err(failed)?;
+    let candidates = options.trust.connecting(security.as_ref()).map_err(failed)?;
     let here: SocketAddr = match to {
         SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
         SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
     };
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
-    let socket = net.bind_udp(here, options.udp.socket).map_err(refused)?;
+    let socket = net.bind_udp(here, options.socket).map_err(refused)?;
     let counters = Counters::unframed();
     let format = application.format();
-    let config = options.udp.config(mode, &options.link, format);
+    let config = options.config(at.mode, link, format);
     let hello =
         introduce_with(&Message::Hello(application.introduce(session, Lane::Frames)), &config, &counters);
     let mut ways = Vec::new();
-    for security in candidates {
+    for candidate in candidates {
         let name = ConnectionId(net.random().map_err(refused)? as u32);
-        let connecting = Connecting::new(&security, name, &hello).map_err(|e| failed(e.into()))?;
-        ways.push((key_of(&security), connecting));
+        let connecting = Connecting::new(&candidate, name, &hello).map_err(|e| failed(e.into()))?;
+        ways.push((key_of(&candidate), connecting));
     }
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
     let (key, mut connection, answer) = asking.ask(ways, config, by).await.map_err(failed)?;
     let (theirs, reliable) = read_answer(&answer, format, &counters).map_err(failed)?;
     let theirs = application.recognize(&theirs).map_err(failed)?;
     let reliable = reliable && config.frame_deadline.is_none();
-    let batching = theirs.batching.unwrap_or(options.link.batching);
+    let batching = theirs.batching.unwrap_or(link.batching);
     connection.set_batch(batching.size);
     connection.set_coded(batching.coded);
     connection.follow(to, random_bytes(&**net).map_err(refused)?);
@@ -118,12 +118,12 @@ async fn introduce(
         }
     }));
     port.settle(net.now());
-    let judged = match (key, &options.security) {
+    let judged = match (key, security) {
         (Some(key), Some(security)) => security.judge(key, theirs.role.as_deref()),
         _ => Ok(()),
     };
-    let parts = super::parts::parts(&port, &options.udp, format, theirs, (session, reliable), counters, None);
-    Ok(Parts { doubt: judged.err().map(HandshakeError::from), ..parts })
+    let parts = super::parts::parts(&port, options.is_encrypted(), theirs, (session, reliable), counters);
+    Ok(LinkParts { doubt: judged.err().map(HandshakeError::from), ..parts })
 }
 
 /// The key of the listener that answers to `security`.

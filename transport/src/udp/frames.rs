@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::task::{Context, Poll, ready};
 
 use trimaran_udp::{DeadlineTooShort, Received, UnitLane};
 use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Kind};
@@ -9,16 +10,16 @@ use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Kind};
 use super::port::{Carrier, State};
 use super::records::wrong_unit;
 use super::units::{UnitRx, UnitTx};
-use crate::error::{LaneError, LaneSendError};
-use crate::lanes::shared::Shared;
-use crate::timeouts::Timeouts;
-use trimaran_net::Instant;
+use crate::error::{LaneError, Loss};
+use crate::lanes::half::{Half, LaneTx, Rx, Tx};
+use crate::stats::Counters;
 
 const LANE: UnitLane = UnitLane::Frames;
 
 #[derive(Debug)]
 pub(crate) struct FrameTx {
     lane: UnitTx,
+    counters: Arc<Counters>,
     staged: VecDeque<Staged>,
     /// The warning that frames have less time than the path takes was given.
     warned: bool,
@@ -26,72 +27,68 @@ pub(crate) struct FrameTx {
 
 /// Waits to be passed to the connection.
 #[derive(Debug)]
-pub(crate) enum Staged {
+enum Staged {
     Frame(FrameMessage),
     Close(CloseReason),
 }
 
-impl From<FrameMessage> for Staged {
-    fn from(message: FrameMessage) -> Self {
-        Self::Frame(message)
-    }
-}
-
-impl From<CloseReason> for Staged {
-    fn from(reason: CloseReason) -> Self {
-        Self::Close(reason)
-    }
-}
-
 impl FrameTx {
-    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
-        Self { lane: UnitTx::new(carrier, LANE), staged: VecDeque::new(), warned: false }
+    pub(crate) fn new(carrier: &Arc<Carrier>, counters: &Arc<Counters>) -> Self {
+        let (lane, counters) = (UnitTx::new(carrier, LANE), Arc::clone(counters));
+        Self { lane, counters, staged: VecDeque::new(), warned: false }
     }
+}
 
-    pub(crate) fn stage(&mut self, message: impl Into<Staged>, shared: &Shared) {
-        let message = message.into();
-        let (kind, bytes) = match &message {
-            Staged::Frame(message) => (message.kind(), message.payload()),
-            Staged::Close(_) => (Kind::Close, 0),
-        };
-        shared.counters.sent.count(kind, bytes);
-        self.staged.push_back(message);
-    }
+impl Half for FrameTx {}
 
-    /// The newest frame that the peer has completely.
-    pub(crate) fn confirmed(&self) -> Option<FrameNumber> {
-        self.lane.carrier.lock().connection.confirmed_frame()
-    }
-
-    /// Passes staged messages to the connection. Any progress restarts the timeout.
-    pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        while !self.staged.is_empty() {
-            let Self { lane, staged, warned } = self;
-            let mut late = None;
-            let put = |state: &mut State| {
-                let connection = &mut state.connection;
-                while connection.is_writable(LANE)
-                    && let Some(message) = staged.pop_front()
-                {
-                    match message {
-                        Staged::Frame(message) => connection.send(&message),
-                        Staged::Close(reason) => connection.end_lane(LANE, reason),
-                    }
-                }
-                late = connection.deadline_too_short().filter(|_| !*warned);
-            };
-            lane.with_room(timeouts, put).await?;
-            if let Some(DeadlineTooShort { deadline, way }) = late {
-                *warned = true;
-                tracing::warn!(peer = %lane.carrier.port().remote(), ?way, ?deadline, "the way to the peer takes longer than a frame may: hardly any will come whole; take a longer deadline, or a link without one");
-            }
+impl LaneTx for FrameTx {
+    fn poll_send(&mut self, cx: &mut Context<'_>) -> Poll<Result<bool, Loss>> {
+        let Self { lane, staged, warned, .. } = self;
+        if staged.is_empty() {
+            return Poll::Ready(Ok(true));
         }
+        let mut late = None;
+        let put = |state: &mut State| {
+            let connection = &mut state.connection;
+            while connection.is_writable(LANE)
+                && let Some(message) = staged.pop_front()
+            {
+                match message {
+                    Staged::Frame(message) => connection.send(&message),
+                    Staged::Close(reason) => connection.end_lane(LANE, reason),
+                }
+            }
+            late = connection.deadline_too_short().filter(|_| !*warned);
+        };
+        ready!(lane.poll_room(cx, put))?;
+        if let Some(DeadlineTooShort { deadline, way }) = late {
+            *warned = true;
+            tracing::warn!(peer = %lane.carrier.port().remote(), ?way, ?deadline, "the way to the peer takes longer than a frame may: hardly any will come whole; take a longer deadline, or a link without one");
+        }
+        Poll::Ready(Ok(staged.is_empty()))
+    }
+
+    fn close(&mut self, reason: CloseReason) -> Result<(), Loss> {
+        self.counters.sent.count(Kind::Close, 0);
+        self.staged.push_back(Staged::Close(reason));
         Ok(())
     }
 
     /// Ends the lane behind its close, once everything has arrived.
-    pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        self.lane.close(timeouts).await
+    fn poll_closed(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        self.lane.poll_closed(cx)
+    }
+
+    fn confirmed(&self) -> Option<FrameNumber> {
+        self.lane.carrier.lock().connection.confirmed_frame()
+    }
+}
+
+impl Tx<FrameMessage> for FrameTx {
+    fn stage(&mut self, message: FrameMessage) -> Result<(), Loss> {
+        self.counters.sent.count(message.kind(), message.payload());
+        self.staged.push_back(Staged::Frame(message));
+        Ok(())
     }
 }
 
@@ -99,22 +96,21 @@ impl FrameTx {
 pub(crate) struct FrameRx(UnitRx);
 
 impl FrameRx {
-    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
-        Self(UnitRx::new(carrier, LANE))
+    pub(crate) fn new(carrier: &Arc<Carrier>, counters: &Arc<Counters>) -> Self {
+        Self(UnitRx::new(carrier, LANE, counters))
     }
+}
 
-    pub(crate) async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<FrameMessage, LaneError> {
-        match self.0.next(by, shared, timeouts).await? {
+impl Half for FrameRx {}
+
+impl Rx<FrameMessage> for FrameRx {
+    fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<FrameMessage>, LaneError>> {
+        Poll::Ready(match ready!(self.0.poll_next(cx))? {
             Received::Frame(message) => {
-                shared.counters.received.count(message.kind(), message.payload());
-                Ok(message)
+                self.0.counters().received.count(message.kind(), message.payload());
+                Ok(Some(message))
             }
             _ => Err(wrong_unit()),
-        }
+        })
     }
 }

@@ -12,34 +12,36 @@ use std::task::Poll;
 use trimaran_udp::{Acceptor as UdpAcceptor, Config, ConnectionId, Handled, Initial};
 use trimaran_wire::{Accept, Batching, DecodeFault, Hello, Lane, Message, Refusal};
 
+use super::Udp;
 use super::connect::{introduce_with, read_introduction};
 use super::driver::Connections;
 use super::port::{Port, Waiter};
 use super::socket::{Incoming, Outgoing, Path};
 use crate::acceptor::Acceptor;
 use crate::handshake::HandshakeError;
-use crate::keys::{NoiseKey, PeerKey};
+use crate::keys::{NoiseKey, PeerKey, Security};
 use crate::pending::Slot;
 use crate::stats::Counters;
-use crate::{PeerAddress, UdpMode};
+use crate::{PeerAddress, UdpEndpoint};
 use trimaran_net::{UdpSocket, random_bytes, until};
 
 /// Listens, and receives peers until nobody accepts any more. Returns the address.
 pub(super) fn listen(
     at: SocketAddr,
-    mode: Option<UdpMode>,
+    Udp { at: UdpEndpoint { mode, .. }, options, security }: &Udp,
     acceptor: &Arc<Acceptor>,
 ) -> io::Result<SocketAddr> {
-    let options = &acceptor.options.udp;
-    let security = options.trust.listening(acceptor.options.security.as_ref()).map_err(io::Error::other)?;
-    let udp = UdpAcceptor::new(security, random_bytes(&*acceptor.net)?).map_err(io::Error::other)?;
+    let noise = options.trust.listening(security.as_ref()).map_err(io::Error::other)?;
+    let udp = UdpAcceptor::new(noise, random_bytes(&*acceptor.net)?).map_err(io::Error::other)?;
     let socket = acceptor.net.bind_udp(at, options.socket)?;
     let address = socket.local_addr()?;
     let connections = Connections::new(&acceptor.net);
-    let config = options.config(mode, &acceptor.options.link, acceptor.application.format());
+    let config = options.config(*mode, &acceptor.link, acceptor.application.format());
     let listener = UdpListener {
         acceptor: Arc::clone(acceptor),
         config,
+        security: security.clone(),
+        encrypted: options.is_encrypted(),
         udp,
         socket,
         connections,
@@ -56,6 +58,8 @@ type Caller = (SocketAddr, ConnectionId);
 struct UdpListener {
     acceptor: Arc<Acceptor>,
     config: Config,
+    security: Option<Security>,
+    encrypted: bool,
     udp: UdpAcceptor,
     socket: Arc<dyn UdpSocket>,
     connections: Arc<Connections>,
@@ -155,13 +159,13 @@ impl UdpListener {
             return Err(HandshakeError::Refused(Refusal::Session { session, lane }));
         }
         let peer = self.acceptor.identify(&hello)?;
-        if let (Some(key), Some(security)) = (initial.key, &self.acceptor.options.security) {
+        if let (Some(key), Some(security)) = (initial.key, &self.security) {
             security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), peer.role.as_deref())?;
         }
         // It takes a place only once it has proved to be there now.
         self.acceptor.admits(&hello).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.frame_deadline.is_none();
-        let batching = peer.batching.unwrap_or(self.acceptor.options.link.batching);
+        let batching = peer.batching.unwrap_or(self.acceptor.link.batching);
         Ok(Guest { hello, batching, reliable, counters })
     }
 
@@ -186,7 +190,7 @@ impl UdpListener {
             answers.lock().remove(&caller);
         }));
         let slot = acceptor.slot(&PeerAddress::Udp(caller.0));
-        acceptor.net.spawn(Box::pin(greet(Arc::clone(acceptor), port, guest, slot)));
+        acceptor.net.spawn(Box::pin(greet(Arc::clone(acceptor), port, guest, slot, self.encrypted)));
         Ok(())
     }
 
@@ -211,7 +215,7 @@ impl UdpListener {
 }
 
 /// Hands out the link with a guest once it has used its keys, or drops it.
-async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
+async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot: Slot, encrypted: bool) {
     let confirmed = poll_fn(|cx| {
         let mut state = port.lock();
         if state.connection.is_confirmed() || state.connection.closed().is_some() {
@@ -220,7 +224,7 @@ async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot:
         state.wait(Waiter::Greeter, cx);
         Poll::Pending
     });
-    let by = acceptor.net.now().after(acceptor.options.link.handshake_timeout);
+    let by = acceptor.net.now().after(acceptor.link.handshake_timeout);
     let confirmed = tokio::select! {
         biased;
         confirmed = until(&*acceptor.net, by, confirmed) => match confirmed {
@@ -234,16 +238,14 @@ async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot:
     let entered =
         confirmed.and_then(|()| acceptor.enter(&hello.application).map_err(HandshakeError::Refused));
     let (peer, place) = match entered {
-        Ok((peer, place)) => (peer, Some(Arc::new(place) as _)),
+        Ok(entered) => entered,
         Err(error) => {
             port.lock().connection.close();
             port.settle(acceptor.net.now());
             return acceptor.failed(&port.remote(), error);
         }
     };
-    let format = acceptor.application.format();
     let link = (hello.session, reliable);
-    acceptor
-        .hand_out(super::parts::parts(&port, &acceptor.options.udp, format, peer, link, counters, place))
-        .await;
+    let parts = super::parts::parts(&port, encrypted, peer, link, counters);
+    acceptor.hand_out(parts.holding(place)).await;
 }

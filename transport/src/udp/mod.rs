@@ -7,13 +7,13 @@
 
 mod connect;
 mod driver;
-pub(crate) mod frames;
-pub(crate) mod latest;
+mod frames;
+mod latest;
 mod listen;
 mod options;
 mod parts;
 mod port;
-pub(crate) mod records;
+mod records;
 mod scheme;
 mod socket;
 mod units;

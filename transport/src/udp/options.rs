@@ -165,7 +165,7 @@ mod range {
     use serde::Deserializer;
 
     use super::MAX_DATAGRAM;
-    use crate::options::range::within;
+    use crate::config::range::within;
     use crate::udp::MIN_DATAGRAM;
 
     pub(super) fn repair_percent<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
@@ -186,7 +186,7 @@ mod range {
 
         use serde::{Deserializer, Serialize, Serializer};
 
-        use crate::options::range::within;
+        use crate::config::range::within;
 
         pub(crate) fn serialize<S: Serializer>(time: &Duration, serializer: S) -> Result<S::Ok, S::Error> {
             (time.as_secs_f64() * 1e3).serialize(serializer)

@@ -1,18 +1,18 @@
 //! A lane of records, messages or blocks, over datagrams.
 
 use std::sync::Arc;
+use std::task::{Context, Poll, ready};
 
 use bytes::Bytes;
 use trimaran_udp::{LaneViolation, Received, UnitLane};
 use trimaran_wire::{CloseReason, Kind};
 
-use super::port::{Carrier, State};
+use super::port::Carrier;
 use super::units::{UnitRx, UnitTx};
-use crate::error::{LaneError, LaneSendError, ProtocolError};
+use crate::error::{LaneError, Loss, ProtocolError};
+use crate::lanes::half::{Half, LaneTx, Rx, Tx};
 use crate::lanes::records::RecordLane;
-use crate::lanes::shared::Shared;
-use crate::timeouts::Timeouts;
-use trimaran_net::Instant;
+use crate::stats::Counters;
 
 impl RecordLane {
     /// The lane of its units.
@@ -28,40 +28,42 @@ impl RecordLane {
 pub(crate) struct RecordTx {
     lane: RecordLane,
     units: UnitTx,
+    counters: Arc<Counters>,
 }
 
 impl RecordTx {
-    pub(crate) fn new(carrier: &Arc<Carrier>, lane: RecordLane) -> Self {
-        Self { lane, units: UnitTx::new(carrier, lane.units()) }
+    pub(crate) fn new(carrier: &Arc<Carrier>, lane: RecordLane, counters: &Arc<Counters>) -> Self {
+        Self { lane, units: UnitTx::new(carrier, lane.units()), counters: Arc::clone(counters) }
+    }
+}
+
+impl Half for RecordTx {}
+
+impl LaneTx for RecordTx {
+    fn poll_send(&mut self, cx: &mut Context<'_>) -> Poll<Result<bool, Loss>> {
+        Poll::Ready(ready!(self.units.poll_room(cx, |_| {})).map(|()| true))
     }
 
-    pub(crate) async fn send(
-        &mut self,
-        record: Bytes,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        let (lane, bytes) = (self.lane, record.len());
-        let put = |state: &mut State| match lane {
-            RecordLane::Messages => state.connection.say(record.clone()),
-            RecordLane::Bulk => state.connection.carry(record.clone()),
-        };
-        self.units.with_room(timeouts, put).await?;
-        shared.counters.sent.count(lane.kind(), bytes);
+    fn close(&mut self, reason: CloseReason) -> Result<(), Loss> {
+        self.units.put(|state| state.connection.end_lane(self.lane.units(), reason));
+        self.counters.sent.count(Kind::Close, 0);
         Ok(())
     }
 
-    /// Closes the lane, and waits until everything has arrived.
-    pub(crate) async fn close(
-        &mut self,
-        reason: CloseReason,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        let lane = self.lane.units();
-        self.units.with_room(timeouts, |state| state.connection.end_lane(lane, reason.clone())).await?;
-        shared.counters.sent.count(Kind::Close, 0);
-        self.units.close(timeouts).await
+    fn poll_closed(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        self.units.poll_closed(cx)
+    }
+}
+
+impl Tx<Bytes> for RecordTx {
+    fn stage(&mut self, record: Bytes) -> Result<(), Loss> {
+        let bytes = record.len();
+        self.units.put(|state| match self.lane {
+            RecordLane::Messages => state.connection.say(record),
+            RecordLane::Bulk => state.connection.carry(record),
+        });
+        self.counters.sent.count(self.lane.kind(), bytes);
+        Ok(())
     }
 }
 
@@ -72,24 +74,23 @@ pub(crate) struct RecordRx {
 }
 
 impl RecordRx {
-    pub(crate) fn new(carrier: &Arc<Carrier>, lane: RecordLane) -> Self {
-        Self { lane, units: UnitRx::new(carrier, lane.units()) }
+    pub(crate) fn new(carrier: &Arc<Carrier>, lane: RecordLane, counters: &Arc<Counters>) -> Self {
+        Self { lane, units: UnitRx::new(carrier, lane.units(), counters) }
     }
+}
 
-    pub(crate) async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<Bytes, LaneError> {
+impl Half for RecordRx {}
+
+impl Rx<Bytes> for RecordRx {
+    fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<Bytes>, LaneError>> {
         // Each kind comes on its own lane only.
-        match self.units.next(by, shared, timeouts).await? {
+        Poll::Ready(match ready!(self.units.poll_next(cx))? {
             Received::Message(record) | Received::Block(record) => {
-                shared.counters.received.count(self.lane.kind(), record.len());
-                Ok(record)
+                self.units.counters().received.count(self.lane.kind(), record.len());
+                Ok(Some(record))
             }
             _ => Err(wrong_unit()),
-        }
+        })
     }
 }
 

@@ -4,31 +4,44 @@ use std::sync::Arc;
 
 use trimaran_net::{BoxFuture, Net};
 
-use super::{connect, listen};
+use super::{UdpOptions, connect, listen};
 use crate::acceptor::Acceptor;
-use crate::parts::Parts;
-use crate::scheme::{Introduction, Listened, Scheme, first_address};
-use crate::transport::{AttemptError, ListenFault};
-use crate::{Endpoint, UdpEndpoint};
+use crate::keys::Security;
+use crate::lane_transport::{Introduction, LaneTransport, Listened};
+use crate::parts::LinkParts;
+use crate::transport::{AttemptError, ListenFault, first_address};
+use crate::{HostPort, UdpEndpoint};
 
 /// A socket for datagrams.
-pub(crate) struct Udp(pub(crate) UdpEndpoint);
+#[derive(Debug)]
+pub(crate) struct Udp {
+    pub(crate) at: UdpEndpoint,
+    pub(crate) options: UdpOptions,
+    pub(crate) security: Option<Security>,
+}
 
-impl Scheme for Udp {
-    fn attempt<'a>(
-        &'a self,
-        net: &'a Arc<dyn Net>,
-        introduction: &'a Introduction<'_>,
-    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
-        Box::pin(connect::attempt(net, &self.0, introduction))
+impl LaneTransport for Udp {
+    fn scheme(&self) -> &'static str {
+        "udp"
     }
 
-    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+    fn connect<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        _address: &'a str,
+        introduction: &'a Introduction<'_>,
+    ) -> BoxFuture<'a, Result<LinkParts, AttemptError>> {
+        Box::pin(connect::attempt(net, self, introduction))
+    }
+
+    fn listen<'a>(
+        &'a self,
+        _address: &'a str,
+        acceptor: &'a Arc<Acceptor>,
+    ) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
-            let UdpEndpoint { at, mode } = &self.0;
-            let to = first_address(&acceptor.net, &at.to_string()).await?;
-            let at = listen::listen(to, *mode, acceptor)?.into();
-            Ok(Endpoint::Udp(UdpEndpoint { at, mode: *mode }).into())
+            let to = first_address(&acceptor.net, &self.at.at.to_string()).await?;
+            Ok(HostPort::from(listen::listen(to, self, acceptor)?).to_string().into())
         })
     }
 }

@@ -21,9 +21,8 @@ pub use options::WsOptions;
 pub use origin::{ForeignOrigin, Origin, OriginError};
 
 use crate::WsEndpoint;
-use crate::scheme::first_address;
 use crate::tcp;
-use crate::transport::{AttemptError, ListenFault, Listening, Transport, Upgrade};
+use crate::transport::{AttemptError, ListenFault, Listening, Transport, Upgrade, first_address};
 
 /// WebSockets over TCP.
 #[derive(Debug, Clone)]

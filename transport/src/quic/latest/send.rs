@@ -4,6 +4,7 @@ use parking_lot::Mutex;
 use std::future::poll_fn;
 use std::io;
 use std::sync::Arc;
+use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
 use bytes::BytesMut;
@@ -11,10 +12,10 @@ use quinn::{SendDatagramError, SendStream, StoppedError, WriteError};
 use tokio::sync::Notify;
 use trimaran_wire::{CloseReason, FixedBytes, Kind, Message, Numbered, Serial};
 
-use crate::error::{LaneSendError, Loss};
-use crate::lanes::shared::Shared;
+use crate::error::Loss;
+use crate::lanes::half::{Half, LaneTx, Tx};
 use crate::quic::carrier::{Carrier, loss, write_loss};
-use crate::timeouts::Timeouts;
+use crate::stats::Counters;
 use trimaran_net::Timer;
 
 /// The shortest quiet time after which the newest value is copied; on longer paths 1.5 round trips.
@@ -26,6 +27,7 @@ const VALUES: usize = 64;
 pub(crate) struct LatestTx {
     cell: Arc<Cell>,
     carrier: Arc<Carrier>,
+    counters: Arc<Counters>,
     next: Serial,
     buffer: BytesMut,
 }
@@ -35,8 +37,6 @@ struct Cell {
     state: Mutex<State>,
     /// Notified when there is something to copy or to end.
     changed: Notify,
-    /// Notified when the close has arrived, or never will.
-    ended: Notify,
 }
 
 #[derive(Debug, Default)]
@@ -45,65 +45,73 @@ struct State {
     newest: Option<Numbered>,
     closed: Option<CloseReason>,
     leaving: bool,
+    /// The close has arrived, or never will.
     ended: bool,
+    /// The owner waits for that.
+    waiting: Option<Waker>,
     failed: Option<io::ErrorKind>,
 }
 
 impl LatestTx {
-    pub(crate) fn new(carrier: &Arc<Carrier>, control: SendStream, shared: Shared) -> Self {
-        let cell = Arc::<Cell>::default();
-        let copier = Copier { cell: Arc::clone(&cell), carrier: Arc::clone(carrier), control, shared };
+    pub(crate) fn new(carrier: &Arc<Carrier>, control: SendStream, counters: &Arc<Counters>) -> Self {
+        let (cell, counters) = (Arc::<Cell>::default(), Arc::clone(counters));
+        let copier = Copier {
+            cell: Arc::clone(&cell),
+            carrier: Arc::clone(carrier),
+            control,
+            counters: Arc::clone(&counters),
+        };
         carrier.net.spawn(Box::pin(copier.run()));
-        Self { cell, carrier: Arc::clone(carrier), next: Serial::default(), buffer: BytesMut::new() }
+        let carrier = Arc::clone(carrier);
+        Self { cell, carrier, counters, next: Serial::default(), buffer: BytesMut::new() }
+    }
+}
+
+impl Half for LatestTx {}
+
+impl LaneTx for LatestTx {
+    fn close(&mut self, reason: CloseReason) -> Result<(), Loss> {
+        let mut state = self.cell.state.lock();
+        state.closed = Some(reason);
+        state.leaving = true;
+        drop(state);
+        self.cell.changed.notify_one();
+        Ok(())
     }
 
-    pub(crate) fn publish(&mut self, value: FixedBytes, shared: &Shared) -> Result<(), LaneSendError> {
+    fn poll_closed(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), Loss>> {
+        let mut state = self.cell.state.lock();
+        if let Some(kind) = state.failed {
+            return Poll::Ready(Err(Loss::Io(kind.into())));
+        }
+        if state.ended {
+            return Poll::Ready(Ok(()));
+        }
+        state.waiting = Some(cx.waker().clone());
+        Poll::Pending
+    }
+}
+
+impl Tx<FixedBytes> for LatestTx {
+    fn stage(&mut self, value: FixedBytes) -> Result<(), Loss> {
+        let bytes = value.len();
         let numbered = Numbered { number: self.next, value };
-        let size = Numbered::NUMBER_BYTES + numbered.value.len();
+        let size = Numbered::NUMBER_BYTES + bytes;
         if self.buffer.capacity() < size {
             self.buffer.reserve(VALUES * size);
         }
         numbered.write(&mut self.buffer);
-        self.carrier.connection.send_datagram(self.buffer.split().freeze()).map_err(|e| {
-            LaneSendError::Lost(match e {
-                SendDatagramError::ConnectionLost(e) => loss(e),
-                other => Loss::Io(io::Error::other(other)),
-            })
+        self.carrier.connection.send_datagram(self.buffer.split().freeze()).map_err(|e| match e {
+            SendDatagramError::ConnectionLost(e) => loss(e),
+            other => Loss::Io(io::Error::other(other)),
         })?;
-        shared.counters.sent.count(Kind::Latest, shared.format.latest);
+        self.counters.sent.count(Kind::Latest, bytes);
         self.next = self.next.next();
         // The copier checks for newer values while it has one to copy.
         if self.cell.state.lock().newest.replace(numbered).is_none() {
             self.cell.changed.notify_one();
         }
         Ok(())
-    }
-
-    pub(crate) async fn close(
-        &mut self,
-        reason: CloseReason,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        {
-            let mut state = self.cell.state.lock();
-            state.closed = Some(reason);
-            state.leaving = true;
-        }
-        self.cell.changed.notify_one();
-        loop {
-            // Created before the check, so that an end in between is not missed.
-            let ended = self.cell.ended.notified();
-            {
-                let state = self.cell.state.lock();
-                if let Some(kind) = state.failed {
-                    return Err(LaneSendError::Lost(Loss::Io(kind.into())));
-                }
-                if state.ended {
-                    return Ok(());
-                }
-            }
-            timeouts.wait(None, ended).await.map_err(|_| LaneSendError::Stalled)?;
-        }
     }
 }
 
@@ -120,7 +128,7 @@ struct Copier {
     /// Kept until the last value has arrived, even if all halves are gone.
     carrier: Arc<Carrier>,
     control: SendStream,
-    shared: Shared,
+    counters: Arc<Counters>,
 }
 
 impl Copier {
@@ -135,12 +143,15 @@ impl Copier {
             }),
             e = connection.closed() => Some(io::Error::from(e).kind()),
         };
-        {
+        let waiting = {
             let mut state = self.cell.state.lock();
             state.ended = true;
             state.failed = failed;
+            state.waiting.take()
+        };
+        if let Some(waiting) = waiting {
+            waiting.wake();
         }
-        self.cell.ended.notify_waiters();
         self.carrier.outlive([self.control]);
     }
 
@@ -160,7 +171,7 @@ impl Copier {
             };
             if let Some(reason) = closed {
                 let bytes = self.write(&Message::Close(reason)).await?;
-                self.shared.counters.sent.count(Kind::Close, bytes);
+                self.counters.sent.count(Kind::Close, bytes);
             }
             // Fails only for a stream that is closed.
             let _ = self.control.finish();

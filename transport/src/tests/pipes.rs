@@ -5,10 +5,10 @@
 use tokio::io::{AsyncReadExt, DuplexStream, duplex, split};
 use trimaran_wire::{Format, Kind, Lane, SessionId};
 
-use super::handshake::{Connection, Lanes};
 use crate::application::Side;
 use crate::conformance::{ARM, PANEL, Robot, finished, greeting, points, receive, send_frame, start};
 use crate::stats::Counters;
+use crate::stream::handshake::{Connection, Lanes};
 use crate::tcp::Tcp;
 use crate::transport::Capabilities;
 use crate::{LinkConfig, Loss, RecvError, SendError, TcpOptions, TokioNet};
@@ -44,7 +44,7 @@ fn link(net: &Arc<dyn Net>, [latest, frames, messages, bulk]: [DuplexStream; 4],
         bulk: connection(bulk),
         capabilities: Capabilities { reliable: true, ordered: true, encrypted: false, local: false },
     };
-    let parts = lanes.into_parts(net, &config, application.format(), peer, SessionId(1), None);
+    let parts = lanes.into_parts(net, &config, peer, SessionId(1));
     parts.into_link(net, &config).unwrap()
 }
 

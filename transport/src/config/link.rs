@@ -22,7 +22,7 @@ pub struct LinkConfig {
     /// have the same, or 20 s and more. Default 20 s.
     #[cfg_attr(
         feature = "config",
-        serde(rename = "idle_timeout_s", with = "crate::options::range::idle_timeout_s"),
+        serde(rename = "idle_timeout_s", with = "crate::config::range::idle_timeout_s"),
         schemars(with = "f64")
     )]
     pub idle_timeout: Duration,
@@ -44,7 +44,7 @@ pub struct LinkConfig {
     /// How many messages the peer may send in a second on the frames lane, measured over that many, and on
     /// the messages lane. A peer that sends more is a flood, and the lane fails. Of latest values only the
     /// newest is read anyway. Not within one process. Default 1,000,000.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::above_zero"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::range::above_zero"))]
     pub messages_per_s: u32,
 }
 

@@ -4,7 +4,7 @@ use tracing::field::Empty;
 use tracing::{Span, debug, debug_span};
 use trimaran_wire::FrameNumber;
 
-use crate::lanes::shared::Shared;
+use super::shared::Shared;
 use crate::stats::Direction;
 
 /// The span of the open frame. If nobody listens it is disabled, and costs a check of a flag.
@@ -36,8 +36,8 @@ impl FrameSpan {
         Self { span: Span::none(), before: 0 }
     }
 
-    /// The span of a frame that begins now.
-    pub(crate) fn open(way: Way, frame: FrameNumber, shared: &Shared) -> Self {
+    /// The span of a frame that begins now, with a beginning of `begin` bytes.
+    pub(crate) fn open(way: Way, frame: FrameNumber, begin: usize, shared: &Shared) -> Self {
         let direction = match way {
             Way::Sent => "sent",
             Way::Received => "received",
@@ -50,7 +50,7 @@ impl FrameSpan {
         // A beginning that has arrived was already counted.
         let before = match way {
             Way::Sent => counted,
-            Way::Received => counted.saturating_sub(shared.format.begin() as u64),
+            Way::Received => counted.saturating_sub(begin as u64),
         };
         Self { span, before }
     }

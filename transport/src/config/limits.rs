@@ -10,15 +10,15 @@ pub struct Limits {
     pub peers: usize,
     /// How many handshakes a listener has open at once. One more takes the slot of the oldest; if an address
     /// holds more than a link takes, that of the address with the most. Default 64.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::of_a_link"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::range::of_a_link"))]
     pub handshakes: usize,
     /// How many handshakes may begin at a listener in a second, over all addresses. More are refused, but
     /// each address may begin its even share. Default 1,000.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::of_a_link"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::range::of_a_link"))]
     pub handshakes_per_s: u32,
     /// The same for one address, an IPv6 network of 64 bits, or over Unix sockets one user. A link over byte
     /// streams takes four. Default 500.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::of_a_link"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::range::of_a_link"))]
     pub handshakes_per_s_per_address: u32,
 }
 

@@ -1,17 +1,11 @@
 //! Options of links: those common to all transports, and those of each.
 
-pub(crate) mod limits;
-pub(crate) mod link;
-#[cfg(feature = "config")]
-pub(crate) mod range;
-
 use std::sync::Arc;
-
-use limits::Limits;
-use link::LinkConfig;
 
 #[cfg(feature = "unix")]
 use crate::UnixOptions;
+use crate::config::limits::Limits;
+use crate::config::link::LinkConfig;
 #[cfg(feature = "keys")]
 use crate::keys::Security;
 #[cfg(feature = "quic")]
@@ -20,7 +14,7 @@ use crate::quic::QuicOptions;
 use crate::udp::UdpOptions;
 #[cfg(feature = "ws")]
 use crate::ws::WsOptions;
-use crate::{TcpOptions, Transport};
+use crate::{LaneTransport, TcpOptions, Transport};
 
 /// Options of links over any transport.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -53,4 +47,7 @@ pub struct Options {
     /// Transports beside those of this crate, for endpoints of their schemes. Default none.
     #[cfg_attr(feature = "config", serde(skip))]
     pub transports: Vec<Arc<dyn Transport>>,
+    /// The same for transports with lanes of their own. Default none.
+    #[cfg_attr(feature = "config", serde(skip))]
+    pub lane_transports: Vec<Arc<dyn LaneTransport>>,
 }

@@ -8,14 +8,14 @@ use quinn::Connection;
 use quinn::crypto::rustls::QuicClientConfig;
 use trimaran_wire::{Fixed, Format, Message, Numbered};
 
-use super::QuicOptions;
-use super::connect::endpoint;
-use super::control::{Beside, Control};
-use super::tls::{self, Verifier};
 use crate::application::{Application, Side};
 use crate::conformance::{ARM, PANEL, Pose, Robot, greeting};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::{Keys, Security};
+use crate::quic::QuicOptions;
+use crate::quic::connect::endpoint;
+use crate::quic::control::{Beside, Control};
+use crate::quic::tls::{self, Verifier};
 use crate::{
     AcceptError, DecodeFault, Endpoint, Kind, Lane, Link, Listener, Net, Options, ProtocolError, RecvError,
     SessionId, TokioNet, connect,

@@ -1,0 +1,6 @@
+//! Options that all transports share.
+
+pub(crate) mod limits;
+pub(crate) mod link;
+#[cfg(feature = "config")]
+pub(crate) mod range;
