@@ -4,7 +4,7 @@ import type { Drawn } from "./batch.ts";
 import { canDrawOnCanvas } from "./canvasDepth.ts";
 import { Device, NOTHING } from "./device.ts";
 import type { Depth, DrawNumber } from "./features.ts";
-import { type Camera, type Drawable, type Look, type Mesh, PLAIN } from "./model.ts";
+import { type Camera, type Drawable, type Look, type Mesh, PLAIN, type Triangles } from "./model.ts";
 import { STEPS } from "./still.ts";
 
 export { NOTHING } from "./device.ts";
@@ -203,7 +203,7 @@ export class Renderer {
   }
 
   /** The triangles of a piece of geometry in its local frame: positions, and three indices each. */
-  triangles(number: number): { positions: Float32Array; indices: Uint32Array } | undefined {
+  triangles(number: number): Triangles | undefined {
     return this.#device?.arena.triangles(number);
   }
 

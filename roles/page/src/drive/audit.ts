@@ -4,12 +4,12 @@
  */
 
 import type { Drawable } from "../draw/model.ts";
-import type { Point } from "../navigate/gaze.ts";
 import type { Camera } from "../proto/camera.ts";
 import type { WrongPixels } from "../service/service.ts";
+import type { Point } from "../space/point.ts";
+import { Samples } from "../viewer/samples.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { wrongShare } from "../viewer/wrongPixels.ts";
-import { Samples } from "./samples.ts";
 import { until } from "./time.ts";
 
 /** Of longer walks at most this many pictures are audited, and at least half as many. */
@@ -62,7 +62,7 @@ export async function audit(viewer: Viewer, pictures: readonly Taken[]): Promise
     if (hasJumped || drawables === undefined) {
       continue;
     }
-    viewer.navigator.goTo([...camera.eye], [...forward]);
+    viewer.navigator.goTo(camera.eye, forward);
     await until(() => viewer.isSettled);
     const exact = viewer.shown();
     const items = (of: readonly Drawable[]) => viewer.renderer.items(camera, of, viewer.look());

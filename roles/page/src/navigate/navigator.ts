@@ -1,15 +1,17 @@
 /** A person's pose in the scene, and how input changes it. */
 
 import { signal } from "@preact/signals";
-import type { SceneDescription, Service } from "../service/service.ts";
-import { type Box, centreOf, framingEye } from "./framing.ts";
-import { Frustum } from "./frustum.ts";
-import { Gaze, type Point } from "./gaze.ts";
+import { Projection } from "../draw/projection.ts";
+import type { SceneDescription, Service, Side } from "../service/service.ts";
+import { type Box, centreOf } from "../space/box.ts";
+import { beyond, distance, type Point } from "../space/point.ts";
+import { framingEye } from "./framing.ts";
+import { Gaze } from "./gaze.ts";
 import { Ground } from "./ground.ts";
 import { addGamepad, Keys, type Motion, still } from "./motion.ts";
-import { along, approach, pan, turnAbout } from "./orbit.ts";
+import { approach, pan, turnAbout } from "./orbit.ts";
 import { type Drag, listenToPointers } from "./pointers.ts";
-import { mostOpen, type Side } from "./sides.ts";
+import { mostOpen } from "./sides.ts";
 import { isForControl } from "./typing.ts";
 import { Walk } from "./walk.ts";
 
@@ -30,6 +32,8 @@ const DOLLY = 0.15;
 const AROUND = 8;
 /** The smallest distance to an approached point, as a share of the height of the eye. */
 const CLOSEST = 0.005;
+/** Points nearer than this are not in the picture, metres. */
+const NEAREST = 1e-9;
 /** Longest step in time, seconds: a page that was in the background does not jump. */
 const LONGEST = 0.1;
 /** Running speed factor. */
@@ -49,16 +53,16 @@ export class Navigator {
   /** How far two fingers have moved the person since the last step: forward and right, metres. */
   #pushed: [number, number] = [0, 0];
   /** The point to orbit: the last one pointed at or framed, at first the middle of the model. */
-  #pivot: Readonly<Point>;
+  #pivot: Point;
   /** The point that the wheel approaches, as long as it stays at the pointer. */
-  #zoomed: Readonly<Point> | undefined;
+  #zoomed: Point | undefined;
   readonly #canvas: HTMLCanvasElement;
   /** The middle of the model. */
-  readonly #middle: Readonly<Point>;
+  readonly #middle: Point;
   /** Height of the eye above floors, which sets the scale of the scene. */
   readonly #scale: number;
   /** The visible point at a place of the canvas, or within `around` of it. CSS pixels. */
-  pointAt: (x: number, y: number, around: number) => Readonly<Point> | undefined = () => undefined;
+  pointAt: (x: number, y: number, around: number) => Point | undefined = () => undefined;
   readonly mode = signal<Mode>("walk");
   /** Vertical field of view, degrees. */
   readonly vfov = signal(0);
@@ -72,12 +76,12 @@ export class Navigator {
 
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Pick<Service, "tile">) {
     const { eye, forward } = scene.start;
-    this.#eye = [...eye];
+    this.#eye = eye;
     this.#canvas = canvas;
     this.#middle = centreOf(scene.core);
     this.#pivot = this.#middle;
     this.#scale = scene.eyeHeight;
-    this.#gaze = new Gaze([...forward]);
+    this.#gaze = new Gaze(forward);
     this.#ground = new Ground(service, scene.tileSide);
     this.#walk = new Walk(this.#eye, scene.eyeHeight);
     this.mode.value = scene.hasFloors ? "walk" : "fly";
@@ -86,7 +90,7 @@ export class Navigator {
     this.#listen(canvas);
   }
 
-  get eye(): Readonly<Point> {
+  get eye(): Point {
     return this.#eye;
   }
 
@@ -101,13 +105,18 @@ export class Navigator {
   }
 
   /** The eye and the viewing direction: see `Gaze`. */
-  get pose(): { eye: Readonly<Point>; heading: number; pitch: number } {
+  get pose(): { eye: Point; heading: number; pitch: number } {
     return { eye: this.#eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
   }
 
   /** Metres from the eye to the orbited point; in walk mode there is none. */
   get reach(): number {
-    return this.mode.peek() === "walk" ? Number.POSITIVE_INFINITY : this.#wayTo(this.#pivot);
+    return this.mode.peek() === "walk" ? Number.POSITIVE_INFINITY : distance(this.#eye, this.#pivot);
+  }
+
+  /** Tangent of half the vertical field of view. */
+  get tanHalfFov(): number {
+    return Math.tan((this.vfovDeg * Math.PI) / 360);
   }
 
   /** Vertical field of view, degrees. */
@@ -161,7 +170,7 @@ export class Navigator {
   }
 
   /** Puts the eye at a place, looking along `forward`. Earlier taps and drags are discarded. */
-  goTo(eye: Readonly<Point>, forward: Readonly<Point>): void {
+  goTo(eye: Point, forward: Point): void {
     this.#hasJumped = true;
     this.#zoomed = undefined;
     this.#pushed = [0, 0];
@@ -170,8 +179,8 @@ export class Navigator {
   }
 
   /** The same, but as a step of a continuous motion. */
-  follow(eye: Readonly<Point>, forward: Readonly<Point>): void {
-    this.#eye = [...eye];
+  follow(eye: Point, forward: Point): void {
+    this.#eye = eye;
     this.#gaze.along(forward);
     this.#walk.place(eye);
     this.#hasMoved = true;
@@ -189,8 +198,9 @@ export class Navigator {
     if (this.mode.peek() === "walk") {
       this.mode.value = "fly";
     }
-    const { tanX, tanY } = this.#frustum;
-    this.goTo(framingEye(box, gaze, tanX, tanY), gaze.forward);
+    const { width, height } = this.#size;
+    const { tanHalfFov } = this;
+    this.goTo(framingEye(box, gaze, (tanHalfFov * width) / height, tanHalfFov), gaze.forward);
     this.#pivot = centreOf(box);
   }
 
@@ -236,8 +246,8 @@ export class Navigator {
       const each = this.#scale / PUSH;
       this.#pushed = [this.#pushed[0] + down * each, this.#pushed[1] - right * each];
     } else if (isPan) {
-      const depth = Math.max(this.#frustum.depthOf(this.#pivot), CLOSEST * this.#scale);
-      const each = (2 * depth * Math.tan((this.vfovDeg * Math.PI) / 360)) / height;
+      const depth = Math.max(this.#projection.depthOf(this.#pivot), CLOSEST * this.#scale);
+      const each = (2 * depth * this.tanHalfFov) / height;
       this.#eye = pan(this.#eye, this.#gaze, -right * each, down * each);
       this.#approach(1 - 1 / spread);
     } else if (isOrbit) {
@@ -251,18 +261,17 @@ export class Navigator {
   #hold(x: number, y: number): void {
     this.#zoomed = undefined;
     const held = this.pointAt(x, y, AROUND);
-    if (held !== undefined || !this.#frustum.shows(this.#pivot)) {
+    if (held !== undefined || !this.#projection.shows(this.#pivot)) {
       const { clientWidth, clientHeight } = this.#canvas;
       this.#pivot = held ?? this.pointAt(clientWidth / 2, clientHeight / 2, AROUND) ?? this.#ahead();
     }
   }
 
   /** The middle of the model if it is visible, or else the point as far ahead. */
-  #ahead(): Readonly<Point> {
+  #ahead(): Point {
     const middle = this.#middle;
-    return this.#frustum.shows(middle)
-      ? middle
-      : along(this.#eye, [this.forward], [this.#wayTo(middle), 0, 0]);
+    const way = distance(this.#eye, middle);
+    return this.#projection.shows(middle) ? middle : beyond(this.#eye, this.forward, way);
   }
 
   /**
@@ -270,11 +279,12 @@ export class Navigator {
    * the background, the orbited point is approached.
    */
   #zoom(x: number, y: number, share: number): void {
-    const frustum = this.#frustum;
-    if (this.#zoomed === undefined || frustum.offset(this.#zoomed, x, y) > AROUND + 1) {
+    const projection = this.#projection;
+    const zoomed = this.#zoomed && projection.place(this.#zoomed);
+    if (zoomed === undefined || Math.hypot(zoomed.x - x, zoomed.y - y) > AROUND + 1) {
       this.#zoomed = this.pointAt(x, y, AROUND);
     }
-    this.#pivot = this.#zoomed ?? (frustum.shows(this.#pivot) ? this.#pivot : this.#ahead());
+    this.#pivot = this.#zoomed ?? (projection.shows(this.#pivot) ? this.#pivot : this.#ahead());
     this.#approach(share);
   }
 
@@ -284,14 +294,16 @@ export class Navigator {
     this.#hasMoved = true;
   }
 
-  #wayTo([x, y, z]: Readonly<Point>): number {
-    return Math.hypot(x - this.#eye[0], y - this.#eye[1], z - this.#eye[2]);
+  /** The size of the canvas in CSS pixels. */
+  get #size(): { width: number; height: number } {
+    const { clientWidth, clientHeight } = this.#canvas;
+    return { width: Math.max(1, clientWidth), height: Math.max(1, clientHeight) };
   }
 
-  /** The frustum of the picture. */
-  get #frustum(): Frustum {
-    const { clientWidth, clientHeight } = this.#canvas;
-    return new Frustum(this.#eye, this.#gaze, this.vfovDeg, clientWidth, clientHeight);
+  get #projection(): Projection {
+    const { eye, orientation, tanHalfFov } = this;
+    const { width, height } = this.#size;
+    return new Projection({ eye, orientation, tanHalfFov, near: NEAREST }, width, height);
   }
 
   #listen(canvas: HTMLCanvasElement): void {

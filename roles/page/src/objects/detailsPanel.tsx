@@ -1,7 +1,8 @@
 /** The details of the picked part. */
 
 import type { Part, PartDetails } from "../service/service.ts";
-import { lengthText, unit } from "./lengths.ts";
+import { sizeOf } from "../space/box.ts";
+import { lengthText, unit } from "../tools/lengths.ts";
 import type { Selection } from "./selection.ts";
 
 export function DetailsPanel({ selection }: { readonly selection: Selection }) {
@@ -44,12 +45,15 @@ export function nameOf({ name, kind, id }: Pick<Part, "name" | "kind" | "id">): 
 }
 
 function rows(details: PartDetails): readonly (readonly [string, string])[] {
-  const { min, max } = details;
-  const sides = [max[0] - min[0], max[1] - min[1], max[2] - min[2]] as const;
   const objects = details.end - details.first;
   const left = details.attributeCount - details.attributes.length;
   return [
-    ["size", sides.map((side) => lengthText(side, unit.value)).join(" × ")],
+    [
+      "size",
+      sizeOf(details)
+        .map((side) => lengthText(side, unit.value))
+        .join(" × "),
+    ],
     ["triangles", details.triangles.toLocaleString("en")],
     ...(details.kind === "group" ? [["objects", objects.toLocaleString("en")] as const] : []),
     ...details.attributes,

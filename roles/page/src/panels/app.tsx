@@ -3,6 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useMemo } from "preact/hooks";
+import { Panel } from "../controls/panel.tsx";
 import { NavigationBar } from "../navigate/bar.tsx";
 import { TouchPad } from "../navigate/touchPad.tsx";
 import { isForControl } from "../navigate/typing.ts";
@@ -22,7 +23,6 @@ import { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { keepFocus } from "./focus.ts";
 import { Messages } from "./messages.tsx";
-import { Panel } from "./panel.tsx";
 import { StatusPanel } from "./statusPanel.tsx";
 
 /** Panels of which one is open at a time, with their keys. */
@@ -124,7 +124,7 @@ function App({ viewer }: { readonly viewer: Viewer }) {
         {open.value && (
           <Panel name={open.value} onClose={() => close(open.value)}>
             {open.value === "Model" && <TreePanel viewer={viewer} selection={selection} />}
-            {open.value === "Cut" && <SectionsPanel viewer={viewer} selection={selection} />}
+            {open.value === "Cut" && <SectionsPanel viewer={viewer} bounds={selection.bounds.value} />}
             {open.value === "Measure" && <MeasurePanel viewer={viewer} measuring={measuring} />}
             {open.value === "Status" && <StatusPanel viewer={viewer} />}
             {open.value === "Views" && <ViewsPanel viewer={viewer} people={people} />}

@@ -2,10 +2,10 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { Choice, type Option } from "../controls/choice.tsx";
 import type { OcclusionTest } from "../proto/settings.ts";
 import { type Audited, LiveAudit } from "../viewer/liveAudit.ts";
 import type { Cullers, Viewer } from "../viewer/viewer.ts";
-import { Choice, type Option } from "./choice.tsx";
 import { TimelineChart } from "./timelineChart.tsx";
 
 /** Milliseconds between two updates. */

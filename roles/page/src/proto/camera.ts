@@ -1,11 +1,12 @@
 /** The camera: the content of the latest lane, and the beginning of a frame. */
 
+import type { Point } from "../space/point.ts";
 import { Reader, WireError, Writer } from "../wire/bytes.ts";
 
 /** World space is right-handed, in metres. Camera space has x right, y up, and looks down -z. */
 export interface Camera {
   /** Metres, world. */
-  readonly eye: readonly [number, number, number];
+  readonly eye: Point;
   /** Camera to world: a unit quaternion x, y, z, w. */
   readonly orientation: readonly [number, number, number, number];
   /** Tangent of half the vertical field of view. Sent as f32. */

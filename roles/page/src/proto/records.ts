@@ -1,9 +1,9 @@
 /** Records of drawables: the data for drawing a drawable and its node, except its triangles. */
 
+import type { Point } from "../space/point.ts";
 import { Reader, WireError } from "../wire/bytes.ts";
 import type { Outline } from "./identity.ts";
 import { BOTH_SIDES } from "./sides.ts";
-import type { Point } from "./viewState.ts";
 import { unzstd } from "./zstd.ts";
 
 export interface DrawableRecord {

@@ -1,5 +1,6 @@
 /** The view state: settings that a user changes while walking. */
 
+import type { Point } from "../space/point.ts";
 import { Reader, WireError, Writer } from "../wire/bytes.ts";
 import { ObjectSet } from "./objectSet.ts";
 import {
@@ -13,8 +14,6 @@ import {
   writeLevelRule,
   writeViewport,
 } from "./settings.ts";
-
-export type Point = readonly [number, number, number];
 
 /** Cuts a part of the scene away: one side of a plane, or the outside of a box. Metres, world. */
 export type Section =

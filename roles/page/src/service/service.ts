@@ -1,19 +1,14 @@
 /** The service's HTTP requests beside the link. */
 
-import type { Box } from "../navigate/framing.ts";
-import type { Side } from "../navigate/sides.ts";
-import type { Point } from "../proto/viewState.ts";
-import type { Aim, Snapped } from "../tools/snap.ts";
+import type { Box } from "../space/box.ts";
+import type { Point } from "../space/point.ts";
 
-/** The service's description of a scene. Lengths in metres. */
-export interface SceneDescription {
+/** The service's description of a scene, and the box around it. Lengths in metres. */
+export interface SceneDescription extends Box {
   readonly name: string;
   /** The scene's fingerprint, 32 hexadecimal digits. */
   readonly fingerprint: string;
   readonly objects: number;
-  /** Corners of the box around it. */
-  readonly min: Point;
-  readonly max: Point;
   /** The box around it without the few objects that lie far from all others. */
   readonly core: Box;
   /** The model's see-through objects, for `ObjectSet.coded`. */
@@ -44,13 +39,18 @@ export interface Part {
   readonly end: number;
 }
 
-/** A part with its bounds and details. */
-export interface PartDetails extends Part {
+/** A side of a part of the model. */
+export interface Side {
+  /** The direction from the part to an eye there, a unit vector of the world. */
+  readonly from: Point;
+  /** The share of the part hidden from there, estimated by boxes. */
+  readonly hidden: number;
+}
+
+/** A part with the box around it and details. */
+export interface PartDetails extends Part, Box {
   /** The groups that it is in, from the outermost. The first one is its file. */
   readonly path: readonly Part[];
-  /** Corners of the box around it, metres in the world. */
-  readonly min: Point;
-  readonly max: Point;
   /** The box around it without the few objects that lie far from all others. */
   readonly core: Box;
   /** How much of it is hidden from which sides. */
@@ -67,6 +67,28 @@ export interface Parts {
   readonly parts: readonly Part[];
   /** How many there are in all. */
   readonly total: number;
+}
+
+/** A point of the model's surface. */
+export interface End {
+  readonly point: Point;
+  /** Its distance from the model's surface is at most this, metres; undefined if unknown. */
+  readonly error: number | undefined;
+}
+
+export interface Snapped extends End {
+  readonly to: "vertex" | "edge" | "face";
+}
+
+/** A pointed-at place, for asking to snap on full detail. */
+export interface Aim {
+  /** The visible drawable there. */
+  readonly drawable: number;
+  readonly eye: Point;
+  /** Its visible point. */
+  readonly at: Point;
+  /** The snapping distance as seen from the eye: metres at that point. */
+  readonly reach: number;
 }
 
 /** A walk: poses at 30 a second. Metres and degrees. */

@@ -1,20 +1,21 @@
 /** A list of the sections, and buttons to make them. */
 
 import { useSignal } from "@preact/signals";
-import type { Selection } from "../objects/selection.ts";
 import type { Section } from "../proto/viewState.ts";
+import type { Box } from "../space/box.ts";
+import { beyond } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { boxAround, flipped, MOST, moved, planeFacing, replaced, resized } from "./sections.ts";
 
 interface Properties {
   readonly viewer: Viewer;
-  readonly selection: Selection;
+  /** The box around the picked parts. */
+  readonly bounds: Box | undefined;
 }
 
-export function SectionsPanel({ viewer, selection }: Properties) {
+export function SectionsPanel({ viewer, bounds }: Properties) {
   const { view, navigator, scene } = viewer;
   const { sections } = view.current.value;
-  const bounds = selection.bounds.value;
   const add = (section: Section) => view.change({ sections: [...sections, section] });
   const set = (index: number, section: Section | undefined) =>
     view.change({ sections: replaced(sections, index, section) });
@@ -22,9 +23,8 @@ export function SectionsPanel({ viewer, selection }: Properties) {
     // Through the object in the middle of the picture.
     const picked = viewer.pick(viewer.canvas.clientWidth / 2, viewer.canvas.clientHeight / 2);
     const reach = picked === undefined ? 2 * scene.eyeHeight : picked.depth + scene.eyeHeight / 8;
-    const [x, y, z] = navigator.forward;
-    const { eye } = navigator;
-    add(planeFacing([eye[0] + reach * x, eye[1] + reach * y, eye[2] + reach * z], navigator.forward));
+    const { eye, forward } = navigator;
+    add(planeFacing(beyond(eye, forward, reach), forward));
   };
   return (
     <section class="panel sections" aria-label="Sections">
@@ -36,7 +36,7 @@ export function SectionsPanel({ viewer, selection }: Properties) {
           type="button"
           disabled={sections.length >= MOST || bounds === undefined}
           title="Around what is picked"
-          onClick={() => bounds && add(boxAround(bounds.min, bounds.max))}
+          onClick={() => bounds && add(boxAround(bounds))}
         >
           Box around
         </button>

@@ -1,11 +1,11 @@
 /** A viewpoint: the eye's pose, and the changes of the view. Its text form is part of a link's address. */
 
 import { MODES, type Mode } from "../navigate/navigator.ts";
-import { decodeViewState, encodeViewState, type Point, type ViewState } from "../proto/viewState.ts";
-import type { SceneDescription } from "../service/service.ts";
+import { decodeViewState, encodeViewState, type ViewState } from "../proto/viewState.ts";
+import type { End, SceneDescription } from "../service/service.ts";
+import type { Point } from "../space/point.ts";
 import type { UserView } from "../viewer/viewHistory.ts";
 import { cutText, Reader, shownText, WireError, Writer } from "../wire/bytes.ts";
-import type { End } from "./snap.ts";
 
 /** A viewpoint's reference to its scene. */
 export type SceneName = Pick<SceneDescription, "name" | "fingerprint">;

@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import { copyText } from "../panels/copyButton.tsx";
+import { copyText } from "../controls/copyButton.tsx";
 import type { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { type KeptViewpoint, KeptViewpoints, ViewpointsError } from "./kept.ts";
@@ -174,11 +174,10 @@ function PeopleList({ people }: { readonly people: People }) {
 
 /** A viewpoint of the present pose and changes. */
 export function viewpointOf({ scene, navigator, view }: Viewer): Viewpoint {
-  const [x, y, z] = navigator.eye;
-  const { forward, vfovDeg } = navigator;
+  const { eye, forward, vfovDeg } = navigator;
   const { name, fingerprint } = scene;
   const mode = navigator.mode.peek();
-  return { scene: { name, fingerprint }, eye: [x, y, z], forward, vfovDeg, mode, view: view.current.peek() };
+  return { scene: { name, fingerprint }, eye, forward, vfovDeg, mode, view: view.current.peek() };
 }
 
 /** Moves to a viewpoint of this scene. Its changes can be undone in one step. */
@@ -186,7 +185,7 @@ export function goTo({ navigator, view }: Viewer, viewpoint: Viewpoint): void {
   const { eye, forward, vfovDeg, mode } = viewpoint;
   navigator.setMode(mode);
   navigator.setVfov(vfovDeg);
-  navigator.goTo([...eye], [...forward]);
+  navigator.goTo(eye, forward);
   view.change(viewpoint.view);
 }
 
