@@ -123,7 +123,7 @@ export class Display {
     const links = await connectAll(options.cullers, (culler) => {
       // A fresh key: this is not a display that reconnects.
       const key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
-      return connect(url, encodeIdentity({ role: "display", session: { key, settings } }), {
+      return connect(url, encodeIdentity({ role: "display", scene: undefined, session: { key, settings } }), {
         application: TRIMARAN,
         admit: (introduction) => {
           const { role, scene } = decodeIdentity(introduction);
