@@ -2,6 +2,7 @@
 
 import type { Box } from "../space/box.ts";
 import type { Point } from "../space/point.ts";
+import { randomNumber } from "../wire/bytes.ts";
 
 /** The service's description of a scene, and the box around it. Lengths in metres. */
 export interface SceneDescription extends Box {
@@ -168,7 +169,7 @@ export class Service {
   readonly #base: string;
   readonly #token: string;
   /** The page's name for itself: all of its connections share a simulated network. */
-  readonly #page = String(crypto.getRandomValues(new BigUint64Array(1))[0]);
+  readonly #page = String(randomNumber());
 
   /** `page` is the address of the page, with the token. */
   constructor(page: string) {

@@ -14,6 +14,11 @@ export const LANES = ["latest", "frames", "messages", "bulk"] as const;
 
 export type LaneName = (typeof LANES)[number];
 
+/** A value for each lane. */
+export function perLane<T>(of: (lane: LaneName) => T): Readonly<Record<LaneName, T>> {
+  return { latest: of("latest"), frames: of("frames"), messages: of("messages"), bulk: of("bulk") };
+}
+
 /** `TRIM`. */
 const MAGIC = new Uint8Array([0x54, 0x52, 0x49, 0x4d]);
 
