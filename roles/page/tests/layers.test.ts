@@ -8,6 +8,7 @@ import { test } from "node:test";
 /** From the lowest to the highest. `main` is the page's own file. */
 const FOLDERS = [
   "space",
+  "controls",
   "wire",
   "proto",
   "draw",
@@ -15,7 +16,6 @@ const FOLDERS = [
   "navigate",
   "display",
   "viewer",
-  "controls",
   "tools",
   "objects",
   "drive",

@@ -5,7 +5,6 @@
 
 import type { Drawable } from "../draw/model.ts";
 import type { Camera } from "../proto/camera.ts";
-import type { WrongPixels } from "../service/service.ts";
 import type { Point } from "../space/point.ts";
 import { Samples } from "../viewer/samples.ts";
 import type { Viewer } from "../viewer/viewer.ts";
@@ -31,29 +30,28 @@ export interface Taken {
 
 /** The pictures of a walk. However long it is, the drawables of only a bounded number are kept. */
 export class Album {
-  readonly #pictures: Taken[] = [];
+  readonly pictures: Taken[] = [];
   #stride = 1;
 
-  get pictures(): readonly Taken[] {
-    return this.#pictures;
-  }
-
   add(picture: Taken): void {
-    const at = this.#pictures.length;
-    this.#pictures.push(at % this.#stride === 0 ? picture : { ...picture, drawables: undefined });
-    if (this.#pictures.length > MOST * this.#stride) {
+    const at = this.pictures.length;
+    this.pictures.push(at % this.#stride === 0 ? picture : { ...picture, drawables: undefined });
+    if (this.pictures.length > MOST * this.#stride) {
       this.#stride *= 2;
-      for (const [number, kept] of this.#pictures.entries()) {
+      for (const [number, kept] of this.pictures.entries()) {
         if (number % this.#stride !== 0 && kept.drawables !== undefined) {
-          this.#pictures[number] = { ...kept, drawables: undefined };
+          this.pictures[number] = { ...kept, drawables: undefined };
         }
       }
     }
   }
 }
 
-/** Returns to the poses of pictures, without a simulated network, and counts the wrong pixels. */
-export async function audit(viewer: Viewer, pictures: readonly Taken[]): Promise<WrongPixels> {
+/**
+ * Returns to the poses of pictures, without a simulated network, and counts the wrong pixels: see `WrongPixels`
+ * of `src/page/drive.rs`.
+ */
+export async function audit(viewer: Viewer, pictures: readonly Taken[]) {
   viewer.session.moveTo("");
   const percent = new Samples();
   const [wrong, jumping] = [new Spans(), new Spans()];

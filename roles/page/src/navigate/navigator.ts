@@ -44,12 +44,22 @@ const STROLL = 1.4 / 1.7;
 const NARROWEST = 20;
 const WIDEST = 100;
 
+/** The commands of keys. */
+const COMMANDS: Readonly<Record<string, (navigator: Navigator) => void>> = {
+  Digit1: (navigator) => navigator.setMode("walk"),
+  Digit2: (navigator) => navigator.setMode("fly"),
+  Digit3: (navigator) => navigator.setMode("orbit"),
+  Minus: (navigator) => navigator.setVfov(navigator.vfovDeg + 5),
+  Equal: (navigator) => navigator.setVfov(navigator.vfovDeg - 5),
+};
+
 export class Navigator {
   readonly #gaze: Gaze;
   readonly #keys = new Keys();
   readonly #ground: Ground;
   readonly #walk: Walk;
-  #eye: Point;
+  /** Metres, world. */
+  eye: Point;
   /** How far two fingers have moved the person since the last step: forward and right, metres. */
   #pushed: [number, number] = [0, 0];
   /** The point to orbit: the last one pointed at or framed, at first the middle of the model. */
@@ -71,27 +81,23 @@ export class Navigator {
   /** Keys and mouse do nothing. */
   isHeld = false;
   /** Whether the eye was moved since the last step. */
-  #hasMoved = true;
+  isMoved = true;
   #hasJumped = true;
 
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Pick<Service, "tile">) {
     const { eye, forward } = scene.start;
-    this.#eye = eye;
+    this.eye = eye;
     this.#canvas = canvas;
     this.#middle = centreOf(scene.core);
     this.#pivot = this.#middle;
     this.#scale = scene.eyeHeight;
     this.#gaze = new Gaze(forward);
     this.#ground = new Ground(service, scene.tileSide);
-    this.#walk = new Walk(this.#eye, scene.eyeHeight);
+    this.#walk = new Walk(this.eye, scene.eyeHeight);
     this.mode.value = scene.hasFloors ? "walk" : "fly";
     this.vfov.value = scene.vfovDeg;
     this.speed.value = STROLL * scene.eyeHeight;
     this.#listen(canvas);
-  }
-
-  get eye(): Point {
-    return this.#eye;
   }
 
   /** Camera to world, a unit quaternion. */
@@ -106,12 +112,12 @@ export class Navigator {
 
   /** The eye and the viewing direction: see `Gaze`. */
   get pose(): { eye: Point; heading: number; pitch: number } {
-    return { eye: this.#eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
+    return { eye: this.eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
   }
 
   /** Metres from the eye to the orbited point; in walk mode there is none. */
   get reach(): number {
-    return this.mode.peek() === "walk" ? Number.POSITIVE_INFINITY : distance(this.#eye, this.#pivot);
+    return this.mode.peek() === "walk" ? Number.POSITIVE_INFINITY : distance(this.eye, this.#pivot);
   }
 
   /** Tangent of half the vertical field of view. */
@@ -124,27 +130,22 @@ export class Navigator {
     return this.vfov.peek();
   }
 
-  /** Whether the eye was moved since the last step. */
-  get isMoved(): boolean {
-    return this.#hasMoved;
-  }
-
   /** Moves for this many seconds. Returns whether the eye has moved since the last step. */
   step(seconds: number): boolean {
-    const isMoved = !this.isHeld && this.#move(Math.min(seconds, LONGEST));
-    const hasMoved = this.#hasMoved || isMoved;
-    this.#hasMoved = false;
+    const isStep = !this.isHeld && this.#move(Math.min(seconds, LONGEST));
+    const hasMoved = this.isMoved || isStep;
+    this.isMoved = false;
     return hasMoved;
   }
 
   setMode(mode: Mode): void {
     this.mode.value = mode;
-    this.#walk.place(this.#eye);
+    this.#walk.place(this.eye);
   }
 
   setVfov(degrees: number): void {
     this.vfov.value = Math.max(NARROWEST, Math.min(WIDEST, degrees));
-    this.#hasMoved = true;
+    this.isMoved = true;
   }
 
   /** Releases all keys: other elements have the keyboard. */
@@ -180,10 +181,10 @@ export class Navigator {
 
   /** The same, but as a step of a continuous motion. */
   follow(eye: Point, forward: Point): void {
-    this.#eye = eye;
+    this.eye = eye;
     this.#gaze.along(forward);
     this.#walk.place(eye);
-    this.#hasMoved = true;
+    this.isMoved = true;
   }
 
   /**
@@ -210,14 +211,14 @@ export class Navigator {
     addGamepad(motion, navigator.getGamepads());
     if (motion.turn !== 0 || motion.tilt !== 0) {
       this.#gaze.turn(TURN * seconds * motion.turn, TURN * seconds * motion.tilt);
-      this.#hasMoved = true;
+      this.isMoved = true;
     }
     const way = this.speed.peek() * seconds * (this.#keys.isFast ? FASTER : 1);
     return this.mode.peek() === "walk" ? this.#stride(seconds, way, motion) : this.#glide(way, motion);
   }
 
   #stride(seconds: number, way: number, motion: Motion): boolean {
-    this.#ground.fetchAround(this.#eye[0], this.#eye[2]);
+    this.#ground.fetchAround(this.eye[0], this.eye[2]);
     if (motion.up > 0) {
       this.#walk.jump();
     }
@@ -225,13 +226,13 @@ export class Navigator {
     this.#pushed = [0, 0];
     const [x, z] = this.#gaze.onGround(way * motion.ahead + ahead, way * motion.right + right);
     const isMoved = this.#walk.step(seconds, x, z, this.#ground);
-    this.#eye = this.#walk.eye;
+    this.eye = this.#walk.eye;
     return isMoved;
   }
 
   #glide(way: number, { ahead, right, up }: Motion): boolean {
     const [x, z] = this.#gaze.onGround(way * ahead, way * right);
-    this.#eye = [this.#eye[0] + x, this.#eye[1] + way * up, this.#eye[2] + z];
+    this.eye = [this.eye[0] + x, this.eye[1] + way * up, this.eye[2] + z];
     return ahead !== 0 || right !== 0 || up !== 0;
   }
 
@@ -239,7 +240,7 @@ export class Navigator {
     if (this.isHeld) {
       return;
     }
-    this.#hasMoved = true;
+    this.isMoved = true;
     const isOrbit = this.mode.peek() === "orbit";
     if (isPan && this.mode.peek() === "walk") {
       // Two fingers push the ground away, like hands on a rail.
@@ -248,10 +249,10 @@ export class Navigator {
     } else if (isPan) {
       const depth = Math.max(this.#projection.depthOf(this.#pivot), CLOSEST * this.#scale);
       const each = (2 * depth * this.tanHalfFov) / height;
-      this.#eye = pan(this.#eye, this.#gaze, -right * each, down * each);
+      this.eye = pan(this.eye, this.#gaze, -right * each, down * each);
       this.#approach(1 - 1 / spread);
     } else if (isOrbit) {
-      this.#eye = turnAbout(this.#pivot, this.#eye, this.#gaze, -ORBIT * right, -ORBIT * down);
+      this.eye = turnAbout(this.#pivot, this.eye, this.#gaze, -ORBIT * right, -ORBIT * down);
     } else {
       this.#gaze.turn(MOUSE * right, MOUSE * down);
     }
@@ -270,8 +271,8 @@ export class Navigator {
   /** The middle of the model if it is visible, or else the point as far ahead. */
   #ahead(): Point {
     const middle = this.#middle;
-    const way = distance(this.#eye, middle);
-    return this.#projection.shows(middle) ? middle : beyond(this.#eye, this.forward, way);
+    const way = distance(this.eye, middle);
+    return this.#projection.shows(middle) ? middle : beyond(this.eye, this.forward, way);
   }
 
   /**
@@ -290,8 +291,8 @@ export class Navigator {
 
   /** Covers a share of the distance to the orbited point. */
   #approach(share: number): void {
-    this.#eye = approach(this.#pivot, this.#eye, share, CLOSEST * this.#scale);
-    this.#hasMoved = true;
+    this.eye = approach(this.#pivot, this.eye, share, CLOSEST * this.#scale);
+    this.isMoved = true;
   }
 
   /** The size of the canvas in CSS pixels. */
@@ -340,24 +341,8 @@ export class Navigator {
 
   /** Runs the command of a key. Returns whether it has one. */
   #command(code: string): boolean {
-    switch (code) {
-      case "Digit1":
-        this.setMode("walk");
-        return true;
-      case "Digit2":
-        this.setMode("fly");
-        return true;
-      case "Digit3":
-        this.setMode("orbit");
-        return true;
-      case "Minus":
-        this.setVfov(this.vfovDeg + 5);
-        return true;
-      case "Equal":
-        this.setVfov(this.vfovDeg - 5);
-        return true;
-      default:
-        return false;
-    }
+    const command = COMMANDS[code];
+    command?.(this);
+    return command !== undefined;
   }
 }

@@ -98,48 +98,6 @@ export interface CameraPath {
   readonly frames: readonly { readonly eye: Point; readonly forward: Point }[];
 }
 
-/** The report of a walk: see `DriveReport` of `src/page/drive.rs`. */
-export interface DriveReport {
-  readonly device: string;
-  readonly width: number;
-  readonly height: number;
-  readonly firstPictureS: number;
-  readonly exactPictureS: number;
-  readonly walkS: number;
-  readonly pictures: number;
-  readonly pictureMs: number;
-  readonly pictureP95Ms: number;
-  readonly setAgeMs: number;
-  readonly setAgeP95Ms: number;
-  readonly restMs: number;
-  readonly receivedBytes: number;
-  readonly geometryBytes: number;
-  readonly moments: readonly Moment[];
-  readonly wrong: WrongPixels;
-}
-
-/** The page's traffic and memory at a time: see `Moment` of `src/page/drive.rs`. */
-export interface Moment {
-  readonly seconds: number;
-  readonly cameraBytes: number;
-  readonly idBytes: number;
-  readonly pieceBytes: number;
-  readonly heldBytes: number;
-  readonly scriptBytes: number | null;
-}
-
-/** The wrong pixels in the pictures of a walk: see `WrongPixels` of `src/page/drive.rs`. */
-export interface WrongPixels {
-  readonly pictures: number;
-  readonly right: number;
-  readonly medianPercent: number;
-  readonly p95Percent: number;
-  readonly meanPercent: number;
-  readonly mostPercent: number;
-  readonly longestMs: number;
-  readonly jumpMs: number;
-}
-
 /** A person's position and view. */
 export interface PersonPose {
   readonly eye: Point;
@@ -227,7 +185,8 @@ export class Service {
     return this.#json("drive", {});
   }
 
-  async report(report: DriveReport): Promise<void> {
+  /** Reports on the walk: see `DriveReport` of `src/page/drive.rs`. */
+  async report(report: object): Promise<void> {
     await this.#send(this.#url("drive", {}), { method: "POST", body: JSON.stringify(report) });
   }
 

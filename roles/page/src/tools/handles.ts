@@ -20,7 +20,8 @@ export interface Handle {
 }
 
 const SIDES = ["lower", "upper"] as const;
-const AXES = [
+/** The axes and their names. */
+export const AXES = [
   [0, "x"],
   [1, "y"],
   [2, "z"],

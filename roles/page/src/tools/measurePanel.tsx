@@ -1,5 +1,6 @@
 /** A list of the distances. */
 
+import { Button } from "../controls/button.tsx";
 import { Choice } from "../controls/choice.tsx";
 import { CopyButton } from "../controls/copyButton.tsx";
 import { minus } from "../space/point.ts";
@@ -34,13 +35,11 @@ export function MeasurePanel({ viewer, measuring }: Properties) {
             <li key={index}>
               <strong>{text}</strong>
               <CopyButton text={text} label={`Copy distance ${index + 1}`} />
-              <button
-                type="button"
+              <Button
+                text="×"
                 aria-label={`Remove distance ${index + 1}`}
                 onClick={() => measuring.remove(one)}
-              >
-                ×
-              </button>
+              />
               <br />x {along[0]}, height {along[1]}, z {along[2]}
             </li>
           );
