@@ -23,7 +23,7 @@ export class Stage {
       onLost: () => this.said.push("lost"),
       onRestored: () => this.said.push("restored"),
     });
-    this.renderer.resize(width, height);
+    [this.canvas.width, this.canvas.height] = [width, height];
     const gl = this.canvas.getContext("webgl2");
     if (gl === null) {
       throw new Error("the renderer's context is gone");

@@ -5,7 +5,7 @@
 
 import { createInterface } from "node:readline";
 import { chromium, type Page } from "playwright-core";
-import type { Point } from "../src/proto/viewState.ts";
+import type { Point } from "../src/space/point.ts";
 import type { Viewer } from "../src/viewer/viewer.ts";
 
 declare global {
@@ -199,7 +199,7 @@ async function run(command: Command, page: Page): Promise<unknown> {
       await page.evaluate(() => {
         const viewer = window.trimaran;
         const { eye, forward } = viewer?.scene.start ?? { eye: [0, 0, 0], forward: [0, 0, -1] };
-        viewer?.navigator.goTo([...eye], [...forward]);
+        viewer?.navigator.goTo(eye, forward);
         if (viewer !== undefined) {
           // A click may have added a section, or chosen another error bound.
           viewer.view.change({ sections: [] });

@@ -4,11 +4,11 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { WireError, Writer } from "../src/wire/bytes.ts";
-import { type BatchDecoder, FrameAssembler, FrameHasher, type FrameOutcome } from "../src/wire/frames.ts";
+import { type BatchDecoder, FrameAssembler, type FrameOutcome, loadHasher } from "../src/wire/frames.ts";
 import { Kind, type Message } from "../src/wire/messages.ts";
-import { range } from "./support.ts";
+import { endOf, range } from "./support.ts";
 
-const [hasher, senderHasher] = await Promise.all([FrameHasher.load(), FrameHasher.load()]);
+const hasher = await loadHasher();
 
 const begin = (number: number): Message => {
   return { kind: Kind.begin, payload: new Writer().u32(number).u8(number).take() };
@@ -21,11 +21,9 @@ const batch = (...ids: number[]): Message => {
 const coded = (...bytes: number[]): Message => ({ kind: Kind.codedBatch, payload: Uint8Array.from(bytes) });
 
 /** The end of a frame of these ids. */
-function end(number: number, ids: readonly number[]): Message {
-  senderHasher.begin();
-  senderHasher.add(batch(...ids).payload);
-  return { kind: Kind.end, payload: new Writer().u32(number).u32(ids.length).u64(senderHasher.end()).take() };
-}
+const end = (number: number, ids: readonly number[]): Message => {
+  return { kind: Kind.end, payload: endOf(number, ids) };
+};
 
 function takeAll(assembler: FrameAssembler, messages: readonly Message[]): FrameOutcome[] {
   return messages.map((message) => assembler.take(message)).filter((outcome) => outcome !== undefined);

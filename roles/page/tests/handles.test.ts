@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { Projection } from "../src/draw/projection.ts";
 import type { Section } from "../src/proto/viewState.ts";
 import { handlesOf, metresOf } from "../src/tools/handles.ts";
-import { Projection } from "../src/tools/projection.ts";
 
 /** Looks along -z from z = 10, over 200 x 200 pixels: at z = 0 a pixel is 0.1 m. */
 const PROJECTION = new Projection(

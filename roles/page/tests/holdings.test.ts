@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { before, test } from "node:test";
 import { Holdings, type Store } from "../src/display/holdings.ts";
-import { numberList, writeNumbers } from "../src/proto/numbers.ts";
+import { NUMBERS, numberList } from "../src/proto/numbers.ts";
 import { loadCodecs } from "../src/proto/piece.ts";
 import type { DrawableRecord } from "../src/proto/records.ts";
 import { WireError, Writer } from "../src/wire/bytes.ts";
@@ -31,7 +31,7 @@ function piece(number: number, packed: Uint8Array): Uint8Array {
 
 function standIn(id: number, ...finer: number[]): Uint8Array {
   const writer = new Writer().varint(2).varint(id);
-  writeNumbers(writer, numberList(finer));
+  NUMBERS.write(writer, numberList(finer));
   return writer.take();
 }
 

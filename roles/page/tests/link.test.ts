@@ -5,7 +5,6 @@ import { test } from "node:test";
 
 import { TRIMARAN } from "../src/proto/identity.ts";
 import { WireError, Writer } from "../src/wire/bytes.ts";
-import { FrameHasher } from "../src/wire/frames.ts";
 import {
   CODE_NOT_TAKEN,
   decodeClose,
@@ -19,9 +18,8 @@ import {
 import { type Admission, connect, type Link } from "../src/wire/link.ts";
 import { LinkError } from "../src/wire/meeting.ts";
 import { encodeMessage, Kind, type Message, MessageStream } from "../src/wire/messages.ts";
-import { FakeChannel, FakeClock, range, settled } from "./support.ts";
+import { endOf, FakeChannel, FakeClock, range, settled } from "./support.ts";
 
-const hasher = await FrameHasher.load();
 const US = Uint8Array.of(1, 0, 0);
 const THEM = Uint8Array.of(0, 0, 0);
 const NOTHING = new Uint8Array(0);
@@ -114,12 +112,6 @@ async function linked(change: (listener: Listener) => void = () => {}) {
   const made = await link;
   listener.clock.pass(0);
   return { listener, link: made };
-}
-
-function end(number: number, ids: readonly number[]): Uint8Array {
-  hasher.begin();
-  hasher.add(new Uint8Array(Uint32Array.from(ids).buffer));
-  return new Writer().u32(number).u32(ids.length).u64(hasher.end()).take();
 }
 
 test("each lane says hello with the same session, and the link is there once all are accepted", async () => {
@@ -247,9 +239,9 @@ test("what is said arrives on its lane, both ways, and is counted", async () => 
   listener.say("bulk", Kind.block, Uint8Array.of(5));
   listener.say("frames", Kind.begin, new Writer().u32(9).bytes(new Uint8Array(72)).take());
   listener.say("frames", Kind.batch, new Writer().u32(1).u32(258).take());
-  listener.say("frames", Kind.end, end(9, [1, 258]));
+  listener.say("frames", Kind.end, endOf(9, [1, 258]));
   listener.say("frames", Kind.begin, new Writer().u32(10).bytes(new Uint8Array(72)).take());
-  listener.say("frames", Kind.end, end(10, [3]));
+  listener.say("frames", Kind.end, endOf(10, [3]));
   assert.deepEqual(listener.told, [
     ["message", 4],
     ["block", 5],

@@ -1,10 +1,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import type { Camera } from "../src/draw/model.ts";
+import { Projection } from "../src/draw/projection.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
-import type { Point } from "../src/proto/viewState.ts";
-import { Projection } from "../src/tools/projection.ts";
-import { distance, snap } from "../src/tools/snap.ts";
+import { distance, type Point } from "../src/space/point.ts";
+import { snap } from "../src/tools/snap.ts";
 import { drawableAt } from "./drawScene.ts";
 
 const CAMERA: Camera = {

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { centreOf, framingEye } from "../src/navigate/framing.ts";
-import { Frustum } from "../src/navigate/frustum.ts";
-import { Gaze, type Point } from "../src/navigate/gaze.ts";
+import { Projection } from "../src/draw/projection.ts";
+import { framingEye } from "../src/navigate/framing.ts";
+import { Gaze } from "../src/navigate/gaze.ts";
 import { Ground, type Solid } from "../src/navigate/ground.ts";
 import { addGamepad, Keys, still } from "../src/navigate/motion.ts";
 import { Navigator } from "../src/navigate/navigator.ts";
@@ -11,7 +11,8 @@ import { mostOpen } from "../src/navigate/sides.ts";
 import { Tile } from "../src/navigate/tile.ts";
 import { Walk } from "../src/navigate/walk.ts";
 import type { SceneDescription } from "../src/service/service.ts";
-import { Projection } from "../src/tools/projection.ts";
+import { centreOf, cornersOf } from "../src/space/box.ts";
+import type { Point } from "../src/space/point.ts";
 
 /** Boxes on the ground: the solid spans at a place, by lower and upper ends. */
 function world(spans: (x: number, z: number) => readonly number[]): Solid {
@@ -289,9 +290,9 @@ test("a gaze never looks straight up, and its quaternion has length one", () => 
 });
 
 test("what is turned round stays where it shows, and comes nearer by shares", () => {
-  const camera = (gaze: Gaze, eye: Readonly<Point>) => {
+  const camera = (gaze: Gaze, eye: Point) => {
     const { orientation } = gaze;
-    return new Projection({ eye: [...eye], orientation, tanHalfFov: 0.5, near: 0.1 }, 800, 600);
+    return new Projection({ eye, orientation, tanHalfFov: 0.5, near: 0.1 }, 800, 600);
   };
   const gaze = new Gaze([0.3, -0.2, -0.9]);
   const [eye, pivot]: [Point, Point] = [
@@ -335,9 +336,8 @@ test("a box that is framed is all in the picture and fills it one way, from wher
     const eye = framingEye({ min, max }, gaze, (tanY * width) / height, tanY);
     const { orientation } = gaze;
     const projection = new Projection({ eye, orientation, tanHalfFov: tanY, near: 1e-9 }, width, height);
-    const places = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) => {
-      const side = (axis: 0 | 1 | 2) => ((corner >> axis) & 1 ? max : min)[axis];
-      const place = projection.place([side(0), side(1), side(2)]);
+    const places = cornersOf({ min, max }).map((corner) => {
+      const place = projection.place(corner);
       assert.ok(place !== undefined, `${round}: a corner is behind the eye`);
       return place;
     });
@@ -360,13 +360,15 @@ test("what is a point is framed from a distance", () => {
   assert.deepEqual(centreOf({ min: [0, 0, 0], max: [2, 4, 6] }), [1, 2, 3]);
 });
 
-test("a frustum tells what shows and where", () => {
-  const frustum = new Frustum([1, 2, 3], new Gaze([0, 0, -1]), 90, 200, 100);
+test("a projection tells what shows and where", () => {
+  const { orientation } = new Gaze([0, 0, -1]);
+  const projection = new Projection({ eye: [1, 2, 3], orientation, tanHalfFov: 1, near: 1e-9 }, 200, 100);
   const shown: Point = [5, 4, -1];
-  assert.ok(frustum.shows(shown) && Math.abs(frustum.depthOf(shown) - 4) < 1e-12);
-  assert.ok(Math.abs(frustum.offset(shown, 153, 29) - 5) < 1e-9);
-  assert.ok(!frustum.shows([1, 2, 7]) && !frustum.shows([1, 8, -1]));
-  assert.equal(frustum.offset([1, 2, 7], 100, 50), Number.POSITIVE_INFINITY);
+  assert.ok(projection.shows(shown) && Math.abs(projection.depthOf(shown) - 4) < 1e-12);
+  const place = projection.place(shown);
+  assert.ok(place && Math.abs(Math.hypot(place.x - 153, place.y - 29) - 5) < 1e-9);
+  assert.ok(!projection.shows([1, 2, 7]) && !projection.shows([1, 8, -1]));
+  assert.equal(projection.place([1, 2, 7]), undefined);
 });
 
 test("of the sides that are open, that one is gone to that is least far round", () => {

@@ -1,9 +1,9 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { hide, isolate, show, showAll, toggleSeeThrough, told, visibility } from "../src/objects/actions.ts";
-import { lengthText, measuredText } from "../src/objects/lengths.ts";
-import { around } from "../src/objects/selection.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
+import { around } from "../src/space/box.ts";
+import { lengthText, measuredText } from "../src/tools/lengths.ts";
 import { ViewHistory, WHOLE } from "../src/viewer/viewHistory.ts";
 
 /** All sets of some numbers below 12. */

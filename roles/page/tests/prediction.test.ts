@@ -26,7 +26,7 @@ test("an eye that goes on is foreseen where it will be", () => {
 
 test("an eye that rests or has jumped stays where it is", () => {
   const prediction = new Prediction();
-  const pose = (x: number) => ({ eye: [x, 0, 0] as [number, number, number], heading: 0, pitch: 0 });
+  const pose = (x: number) => ({ eye: [x, 0, 0] as const, heading: 0, pitch: 0 });
   prediction.add(0, pose(0));
   prediction.add(50, pose(5));
   for (let at = 60; at <= 200; at += 10) {

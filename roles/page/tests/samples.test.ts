@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Samples } from "../src/drive/samples.ts";
+import { Samples } from "../src/viewer/samples.ts";
 
 test("a share of samples is not above what is told", () => {
   const samples = new Samples();

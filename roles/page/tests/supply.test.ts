@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { numberList, partNumbers, readNumbers, writeNumbers } from "../src/proto/numbers.ts";
+import { NUMBERS, numberList, partNumbers } from "../src/proto/numbers.ts";
 import {
   type DisplayItem,
   decodeCullerBlock,
@@ -19,7 +19,7 @@ import { fromHex, randomOf, range, toHex } from "./support.ts";
 
 const written = (numbers: Iterable<number>) => {
   const writer = new Writer();
-  writeNumbers(writer, numberList(numbers));
+  NUMBERS.write(writer, numberList(numbers));
   return writer.take();
 };
 
@@ -34,15 +34,15 @@ test("lists of numbers rise, hold each once, and read back", () => {
     const below = 2 ** (1 + random(32));
     const list = numberList(range(0, random(50)).map(() => random(below)));
     const writer = new Writer();
-    writeNumbers(writer, list);
+    NUMBERS.write(writer, list);
     const reader = new Reader(writer.take());
-    assert.deepEqual(readNumbers(reader), list);
+    assert.deepEqual(NUMBERS.read(reader), list);
     assert(reader.isAtEnd);
   }
 });
 
 test("numbers beyond 32 bits are refused", () => {
-  const read = (hex: string) => readNumbers(new Reader(fromHex(hex)));
+  const read = (hex: string) => NUMBERS.read(new Reader(fromHex(hex)));
   assert.deepEqual([...read("05 ff ff ff ff 0f")], [0xffff_ffff]);
   assert.throws(() => read("06 ff ff ff ff 0f 00"), new WireError("the numbers of a list go beyond 32 bits"));
   assert.throws(() => read("01 80"), WireError);

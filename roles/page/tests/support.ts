@@ -3,6 +3,8 @@
 import { readFileSync } from "node:fs";
 import { resolve } from "node:path";
 
+import { Writer } from "../src/wire/bytes.ts";
+import { hashOf, loadHasher } from "../src/wire/frames.ts";
 import type { Channel, Clock } from "../src/wire/lane.ts";
 
 /** The examples of a page by name: fenced blocks `hex NAME`, with a comment behind a `#` in any line. */
@@ -26,6 +28,14 @@ export function toHex(bytes: Uint8Array): string {
 
 export function concat(...parts: readonly Uint8Array[]): Uint8Array<ArrayBuffer> {
   return Uint8Array.from(parts.flatMap((part) => [...part]));
+}
+
+const senderHasher = await loadHasher();
+
+/** The payload of the end of a frame of these ids. */
+export function endOf(number: number, ids: readonly number[]): Uint8Array<ArrayBuffer> {
+  senderHasher.init().update(new Uint8Array(Uint32Array.from(ids).buffer));
+  return new Writer().u32(number).u32(ids.length).u64(hashOf(senderHasher)).take();
 }
 
 /** The numbers from `first` to before `end`. */

@@ -4,7 +4,8 @@ import { cutPlanes, MOST_PLANES } from "../src/draw/cut.ts";
 import { View } from "../src/draw/view.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
-import type { Point, Section } from "../src/proto/viewState.ts";
+import type { Section } from "../src/proto/viewState.ts";
+import type { Point } from "../src/space/point.ts";
 import { KeptViewpoints, ViewpointsError } from "../src/tools/kept.ts";
 import { pathJson } from "../src/tools/recording.ts";
 import {
@@ -62,7 +63,7 @@ test("a plane faces the view along an axis, and is flipped and moved", () => {
 });
 
 test("a box has room around what it is for, and is never turned inside out", () => {
-  const box = boxAround([0, 0, 0], [0, 0, 0]);
+  const box = boxAround({ min: [0, 0, 0], max: [0, 0, 0] });
   assert.ok(box.kind === "box" && box.lower[0] < 0 && box.upper[2] > 0);
   assert.deepEqual(resized(BOX, "upper", 1, 5), { ...BOX, upper: [1, 5, 3] });
   for (const at of [-2, -9, Number.NaN]) {

@@ -23,7 +23,7 @@ import {
 } from "../src/proto/supply.ts";
 import { decodeViewState, type ViewState, viewStateOf } from "../src/proto/viewState.ts";
 import { Reader, WireError, Writer } from "../src/wire/bytes.ts";
-import { FrameAssembler, FrameHasher, type FrameOutcome } from "../src/wire/frames.ts";
+import { FrameAssembler, type FrameOutcome, loadHasher } from "../src/wire/frames.ts";
 import {
   type Close,
   decodeClose,
@@ -37,7 +37,7 @@ import {
 } from "../src/wire/handshake.ts";
 import { encodeMessage, type Format, Kind, type Message, MessageStream } from "../src/wire/messages.ts";
 import { encodeIds } from "./idEncoder.ts";
-import { examplesOf, range, toHex } from "./support.ts";
+import { endOf, examplesOf, range, toHex } from "./support.ts";
 
 /** Checks the values of an example, and returns their encoding, if this side can send it. */
 interface Check {
@@ -45,8 +45,7 @@ interface Check {
   readonly check: (payload: Uint8Array) => Uint8Array | undefined;
 }
 
-const hasher = await FrameHasher.load();
-const senderHasher = await FrameHasher.load();
+const hasher = await loadHasher();
 
 function testPage(page: string, format: Format, checks: Readonly<Record<string, Check>>): void {
   const examples = examplesOf(page);
@@ -136,12 +135,6 @@ function robotFrame(names: readonly string[], ids: readonly number[]): void {
   });
 }
 
-function endOf(ids: readonly number[]): Uint8Array {
-  senderHasher.begin();
-  senderHasher.add(new Uint8Array(Uint32Array.from(ids).buffer));
-  return new Writer().u32(9).u32(ids.length).u64(senderHasher.end()).take();
-}
-
 testPage(ROBOT, ROBOT_FORMAT, {
   hello: greeted({ application: "robot/1", session: 5n, lane: "latest", introduction: writeText("arm") }),
   "hello-4": {
@@ -191,14 +184,14 @@ testPage(ROBOT, ROBOT_FORMAT, {
     kind: Kind.end,
     check() {
       robotFrame(["begin", "batch", "end"], [1, 258]);
-      return endOf([1, 258]);
+      return endOf(9, [1, 258]);
     },
   },
   "empty-end": {
     kind: Kind.end,
     check() {
       robotFrame(["begin", "empty-end"], []);
-      return endOf([]);
+      return endOf(9, []);
     },
   },
   "coded-batch": {
@@ -207,7 +200,7 @@ testPage(ROBOT, ROBOT_FORMAT, {
       const assembler = new FrameAssembler(hasher, 1000, cells);
       assembler.take({ kind: Kind.begin, payload: new Writer().u32(9).u64(1000n).take() });
       assembler.take({ kind: Kind.codedBatch, payload });
-      const outcome = assembler.take({ kind: Kind.end, payload: endOf(range(100, 150)) });
+      const outcome = assembler.take({ kind: Kind.end, payload: endOf(9, range(100, 150)) });
       assert(outcome?.isComplete);
       assert.deepEqual([...outcome.frame.ids], range(100, 150));
       return new Writer().u32(100).u16(50).take();
@@ -329,7 +322,7 @@ testPage(PROTO, TRIMARAN.format, {
       for (const name of ["begin", "ids"]) {
         assembler.take(onlyMessage(examplesOf(PROTO).get(name) ?? new Uint8Array(0), TRIMARAN.format));
       }
-      const ended = assembler.take({ kind: Kind.end, payload: endOf([1, 258]) });
+      const ended = assembler.take({ kind: Kind.end, payload: endOf(9, [1, 258]) });
       assert(ended?.isComplete);
       assert.deepEqual([...ended.frame.ids], [1, 258]);
       assert.deepEqual(decodeCamera(ended.frame.header), CAMERA);

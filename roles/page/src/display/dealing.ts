@@ -14,7 +14,8 @@ export class Dealing {
   readonly #hands: readonly number[][];
   /** The last frame sent to each. */
   readonly #given: number[];
-  #last: number;
+  /** The last frame sent. */
+  last: number;
   /** Frames go to the cullers in turn, and none is left out. */
   isInTurn = false;
   /** Nothing is sent for a while. */
@@ -24,12 +25,7 @@ export class Dealing {
   constructor(cullers: number, last: number) {
     this.#hands = Array.from({ length: cullers }, () => []);
     this.#given = this.#hands.map(() => last);
-    this.#last = last;
-  }
-
-  /** The last frame sent. */
-  get last(): number {
-    return this.#last;
+    this.last = last;
   }
 
   /** Sends a newer camera; nothing if it has to wait until a frame has come. */
@@ -57,23 +53,23 @@ export class Dealing {
       ([one, a], [other, b]) => rank(a) - rank(b) || since(one, a) - since(other, b),
     );
     const [culler, hand] = order[0] ?? [0, []];
-    const frame = this.#last + 1;
+    const frame = this.last + 1;
     // The cell has room for one.
     hand.splice(1, 1, frame);
-    [this.#last, this.#given[culler]] = [frame, frame];
+    [this.last, this.#given[culler]] = [frame, frame];
     return { culler, frame };
   }
 
   /** A culler gets a camera when its previous frame has come: a newer one in its cell would replace it. */
   #dealInTurn(): Dealt | undefined {
-    const frame = this.#last + 1;
+    const frame = this.last + 1;
     const culler = frame % this.#hands.length;
     const hand = this.#hands[culler];
     if (hand === undefined || hand.length > 0) {
       return undefined;
     }
     hand.push(frame);
-    this.#last = frame;
+    this.last = frame;
     return { culler, frame };
   }
 }

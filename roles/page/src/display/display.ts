@@ -12,9 +12,9 @@ import type { DrawableRecord } from "../proto/records.ts";
 import type { Settings } from "../proto/settings.ts";
 import { type DisplayItem, dropped, holds, lacks, packBlocks } from "../proto/supply.ts";
 import { type ViewState, viewStateOf } from "../proto/viewState.ts";
-import { WireError } from "../wire/bytes.ts";
+import { randomNumber, WireError } from "../wire/bytes.ts";
 import type { Frame } from "../wire/frames.ts";
-import { LANES, type LaneName } from "../wire/handshake.ts";
+import { type LaneName, perLane } from "../wire/handshake.ts";
 import { type Bytes, connect, type Link, type LinkEnd } from "../wire/link.ts";
 import { Dealing, type Schedule } from "./dealing.ts";
 import { Holdings, type Store } from "./holdings.ts";
@@ -73,11 +73,12 @@ export class Display {
   readonly #introduction: Introduction | undefined;
   /** A request that could not be sent yet. */
   #owed: { readonly pose: Pose; readonly isForeseen: boolean } | undefined;
-  readonly #holdings: Holdings;
+  readonly holdings: Holdings;
   readonly #waiting: FoundSet[] = [];
   /** Published frames by number: when, and whether the pose is a prediction. */
   readonly #asked = new Map<number, { readonly at: number; readonly isForeseen: boolean }>();
-  #shown: Shown | undefined;
+  /** The set to draw now; nothing before the first one has come. */
+  shown: Shown | undefined;
   /** The newest set that was complete, or with stand-ins for everything missing. */
   #whole: readonly number[] | Uint32Array | undefined;
   readonly #recent = new RecentSets();
@@ -87,22 +88,26 @@ export class Display {
   #taken = 0;
   #confirmed = 0;
   readonly #onEnd: (end: LinkEnd) => void;
-  #isOver = false;
+  /** It requests nothing any more. */
+  isOver = false;
   #frame: number;
   /** The newest frame whose ids have come. */
   #newestFound = 0;
   #view: { version: number; state: ViewState };
-  #latency = 0;
-  /** When the newest set came, and how long it took after the one before. */
+  /** Milliseconds from a camera to its set, of the newest set that came. */
+  latency = 0;
+  /** When the newest set came. */
   #came = 0;
-  #interval = 0;
-  #geometryLatency = 0;
+  /** Milliseconds between the newest set and the one before: a busy culler takes that long. */
+  interval = 0;
+  /** Milliseconds from a camera until its missing geometry arrived, for the newest set that lacked some. */
+  geometryLatency = 0;
   readonly timeline = new Timeline();
   /** Cameras that were published, and ids that came. */
   readonly counts = { cameras: 0, ids: 0 };
 
   private constructor(links: readonly Link[], holdings: Holdings, options: DisplayOptions, last: number) {
-    [this.#links, this.#holdings, this.#frame, this.#onEnd] = [links, holdings, last, options.onEnd];
+    [this.#links, this.holdings, this.#frame, this.#onEnd] = [links, holdings, last, options.onEnd];
     this.#dealing = new Dealing(links.length, last);
     this.#view = { version: 0, state: viewStateOf(options.settings) };
     if (options.schedule === "switch" && links.length === 2) {
@@ -117,13 +122,12 @@ export class Display {
    */
   static async join(url: string, options: DisplayOptions, before?: Display): Promise<Display> {
     await loadCodecs();
-    const { settings } = options;
     let outline: Outline | undefined;
     let display: Display | undefined;
     const links = await connectAll(options.cullers, (culler) => {
       // A fresh key: this is not a display that reconnects.
-      const key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
-      return connect(url, encodeIdentity({ role: "display", session: { key, settings } }), {
+      const session = { key: randomNumber(), settings: options.settings };
+      return connect(url, encodeIdentity({ role: "display", scene: undefined, session }), {
         application: TRIMARAN,
         admit: (introduction) => {
           const { role, scene } = decodeIdentity(introduction);
@@ -150,34 +154,22 @@ export class Display {
     // Earlier frames are not mistaken for those of these links.
     display = new Display(links, holdings, options, kept === undefined ? 0 : kept.#frame + 1);
     if (kept !== undefined) {
-      [display.#shown, display.#whole] = [kept.#shown, kept.#whole];
+      [display.shown, display.#whole] = [kept.shown, kept.#whole];
     }
     return display;
   }
 
   get outline(): Outline {
-    return this.#holdings.outline;
-  }
-
-  get holdings(): Holdings {
-    return this.#holdings;
-  }
-
-  /** It requests nothing any more. */
-  get isOver(): boolean {
-    return this.#isOver;
+    return this.holdings.outline;
   }
 
   /** The traffic of each lane, over all links. */
   get bytes(): Readonly<Record<LaneName, Bytes>> {
-    const sum = (lane: LaneName): Bytes => {
+    return perLane((lane) => {
       const all = this.#links.map(({ bytes }) => bytes[lane]);
       const add = (of: keyof Bytes) => all.reduce((bytes, one) => bytes + one[of], 0);
       return { sent: add("sent"), received: add("received") };
-    };
-    const [latest, frames, messages, bulk] = LANES.map(sum);
-    const none = { sent: 0, received: 0 };
-    return { latest: latest ?? none, frames: frames ?? none, messages: messages ?? none, bulk: bulk ?? none };
+    });
   }
 
   /** How many cullers there are, and whether they take turns. */
@@ -185,30 +177,10 @@ export class Display {
     return { count: this.#links.length, isInTurn: this.#dealing.isInTurn };
   }
 
-  /** Milliseconds from a camera to its set, of the newest set that came. */
-  get latency(): number {
-    return this.#latency;
-  }
-
-  /** Milliseconds between the newest set and the one before: a busy culler takes that long. */
-  get interval(): number {
-    return this.#interval;
-  }
-
-  /** Milliseconds from a camera until its missing geometry arrived, for the newest set that lacked some. */
-  get geometryLatency(): number {
-    return this.#geometryLatency;
-  }
-
   /** Whether the shown set belongs to the newest camera, and is complete. */
   get isSettled(): boolean {
-    const isNewest = this.#shown?.camera.frame === this.#frame && this.#owed === undefined;
-    return isNewest && this.#shown?.isExact === true;
-  }
-
-  /** The set to draw now; nothing before the first one has come. */
-  get shown(): Shown | undefined {
-    return this.#shown;
+    const isNewest = this.shown?.camera.frame === this.#frame && this.#owed === undefined;
+    return isNewest && this.shown?.isExact === true;
   }
 
   /**
@@ -242,7 +214,7 @@ export class Display {
 
   /** The renderer has lost all geometry: it is requested again with the next published camera. */
   loseGeometry(): void {
-    const gone = this.#holdings.loseAll();
+    const gone = this.holdings.loseAll();
     this.#waiting.length = 0;
     this.#say(dropped(gone));
   }
@@ -255,8 +227,8 @@ export class Display {
 
   /** A link is over. The others go with it. */
   end(end: LinkEnd): void {
-    const isFirst = !this.#isOver;
-    this.#isOver = true;
+    const isFirst = !this.isOver;
+    this.isOver = true;
     this.#introduction?.stop();
     this.leave();
     if (isFirst) {
@@ -285,9 +257,7 @@ export class Display {
     }
     const camera = decodeCamera(frame.header);
     this.#dealing.came(culler, camera.frame);
-    if (this.#owed !== undefined) {
-      this.publish(this.#owed.pose, this.#owed.isForeseen);
-    }
+    this.#publishOwed();
     if (camera.frame < this.#newestFound) {
       // Another culler was faster with a newer one.
       return;
@@ -295,8 +265,8 @@ export class Display {
     this.#newestFound = camera.frame;
     const now = performance.now();
     const { at: posed, isForeseen } = this.#asked.get(camera.frame) ?? { at: now, isForeseen: false };
-    this.#latency = now - posed;
-    [this.#interval, this.#came] = [now - Math.max(this.#came, posed), now];
+    this.latency = now - posed;
+    [this.interval, this.#came] = [now - Math.max(this.#came, posed), now];
     this.counts.ids += frame.ids.length;
     this.timeline.came(camera.frame, posed, now);
     for (const number of this.#asked.keys()) {
@@ -304,7 +274,7 @@ export class Display {
         this.#asked.delete(number);
       }
     }
-    const lacking = this.#holdings.lacking(frame.ids);
+    const lacking = this.holdings.lacking(frame.ids);
     if (lacking.length > 0) {
       this.#say(lacks(camera.frame, this.#taken, lacking.slice().sort()));
     }
@@ -325,7 +295,7 @@ export class Display {
   }
 
   takeBlock(block: Uint8Array): void {
-    this.#holdings.take(block);
+    this.holdings.take(block);
     this.#taken += block.length;
     this.#say([]);
     this.#look();
@@ -342,11 +312,15 @@ export class Display {
       },
       ({ isSwitched }) => {
         [this.#dealing.isHeld, this.#dealing.isInTurn] = [false, isSwitched];
-        if (this.#owed !== undefined) {
-          this.publish(this.#owed.pose, this.#owed.isForeseen);
-        }
+        this.#publishOwed();
       },
     );
+  }
+
+  #publishOwed(): void {
+    if (this.#owed !== undefined) {
+      this.publish(this.#owed.pose, this.#owed.isForeseen);
+    }
   }
 
   /**
@@ -361,14 +335,14 @@ export class Display {
         continue;
       }
       const wasLacking = set.lacking.length > 0;
-      set.lacking = this.#holdings.lacking(set.lacking);
+      set.lacking = this.holdings.lacking(set.lacking);
       const isExact = set.lacking.length === 0;
       if (wasLacking && isExact) {
-        this.#geometryLatency = performance.now() - set.posed;
+        this.geometryLatency = performance.now() - set.posed;
       }
       const { shown, isWhole } = isExact
         ? { shown: set.ids, isWhole: true }
-        : this.#holdings.standingIn(set.ids);
+        : this.holdings.standingIn(set.ids);
       newest ??= { set, ids: shown, isExact };
       if (isWhole) {
         this.#whole = shown;
@@ -386,18 +360,18 @@ export class Display {
   #show({ camera, posed, isForeseen }: FoundSet, ids: Iterable<number>, isExact: boolean): void {
     const found: DrawableRecord[] = [];
     for (const id of ids) {
-      const record = this.#holdings.record(id);
+      const record = this.holdings.record(id);
       if (record !== undefined) {
         found.push(record);
       }
     }
     this.#recent.add({ posed, drawables: found });
     const drawables = isForeseen ? this.#recent.union() : found;
-    this.#shown = { camera, posed, drawables, found, isExact };
-    const gone = this.#holdings.use(drawables);
+    this.shown = { camera, posed, drawables, found, isExact };
+    const gone = this.holdings.use(drawables);
     if (gone.length > 0) {
       for (const set of this.#waiting) {
-        set.lacking = this.#holdings.lacking(set.ids);
+        set.lacking = this.holdings.lacking(set.ids);
       }
       this.#say(dropped(gone));
     }

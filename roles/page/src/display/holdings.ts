@@ -1,6 +1,7 @@
 /** The page's copy of its scene: records of drawables, and pieces of geometry within a budget. */
 
 import type { Outline } from "../proto/identity.ts";
+import { numberList } from "../proto/numbers.ts";
 import { type Piece, PieceAssembler, unpackPiece } from "../proto/piece.ts";
 import { type DrawableRecord, MOST_RECORDS, Records, unpackRecords } from "../proto/records.ts";
 import { decodeCullerBlock } from "../proto/supply.ts";
@@ -31,21 +32,13 @@ export class Holdings {
   /** How many triangles a piece has, by the records of its drawables. */
   readonly #triangles = new Map<number, number>();
   #assembler = new PieceAssembler();
-  #bytes = 0;
+  /** Bytes of unpacked geometry. */
+  bytes = 0;
   #tick = 0;
 
   constructor(outline: Outline, store: Store, budget: number) {
     [this.outline, this.#store, this.budget] = [outline, store, budget];
     this.#records = new Records(outline);
-  }
-
-  /** Bytes of unpacked geometry. */
-  get bytes(): number {
-    return this.#bytes;
-  }
-
-  get pieces(): number {
-    return this.#pieces.size;
   }
 
   record(id: number): DrawableRecord | undefined {
@@ -130,15 +123,12 @@ export class Holdings {
         standIns.add(standIn);
       }
     }
-    for (const standIn of standIns) {
-      shown.push(standIn);
-    }
-    return { shown, isWhole };
+    return { shown: [...shown, ...standIns], isWhole };
   }
 
   /** All drawables and pieces that are here. */
   all(): [Uint32Array, Uint32Array] {
-    return [Uint32Array.from(this.#records.ids()).sort(), Uint32Array.from(this.#pieces.keys()).sort()];
+    return [numberList(this.#records.ids()), numberList(this.#pieces.keys())];
   }
 
   /** Notes that these are shown. Evicts the least recently used pieces over budget; returns them. */
@@ -150,36 +140,36 @@ export class Holdings {
         held.used = this.#tick;
       }
     }
-    if (this.#bytes <= this.budget) {
+    if (this.bytes <= this.budget) {
       return new Uint32Array(0);
     }
     const idle = [...this.#pieces].filter(([, { used }]) => used < this.#tick);
     idle.sort(([, a], [, b]) => a.used - b.used);
     const dropped: number[] = [];
     for (const [number, { bytes }] of idle) {
-      if (this.#bytes <= this.budget) {
+      if (this.bytes <= this.budget) {
         break;
       }
       this.#pieces.delete(number);
-      this.#bytes -= bytes;
+      this.bytes -= bytes;
       this.#store.dropPiece(number);
       dropped.push(number);
     }
-    return Uint32Array.from(dropped).sort();
+    return numberList(dropped);
   }
 
   /** The renderer has lost everything. Returns the lost pieces. */
   loseAll(): Uint32Array {
-    const gone = Uint32Array.from(this.#pieces.keys()).sort();
+    const gone = numberList(this.#pieces.keys());
     this.#pieces.clear();
-    this.#bytes = 0;
+    this.bytes = 0;
     return gone;
   }
 
   #setPiece(number: number, piece: Piece): void {
     this.#check(number, piece.triangles, this.#triangles.get(number));
     const bytes = piece.vertices.byteLength + piece.indices.byteLength;
-    this.#bytes += bytes - (this.#pieces.get(number)?.bytes ?? 0);
+    this.bytes += bytes - (this.#pieces.get(number)?.bytes ?? 0);
     this.#pieces.set(number, { bytes, triangles: piece.triangles, used: this.#tick });
     this.#store.setPiece(number, piece);
   }

@@ -1,6 +1,7 @@
 /** Introduces two cullers of a service to each other, so that each draws the other one's visible set. */
 
 import type { RoleMessage } from "../proto/messages.ts";
+import { randomNumber } from "../wire/bytes.ts";
 
 /** Milliseconds for the two to connect, and then to be ready. */
 const TIMEOUT = 12_000;
@@ -12,7 +13,7 @@ export class Introduction {
   readonly #say: (culler: number, message: RoleMessage) => void;
   readonly #onMet: () => number;
   readonly #onOver: (outcome: Outcome) => void;
-  readonly #key = crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
+  readonly #key = randomNumber();
   readonly #endpoint: string;
   #state: "asking" | "meeting" | "switching" | "over" = "asking";
   /** The cullers that have sent the awaited message. */

@@ -17,22 +17,18 @@ export interface FrameTimes {
 }
 
 export class Timeline {
-  readonly #frames: FrameTimes[] = [];
-
   /** From the oldest to the newest. */
-  get frames(): readonly FrameTimes[] {
-    return this.#frames;
-  }
+  readonly frames: FrameTimes[] = [];
 
   /** A set has arrived. */
   came(frame: number, posed: number, came: number): void {
-    this.#frames.push({ frame, posed, came, work: undefined });
-    this.#frames.splice(0, this.#frames.length - MOST);
+    this.frames.push({ frame, posed, came, work: undefined });
+    this.frames.splice(0, this.frames.length - MOST);
   }
 
   /** A culler's report of its work on a frame. It follows the frame. */
   said({ frame, orBusy, hcStart, hcEnd }: Stats): void {
-    const times = this.#frames.find((one) => one.frame === frame);
+    const times = this.frames.find((one) => one.frame === frame);
     if (times !== undefined) {
       times.work = { or: milliseconds(orBusy), hc: milliseconds(hcEnd - hcStart) };
     }

@@ -2,7 +2,7 @@
 
 import { VERTEX_BYTES } from "../proto/piece.ts";
 import type { Provoking } from "./features.ts";
-import type { Mesh } from "./model.ts";
+import type { Mesh, Triangles } from "./model.ts";
 import { byteOffset, GeometryPage, type Spot } from "./page.ts";
 import type { Bounds } from "./view.ts";
 
@@ -64,7 +64,7 @@ export class GeometryArena {
   }
 
   /** The triangles of a piece, read back from the device. */
-  triangles(piece: number): { positions: Float32Array; indices: Uint32Array } | undefined {
+  triangles(piece: number): Triangles | undefined {
     const held = this.#pieces.get(piece);
     return held?.page.read(held.spot);
   }

@@ -1,13 +1,12 @@
 /** The clipping planes of sections, in camera space. */
 
 import type { Section } from "../proto/viewState.ts";
+import type { Point } from "../space/point.ts";
 import type { Camera } from "./model.ts";
 import type { View } from "./view.ts";
 
 /** The planes of six boxes. */
 export const MOST_PLANES = 36;
-
-type Point = readonly [number, number, number];
 
 /** A clipping plane: a point of it, and the direction that is cut away. World. */
 interface Plane {

@@ -18,7 +18,7 @@ import {
 } from "./shaders.ts";
 import { Still, shiftOf } from "./still.ts";
 import { CanvasTarget, type PictureTarget, Target } from "./target.ts";
-import { View } from "./view.ts";
+import { at, View } from "./view.ts";
 
 /** The opacity of see-through objects. */
 const SEE_THROUGH = 0.25;
@@ -44,7 +44,6 @@ export class Device {
   readonly #view = new View();
   readonly #pictureTarget: PictureTarget;
   #itemTarget: Target | undefined;
-  #pickTarget: Target | undefined;
   #aroundTarget: Target | undefined;
   #seeThroughBatch: Batch | undefined;
   readonly #programs = new Map<string, Program>();
@@ -120,45 +119,31 @@ export class Device {
     return numbers;
   }
 
-  /** The drawable at one pixel, counted from the upper left, and its distance along the view. */
-  pick(camera: Camera, drawables: readonly Drawable[], look: Look, x: number, y: number): [number, number] {
-    const gl = this.#gl;
-    const { width, height } = gl.canvas;
-    this.#pickTarget ??= new Target(gl, gl.RG32UI);
-    this.#pickTarget.begin(1, 1);
-    // Moves the picture so that only the pixel is drawn.
-    gl.viewport(-x, y + 1 - height, width, height);
-    this.#drawItems(camera, drawables, look);
-    const numbers = new Uint32Array(4);
-    this.#pickTarget.read(gl.RGBA_INTEGER, numbers);
-    const [item = NOTHING] = numbers;
-    return [item, new Float32Array(numbers.buffer)[1] ?? 0];
-  }
-
   /**
-   * The distances along the view at the pixels around one that is counted from the upper left: a square with
-   * this many on each side of it, rows from below. 0 is background.
+   * The drawables at the pixels around one that is counted from the upper left, and their distances along the
+   * view: a square with `radius` on each side of it, rows from below.
    */
-  depthsAround(
+  around(
     camera: Camera,
     drawables: readonly Drawable[],
     look: Look,
     [x, y]: readonly [number, number],
     radius: number,
-  ): Float32Array {
+  ): readonly { readonly item: number; readonly depth: number }[] {
     const gl = this.#gl;
     const { width, height } = gl.canvas;
     const side = 2 * radius + 1;
     this.#aroundTarget ??= new Target(gl, gl.RG32UI);
     this.#aroundTarget.begin(side, side);
+    // Moves the picture so that only these pixels are drawn.
     gl.viewport(radius - x, radius + y + 1 - height, width, height);
     this.#drawItems(camera, drawables, look);
     const numbers = new Uint32Array(4 * side * side);
     this.#aroundTarget.read(gl.RGBA_INTEGER, numbers);
     const depths = new Float32Array(numbers.buffer);
-    return Float32Array.from({ length: side * side }, (_, pixel) =>
-      numbers[4 * pixel] === NOTHING ? 0 : (depths[4 * pixel + 1] ?? 0),
-    );
+    return Array.from({ length: side * side }, (_, pixel) => {
+      return { item: at(numbers, 4 * pixel), depth: at(depths, 4 * pixel + 1) };
+    });
   }
 
   #drawItems(

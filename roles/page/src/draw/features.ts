@@ -31,8 +31,6 @@ export interface Features {
   readonly isSoftware: boolean;
   /** The most samples a pixel can have. */
   readonly mostSamples: number;
-  /** The most pixels that a side of a picture can have. */
-  readonly longestSide: number;
 }
 
 /**
@@ -57,6 +55,5 @@ export function featuresOf(gl: WebGL2RenderingContext, extensions: boolean | und
     device,
     isSoftware,
     mostSamples: Number(gl.getParameter(gl.MAX_SAMPLES)),
-    longestSide: Number(gl.getParameter(gl.MAX_RENDERBUFFER_SIZE)),
   };
 }

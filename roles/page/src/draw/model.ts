@@ -9,6 +9,14 @@ import type { Section } from "../proto/viewState.ts";
 /** The triangles of a piece of geometry. */
 export type Mesh = Pick<Piece, "vertices" | "indices">;
 
+/** The triangles of a piece of geometry, in its local frame. */
+export interface Triangles {
+  /** Three numbers per vertex. */
+  readonly positions: Float32Array;
+  /** Three indices per triangle. */
+  readonly indices: Uint32Array;
+}
+
 /** A piece of geometry at its place in the world. The drawing order follows its box. */
 export type Drawable = Pick<
   DrawableRecord,

@@ -3,7 +3,7 @@
 import { VERTEX_BYTES } from "../proto/piece.ts";
 import { Allocator, type Place } from "./allocator.ts";
 import type { Provoking } from "./features.ts";
-import type { Mesh } from "./model.ts";
+import type { Mesh, Triangles } from "./model.ts";
 
 const INDEX_BYTES = 4;
 
@@ -93,7 +93,7 @@ export class GeometryPage {
   }
 
   /** The positions and indices of a mesh, read back from the device: waits for pending drawing. */
-  read({ vertices, indices }: Spot): { positions: Float32Array; indices: Uint32Array } {
+  read({ vertices, indices }: Spot): Triangles {
     const gl = this.#gl;
     const words = new Float32Array((vertices.length * VERTEX_BYTES) / 4);
     const corners = new Uint32Array(indices.length);

@@ -4,7 +4,7 @@ import type { Drawn } from "./batch.ts";
 import { canDrawOnCanvas } from "./canvasDepth.ts";
 import { Device, NOTHING } from "./device.ts";
 import type { Depth, DrawNumber } from "./features.ts";
-import { type Camera, type Drawable, type Look, type Mesh, PLAIN } from "./model.ts";
+import { type Camera, type Drawable, type Look, type Mesh, PLAIN, type Triangles } from "./model.ts";
 import { STEPS } from "./still.ts";
 
 export { NOTHING } from "./device.ts";
@@ -42,6 +42,8 @@ export interface Met {
   readonly depth: number;
 }
 
+const NONE = { item: NOTHING, depth: 0 };
+
 export class Renderer {
   readonly #canvas: HTMLCanvasElement;
   readonly #gl: WebGL2RenderingContext;
@@ -60,7 +62,6 @@ export class Renderer {
   /** The device's name, by its driver. */
   readonly device: string;
   readonly samples: number;
-  readonly #longestSide: number;
 
   /** Throws if the browser has no WebGL2. */
   constructor(canvas: HTMLCanvasElement, options: RendererOptions = {}) {
@@ -80,7 +81,6 @@ export class Renderer {
     this.drawNumber = device.features.multiDraw === null ? "uniform" : "multi-draw";
     this.device = device.features.device;
     this.samples = device.samples;
-    this.#longestSide = device.features.longestSide;
     canvas.addEventListener("webglcontextlost", (event) => {
       // Without this the browser does not restore it.
       event.preventDefault();
@@ -115,12 +115,6 @@ export class Renderer {
   /** Whether the canvas shows the last picture fully refined: smooth, and with lines. */
   get isFine(): boolean {
     return this.#steps === STEPS;
-  }
-
-  /** Sets the picture's size in pixels, limited to the device's maximum. */
-  resize(width: number, height: number): void {
-    const side = (wanted: number) => Math.max(1, Math.min(Math.round(wanted), this.#longestSide));
-    [this.#canvas.width, this.#canvas.height] = [side(width), side(height)];
   }
 
   hasPiece(number: number): boolean {
@@ -168,10 +162,11 @@ export class Renderer {
     // See-through objects are picked only if nothing else is there.
     const opaque = drawables.filter((one) => !look.seeThrough.has(one.object));
     for (const candidates of look.seeThrough.isEmpty ? [drawables] : [opaque, drawables]) {
-      const [id, depth] = this.#device.pick(camera, candidates, look, column, row);
-      const drawable = candidates.find((one) => one.id === id);
-      if (drawable !== undefined) {
-        return { drawable: id, object: drawable.objects === 1 ? drawable.object : undefined, depth };
+      const [met] = this.#device.around(camera, candidates, look, [column, row], 0);
+      const drawable = candidates.find(({ id }) => id === met?.item);
+      if (met !== undefined && drawable !== undefined) {
+        const object = drawable.objects === 1 ? drawable.object : undefined;
+        return { drawable: drawable.id, object, depth: met.depth };
       }
     }
     return undefined;
@@ -188,12 +183,12 @@ export class Renderer {
     const { camera, drawables, look } = this.#last;
     const opaque = drawables.filter((one) => !look.seeThrough.has(one.object));
     const [column, row] = [Math.floor(x), Math.floor(y)];
-    const depths = this.#device.depthsAround(camera, opaque, look, [column, row], radius);
+    const pixels = this.#device.around(camera, opaque, look, [column, row], radius);
     let found: Met | undefined;
     for (let up = -radius; up <= radius; up += 1) {
       for (let right = -radius; right <= radius; right += 1) {
-        const depth = depths[(up + radius) * (2 * radius + 1) + right + radius] ?? 0;
-        const isNearer = depth > 0 && (found === undefined || depth < found.depth);
+        const { item, depth } = pixels[(up + radius) * (2 * radius + 1) + right + radius] ?? NONE;
+        const isNearer = item !== NOTHING && (found === undefined || depth < found.depth);
         if (isNearer && Math.hypot(right, up) <= radius) {
           found = { x: column + right + 0.5, y: row - up + 0.5, depth };
         }
@@ -203,7 +198,7 @@ export class Renderer {
   }
 
   /** The triangles of a piece of geometry in its local frame: positions, and three indices each. */
-  triangles(number: number): { positions: Float32Array; indices: Uint32Array } | undefined {
+  triangles(number: number): Triangles | undefined {
     return this.#device?.arena.triangles(number);
   }
 

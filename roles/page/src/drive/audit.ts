@@ -4,12 +4,11 @@
  */
 
 import type { Drawable } from "../draw/model.ts";
-import type { Point } from "../navigate/gaze.ts";
 import type { Camera } from "../proto/camera.ts";
-import type { WrongPixels } from "../service/service.ts";
+import type { Point } from "../space/point.ts";
+import { Samples } from "../viewer/samples.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { wrongShare } from "../viewer/wrongPixels.ts";
-import { Samples } from "./samples.ts";
 import { until } from "./time.ts";
 
 /** Of longer walks at most this many pictures are audited, and at least half as many. */
@@ -31,29 +30,28 @@ export interface Taken {
 
 /** The pictures of a walk. However long it is, the drawables of only a bounded number are kept. */
 export class Album {
-  readonly #pictures: Taken[] = [];
+  readonly pictures: Taken[] = [];
   #stride = 1;
 
-  get pictures(): readonly Taken[] {
-    return this.#pictures;
-  }
-
   add(picture: Taken): void {
-    const at = this.#pictures.length;
-    this.#pictures.push(at % this.#stride === 0 ? picture : { ...picture, drawables: undefined });
-    if (this.#pictures.length > MOST * this.#stride) {
+    const at = this.pictures.length;
+    this.pictures.push(at % this.#stride === 0 ? picture : { ...picture, drawables: undefined });
+    if (this.pictures.length > MOST * this.#stride) {
       this.#stride *= 2;
-      for (const [number, kept] of this.#pictures.entries()) {
+      for (const [number, kept] of this.pictures.entries()) {
         if (number % this.#stride !== 0 && kept.drawables !== undefined) {
-          this.#pictures[number] = { ...kept, drawables: undefined };
+          this.pictures[number] = { ...kept, drawables: undefined };
         }
       }
     }
   }
 }
 
-/** Returns to the poses of pictures, without a simulated network, and counts the wrong pixels. */
-export async function audit(viewer: Viewer, pictures: readonly Taken[]): Promise<WrongPixels> {
+/**
+ * Returns to the poses of pictures, without a simulated network, and counts the wrong pixels: see `WrongPixels`
+ * of `src/page/drive.rs`.
+ */
+export async function audit(viewer: Viewer, pictures: readonly Taken[]) {
   viewer.session.moveTo("");
   const percent = new Samples();
   const [wrong, jumping] = [new Spans(), new Spans()];
@@ -62,7 +60,7 @@ export async function audit(viewer: Viewer, pictures: readonly Taken[]): Promise
     if (hasJumped || drawables === undefined) {
       continue;
     }
-    viewer.navigator.goTo([...camera.eye], [...forward]);
+    viewer.navigator.goTo(camera.eye, forward);
     await until(() => viewer.isSettled);
     const exact = viewer.shown();
     const items = (of: readonly Drawable[]) => viewer.renderer.items(camera, of, viewer.look());

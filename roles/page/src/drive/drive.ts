@@ -1,11 +1,11 @@
 /** Repeats a walk by itself, and reports to the service: see `trimaran view --drive`. */
 
 import type { Service } from "../service/service.ts";
+import { Samples } from "../viewer/samples.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { Album, audit } from "./audit.ts";
 import { Moments } from "./moments.ts";
 import { Path } from "./path.ts";
-import { Samples } from "./samples.ts";
 import { each, until } from "./time.ts";
 
 /**

@@ -1,6 +1,5 @@
 /** The page's traffic and memory, at several times of a walk. */
 
-import type { Moment } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 
 /** Seconds between two moments; more on long walks. */
@@ -11,7 +10,7 @@ const MOST = 60;
 export class Moments {
   readonly #viewer: Viewer;
   readonly #period: number;
-  readonly list: Moment[] = [];
+  readonly list: ReturnType<typeof momentOf>[] = [];
 
   /** For a walk that takes this many seconds. */
   constructor(viewer: Viewer, seconds: number) {
@@ -27,17 +26,21 @@ export class Moments {
   }
 
   add(seconds: number): void {
-    const { display, renderer } = this.#viewer;
-    const bytes = display?.bytes;
-    this.list.push({
-      seconds,
-      cameraBytes: bytes?.latest.sent ?? 0,
-      idBytes: bytes?.frames.received ?? 0,
-      pieceBytes: bytes?.bulk.received ?? 0,
-      heldBytes: renderer.bytes,
-      scriptBytes: scriptBytes(),
-    });
+    this.list.push(momentOf(this.#viewer, seconds));
   }
+}
+
+/** See `Moment` of `src/page/drive.rs`. */
+function momentOf({ display, renderer }: Viewer, seconds: number) {
+  const bytes = display?.bytes;
+  return {
+    seconds,
+    cameraBytes: bytes?.latest.sent ?? 0,
+    idBytes: bytes?.frames.received ?? 0,
+    pieceBytes: bytes?.bulk.received ?? 0,
+    heldBytes: renderer.bytes,
+    scriptBytes: scriptBytes(),
+  };
 }
 
 /** Not every browser reports it. */

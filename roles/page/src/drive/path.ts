@@ -1,8 +1,7 @@
 /** A walk with poses interpolated between written ones. */
 
-import type { Point } from "../navigate/gaze.ts";
 import type { CameraPath } from "../service/service.ts";
-import { lerp } from "../tools/projection.ts";
+import { distance, lerp, type Point } from "../space/point.ts";
 
 /** Poses a second of a written path. */
 const RATE = 30;
@@ -45,8 +44,7 @@ export class Path {
     }
     const share = to === undefined || this.#isJump(at + 1) ? 0 : place - at;
     const end = to ?? from;
-    const [eye, forward] = [lerp(from.eye, end.eye, share), lerp(from.forward, end.forward, share)];
-    return { eye: [...eye], forward: [...forward], isJump };
+    return { eye: lerp(from.eye, end.eye, share), forward: lerp(from.forward, end.forward, share), isJump };
   }
 
   #isJump(at: number): boolean {
@@ -56,6 +54,6 @@ export class Path {
   /** The distance from the previous pose. */
   #step(at: number): number {
     const [from, to] = [this.#frames[at - 1]?.eye, this.#frames[at]?.eye];
-    return from && to ? Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]) : 0;
+    return from && to ? distance(from, to) : 0;
   }
 }

@@ -1,6 +1,8 @@
 /** Controls of navigation: the mode, the speed, the field of view, and help on keys. */
 
 import { useRef } from "preact/hooks";
+import { Button } from "../controls/button.tsx";
+import { type Row, Rows } from "../controls/rows.tsx";
 import type { Mode, Navigator } from "./navigator.ts";
 
 const MODES: readonly (readonly [Mode, string, string])[] = [
@@ -10,7 +12,7 @@ const MODES: readonly (readonly [Mode, string, string])[] = [
 ];
 
 /** The effects of keys, mouse and fingers. */
-const HELP: readonly (readonly [string, string])[] = [
+const HELP: readonly Row[] = [
   ["W A S D, arrows", "walk, and turn"],
   ["mouse or finger, dragged", "look around; in Orbit, turn the model"],
   ["right button, two fingers", "move across; where you walk: go"],
@@ -43,15 +45,13 @@ export function NavigationBar({ navigator }: { readonly navigator: Navigator }) 
   return (
     <fieldset class="panel bar navigation" aria-label="Moving">
       {MODES.map(([mode, label, key]) => (
-        <button
-          type="button"
+        <Button
+          text={label}
           key={mode}
           title={`${label} (${key})`}
           aria-pressed={navigator.mode.value === mode}
           onClick={() => navigator.setMode(mode)}
-        >
-          {label}
-        </button>
+        />
       ))}
       <span>{Number(navigator.speed.value.toPrecision(2))} m/s</span>
       <label>
@@ -65,20 +65,9 @@ export function NavigationBar({ navigator }: { readonly navigator: Navigator }) 
           onInput={(event) => navigator.setVfov(event.currentTarget.valueAsNumber)}
         />
       </label>
-      <button type="button" aria-label="Keys" onClick={showHelp}>
-        ?
-      </button>
+      <Button text="?" aria-label="Keys" onClick={showHelp} />
       <dialog ref={help} aria-label="Keys">
-        <table>
-          <tbody>
-            {HELP.map(([keys, what]) => (
-              <tr key={keys}>
-                <th scope="row">{keys}</th>
-                <td>{what}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
+        <Rows rows={HELP} />
         <form method="dialog">
           <button type="submit">Close</button>
         </form>

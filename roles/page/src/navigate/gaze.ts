@@ -1,6 +1,6 @@
 /** The viewing direction. */
 
-export type Point = [number, number, number];
+import type { Point } from "../space/point.ts";
 
 /** The eye never looks straight up or down: there it has no heading. */
 const STEEPEST = Math.PI / 2 - 0.01;
@@ -11,12 +11,12 @@ export class Gaze {
   /** Radians above the horizon. */
   pitch = 0;
 
-  constructor(forward: Readonly<Point>) {
+  constructor(forward: Point) {
     this.along(forward);
   }
 
   /** Looks along a direction of the world, of any length. */
-  along(forward: Readonly<Point>): void {
+  along(forward: Point): void {
     const up = forward[1] / (Math.hypot(...forward) || 1);
     this.heading = Math.atan2(-forward[0], -forward[2]);
     this.pitch = 0;

@@ -1,15 +1,17 @@
 /** A person's pose in the scene, and how input changes it. */
 
 import { signal } from "@preact/signals";
-import type { SceneDescription, Service } from "../service/service.ts";
-import { type Box, centreOf, framingEye } from "./framing.ts";
-import { Frustum } from "./frustum.ts";
-import { Gaze, type Point } from "./gaze.ts";
+import { Projection } from "../draw/projection.ts";
+import type { SceneDescription, Service, Side } from "../service/service.ts";
+import { type Box, centreOf } from "../space/box.ts";
+import { beyond, distance, type Point } from "../space/point.ts";
+import { framingEye } from "./framing.ts";
+import { Gaze } from "./gaze.ts";
 import { Ground } from "./ground.ts";
 import { addGamepad, Keys, type Motion, still } from "./motion.ts";
-import { along, approach, pan, turnAbout } from "./orbit.ts";
+import { approach, pan, turnAbout } from "./orbit.ts";
 import { type Drag, listenToPointers } from "./pointers.ts";
-import { mostOpen, type Side } from "./sides.ts";
+import { mostOpen } from "./sides.ts";
 import { isForControl } from "./typing.ts";
 import { Walk } from "./walk.ts";
 
@@ -30,6 +32,8 @@ const DOLLY = 0.15;
 const AROUND = 8;
 /** The smallest distance to an approached point, as a share of the height of the eye. */
 const CLOSEST = 0.005;
+/** Points nearer than this are not in the picture, metres. */
+const NEAREST = 1e-9;
 /** Longest step in time, seconds: a page that was in the background does not jump. */
 const LONGEST = 0.1;
 /** Running speed factor. */
@@ -40,25 +44,35 @@ const STROLL = 1.4 / 1.7;
 const NARROWEST = 20;
 const WIDEST = 100;
 
+/** The commands of keys. */
+const COMMANDS: Readonly<Record<string, (navigator: Navigator) => void>> = {
+  Digit1: (navigator) => navigator.setMode("walk"),
+  Digit2: (navigator) => navigator.setMode("fly"),
+  Digit3: (navigator) => navigator.setMode("orbit"),
+  Minus: (navigator) => navigator.setVfov(navigator.vfovDeg + 5),
+  Equal: (navigator) => navigator.setVfov(navigator.vfovDeg - 5),
+};
+
 export class Navigator {
   readonly #gaze: Gaze;
   readonly #keys = new Keys();
   readonly #ground: Ground;
   readonly #walk: Walk;
-  #eye: Point;
+  /** Metres, world. */
+  eye: Point;
   /** How far two fingers have moved the person since the last step: forward and right, metres. */
   #pushed: [number, number] = [0, 0];
   /** The point to orbit: the last one pointed at or framed, at first the middle of the model. */
-  #pivot: Readonly<Point>;
+  #pivot: Point;
   /** The point that the wheel approaches, as long as it stays at the pointer. */
-  #zoomed: Readonly<Point> | undefined;
+  #zoomed: Point | undefined;
   readonly #canvas: HTMLCanvasElement;
   /** The middle of the model. */
-  readonly #middle: Readonly<Point>;
+  readonly #middle: Point;
   /** Height of the eye above floors, which sets the scale of the scene. */
   readonly #scale: number;
   /** The visible point at a place of the canvas, or within `around` of it. CSS pixels. */
-  pointAt: (x: number, y: number, around: number) => Readonly<Point> | undefined = () => undefined;
+  pointAt: (x: number, y: number, around: number) => Point | undefined = () => undefined;
   readonly mode = signal<Mode>("walk");
   /** Vertical field of view, degrees. */
   readonly vfov = signal(0);
@@ -67,27 +81,23 @@ export class Navigator {
   /** Keys and mouse do nothing. */
   isHeld = false;
   /** Whether the eye was moved since the last step. */
-  #hasMoved = true;
+  isMoved = true;
   #hasJumped = true;
 
   constructor(canvas: HTMLCanvasElement, scene: SceneDescription, service: Pick<Service, "tile">) {
     const { eye, forward } = scene.start;
-    this.#eye = [...eye];
+    this.eye = eye;
     this.#canvas = canvas;
     this.#middle = centreOf(scene.core);
     this.#pivot = this.#middle;
     this.#scale = scene.eyeHeight;
-    this.#gaze = new Gaze([...forward]);
+    this.#gaze = new Gaze(forward);
     this.#ground = new Ground(service, scene.tileSide);
-    this.#walk = new Walk(this.#eye, scene.eyeHeight);
+    this.#walk = new Walk(this.eye, scene.eyeHeight);
     this.mode.value = scene.hasFloors ? "walk" : "fly";
     this.vfov.value = scene.vfovDeg;
     this.speed.value = STROLL * scene.eyeHeight;
     this.#listen(canvas);
-  }
-
-  get eye(): Readonly<Point> {
-    return this.#eye;
   }
 
   /** Camera to world, a unit quaternion. */
@@ -101,13 +111,18 @@ export class Navigator {
   }
 
   /** The eye and the viewing direction: see `Gaze`. */
-  get pose(): { eye: Readonly<Point>; heading: number; pitch: number } {
-    return { eye: this.#eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
+  get pose(): { eye: Point; heading: number; pitch: number } {
+    return { eye: this.eye, heading: this.#gaze.heading, pitch: this.#gaze.pitch };
   }
 
   /** Metres from the eye to the orbited point; in walk mode there is none. */
   get reach(): number {
-    return this.mode.peek() === "walk" ? Number.POSITIVE_INFINITY : this.#wayTo(this.#pivot);
+    return this.mode.peek() === "walk" ? Number.POSITIVE_INFINITY : distance(this.eye, this.#pivot);
+  }
+
+  /** Tangent of half the vertical field of view. */
+  get tanHalfFov(): number {
+    return Math.tan((this.vfovDeg * Math.PI) / 360);
   }
 
   /** Vertical field of view, degrees. */
@@ -115,27 +130,22 @@ export class Navigator {
     return this.vfov.peek();
   }
 
-  /** Whether the eye was moved since the last step. */
-  get isMoved(): boolean {
-    return this.#hasMoved;
-  }
-
   /** Moves for this many seconds. Returns whether the eye has moved since the last step. */
   step(seconds: number): boolean {
-    const isMoved = !this.isHeld && this.#move(Math.min(seconds, LONGEST));
-    const hasMoved = this.#hasMoved || isMoved;
-    this.#hasMoved = false;
+    const isStep = !this.isHeld && this.#move(Math.min(seconds, LONGEST));
+    const hasMoved = this.isMoved || isStep;
+    this.isMoved = false;
     return hasMoved;
   }
 
   setMode(mode: Mode): void {
     this.mode.value = mode;
-    this.#walk.place(this.#eye);
+    this.#walk.place(this.eye);
   }
 
   setVfov(degrees: number): void {
     this.vfov.value = Math.max(NARROWEST, Math.min(WIDEST, degrees));
-    this.#hasMoved = true;
+    this.isMoved = true;
   }
 
   /** Releases all keys: other elements have the keyboard. */
@@ -161,7 +171,7 @@ export class Navigator {
   }
 
   /** Puts the eye at a place, looking along `forward`. Earlier taps and drags are discarded. */
-  goTo(eye: Readonly<Point>, forward: Readonly<Point>): void {
+  goTo(eye: Point, forward: Point): void {
     this.#hasJumped = true;
     this.#zoomed = undefined;
     this.#pushed = [0, 0];
@@ -170,11 +180,11 @@ export class Navigator {
   }
 
   /** The same, but as a step of a continuous motion. */
-  follow(eye: Readonly<Point>, forward: Readonly<Point>): void {
-    this.#eye = [...eye];
+  follow(eye: Point, forward: Point): void {
+    this.eye = eye;
     this.#gaze.along(forward);
     this.#walk.place(eye);
-    this.#hasMoved = true;
+    this.isMoved = true;
   }
 
   /**
@@ -189,8 +199,9 @@ export class Navigator {
     if (this.mode.peek() === "walk") {
       this.mode.value = "fly";
     }
-    const { tanX, tanY } = this.#frustum;
-    this.goTo(framingEye(box, gaze, tanX, tanY), gaze.forward);
+    const { width, height } = this.#size;
+    const { tanHalfFov } = this;
+    this.goTo(framingEye(box, gaze, (tanHalfFov * width) / height, tanHalfFov), gaze.forward);
     this.#pivot = centreOf(box);
   }
 
@@ -200,14 +211,14 @@ export class Navigator {
     addGamepad(motion, navigator.getGamepads());
     if (motion.turn !== 0 || motion.tilt !== 0) {
       this.#gaze.turn(TURN * seconds * motion.turn, TURN * seconds * motion.tilt);
-      this.#hasMoved = true;
+      this.isMoved = true;
     }
     const way = this.speed.peek() * seconds * (this.#keys.isFast ? FASTER : 1);
     return this.mode.peek() === "walk" ? this.#stride(seconds, way, motion) : this.#glide(way, motion);
   }
 
   #stride(seconds: number, way: number, motion: Motion): boolean {
-    this.#ground.fetchAround(this.#eye[0], this.#eye[2]);
+    this.#ground.fetchAround(this.eye[0], this.eye[2]);
     if (motion.up > 0) {
       this.#walk.jump();
     }
@@ -215,13 +226,13 @@ export class Navigator {
     this.#pushed = [0, 0];
     const [x, z] = this.#gaze.onGround(way * motion.ahead + ahead, way * motion.right + right);
     const isMoved = this.#walk.step(seconds, x, z, this.#ground);
-    this.#eye = this.#walk.eye;
+    this.eye = this.#walk.eye;
     return isMoved;
   }
 
   #glide(way: number, { ahead, right, up }: Motion): boolean {
     const [x, z] = this.#gaze.onGround(way * ahead, way * right);
-    this.#eye = [this.#eye[0] + x, this.#eye[1] + way * up, this.#eye[2] + z];
+    this.eye = [this.eye[0] + x, this.eye[1] + way * up, this.eye[2] + z];
     return ahead !== 0 || right !== 0 || up !== 0;
   }
 
@@ -229,19 +240,19 @@ export class Navigator {
     if (this.isHeld) {
       return;
     }
-    this.#hasMoved = true;
+    this.isMoved = true;
     const isOrbit = this.mode.peek() === "orbit";
     if (isPan && this.mode.peek() === "walk") {
       // Two fingers push the ground away, like hands on a rail.
       const each = this.#scale / PUSH;
       this.#pushed = [this.#pushed[0] + down * each, this.#pushed[1] - right * each];
     } else if (isPan) {
-      const depth = Math.max(this.#frustum.depthOf(this.#pivot), CLOSEST * this.#scale);
-      const each = (2 * depth * Math.tan((this.vfovDeg * Math.PI) / 360)) / height;
-      this.#eye = pan(this.#eye, this.#gaze, -right * each, down * each);
+      const depth = Math.max(this.#projection.depthOf(this.#pivot), CLOSEST * this.#scale);
+      const each = (2 * depth * this.tanHalfFov) / height;
+      this.eye = pan(this.eye, this.#gaze, -right * each, down * each);
       this.#approach(1 - 1 / spread);
     } else if (isOrbit) {
-      this.#eye = turnAbout(this.#pivot, this.#eye, this.#gaze, -ORBIT * right, -ORBIT * down);
+      this.eye = turnAbout(this.#pivot, this.eye, this.#gaze, -ORBIT * right, -ORBIT * down);
     } else {
       this.#gaze.turn(MOUSE * right, MOUSE * down);
     }
@@ -251,18 +262,17 @@ export class Navigator {
   #hold(x: number, y: number): void {
     this.#zoomed = undefined;
     const held = this.pointAt(x, y, AROUND);
-    if (held !== undefined || !this.#frustum.shows(this.#pivot)) {
+    if (held !== undefined || !this.#projection.shows(this.#pivot)) {
       const { clientWidth, clientHeight } = this.#canvas;
       this.#pivot = held ?? this.pointAt(clientWidth / 2, clientHeight / 2, AROUND) ?? this.#ahead();
     }
   }
 
   /** The middle of the model if it is visible, or else the point as far ahead. */
-  #ahead(): Readonly<Point> {
+  #ahead(): Point {
     const middle = this.#middle;
-    return this.#frustum.shows(middle)
-      ? middle
-      : along(this.#eye, [this.forward], [this.#wayTo(middle), 0, 0]);
+    const way = distance(this.eye, middle);
+    return this.#projection.shows(middle) ? middle : beyond(this.eye, this.forward, way);
   }
 
   /**
@@ -270,28 +280,31 @@ export class Navigator {
    * the background, the orbited point is approached.
    */
   #zoom(x: number, y: number, share: number): void {
-    const frustum = this.#frustum;
-    if (this.#zoomed === undefined || frustum.offset(this.#zoomed, x, y) > AROUND + 1) {
+    const projection = this.#projection;
+    const zoomed = this.#zoomed && projection.place(this.#zoomed);
+    if (zoomed === undefined || Math.hypot(zoomed.x - x, zoomed.y - y) > AROUND + 1) {
       this.#zoomed = this.pointAt(x, y, AROUND);
     }
-    this.#pivot = this.#zoomed ?? (frustum.shows(this.#pivot) ? this.#pivot : this.#ahead());
+    this.#pivot = this.#zoomed ?? (projection.shows(this.#pivot) ? this.#pivot : this.#ahead());
     this.#approach(share);
   }
 
   /** Covers a share of the distance to the orbited point. */
   #approach(share: number): void {
-    this.#eye = approach(this.#pivot, this.#eye, share, CLOSEST * this.#scale);
-    this.#hasMoved = true;
+    this.eye = approach(this.#pivot, this.eye, share, CLOSEST * this.#scale);
+    this.isMoved = true;
   }
 
-  #wayTo([x, y, z]: Readonly<Point>): number {
-    return Math.hypot(x - this.#eye[0], y - this.#eye[1], z - this.#eye[2]);
-  }
-
-  /** The frustum of the picture. */
-  get #frustum(): Frustum {
+  /** The size of the canvas in CSS pixels. */
+  get #size(): { width: number; height: number } {
     const { clientWidth, clientHeight } = this.#canvas;
-    return new Frustum(this.#eye, this.#gaze, this.vfovDeg, clientWidth, clientHeight);
+    return { width: Math.max(1, clientWidth), height: Math.max(1, clientHeight) };
+  }
+
+  get #projection(): Projection {
+    const { eye, orientation, tanHalfFov } = this;
+    const { width, height } = this.#size;
+    return new Projection({ eye, orientation, tanHalfFov, near: NEAREST }, width, height);
   }
 
   #listen(canvas: HTMLCanvasElement): void {
@@ -328,24 +341,8 @@ export class Navigator {
 
   /** Runs the command of a key. Returns whether it has one. */
   #command(code: string): boolean {
-    switch (code) {
-      case "Digit1":
-        this.setMode("walk");
-        return true;
-      case "Digit2":
-        this.setMode("fly");
-        return true;
-      case "Digit3":
-        this.setMode("orbit");
-        return true;
-      case "Minus":
-        this.setVfov(this.vfovDeg + 5);
-        return true;
-      case "Equal":
-        this.setVfov(this.vfovDeg - 5);
-        return true;
-      default:
-        return false;
-    }
+    const command = COMMANDS[code];
+    command?.(this);
+    return command !== undefined;
   }
 }

@@ -1,5 +1,6 @@
 /** Buttons that move the eye up and down while they are held, for people without a keyboard. */
 
+import { Button } from "../controls/button.tsx";
 import type { Navigator } from "./navigator.ts";
 
 /** By mode: the label of a button, and the code of the equivalent key. */
@@ -23,8 +24,8 @@ export function TouchPad({ navigator }: { readonly navigator: Navigator }) {
           }
         };
         return (
-          <button
-            type="button"
+          <Button
+            text={label}
             key={label}
             onPointerDown={press(true)}
             onPointerUp={press(false)}
@@ -32,9 +33,7 @@ export function TouchPad({ navigator }: { readonly navigator: Navigator }) {
             onPointerLeave={press(false)}
             onContextMenu={(event) => event.preventDefault()}
             onClick={tap}
-          >
-            {label}
-          </button>
+          />
         );
       })}
     </fieldset>

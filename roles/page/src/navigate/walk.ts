@@ -1,6 +1,6 @@
 /** A walking body: it falls, climbs stairs, and does not pass through walls. */
 
-import type { Point } from "./gaze.ts";
+import type { Point } from "../space/point.ts";
 import type { Solid } from "./ground.ts";
 
 /** Metres, of a person whose eye is at 1.7 m. Others scale with the eye. */
@@ -17,7 +17,7 @@ const SMOOTH = 0.09;
 
 export class Walk {
   /** The position of the feet. */
-  readonly feet: Point;
+  feet: Point;
   /** Metres a second upwards. */
   #rise = 0;
   #isStanding = false;
@@ -27,7 +27,7 @@ export class Walk {
   readonly #scale: number;
 
   /** A body with this eye height, metres, whose eye is now at `eye`. */
-  constructor(eye: Readonly<Point>, eyeHeight: number) {
+  constructor(eye: Point, eyeHeight: number) {
     this.#scale = eyeHeight / EYE;
     this.feet = [eye[0], eye[1] - eyeHeight, eye[2]];
   }
@@ -41,8 +41,8 @@ export class Walk {
   }
 
   /** Puts the eye at a place. */
-  place(eye: Readonly<Point>): void {
-    [this.feet[0], this.feet[1], this.feet[2]] = [eye[0], eye[1] - EYE * this.#scale, eye[2]];
+  place(eye: Point): void {
+    this.feet = [eye[0], eye[1] - EYE * this.#scale, eye[2]];
     [this.#rise, this.#lag, this.#isStanding] = [0, 0, false];
   }
 
@@ -91,11 +91,8 @@ export class Walk {
       const up = Math.max(ground, there[1]);
       if (isWithin || this.#fits([there[0], up, there[2]], solid)) {
         const isStep = this.#isStanding && ground > there[1];
-        [this.feet[0], this.feet[2]] = [there[0], there[2]];
-        if (isStep) {
-          this.#lag -= ground - this.feet[1];
-          this.feet[1] = ground;
-        }
+        this.#lag -= isStep ? ground - there[1] : 0;
+        this.feet = [there[0], isStep ? ground : there[1], there[2]];
         return;
       }
     }
@@ -111,22 +108,29 @@ export class Walk {
     }
     if (this.#isStanding && this.feet[1] - ground <= STEP * this.#scale) {
       this.#lag += this.feet[1] - ground;
-      this.feet[1] = ground;
+      this.#rest(ground);
       return;
     }
     this.#rise = Math.max(this.#rise - GRAVITY * this.#scale * seconds, -FASTEST_FALL * this.#scale);
     const up = this.feet[1] + this.#rise * seconds;
-    if (this.#rise > 0 && !this.#fits([this.feet[0], up, this.feet[2]], solid)) {
+    const there: Point = [this.feet[0], up, this.feet[2]];
+    if (this.#rise > 0 && !this.#fits(there, solid)) {
       this.#rise = 0;
     } else if (up <= ground) {
-      [this.feet[1], this.#rise, this.#isStanding] = [ground, 0, true];
+      this.#rest(ground);
+      [this.#rise, this.#isStanding] = [0, true];
     } else {
-      [this.feet[1], this.#isStanding] = [up, false];
+      [this.feet, this.#isStanding] = [there, false];
     }
   }
 
+  /** Puts the feet at this height. */
+  #rest(height: number): void {
+    this.feet = [this.feet[0], height, this.feet[2]];
+  }
+
   /** Whether the body has room at a place: low steps are no obstacle. */
-  #fits(feet: Readonly<Point>, solid: Solid): boolean {
+  #fits(feet: Point, solid: Solid): boolean {
     const [low, high] = [feet[1] + STEP * this.#scale, feet[1] + HEIGHT * this.#scale];
     return this.#columns(feet, solid, (spans) => {
       for (let end = 0; end < spans.length; end += 2) {
@@ -142,7 +146,7 @@ export class Walk {
    * The highest surface under the body that it can step on; minus infinity if there is none, `undefined` if
    * not known yet.
    */
-  #groundBelow(feet: Readonly<Point>, solid: Solid): number | undefined {
+  #groundBelow(feet: Point, solid: Solid): number | undefined {
     const reach = feet[1] + STEP * this.#scale;
     let ground = Number.NEGATIVE_INFINITY;
     const isKnown = this.#columns(feet, solid, (spans) => {
@@ -158,7 +162,7 @@ export class Walk {
   }
 
   /** Whether all columns under the body are known and `holds` is true of each. */
-  #columns(feet: Readonly<Point>, solid: Solid, holds: (spans: Float64Array) => boolean): boolean {
+  #columns(feet: Point, solid: Solid, holds: (spans: Float64Array) => boolean): boolean {
     const radius = RADIUS * this.#scale;
     const { cell } = solid;
     for (let z = Math.floor((feet[2] - radius) / cell); z * cell < feet[2] + radius; z += 1) {

@@ -2,11 +2,12 @@
 
 import type { ObjectSet } from "../proto/objectSet.ts";
 import type { PartDetails } from "../service/service.ts";
+import { around } from "../space/box.ts";
 import type { Measuring } from "../tools/measuring.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { type Change, hide, isolate, showAll, toggleSeeThrough } from "./actions.ts";
 import { tellIfHidden } from "./reveal.ts";
-import { around, type Selection } from "./selection.ts";
+import type { Selection } from "./selection.ts";
 
 export interface Command {
   readonly label: string;

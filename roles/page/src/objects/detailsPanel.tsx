@@ -1,7 +1,10 @@
 /** The details of the picked part. */
 
+import { Button } from "../controls/button.tsx";
+import { type Row, Rows } from "../controls/rows.tsx";
 import type { Part, PartDetails } from "../service/service.ts";
-import { lengthText, unit } from "./lengths.ts";
+import { sizeOf } from "../space/box.ts";
+import { lengthText, unit } from "../tools/lengths.ts";
 import type { Selection } from "./selection.ts";
 
 export function DetailsPanel({ selection }: { readonly selection: Selection }) {
@@ -13,28 +16,15 @@ export function DetailsPanel({ selection }: { readonly selection: Selection }) {
     <section class="panel details" aria-label="Details">
       <header>
         <h2>{details.name || "without a name"}</h2>
-        <button type="button" aria-label="Close" onClick={() => selection.clear()}>
-          ×
-        </button>
+        <Button text="×" aria-label="Close" onClick={() => selection.clear()} />
       </header>
       {selection.count.value > 1 && <p>The last of {selection.count.value} that are picked.</p>}
       <nav aria-label="Path">
         {details.path.map((part) => (
-          <button type="button" class="link" key={part.id} onClick={() => void selection.pick(part)}>
-            {nameOf(part)}
-          </button>
+          <Button text={nameOf(part)} class="link" key={part.id} onClick={() => void selection.pick(part)} />
         ))}
       </nav>
-      <table>
-        <tbody>
-          {rows(details).map(([name, value]) => (
-            <tr key={name}>
-              <th scope="row">{name}</th>
-              <td>{value}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
+      <Rows rows={rowsOf(details)} />
     </section>
   );
 }
@@ -43,13 +33,16 @@ export function nameOf({ name, kind, id }: Pick<Part, "name" | "kind" | "id">): 
   return name || `${kind} ${id}`;
 }
 
-function rows(details: PartDetails): readonly (readonly [string, string])[] {
-  const { min, max } = details;
-  const sides = [max[0] - min[0], max[1] - min[1], max[2] - min[2]] as const;
+function rowsOf(details: PartDetails): readonly Row[] {
   const objects = details.end - details.first;
   const left = details.attributeCount - details.attributes.length;
   return [
-    ["size", sides.map((side) => lengthText(side, unit.value)).join(" × ")],
+    [
+      "size",
+      sizeOf(details)
+        .map((side) => lengthText(side, unit.value))
+        .join(" × "),
+    ],
     ["triangles", details.triangles.toLocaleString("en")],
     ...(details.kind === "group" ? [["objects", objects.toLocaleString("en")] as const] : []),
     ...details.attributes,

@@ -1,11 +1,10 @@
 /** Explains why a part does not show after moving to it, and offers help. */
 
 import type { Drawable } from "../draw/model.ts";
-import { type Box, centreOf } from "../navigate/framing.ts";
-import { dot } from "../navigate/orbit.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
-import type { Point } from "../proto/viewState.ts";
 import type { PartDetails } from "../service/service.ts";
+import { type Box, centreOf, cornersOf } from "../space/box.ts";
+import { dot, type Point, pointOf } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { show, visibility } from "./actions.ts";
 
@@ -119,11 +118,10 @@ function coverOf(viewer: Viewer, part: Part): ObjectSet {
       met.add(items[y * canvas.width + x] ?? 0);
     }
   }
-  const depthOf = (point: Readonly<Point>) => dot(point, forward) - dot(eye, forward);
+  const depthOf = (point: Point) => dot(point, forward) - dot(eye, forward);
   const middle = depthOf(centreOf(part.core));
   const isBefore = ({ worldMin, worldMax }: Drawable) => {
-    const nearest = (axis: 0 | 1 | 2) => (forward[axis] > 0 ? worldMin[axis] : worldMax[axis]);
-    return depthOf([nearest(0), nearest(1), nearest(2)]) < middle;
+    return depthOf(pointOf((axis) => (forward[axis] > 0 ? worldMin : worldMax)[axis])) < middle;
   };
   const cover = solid.filter((one) => met.has(one.id) && !isOf(part, one) && isBefore(one));
   return cover.reduce(
@@ -133,13 +131,9 @@ function coverOf(viewer: Viewer, part: Part): ObjectSet {
 }
 
 /** The pixels in which a box may show, rows from below. */
-function rectangleOf({ canvas, projection }: Viewer, { min, max }: Box) {
+function rectangleOf({ canvas, projection }: Viewer, box: Box) {
   const scale = canvas.width / Math.max(1, canvas.clientWidth);
-  const places = [0, 1, 2, 3, 4, 5, 6, 7].flatMap((corner) => {
-    const side = (axis: 0 | 1 | 2) => ((corner >> axis) & 1 ? max : min)[axis];
-    const place = projection.place([side(0), side(1), side(2)]);
-    return place === undefined ? [] : [place];
-  });
+  const places = cornersOf(box).flatMap((corner) => projection.place(corner) ?? []);
   const [xs, ys] = [places.map(({ x }) => x * scale), places.map(({ y }) => canvas.height - y * scale)];
   return {
     left: Math.max(0, Math.floor(Math.min(...xs))),

@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { Button } from "../controls/button.tsx";
 import { isForControl } from "../navigate/typing.ts";
 import type { Parts } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
@@ -146,25 +147,21 @@ export function SearchBox({ viewer, selection }: Properties) {
         <div id="found" ref={list}>
           <div role="listbox" aria-label="Found" onMouseDown={keepFocus}>
             {shown.parts.map((part, index) => (
-              <button
-                type="button"
+              <Button
+                text={nameOf(part)}
                 role="option"
                 id={`found-${index}`}
                 tabIndex={-1}
                 aria-selected={index === at.value}
                 key={`${part.kind}${part.id}`}
                 onClick={() => void choose(index)}
-              >
-                {nameOf(part)}
-              </button>
+              />
             ))}
           </div>
           <p>
             {summary(shown)}{" "}
             {shown.parts.length < shown.total && (
-              <button type="button" class="link" onMouseDown={keepFocus} onClick={() => void more()}>
-                Show more
-              </button>
+              <Button text="Show more" class="link" onMouseDown={keepFocus} onClick={() => void more()} />
             )}
           </p>
         </div>

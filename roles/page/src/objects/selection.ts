@@ -3,6 +3,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { Part, PartDetails } from "../service/service.ts";
+import { around } from "../space/box.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { messageOf } from "../wire/errors.ts";
 
@@ -12,9 +13,6 @@ const FARTHEST = 4;
 
 /** Identifies a part. */
 type PartKey = Pick<Part, "kind" | "id" | "first" | "end">;
-
-/** The bounds of parts. */
-export type Bounds = Pick<PartDetails, "min" | "max">;
 
 /** A picked part, with its details once the service has answered. */
 interface Picked {
@@ -138,11 +136,4 @@ export class Selection {
 
 function objectsOf({ first, end }: PartKey): ObjectSet {
   return ObjectSet.run(first, end);
-}
-
-/** The box around parts; nothing if there are none. */
-export function around(parts: readonly Bounds[]): Bounds | undefined {
-  const side = (of: "min" | "max", axis: 0 | 1 | 2) => Math[of](...parts.map((part) => part[of][axis]));
-  const corner = (of: "min" | "max") => [side(of, 0), side(of, 1), side(of, 2)] as const;
-  return parts.length === 0 ? undefined : { min: corner("min"), max: corner("max") };
 }

@@ -2,6 +2,7 @@
 
 import { type Signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { Button } from "../controls/button.tsx";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { Part } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
@@ -145,14 +146,12 @@ function Row({
     >
       <div class="row">
         {isGroup ? (
-          <button
-            type="button"
+          <Button
+            text={isOpen.value ? "▾" : "▸"}
             tabIndex={-1}
             aria-label={`What is in ${name}`}
             onClick={() => open(!isOpen.value)}
-          >
-            {isOpen.value ? "▾" : "▸"}
-          </button>
+          />
         ) : (
           <span class="leaf" />
         )}
@@ -164,8 +163,8 @@ function Row({
           indeterminate={drawn === "some"}
           onChange={toggle}
         />
-        <button
-          type="button"
+        <Button
+          text={name}
           class="link"
           tabIndex={-1}
           aria-pressed={isPicked}
@@ -174,9 +173,7 @@ function Row({
             selection.click(part, event);
           }}
           onDblClick={async () => goTo(viewer, await selection.pick(part))}
-        >
-          {name}
-        </button>
+        />
       </div>
       {isOpen.value && (
         <Branch viewer={viewer} selection={selection} group={part.id} level={level + 1} current={current} />

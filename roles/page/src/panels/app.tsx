@@ -3,6 +3,8 @@
 import { useSignal } from "@preact/signals";
 import { render } from "preact";
 import { useEffect, useMemo } from "preact/hooks";
+import { Button } from "../controls/button.tsx";
+import { Panel } from "../controls/panel.tsx";
 import { NavigationBar } from "../navigate/bar.tsx";
 import { TouchPad } from "../navigate/touchPad.tsx";
 import { isForControl } from "../navigate/typing.ts";
@@ -22,7 +24,6 @@ import { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { keepFocus } from "./focus.ts";
 import { Messages } from "./messages.tsx";
-import { Panel } from "./panel.tsx";
 import { StatusPanel } from "./statusPanel.tsx";
 
 /** Panels of which one is open at a time, with their keys. */
@@ -107,24 +108,22 @@ function App({ viewer }: { readonly viewer: Viewer }) {
       <div class="left">
         <div class="top">
           {Object.entries(PANEL_KEYS).map(([key, panel]) => (
-            <button
-              type="button"
+            <Button
+              text={panel}
               class="panel"
               key={key}
               id={`open-${panel}`}
               title={`${panel} (${key})`}
               aria-expanded={open.value === panel}
               onClick={() => toggle(panel)}
-            >
-              {panel}
-            </button>
+            />
           ))}
           <SearchBox viewer={viewer} selection={selection} />
         </div>
         {open.value && (
           <Panel name={open.value} onClose={() => close(open.value)}>
             {open.value === "Model" && <TreePanel viewer={viewer} selection={selection} />}
-            {open.value === "Cut" && <SectionsPanel viewer={viewer} selection={selection} />}
+            {open.value === "Cut" && <SectionsPanel viewer={viewer} bounds={selection.bounds.value} />}
             {open.value === "Measure" && <MeasurePanel viewer={viewer} measuring={measuring} />}
             {open.value === "Status" && <StatusPanel viewer={viewer} />}
             {open.value === "Views" && <ViewsPanel viewer={viewer} people={people} />}
@@ -156,21 +155,17 @@ function ViewBar({ viewer, commands }: { readonly viewer: Viewer; readonly comma
   return (
     <fieldset class="panel bar objects" aria-label="Objects">
       {!viewer.selected.value.isEmpty && (
-        <button
-          type="button"
+        <Button
+          text="Pick more"
           title="A click picks one object more, as with Ctrl"
           aria-pressed={viewer.picksMore.value}
           onClick={() => {
             viewer.picksMore.value = !viewer.picksMore.value;
           }}
-        >
-          Pick more
-        </button>
+        />
       )}
       {commands.map(({ label, key, run, isPossible }) => (
-        <button type="button" key={label} title={`${label} (${key})`} disabled={!isPossible()} onClick={run}>
-          {label}
-        </button>
+        <Button text={label} key={label} title={`${label} (${key})`} disabled={!isPossible()} onClick={run} />
       ))}
       {changed && <span>{changed}</span>}
     </fieldset>

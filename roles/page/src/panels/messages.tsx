@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { Button } from "../controls/button.tsx";
 import type { Viewer } from "../viewer/viewer.ts";
 import { withoutSecrets } from "../wire/errors.ts";
 
@@ -60,16 +61,8 @@ export function Messages({ viewer }: { readonly viewer: Viewer }) {
           <p key={text}>{withoutSecrets(text)}</p>
         ))}
       </div>
-      {offer.value && (
-        <button type="button" onClick={accept}>
-          {offer.value.label}
-        </button>
-      )}
-      {texts.length > 0 && (
-        <button type="button" aria-label="Close message" onClick={close}>
-          ×
-        </button>
-      )}
+      {offer.value && <Button text={offer.value.label} onClick={accept} />}
+      {texts.length > 0 && <Button text="×" aria-label="Close message" onClick={close} />}
     </div>
   );
 }

@@ -1,11 +1,12 @@
 /** The page's figures, and settings that can be changed while it runs. */
 
-import { useSignal } from "@preact/signals";
+import { type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
+import { Choice, type Option } from "../controls/choice.tsx";
+import { type Row, Rows } from "../controls/rows.tsx";
 import type { OcclusionTest } from "../proto/settings.ts";
 import { type Audited, LiveAudit } from "../viewer/liveAudit.ts";
 import type { Cullers, Viewer } from "../viewer/viewer.ts";
-import { Choice, type Option } from "./choice.tsx";
 import { TimelineChart } from "./timelineChart.tsx";
 
 /** Milliseconds between two updates. */
@@ -30,7 +31,7 @@ const MEMORIES = [16, 32, 64, 128, 256, 512, 1024].map((mebibytes) => ({
 }));
 
 export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
-  const rows = useSignal<readonly (readonly [string, string])[]>([]);
+  const rows = useSignal<readonly Row[]>([]);
   useEffect(() => {
     let [pictures, time] = [viewer.pictures, performance.now()];
     const audit = new LiveAudit(viewer);
@@ -49,47 +50,17 @@ export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
   }, [viewer]);
   return (
     <section class="panel status" aria-label="Status">
-      <table>
-        <tbody>
-          {rows.value.map(([name, value]) => (
-            <tr key={name}>
-              <th scope="row">{name}</th>
-              <td>{value}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
+      <Rows rows={rows.value} />
       <TimelineChart viewer={viewer} />
-      <Choice
-        label="Error of silhouettes, pixels"
-        options={EPSILONS}
-        value={viewer.epsilon.value}
-        onChoose={(epsilon) => {
-          viewer.epsilon.value = epsilon;
-        }}
-      />
-      <Choice
-        label="Hidden or not, says"
-        options={TESTS}
-        value={viewer.occlusionTest.value}
-        onChoose={(test) => {
-          viewer.occlusionTest.value = test;
-        }}
-      />
+      <Setting label="Error of silhouettes, pixels" options={EPSILONS} of={viewer.epsilon} />
+      <Setting label="Hidden or not, says" options={TESTS} of={viewer.occlusionTest} />
       <Choice
         label="Cullers"
         options={CULLERS}
         value={viewer.cullers.value}
         onChoose={(cullers) => viewer.share(cullers)}
       />
-      <Choice
-        label="Geometry kept here, MiB"
-        options={MEMORIES}
-        value={viewer.memory.value}
-        onChoose={(memory) => {
-          viewer.memory.value = memory;
-        }}
-      />
+      <Setting label="Geometry kept here, MiB" options={MEMORIES} of={viewer.memory} />
       <Choice
         label="Simulated network to the culler"
         options={[
@@ -103,11 +74,16 @@ export function StatusPanel({ viewer }: { readonly viewer: Viewer }) {
   );
 }
 
-function rowsOf(
-  viewer: Viewer,
-  picturesASecond: number,
-  audited: Audited | undefined,
-): readonly (readonly [string, string])[] {
+/** The choice of a signal's value. */
+function Setting<T>(properties: { label: string; options: readonly Option<T>[]; of: Signal<T> }) {
+  const { of, ...shown } = properties;
+  const choose = (value: T) => {
+    of.value = value;
+  };
+  return <Choice {...shown} value={of.value} onChoose={choose} />;
+}
+
+function rowsOf(viewer: Viewer, picturesASecond: number, audited: Audited | undefined): readonly Row[] {
   const { display, renderer, canvas } = viewer;
   const { drawables, triangles, milliseconds: taken } = renderer.drawn;
   const { cameras = 0, ids = 0 } = display?.counts ?? {};

@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { FrameTimes } from "../display/timeline.ts";
-import { Samples } from "../drive/samples.ts";
+import { Samples } from "../viewer/samples.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 
 /** The shown span, and the time between two updates, milliseconds. */

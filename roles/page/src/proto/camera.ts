@@ -1,51 +1,42 @@
 /** The camera: the content of the latest lane, and the beginning of a frame. */
 
-import { Reader, WireError, Writer } from "../wire/bytes.ts";
+import type { Point } from "../space/point.ts";
+import { type Codec, checked, f32, fixed32, type Of, record, whole } from "../wire/codec.ts";
 
-/** World space is right-handed, in metres. Camera space has x right, y up, and looks down -z. */
-export interface Camera {
+/** Three numbers. */
+export const POINT: Codec<Point> = {
+  read: (reader) => [reader.f64(), reader.f64(), reader.f64()],
+  write: (writer, [x, y, z]) => writer.f64(x).f64(y).f64(z),
+};
+const QUATERNION: Codec<readonly [number, number, number, number]> = {
+  read: (reader) => [...POINT.read(reader), reader.f64()],
+  write: (writer, [x, y, z, w]) => writer.f64(x).f64(y).f64(z).f64(w),
+};
+
+/** World space is right-handed, in metres. Camera space has x right, y up, and looks down -z. 72 bytes. */
+const CAMERA = record({
   /** Metres, world. */
-  readonly eye: readonly [number, number, number];
+  eye: POINT,
   /** Camera to world: a unit quaternion x, y, z, w. */
-  readonly orientation: readonly [number, number, number, number];
-  /** Tangent of half the vertical field of view. Sent as f32. */
-  readonly tanHalfFov: number;
+  orientation: QUATERNION,
+  /** Tangent of half the vertical field of view. */
+  tanHalfFov: f32,
   /** The version of the frame's view state. */
-  readonly viewState: number;
-  /** Near distance in metres. Sent as f32. */
-  readonly near: number;
+  viewState: fixed32,
+  /** Near distance in metres. */
+  near: f32,
   /** Its frame. */
-  readonly frame: number;
-}
+  frame: fixed32,
+});
 
-/** Encodes a camera as 72 bytes. */
-export function encodeCamera(camera: Camera): Uint8Array<ArrayBuffer> {
-  const writer = new Writer();
-  for (const coordinate of [...camera.eye, ...camera.orientation]) {
-    writer.f64(coordinate);
-  }
-  writer.f32(camera.tanHalfFov).u32(camera.viewState);
-  return writer.f32(camera.near).u32(camera.frame).take();
-}
+export type Camera = Of<typeof CAMERA>;
 
-/** Reads a camera. Throws a `WireError` if it is invalid. */
-export function decodeCamera(bytes: Uint8Array): Camera {
-  const reader = new Reader(bytes);
-  const camera: Camera = {
-    eye: [reader.f64(), reader.f64(), reader.f64()],
-    orientation: [reader.f64(), reader.f64(), reader.f64(), reader.f64()],
-    tanHalfFov: reader.f32(),
-    viewState: reader.u32(),
-    near: reader.f32(),
-    frame: reader.u32(),
-  };
-  reader.end();
-  const fault = faultOf(camera);
-  if (fault !== undefined) {
-    throw new WireError(`the camera's ${fault}`);
-  }
-  return camera;
-}
+export const { encode: encodeCamera, decode: decodeCamera } = whole(
+  checked(CAMERA, (camera) => {
+    const fault = faultOf(camera);
+    return fault && `the camera's ${fault}`;
+  }),
+);
 
 function faultOf({ eye, orientation, tanHalfFov, near }: Camera): string | undefined {
   const lengthSquared = orientation.reduce((sum, coordinate) => sum + coordinate * coordinate, 0);

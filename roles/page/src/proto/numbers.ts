@@ -1,6 +1,7 @@
 /** Ascending lists of numbers, each once: a varint each, relative to the least possible value. */
 
 import { Reader, WireError, Writer } from "../wire/bytes.ts";
+import type { Codec } from "../wire/codec.ts";
 
 /** This many numbers always fit into an item. */
 export const MOST_NUMBERS = 3_000;
@@ -20,7 +21,9 @@ export function partNumbers(list: Uint32Array): Uint32Array[] {
   return parts;
 }
 
-export function writeNumbers(writer: Writer, list: Uint32Array): void {
+export const NUMBERS: Codec<Uint32Array> = { read: readNumbers, write: writeNumbers };
+
+function writeNumbers(writer: Writer, list: Uint32Array): void {
   const numbers = new Writer();
   let least = 0;
   for (const number of list) {
@@ -30,7 +33,7 @@ export function writeNumbers(writer: Writer, list: Uint32Array): void {
   writer.byteString(numbers.take());
 }
 
-export function readNumbers(reader: Reader): Uint32Array<ArrayBuffer> {
+function readNumbers(reader: Reader): Uint32Array<ArrayBuffer> {
   const bytes = reader.byteString();
   const numbers = new Uint32Array(bytes.length);
   const varints = new Reader(bytes);

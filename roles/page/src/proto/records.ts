@@ -1,9 +1,10 @@
 /** Records of drawables: the data for drawing a drawable and its node, except its triangles. */
 
+import type { Point } from "../space/point.ts";
 import { Reader, WireError } from "../wire/bytes.ts";
+import { POINT } from "./camera.ts";
 import type { Outline } from "./identity.ts";
 import { BOTH_SIDES } from "./sides.ts";
-import type { Point } from "./viewState.ts";
 import { unzstd } from "./zstd.ts";
 
 export interface DrawableRecord {
@@ -141,11 +142,10 @@ function rowsOf(columns: Uint8Array, count: number): Uint8Array {
 }
 
 function readRecord(reader: Reader): DrawableRecord {
-  const point = (): Point => [reader.f64(), reader.f64(), reader.f64()];
   return {
-    worldMin: point(),
-    worldMax: point(),
-    origin: point(),
+    worldMin: POINT.read(reader),
+    worldMax: POINT.read(reader),
+    origin: POINT.read(reader),
     linear: Array.from({ length: 9 }, () => reader.f32()),
     id: reader.u32(),
     node: reader.u32(),

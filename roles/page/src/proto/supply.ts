@@ -5,41 +5,45 @@
  */
 
 import { Reader, Writer } from "../wire/bytes.ts";
+import { bool, bytes, type Codec, count, type Fields, type Of, tagged, u32, whole } from "../wire/codec.ts";
 import { MOST_BLOCK } from "../wire/messages.ts";
-import { partNumbers, readNumbers, writeNumbers } from "./numbers.ts";
+import { NUMBERS, partNumbers } from "./numbers.ts";
 
-/** A display's messages to a culler. Frame numbers are the display's. */
-export type DisplayItem =
-  | { readonly item: "begin"; readonly coarserFirst: boolean; readonly ahead: number }
-  | { readonly item: "end" }
-  | { readonly item: "holds"; readonly drawables: Uint32Array; readonly geometries: Uint32Array }
-  | {
-      readonly item: "lacks";
-      readonly frame: number;
-      readonly taken: number;
-      readonly drawables: Uint32Array;
-    }
-  | { readonly item: "dropped"; readonly geometries: Uint32Array }
-  | { readonly item: "taken"; readonly bytes: number }
-  | { readonly item: "shown"; readonly frame: number };
+/** A display's messages to a culler, in the order of their numbers. Frame numbers are the display's. */
+const DISPLAY_ITEM = tagged("item", {
+  begin: { coarserFirst: bool, ahead: count },
+  end: {},
+  holds: { drawables: NUMBERS, geometries: NUMBERS },
+  lacks: { frame: u32, taken: count, drawables: NUMBERS },
+  dropped: { geometries: NUMBERS },
+  taken: { bytes: count },
+  shown: { frame: u32 },
+});
 
-/** A culler's messages to a display. */
-export type CullerItem =
-  | { readonly item: "entries"; readonly packed: Uint8Array }
-  | ({ readonly item: "geometry" } & PiecePart)
-  | { readonly item: "stand-in"; readonly id: number; readonly drawables: Uint32Array }
-  | { readonly item: "ahead"; readonly geometries: Uint32Array };
+export type DisplayItem = Of<typeof DISPLAY_ITEM>;
 
 /** A part of a piece of geometry. */
-export interface PiecePart {
+const PIECE_PART = {
   /** The number of the piece. */
-  readonly number: number;
+  number: u32,
   /** The bytes of the whole piece. */
-  readonly length: number;
+  length: u32,
   /** The part's offset in it. */
-  readonly offset: number;
-  readonly part: Uint8Array;
-}
+  offset: u32,
+  part: bytes,
+};
+
+export type PiecePart = Fields<typeof PIECE_PART>;
+
+/** A culler's messages to a display, in the order of their numbers. */
+const CULLER_ITEM = tagged("item", {
+  entries: { packed: bytes },
+  geometry: PIECE_PART,
+  "stand-in": { id: u32, drawables: NUMBERS },
+  ahead: { geometries: NUMBERS },
+});
+
+export type CullerItem = Of<typeof CULLER_ITEM>;
 
 /** Messages of a display that has these already. */
 export function holds(drawables: Uint32Array, geometries: Uint32Array): DisplayItem[] {
@@ -80,44 +84,17 @@ export function packBlocks(items: Iterable<DisplayItem>): Uint8Array<ArrayBuffer
 
 /** The items of a block of a culler. */
 export function decodeCullerBlock(block: Uint8Array): CullerItem[] {
-  return readItems(block, readCullerItem);
+  return readItems(block, CULLER_ITEM);
 }
 
 /** The items of a block of a display. */
 export function decodeDisplayBlock(block: Uint8Array): DisplayItem[] {
-  return readItems(block, readDisplayItem);
+  return readItems(block, DISPLAY_ITEM);
 }
 
-export function encodeDisplayItem(item: DisplayItem): Uint8Array<ArrayBuffer> {
-  const writer = new Writer().variant(DISPLAY_ITEMS, item.item);
-  switch (item.item) {
-    case "begin":
-      writer.bool(item.coarserFirst).varint(item.ahead);
-      break;
-    case "end":
-      break;
-    case "holds":
-      writeNumbers(writer, item.drawables);
-      writeNumbers(writer, item.geometries);
-      break;
-    case "lacks":
-      writer.varint(item.frame).varint(item.taken);
-      writeNumbers(writer, item.drawables);
-      break;
-    case "dropped":
-      writeNumbers(writer, item.geometries);
-      break;
-    case "taken":
-      writer.varint(item.bytes);
-      break;
-    case "shown":
-      writer.varint(item.frame);
-      break;
-  }
-  return writer.take();
-}
+export const { encode: encodeDisplayItem } = whole(DISPLAY_ITEM);
 
-function readItems<T>(block: Uint8Array, read: (reader: Reader) => T): T[] {
+function readItems<T>(block: Uint8Array, { read }: Codec<T>): T[] {
   const reader = new Reader(block);
   const items: T[] = [];
   while (!reader.isAtEnd) {
@@ -125,45 +102,3 @@ function readItems<T>(block: Uint8Array, read: (reader: Reader) => T): T[] {
   }
   return items;
 }
-
-function readCullerItem(reader: Reader): CullerItem {
-  const item = reader.variant(CULLER_ITEMS);
-  switch (item) {
-    case "entries":
-      return { item, packed: reader.byteString() };
-    case "geometry": {
-      const [number, length, offset] = [reader.varint32(), reader.varint32(), reader.varint32()];
-      return { item, number, length, offset, part: reader.byteString() };
-    }
-    case "stand-in":
-      return { item, id: reader.varint32(), drawables: readNumbers(reader) };
-    case "ahead":
-      return { item, geometries: readNumbers(reader) };
-  }
-}
-
-function readDisplayItem(reader: Reader): DisplayItem {
-  const item = reader.variant(DISPLAY_ITEMS);
-  switch (item) {
-    case "begin":
-      return { item, coarserFirst: reader.bool(), ahead: reader.varintCount() };
-    case "end":
-      return { item };
-    case "holds":
-      return { item, drawables: readNumbers(reader), geometries: readNumbers(reader) };
-    case "lacks": {
-      const [frame, taken] = [reader.varint32(), reader.varintCount()];
-      return { item, frame, taken, drawables: readNumbers(reader) };
-    }
-    case "dropped":
-      return { item, geometries: readNumbers(reader) };
-    case "taken":
-      return { item, bytes: reader.varintCount() };
-    case "shown":
-      return { item, frame: reader.varint32() };
-  }
-}
-
-/** The items of each side, in the order of their numbers. */
-const DISPLAY_ITEMS = ["begin", "end", "holds", "lacks", "dropped", "taken", "shown"] as const;
-const CULLER_ITEMS = ["entries", "geometry", "stand-in", "ahead"] as const;

@@ -1,19 +1,15 @@
 /** The service's HTTP requests beside the link. */
 
-import type { Box } from "../navigate/framing.ts";
-import type { Side } from "../navigate/sides.ts";
-import type { Point } from "../proto/viewState.ts";
-import type { Aim, Snapped } from "../tools/snap.ts";
+import type { Box } from "../space/box.ts";
+import type { Point } from "../space/point.ts";
+import { randomNumber } from "../wire/bytes.ts";
 
-/** The service's description of a scene. Lengths in metres. */
-export interface SceneDescription {
+/** The service's description of a scene, and the box around it. Lengths in metres. */
+export interface SceneDescription extends Box {
   readonly name: string;
   /** The scene's fingerprint, 32 hexadecimal digits. */
   readonly fingerprint: string;
   readonly objects: number;
-  /** Corners of the box around it. */
-  readonly min: Point;
-  readonly max: Point;
   /** The box around it without the few objects that lie far from all others. */
   readonly core: Box;
   /** The model's see-through objects, for `ObjectSet.coded`. */
@@ -44,13 +40,18 @@ export interface Part {
   readonly end: number;
 }
 
-/** A part with its bounds and details. */
-export interface PartDetails extends Part {
+/** A side of a part of the model. */
+export interface Side {
+  /** The direction from the part to an eye there, a unit vector of the world. */
+  readonly from: Point;
+  /** The share of the part hidden from there, estimated by boxes. */
+  readonly hidden: number;
+}
+
+/** A part with the box around it and details. */
+export interface PartDetails extends Part, Box {
   /** The groups that it is in, from the outermost. The first one is its file. */
   readonly path: readonly Part[];
-  /** Corners of the box around it, metres in the world. */
-  readonly min: Point;
-  readonly max: Point;
   /** The box around it without the few objects that lie far from all others. */
   readonly core: Box;
   /** How much of it is hidden from which sides. */
@@ -69,52 +70,32 @@ export interface Parts {
   readonly total: number;
 }
 
+/** A point of the model's surface. */
+export interface End {
+  readonly point: Point;
+  /** Its distance from the model's surface is at most this, metres; undefined if unknown. */
+  readonly error: number | undefined;
+}
+
+export interface Snapped extends End {
+  readonly to: "vertex" | "edge" | "face";
+}
+
+/** A pointed-at place, for asking to snap on full detail. */
+export interface Aim {
+  /** The visible drawable there. */
+  readonly drawable: number;
+  readonly eye: Point;
+  /** Its visible point. */
+  readonly at: Point;
+  /** The snapping distance as seen from the eye: metres at that point. */
+  readonly reach: number;
+}
+
 /** A walk: poses at 30 a second. Metres and degrees. */
 export interface CameraPath {
   readonly vfov_deg: number;
   readonly frames: readonly { readonly eye: Point; readonly forward: Point }[];
-}
-
-/** The report of a walk: see `DriveReport` of `src/page/drive.rs`. */
-export interface DriveReport {
-  readonly device: string;
-  readonly width: number;
-  readonly height: number;
-  readonly firstPictureS: number;
-  readonly exactPictureS: number;
-  readonly walkS: number;
-  readonly pictures: number;
-  readonly pictureMs: number;
-  readonly pictureP95Ms: number;
-  readonly setAgeMs: number;
-  readonly setAgeP95Ms: number;
-  readonly restMs: number;
-  readonly receivedBytes: number;
-  readonly geometryBytes: number;
-  readonly moments: readonly Moment[];
-  readonly wrong: WrongPixels;
-}
-
-/** The page's traffic and memory at a time: see `Moment` of `src/page/drive.rs`. */
-export interface Moment {
-  readonly seconds: number;
-  readonly cameraBytes: number;
-  readonly idBytes: number;
-  readonly pieceBytes: number;
-  readonly heldBytes: number;
-  readonly scriptBytes: number | null;
-}
-
-/** The wrong pixels in the pictures of a walk: see `WrongPixels` of `src/page/drive.rs`. */
-export interface WrongPixels {
-  readonly pictures: number;
-  readonly right: number;
-  readonly medianPercent: number;
-  readonly p95Percent: number;
-  readonly meanPercent: number;
-  readonly mostPercent: number;
-  readonly longestMs: number;
-  readonly jumpMs: number;
 }
 
 /** A person's position and view. */
@@ -146,7 +127,7 @@ export class Service {
   readonly #base: string;
   readonly #token: string;
   /** The page's name for itself: all of its connections share a simulated network. */
-  readonly #page = String(crypto.getRandomValues(new BigUint64Array(1))[0]);
+  readonly #page = String(randomNumber());
 
   /** `page` is the address of the page, with the token. */
   constructor(page: string) {
@@ -204,7 +185,8 @@ export class Service {
     return this.#json("drive", {});
   }
 
-  async report(report: DriveReport): Promise<void> {
+  /** Reports on the walk: see `DriveReport` of `src/page/drive.rs`. */
+  async report(report: object): Promise<void> {
     await this.#send(this.#url("drive", {}), { method: "POST", body: JSON.stringify(report) });
   }
 

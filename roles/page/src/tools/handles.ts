@@ -1,7 +1,9 @@
 /** Handles for dragging sections: their places, and the effect of a drag. */
 
-import type { Point, Section } from "../proto/viewState.ts";
-import type { Projection } from "./projection.ts";
+import type { Projection } from "../draw/projection.ts";
+import type { Section } from "../proto/viewState.ts";
+import { centreOf } from "../space/box.ts";
+import { beyond, type Point, pointOf } from "../space/point.ts";
 import { moved, resized } from "./sections.ts";
 
 /** An axis seen end-on counts as a point, below this many pixels if a metre would be 100. */
@@ -18,7 +20,8 @@ export interface Handle {
 }
 
 const SIDES = ["lower", "upper"] as const;
-const AXES = [
+/** The axes and their names. */
+export const AXES = [
   [0, "x"],
   [1, "y"],
   [2, "z"],
@@ -29,17 +32,15 @@ export function handlesOf(section: Section): readonly Handle[] {
   if (section.kind === "plane") {
     const { point, direction } = section;
     const length = Math.hypot(...direction);
-    const axis: Point = [direction[0] / length, direction[1] / length, direction[2] / length];
+    const axis = pointOf((axis) => direction[axis] / length);
     return [{ name: "plane", point, axis, drag: (metres) => moved(section, metres) }];
   }
   const { lower, upper } = section;
-  const middle = (axis: 0 | 1 | 2) => (lower[axis] + upper[axis]) / 2;
+  const middle = centreOf({ min: lower, max: upper });
   return AXES.flatMap(([axis, name]) =>
     SIDES.map((side): Handle => {
-      const point: [number, number, number] = [middle(0), middle(1), middle(2)];
-      point[axis] = section[side][axis];
-      const along: [number, number, number] = [0, 0, 0];
-      along[axis] = 1;
+      const point = pointOf((other) => (other === axis ? section[side] : middle)[other]);
+      const along = pointOf((other) => (other === axis ? 1 : 0));
       const drag = (metres: number) => resized(section, side, axis, section[side][axis] + metres);
       return { name: `${side} ${name}`, point, axis: along, drag };
     }),
@@ -64,11 +65,7 @@ export function metresOf(
   const reach = 100 * pixel;
   // Points behind the eye have no projection: there the axis is taken the other way.
   const ends = [1, -1].map((sign) => {
-    const end = projection.place([
-      point[0] + sign * reach * axis[0],
-      point[1] + sign * reach * axis[1],
-      point[2] + sign * reach * axis[2],
-    ]);
+    const end = projection.place(beyond(point, axis, sign * reach));
     return (
       end && {
         x: sign * (end.x - place.x),

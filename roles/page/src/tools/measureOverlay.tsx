@@ -1,10 +1,11 @@
 /** Distances over the picture, and the marker of the snapped point at the pointer. */
 
-import { measuredText, unit } from "../objects/lengths.ts";
+import type { Place } from "../draw/projection.ts";
+import type { Snapped } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { measuredText, unit } from "./lengths.ts";
 import type { Measuring } from "./measuring.ts";
-import type { Place } from "./projection.ts";
-import { measured, type Snapped } from "./snap.ts";
+import { measured } from "./snap.ts";
 import { useProjection } from "./useProjection.ts";
 
 interface Properties {

@@ -1,9 +1,11 @@
 /** A list of the distances. */
 
-import { chooseUnit, lengthText, measuredText, UNITS, unit } from "../objects/lengths.ts";
-import { Choice } from "../panels/choice.tsx";
-import { CopyButton } from "../panels/copyButton.tsx";
+import { Button } from "../controls/button.tsx";
+import { Choice } from "../controls/choice.tsx";
+import { CopyButton } from "../controls/copyButton.tsx";
+import { minus } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { chooseUnit, lengthText, measuredText, UNITS, unit } from "./lengths.ts";
 import type { Measuring } from "./measuring.ts";
 import { measured } from "./snap.ts";
 
@@ -27,20 +29,17 @@ export function MeasurePanel({ viewer, measuring }: Properties) {
           const { from, to } = one;
           const { metres, error } = measured(one);
           const text = measuredText(metres, error, unit.value);
-          const along = ([0, 1, 2] as const).map((axis) =>
-            lengthText(Math.abs(to.point[axis] - from.point[axis]), unit.value),
-          );
+          const way = minus(to.point, from.point);
+          const along = way.map((metres) => lengthText(Math.abs(metres), unit.value));
           return (
             <li key={index}>
               <strong>{text}</strong>
               <CopyButton text={text} label={`Copy distance ${index + 1}`} />
-              <button
-                type="button"
+              <Button
+                text="×"
                 aria-label={`Remove distance ${index + 1}`}
                 onClick={() => measuring.remove(one)}
-              >
-                ×
-              </button>
+              />
               <br />x {along[0]}, height {along[1]}, z {along[2]}
             </li>
           );

@@ -1,9 +1,11 @@
 /** Distances between points that a person picks. */
 
 import { signal } from "@preact/signals";
+import type { Aim, Snapped } from "../service/service.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import type { Distance } from "../viewer/viewHistory.ts";
 import { isCutAway } from "./sections.ts";
-import { type Aim, type Distance, REACH, type Snapped, snap } from "./snap.ts";
+import { REACH, snap } from "./snap.ts";
 
 /** A snapped point of the shown geometry, and the question for the same on full detail. */
 interface Meant {

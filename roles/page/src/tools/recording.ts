@@ -1,7 +1,7 @@
 /** Records a walk: a camera path for `trimaran run --path`. */
 
 import { signal } from "@preact/signals";
-import type { Point } from "../proto/viewState.ts";
+import type { Point } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 
 /** Poses a second. */
@@ -29,8 +29,7 @@ export class Recording {
     this.#poses = [];
     this.isOn.value = true;
     this.#timer = setInterval(() => {
-      const [x, y, z] = navigator.eye;
-      this.#poses.push({ eye: [x, y, z], forward: navigator.forward });
+      this.#poses.push({ eye: navigator.eye, forward: navigator.forward });
       if (this.#poses.length === MOST) {
         clearInterval(this.#timer);
       }

@@ -1,6 +1,8 @@
 /** Section planes and boxes, as changes of a view. */
 
-import type { Point, Section } from "../proto/viewState.ts";
+import type { Section } from "../proto/viewState.ts";
+import { type Box, sizeOf } from "../space/box.ts";
+import { type Axis, beyond, dot, minus, type Point, pointOf } from "../space/point.ts";
 
 /** The most sections that a view has. */
 export const MOST = 6;
@@ -11,18 +13,15 @@ const ROUNDING = 1e-6;
 export function planeFacing(point: Point, forward: Point): Section {
   const sizes = forward.map(Math.abs);
   const axis = sizes.indexOf(Math.max(...sizes));
-  const direction = [0, 1, 2].map((other) => (other === axis ? -Math.sign(forward[axis] ?? 1) : 0));
-  return { kind: "plane", point, direction: [direction[0] ?? 0, direction[1] ?? 0, direction[2] ?? 0] };
+  const direction = pointOf((other) => (other === axis ? -Math.sign(forward[other]) : 0));
+  return { kind: "plane", point, direction };
 }
 
-/** A box around two corners, slightly larger. */
-export function boxAround(min: Point, max: Point): Section {
-  const room = 0.02 * Math.hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]) + 1e-6;
-  return {
-    kind: "box",
-    lower: [min[0] - room, min[1] - room, min[2] - room],
-    upper: [max[0] + room, max[1] + room, max[2] + room],
-  };
+/** A slightly larger box. */
+export function boxAround(box: Box): Section {
+  const room = 0.02 * Math.hypot(...sizeOf(box)) + 1e-6;
+  const [lower, upper] = [pointOf((axis) => box.min[axis] - room), pointOf((axis) => box.max[axis] + room)];
+  return { kind: "box", lower, upper };
 }
 
 /** The same plane, cutting away the other side. */
@@ -30,8 +29,7 @@ export function flipped(section: Section): Section {
   if (section.kind === "box") {
     return section;
   }
-  const [x, y, z] = section.direction;
-  return { ...section, direction: [0 - x, 0 - y, 0 - z] };
+  return { ...section, direction: minus([0, 0, 0], section.direction) };
 }
 
 /** The section moved this far: a plane towards its removed side. */
@@ -40,19 +38,16 @@ export function moved(section: Section, metres: number): Section {
     return section;
   }
   const { point, direction } = section;
-  const length = Math.hypot(...direction);
-  const at = (axis: 0 | 1 | 2) => point[axis] + (direction[axis] * metres) / length;
-  return { ...section, point: [at(0), at(1), at(2)] };
+  return { ...section, point: beyond(point, direction, metres / Math.hypot(...direction)) };
 }
 
 /** The box with one of its six sides moved. It never turns inside out. */
-export function resized(section: Section, side: "lower" | "upper", axis: 0 | 1 | 2, at: number): Section {
+export function resized(section: Section, side: "lower" | "upper", axis: Axis, at: number): Section {
   if (section.kind === "plane" || !Number.isFinite(at)) {
     return section;
   }
   const isSound = side === "lower" ? at < section.upper[axis] : at > section.lower[axis];
-  const corner: [number, number, number] = [...section[side]];
-  corner[axis] = at;
+  const corner = pointOf((other) => (other === axis ? at : section[side][other]));
   return isSound ? { ...section, [side]: corner } : section;
 }
 
@@ -65,11 +60,8 @@ export function isCutAway(sections: readonly Section[], point: Point): boolean {
         (at, axis) => at < (lower[axis] ?? at) - ROUNDING || at > (upper[axis] ?? at) + ROUNDING,
       );
     }
-    const length = Math.hypot(...section.direction);
-    const beyond = section.direction.map(
-      (along, axis) => along * ((point[axis] ?? 0) - (section.point[axis] ?? 0)),
-    );
-    return beyond.reduce((sum, part) => sum + part, 0) > ROUNDING * length;
+    const { direction } = section;
+    return dot(direction, minus(point, section.point)) > ROUNDING * Math.hypot(...direction);
   });
 }
 

@@ -1,5 +1,6 @@
 /** Handles over the picture for dragging sections. */
 
+import { beyond } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { type Handle, handlesOf, metresOf } from "./handles.ts";
 import { replaced } from "./sections.ts";
@@ -19,13 +20,9 @@ export function SectionsOverlay({ viewer }: { readonly viewer: Viewer }) {
           if (place === undefined) {
             return null;
           }
-          const [x, y, z] = handle.point;
-          const [i, j, k] = handle.axis;
+          const { point, axis } = handle;
           const reach = REACH * projection.metresEach(place.depth);
-          const line = projection.line(
-            [x - reach * i, y - reach * j, z - reach * k],
-            [x + reach * i, y + reach * j, z + reach * k],
-          );
+          const line = projection.line(beyond(point, axis, -reach), beyond(point, axis, reach));
           return (
             <g key={`${index} ${handle.name}`}>
               {line && <line x1={line[0].x} y1={line[0].y} x2={line[1].x} y2={line[1].y} />}

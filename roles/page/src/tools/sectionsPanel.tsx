@@ -1,20 +1,23 @@
 /** A list of the sections, and buttons to make them. */
 
 import { useSignal } from "@preact/signals";
-import type { Selection } from "../objects/selection.ts";
+import { Button } from "../controls/button.tsx";
 import type { Section } from "../proto/viewState.ts";
+import type { Box } from "../space/box.ts";
+import { beyond } from "../space/point.ts";
 import type { Viewer } from "../viewer/viewer.ts";
+import { AXES } from "./handles.ts";
 import { boxAround, flipped, MOST, moved, planeFacing, replaced, resized } from "./sections.ts";
 
 interface Properties {
   readonly viewer: Viewer;
-  readonly selection: Selection;
+  /** The box around the picked parts. */
+  readonly bounds: Box | undefined;
 }
 
-export function SectionsPanel({ viewer, selection }: Properties) {
+export function SectionsPanel({ viewer, bounds }: Properties) {
   const { view, navigator, scene } = viewer;
   const { sections } = view.current.value;
-  const bounds = selection.bounds.value;
   const add = (section: Section) => view.change({ sections: [...sections, section] });
   const set = (index: number, section: Section | undefined) =>
     view.change({ sections: replaced(sections, index, section) });
@@ -22,24 +25,19 @@ export function SectionsPanel({ viewer, selection }: Properties) {
     // Through the object in the middle of the picture.
     const picked = viewer.pick(viewer.canvas.clientWidth / 2, viewer.canvas.clientHeight / 2);
     const reach = picked === undefined ? 2 * scene.eyeHeight : picked.depth + scene.eyeHeight / 8;
-    const [x, y, z] = navigator.forward;
-    const { eye } = navigator;
-    add(planeFacing([eye[0] + reach * x, eye[1] + reach * y, eye[2] + reach * z], navigator.forward));
+    const { eye, forward } = navigator;
+    add(planeFacing(beyond(eye, forward, reach), forward));
   };
   return (
     <section class="panel sections" aria-label="Sections">
       <div>
-        <button type="button" disabled={sections.length >= MOST} onClick={cutHere}>
-          Plane ahead
-        </button>
-        <button
-          type="button"
+        <Button text="Plane ahead" disabled={sections.length >= MOST} onClick={cutHere} />
+        <Button
+          text="Box around"
           disabled={sections.length >= MOST || bounds === undefined}
           title="Around what is picked"
-          onClick={() => bounds && add(boxAround(bounds.min, bounds.max))}
-        >
-          Box around
-        </button>
+          onClick={() => bounds && add(boxAround(bounds))}
+        />
       </div>
       <ol>
         {sections.map((section, index) => (
@@ -49,13 +47,11 @@ export function SectionsPanel({ viewer, selection }: Properties) {
             ) : (
               <BoxRow section={section} step={scene.eyeHeight / 17} set={(to) => set(index, to)} />
             )}
-            <button
-              type="button"
+            <Button
+              text="×"
               aria-label={`Remove section ${index + 1}`}
               onClick={() => set(index, undefined)}
-            >
-              ×
-            </button>
+            />
           </li>
         ))}
       </ol>
@@ -72,25 +68,12 @@ interface RowProperties {
 function PlaneRow({ section, step, set }: RowProperties) {
   return (
     <span>
-      Plane{" "}
-      <button type="button" aria-label="Cut away less" onClick={() => set(moved(section, step))}>
-        −
-      </button>
-      <button type="button" aria-label="Cut away more" onClick={() => set(moved(section, -step))}>
-        +
-      </button>
-      <button type="button" onClick={() => set(flipped(section))}>
-        Flip
-      </button>
+      Plane <Button text="−" aria-label="Cut away less" onClick={() => set(moved(section, step))} />
+      <Button text="+" aria-label="Cut away more" onClick={() => set(moved(section, -step))} />
+      <Button text="Flip" onClick={() => set(flipped(section))} />
     </span>
   );
 }
-
-const AXES = [
-  [0, "x"],
-  [1, "y"],
-  [2, "z"],
-] as const;
 
 function BoxRow({ section, step, set }: RowProperties) {
   const isOpen = useSignal(false);
@@ -108,15 +91,13 @@ function BoxRow({ section, step, set }: RowProperties) {
   );
   return (
     <span>
-      <button
-        type="button"
+      <Button
+        text={`Box ${isOpen.value ? "▾" : "▸"}`}
         aria-expanded={isOpen.value}
         onClick={() => {
           isOpen.value = !isOpen.value;
         }}
-      >
-        Box {isOpen.value ? "▾" : "▸"}
-      </button>
+      />
       {isOpen.value &&
         AXES.map(([axis, name]) => (
           <span class="sides" key={axis}>

@@ -3,8 +3,8 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Camera } from "../draw/model.ts";
+import { Projection } from "../draw/projection.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { Projection } from "./projection.ts";
 
 /** The projection of the picture that is on the canvas. */
 export function useProjection(viewer: Viewer): Projection {

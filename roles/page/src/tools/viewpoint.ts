@@ -1,11 +1,25 @@
 /** A viewpoint: the eye's pose, and the changes of the view. Its text form is part of a link's address. */
 
 import { MODES, type Mode } from "../navigate/navigator.ts";
-import { decodeViewState, encodeViewState, type Point, type ViewState } from "../proto/viewState.ts";
+import { POINT } from "../proto/camera.ts";
+import { decodeViewState, encodeViewState } from "../proto/viewState.ts";
 import type { SceneDescription } from "../service/service.ts";
+import type { Point } from "../space/point.ts";
 import type { UserView } from "../viewer/viewHistory.ts";
-import { cutText, Reader, shownText, WireError, Writer } from "../wire/bytes.ts";
-import type { End } from "./snap.ts";
+import { shownText, WireError } from "../wire/bytes.ts";
+import {
+  checked,
+  f64,
+  fixed128,
+  list,
+  option,
+  record,
+  rest,
+  text,
+  u8,
+  variant,
+  whole,
+} from "../wire/codec.ts";
 
 /** A viewpoint's reference to its scene. */
 export type SceneName = Pick<SceneDescription, "name" | "fingerprint">;
@@ -20,39 +34,46 @@ export interface Viewpoint {
   readonly view: UserView;
 }
 
+const END = record({ point: POINT, error: option(f64) });
+
+/** What the text form stands for. */
+const { encode, decode } = whole(
+  checked(
+    record({
+      version: u8,
+      fingerprint: fixed128,
+      name: text(100),
+      mode: variant(MODES),
+      eye: POINT,
+      forward: POINT,
+      vfovDeg: f64,
+      distances: list(record({ from: END, to: END }), 1000, "distances"),
+      /** A view state. */
+      view: rest,
+    }),
+    ({ eye, forward, vfovDeg, distances }) => {
+      const ends = distances.flatMap(({ from, to }) => [from, to]);
+      const numbers = ends.flatMap(({ point, error = 0 }) => [...point, error]);
+      const areFinite = [...eye, ...forward, vfovDeg, ...numbers].every(Number.isFinite);
+      return areFinite ? undefined : "a number is not finite";
+    },
+  ),
+);
+
 /** The version of this text form. */
 const VERSION = 3;
 
-/** The most distances that are read. */
-const MOST_DISTANCES = 1000;
-/** The most bytes of a scene's name. */
-const LONGEST_NAME = 100;
-
 /** A viewpoint as letters, digits, hyphens and underscores. */
-export function encodeViewpoint({ scene, eye, forward, vfovDeg, mode, view }: Viewpoint): string {
-  const writer = new Writer();
-  const { distances, ...seen } = view;
-  writer.u8(VERSION).u64(BigInt(`0x${scene.fingerprint.slice(16)}`));
-  writer.u64(BigInt(`0x${scene.fingerprint.slice(0, 16)}`)).text(cutText(scene.name, LONGEST_NAME));
-  writer.variant(MODES, mode);
-  for (const number of [...eye, ...forward, vfovDeg]) {
-    writer.f64(number);
-  }
-  writer.varint(distances.length);
-  for (const { point, error } of distances.flatMap(({ from, to }) => [from, to])) {
-    for (const number of point) {
-      writer.f64(number);
-    }
-    writer.option(error, (error) => writer.f64(error));
-  }
+export function encodeViewpoint({ scene, view: { distances, ...seen }, ...pose }: Viewpoint): string {
   // The rest of a view state belongs to each page.
-  const state: ViewState = {
+  const view = encodeViewState({
     ...seen,
     pictureSize: { width: 1, height: 1 },
     levelRule: { epsilon: 1, fewPixels: false },
     occlusionTest: "hzb",
-  };
-  const bytes = writer.bytes(encodeViewState(state)).take();
+  });
+  const fingerprint = BigInt(`0x${scene.fingerprint}`);
+  const bytes = encode({ ...pose, version: VERSION, fingerprint, name: scene.name, distances, view });
   const text = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(""));
   return text.replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
 }
@@ -60,38 +81,16 @@ export function encodeViewpoint({ scene, eye, forward, vfovDeg, mode, view }: Vi
 /** The reverse; nothing if the text is not a valid viewpoint. */
 export function decodeViewpoint(text: string): Viewpoint | undefined {
   try {
-    const bytes = Uint8Array.from(atob(text.replaceAll("-", "+").replaceAll("_", "/")), (letter) =>
-      letter.charCodeAt(0),
-    );
-    const reader = new Reader(bytes);
-    if (reader.u8() !== VERSION) {
+    const letters = atob(text.replaceAll("-", "+").replaceAll("_", "/"));
+    const bytes = Uint8Array.from(letters, (letter) => letter.charCodeAt(0));
+    if (bytes[0] !== VERSION) {
       return undefined;
     }
-    const fingerprint = reader.u128().toString(16).padStart(32, "0");
-    const scene = { name: reader.text(LONGEST_NAME), fingerprint };
-    const mode = reader.variant(MODES);
-    const point = (): Point => [reader.f64(), reader.f64(), reader.f64()];
-    const [eye, forward, vfovDeg] = [point(), point(), reader.f64()];
-    const count = reader.varintCount();
-    if (count > MOST_DISTANCES) {
-      return undefined;
-    }
-    const end = (): End => ({ point: point(), error: reader.option(() => reader.f64()) });
-    const distances = Array.from({ length: count }, () => ({ from: end(), to: end() }));
-    const { sections, hidden, isolated, seeThrough } = decodeViewState(reader.rest());
-    const ends = distances.flatMap(({ from, to }) => [from, to]);
-    const measured = ends.flatMap(({ point, error = 0 }) => [...point, error]);
-    if (seeThrough === undefined || ![...eye, ...forward, vfovDeg, ...measured].every(Number.isFinite)) {
-      return undefined;
-    }
-    return {
-      scene,
-      eye,
-      forward,
-      vfovDeg,
-      mode,
-      view: { sections, hidden, isolated, seeThrough, distances },
-    };
+    const { eye, forward, vfovDeg, mode, name, distances, ...read } = decode(bytes);
+    const fingerprint = read.fingerprint.toString(16).padStart(32, "0");
+    const { sections, hidden, isolated, seeThrough } = decodeViewState(read.view);
+    const view = seeThrough && { sections, hidden, isolated, seeThrough, distances };
+    return view && { scene: { name, fingerprint }, eye, forward, vfovDeg, mode, view };
   } catch (error) {
     if (error instanceof WireError || error instanceof DOMException) {
       return undefined;

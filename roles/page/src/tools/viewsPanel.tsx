@@ -2,7 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import { copyText } from "../panels/copyButton.tsx";
+import { Button } from "../controls/button.tsx";
+import { copyText } from "../controls/copyButton.tsx";
 import type { People } from "../viewer/people.ts";
 import type { Viewer } from "../viewer/viewer.ts";
 import { type KeptViewpoint, KeptViewpoints, ViewpointsError } from "./kept.ts";
@@ -46,18 +47,14 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
   return (
     <section class="panel views" aria-label="Views">
       <div>
-        <button type="button" onClick={save}>
-          Keep this view
-        </button>
-        <button type="button" title="The address has the token" onClick={() => void copyLink()}>
-          Copy link
-        </button>
-        <button type="button" onClick={() => void picture(viewer)}>
-          Picture
-        </button>
-        <button type="button" aria-pressed={recording.isOn.value} onClick={record}>
-          {recording.isOn.value ? "Stop" : "Record a walk"}
-        </button>
+        <Button text="Keep this view" onClick={save} />
+        <Button text="Copy link" title="The address has the token" onClick={() => void copyLink()} />
+        <Button text="Picture" onClick={() => void picture(viewer)} />
+        <Button
+          text={recording.isOn.value ? "Stop" : "Record a walk"}
+          aria-pressed={recording.isOn.value}
+          onClick={record}
+        />
       </div>
       <ul>
         {kept.list.value.map((one) => (
@@ -65,13 +62,11 @@ export function ViewsPanel({ viewer, people }: { readonly viewer: Viewer; readon
         ))}
       </ul>
       <div>
-        <button
-          type="button"
+        <Button
+          text="Save as a file"
           disabled={kept.list.value.length === 0}
           onClick={() => download(new Blob([kept.toJson()]), `${name}-views.json`)}
-        >
-          Save as a file
-        </button>
+        />
         <label class="file">
           Open a file
           <input
@@ -132,19 +127,15 @@ function Row({
           {one.name}
         </button>
       )}
-      <button
-        type="button"
+      <Button
+        text="✎"
         aria-label={`Rename ${one.name}`}
         title="Rename"
         onClick={() => {
           isNaming.value = true;
         }}
-      >
-        ✎
-      </button>
-      <button type="button" aria-label={`Remove ${one.name}`} onClick={() => kept.remove(one)}>
-        ×
-      </button>
+      />
+      <Button text="×" aria-label={`Remove ${one.name}`} onClick={() => kept.remove(one)} />
     </li>
   );
 }
@@ -159,13 +150,11 @@ function PeopleList({ people }: { readonly people: People }) {
       {others.map(({ number }) => (
         <li key={number}>
           Person {number}
-          <button
-            type="button"
+          <Button
+            text="Follow"
             aria-pressed={followed.value === number}
             onClick={() => people.follow(followed.value === number ? undefined : number)}
-          >
-            Follow
-          </button>
+          />
         </li>
       ))}
     </ul>
@@ -174,11 +163,10 @@ function PeopleList({ people }: { readonly people: People }) {
 
 /** A viewpoint of the present pose and changes. */
 export function viewpointOf({ scene, navigator, view }: Viewer): Viewpoint {
-  const [x, y, z] = navigator.eye;
-  const { forward, vfovDeg } = navigator;
+  const { eye, forward, vfovDeg } = navigator;
   const { name, fingerprint } = scene;
   const mode = navigator.mode.peek();
-  return { scene: { name, fingerprint }, eye: [x, y, z], forward, vfovDeg, mode, view: view.current.peek() };
+  return { scene: { name, fingerprint }, eye, forward, vfovDeg, mode, view: view.current.peek() };
 }
 
 /** Moves to a viewpoint of this scene. Its changes can be undone in one step. */
@@ -186,7 +174,7 @@ export function goTo({ navigator, view }: Viewer, viewpoint: Viewpoint): void {
   const { eye, forward, vfovDeg, mode } = viewpoint;
   navigator.setMode(mode);
   navigator.setVfov(vfovDeg);
-  navigator.goTo([...eye], [...forward]);
+  navigator.goTo(eye, forward);
   view.change(viewpoint.view);
 }
 

@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { isForControl } from "../navigate/typing.ts";
 import type { Company, PersonPose } from "../service/service.ts";
-import { lerp } from "../tools/projection.ts";
+import { distance, lerp } from "../space/point.ts";
 import type { Viewer } from "./viewer.ts";
 
 /** Milliseconds between two exchanges of poses, alone and in company. */
@@ -66,10 +66,9 @@ export class People {
   async #meet(): Promise<void> {
     for (;;) {
       const { navigator, service } = this.#viewer;
-      const [x, y, z] = navigator.eye;
-      const { forward, vfovDeg } = navigator;
+      const { eye, forward, vfovDeg } = navigator;
       try {
-        this.company.value = await service.meet({ eye: [x, y, z], forward, vfovDeg });
+        this.company.value = await service.meet({ eye, forward, vfovDeg });
         this.#lead = this.#leadAt(performance.now());
       } catch {
         // The link reports that the service is away.
@@ -108,9 +107,7 @@ export class People {
     }
     const { navigator, scene } = this.#viewer;
     const { from, to, at } = lead;
-    const { eye: own } = navigator;
-    const way = Math.hypot(to.eye[0] - own[0], to.eye[1] - own[1], to.eye[2] - own[2]);
-    const isJump = way > JUMP * scene.eyeHeight;
+    const isJump = distance(to.eye, navigator.eye) > JUMP * scene.eyeHeight;
     const share = isJump ? 1 : Math.min(1, (performance.now() - at) / TOGETHER);
     const [eye, forward] = [lerp(from.eye, to.eye, share), lerp(from.forward, to.forward, share)];
     if (isJump) {

@@ -1,10 +1,10 @@
 /** Predicts the eye's pose from its recent motion. */
 
-import type { Point } from "../navigate/gaze.ts";
+import { beyond, minus, type Point } from "../space/point.ts";
 
 /** A place and a direction, as of a gaze. */
 export interface Pose {
-  readonly eye: Readonly<Point>;
+  readonly eye: Point;
   readonly heading: number;
   readonly pitch: number;
 }
@@ -39,13 +39,12 @@ export class Prediction {
     }
     const past = last.at - first.at;
     const share = past > 0 ? Math.min(ahead, FURTHEST) / past : 0;
-    const on = (from: number, to: number) => to + (to - from) * share;
     const [a, b] = [first.pose, last.pose];
     return {
-      eye: [on(a.eye[0], b.eye[0]), on(a.eye[1], b.eye[1]), on(a.eye[2], b.eye[2])],
+      eye: beyond(b.eye, minus(b.eye, a.eye), share),
       // The shorter way round.
       heading: b.heading + wrapped(b.heading - a.heading) * share,
-      pitch: on(a.pitch, b.pitch),
+      pitch: b.pitch + (b.pitch - a.pitch) * share,
     };
   }
 }

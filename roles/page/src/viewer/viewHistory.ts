@@ -3,7 +3,13 @@
 import { computed, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { ViewState } from "../proto/viewState.ts";
-import type { Distance } from "../tools/snap.ts";
+import type { End } from "../service/service.ts";
+
+/** Between two points that a person has picked. */
+export interface Distance {
+  readonly from: End;
+  readonly to: End;
+}
 
 /** The part of a view state that a person changes. */
 export interface SeenView extends Pick<ViewState, "sections" | "hidden" | "isolated"> {

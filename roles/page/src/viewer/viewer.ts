@@ -3,21 +3,21 @@
 import { computed, effect, signal } from "@preact/signals";
 import type { Display } from "../display/display.ts";
 import type { Drawable, Look } from "../draw/model.ts";
+import { Projection } from "../draw/projection.ts";
 import { type Picked, Renderer } from "../draw/renderer.ts";
 import { orientationOf } from "../navigate/gaze.ts";
 import { Navigator } from "../navigate/navigator.ts";
 import type { Camera } from "../proto/camera.ts";
 import { ObjectSet } from "../proto/objectSet.ts";
 import type { OcclusionTest, Settings } from "../proto/settings.ts";
-import type { Point, ViewState } from "../proto/viewState.ts";
+import type { ViewState } from "../proto/viewState.ts";
 import type { SceneDescription, Service } from "../service/service.ts";
-import { Projection } from "../tools/projection.ts";
-import type { Distance } from "../tools/snap.ts";
+import type { Point } from "../space/point.ts";
 import { Hand } from "./hand.ts";
 import { type Pose, Prediction } from "./prediction.ts";
 import { type Size, sampling, widerBy } from "./sampling.ts";
 import { Session } from "./session.ts";
-import { ViewHistory } from "./viewHistory.ts";
+import { type Distance, ViewHistory } from "./viewHistory.ts";
 
 /**
  * The eye is predicted for the time when its set arrives, and in turn for somewhat earlier and later: it may
@@ -290,8 +290,8 @@ export class Viewer {
   }
 
   #camera(wider: number): Camera {
-    const { eye, orientation, vfovDeg } = this.navigator;
-    const tanHalfFov = Math.tan((vfovDeg * Math.PI) / 360) * wider;
+    const { eye, orientation } = this.navigator;
+    const tanHalfFov = this.navigator.tanHalfFov * wider;
     // Nothing is nearer to a walking eye. In other modes the eye may approach a bolt.
     const { clearance } = this.scene;
     const near = Math.min(clearance / 2, Math.max(clearance / 200, this.navigator.reach / 8));

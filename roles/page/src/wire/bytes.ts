@@ -63,10 +63,6 @@ export class Reader {
     return low | (this.u64() << 64n);
   }
 
-  i16(): number {
-    return this.#view.getInt16(this.#pass(2), true);
-  }
-
   f32(): number {
     return this.#view.getFloat32(this.#pass(4), true);
   }
@@ -318,6 +314,11 @@ export class Writer {
     }
     return at;
   }
+}
+
+/** A random number of 64 bits. */
+export function randomNumber(): bigint {
+  return crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
 }
 
 /** The text, cut after the last whole character within `most` bytes of UTF-8. */

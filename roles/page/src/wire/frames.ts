@@ -36,30 +36,12 @@ export interface BatchDecoder {
   complete(frame: number, ids: Uint32Array): void;
 }
 
-/** XXH3-64 of bytes that come one after the other. */
-export class FrameHasher {
-  readonly #hasher: IHasher;
+/** Loads XXH3-64, which is WebAssembly. */
+export const loadHasher = createXXHash3;
 
-  private constructor(hasher: IHasher) {
-    this.#hasher = hasher;
-  }
-
-  /** The hash is WebAssembly, which takes a moment to load. */
-  static async load(): Promise<FrameHasher> {
-    return new FrameHasher(await createXXHash3());
-  }
-
-  begin(): void {
-    this.#hasher.init();
-  }
-
-  add(bytes: Uint8Array): void {
-    this.#hasher.update(bytes);
-  }
-
-  end(): bigint {
-    return BigInt(`0x${this.#hasher.digest("hex")}`);
-  }
+/** The hash of all bytes since `init`. */
+export function hashOf(hasher: IHasher): bigint {
+  return BigInt(`0x${hasher.digest("hex")}`);
 }
 
 /** A frame that has begun and not ended. */
@@ -73,17 +55,15 @@ interface Open {
 
 /** Assembles frames. After an error the peer cannot be trusted. */
 export class FrameAssembler {
-  readonly #hasher: FrameHasher;
+  readonly #hasher: IHasher;
   readonly #most: number;
   readonly #decoder: BatchDecoder | undefined;
   #open: Open | undefined;
   #last = -1;
 
   /** No frame may have more than `most` ids. Without a decoder no batch may be coded. */
-  constructor(hasher: FrameHasher, most: number, decoder?: BatchDecoder) {
-    this.#hasher = hasher;
-    this.#most = most;
-    this.#decoder = decoder;
+  constructor(hasher: IHasher, most: number, decoder?: BatchDecoder) {
+    [this.#hasher, this.#most, this.#decoder] = [hasher, most, decoder];
   }
 
   /** Takes the next message of the lane. Returns the frame that it ends, if any. */
@@ -111,7 +91,7 @@ export class FrameAssembler {
       throw new WireError(`frame ${number} began after frame ${this.#last}`);
     }
     this.#last = number;
-    this.#hasher.begin();
+    this.#hasher.init();
     this.#open = { number, header: reader.rest(), ids: new Uint32Array(0), count: 0 };
   }
 
@@ -123,7 +103,7 @@ export class FrameAssembler {
     const open = this.#openFor(count);
     makeRoom(open, count, this.#most);
     new Uint8Array(open.ids.buffer).set(payload, ID_BYTES * open.count);
-    this.#hasher.add(payload);
+    this.#hasher.update(payload);
     open.count += count;
   }
 
@@ -136,7 +116,7 @@ export class FrameAssembler {
     this.#openFor(ids.length);
     makeRoom(open, ids.length, this.#most);
     open.ids.set(ids, open.count);
-    this.#hasher.add(new Uint8Array(ids.buffer, ids.byteOffset, ids.byteLength));
+    this.#hasher.update(new Uint8Array(ids.buffer, ids.byteOffset, ids.byteLength));
     open.count += ids.length;
   }
 
@@ -161,7 +141,7 @@ export class FrameAssembler {
     if (open.count < ended.announced) {
       return { isComplete: false, number: open.number, announced: ended.announced, came: open.count };
     }
-    const hash = this.#hasher.end();
+    const hash = hashOf(this.#hasher);
     if (open.count > ended.announced || hash !== ended.hash) {
       throw new WireError(
         `the ${open.count} ids of frame ${open.number} are not those that its end announces`,

@@ -1,6 +1,7 @@
 /** The handshake and the end of a link: hello, accept, refuse and close. */
 
-import { cutText, Reader, shownText, WireError, Writer } from "./bytes.ts";
+import { Reader, shownText, WireError, Writer } from "./bytes.ts";
+import { type Of, record, rest, tagged, text, u16, u64, variant, whole } from "./codec.ts";
 
 /** The version of the wire of links. Peers of different versions refuse each other. */
 export const WIRE_VERSION = 3;
@@ -13,37 +14,58 @@ export const LANES = ["latest", "frames", "messages", "bulk"] as const;
 
 export type LaneName = (typeof LANES)[number];
 
-/** The first message of each connection. */
-export interface Hello {
+/** A value for each lane. */
+export function perLane<T>(of: (lane: LaneName) => T): Readonly<Record<LaneName, T>> {
+  return { latest: of("latest"), frames: of("frames"), messages: of("messages"), bulk: of("bulk") };
+}
+
+/** `TRIM`. */
+const MAGIC = new Uint8Array([0x54, 0x52, 0x49, 0x4d]);
+
+/** The application's name. */
+const NAME = text(32);
+/** A text for people. */
+const TEXT = text(200);
+const LANE = variant(LANES);
+
+/** The first message of each connection, behind the magic number and the version. */
+const HELLO = record({
   /** The name of the application's protocol, with its version. */
-  readonly application: string;
+  application: NAME,
   /** The random number that the four connections of a link share. */
-  readonly session: bigint;
-  readonly lane: LaneName;
+  session: u64,
+  lane: LANE,
   /** The application's own hello. */
-  readonly introduction: Uint8Array;
-}
+  introduction: rest,
+});
 
-/** Why a hello was refused, with both sides' values. */
-export type Refusal =
-  | { readonly reason: "versions"; readonly listener: number; readonly connector: number }
-  | { readonly reason: "applications"; readonly listener: string; readonly connector: string }
-  | { readonly reason: "not taken"; readonly code: number; readonly text: string }
-  | { readonly reason: "lane"; readonly session: bigint; readonly lane: LaneName }
-  | { readonly reason: "unpaired"; readonly session: bigint }
-  | { readonly reason: "busy" }
-  | { readonly reason: "key"; readonly claimed: string; readonly known: string };
+export type Hello = Of<typeof HELLO>;
 
-/** A close: a number for programs, a text for people. */
-export interface Close {
-  readonly code: number;
-  readonly text: string;
-}
+/** Why a hello was refused, with both sides' values; in the order of their numbers. */
+const REFUSAL = tagged("reason", {
+  versions: { listener: u16, connector: u16 },
+  applications: { listener: NAME, connector: NAME },
+  "not taken": { code: u16, text: text(400) },
+  lane: { session: u64, lane: LANE },
+  unpaired: { session: u64 },
+  busy: {},
+  key: { claimed: TEXT, known: TEXT },
+});
+
+export type Refusal = Of<typeof REFUSAL>;
+
+/** A close: a number for programs, a text for people, of which at most 200 bytes are sent. */
+const CLOSE = record({ code: u16, text: TEXT });
+
+export type Close = Of<typeof CLOSE>;
+
+export const { encode: encodeClose, decode: decodeClose } = whole(CLOSE);
 
 /** The payload of a hello. */
-export function encodeHello({ application, session, lane, introduction }: Hello): Uint8Array<ArrayBuffer> {
-  const writer = new Writer().bytes(MAGIC).u16(WIRE_VERSION).text(application).varint(session);
-  return writer.variant(LANES, lane).bytes(introduction).take();
+export function encodeHello(hello: Hello): Uint8Array<ArrayBuffer> {
+  const writer = new Writer().bytes(MAGIC).u16(WIRE_VERSION);
+  HELLO.write(writer, hello);
+  return writer.take();
 }
 
 /** Reads the payload of a hello. Of another version only the version is read. */
@@ -56,36 +78,13 @@ export function decodeHello(payload: Uint8Array): Hello {
   if (version !== WIRE_VERSION) {
     throw new WireError(`the peer speaks version ${version} of the wire, this one version ${WIRE_VERSION}`);
   }
-  const application = reader.text(MOST_NAME);
-  const session = reader.varint64();
-  return { application, session, lane: reader.variant(LANES), introduction: reader.rest() };
+  return HELLO.read(reader);
 }
 
 /** The payload of a refuse of this version. */
 export function encodeRefuse(refusal: Refusal): Uint8Array<ArrayBuffer> {
-  const writer = new Writer().u16(WIRE_VERSION).variant(REASONS, refusal.reason);
-  switch (refusal.reason) {
-    case "versions":
-      writer.varint(refusal.listener).varint(refusal.connector);
-      break;
-    case "applications":
-      writer.text(refusal.listener).text(refusal.connector);
-      break;
-    case "not taken":
-      writer.varint(refusal.code).text(cutText(refusal.text, MOST_REJECTION));
-      break;
-    case "lane":
-      writer.varint(refusal.session).variant(LANES, refusal.lane);
-      break;
-    case "unpaired":
-      writer.varint(refusal.session);
-      break;
-    case "busy":
-      break;
-    case "key":
-      writer.text(cutText(refusal.claimed, MOST_TEXT)).text(cutText(refusal.known, MOST_TEXT));
-      break;
-  }
+  const writer = new Writer().u16(WIRE_VERSION);
+  REFUSAL.write(writer, refusal);
   return writer.take();
 }
 
@@ -96,7 +95,7 @@ export function decodeRefuse(payload: Uint8Array): Refusal {
   if (listener !== WIRE_VERSION) {
     return { reason: "versions", listener, connector: WIRE_VERSION };
   }
-  const refusal = readReason(reader);
+  const refusal = REFUSAL.read(reader);
   reader.end();
   return refusal;
 }
@@ -129,51 +128,3 @@ that of ${shownText(refusal.known)}`;
 export function mayTryAgain(refusal: Refusal): boolean {
   return refusal.reason === "busy" || refusal.reason === "unpaired";
 }
-
-/** The payload of a close. At most 200 bytes of the text are sent. */
-export function encodeClose({ code, text }: Close): Uint8Array<ArrayBuffer> {
-  return new Writer().varint(code).text(cutText(text, MOST_TEXT)).take();
-}
-
-/** Reads the payload of a close. */
-export function decodeClose(payload: Uint8Array): Close {
-  const reader = new Reader(payload);
-  const close = { code: reader.varint16(), text: reader.text(MOST_TEXT) };
-  reader.end();
-  return close;
-}
-
-function readReason(reader: Reader): Refusal {
-  const reason = reader.variant(REASONS);
-  switch (reason) {
-    case "versions":
-      return { reason, listener: reader.varint16(), connector: reader.varint16() };
-    case "applications":
-      return { reason, listener: reader.text(MOST_NAME), connector: reader.text(MOST_NAME) };
-    case "not taken":
-      return { reason, code: reader.varint16(), text: reader.text(MOST_REJECTION) };
-    case "lane":
-      return { reason, session: reader.varint64(), lane: reader.variant(LANES) };
-    case "unpaired":
-      return { reason, session: reader.varint64() };
-    case "busy":
-      return { reason };
-    case "key":
-      return { reason, claimed: reader.text(MOST_TEXT), known: reader.text(MOST_TEXT) };
-  }
-}
-
-/** `TRIM`. */
-const MAGIC = new Uint8Array([0x54, 0x52, 0x49, 0x4d]);
-
-/** The most bytes of an application's name. */
-const MOST_NAME = 32;
-
-/** The most bytes of a text for people. */
-const MOST_TEXT = 200;
-
-/** The most bytes of the text with which an application refuses a peer. */
-const MOST_REJECTION = 400;
-
-/** The reasons, in the order of their numbers. */
-const REASONS = ["versions", "applications", "not taken", "lane", "unpaired", "busy", "key"] as const;

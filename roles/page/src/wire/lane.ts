@@ -57,18 +57,15 @@ export class Lane {
   #listener: ((message: Message) => void) | undefined;
   #lastSent: number;
   #lastReceived: number;
-  #timers: (() => void)[];
+  readonly #timers = [() => {}, () => {}];
   #channelEnd: string | undefined;
   #isOver = false;
 
   constructor(name: LaneName, channel: Channel, options: LaneOptions) {
-    this.name = name;
-    this.#channel = channel;
-    this.#options = options;
+    [this.name, this.#channel, this.#options] = [name, channel, options];
     this.#stream = new MessageStream(options.format);
     this.#lastSent = options.clock.now();
     this.#lastReceived = this.#lastSent;
-    this.#timers = [() => {}, () => {}];
     channel.onBytes = (bytes) => this.#receive(bytes);
     channel.onEnd = (why) => {
       this.#channelEnd = why;
@@ -183,9 +180,9 @@ export class Lane {
   #stop(): void {
     if (!this.#isOver) {
       this.#isOver = true;
-      this.#timers.forEach((callOff) => {
+      for (const callOff of this.#timers) {
         callOff();
-      });
+      }
       this.#channel.onBytes = undefined;
       this.#channel.onEnd = undefined;
       this.#channel.close();

@@ -1,8 +1,8 @@
 /** A link to a listening peer: four lanes that identify themselves, and then carry the peers' messages. */
 
-import { WireError } from "./bytes.ts";
-import { type BatchDecoder, type Frame, FrameAssembler, FrameHasher } from "./frames.ts";
-import { type Close, CODE_NOT_TAKEN, LANES, type LaneName } from "./handshake.ts";
+import { randomNumber, WireError } from "./bytes.ts";
+import { type BatchDecoder, type Frame, FrameAssembler, loadHasher } from "./frames.ts";
+import { type Close, CODE_NOT_TAKEN, LANES, type LaneName, perLane } from "./handshake.ts";
 import { type Channel, type Clock, IDLE_TIMEOUT, type Lane, type LaneEnd, systemClock } from "./lane.ts";
 import { type Lanes, LinkError, meet } from "./meeting.ts";
 import { type Format, Kind, type Message, nameOfKind } from "./messages.ts";
@@ -64,10 +64,10 @@ export interface Bytes {
 export async function connect(url: string, introduction: Uint8Array, options: LinkOptions): Promise<Link> {
   const { application, clock = systemClock, idleTimeout = IDLE_TIMEOUT } = options;
   const open = options.open ?? ((url: string) => openWebSocket(url));
-  const session = options.session ?? randomSession();
+  const session = options.session ?? randomNumber();
   const lane = { format: application.format, clock, idleTimeout };
   const hello = { application: application.name, session, introduction };
-  const hasher = await FrameHasher.load();
+  const hasher = await loadHasher();
   const { lanes, listener } = await meet((name) => open(url, name), hello, lane);
   const admission = judge(listener, options);
   if (!admission.isTaken) {
@@ -104,12 +104,9 @@ export class Link {
     handlers: LinkHandlers,
     clock: Clock,
   ) {
-    this.listener = listener;
-    this.#lanes = lanes;
-    this.#frames = frames;
-    this.#handlers = handlers;
+    [this.listener, this.#lanes, this.#frames] = [listener, lanes, frames];
+    [this.#handlers, this.#clock] = [handlers, clock];
     this.#newest = new NewestSender(lanes.latest, clock);
-    this.#clock = clock;
     for (const name of LANES) {
       lanes[name].onEnd = (end) => this.#laneEnded(end);
     }
@@ -127,13 +124,7 @@ export class Link {
 
   /** The bytes carried on each lane. */
   get bytes(): Readonly<Record<LaneName, Bytes>> {
-    const { latest, frames, messages, bulk } = this.#lanes;
-    return {
-      latest: { ...latest.bytes },
-      frames: { ...frames.bytes },
-      messages: { ...messages.bytes },
-      bulk: { ...bulk.bytes },
-    };
+    return perLane((name) => ({ ...this.#lanes[name].bytes }));
   }
 
   /** Sends a value of the latest lane, unless a newer one replaces it first. */
@@ -211,8 +202,4 @@ function judge(listener: Uint8Array, options: LinkOptions): Admission {
     }
     throw error;
   }
-}
-
-function randomSession(): bigint {
-  return crypto.getRandomValues(new BigUint64Array(1))[0] ?? 0n;
 }

@@ -62,13 +62,12 @@ export async function meet(
   try {
     const answers = Promise.all(LANES.map(greetOn));
     const [latest, frames, messages, bulk] = (await inTime(answers, options)) as [Met, Met, Met, Met];
-    for (const { listener } of [frames, messages, bulk]) {
-      if (!sameBytes(listener, latest.listener)) {
-        throw new LinkError("the lanes were answered by listeners that call themselves differently");
-      }
+    const { listener } = latest;
+    if (![frames, messages, bulk].every((other) => sameBytes(other.listener, listener))) {
+      throw new LinkError("the lanes were answered by listeners that call themselves differently");
     }
     const lanes = { latest: latest.lane, frames: frames.lane, messages: messages.lane, bulk: bulk.lane };
-    return { lanes, listener: latest.listener };
+    return { lanes, listener };
   } catch (error) {
     isGivenUp = true;
     for (const lane of opened) {

@@ -62,41 +62,14 @@ export const MOST_BLOCK = 16_384;
 export const MOST_INTRODUCTION = 200;
 
 /** The length limits of this kind's payload. */
-export function lengthsOf(kind: Kind, { latest, header, item }: Format): Lengths {
-  const exactly = (bytes: number) => ({ least: bytes, most: bytes });
-  switch (kind) {
-    case Kind.hello:
-      return { least: 2, most: MOST_INTRODUCTION + 56 };
-    case Kind.accept:
-      return { least: 0, most: MOST_INTRODUCTION };
-    case Kind.refuse:
-      return { least: 2, most: 512 };
-    case Kind.close:
-      return { least: 1, most: 256 };
-    case Kind.keepAlive:
-      return exactly(0);
-    case Kind.latestValue:
-      return exactly(latest);
-    case Kind.numberedValue:
-      return exactly(4 + latest);
-    case Kind.begin:
-      return exactly(4 + header);
-    case Kind.batch:
-      return { least: item, most: MOST_ITEMS * item };
-    case Kind.end:
-      return exactly(16);
-    case Kind.codedBatch:
-      return { least: 1, most: MOST_ITEMS * item };
-    case Kind.message:
-      return { least: 0, most: MOST_MESSAGE };
-    case Kind.block:
-      return { least: 0, most: MOST_BLOCK };
-  }
+export function lengthsOf(kind: Kind, format: Format): Lengths {
+  const [least, most] = KINDS[kind].lengths(format);
+  return { least, most };
 }
 
 /** The name of a kind in texts for people. */
 export function nameOfKind(kind: Kind): string {
-  return NAMES.get(kind) ?? "unknown";
+  return KINDS[kind].name;
 }
 
 /** The message with its header. Throws if the payload's length is invalid. */
@@ -160,7 +133,7 @@ export class MessageStream {
   }
 
   #judge(code: number, length: number): Kind {
-    const kind = KINDS.get(code);
+    const kind = Object.values(Kind).find((kind) => kind === code);
     if (kind === undefined) {
       throw new WireError(`no message has the code ${code}: this is not a Trimaran peer`);
     }
@@ -187,20 +160,19 @@ export class MessageStream {
   }
 }
 
-const KINDS = new Map<number, Kind>(Object.values(Kind).map((kind) => [kind, kind]));
-
-const NAMES = new Map<Kind, string>([
-  [Kind.hello, "hello"],
-  [Kind.accept, "accept"],
-  [Kind.refuse, "refuse"],
-  [Kind.close, "close"],
-  [Kind.keepAlive, "keep-alive"],
-  [Kind.latestValue, "latest value"],
-  [Kind.numberedValue, "numbered value"],
-  [Kind.begin, "begin"],
-  [Kind.batch, "batch"],
-  [Kind.end, "end"],
-  [Kind.codedBatch, "coded batch"],
-  [Kind.message, "message"],
-  [Kind.block, "block"],
-]);
+/** By kind: its name, and the least and the most bytes of its payload. */
+const KINDS: Readonly<Record<Kind, { name: string; lengths: (format: Format) => [number, number] }>> = {
+  [Kind.hello]: { name: "hello", lengths: () => [2, MOST_INTRODUCTION + 56] },
+  [Kind.accept]: { name: "accept", lengths: () => [0, MOST_INTRODUCTION] },
+  [Kind.refuse]: { name: "refuse", lengths: () => [2, 512] },
+  [Kind.close]: { name: "close", lengths: () => [1, 256] },
+  [Kind.keepAlive]: { name: "keep-alive", lengths: () => [0, 0] },
+  [Kind.latestValue]: { name: "latest value", lengths: ({ latest }) => [latest, latest] },
+  [Kind.numberedValue]: { name: "numbered value", lengths: ({ latest }) => [4 + latest, 4 + latest] },
+  [Kind.begin]: { name: "begin", lengths: ({ header }) => [4 + header, 4 + header] },
+  [Kind.batch]: { name: "batch", lengths: ({ item }) => [item, MOST_ITEMS * item] },
+  [Kind.end]: { name: "end", lengths: () => [16, 16] },
+  [Kind.codedBatch]: { name: "coded batch", lengths: ({ item }) => [1, MOST_ITEMS * item] },
+  [Kind.message]: { name: "message", lengths: () => [0, MOST_MESSAGE] },
+  [Kind.block]: { name: "block", lengths: () => [0, MOST_BLOCK] },
+};

@@ -1,6 +1,7 @@
 /** A panel beside the picture, with its name and a button that closes it. */
 
 import type { ComponentChildren } from "preact";
+import { Button } from "./button.tsx";
 
 export function Panel({
   name,
@@ -15,9 +16,7 @@ export function Panel({
     <div class="panel frame">
       <header>
         <h2>{name}</h2>
-        <button type="button" aria-label={`Close ${name}`} onClick={onClose}>
-          ×
-        </button>
+        <Button text="×" aria-label={`Close ${name}`} onClick={onClose} />
       </header>
       {children}
     </div>

@@ -1,8 +1,8 @@
 /** Projects points of the world to the canvas, and back. */
 
-import type { Camera } from "../draw/model.ts";
-import { View } from "../draw/view.ts";
-import type { Point } from "../proto/viewState.ts";
+import { lerp, minus, type Point, pointOf } from "../space/point.ts";
+import type { Camera } from "./model.ts";
+import { View } from "./view.ts";
 
 /** A place on the canvas: CSS pixels from its upper left, and metres along the view. */
 export interface Place {
@@ -11,11 +11,11 @@ export interface Place {
   readonly depth: number;
 }
 
-const AXES = [
+const AXES: readonly [Point, Point, Point] = [
   [1, 0, 0],
   [0, 1, 0],
   [0, 0, 1],
-] as const;
+];
 
 /** All is computed in doubles relative to the eye. */
 export class Projection {
@@ -40,6 +40,17 @@ export class Projection {
     return -inCamera[2] < this.#camera.near ? undefined : this.#onCanvas(inCamera);
   }
 
+  /** Metres from the eye to a point along the viewing direction. */
+  depthOf(point: Point): number {
+    return -this.#inCamera(point)[2];
+  }
+
+  /** Whether a point is within the picture. */
+  shows(point: Point): boolean {
+    const { x, y } = this.place(point) ?? { x: -1, y: -1 };
+    return x >= 0 && y >= 0 && x <= this.#width && y <= this.#height;
+  }
+
   /** The part of a line between two points that is beyond the near plane. */
   line(from: Point, to: Point): readonly [Place, Place] | undefined {
     const [a, b] = [this.#inCamera(from), this.#inCamera(to)];
@@ -50,7 +61,7 @@ export class Projection {
     }
     const clipped = (end: Point, other: Point): Point => {
       const share = (-near - end[2]) / (other[2] - end[2]);
-      return -end[2] >= near ? end : (lerp(end, other, share) satisfies Point);
+      return -end[2] >= near ? end : lerp(end, other, share);
     };
     return [this.#onCanvas(clipped(a, b)), this.#onCanvas(clipped(b, a))];
   }
@@ -59,14 +70,10 @@ export class Projection {
   point({ x, y, depth }: Place): Point {
     const right = ((2 * x) / this.#width - 1) * this.#view.tanX * depth;
     const up = (1 - (2 * y) / this.#height) * this.#view.tanY * depth;
-    const at = (axis: 0 | 1 | 2) => {
-      const [i, j, k] = AXES[axis];
-      const view = this.#view;
-      const rotated =
-        view.along(0, i, j, k) * right + view.along(1, i, j, k) * up - view.along(2, i, j, k) * depth;
-      return this.#camera.eye[axis] + rotated;
-    };
-    return [at(0), at(1), at(2)];
+    return pointOf((axis) => {
+      const [x, y, z] = this.#rotated(AXES[axis]);
+      return this.#camera.eye[axis] + (x * right + y * up - z * depth);
+    });
   }
 
   /** How many metres a pixel is at a depth. */
@@ -75,10 +82,12 @@ export class Projection {
   }
 
   #inCamera(point: Point): Point {
-    const { eye } = this.#camera;
-    const [x, y, z] = [point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]];
-    const view = this.#view;
-    return [view.along(0, x, y, z), view.along(1, x, y, z), view.along(2, x, y, z)];
+    return this.#rotated(minus(point, this.#camera.eye));
+  }
+
+  /** A direction of the world in camera space. */
+  #rotated(way: Point): Point {
+    return pointOf((axis) => this.#view.along(axis, ...way));
   }
 
   #onCanvas([right, up, back]: Point): Place {
@@ -89,10 +98,4 @@ export class Projection {
       depth,
     };
   }
-}
-
-/** Interpolates between two points: 0 is the first, 1 the second. */
-export function lerp(from: Point, to: Point, share: number): Point {
-  const at = (axis: 0 | 1 | 2) => from[axis] + (to[axis] - from[axis]) * share;
-  return [at(0), at(1), at(2)];
 }

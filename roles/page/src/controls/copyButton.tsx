@@ -1,6 +1,7 @@
 /** A button that copies a text to the clipboard. */
 
 import { useSignal } from "@preact/signals";
+import { Button } from "./button.tsx";
 
 /** Milliseconds for which it confirms the copy. */
 const SHOWN = 1500;
@@ -13,11 +14,8 @@ export function CopyButton({ text, label }: { readonly text: string; readonly la
       isDone.value = false;
     }, SHOWN);
   };
-  return (
-    <button type="button" aria-label={label} title={label} onClick={() => void copy()}>
-      {isDone.value ? "Copied" : "Copy"}
-    </button>
-  );
+  const shown = isDone.value ? "Copied" : "Copy";
+  return <Button text={shown} aria-label={label} title={label} onClick={() => void copy()} />;
 }
 
 /** Copies a text to the clipboard. Returns whether the browser allowed it. */

@@ -1,0 +1,18 @@
+/** A table of names and values. */
+
+export type Row = readonly [name: string, value: string];
+
+export function Rows({ rows }: { readonly rows: readonly Row[] }) {
+  return (
+    <table>
+      <tbody>
+        {rows.map(([name, value]) => (
+          <tr key={name}>
+            <th scope="row">{name}</th>
+            <td>{value}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}
