@@ -36,8 +36,8 @@ use trimaran::{
     walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices},
 };
 use trimaran_actors::{
-    CullerId, DisplayRole, PeerEndpoint, Peers, PeersConfig, SceneCulling, ScenePictures, Stop,
-    Stopwatch, Turns, max_frame,
+    CullerId, DisplayRole, PeerEndpoint, Peers, PeersConfig, SceneCulling, ScenePictures, Stop, Stopwatch,
+    Turns, max_frame,
 };
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::GpuOptions;

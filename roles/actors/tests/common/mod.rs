@@ -17,7 +17,9 @@ use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{Cancel, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
+use trimaran_cull::{
+    Cancel, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
+};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, Settings, Walkthrough};
 use trimaran_scene::Scene;
 use trimaran_transport::{LinkConfig, Net, inproc};
