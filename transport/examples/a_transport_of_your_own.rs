@@ -7,6 +7,7 @@
 //! A link has four byte streams, so it has four TLS connections.
 
 use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 
 use futures_util::{StreamExt, future};
@@ -19,7 +20,7 @@ use tokio_util::io::{ReaderStream, StreamReader};
 use trimaran_net::{BoxFuture, Stream, StreamPeer, TcpOptions};
 use trimaran_transport::conformance::{ARM, PANEL, Robot, finished, greeting, points, pose, receive, start};
 use trimaran_transport::{
-    AttemptError, Endpoint, ListenFault, Listening, Net, Options, TokioNet, Transport, Upgrade, first_address,
+    AttemptError, Endpoint, ListenFault, Listening, Net, Options, TokioNet, Transport, Upgrade,
 };
 
 type Listener = trimaran_transport::Listener<Robot>;
@@ -81,12 +82,7 @@ impl Transport for Tls {
             let failed = |cause| AttemptError::Connect { address: address.to_owned(), cause };
             let to = match beside {
                 Some(StreamPeer::Tcp(to)) => to,
-                _ => *net
-                    .resolve(address)
-                    .await
-                    .map_err(AttemptError::Resolve)?
-                    .first()
-                    .ok_or(AttemptError::NoAddress)?,
+                _ => resolve(net, address).await.map_err(AttemptError::Resolve)?,
             };
             let Stream { reader, writer, peer } = net.connect_tcp(to, self.tcp).await.map_err(failed)?;
             let encrypted = self.connector.connect(self.name.clone(), join(reader, writer)).await;
@@ -100,7 +96,7 @@ impl Transport for Tls {
         address: &'a str,
     ) -> BoxFuture<'a, Result<Listening, ListenFault>> {
         Box::pin(async move {
-            let at = first_address(net, address).await?;
+            let at = resolve(net, address).await.map_err(ListenFault::Address)?;
             let (socket, at) = net.listen_tcp(at, self.tcp)?;
             Ok(Listening { socket, address: at.to_string() })
         })
@@ -116,6 +112,12 @@ impl Upgrade for Tls {
     fn upgrade(&self, Stream { reader, writer, peer }: Stream) -> BoxFuture<'_, io::Result<Stream>> {
         Box::pin(async move { Ok(bytes_of(self.listener.accept(join(reader, writer)).await?, peer)) })
     }
+}
+
+/// The first address of a host and port.
+async fn resolve(net: &Arc<dyn Net>, address: &str) -> io::Result<SocketAddr> {
+    let addresses = net.resolve(address).await?;
+    addresses.first().copied().ok_or_else(|| io::ErrorKind::NotFound.into())
 }
 
 fn bytes_of<S: AsyncRead + AsyncWrite + Send + 'static>(encrypted: S, peer: StreamPeer) -> Stream {

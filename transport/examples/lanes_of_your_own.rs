@@ -64,8 +64,9 @@ impl LaneTransport for Queues {
             let listener = locked(&self.listeners).get(address).cloned();
             let (answer, answered) = oneshot::channel();
             let call = Call { hello: introduction.hello(Lane::Frames), answer };
-            if let Some(listener) = listener {
-                let _gone = listener.send(call).await;
+            match listener {
+                Some(listener) => drop(listener.send(call).await),
+                None => drop(call),
             }
             let answer = answered.await.map_err(|_| failed(HandshakeError::Unanswered))?;
             let (accept, (lanes, counters)) = answer.map_err(|e| failed(HandshakeError::Refused(e)))?;

@@ -32,9 +32,11 @@ pub(crate) trait Application: fmt::Debug + Send + Sync {
 
     /// Both ends of lanes within this process, which count their traffic there: boxed `LocalLanes` of this
     /// protocol.
+    #[cfg_attr(not(feature = "inproc"), allow(dead_code, reason = "only inproc calls it"))]
     fn local_lanes(&self, counters: [&Arc<Counters>; 2]) -> [Box<dyn Any + Send>; 2];
 
     /// The protocol's type, to tell protocols apart.
+    #[cfg_attr(not(feature = "inproc"), allow(dead_code, reason = "only inproc calls it"))]
     fn type_of(&self) -> TypeId;
 }
 

@@ -79,5 +79,6 @@ pub(crate) enum Lanes {
     /// Lanes of bytes.
     Wire(ByteLanes),
     /// Lanes of values: `LocalLanes` of the application's protocol.
+    #[cfg_attr(not(feature = "inproc"), allow(dead_code, reason = "only inproc makes them"))]
     Local(Box<dyn Any + Send>),
 }

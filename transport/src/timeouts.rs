@@ -164,7 +164,7 @@ impl Timeouts {
     }
 
     /// Something came from the peer.
-    const fn heard(&mut self) {
+    pub(crate) const fn heard(&mut self) {
         (self.quiet, self.listened) = (Duration::ZERO, None);
     }
 

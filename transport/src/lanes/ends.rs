@@ -9,7 +9,7 @@ use trimaran_wire::CloseReason;
 
 use super::half::{Half, LaneTx, Rx, Tx};
 use super::shared::Shared;
-use crate::error::{Loss, ProtocolError, RecvError, SendError};
+use crate::error::{LaneError, Loss, ProtocolError, RecvError, SendError};
 use crate::rates::Messages;
 use crate::timeouts::{Timeouts, Wait};
 
@@ -112,6 +112,16 @@ impl<L, W> Receiver<L, W> {
         }
     }
 
+    /// The next item if it has arrived. A peer that hangs is not noticed this way.
+    pub(crate) fn try_next(&mut self) -> Result<Option<Came<L, W>>, RecvError> {
+        let Self { lane, shared, timeouts } = self;
+        match lane {
+            AnyRx::Local(lane) => try_next(&mut **lane, timeouts).map(|came| came.map(Came::Local)),
+            AnyRx::Wire(lane) => try_next(&mut **lane, timeouts).map(|came| came.map(Came::Wire)),
+        }
+        .map_err(|e| e.receiving(&shared.peer))
+    }
+
     /// Counts a message against its limit.
     pub(crate) fn count(&self, rate: &mut Messages) -> Result<(), ProtocolError> {
         rate.count(|| self.timeouts.now()).map_err(|e| {
@@ -146,6 +156,15 @@ async fn next<T>(
             Err(end) => return Err(end.receiving(&shared.peer, timeouts.limit())),
         }
     }
+}
+
+fn try_next<T>(lane: &mut (dyn Rx<T> + 'static), timeouts: &mut Timeouts) -> Result<Option<T>, LaneError> {
+    let came = at_once(poll_fn(|cx| lane.poll_next(cx)))?;
+    match came {
+        Some(_) => timeouts.heard(),
+        None => lane.rest(),
+    }
+    Ok(came.flatten())
 }
 
 /// An owner's turn: a half whose wait is given up is told.

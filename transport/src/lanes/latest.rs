@@ -3,7 +3,7 @@
 use trimaran_net::Instant;
 use trimaran_wire::{CloseReason, Fixed, FixedBytes, Protocol, to_bytes};
 
-use super::ends::{AnyTx, Came, Receiver, Sender, at_once, lost};
+use super::ends::{AnyTx, Came, Receiver, Sender, lost};
 use crate::error::{LaneError, ProtocolError, RecvError, SendError};
 
 /// Publishes values: each replaces the one before, whether that has been read or not.
@@ -63,7 +63,7 @@ impl<P: Protocol> LatestReceiver<P> {
     /// # Errors
     /// If the peer closed the link, is lost, or broke the protocol.
     pub fn try_latest(&mut self) -> Result<Option<P::Latest>, RecvError> {
-        at_once(self.latest_until(None))
+        self.0.try_next()?.map(|came| self.value(came)).transpose()
     }
 
     /// Discards everything until the lane ends, and returns how it ended.
@@ -76,7 +76,12 @@ impl<P: Protocol> LatestReceiver<P> {
     }
 
     async fn latest_until(&mut self, by: Option<Instant>) -> Result<P::Latest, RecvError> {
-        match self.0.next(by).await? {
+        let came = self.0.next(by).await?;
+        self.value(came)
+    }
+
+    fn value(&self, came: Came<P::Latest, FixedBytes>) -> Result<P::Latest, RecvError> {
+        match came {
             Came::Local(value) => Ok(value),
             Came::Wire(bytes) => read::<P>(&bytes).map_err(|e| e.receiving(&self.0.shared.peer)),
         }

@@ -73,6 +73,8 @@ impl FrameSpan {
 
 #[cfg(test)]
 mod tests {
+    #![cfg(feature = "inproc")]
+
     use parking_lot::Mutex;
     use std::io::{self, Write};
     use std::sync::Arc;
