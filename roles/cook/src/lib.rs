@@ -25,6 +25,7 @@
 mod cook;
 pub mod generate;
 pub mod import;
+mod lists;
 mod model;
 
 pub use cook::{CookError, CookOptions, Phase, Progress, cook, hausdorff_bound};

@@ -14,6 +14,7 @@ use super::solid::{Solid, Solids};
 use super::tree::TreeNode;
 use super::{CookError, see_through};
 use crate::Model;
+use crate::lists::put;
 use trimaran_scene::{
     Drawable, Geometry, Node, ObjectRecord, SceneArrays, SceneError, Shading, Sides, Vertex,
 };
@@ -339,9 +340,7 @@ fn raise_errors(arrays: &mut SceneArrays) {
             error = error.max(drawable.error);
             drawable.error = error;
         }
-        if let Some(slot) = coarsest.get_mut(index) {
-            *slot = error;
-        }
+        put(&mut coarsest, index, error);
     }
 }
 

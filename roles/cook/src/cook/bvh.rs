@@ -7,6 +7,8 @@
 use glam::Vec3;
 
 use super::facets;
+use super::linear::bounds;
+use crate::lists::{at, put};
 
 /// Triangles per leaf: fewer enlarge the tree more than they help.
 const LEAF: usize = 4;
@@ -47,7 +49,7 @@ pub(super) struct Nearest {
 impl Bvh {
     /// Builds the hierarchy by halving along the longest side of the centroids' box.
     pub(super) fn new(positions: &[Vec3], indices: &[u32]) -> Self {
-        let corner = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
+        let corner = |i: u32| at(positions, i);
         let mut ordered: Vec<Sorted> = (0_u32..)
             .zip(indices.as_chunks::<3>().0)
             .map(|(index, &[a, b, c])| Sorted { corners: [corner(a), corner(b), corner(c)], index })
@@ -58,9 +60,7 @@ impl Bvh {
         }
         let mut places = vec![0; ordered.len()];
         for (place, triangle) in (0_u32..).zip(&ordered) {
-            if let Some(slot) = places.get_mut(triangle.index as usize) {
-                *slot = place;
-            }
+            put(&mut places, triangle.index, place);
         }
         let triangles: Vec<_> = ordered.into_iter().map(|triangle| triangle.corners).collect();
         let partners = facets::pair_triangles(&triangles);
@@ -92,9 +92,7 @@ impl Bvh {
     /// The longest side of the box around a facet.
     pub(super) fn extent_of(&self, facet: u32) -> f32 {
         let corners = |t: u32| self.triangles.get(t as usize).into_iter().flatten();
-        let (min, max) = corners(facet)
-            .chain(corners(self.partner(facet)))
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
+        let (min, max) = bounds(corners(facet).chain(corners(self.partner(facet))).copied());
         (max - min).max_element()
     }
 

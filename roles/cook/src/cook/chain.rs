@@ -13,6 +13,9 @@ const SAVED: usize = 20;
 /// Meshes of this few triangles are not simplified further.
 pub(super) const FEW: usize = 24;
 
+/// Levels end when their certified error exceeds this fraction of their mesh's or part's diagonal.
+pub(super) const COARSEST: f32 = 0.1;
+
 /// Triangles of a level, three indices each, and its error.
 pub(super) type Triangles = (Vec<u32>, f32);
 

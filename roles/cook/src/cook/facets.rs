@@ -7,6 +7,8 @@
 
 use glam::Vec3;
 
+use crate::lists::put;
+
 /// The flatness tolerance of a pair, relative to the largest coordinate. The certificate's allowance for
 /// rounding covers it.
 pub(super) const FLATNESS: f32 = 5e-7;
@@ -43,9 +45,7 @@ pub(super) fn pair_triangles(triangles: &[[Vec3; 3]]) -> Vec<u32> {
         let free = |index: u32| partners.get(index as usize) == Some(&index);
         if s != t && free(s) && free(t) {
             for (from, to) in [(s, t), (t, s)] {
-                if let Some(slot) = partners.get_mut(from as usize) {
-                    *slot = to;
-                }
+                put(&mut partners, from, to);
             }
         }
     }

@@ -6,6 +6,7 @@ use super::levels::{Level, LeveledMesh};
 use super::linear::WorldBox;
 use super::placed::Leaf;
 use super::tree::TreeNode;
+use crate::lists::at;
 use trimaran_scene::{Rgba8, Vertex};
 
 /// An interior node's frame, bounds and levels.
@@ -128,7 +129,7 @@ impl Soup {
     }
 
     pub(super) fn position(&self, corner: u32) -> Vec3 {
-        self.positions.get(corner as usize).copied().unwrap_or_default()
+        at(&self.positions, corner)
     }
 
     pub(super) fn colour(&self, corner: u32) -> Rgba8 {

@@ -19,6 +19,7 @@ use glam::Vec3;
 use super::bvh::{Bvh, Nearest};
 use super::facets::FLATNESS;
 use super::polygon::{Cut, Polygon};
+use crate::lists::{at, put};
 
 /// How far the bound may be above the largest distance seen: 5 %.
 const GAP: f32 = 1.05;
@@ -49,7 +50,7 @@ impl<'a> Surface<'a> {
     }
 
     fn corner(&self, index: u32) -> Vec3 {
-        self.positions.get(index as usize).copied().unwrap_or_default()
+        at(self.positions, index)
     }
 }
 
@@ -164,9 +165,7 @@ impl Search {
             // A vertex of both is nearest to itself.
             for (&[a, b, c], facet) in to.indices.as_chunks::<3>().0.iter().zip(to.bvh.facets()) {
                 for index in [a, b, c] {
-                    if let Some(slot) = found.get_mut(index as usize) {
-                        *slot = Some(Nearest { distance: 0.0, triangle: facet, facet });
-                    }
+                    put(&mut found, index, Some(Nearest { distance: 0.0, triangle: facet, facet }));
                 }
             }
         }

@@ -16,6 +16,7 @@ use super::placed::{Leaf, round_up};
 use super::thin::thin;
 use super::tree::{self, TreeNode};
 use super::{CookOptions, Phase, Progress};
+use crate::lists::put;
 
 /// A merged level is kept if it has at most this fraction of the fewest triangles without it.
 const WORTH: f64 = 0.7;
@@ -62,9 +63,7 @@ pub(super) fn merge_all(
             })
             .collect();
         for (index, node) in made {
-            if let Some(slot) = merged.get_mut(index as usize) {
-                *slot = node;
-            }
+            put(&mut merged, index, node);
         }
     }
     merged

@@ -15,11 +15,12 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::chain::{Aim, FEW, Triangles};
+use super::chain::{Aim, COARSEST, FEW, Triangles};
 use super::clusters::{self, ClusterNode};
 use super::linear::WorldBox;
 use super::submesh::Submesh;
 use super::tree::{self, TreeNode};
+use crate::lists::put;
 use trimaran_scene::Vertex;
 
 /// Meshes of more triangles than this are cut into parts.
@@ -49,11 +50,10 @@ pub(super) struct LargeMesh {
 }
 
 impl LargeMesh {
-    /// Cuts a mesh of more than [`LARGE`] triangles. Levels end when their error exceeds `coarsest_error`
-    /// relative to their node's diagonal.
-    pub(super) fn new(vertices: &[Vertex], positions: &[Vec3], finest: &[u32], coarsest_error: f32) -> Self {
+    /// Cuts a mesh of more than [`LARGE`] triangles.
+    pub(super) fn new(vertices: &[Vertex], positions: &[Vec3], finest: &[u32]) -> Self {
         let parts = Parts::new(vertices, positions, finest);
-        let mut chains = parts.all_levels(positions, coarsest_error);
+        let mut chains = parts.all_levels(positions);
         let mut mesh = Self {
             clusters: parts.tree.iter().map(blank).collect(),
             finest: Vec::with_capacity(finest.len()),
@@ -171,29 +171,21 @@ impl Parts {
     }
 
     /// The levels of each node except the finest, from the parts up to the whole mesh.
-    fn all_levels(&self, positions: &[Vec3], coarsest_error: f32) -> Vec<Vec<Triangles>> {
+    fn all_levels(&self, positions: &[Vec3]) -> Vec<Vec<Triangles>> {
         let mut chains: Vec<Vec<Triangles>> = vec![Vec::new(); self.tree.len()];
         let is_part = |&node: &u32| self.tree.get(node as usize).is_some_and(|node| node.item.is_some());
         let parts = (0..self.tree.len() as u32).filter(is_part).collect();
         for generation in std::iter::once(parts).chain(tree::by_height(&self.tree)) {
-            let level = |node| (node, self.levels_of(node, &chains, positions, coarsest_error));
+            let level = |node| (node, self.levels_of(node, &chains, positions));
             let made: Vec<(u32, Vec<Triangles>)> = generation.into_par_iter().map(level).collect();
             for (node, chain) in made {
-                if let Some(slot) = chains.get_mut(node as usize) {
-                    *slot = chain;
-                }
+                put(&mut chains, node, chain);
             }
         }
         chains
     }
 
-    fn levels_of(
-        &self,
-        node: u32,
-        chains: &[Vec<Triangles>],
-        positions: &[Vec3],
-        coarsest_error: f32,
-    ) -> Vec<Triangles> {
+    fn levels_of(&self, node: u32, chains: &[Vec<Triangles>], positions: &[Vec3]) -> Vec<Triangles> {
         let Some(record) = self.tree.get(node as usize) else { return Vec::new() };
         let mut first = (Vec::new(), 0.0);
         self.gather(node, chains, &mut first);
@@ -204,7 +196,7 @@ impl Parts {
             // The whole mesh has no neighbours.
             few: if node == 0 { FEW } else { COARSE.max(FREE * submesh.held_count()) },
             from_error: first.1,
-            largest_error: coarsest_error * record.bounds.diagonal() as f32,
+            largest_error: COARSEST * record.bounds.diagonal() as f32,
         };
         submesh.levels(aim)
     }
@@ -252,7 +244,7 @@ mod tests {
     fn the_work_is_a_few_times_that_for_one_level() {
         let (vertices, positions, finest) = field(256);
         let parts = Parts::new(&vertices, &positions, &finest);
-        let chains = parts.all_levels(&positions, 0.1);
+        let chains = parts.all_levels(&positions);
         let mut measured = 0;
         for (node, chain) in (0_u32..).zip(&chains) {
             let mut first = (Vec::new(), 0.0);
@@ -267,7 +259,7 @@ mod tests {
     fn a_vertex_is_held_by_the_nodes_below_its_home_and_errors_rise_to_it() {
         let (vertices, positions, finest) = field(190);
         let parts = Parts::new(&vertices, &positions, &finest);
-        let chains = parts.all_levels(&positions, 0.1);
+        let chains = parts.all_levels(&positions);
         let mut held = 0;
         for (node, record) in (1_u32..).zip(&parts.tree[1..]) {
             let mut first = (Vec::new(), 0.0);
@@ -291,7 +283,7 @@ mod tests {
     #[test]
     fn every_triangle_is_in_one_cluster() {
         let (vertices, positions, finest) = field(190);
-        let mesh = LargeMesh::new(&vertices, &positions, &finest, 0.1);
+        let mesh = LargeMesh::new(&vertices, &positions, &finest);
         let mut clusters: Vec<&ClusterNode> =
             mesh.clusters.iter().filter(|c| c.children.is_empty()).collect();
         clusters.sort_by_key(|cluster| cluster.indices.start);

@@ -4,10 +4,12 @@ use glam::Vec3;
 use meshopt::SimplifyOptions;
 use rayon::prelude::*;
 
-use super::chain::{Aim, FEW, Triangles, halve};
+use super::chain::{Aim, COARSEST, FEW, Triangles, halve};
 use super::clusters::{self, ClusterNode};
 use super::large_mesh::{self, LargeMesh};
-use super::{CookOptions, Phase, Progress, see_through};
+use super::linear::bounds;
+use super::{Phase, Progress, see_through};
+use crate::lists::put;
 use crate::{Mesh, Model};
 use trimaran_scene::Vertex;
 
@@ -42,16 +44,10 @@ pub(super) struct LeveledMesh {
 
 /// Simplifies each mesh that an object places. `None` for the others, and for those without a proper
 /// triangle.
-pub(super) fn simplify_meshes(
-    model: &Model,
-    options: &CookOptions,
-    progress: &dyn Progress,
-) -> Vec<Option<LeveledMesh>> {
+pub(super) fn simplify_meshes(model: &Model, progress: &dyn Progress) -> Vec<Option<LeveledMesh>> {
     let mut placed = vec![false; model.meshes.len()];
     for object in &model.objects {
-        if let Some(slot) = placed.get_mut(object.mesh as usize) {
-            *slot = true;
-        }
+        put(&mut placed, object.mesh, true);
     }
     progress.begin(Phase::Levels, model.meshes.len());
     model
@@ -60,7 +56,7 @@ pub(super) fn simplify_meshes(
         .zip(placed)
         .with_max_len(16) // a few meshes hold most of the triangles
         .map(|(mesh, placed)| {
-            let leveled = if placed { LeveledMesh::new(mesh, options.coarsest_error) } else { None };
+            let leveled = if placed { LeveledMesh::new(mesh) } else { None };
             progress.advance(1);
             leveled
         })
@@ -68,12 +64,11 @@ pub(super) fn simplify_meshes(
 }
 
 impl LeveledMesh {
-    fn new(mesh: &Mesh, coarsest_error: f32) -> Option<Self> {
+    fn new(mesh: &Mesh) -> Option<Self> {
         let (centre, vertices, finest) = clean(mesh)?;
         let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from_array(v.position)).collect();
-        let min = positions.iter().fold(Vec3::INFINITY, |m, &p| m.min(p));
-        let max = positions.iter().fold(Vec3::NEG_INFINITY, |m, &p| m.max(p));
-        let largest_error = coarsest_error * min.distance(max);
+        let (min, max) = bounds(positions.iter().copied());
+        let largest_error = COARSEST * min.distance(max);
         let leveled = Self {
             centre,
             vertices: Vec::new(),
@@ -84,7 +79,7 @@ impl LeveledMesh {
             max,
         };
         Some(if finest.len() / 3 > large_mesh::LARGE {
-            leveled.with_parts(&vertices, LargeMesh::new(&vertices, &positions, &finest, coarsest_error))
+            leveled.with_parts(&vertices, LargeMesh::new(&vertices, &positions, &finest))
         } else {
             leveled.whole(&vertices, &positions, finest, largest_error)
         })
@@ -119,9 +114,7 @@ impl LeveledMesh {
 
 /// Recentres a mesh far from its origin, welds equal vertices, drops triangles with two equal corners.
 fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
-    let used = || mesh.indices.iter().filter_map(|&i| mesh.positions.get(i as usize).copied());
-    let min = used().fold(Vec3::INFINITY, Vec3::min);
-    let max = used().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let (min, max) = bounds(mesh.indices.iter().filter_map(|&i| mesh.positions.get(i as usize).copied()));
     let middle = min.midpoint(max);
     let centre = if middle.length() > FAR * 0.5 * min.distance(max) { middle } else { Vec3::ZERO };
     let through = see_through::is_see_through(mesh);
@@ -146,9 +139,7 @@ fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
         .collect();
     let mut vertices = vec![Vertex::new([0.0; 3], trimaran_scene::Rgba8([0; 4])); count];
     for (vertex, &slot) in corners.iter().zip(&remap) {
-        if let Some(slot) = vertices.get_mut(slot as usize) {
-            *slot = *vertex;
-        }
+        put(&mut vertices, slot, *vertex);
     }
     (!indices.is_empty()).then_some((centre, vertices, indices))
 }

@@ -50,6 +50,12 @@ impl WorldBox {
     }
 }
 
+/// The lower and the upper corner of the box around some points; infinite and inverted if there are none.
+pub(super) fn bounds(points: impl IntoIterator<Item = Vec3>) -> (Vec3, Vec3) {
+    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    points.into_iter().fold(empty, |(min, max), p| (min.min(p), max.max(p)))
+}
+
 /// An upper bound, tight to rounding, of the largest singular value of `a`: the largest stretch of a
 /// distance.
 ///

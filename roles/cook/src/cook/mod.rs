@@ -28,6 +28,7 @@ mod opening;
 mod placed;
 mod polygon;
 mod see_through;
+mod sets;
 mod solid;
 mod submesh;
 mod thin;
@@ -41,12 +42,10 @@ use trimaran_scene::{Scene, SceneError};
 pub use hausdorff::hausdorff_bound;
 
 /// The options of cooking.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CookOptions {
     /// The most triangles of a merged level of an interior node; most have fewer.
     pub merged_triangles: usize,
-    /// Levels of one mesh end when their certified error exceeds this fraction of the mesh's diagonal.
-    pub coarsest_error: f32,
     /// The most nodes of the scene. Each object is one, and a large mesh some per hundred triangles, in each
     /// of its instances: a few numbers in a file may ask for more nodes than fit into memory. A node takes
     /// about 200 bytes.
@@ -55,7 +54,7 @@ pub struct CookOptions {
 
 impl Default for CookOptions {
     fn default() -> Self {
-        Self { merged_triangles: 1024, coarsest_error: 0.1, max_nodes: 100_000_000 }
+        Self { merged_triangles: 1024, max_nodes: 100_000_000 }
     }
 }
 
@@ -134,7 +133,7 @@ pub enum CookError {
 /// If the model breaks a rule of [`Model::check`], has nothing to draw, or outgrows the format.
 pub fn cook(model: &Model, options: &CookOptions, progress: &dyn Progress) -> Result<Scene, CookError> {
     model.check()?;
-    let meshes = levels::simplify_meshes(model, options, progress);
+    let meshes = levels::simplify_meshes(model, progress);
     let leaves = placed::place_objects(model, &meshes)?;
     if leaves.is_empty() {
         return Err(CookError::Empty { objects: model.objects.len() });

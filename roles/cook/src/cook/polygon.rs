@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use super::linear::bounds;
+
 /// The most corners of a polygon: cuts add corners, and beyond this only [`Polygon::halves`] divides it.
 const MOST: usize = 8;
 
@@ -41,10 +43,7 @@ impl Polygon {
 
     /// The length of the longest side of the box around the polygon.
     pub(super) fn extent(&self) -> f32 {
-        let (min, max) = self
-            .corners()
-            .iter()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
+        let (min, max) = bounds(self.corners().iter().copied());
         (max - min).max_element()
     }
 

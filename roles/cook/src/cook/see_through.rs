@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use trimaran_proto::ObjectSet;
 use trimaran_scene::Rgba8;
 
+use crate::lists::at;
 use crate::{Mesh, Model};
 
 /// A colour with at least this alpha is opaque: rounding takes some.
@@ -16,8 +17,7 @@ const OPAQUE: u8 = 250;
 /// The see-through objects.
 pub(super) fn objects(model: &Model) -> ObjectSet {
     let meshes: Vec<bool> = model.meshes.par_iter().map(is_see_through).collect();
-    let is_one = |mesh: u32| meshes.get(mesh as usize).copied().unwrap_or_default();
-    (0..).zip(&model.objects).filter(|(_, object)| is_one(object.mesh)).map(|(number, _)| number).collect()
+    (0..).zip(&model.objects).filter(|(_, of)| at(&meshes, of.mesh)).map(|(number, _)| number).collect()
 }
 
 /// The colour with full alpha, for an object that is not see-through.
@@ -32,8 +32,8 @@ pub(super) fn is_see_through(mesh: &Mesh) -> bool {
     }
     let (mut opaque, mut through) = (0.0, 0.0);
     for &[a, b, c] in mesh.indices.as_chunks::<3>().0 {
-        let at = |corner: u32| mesh.positions.get(corner as usize).copied().unwrap_or(Vec3::ZERO);
-        let area = f64::from((at(b) - at(a)).cross(at(c) - at(a)).length());
+        let places: [Vec3; 3] = [a, b, c].map(|corner| at(&mesh.positions, corner));
+        let area = f64::from((places[1] - places[0]).cross(places[2] - places[0]).length());
         let corners = [a, b, c].map(|corner| mesh.colours.get(corner as usize).copied());
         let solid = corners.into_iter().flatten().filter(|&colour| is_opaque(colour)).count();
         *(if solid >= 2 { &mut opaque } else { &mut through }) += area;

@@ -19,6 +19,7 @@ use trimaran_scene::{Sides, Vertex};
 
 use super::linear::WorldBox;
 use super::opening::Openings;
+use super::sets::Sets;
 
 /// The least volume of a solid, relative to its diagonal cubed: far below any rod's or plate's, and far above
 /// the f64 rounding of a sheet folded flat.
@@ -38,9 +39,9 @@ pub(super) struct Solid {
 /// The parts of a mesh.
 pub(super) struct Solids {
     /// For each triangle, its part's first triangle.
-    firsts: Vec<usize>,
+    firsts: Vec<u32>,
     /// By their first triangles; `None` for a part that is not solid.
-    parts: HashMap<usize, Option<Solid>>,
+    parts: HashMap<u32, Option<Solid>>,
 }
 
 impl Solids {
@@ -48,8 +49,8 @@ impl Solids {
     pub(super) fn new(vertices: &[Vertex], indices: &[u32]) -> Self {
         let Some(mesh) = Welded::new(vertices, indices) else { return Self::none() };
         let mut edges: HashMap<[usize; 2], Edge> = HashMap::with_capacity(mesh.triangles.len() * 3 / 2);
-        let mut chains = Chains::new(mesh.triangles.len());
-        for (index, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+        let mut sets = Sets::new(mesh.triangles.len());
+        for (index, &[a, b, c]) in (0..).zip(&mesh.triangles) {
             for [from, to] in [[a, b], [b, c], [c, a]] {
                 if from == to {
                     continue; // a triangle without area
@@ -57,18 +58,18 @@ impl Solids {
                 let edge =
                     edges.entry([from.min(to), from.max(to)]).or_insert(Edge { balance: 0, triangle: index });
                 edge.balance += if from < to { 1 } else { -1 };
-                chains.join(edge.triangle, index);
+                sets.join(edge.triangle, index);
                 edge.triangle = index;
             }
         }
-        let firsts: Vec<usize> = (0..mesh.triangles.len()).map(|index| chains.first(index)).collect();
-        let mut parts: HashMap<usize, Part> = HashMap::new();
+        let firsts: Vec<u32> = (0..).zip(&mesh.triangles).map(|(index, _)| sets.first(index)).collect();
+        let mut parts: HashMap<u32, Part> = HashMap::new();
         for (&first, triangle) in firsts.iter().zip(&mesh.triangles) {
             let corners = triangle.map(|corner| mesh.position(corner));
             parts.entry(first).or_insert_with(|| Part::about(corners[0])).add(corners);
         }
         for (&[low, high], edge) in &edges {
-            let part = firsts.get(edge.triangle).and_then(|first| parts.get_mut(first));
+            let part = firsts.get(edge.triangle as usize).and_then(|first| parts.get_mut(first));
             let Some(part) = part else { continue };
             match edge.balance {
                 0 => {}
@@ -138,7 +139,7 @@ struct Edge {
     /// Triangles that run along it, minus those that run against it.
     balance: i32,
     /// The last of its triangles.
-    triangle: usize,
+    triangle: u32,
 }
 
 /// Triangles whose corners with equal positions are identified.
@@ -172,35 +173,6 @@ impl Welded {
 
     pub(super) fn position(&self, corner: usize) -> DVec3 {
         self.positions.get(corner).copied().unwrap_or_default()
-    }
-}
-
-/// Union-find of connected triangles: each points to another one of its part, a part's first to itself.
-struct Chains(Vec<usize>);
-
-impl Chains {
-    fn new(triangles: usize) -> Self {
-        Self((0..triangles).collect())
-    }
-
-    /// The first triangle of a triangle's part.
-    fn first(&mut self, mut triangle: usize) -> usize {
-        while let Some(&next) = self.0.get(triangle).filter(|next| **next != triangle) {
-            // Path halving for later calls.
-            let after = self.0.get(next).copied().unwrap_or(next);
-            if let Some(slot) = self.0.get_mut(triangle) {
-                *slot = after;
-            }
-            triangle = after;
-        }
-        triangle
-    }
-
-    fn join(&mut self, one: usize, other: usize) {
-        let (one, other) = (self.first(one), self.first(other));
-        if let Some(slot) = self.0.get_mut(one.max(other)) {
-            *slot = one.min(other);
-        }
     }
 }
 

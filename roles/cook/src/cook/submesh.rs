@@ -7,6 +7,9 @@ use glam::Vec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 
 use super::chain::{Aim, Triangles, halve};
+use super::linear::bounds;
+use super::sets::Sets;
+use crate::lists::{at, put};
 
 /// Triangles of a part, with fixed corners.
 #[derive(Debug)]
@@ -31,9 +34,8 @@ impl Submesh {
         // Each index is among the numbers.
         let indices = indices.iter().filter_map(|index| Some(numbers.binary_search(index).ok()? as u32));
         let indices: Vec<u32> = indices.collect();
-        let own = |&number: &u32| positions.get(number as usize).copied().unwrap_or_default();
-        let min = numbers.iter().map(own).fold(Vec3::INFINITY, Vec3::min);
-        let max = numbers.iter().map(own).fold(Vec3::NEG_INFINITY, Vec3::max);
+        let own = |&number: &u32| at(positions, number);
+        let (min, max) = bounds(numbers.iter().map(own));
         let middle = min.midpoint(max);
         let positions: Vec<Vec3> = numbers.iter().map(|number| own(number) - middle).collect();
         let held: Vec<bool> = numbers.iter().map(|&number| is_held(number)).collect();
@@ -55,7 +57,7 @@ impl Submesh {
         for (indices, _) in &mut levels {
             meshopt::optimize_vertex_cache_in_place(indices, self.positions.len());
             for index in indices {
-                *index = self.numbers.get(*index as usize).copied().unwrap_or_default();
+                *index = at(&self.numbers, *index);
             }
         }
         levels
@@ -100,49 +102,20 @@ impl Submesh {
 /// For each vertex, whether triangles connect it to a fixed one. Vertices at one position are identified.
 fn anchored(positions: &[Vec3], indices: &[u32], held: &[bool]) -> Vec<bool> {
     let (count, places) = meshopt::generate_vertex_remap(positions, None);
-    let place = |vertex: u32| places.get(vertex as usize).copied().unwrap_or_default();
-    let mut groups = Groups((0..count as u32).collect());
+    let place = |vertex: u32| at(&places, vertex);
+    let mut sets = Sets::new(count);
     for &[a, b, c] in indices.as_chunks().0 {
-        groups.join(place(a), place(b));
-        groups.join(place(b), place(c));
+        sets.join(place(a), place(b));
+        sets.join(place(b), place(c));
     }
     let mut anchored = vec![false; count];
     for (vertex, _) in (0_u32..).zip(held).filter(|&(_, &held)| held) {
-        if let Some(slot) = anchored.get_mut(groups.first(place(vertex)) as usize) {
-            *slot = true;
-        }
+        put(&mut anchored, sets.first(place(vertex)), true);
     }
     (0_u32..)
         .zip(positions)
-        .map(|(vertex, _)| anchored.get(groups.first(place(vertex)) as usize) == Some(&true))
+        .map(|(vertex, _)| anchored.get(sets.first(place(vertex)) as usize) == Some(&true))
         .collect()
-}
-
-/// Union-find: each number points to another one of its set that is nearer to the set's first, or to itself.
-struct Groups(Vec<u32>);
-
-impl Groups {
-    /// The representative of the set. Halves the path for later calls.
-    fn first(&mut self, mut number: u32) -> u32 {
-        loop {
-            let next = self.0.get(number as usize).copied().unwrap_or(number);
-            let after = self.0.get(next as usize).copied().unwrap_or(next);
-            if next == number {
-                return number;
-            }
-            if let Some(slot) = self.0.get_mut(number as usize) {
-                *slot = after;
-            }
-            number = after;
-        }
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.first(a), self.first(b));
-        if let Some(slot) = self.0.get_mut(a.max(b) as usize) {
-            *slot = a.min(b);
-        }
-    }
 }
 
 #[cfg(test)]

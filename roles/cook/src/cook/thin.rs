@@ -16,6 +16,7 @@ use glam::Vec3;
 use super::bvh::Bvh;
 use super::gather::Soup;
 use super::hausdorff::ROUNDING;
+use crate::lists::{at, put};
 use trimaran_scene::{Rgba8, Vertex};
 
 /// The side of a cell, relative to the reach. Half of its diagonal is a little more than the reach, but cells
@@ -70,9 +71,7 @@ impl Thinned {
         let indices = meshopt::optimize_vertex_cache(&remap, count);
         let mut vertices = vec![Vertex::new([0.0; 3], Rgba8([0; 4])); count];
         for (vertex, &slot) in self.corners.iter().zip(&remap) {
-            if let Some(slot) = vertices.get_mut(slot as usize) {
-                *slot = *vertex;
-            }
+            put(&mut vertices, slot, *vertex);
         }
         (vertices, indices)
     }
@@ -117,11 +116,11 @@ impl Cells {
     }
 
     fn cell(&self, vertex: u32) -> u32 {
-        self.of.get(vertex as usize).copied().unwrap_or_default()
+        at(&self.of, vertex)
     }
 
     fn middle(&self, cell: u32) -> Vec3 {
-        self.middles.get(cell as usize).copied().unwrap_or_default()
+        at(&self.middles, cell)
     }
 }
 
@@ -201,9 +200,7 @@ impl<'a> Left<'a> {
         let colour = self.soup.colour(self.soup.triangle(image.index)[0]);
         self.corners.extend(corners.map(|corner| Vertex::new(corner.to_array(), colour)));
         for cell in image.cells {
-            if let Some(used) = self.used.get_mut(cell as usize) {
-                *used = true;
-            }
+            put(&mut self.used, cell, true);
         }
     }
 

@@ -9,6 +9,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::linear::WorldBox;
+use crate::lists::put;
 
 /// The most children of a node.
 const CHILDREN: usize = 8;
@@ -33,25 +34,18 @@ pub(super) struct TreeNode {
 /// Builds the tree over at least one box. Each item is one leaf; a single item is the root.
 pub(super) fn build(boxes: &[WorldBox]) -> Vec<TreeNode> {
     let binary = split(&mut items(boxes), 0);
-    let mut nodes =
-        vec![TreeNode { parent: None, children: 0..0, item: binary.item(), bounds: binary.bounds() }];
+    let node = |parent, of: &Binary| TreeNode { parent, children: 0..0, item: of.item, bounds: of.bounds };
+    let mut nodes = vec![node(None, &binary)];
     let mut queue = VecDeque::from([(0_u32, &binary)]);
     while let Some((index, subtree)) = queue.pop_front() {
         let children = collapse(subtree);
         let first = nodes.len() as u32;
         for (child, place) in children.into_iter().zip(first..) {
-            nodes.push(TreeNode {
-                parent: Some(index),
-                children: 0..0,
-                item: child.item(),
-                bounds: child.bounds(),
-            });
+            nodes.push(node(Some(index), child));
             queue.push_back((place, child));
         }
         let end = nodes.len() as u32;
-        if let Some(node) = nodes.get_mut(index as usize)
-            && end > first
-        {
+        if let Some(node) = nodes.get_mut(index as usize).filter(|_| end > first) {
             node.children = first..end;
         }
     }
@@ -65,9 +59,7 @@ pub(super) fn by_height(tree: &[TreeNode]) -> Vec<Vec<u32>> {
     for (index, node) in tree.iter().enumerate().rev() {
         let tallest = node.children.clone().filter_map(|c| heights.get(c as usize)).max();
         let Some(height) = tallest.map(|tallest| tallest + 1) else { continue };
-        if let Some(slot) = heights.get_mut(index) {
-            *slot = height;
-        }
+        put(&mut heights, index, height);
         if groups.len() < height {
             groups.resize_with(height, Vec::new);
         }
@@ -112,49 +104,26 @@ struct Item {
 
 /// The binary tree before it is collapsed.
 #[derive(Debug)]
-enum Binary {
-    Leaf { item: u32, bounds: WorldBox },
-    Inner { bounds: WorldBox, count: usize, halves: Box<[Self; 2]> },
-}
-
-impl Binary {
-    fn bounds(&self) -> WorldBox {
-        match self {
-            Self::Leaf { bounds, .. } | Self::Inner { bounds, .. } => *bounds,
-        }
-    }
-
-    fn item(&self) -> Option<u32> {
-        match self {
-            Self::Leaf { item, .. } => Some(*item),
-            Self::Inner { .. } => None,
-        }
-    }
-
-    fn count(&self) -> usize {
-        match self {
-            Self::Leaf { .. } => 1,
-            Self::Inner { count, .. } => *count,
-        }
-    }
+struct Binary {
+    bounds: WorldBox,
+    /// How many items it has.
+    count: usize,
+    /// The item of a leaf.
+    item: Option<u32>,
+    halves: Option<Box<[Self; 2]>>,
 }
 
 /// The children of a collapsed node: the largest inner ones are opened until there are eight. One whose items
 /// all fit is opened whole.
 fn collapse(subtree: &Binary) -> Vec<&Binary> {
-    let Binary::Inner { halves, .. } = subtree else { return Vec::new() };
+    let Some(halves) = &subtree.halves else { return Vec::new() };
     let mut children: Vec<&Binary> = halves.iter().collect();
     while children.len() < CHILDREN {
-        let largest =
-            children.iter().enumerate().filter(|(_, child)| child.count() > 1).max_by(|(_, a), (_, b)| {
-                size(a.bounds()).total_cmp(&size(b.bounds())).then(a.count().cmp(&b.count()))
-            });
-        let Some((place, Binary::Inner { halves, .. })) = largest.map(|(place, &child)| (place, child))
-        else {
-            break;
-        };
-        let [left, right] = halves.as_ref();
-        children.splice(place..=place, [left, right]);
+        let inner = children.iter().enumerate().filter(|(_, child)| child.halves.is_some());
+        let largest = inner
+            .max_by(|(_, a), (_, b)| size(a.bounds).total_cmp(&size(b.bounds)).then(a.count.cmp(&b.count)));
+        let Some((place, Some(halves))) = largest.map(|(place, child)| (place, &child.halves)) else { break };
+        children.splice(place..=place, halves.iter());
     }
     children
 }
@@ -167,7 +136,7 @@ fn size(bounds: WorldBox) -> f64 {
 fn split(items: &mut [Item], depth: usize) -> Binary {
     let bounds = items.iter().fold(WorldBox::EMPTY, |b, item| b.union(item.bounds));
     if let [item] = items {
-        return Binary::Leaf { item: item.index, bounds };
+        return Binary { bounds, count: 1, item: Some(item.index), halves: None };
     }
     let count = items.len();
     let (left, right) = halve(items, depth);
@@ -176,7 +145,7 @@ fn split(items: &mut [Item], depth: usize) -> Binary {
     } else {
         (split(left, depth + 1), split(right, depth + 1))
     };
-    Binary::Inner { bounds, count, halves: Box::new([halves.0, halves.1]) }
+    Binary { bounds, count, item: None, halves: Some(Box::new(halves.into())) }
 }
 
 /// Divides at least two items by the best plane, or in their order without one.

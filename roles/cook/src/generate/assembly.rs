@@ -5,9 +5,9 @@ use std::collections::HashMap;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::{
-    brush::{Brush, Tolerance},
+    brush::{Brush, Tolerance, Y_TO_X, Y_TO_Z},
     paint::Paint,
-    shape::{Shape, Y_TO_X, Y_TO_Z},
+    shape::Shape,
 };
 use crate::{Mesh, Model, Object, Source};
 
@@ -25,6 +25,8 @@ pub(super) struct Part {
 pub(super) struct Module {
     origin: DVec3,
     name: String,
+    /// The beginning of the names of the parts to come.
+    tag: String,
     parts: Vec<Part>,
 }
 
@@ -47,7 +49,17 @@ pub(super) enum Grain {
 
 impl Module {
     pub(super) fn new(origin: DVec3, name: impl Into<String>) -> Self {
-        Self { origin, name: name.into(), parts: Vec::new() }
+        Self { origin, name: name.into(), tag: String::new(), parts: Vec::new() }
+    }
+
+    /// A module whose parts' names begin with its own.
+    pub(super) fn named_throughout(origin: DVec3, name: &str) -> Self {
+        Self { tag: name.to_owned(), ..Self::new(origin, name) }
+    }
+
+    /// Begins the names of the parts to come with a tag.
+    pub(super) fn tag(&mut self, tag: &str) {
+        tag.clone_into(&mut self.tag);
     }
 
     /// The number of parts.
@@ -55,9 +67,14 @@ impl Module {
         self.parts.len()
     }
 
-    /// Adds a shape at a place in the module.
+    /// Adds a shape at a place in the module. Without a name, its name is the tag.
     pub(super) fn put(&mut self, paint: Paint, shape: Shape, place: DAffine3, name: impl Into<String>) {
-        self.parts.push(Part { shape, paint, place, name: name.into() });
+        let name = match (&*self.tag, name.into()) {
+            ("", name) => name,
+            (tag, name) if name.is_empty() => tag.to_owned(),
+            (tag, name) => format!("{tag} {name}"),
+        };
+        self.parts.push(Part { shape, paint, place, name });
     }
 
     /// Adds a shape, unturned, at a point.
@@ -130,9 +147,6 @@ pub(super) fn assemble(modules: &[Module], grain: Grain, triangles: usize, sourc
         Grain::Part => place_parts(&mut model, modules, tolerance),
         Grain::Trade => place_trades(&mut model, modules, tolerance),
     }
-    for (object, index) in model.objects.iter_mut().zip(0..) {
-        object.source_index = index;
-    }
     model
 }
 
@@ -165,21 +179,12 @@ fn place_parts(model: &mut Model, modules: &[Module], tolerance: Tolerance) {
         for part in &module.parts {
             let mesh = *meshes.entry((part.shape, part.paint)).or_insert_with(|| {
                 let mut mesh = Mesh::default();
-                part.shape.paint(&mut Brush::draw(
-                    &mut mesh,
-                    DAffine3::IDENTITY,
-                    part.paint.colour(),
-                    tolerance,
-                ));
+                let colour = part.paint.colour();
+                part.shape.paint(&mut Brush::draw(&mut mesh, DAffine3::IDENTITY, colour, tolerance));
                 push_mesh(model, mesh)
             });
-            model.objects.push(Object {
-                mesh,
-                to_world: DAffine3::from_translation(module.origin) * part.place,
-                name: part.name.clone(),
-                source: 0,
-                source_index: 0,
-            });
+            let to_world = DAffine3::from_translation(module.origin) * part.place;
+            push_object(model, mesh, to_world, part.name.clone());
         }
     }
 }
@@ -195,13 +200,8 @@ fn place_trades(model: &mut Model, modules: &[Module], tolerance: Tolerance) {
                 }
                 push_mesh(model, mesh)
             });
-            model.objects.push(Object {
-                mesh,
-                to_world: DAffine3::from_translation(module.origin),
-                name: format!("{} {trade}", module.name),
-                source: 0,
-                source_index: 0,
-            });
+            let to_world = DAffine3::from_translation(module.origin);
+            push_object(model, mesh, to_world, format!("{} {trade}", module.name));
         }
     }
 }
@@ -215,6 +215,11 @@ fn fingerprint(parts: &[&Part]) -> Vec<u64> {
         words.extend(part.place.to_cols_array().map(f64::to_bits));
     }
     words
+}
+
+fn push_object(model: &mut Model, mesh: u32, to_world: DAffine3, name: String) {
+    let source_index = model.objects.len() as u32;
+    model.objects.push(Object { mesh, to_world, name, source: 0, source_index });
 }
 
 fn push_mesh(model: &mut Model, mesh: Mesh) -> u32 {
@@ -231,20 +236,10 @@ mod tests {
             .map(|x| {
                 let mut module = Module::new(DVec3::new(x, 0.0, 0.0), "room");
                 module.cuboid(Paint::Floor, [0.0, -0.2, 0.0], [8.0, 0.0, 8.0], "floor");
-                module.bar(
-                    Paint::Water,
-                    Shape::Rod { radius: 100 },
-                    [0.0, 3.0, 1.0],
-                    (Axis::X, 8.0),
-                    "pipe 1",
-                );
-                module.bar(
-                    Paint::Water,
-                    Shape::Rod { radius: 100 },
-                    [0.0, 3.0, 2.0],
-                    (Axis::X, 8.0),
-                    "pipe 2",
-                );
+                for (z, name) in [(1.0, "pipe 1"), (2.0, "pipe 2")] {
+                    let pipe = Shape::Rod { radius: 100 };
+                    module.bar(Paint::Water, pipe, [0.0, 3.0, z], (Axis::X, 8.0), name);
+                }
                 module
             })
             .into()

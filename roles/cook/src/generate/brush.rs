@@ -1,6 +1,6 @@
 //! Triangles of simple solids, in one colour, to a chord tolerance.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use crate::Mesh;
 use trimaran_scene::Rgba8;
@@ -20,6 +20,13 @@ impl Tolerance {
         (exact.ceil() as u32).clamp(Self::FEWEST, Self::MOST)
     }
 }
+
+/// Turns y onto x: a shape along +y then lies along +x.
+pub(super) const Y_TO_X: DMat3 = DMat3::from_cols(DVec3::NEG_Y, DVec3::X, DVec3::Z);
+/// Turns x onto z, about y.
+pub(super) const X_TO_Z: DMat3 = DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X);
+/// Turns y onto z.
+pub(super) const Y_TO_Z: DMat3 = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
 
 /// Draws solids into a mesh; without one it only counts.
 pub(super) struct Brush<'a> {
@@ -69,6 +76,11 @@ impl<'a> Brush<'a> {
     /// Draws `offset` metres away.
     pub(super) fn moved(&mut self, x: f64, y: f64, z: f64, draw: impl FnOnce(&mut Self)) {
         self.at(DAffine3::from_translation(DVec3::new(x, y, z)), draw);
+    }
+
+    /// Draws at a place, with what goes along +y turned to go along +x.
+    pub(super) fn along_x(&mut self, at: [f64; 3], draw: impl FnOnce(&mut Self)) {
+        self.at(DAffine3 { matrix3: Y_TO_X, translation: DVec3::from_array(at) }, draw);
     }
 
     /// A box between two corners.

@@ -32,23 +32,10 @@ impl PlantOptions {
         Self { seed, objects: 4_000, triangles: 400_000 }
     }
 
-    /// As large as the Huldra platform's area HA: 9,720 objects, 0.92 million triangles.
-    #[must_use]
-    pub const fn medium(seed: u64) -> Self {
-        Self { seed, objects: 9_720, triangles: 920_000 }
-    }
-
     /// As large as the paper's power plant (section 5): 13 million triangles in 1,200 objects.
     #[must_use]
     pub const fn paper(seed: u64) -> Self {
         Self { seed, objects: 1_200, triangles: 13_000_000 }
-    }
-
-    /// The same plant, with `factor` times the objects and the triangles.
-    #[must_use]
-    pub fn scaled(self, factor: f64) -> Self {
-        let times = |count: usize| (count as f64 * factor).round() as usize;
-        Self { objects: times(self.objects), triangles: times(self.triangles), ..self }
     }
 }
 
@@ -239,8 +226,8 @@ mod tests {
     }
 
     #[test]
-    fn a_medium_plant_is_like_huldra() {
-        let model = plant(&PlantOptions::medium(1));
+    fn a_plant_as_large_as_huldra_is_like_it() {
+        let model = plant(&PlantOptions { seed: 1, objects: 9_720, triangles: 920_000 });
         assert_eq!(model.objects.len(), 9_720);
         assert!(model.triangle_count().abs_diff(920_000) < 46_000, "{}", model.triangle_count());
         let mut sizes: Vec<_> =

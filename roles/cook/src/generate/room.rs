@@ -7,6 +7,7 @@ use trimaran_scene::random::Random;
 
 use super::{
     assembly::{Axis, Module},
+    brush::X_TO_Z,
     equipment::{PIPES, Pad, Tags, equip},
     paint::Paint,
     shape::Shape,
@@ -84,10 +85,7 @@ pub(super) fn build(module: &mut Module, around: &Surroundings, seeds: Seeds, ta
     }
     if around.stairs_below {
         for z in [2.4, 4.9] {
-            let rail = DAffine3 {
-                matrix3: DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X),
-                translation: DVec3::new(1.95, 0.0, z),
-            };
+            let rail = DAffine3 { matrix3: X_TO_Z, translation: DVec3::new(1.95, 0.0, z) };
             module.put(Paint::Rail, Shape::Handrail { length: 2100 }, rail, "stair well handrail");
         }
     }
@@ -111,45 +109,25 @@ pub(super) fn add_small_part(module: &mut Module, random: &mut Random, index: us
     let number = index + 1;
     match random.below(8) {
         0 | 1 => {
-            let length = random.between(0.4, (4.6 - y).min(2.0));
-            module.bar(
-                Paint::Cable,
-                Shape::Rod { radius: 13 },
-                at,
-                (Axis::Y, length),
-                format!("conduit {number}"),
-            );
+            let (rod, length) = (Shape::Rod { radius: 13 }, random.between(0.4, (4.6 - y).min(2.0)));
+            module.bar(Paint::Cable, rod, at, (Axis::Y, length), format!("conduit {number}"));
         }
-        2 => module.bar(
-            Paint::Steel,
-            Shape::Angle { leg: 60 },
-            at,
-            (Axis::X, 0.3),
-            format!("bracket {number}"),
-        ),
+        2 => {
+            let angle = Shape::Angle { leg: 60 };
+            module.bar(Paint::Steel, angle, at, (Axis::X, 0.3), format!("bracket {number}"));
+        }
         3 => module.stand(Paint::Cabinet, Shape::Junction, at, format!("junction box {number}")),
         4 => module.stand(Paint::Instrument, Shape::Gauge, at, format!("gauge {number}")),
         5 => module.stand(Paint::Fitting, Shape::Bolt, at, format!("anchor {number}")),
         6 => {
             let (x, z) = (random.between(STAIR_EDGE, 7.5), random.between(0.5, 7.5));
-            let rod = Shape::Rod { radius: 8 };
-            module.bar(
-                Paint::Steel,
-                rod,
-                [x, RACK, z],
-                (Axis::Y, STOREY - SLAB - RACK),
-                format!("hanger {number}"),
-            );
+            let (rod, length) = (Shape::Rod { radius: 8 }, STOREY - SLAB - RACK);
+            module.bar(Paint::Steel, rod, [x, RACK, z], (Axis::Y, length), format!("hanger {number}"));
         }
         _ => {
             let [x, y, z] = at;
-            let width = random.pick([0.15, 0.2, 0.3]);
-            module.cuboid(
-                Paint::Instrument,
-                [x, y, z],
-                [x + width, y + 0.15, z + 0.02],
-                format!("sign {number}"),
-            );
+            let high = [x + random.pick([0.15, 0.2, 0.3]), y + 0.15, z + 0.02];
+            module.cuboid(Paint::Instrument, at, high, format!("sign {number}"));
         }
     }
 }
@@ -177,12 +155,8 @@ fn floor(module: &mut Module, top: f64, well: bool) {
             &[(0.0, SIDE / 2.0), (SIDE / 2.0, SIDE)]
         };
         for &(near, far) in plates {
-            module.cuboid(
-                Paint::Floor,
-                [from, top - SLAB, near],
-                [to, top, far],
-                format!("deck plate {}", number + 1),
-            );
+            let name = format!("deck plate {}", number + 1);
+            module.cuboid(Paint::Floor, [from, top - SLAB, near], [to, top, far], name);
         }
     }
 }
@@ -216,7 +190,7 @@ fn door(module: &mut Module, side: usize, start: f64) {
     // equipment.
     let hinge_at_start = start < (AISLE[0] + AISLE[1] - DOOR[0]) / 2.0;
     let (turn, at): (DMat3, fn(f64, f64) -> DVec3) = if side.is_multiple_of(2) {
-        (DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X), |along, plane| DVec3::new(plane, 0.0, along))
+        (X_TO_Z, |along, plane| DVec3::new(plane, 0.0, along))
     } else {
         (DMat3::IDENTITY, |along, plane| DVec3::new(along, 0.0, plane))
     };
@@ -291,13 +265,8 @@ fn services(module: &mut Module, start: f64) {
         }
         for cable in 0..3 {
             let from = [x - 0.1 + 0.1 * f64::from(cable), TRAYS + 0.05, 0.0];
-            module.bar(
-                Paint::Cable,
-                Shape::Rod { radius: 20 },
-                from,
-                (Axis::Z, SIDE),
-                format!("cable {}", cable + 1),
-            );
+            let (rod, name) = (Shape::Rod { radius: 20 }, format!("cable {}", cable + 1));
+            module.bar(Paint::Cable, rod, from, (Axis::Z, SIDE), name);
         }
     }
     module.cuboid(Paint::Duct, [3.7, DUCTS, 0.0], [4.3, DUCTS + 0.35, SIDE], "duct");

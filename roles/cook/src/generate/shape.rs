@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::brush::Brush;
+use super::brush::{Brush, Y_TO_Z};
 
 /// A part's shape in a frame of its own, metres, y up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -104,11 +104,6 @@ fn m(millimetres: u32) -> f64 {
     f64::from(millimetres) / 1000.0
 }
 
-/// Turns y onto x: a shape along +y then lies along +x.
-pub(super) const Y_TO_X: DMat3 = DMat3::from_cols(DVec3::NEG_Y, DVec3::X, DVec3::Z);
-/// Turns y onto z.
-pub(super) const Y_TO_Z: DMat3 = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y);
-
 fn beam(brush: &mut Brush<'_>, depth: f64, width: f64) {
     let (d, w, flange) = (depth / 2.0, width / 2.0, depth * 0.06);
     brush.cuboid([-w, 0.0, -d], [w, 1.0, flange - d]);
@@ -144,7 +139,7 @@ fn valve(brush: &mut Brush<'_>, pipe: f64) {
     flange(brush, pipe, -half);
     flange(brush, pipe, half);
     brush.lathe(&[(pipe * 1.1, -half), (pipe * 1.7, -pipe), (pipe * 1.7, pipe), (pipe * 1.1, half)]);
-    brush.at(DAffine3::from_mat3(Y_TO_X), |b| {
+    brush.along_x([0.0; 3], |b| {
         let stem = pipe * 4.0 + 0.08;
         b.lathe(&[(pipe * 1.0, 0.0), (pipe * 0.8, stem * 0.6)]);
         b.lathe(&[(pipe * 0.2 + 0.004, stem * 0.6), (pipe * 0.2 + 0.004, stem)]);
@@ -182,23 +177,21 @@ fn tank(brush: &mut Brush<'_>, radius: f64, height: f64) {
 fn pump(brush: &mut Brush<'_>, size: f64) {
     let (high, thick) = (size * 0.35, size * 0.22);
     brush.cuboid([-size, 0.0, -size * 0.35], [size, size * 0.1, size * 0.35]);
-    brush.moved(-size * 0.9, high, 0.0, |b| {
-        b.at(DAffine3::from_mat3(Y_TO_X), |b| {
-            b.lathe(&[
-                (0.0, -0.02),
-                (thick * 0.6, 0.0),
-                (thick, 0.05),
-                (thick, size * 0.8),
-                (thick * 0.5, size * 0.85),
-            ]);
-            b.lathe(&[(thick * 0.25, size * 0.85), (thick * 0.25, size * 1.2)]);
-            b.lathe(&[
-                (thick * 0.5, size * 1.15),
-                (thick * 1.3, size * 1.25),
-                (thick * 1.3, size * 1.5),
-                (thick * 0.6, size * 1.6),
-            ]);
-        });
+    brush.along_x([-size * 0.9, high, 0.0], |b| {
+        b.lathe(&[
+            (0.0, -0.02),
+            (thick * 0.6, 0.0),
+            (thick, 0.05),
+            (thick, size * 0.8),
+            (thick * 0.5, size * 0.85),
+        ]);
+        b.lathe(&[(thick * 0.25, size * 0.85), (thick * 0.25, size * 1.2)]);
+        b.lathe(&[
+            (thick * 0.5, size * 1.15),
+            (thick * 1.3, size * 1.25),
+            (thick * 1.3, size * 1.5),
+            (thick * 0.6, size * 1.6),
+        ]);
     });
     for fin in 0..6 {
         let x = size * (0.1 * f64::from(fin) - 0.8);
@@ -228,9 +221,7 @@ fn handrail(brush: &mut Brush<'_>, length: f64) {
         brush.moved(x, 0.0, 0.0, |b| b.lathe(&[(0.021, 0.0), (0.021, 1.1)]));
     }
     for y in [0.55, 1.1] {
-        brush.moved(0.0, y, 0.0, |b| {
-            b.at(DAffine3::from_mat3(Y_TO_X), |b| b.lathe(&[(0.021, 0.0), (0.021, length)]));
-        });
+        brush.along_x([0.0, y, 0.0], |b| b.lathe(&[(0.021, 0.0), (0.021, length)]));
     }
     brush.cuboid([0.0, 0.0, -0.003], [length, 0.1, 0.003]);
 }
@@ -256,9 +247,7 @@ fn ladder(brush: &mut Brush<'_>, rise: f64) {
     }
     let rungs = (rise / 0.3).floor() as u32;
     for rung in 1..=rungs {
-        brush.moved(-0.22, 0.3 * f64::from(rung), 0.0, |b| {
-            b.at(DAffine3::from_mat3(Y_TO_X), |b| b.lathe(&[(0.012, 0.0), (0.012, 0.44)]));
-        });
+        brush.along_x([-0.22, 0.3 * f64::from(rung), 0.0], |b| b.lathe(&[(0.012, 0.0), (0.012, 0.44)]));
     }
 }
 
@@ -304,9 +293,7 @@ fn door_leaf(brush: &mut Brush<'_>, width: f64, height: f64) {
 
 fn lamp(brush: &mut Brush<'_>) {
     brush.cuboid([0.0, -0.06, -0.08], [1.2, 0.0, 0.08]);
-    brush.moved(0.05, -0.09, 0.0, |b| {
-        b.at(DAffine3::from_mat3(Y_TO_X), |b| b.lathe(&[(0.02, 0.0), (0.02, 1.1)]));
-    });
+    brush.along_x([0.05, -0.09, 0.0], |b| b.lathe(&[(0.02, 0.0), (0.02, 1.1)]));
 }
 
 fn junction(brush: &mut Brush<'_>) {

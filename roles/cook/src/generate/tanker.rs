@@ -10,6 +10,7 @@ use trimaran_scene::random::Random;
 
 use super::{
     assembly::{Axis, Grain, Module, assemble, object_count},
+    brush::X_TO_Z,
     equipment::{PIPES, Pad, Tags, equip},
     paint::Paint,
     plant::{Grid, fill_up_to, rooms_of, with_small_parts},
@@ -40,13 +41,6 @@ impl TankerOptions {
     #[must_use]
     pub const fn paper(seed: u64) -> Self {
         Self { seed, objects: 127_000, triangles: 82_000_000 }
-    }
-
-    /// The same tanker, with `factor` times the objects and the triangles.
-    #[must_use]
-    pub fn scaled(self, factor: f64) -> Self {
-        let times = |count: usize| (count as f64 * factor).round() as usize;
-        Self { objects: times(self.objects), triangles: times(self.triangles), ..self }
     }
 }
 
@@ -104,156 +98,88 @@ fn ship(rooms: usize, seed: u64) -> Vec<Module> {
 
 /// One tank: bulkheads aft and to port, their stiffeners and webs, heating coils, a ladder, a suction pipe.
 fn cargo_tank(origin: DVec3, name: &str, berth: usize) -> Module {
-    let mut module = Module::new(origin, name);
+    let mut module = Module::named_throughout(origin, name);
     let [length, height, width] = TANK;
     let plate = 0.02;
-    module.cuboid(Paint::Hull, [-plate, 0.0, 0.0], [0.0, height, width], format!("{name} bulkhead"));
+    module.cuboid(Paint::Hull, [-plate, 0.0, 0.0], [0.0, height, width], "bulkhead");
     if berth > 0 {
-        module.cuboid(Paint::Hull, [0.0, 0.0, -plate], [length, height, 0.0], format!("{name} bulkhead"));
+        module.cuboid(Paint::Hull, [0.0, 0.0, -plate], [length, height, 0.0], "bulkhead");
     }
     let profile = Shape::Beam { depth: 300, width: 150 };
-    let count = (width / STIFFENER) as u32;
-    for stiffener in 1..count {
-        let z = STIFFENER * f64::from(stiffener);
-        module.bar(
-            Paint::Steel,
-            profile,
-            [0.17, 0.0, z],
-            (Axis::Y, height),
-            format!("{name} stiffener {stiffener}"),
-        );
-        module.bar(
-            Paint::Steel,
-            profile,
-            [0.0, height - 0.2, z],
-            (Axis::X, length),
-            format!("{name} deck longitudinal {stiffener}"),
-        );
+    for number in 1..(width / STIFFENER) as u32 {
+        let z = STIFFENER * f64::from(number);
+        let name = format!("stiffener {number}");
+        module.bar(Paint::Steel, profile, [0.17, 0.0, z], (Axis::Y, height), name);
+        let name = format!("deck longitudinal {number}");
+        module.bar(Paint::Steel, profile, [0.0, height - 0.2, z], (Axis::X, length), name);
     }
     for frame in 1..(length / FRAME) as u32 {
         let x = FRAME * f64::from(frame);
-        module.cuboid(
-            Paint::Steel,
-            [x, height - 1.2, 0.0],
-            [x + plate, height, width],
-            format!("{name} deck transverse {frame}"),
-        );
-        module.cuboid(
-            Paint::Steel,
-            [x, 0.0, 0.05],
-            [x + plate, height, 1.0],
-            format!("{name} web frame {frame}"),
-        );
+        let name = format!("deck transverse {frame}");
+        module.cuboid(Paint::Steel, [x, height - 1.2, 0.0], [x + plate, height, width], name);
+        module.cuboid(Paint::Steel, [x, 0.0, 0.05], [x + plate, height, 1.0], format!("web frame {frame}"));
         for (corner, y) in [("lower", 0.0), ("upper", height - 2.2)] {
             let bracket = Shape::Trapeze { width: 1500, depth: 20, top: 500 };
-            let turn = DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X);
-            let place = DAffine3 { matrix3: turn, translation: DVec3::new(x, y, 1.0) };
-            module.put(Paint::Steel, bracket, place, format!("{name} {corner} bracket {frame}"));
+            let place = DAffine3 { matrix3: X_TO_Z, translation: DVec3::new(x, y, 1.0) };
+            module.put(Paint::Steel, bracket, place, format!("{corner} bracket {frame}"));
         }
     }
     for stringer in 1..4 {
         let y = height * f64::from(stringer) / 4.0;
-        module.cuboid(
-            Paint::Steel,
-            [0.35, y, 0.0],
-            [1.2, y + plate, width],
-            format!("{name} stringer {stringer}"),
-        );
+        let name = format!("stringer {stringer}");
+        module.cuboid(Paint::Steel, [0.35, y, 0.0], [1.2, y + plate, width], name);
     }
-    coils(&mut module, name);
-    module.stand(Paint::Rail, Shape::Ladder { rise: 17_000 }, [2.0, 0.0, 1.4], format!("{name} ladder"));
-    module.bar(
-        Paint::Oil,
-        Shape::Rod { radius: 162 },
-        [length - 1.0, 0.3, 2.0],
-        (Axis::Y, height),
-        format!("{name} suction"),
-    );
-    module.stand(
-        Paint::Fitting,
-        Shape::Reducer { from: 300, to: 162, length: 250 },
-        [length - 1.0, 0.05, 2.0],
-        format!("{name} bell mouth"),
-    );
+    coils(&mut module);
+    module.stand(Paint::Rail, Shape::Ladder { rise: 17_000 }, [2.0, 0.0, 1.4], "ladder");
+    let suction = Shape::Rod { radius: 162 };
+    module.bar(Paint::Oil, suction, [length - 1.0, 0.3, 2.0], (Axis::Y, height), "suction");
+    let bell = Shape::Reducer { from: 300, to: 162, length: 250 };
+    module.stand(Paint::Fitting, bell, [length - 1.0, 0.05, 2.0], "bell mouth");
     module
 }
 
 /// Heating coils over the tank's bottom: straight runs and bends, on feet.
-fn coils(module: &mut Module, name: &str) {
+fn coils(module: &mut Module) {
     let [length, _, width] = TANK;
     let runs = 12;
     let gap = (width - 3.0) / f64::from(runs);
     for run in 0..runs {
         let z = 1.5 + gap * f64::from(run);
         let (pipe, y) = (Shape::Rod { radius: 40 }, 0.35);
-        module.bar(
-            Paint::Steam,
-            pipe,
-            [1.6, y, z],
-            (Axis::X, length - 3.2),
-            format!("{name} coil {}", run + 1),
-        );
+        let name = format!("coil {}", run + 1);
+        module.bar(Paint::Steam, pipe, [1.6, y, z], (Axis::X, length - 3.2), name);
         for foot in 0..4 {
             let x = 2.0 + (length - 4.0) * f64::from(foot) / 3.0;
-            module.bar(
-                Paint::Steel,
-                Shape::Angle { leg: 50 },
-                [x, 0.0, z],
-                (Axis::Y, 0.31),
-                format!("{name} coil foot"),
-            );
+            module.bar(Paint::Steel, Shape::Angle { leg: 50 }, [x, 0.0, z], (Axis::Y, 0.31), "coil foot");
         }
         for x in [1.6, length - 1.6] {
-            module.stand(
-                Paint::Fitting,
-                Shape::Flange { pipe: 40 },
-                [x, y, z],
-                format!("{name} coil flange"),
-            );
+            module.stand(Paint::Fitting, Shape::Flange { pipe: 40 }, [x, y, z], "coil flange");
         }
     }
 }
 
 /// One length of the double hull: shell and inner plates, floors and webs with manholes, longitudinals.
 fn shell(origin: DVec3, name: &str) -> Module {
-    let mut module = Module::new(origin, name);
+    let mut module = Module::named_throughout(origin, name);
     let (length, plate) = (TANK[0], 0.02);
-    module.cuboid(Paint::Hull, [0.0, -plate, 0.0], [length, 0.0, BEAM], format!("{name} bottom shell"));
-    module.cuboid(
-        Paint::Hull,
-        [0.0, DOUBLE - plate, DOUBLE],
-        [length, DOUBLE, BEAM - DOUBLE],
-        format!("{name} inner bottom"),
-    );
+    module.cuboid(Paint::Hull, [0.0, -plate, 0.0], [length, 0.0, BEAM], "bottom shell");
+    let (low, high) = ([0.0, DOUBLE - plate, DOUBLE], [length, DOUBLE, BEAM - DOUBLE]);
+    module.cuboid(Paint::Hull, low, high, "inner bottom");
     for (side, outer, inner) in [("port", 0.0, DOUBLE), ("starboard", BEAM, BEAM - DOUBLE)] {
-        module.cuboid(
-            Paint::Hull,
-            [0.0, 0.0, outer - plate],
-            [length, DECK, outer + plate],
-            format!("{name} {side} shell"),
-        );
-        module.cuboid(
-            Paint::Hull,
-            [0.0, 0.0, inner - plate],
-            [length, DECK, inner],
-            format!("{name} {side} inner side"),
-        );
+        let (low, high) = ([0.0, 0.0, outer - plate], [length, DECK, outer + plate]);
+        module.cuboid(Paint::Hull, low, high, format!("{side} shell"));
+        let (low, high) = ([0.0, 0.0, inner - plate], [length, DECK, inner]);
+        module.cuboid(Paint::Hull, low, high, format!("{side} inner side"));
         let inwards = if side == "port" { 1.0 } else { -1.0 };
         for level in 1..(DECK / STIFFENER) as u32 {
             let y = STIFFENER * f64::from(level);
             for (which, z) in [("shell", outer + 0.14 * inwards), ("inner", inner - 0.14 * inwards)] {
                 let profile = Shape::Angle { leg: 140 };
-                module.bar(
-                    Paint::Steel,
-                    profile,
-                    [0.0, y, z],
-                    (Axis::X, length),
-                    format!("{name} {side} {which} longitudinal {level}"),
-                );
+                let name = format!("{side} {which} longitudinal {level}");
+                module.bar(Paint::Steel, profile, [0.0, y, z], (Axis::X, length), name);
             }
         }
     }
-    let across_x = DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X);
     for frame in 0..(length / FRAME) as u32 {
         let x = FRAME * f64::from(frame) + 0.05;
         // Floors of the double bottom, three metres wide each, and webs of the sides: plates across the ship.
@@ -261,53 +187,36 @@ fn shell(origin: DVec3, name: &str) -> Module {
         for floor in 0..floors {
             let at = DVec3::new(x, 0.0, BEAM * f64::from(floor) / f64::from(floors));
             let shape = Shape::Manhole { width: (BEAM / f64::from(floors) * 1000.0) as u32, height: 2480 };
-            module.put(
-                Paint::Steel,
-                shape,
-                DAffine3 { matrix3: across_x, translation: at },
-                format!("{name} floor {frame}.{floor}"),
-            );
+            let place = DAffine3 { matrix3: X_TO_Z, translation: at };
+            module.put(Paint::Steel, shape, place, format!("floor {frame}.{floor}"));
         }
         for storey in 0..(DECK / DOUBLE) as u32 - 1 {
             for (side, z) in [("port", 0.0), ("starboard", BEAM - DOUBLE)] {
-                let at = DVec3::new(x, DOUBLE * f64::from(storey + 1), z);
-                let place = DAffine3 { matrix3: across_x, translation: at };
+                let y = DOUBLE * f64::from(storey + 1);
+                let place = DAffine3 { matrix3: X_TO_Z, translation: DVec3::new(x, y, z) };
                 let shape = Shape::Manhole { width: 2500, height: 2480 };
-                module.put(Paint::Steel, shape, place, format!("{name} {side} web {frame}.{storey}"));
-                module.cuboid(
-                    Paint::Floor,
-                    [x + 1.0, at.y - plate, z],
-                    [x + FRAME - 0.05, at.y, z + DOUBLE],
-                    format!("{name} {side} stringer deck"),
-                );
+                module.put(Paint::Steel, shape, place, format!("{side} web {frame}.{storey}"));
+                let (low, high) = ([x + 1.0, y - plate, z], [x + FRAME - 0.05, y, z + DOUBLE]);
+                module.cuboid(Paint::Floor, low, high, format!("{side} stringer deck"));
             }
         }
     }
     for girder in 0..(BEAM / 2.0) as u32 {
-        let z = 1.0 + 2.0 * f64::from(girder);
-        module.bar(
-            Paint::Steel,
-            Shape::Angle { leg: 200 },
-            [0.0, 0.0, z],
-            (Axis::X, length),
-            format!("{name} bottom longitudinal {girder}"),
-        );
+        let from = [0.0, 0.0, 1.0 + 2.0 * f64::from(girder)];
+        let name = format!("bottom longitudinal {girder}");
+        module.bar(Paint::Steel, Shape::Angle { leg: 200 }, from, (Axis::X, length), name);
     }
     module
 }
 
 /// One length of the cargo deck: plates, pipe runs with valves, catwalk, handrails, some equipment.
 fn deck(origin: DVec3, name: &str, seed: u64, random: &mut Random, tags: &mut Tags) -> Module {
-    let mut module = Module::new(origin, name);
+    let mut module = Module::named_throughout(origin, name);
     let length = TANK[0];
     for strake in 0..10 {
         let (from, to) = (BEAM * f64::from(strake) / 10.0, BEAM * f64::from(strake + 1) / 10.0);
-        module.cuboid(
-            Paint::Hull,
-            [0.0, -0.02, from],
-            [length, 0.0, to],
-            format!("{name} strake {}", strake + 1),
-        );
+        let name = format!("strake {}", strake + 1);
+        module.cuboid(Paint::Hull, [0.0, -0.02, from], [length, 0.0, to], name);
     }
     // The same lines run along the whole ship.
     let lines = &mut Random::stream(seed, 22, 0);
@@ -325,67 +234,41 @@ fn deck(origin: DVec3, name: &str, seed: u64, random: &mut Random, tags: &mut Ta
             let radius = lines.pick(PIPES);
             let r = f64::from(radius) / 1000.0;
             let paint = lines.pick(Paint::SERVICES);
-            let tag = format!("{name} line {line}");
-            module.bar(paint, Shape::Rod { radius }, [0.0, y, z], (Axis::X, length), tag.as_str());
+            let pipe = Shape::Rod { radius };
+            module.bar(paint, pipe, [0.0, y, z], (Axis::X, length), format!("line {line}"));
             for fitting in 0..3 {
                 let x = length * (f64::from(fitting) + random.between(0.1, 0.9)) / 3.0;
                 let place = DAffine3 { matrix3: Axis::X.turn(), translation: DVec3::new(x, y, z) };
-                let valve = random.chance(0.25);
-                let shape =
-                    if valve { Shape::Valve { pipe: radius } } else { Shape::Flange { pipe: radius } };
-                module.put(
-                    Paint::Fitting,
-                    shape,
-                    place,
-                    format!("{tag} {}", if valve { "valve" } else { "flange" }),
-                );
+                let (shape, kind) = if random.chance(0.25) {
+                    (Shape::Valve { pipe: radius }, "valve")
+                } else {
+                    (Shape::Flange { pipe: radius }, "flange")
+                };
+                module.put(Paint::Fitting, shape, place, format!("line {line} {kind}"));
             }
             if random.chance(0.5) {
                 let x = random.between(2.0, length - 2.0);
-                let bend = 3 * radius;
-                module.bar(
-                    paint,
-                    Shape::Rod { radius },
-                    [x, 0.0, z],
-                    (Axis::Y, y - 3.0 * r),
-                    format!("{tag} drop"),
-                );
-                module.stand(
-                    paint,
-                    Shape::Elbow { pipe: radius, bend },
-                    [x, y - 3.0 * r, z],
-                    format!("{tag} bend"),
-                );
+                let (top, name) = (y - 3.0 * r, format!("line {line} drop"));
+                module.bar(paint, pipe, [x, 0.0, z], (Axis::Y, top), name);
+                let elbow = Shape::Elbow { pipe: radius, bend: 3 * radius };
+                module.stand(paint, elbow, [x, top, z], format!("line {line} bend"));
             }
             z += 2.0 * r + lines.between(0.25, 0.6);
         }
         for support in 0..4 {
             let x = 2.0 + 4.0 * f64::from(support);
-            let beam = Shape::Beam { depth: 160, width: 80 };
-            module.bar(
-                Paint::Steel,
-                beam,
-                [x, y - 0.35, middle - 7.2],
-                (Axis::Z, 14.4),
-                format!("{name} pipe support"),
-            );
+            let (beam, from) = (Shape::Beam { depth: 160, width: 80 }, [x, y - 0.35, middle - 7.2]);
+            module.bar(Paint::Steel, beam, from, (Axis::Z, 14.4), "pipe support");
             for post in [-7.2, -3.6, 3.6, 7.2] {
-                module.bar(
-                    Paint::Steel,
-                    beam,
-                    [x, 0.0, middle + post],
-                    (Axis::Y, y),
-                    format!("{name} support post"),
-                );
+                module.bar(Paint::Steel, beam, [x, 0.0, middle + post], (Axis::Y, y), "support post");
             }
         }
     }
     for panel in 0..(length / 2.0) as u32 {
-        let x = 2.0 * f64::from(panel);
-        let turn = DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X);
-        let place = DAffine3 { matrix3: turn, translation: DVec3::new(x + 2.0, 2.6, middle - 0.7) };
+        let at = DVec3::new(2.0 * f64::from(panel) + 2.0, 2.6, middle - 0.7);
         let grating = Shape::Grating { width: 1400, length: 2000 };
-        module.put(Paint::Grating, grating, place, format!("{name} catwalk {}", panel + 1));
+        let place = DAffine3 { matrix3: X_TO_Z, translation: at };
+        module.put(Paint::Grating, grating, place, format!("catwalk {}", panel + 1));
     }
     for (side, y, z) in [
         ("port", 0.0, 0.1),
@@ -394,13 +277,8 @@ fn deck(origin: DVec3, name: &str, seed: u64, random: &mut Random, tags: &mut Ta
         ("catwalk", 2.6, middle + 0.7),
     ] {
         for section in 0..4 {
-            let x = 4.0 * f64::from(section);
-            module.stand(
-                Paint::Rail,
-                Shape::Handrail { length: 4000 },
-                [x, y, z],
-                format!("{name} {side} handrail"),
-            );
+            let (rail, x) = (Shape::Handrail { length: 4000 }, 4.0 * f64::from(section));
+            module.stand(Paint::Rail, rail, [x, y, z], format!("{side} handrail"));
         }
     }
     for z in [6.0, 12.0, BEAM - 15.0, BEAM - 9.0] {
@@ -435,22 +313,13 @@ fn bow(origin: DVec3) -> Module {
         // The decks end before the stem, where no plate has any breadth left.
         for deck in (0..=(DECK / STOREY) as u32).filter(|_| high > low) {
             let y = STOREY * f64::from(deck);
-            module.cuboid(
-                Paint::Floor,
-                [x0, y - 0.02, low],
-                [x1, y, high],
-                format!("bow deck {deck} plate {}", step + 1),
-            );
+            let name = format!("bow deck {deck} plate {}", step + 1);
+            module.cuboid(Paint::Floor, [x0, y - 0.02, low], [x1, y, high], name);
         }
         let frame = Shape::Angle { leg: 200 };
         for (side, z) in [("port", low), ("starboard", high)] {
-            module.bar(
-                Paint::Steel,
-                frame,
-                [x1, 0.0, z],
-                (Axis::Y, DECK),
-                format!("{side} bow frame {}", step + 1),
-            );
+            let name = format!("{side} bow frame {}", step + 1);
+            module.bar(Paint::Steel, frame, [x1, 0.0, z], (Axis::Y, DECK), name);
         }
     }
     module

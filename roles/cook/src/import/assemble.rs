@@ -107,6 +107,13 @@ pub(super) fn place(
     Ok(())
 }
 
+/// Adds an object with a mesh of its own, about a point in the world.
+pub(super) fn place_own(model: &mut Model, mesh: Mesh, origin: DVec3, name: &str, source_index: u32) {
+    let (number, to_world) = (model.meshes.len() as u32, DAffine3::from_translation(origin));
+    model.meshes.push(mesh);
+    model.objects.push(Object { mesh: number, to_world, name: name.to_owned(), source: 0, source_index });
+}
+
 /// Joins the files' parts, in order, into one checked model.
 pub(super) fn merge<'a>(
     budget: &Budget,

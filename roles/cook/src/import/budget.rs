@@ -117,8 +117,11 @@ pub struct OverBudget {
     pub user: String,
 }
 
+/// Whether there is room for what was asked for.
+type Allowed = Result<(), OverBudget>;
+
 /// The requests of one import's files so far.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Budget {
     limits: ImportLimits,
     triangles: AtomicU64,
@@ -137,11 +140,7 @@ impl Budget {
                 objects: limits.objects.min(ImportLimits::MOST_RECORDS),
                 ..limits
             },
-            triangles: AtomicU64::new(0),
-            vertices: AtomicU64::new(0),
-            objects: AtomicU64::new(0),
-            attribute_bytes: AtomicU64::new(0),
-            looked_for: Mutex::default(),
+            ..Self::default()
         }
     }
 
@@ -177,12 +176,7 @@ impl Budget {
     }
 
     /// Counts a mesh's triangles and vertices; `user` is named if they exceed the limit.
-    pub(super) fn mesh(
-        &self,
-        triangles: u64,
-        vertices: u64,
-        user: impl Fn() -> String,
-    ) -> Result<(), OverBudget> {
+    pub(super) fn mesh(&self, triangles: u64, vertices: u64, user: impl Fn() -> String) -> Allowed {
         take(&self.triangles, triangles, Resource::Triangles, self.limits.triangles, &user)?;
         take(&self.vertices, vertices, Resource::Vertices, self.limits.vertices, &user)
     }
@@ -193,23 +187,18 @@ impl Budget {
     }
 
     /// Counts `count` objects, each with a name of `name_length` bytes.
-    pub(super) fn objects(
-        &self,
-        count: u64,
-        name_length: usize,
-        user: impl Fn() -> String,
-    ) -> Result<(), OverBudget> {
+    pub(super) fn objects(&self, count: u64, name_length: usize, user: impl Fn() -> String) -> Allowed {
         let each = 1 + name_length as u64 / NAME_UNIT;
         take(&self.objects, count.saturating_mul(each), Resource::Objects, self.limits.objects, &user)
     }
 
     /// Counts this many more bytes of attributes.
-    pub(super) fn attributes(&self, bytes: u64, user: impl Fn() -> String) -> Result<(), OverBudget> {
+    pub(super) fn attributes(&self, bytes: u64, user: impl Fn() -> String) -> Allowed {
         take(&self.attribute_bytes, bytes, Resource::AttributeBytes, self.limits.attribute_bytes, &user)
     }
 
     /// Checks a nesting depth.
-    pub(super) fn depth(&self, depth: usize, user: impl Fn() -> String) -> Result<(), OverBudget> {
+    pub(super) fn depth(&self, depth: usize, user: impl Fn() -> String) -> Allowed {
         if depth as u64 <= u64::from(self.limits.depth) {
             return Ok(());
         }
@@ -219,13 +208,7 @@ impl Budget {
 
 /// Adds to a count unless it would exceed the limit. The counter guards no other memory, so the memory order
 /// does not matter.
-fn take(
-    used: &AtomicU64,
-    more: u64,
-    resource: Resource,
-    limit: u64,
-    user: &dyn Fn() -> String,
-) -> Result<(), OverBudget> {
+fn take(used: &AtomicU64, more: u64, resource: Resource, limit: u64, user: &dyn Fn() -> String) -> Allowed {
     let add = |used: u64| used.checked_add(more).filter(|&sum| sum <= limit);
     match used.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add) {
         Ok(_) => Ok(()),

@@ -27,7 +27,7 @@ pub enum ImportError {
         value: f64,
     },
     /// A file cannot be read at all.
-    #[error("cannot read {path}: {source}; check the name and the permissions", path = path.display())]
+    #[error("cannot read {path}: {source}; check the name and the permissions")]
     Read {
         /// The file.
         path: PathBuf,
@@ -35,15 +35,14 @@ pub enum ImportError {
         source: io::Error,
     },
     /// The name has no known ending.
-    #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev or .obj", path = path.display())]
+    #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm, .rev or .obj")]
     UnknownFormat {
         /// The file.
         path: PathBuf,
     },
     /// The name has the ending of one format and the first bytes are of another.
     #[error(
-        "{path} is not what its name says: a {expected} file starts with {magic}; it may be damaged, or have the wrong ending",
-        path = path.display()
+        "{path} is not what its name says: a {expected} file starts with {magic}; it may be damaged, or have the wrong ending"
     )]
     WrongMagic {
         /// The file.
@@ -54,13 +53,13 @@ pub enum ImportError {
         magic: &'static str,
     },
     /// A packed file of a format that is not read when packed.
-    #[error("{path} is packed with gzip, and only OBJ is read so: unpack it first, as with gunzip", path = path.display())]
+    #[error("{path} is packed with gzip, and only OBJ is read so: unpack it first, as with gunzip")]
     Packed {
         /// The file.
         path: PathBuf,
     },
     /// The packed data is cut off or damaged.
-    #[error("{path} cannot be unpacked: {source}; it is damaged: get it again", path = path.display())]
+    #[error("{path} cannot be unpacked: {source}; it is damaged: get it again")]
     Unpack {
         /// The file.
         path: PathBuf,
@@ -68,7 +67,9 @@ pub enum ImportError {
         source: io::Error,
     },
     /// A packed file is larger than any packed model.
-    #[error("{path} unpacks to more than {limit} bytes; if it is a model, unpack it with gunzip and import that", path = path.display())]
+    #[error(
+        "{path} unpacks to more than {limit} bytes; if it is a model, unpack it with gunzip and import that"
+    )]
     UnpacksToMore {
         /// The file.
         path: PathBuf,
@@ -76,7 +77,7 @@ pub enum ImportError {
         limit: u64,
     },
     /// A glTF file is malformed or needs an unsupported feature.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {source}")]
     Gltf {
         /// The file.
         path: PathBuf,
@@ -84,7 +85,7 @@ pub enum ImportError {
         source: Box<GltfError>,
     },
     /// An RVM file is malformed.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {source}")]
     Rvm {
         /// The file.
         path: PathBuf,
@@ -92,7 +93,7 @@ pub enum ImportError {
         source: RvmError,
     },
     /// An OBJ file is malformed.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {source}")]
     Obj {
         /// The file.
         path: PathBuf,
@@ -113,7 +114,7 @@ pub enum ImportError {
         warnings: Vec<Warning>,
     },
     /// The files are valid one by one, but their model is not.
-    #[error("{path}: {source}", path = path.display())]
+    #[error("{path}: {source}")]
     Model {
         /// The file.
         path: PathBuf,

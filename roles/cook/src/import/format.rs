@@ -23,8 +23,7 @@ impl Format {
 
     /// Whether a file has the name of a review file.
     pub(super) fn is_named_as_review(path: &Path) -> bool {
-        let ending = path.extension().unwrap_or_default();
-        ["rvm", "rev"].iter().any(|known| ending.eq_ignore_ascii_case(known))
+        matches!(ending(path).as_deref(), Some("rvm" | "rev"))
     }
 
     /// The format of a file with this name and these bytes.
@@ -32,9 +31,8 @@ impl Format {
     /// # Errors
     /// The name's ending is unknown, or the bytes contradict it.
     pub fn of(path: &Path, bytes: &[u8]) -> Result<Self, ImportError> {
-        let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
         let wrong = |expected, magic| Err(ImportError::WrongMagic { path: path.to_owned(), expected, magic });
-        match ending.as_deref() {
+        match ending(path).as_deref() {
             // Either form under either name: the bytes decide.
             Some("glb" | "gltf") if bytes.starts_with(b"glTF") || first_visible(bytes) == Some(b'{') => {
                 Ok(Self::Gltf)
@@ -51,6 +49,11 @@ impl Format {
             _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
         }
     }
+}
+
+/// The ending of a file's name, in lower case.
+pub(super) fn ending(path: &Path) -> Option<String> {
+    path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase())
 }
 
 /// The first byte that is neither white space nor part of a byte order mark.

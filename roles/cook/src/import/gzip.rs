@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use flate2::bufread::GzDecoder;
 
 use super::ImportError;
+use super::format::ending;
 
 /// The first bytes of every gzip file.
 const MAGIC: &[u8] = b"\x1F\x8B";
@@ -58,10 +59,6 @@ pub(super) fn unpacked<'b>(path: &Path, bytes: &'b [u8]) -> Result<Unpacked<'b>,
         }
         _ => Err(ImportError::UnknownFormat { path: owned() }),
     }
-}
-
-fn ending(path: &Path) -> Option<String> {
-    path.extension().map(|ending| ending.to_string_lossy().to_lowercase())
 }
 
 /// The unpacked data, and the number of significant bytes behind it. Several consecutive streams are one

@@ -195,35 +195,25 @@ impl ImportReport {
         if count == 0 {
             return;
         }
-        let detail = cut(detail);
-        let known = |warning: &Warning| warning.kind == kind && warning.detail == detail;
-        let warning = match self.warnings.iter().position(known) {
-            Some(place) => self.warnings.get_mut(place),
-            None if self.warnings.len() < Self::MOST_WARNINGS => {
-                let (file, objects) = (String::new(), Vec::new());
-                self.warnings.push(Warning { kind, file, detail: detail.to_owned(), objects, count: 0 });
-                self.warnings.last_mut()
-            }
-            None if kind == WarningKind::Further => None,
-            None => return self.further(count),
-        };
-        let Some(warning) = warning else { return };
+        let (mut kind, mut detail, mut object) = (kind, cut(detail), object.map(cut));
+        let mut place = self.place(kind, detail);
+        if place.is_none() && self.warnings.len() >= Self::MOST_WARNINGS {
+            (kind, detail, object) = (WarningKind::Further, "", None);
+            place = self.place(kind, detail);
+        }
+        let place = place.unwrap_or_else(|| {
+            let (file, objects) = (String::new(), Vec::new());
+            self.warnings.push(Warning { kind, file, detail: detail.to_owned(), objects, count: 0 });
+            self.warnings.len() - 1
+        });
+        let Some(warning) = self.warnings.get_mut(place) else { return };
         warning.count += count;
-        let object = object.map(cut).filter(|_| warning.objects.len() < Warning::OBJECTS);
+        let object = object.filter(|_| warning.objects.len() < Warning::OBJECTS);
         warning.objects.extend(object.map(str::to_owned));
     }
 
-    fn further(&mut self, count: u64) {
-        match self.warnings.last_mut() {
-            Some(last) if last.kind == WarningKind::Further => last.count += count,
-            _ => self.warnings.push(Warning {
-                kind: WarningKind::Further,
-                file: String::new(),
-                detail: String::new(),
-                objects: Vec::new(),
-                count,
-            }),
-        }
+    fn place(&self, kind: WarningKind, detail: &str) -> Option<usize> {
+        self.warnings.iter().position(|warning| warning.kind == kind && warning.detail == detail)
     }
 
     /// Adds the report of one file, whose name is `file`; the model is counted as a whole.

@@ -10,6 +10,8 @@ use trimaran_cook::import::{
     import_bytes,
 };
 
+use Resource::{AttributeBytes, Depth, Objects, Triangles, Vertices};
+
 use crate::import_files::{RvmWriter, floats, glb, import_beside, reals};
 
 /// A file made to take much memory.
@@ -131,7 +133,7 @@ fn spheres(count: usize, diameter: f32) -> Vec<u8> {
 /// All known ways to make much of little.
 fn hostile() -> Vec<Hostile> {
     let one_node = r#"{"mesh":0}"#;
-    let shared = r#"{"attributes":{"POSITION":0}}"#;
+    let plain = r#"{"attributes":{"POSITION":0}}"#;
     let indexed = r#"{"attributes":{"POSITION":0},"indices":1}"#;
     let degenerate = r#"{"attributes":{"POSITION":4},"indices":3}"#;
     let strip = r#"{"attributes":{"POSITION":4},"indices":3,"mode":5}"#;
@@ -155,7 +157,9 @@ fn hostile() -> Vec<Hostile> {
     let copies = |count: usize| {
         rvm(|file| (0..count).fold(file, |file, _| file.open("/A", 1).cuboid([0.0; 3], [1.0; 3]).close()))
     };
-    let talkative = format!(r#"{shared}],"extras":{{"a":"{}"}},"more":["#, "n".repeat(100_000));
+    let shared =
+        |lines: String| said(copies(1_000), format!("NEW /A\n{lines}END\n"), Some(AttributeBytes), "several");
+    let talkative = format!(r#"{plain}],"extras":{{"a":"{}"}},"more":["#, "n".repeat(100_000));
     let fan = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf{}\n", " 1 2 3".repeat(400_000 / 3));
     let triangles = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "f 1 2 3\n".repeat(400_000));
     let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -164,70 +168,34 @@ fn hostile() -> Vec<Hostile> {
     };
     let names = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "o a\nf 1 2 3\no b\nf 3 2 1\n".repeat(40_000));
     vec![
-        glb(
-            document(one_node, &list(2_000, shared), 100_000),
-            Some(Resource::Vertices),
-            "primitive 3 of mesh 0",
-        ),
-        glb(
-            document(one_node, &list(2_000, indexed), 100_000),
-            Some(Resource::Vertices),
-            "mesh 0 (\"pump\")",
-        ),
-        glb(
-            document(one_node, &list(2_000, degenerate), 100_000),
-            Some(Resource::Triangles),
-            "primitive 9 of mesh 0",
-        ),
-        glb(
-            document(one_node, &list(2_000, strip), 100_000),
-            Some(Resource::Triangles),
-            "primitive 3 of mesh 0",
-        ),
-        glb(document(&list(2_000, instances), shared, 20_000), Some(Resource::Objects), "node 1"),
-        glb(document(&list(2_000, squashed), shared, 30_000), Some(Resource::Triangles), "flattens"),
-        glb(document(&named, shared, 1_000), Some(Resource::Objects), "node 0"),
-        glb(document(&list(2_000, one_node), &talkative, 3), Some(Resource::AttributeBytes), "node 4"),
-        glb(compressed(200_000), Some(Resource::Vertices), "buffer view 2, decompressed,"),
+        glb(document(one_node, &list(2_000, plain), 100_000), Some(Vertices), "primitive 3 of mesh 0"),
+        glb(document(one_node, &list(2_000, indexed), 100_000), Some(Vertices), "mesh 0 (\"pump\")"),
+        glb(document(one_node, &list(2_000, degenerate), 100_000), Some(Triangles), "primitive 9 of mesh 0"),
+        glb(document(one_node, &list(2_000, strip), 100_000), Some(Triangles), "primitive 3 of mesh 0"),
+        glb(document(&list(2_000, instances), plain, 20_000), Some(Objects), "node 1"),
+        glb(document(&list(2_000, squashed), plain, 30_000), Some(Triangles), "flattens"),
+        glb(document(&named, plain, 1_000), Some(Objects), "node 0"),
+        glb(document(&list(2_000, one_node), &talkative, 3), Some(AttributeBytes), "node 4"),
+        glb(compressed(200_000), Some(Vertices), "buffer view 2, decompressed,"),
         glb(textured(4_096), None, ""),
         glb(textured(1_000), None, ""),
-        glb(document(&chain(5_000), shared, 3), Some(Resource::Depth), "node 100"),
-        glb(document(&list(1_000_000, "{}"), shared, 3), None, ""),
-        glb(document(&format!(r#"{{"children":[{}]}}"#, list(1_000_000, "0")), shared, 3), None, ""),
-        rvm_file(spheres(2_000, 1e30), Some(Resource::Triangles), "/PLANT"),
-        rvm_file(
-            rvm(|file| {
-                (0..40_000).fold(file, |file, _| file.open("/A", 1).cuboid([0.0; 3], [1.0; 3]).close())
-            }),
-            Some(Resource::Objects),
-            "group \"/A\"",
-        ),
-        rvm_file(
-            rvm(|file| (0..40_000).fold(file, |file, _| file.open("/A", 1))),
-            Some(Resource::Depth),
-            "/A",
-        ),
+        glb(document(&chain(5_000), plain, 3), Some(Depth), "node 100"),
+        glb(document(&list(1_000_000, "{}"), plain, 3), None, ""),
+        glb(document(&format!(r#"{{"children":[{}]}}"#, list(1_000_000, "0")), plain, 3), None, ""),
+        rvm_file(spheres(2_000, 1e30), Some(Triangles), "/PLANT"),
+        rvm_file(copies(40_000), Some(Objects), "group \"/A\""),
+        rvm_file(rvm(|file| (0..40_000).fold(file, |file, _| file.open("/A", 1))), Some(Depth), "/A"),
         rev("CNTB\n1 1\n\n0 0 0 1\nCNTE\n1 1\n".repeat(100_000)),
         rev(format!("CNTB\n1 1\nA\n0 0 0 1\nPRIM\n1 1\n11\n{}CNTE\n1 1\n", "1\n".repeat(1_000_000))),
         rev("ATTR\n1 1\n".repeat(200_000)),
-        said(
-            copies(1_000),
-            format!("NEW /A\n{}END\n", "K:=v\n".repeat(100_000)),
-            Some(Resource::AttributeBytes),
-            "several",
-        ),
-        said(
-            copies(1_000),
-            format!("NEW /A\n{}END\n", format!("K:={}\n", "x".repeat(1_000)).repeat(1_000)),
-            Some(Resource::AttributeBytes),
-            "several",
-        ),
-        said(copies(1), "NEW /A\nEND\n".repeat(500_000), Some(Resource::AttributeBytes), "a.att"),
+        shared("K:=v\n".repeat(100_000)),
+        shared(format!("K:={}\n", "x".repeat(1_000)).repeat(1_000)),
+        said(copies(1), "NEW /A\nEND\n".repeat(500_000), Some(AttributeBytes), "a.att"),
         said(copies(1), "NEW A\n".repeat(600_000), None, ""),
         said(copies(1), format!("NEW /A\n{}", "a:=\n".repeat(1_000_000)), None, ""),
-        obj(fan, Some(Resource::Triangles), "object"),
-        obj(triangles, Some(Resource::Triangles), "object"),
-        obj(names, Some(Resource::Objects), "object \"a\""),
+        obj(fan, Some(Triangles), "object"),
+        obj(triangles, Some(Triangles), "object"),
+        obj(names, Some(Objects), "object \"a\""),
         obj(format!("v 0 0 0\n{}", "f 1\n".repeat(2_000_000)), None, ""),
         obj(format!("v 0 0 0\n{}", "f 1 1\n".repeat(2_000_000)), None, ""),
         obj("v 0 0 0\n".repeat(1_000_000), None, ""),
@@ -235,7 +203,7 @@ fn hostile() -> Vec<Hostile> {
         obj(format!("{triangle}{}", many("usemtl", "")), None, ""),
         obj(format!("{triangle}{}", many("usemtl", "f 1 2 3\n")), None, ""),
         obj(format!("{triangle}{}", many("", "")), None, ""),
-        obj(format!("{triangle}o a\n{}", many("g", "f 1 2 3\n")), Some(Resource::Objects), "object \""),
+        obj(format!("{triangle}o a\n{}", many("g", "f 1 2 3\n")), Some(Objects), "object \""),
         obj(format!("{triangle}{}", "v 0 0 0 1 1 1 1\n".repeat(300_000)), None, ""),
     ]
 }

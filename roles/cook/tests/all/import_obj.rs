@@ -5,9 +5,9 @@ use std::io::Write;
 use flate2::{Compression, write::GzEncoder};
 use proptest::prelude::*;
 use trimaran_cook::import::{ImportError, ImportOptions, Imported, ObjError, WarningKind, import};
-use trimaran_cook::{CookOptions, Model, cook};
+use trimaran_cook::{CookOptions, cook};
 
-use crate::import_files::{import_beside, import_bytes};
+use crate::import_files::{import_beside, import_bytes, names};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 const RED: [u8; 4] = [255, 0, 0, 255];
@@ -45,15 +45,11 @@ fn warning(imported: &Imported) -> String {
     said.concat()
 }
 
-fn names(model: &Model) -> Vec<&str> {
-    model.objects.iter().map(|object| &*object.name).collect()
-}
-
 /// The groups within the file's: name, and names of objects.
-fn groups(model: &Model) -> Vec<(&str, Vec<&str>)> {
+fn groups(imported: &Imported) -> Vec<(&str, Vec<&str>)> {
     let within = |group: &trimaran_scene::Group| group.objects.start as usize..group.objects.end as usize;
-    let groups = model.hierarchy.groups.iter().skip(1);
-    groups.map(|group| (&*group.name, names(model)[within(group)].to_vec())).collect()
+    let groups = imported.model.hierarchy.groups.iter().skip(1);
+    groups.map(|group| (&*group.name, names(imported)[within(group)].to_vec())).collect()
 }
 
 /// The colours of the first object, in the order of its vertices, each once.
@@ -81,7 +77,7 @@ fn lines_that_go_on() {
 #[test]
 fn names_that_are_empty() {
     let imported = clean(format!("o \ng\nusemtl \nusemtl\n{TRIANGLE}"));
-    assert_eq!((names(&imported.model), colours(&imported)), (vec!["unnamed_object"], vec![GREY]));
+    assert_eq!((names(&imported), colours(&imported)), (vec!["unnamed_object"], vec![GREY]));
 }
 
 #[test]
@@ -90,7 +86,7 @@ fn comments_at_the_end_of_lines() {
                 v 0 0 0 # origin\nv 1 0 0#x\nv 0 1 0\nf 1 2 3 # bottom\ns off # flat\n";
     let imported = read_beside(text, &[("a.mtl", "newmtl red # signal\nKd 1 0 0 # full\n")]);
     assert_eq!(imported.report.warnings, []);
-    assert_eq!((names(&imported.model), colours(&imported)), (vec!["Tank #5"], vec![RED]));
+    assert_eq!((names(&imported), colours(&imported)), (vec!["Tank #5"], vec![RED]));
 }
 
 #[test]
@@ -114,8 +110,8 @@ fn utf16_is_read_with_and_without_its_mark() {
     let text = format!("\u{feff}o Beh\u{e4}lter\n{TRIANGLE}");
     for to_bytes in [u16::to_le_bytes, u16::to_be_bytes] {
         let bytes: Vec<u8> = text.encode_utf16().flat_map(to_bytes).collect();
-        assert_eq!(names(&clean(&bytes).model), ["Beh\u{e4}lter"]);
-        assert_eq!(names(&clean(&bytes[2..]).model), ["Beh\u{e4}lter"]);
+        assert_eq!(names(&clean(&bytes)), ["Beh\u{e4}lter"]);
+        assert_eq!(names(&clean(&bytes[2..])), ["Beh\u{e4}lter"]);
         let library: Vec<u8> = "\u{feff}newmtl m\nKd 1 0 0".encode_utf16().flat_map(to_bytes).collect();
         let text = format!("mtllib a.mtl\nusemtl m\n{TRIANGLE}");
         assert_eq!(colours(&import_beside("a.obj", text.as_bytes(), &[("a.mtl", &library)]).unwrap()), [RED]);
@@ -132,7 +128,7 @@ fn a_backslash_at_the_end_of_a_name_joins_no_lines() {
     let named = |word: &str, name: &[u8]| {
         let head = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{word} ");
         let imported = read([head.as_bytes(), name, b"\nf 1 2 3\n"].concat());
-        (triangles(&imported), names(&imported.model)[0].to_owned(), said(&imported).len())
+        (triangles(&imported), names(&imported)[0].to_owned(), said(&imported).len())
     };
     assert_eq!(named("o", b"C:\\models\\"), (1, "C:\\models\\".into(), 0));
     assert_eq!(named("g", b"\x95\x5c"), (1, "\u{2022}\\".into(), 0));
@@ -170,7 +166,7 @@ fn words_in_any_case_and_marks_within_are_no_other_words() {
     let text =
         "\u{feff}\u{feff}V 0 0 0\nv 1 0 0\n \u{feff}v 0 1 0\nVN 0 0 1\nO Tank\nUseMtl m\nF 1 2 3\nL 1 2\n";
     let imported = read(text);
-    assert_eq!((triangles(&imported), names(&imported.model)), (1, vec!["Tank"]));
+    assert_eq!((triangles(&imported), names(&imported)), (1, vec!["Tank"]));
     assert_eq!(
         imported.report.counts(),
         [(WarningKind::PointsOrLines, 1), (WarningKind::MaterialUndefined, 1)]
@@ -188,7 +184,7 @@ fn bytes_of_zero_are_white_space_and_counted() {
         "o Pump\nv 0 0 0\0\nv 1 0 0\nv 0 1 0\nf\x001 2 3\n".to_owned(),
     ] {
         let imported = read(&text);
-        assert_eq!((triangles(&imported), names(&imported.model)), (1, vec!["Pump"]));
+        assert_eq!((triangles(&imported), names(&imported)), (1, vec!["Pump"]));
         let counts = imported.report.counts();
         assert!(matches!(*counts, [(WarningKind::MalformedLine, 1 | 2)]), "{counts:?}");
     }
@@ -207,7 +203,7 @@ fn names_in_latin_1() {
     let text = [b"o Beh\xE4lter 5\nusemtl Gr\xFCn\nmtllib a.mtl\n", TRIANGLE.as_bytes()].concat();
     let imported = import_beside("a.obj", &text, &[("a.mtl", b"newmtl Gr\xFCn\nKd 1 0 0\n")]).unwrap();
     assert_eq!(imported.report.warnings, []);
-    assert_eq!((names(&imported.model), colours(&imported)), (vec!["Beh\u{e4}lter 5"], vec![RED]));
+    assert_eq!((names(&imported), colours(&imported)), (vec!["Beh\u{e4}lter 5"], vec![RED]));
 }
 
 #[test]
@@ -215,9 +211,9 @@ fn objects_hold_groups() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\no Pump-101\ng casing\nf 1 2 3\ng shaft\nf 1 2 3\nf 1 2 3\n\
                 o Tank-7\nf 1 2 3\ng nozzle N1\nf 1 2 3\no Sign\ng Sign\nf 1 2 3\no Post\nf 1 2 3\n";
     let imported = clean(text);
-    assert_eq!(names(&imported.model), ["casing", "shaft", "Tank-7", "nozzle N1", "Sign", "Post"]);
+    assert_eq!(names(&imported), ["casing", "shaft", "Tank-7", "nozzle N1", "Sign", "Post"]);
     let expected = [("Pump-101", vec!["casing", "shaft"]), ("Tank-7", vec!["Tank-7", "nozzle N1"])];
-    assert_eq!(groups(&imported.model), expected);
+    assert_eq!(groups(&imported), expected);
     let indices: Vec<u32> = imported.model.objects.iter().map(|object| object.source_index).collect();
     assert_eq!(indices, [0, 1, 2, 3, 4, 5]);
 }
@@ -229,12 +225,12 @@ fn objects_alone_and_groups_alone_are_objects() {
             "{TRIANGLE}{word} a b\nf 1 2 3\nusemtl x\nf 1 2 3\n{word} c\n{word} d\nf 1 2 3\n{word} d\nf 3 2 1\n"
         );
         let imported = read(text);
-        assert_eq!(names(&imported.model), ["unnamed_object", "a b", "d"]);
-        assert!(groups(&imported.model).is_empty());
+        assert_eq!(names(&imported), ["unnamed_object", "a b", "d"]);
+        assert!(groups(&imported).is_empty());
     }
     // A group above an object does not contain it.
     let imported = clean(format!("{TRIANGLE}g default\no a\nf 1 2 3\no b\nf 1 2 3\n"));
-    assert_eq!((names(&imported.model).len(), groups(&imported.model)), (3, vec![]));
+    assert_eq!((names(&imported).len(), groups(&imported)), (3, vec![]));
 }
 
 #[test]
@@ -434,7 +430,7 @@ fn a_face_that_is_wrong_costs_that_face() {
     ];
     for face in faces {
         let imported = read(format!("o t\n{TRIANGLE}o u\nf {face}\nf 1 2 3\n"));
-        assert_eq!((triangles(&imported), names(&imported.model)), (2, vec!["t", "u"]), "{face}");
+        assert_eq!((triangles(&imported), names(&imported)), (2, vec!["t", "u"]), "{face}");
         let said = warning(&imported);
         assert!(said.contains("1 faces left out") && said.contains("first at line 7: "), "{said}");
         assert!(said.ends_with("first in \"u\""), "{said}");
@@ -485,7 +481,7 @@ fn statements_of_others_are_left_out_and_those_that_would_do_something_are_named
 fn points_and_lines_are_counted() {
     let imported = read(format!("{TRIANGLE}o rail\nl 1 2 3\np 1\nf 1 2\nf 1\nf\n"));
     assert_eq!(imported.report.counts(), [(WarningKind::PointsOrLines, 5)]);
-    assert_eq!(names(&imported.model), ["unnamed_object"]);
+    assert_eq!(names(&imported), ["unnamed_object"]);
 }
 
 #[test]
@@ -494,7 +490,7 @@ fn objects_that_draw_nothing_are_left_out() {
         "o good\n{TRIANGLE}o flat\nv 50 50 50\nv 50 50 51\nf 4 5 4\no dot\nf 4 4 4\no thin\nf 1 2 3 2\n"
     );
     let imported = read(text);
-    assert_eq!(names(&imported.model), ["good"]);
+    assert_eq!(names(&imported), ["good"]);
     assert_eq!(imported.report.counts(), [(WarningKind::EmptyObject, 3)]);
     assert!(warning(&imported).ends_with("first in \"flat\", \"dot\", \"thin\""), "{:?}", said(&imported));
 }
@@ -502,7 +498,7 @@ fn objects_that_draw_nothing_are_left_out() {
 #[test]
 fn a_face_that_crosses_itself_evenly_is_covered() {
     let imported = clean("o bow\nv 0 0 0\nv 0.1 0.1 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3 4\n");
-    assert_eq!((names(&imported.model), triangles(&imported)), (vec!["bow"], 2));
+    assert_eq!((names(&imported), triangles(&imported)), (vec!["bow"], 2));
 }
 
 #[test]
@@ -683,7 +679,7 @@ proptest! {
     fn a_cube_is_the_same_however_it_is_written(style in styles()) {
         let imported = import_bytes("a.obj", &cube(&style)).unwrap();
         prop_assert_eq!(&imported.report.warnings, &[]);
-        prop_assert_eq!(names(&imported.model), ["cube"]);
+        prop_assert_eq!(names(&imported), ["cube"]);
         let mesh = &imported.model.meshes[0];
         prop_assert_eq!((mesh.positions.len(), mesh.triangle_count()), (8, 12));
         let volume: f32 = mesh.indices.as_chunks::<3>().0.iter().map(|triangle| {

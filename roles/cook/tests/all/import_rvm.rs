@@ -6,7 +6,7 @@ use trimaran_cook::import::{
 };
 use trimaran_scene::Rgba8;
 
-use crate::import_files::{RvmWriter, import_beside, import_bytes, reals, word};
+use crate::import_files::{RvmWriter, import_beside, import_bytes, names, reals, word};
 
 fn error(file: &[u8]) -> RvmError {
     match import_bytes("a.rvm", file) {
@@ -125,10 +125,6 @@ fn met(imported: &Imported) -> Vec<Met> {
 fn of(kind: WarningKind, detail: &str, objects: &[&str]) -> Met {
     let names = objects.iter().map(|&name| name.to_owned()).collect();
     (kind, detail.to_owned(), names, objects.len().max(1) as u64)
-}
-
-fn names(imported: &Imported) -> Vec<&str> {
-    imported.model.objects.iter().map(|object| &*object.name).collect()
 }
 
 fn box_in(file: RvmWriter, name: &str) -> RvmWriter {

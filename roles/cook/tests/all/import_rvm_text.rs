@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use trimaran_cook::import::{ImportError, Imported, RvmError, RvmPlace, WarningKind};
 use trimaran_scene::Rgba8;
 
-use crate::import_files::{RvmWriter, import_beside, import_bytes, reals};
+use crate::import_files::{RvmWriter, import_beside, import_bytes, names, reals};
 
 const BEGIN: &str = "HEAD\n     1     2\nAVEVA PDMS Design\n\nMon Jan 01 2024\nme@here\nUnicode UTF-8\n\
                      MODL\n     1     1\nSAM\n/SAMPLE\n";
@@ -30,10 +30,6 @@ fn cuboid(size: f64) -> String {
 
 fn read(text: &str) -> Imported {
     import_bytes("a.rvm", text.as_bytes()).unwrap()
-}
-
-fn names(imported: &Imported) -> Vec<&str> {
-    imported.model.objects.iter().map(|object| &*object.name).collect()
 }
 
 fn kinds(imported: &Imported) -> Vec<(WarningKind, &str, u64)> {

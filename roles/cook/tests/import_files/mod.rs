@@ -28,6 +28,11 @@ pub(crate) fn import_beside(
     import(&[path], &ImportOptions::default(), &mut |_| {})
 }
 
+/// The names of the objects.
+pub(crate) fn names(imported: &Imported) -> Vec<&str> {
+    imported.model.objects.iter().map(|object| &*object.name).collect()
+}
+
 /// A .glb of this JSON and these bytes.
 pub(crate) fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
     let mut json = json.as_bytes().to_vec();

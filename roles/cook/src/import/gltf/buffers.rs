@@ -85,7 +85,7 @@ pub(super) struct Resources<'n, 'b>(pub &'n mut Neighbours<'b>);
 pub(super) enum ResourceFault {
     #[error("{0}")]
     Malformed(&'static str),
-    #[error("cannot read {path}: {source}", path = .0.display(), source = .1)]
+    #[error("cannot read {0}: {1}")]
     Unread(PathBuf, io::Error),
 }
 

@@ -1,31 +1,25 @@
 //! A column of a property table: packed values of one type.
 
-use serde::Deserialize;
 use serde_json::{Number, Value};
 
 use super::accessor::Accessors;
-use super::lenient::{maybe_whole, text, whole};
+use super::lenient::objects;
 use super::metadata::{Enumeration, Property};
 
 type Result<T> = std::result::Result<T, &'static str>;
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Column {
-    /// Views of the bytes.
-    #[serde(deserialize_with = "whole")]
-    values: u32,
-    #[serde(deserialize_with = "maybe_whole")]
-    array_offsets: Option<u32>,
-    #[serde(deserialize_with = "maybe_whole")]
-    string_offsets: Option<u32>,
-    #[serde(deserialize_with = "text")]
-    array_offset_type: Option<String>,
-    #[serde(deserialize_with = "text")]
-    string_offset_type: Option<String>,
-    /// Replaces the property's.
-    offset: Option<Value>,
-    scale: Option<Value>,
+objects! {
+    pub(super) struct Column {
+        /// Views of the bytes.
+        values: u32,
+        array_offsets: Option<u32>,
+        string_offsets: Option<u32>,
+        array_offset_type: Option<String>,
+        string_offset_type: Option<String>,
+        /// Replaces the property's.
+        offset: Option<Value>,
+        scale: Option<Value>,
+    }
 }
 
 /// The most numbers of a value: a row is shown as one line in a page.

@@ -22,12 +22,12 @@ pub enum GltfError {
     /// The JSON does not parse.
     #[error("the JSON does not parse: {0}; the file may be cut off or changed by hand: export it again")]
     Json(#[from] serde_json::Error),
-    /// A value in the JSON has the wrong type.
+    /// A part of the document is malformed: a value, a mesh, a node, a scene.
     #[error("{part} is malformed: {what}; export it again, or correct the file there")]
-    Field {
-        /// Its container: a node, a mesh, an accessor.
+    Malformed {
+        /// The part: a primitive with its mesh, the path to a node from its root.
         part: String,
-        /// The value, and its error.
+        /// The error.
         what: String,
     },
     /// The file is of another version of glTF.
@@ -46,7 +46,7 @@ pub enum GltfError {
         extension: String,
     },
     /// A buffer cannot be loaded.
-    #[error("buffer {buffer} cannot be read from {path}: {source}; a .gltf needs its buffers beside it", path = path.display())]
+    #[error("buffer {buffer} cannot be read from {path}: {source}; a .gltf needs its buffers beside it")]
     BufferFile {
         /// Index of the buffer.
         buffer: usize,
@@ -98,33 +98,9 @@ pub enum GltfError {
         /// The error.
         what: String,
     },
-    /// A mesh is malformed.
-    #[error("{mesh} is malformed: {what}; export it again, or correct the file there")]
-    Mesh {
-        /// The mesh and primitive, with its name.
-        mesh: String,
-        /// The error.
-        what: String,
-    },
-    /// A node is malformed.
-    #[error("{node} is malformed: {what}; export it again, or correct the file there")]
-    Node {
-        /// The path to the node from its root.
-        node: String,
-        /// The error.
-        what: &'static str,
-    },
     /// It exceeds a limit.
     #[error(transparent)]
     Budget(#[from] OverBudget),
-    /// The scene to show does not exist, or names a node that does not.
-    #[error("scene {scene} is malformed: {what}; export it again, or correct the file there")]
-    Scene {
-        /// Index of the scene.
-        scene: u32,
-        /// The error.
-        what: &'static str,
-    },
 }
 
 impl GltfError {
@@ -135,7 +111,7 @@ impl GltfError {
             Self::Draco { what, .. } => {
                 format!("KHR_draco_mesh_compression: {what}; `gltf-transform copy` decompresses the file")
             }
-            Self::Mesh { what, .. } => what.clone(),
+            Self::Malformed { what, .. } => what.clone(),
             other => other.to_string(),
         }
     }

@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use glam::Vec3;
 
 use super::material::{byte, srgb};
+use crate::lists::at;
 
 /// Vertices with linear colours, and triangles of them.
 pub(super) struct Coloured<'a> {
@@ -84,7 +85,7 @@ impl Cut<'_, '_> {
     /// The middle of an edge whose ends differ in colour.
     fn middle(&mut self, from: u32, to: u32) -> Option<u32> {
         let Coloured { positions, colours, .. } = self.surface;
-        let pair = [from, to].map(|end| colours.get(end as usize).copied().unwrap_or_default());
+        let pair = [from, to].map(|end| at(colours, end));
         let [a, b] = pair;
         if difference(a, b) <= self.step {
             return None;
@@ -92,7 +93,7 @@ impl Cut<'_, '_> {
         if let Some(&middle) = self.middles.get(&(from.min(to), from.max(to))) {
             return Some(middle);
         }
-        let ends = [from, to].map(|end| positions.get(end as usize).copied().unwrap_or_default());
+        let ends = [from, to].map(|end| at(positions, end));
         let middle = positions.len() as u32;
         // Halves first: a sum could overflow.
         positions.push(ends[0] / 2.0 + ends[1] / 2.0);

@@ -13,45 +13,187 @@ use trimaran_scene::Attribute;
 
 use super::GltfError;
 use super::faults::Faults;
-use super::lenient::{
-    flag, maybe_flag, maybe_whole, or_default, reals, text, vector, whole, wholes, wholes_by_name,
-};
+use super::lenient::objects;
 use super::material::{Image, Material, Sampler, Texture};
 use super::mend::{Mended, mend};
 use super::metadata::{FeatureIds, Features, Metadata};
 use super::tolerant;
 use crate::import::report::WarningKind;
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Document {
-    #[serde(deserialize_with = "or_default")]
-    pub asset: Asset,
-    #[serde(deserialize_with = "or_default")]
-    pub extensions_required: Vec<String>,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub scene: Option<u32>,
-    #[serde(deserialize_with = "or_default")]
-    pub scenes: Vec<Scene>,
-    #[serde(deserialize_with = "or_default")]
-    pub nodes: Vec<Node>,
-    #[serde(deserialize_with = "or_default")]
-    pub meshes: Vec<Mesh>,
-    #[serde(deserialize_with = "or_default")]
-    pub materials: Vec<Material>,
-    #[serde(deserialize_with = "or_default")]
-    pub textures: Vec<Texture>,
-    #[serde(deserialize_with = "or_default")]
-    pub samplers: Vec<Sampler>,
-    #[serde(deserialize_with = "or_default")]
-    pub images: Vec<Image>,
-    #[serde(deserialize_with = "or_default")]
-    pub accessors: Vec<Accessor>,
-    #[serde(deserialize_with = "or_default")]
-    pub buffer_views: Vec<BufferView>,
-    #[serde(deserialize_with = "or_default")]
-    pub buffers: Vec<Buffer>,
-    pub extensions: Option<Box<DocumentExtensions>>,
+objects! {
+    pub(super) struct Document {
+        pub asset: Asset,
+        pub extensions_required: Vec<String>,
+        pub scene: Option<u32>,
+        pub scenes: Vec<Scene>,
+        pub nodes: Vec<Node>,
+        pub meshes: Vec<Mesh>,
+        pub materials: Vec<Material>,
+        pub textures: Vec<Texture>,
+        pub samplers: Vec<Sampler>,
+        pub images: Vec<Image>,
+        pub accessors: Vec<Accessor>,
+        pub buffer_views: Vec<BufferView>,
+        pub buffers: Vec<Buffer>,
+        pub extensions: Option<Box<DocumentExtensions>>,
+    }
+
+    pub(super) struct Asset {
+        pub version: Option<String>,
+        pub min_version: Option<String>,
+    }
+
+    pub(super) struct DocumentExtensions {
+        #[serde(rename = "EXT_structural_metadata")]
+        pub metadata: Option<Metadata>,
+    }
+
+    pub(super) struct Scene {
+        pub nodes: Vec<u32>,
+    }
+
+    pub(super) struct Node {
+        pub name: Option<String>,
+        pub children: Vec<u32>,
+        pub mesh: Option<u32>,
+        pub skin: Option<u32>,
+        /// Column-major, to the parent's frame. Boxed, like all rare members: an empty node takes two bytes
+        /// of a file.
+        pub matrix: Option<Box<[f64; 16]>>,
+        pub translation: Option<Box<[f64; 3]>>,
+        /// A quaternion: x, y, z, w.
+        pub rotation: Option<Box<[f64; 4]>>,
+        pub scale: Option<Box<[f64; 3]>>,
+        /// For the mesh's morph targets, replacing the mesh's own.
+        pub weights: Option<Box<[f32]>>,
+        pub extensions: Option<Box<NodeExtensions>>,
+        /// The author's own data.
+        pub extras: Option<Box<Value>>,
+    }
+
+    pub(super) struct NodeExtensions {
+        #[serde(rename = "EXT_mesh_gpu_instancing")]
+        pub instancing: Option<Instancing>,
+        #[serde(rename = "KHR_node_visibility")]
+        pub visibility: Option<Visibility>,
+        #[serde(rename = "EXT_instance_features")]
+        pub features: Option<Features>,
+    }
+
+    pub(super) struct Visibility {
+        pub visible: Option<bool>,
+    }
+
+    pub(super) struct Instancing {
+        /// Accessors with one element per instance: TRANSLATION, ROTATION, SCALE and others.
+        pub attributes: BTreeMap<String, u32>,
+    }
+
+    pub(super) struct Mesh {
+        pub name: Option<String>,
+        pub primitives: Vec<Primitive>,
+        /// For the primitives' morph targets.
+        pub weights: Option<Box<[f32]>>,
+        pub extras: Option<Box<Value>>,
+    }
+
+    pub(super) struct Primitive {
+        /// Accessors with one element per vertex: POSITION, COLOR_0, TEXCOORD_0 and others.
+        pub attributes: BTreeMap<String, u32>,
+        pub indices: Option<u32>,
+        pub material: Option<u32>,
+        /// 4, triangles, if there is none.
+        pub mode: Option<u32>,
+        pub targets: Vec<Target>,
+        pub extensions: Option<Box<PrimitiveExtensions>>,
+    }
+
+    /// A morph target: offsets of positions, multiplied by its weight.
+    pub(super) struct Target {
+        #[serde(rename = "POSITION")]
+        pub position: Option<u32>,
+    }
+
+    pub(super) struct PrimitiveExtensions {
+        #[serde(rename = "KHR_draco_mesh_compression")]
+        pub draco: Option<Draco>,
+        #[serde(rename = "EXT_mesh_features")]
+        pub features: Option<Features>,
+    }
+
+    /// A primitive with arrays compressed by Draco.
+    pub(super) struct Draco {
+        pub buffer_view: u32,
+        /// Draco's numbers of the primitive's attributes.
+        pub attributes: BTreeMap<String, u32>,
+    }
+
+    pub(super) struct Accessor {
+        pub buffer_view: Option<u32>,
+        pub byte_offset: u64,
+        pub component_type: u32,
+        pub normalized: bool,
+        pub count: u64,
+        #[serde(rename = "type")]
+        pub kind: String,
+        pub sparse: Option<Box<Sparse>>,
+    }
+
+    pub(super) struct Sparse {
+        pub count: u64,
+        pub indices: SparsePart,
+        pub values: SparsePart,
+    }
+
+    /// The indices or the values of a sparse accessor; only the indices have a component type of their own.
+    pub(super) struct SparsePart {
+        pub buffer_view: Option<u32>,
+        pub byte_offset: u64,
+        pub component_type: Option<u32>,
+    }
+
+    pub(super) struct BufferView {
+        pub buffer: u32,
+        pub byte_offset: u64,
+        pub byte_length: u64,
+        pub byte_stride: Option<u64>,
+        pub extensions: Option<Box<ViewExtensions>>,
+    }
+
+    pub(super) struct ViewExtensions {
+        #[serde(rename = "EXT_meshopt_compression")]
+        pub ext: Option<Packed>,
+        #[serde(rename = "KHR_meshopt_compression")]
+        pub khr: Option<Packed>,
+    }
+
+    /// The compressed bytes of a buffer view, and their decompressed form.
+    pub(super) struct Packed {
+        pub buffer: u32,
+        pub byte_offset: u64,
+        pub byte_length: u64,
+        pub byte_stride: u64,
+        pub count: u64,
+        pub mode: String,
+        pub filter: Option<Box<str>>,
+    }
+
+    pub(super) struct Buffer {
+        pub uri: Option<String>,
+        pub byte_length: u64,
+        pub extensions: Option<Box<BufferExtensions>>,
+    }
+
+    pub(super) struct BufferExtensions {
+        #[serde(rename = "EXT_meshopt_compression")]
+        pub ext: Option<Fallback>,
+        #[serde(rename = "KHR_meshopt_compression")]
+        pub khr: Option<Fallback>,
+    }
+
+    pub(super) struct Fallback {
+        pub fallback: Option<bool>,
+    }
 }
 
 impl Document {
@@ -167,59 +309,6 @@ struct Head {
     accessors: BTreeMap<String, IgnoredAny>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Asset {
-    #[serde(deserialize_with = "text")]
-    pub version: Option<String>,
-    #[serde(deserialize_with = "text")]
-    pub min_version: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct DocumentExtensions {
-    #[serde(rename = "EXT_structural_metadata")]
-    pub metadata: Option<Metadata>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Scene {
-    #[serde(deserialize_with = "wholes")]
-    pub nodes: Vec<u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Node {
-    #[serde(deserialize_with = "text")]
-    pub name: Option<String>,
-    #[serde(deserialize_with = "wholes")]
-    pub children: Vec<u32>,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub mesh: Option<u32>,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub skin: Option<u32>,
-    /// Column-major, to the parent's frame. Boxed, like all rare members: an empty node takes two bytes of a
-    /// file.
-    #[serde(deserialize_with = "vector")]
-    pub matrix: Option<Box<[f64; 16]>>,
-    #[serde(deserialize_with = "vector")]
-    pub translation: Option<Box<[f64; 3]>>,
-    /// A quaternion: x, y, z, w.
-    #[serde(deserialize_with = "vector")]
-    pub rotation: Option<Box<[f64; 4]>>,
-    #[serde(deserialize_with = "vector")]
-    pub scale: Option<Box<[f64; 3]>>,
-    /// For the mesh's morph targets, replacing the mesh's own.
-    #[serde(deserialize_with = "reals")]
-    pub weights: Option<Box<[f32]>>,
-    pub extensions: Option<Box<NodeExtensions>>,
-    /// The author's own data.
-    pub extras: Option<Box<Value>>,
-}
-
 impl Node {
     pub(super) fn instancing(&self) -> Option<&Instancing> {
         self.extensions.as_ref()?.instancing.as_ref()
@@ -231,152 +320,12 @@ impl Node {
     }
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct NodeExtensions {
-    #[serde(rename = "EXT_mesh_gpu_instancing")]
-    pub instancing: Option<Instancing>,
-    #[serde(rename = "KHR_node_visibility")]
-    pub visibility: Option<Visibility>,
-    #[serde(rename = "EXT_instance_features")]
-    pub features: Option<Features>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Visibility {
-    #[serde(deserialize_with = "maybe_flag")]
-    pub visible: Option<bool>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Instancing {
-    /// Accessors with one element per instance: TRANSLATION, ROTATION, SCALE and others.
-    #[serde(deserialize_with = "wholes_by_name")]
-    pub attributes: BTreeMap<String, u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Mesh {
-    #[serde(deserialize_with = "text")]
-    pub name: Option<String>,
-    #[serde(deserialize_with = "or_default")]
-    pub primitives: Vec<Primitive>,
-    /// For the primitives' morph targets.
-    #[serde(deserialize_with = "reals")]
-    pub weights: Option<Box<[f32]>>,
-    pub extras: Option<Box<Value>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Primitive {
-    /// Accessors with one element per vertex: POSITION, COLOR_0, TEXCOORD_0 and others.
-    #[serde(deserialize_with = "wholes_by_name")]
-    pub attributes: BTreeMap<String, u32>,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub indices: Option<u32>,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub material: Option<u32>,
-    /// 4, triangles, if there is none.
-    #[serde(deserialize_with = "maybe_whole")]
-    pub mode: Option<u32>,
-    #[serde(deserialize_with = "or_default")]
-    pub targets: Vec<Target>,
-    pub extensions: Option<Box<PrimitiveExtensions>>,
-}
-
 impl Primitive {
     /// The numbering of its triangles' features: the attribute's name, and the meaning of the numbers.
     pub(super) fn features(&self) -> Option<(String, &FeatureIds)> {
         let ids = self.extensions.as_ref()?.features.as_ref()?.with_table()?;
         Some((format!("_FEATURE_ID_{}", ids.attribute?), ids))
     }
-}
-
-/// A morph target: offsets of positions, multiplied by its weight.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Target {
-    #[serde(rename = "POSITION", deserialize_with = "maybe_whole")]
-    pub position: Option<u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct PrimitiveExtensions {
-    #[serde(rename = "KHR_draco_mesh_compression")]
-    pub draco: Option<Draco>,
-    #[serde(rename = "EXT_mesh_features")]
-    pub features: Option<Features>,
-}
-
-/// A primitive with arrays compressed by Draco.
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Draco {
-    #[serde(deserialize_with = "whole")]
-    pub buffer_view: u32,
-    /// Draco's numbers of the primitive's attributes.
-    #[serde(deserialize_with = "wholes_by_name")]
-    pub attributes: BTreeMap<String, u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Accessor {
-    #[serde(deserialize_with = "maybe_whole")]
-    pub buffer_view: Option<u32>,
-    #[serde(deserialize_with = "whole")]
-    pub byte_offset: u64,
-    #[serde(deserialize_with = "whole")]
-    pub component_type: u32,
-    #[serde(deserialize_with = "flag")]
-    pub normalized: bool,
-    #[serde(deserialize_with = "whole")]
-    pub count: u64,
-    #[serde(rename = "type", deserialize_with = "or_default")]
-    pub kind: String,
-    pub sparse: Option<Box<Sparse>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Sparse {
-    #[serde(deserialize_with = "whole")]
-    pub count: u64,
-    #[serde(deserialize_with = "or_default")]
-    pub indices: SparsePart,
-    #[serde(deserialize_with = "or_default")]
-    pub values: SparsePart,
-}
-
-/// The indices or the values of a sparse accessor; only the indices have a component type of their own.
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct SparsePart {
-    #[serde(deserialize_with = "maybe_whole")]
-    pub buffer_view: Option<u32>,
-    #[serde(deserialize_with = "whole")]
-    pub byte_offset: u64,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub component_type: Option<u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct BufferView {
-    #[serde(deserialize_with = "whole")]
-    pub buffer: u32,
-    #[serde(deserialize_with = "whole")]
-    pub byte_offset: u64,
-    #[serde(deserialize_with = "whole")]
-    pub byte_length: u64,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub byte_stride: Option<u64>,
-    pub extensions: Option<Box<ViewExtensions>>,
 }
 
 impl BufferView {
@@ -387,64 +336,10 @@ impl BufferView {
     }
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct ViewExtensions {
-    #[serde(rename = "EXT_meshopt_compression")]
-    pub ext: Option<Packed>,
-    #[serde(rename = "KHR_meshopt_compression")]
-    pub khr: Option<Packed>,
-}
-
-/// The compressed bytes of a buffer view, and their decompressed form.
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Packed {
-    #[serde(deserialize_with = "whole")]
-    pub buffer: u32,
-    #[serde(deserialize_with = "whole")]
-    pub byte_offset: u64,
-    #[serde(deserialize_with = "whole")]
-    pub byte_length: u64,
-    #[serde(deserialize_with = "whole")]
-    pub byte_stride: u64,
-    #[serde(deserialize_with = "whole")]
-    pub count: u64,
-    #[serde(deserialize_with = "or_default")]
-    pub mode: String,
-    pub filter: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Buffer {
-    #[serde(deserialize_with = "text")]
-    pub uri: Option<String>,
-    #[serde(deserialize_with = "whole")]
-    pub byte_length: u64,
-    pub extensions: Option<Box<BufferExtensions>>,
-}
-
 impl Buffer {
     /// Whether it is only a fallback for compressed bytes.
     pub(super) fn is_fallback(&self) -> bool {
         let all = self.extensions.as_ref().map(|of| [of.ext.as_ref(), of.khr.as_ref()]);
         all.is_some_and(|all| all.into_iter().flatten().any(|fallback| fallback.fallback == Some(true)))
     }
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct BufferExtensions {
-    #[serde(rename = "EXT_meshopt_compression")]
-    pub ext: Option<Fallback>,
-    #[serde(rename = "KHR_meshopt_compression")]
-    pub khr: Option<Fallback>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Fallback {
-    #[serde(deserialize_with = "maybe_flag")]
-    pub fallback: Option<bool>,
 }

@@ -3,9 +3,72 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use serde::de::{Error, IgnoredAny, MapAccess, SeqAccess, Unexpected, Visitor};
+use serde::de::{Error, IgnoredAny, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use serde_json::Value;
+
+/// A member of an object in the JSON. Its type says how leniently it is read.
+pub(super) trait Member: Sized {
+    fn read<'de, D: Deserializer<'de>>(json: D) -> Result<Self, D::Error>;
+}
+
+/// Implements [`Member`] by a function for some types.
+macro_rules! members {
+    ($($read:path: $($kind:ty),+;)+) => {$($(
+        impl $crate::import::gltf::lenient::Member for $kind {
+            fn read<'de, D: serde::Deserializer<'de>>(json: D) -> std::result::Result<Self, D::Error> {
+                $read(json)
+            }
+        }
+    )+)+};
+}
+
+/// Structs as in the JSON: each member is read as its type says, and is its default if it is absent.
+macro_rules! objects {
+    ($(
+        $(#[$about:meta])*
+        $seen:vis struct $name:ident { $($(#[$of:meta])* $open:vis $member:ident: $kind:ty,)+ }
+    )+) => {$(
+        $(#[$about])*
+        #[derive(Debug, Default, serde::Deserialize)]
+        #[serde(rename_all = "camelCase", default)]
+        $seen struct $name {
+            $($(#[$of])*
+            #[serde(deserialize_with = "crate::import::gltf::lenient::Member::read")]
+            $open $member: $kind,)+
+        }
+
+        $crate::import::gltf::lenient::members! {
+            $crate::import::gltf::lenient::or_default: $name, Option<$name>, Option<Box<$name>>, Vec<$name>,
+                std::collections::BTreeMap<String, $name>;
+        }
+    )+};
+}
+
+pub(super) use {members, objects};
+
+members! {
+    or_default: String, Vec<String>, Vec<IgnoredAny>, Option<Box<str>>, Option<IgnoredAny>, Option<Value>,
+        Option<Box<Value>>;
+    whole: u32, u64;
+    maybe_whole: Option<u32>, Option<u64>;
+    wholes: Vec<u32>;
+    wholes_by_name: BTreeMap<String, u32>;
+    maybe_signed: Option<i64>;
+    text: Option<String>;
+    maybe_flag: Option<bool>;
+    flag: bool;
+    real: Option<f32>;
+    reals: Option<Box<[f32]>>;
+    pair: Option<[f32; 2]>;
+    colour: Option<[f32; 4]>;
+}
+
+impl<const N: usize> Member for Option<Box<[f64; N]>> {
+    fn read<'de, D: Deserializer<'de>>(json: D) -> Result<Self, D::Error> {
+        vector(json)
+    }
+}
 
 /// A value whose default stands for null.
 pub(super) fn or_default<'de, D, T>(json: D) -> Result<T, D::Error>
@@ -17,7 +80,7 @@ where
 }
 
 /// A whole number; null is 0.
-pub(super) fn whole<'de, D, T>(json: D) -> Result<T, D::Error>
+fn whole<'de, D, T>(json: D) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,
     T: TryFrom<u64> + Default,
@@ -29,7 +92,7 @@ where
 }
 
 /// A whole number, or none: null, or a negative one, which means none in many programs.
-pub(super) fn maybe_whole<'de, D, T>(json: D) -> Result<Option<T>, D::Error>
+fn maybe_whole<'de, D, T>(json: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,
     T: TryFrom<u64>,
@@ -38,19 +101,19 @@ where
 }
 
 /// Whole numbers, without those that mean none.
-pub(super) fn wholes<'de, D: Deserializer<'de>>(json: D) -> Result<Vec<u32>, D::Error> {
+fn wholes<'de, D: Deserializer<'de>>(json: D) -> Result<Vec<u32>, D::Error> {
     let all = Option::<Vec<Narrow>>::deserialize(json)?.unwrap_or_default();
     Ok(all.into_iter().filter_map(|Narrow(number)| number).collect())
 }
 
 /// Whole numbers by name, without those that mean none.
-pub(super) fn wholes_by_name<'de, D: Deserializer<'de>>(json: D) -> Result<BTreeMap<String, u32>, D::Error> {
+fn wholes_by_name<'de, D: Deserializer<'de>>(json: D) -> Result<BTreeMap<String, u32>, D::Error> {
     let all = Option::<BTreeMap<String, Narrow>>::deserialize(json)?.unwrap_or_default();
     Ok(all.into_iter().filter_map(|(name, Narrow(number))| Some((name, number?))).collect())
 }
 
 /// A whole number that may be negative, or none.
-pub(super) fn maybe_signed<'de, D: Deserializer<'de>>(json: D) -> Result<Option<i64>, D::Error> {
+fn maybe_signed<'de, D: Deserializer<'de>>(json: D) -> Result<Option<i64>, D::Error> {
     const MOST: f64 = Digits::MOST as f64;
     let value = Value::deserialize(json)?;
     let float = value.as_f64().filter(|float| float.fract() == 0.0 && (-MOST..=MOST).contains(float));
@@ -61,7 +124,7 @@ pub(super) fn maybe_signed<'de, D: Deserializer<'de>>(json: D) -> Result<Option<
 }
 
 /// A text; a number is taken literally.
-pub(super) fn text<'de, D: Deserializer<'de>>(json: D) -> Result<Option<String>, D::Error> {
+fn text<'de, D: Deserializer<'de>>(json: D) -> Result<Option<String>, D::Error> {
     Ok(match Option::<Value>::deserialize(json)? {
         None | Some(Value::Null) => None,
         Some(Value::String(text)) => Some(text),
@@ -70,7 +133,7 @@ pub(super) fn text<'de, D: Deserializer<'de>>(json: D) -> Result<Option<String>,
 }
 
 /// A boolean; languages without booleans write 0 and 1.
-pub(super) fn maybe_flag<'de, D: Deserializer<'de>>(json: D) -> Result<Option<bool>, D::Error> {
+fn maybe_flag<'de, D: Deserializer<'de>>(json: D) -> Result<Option<bool>, D::Error> {
     match Value::deserialize(json)? {
         Value::Null => Ok(None),
         Value::Bool(flag) => Ok(Some(flag)),
@@ -81,38 +144,38 @@ pub(super) fn maybe_flag<'de, D: Deserializer<'de>>(json: D) -> Result<Option<bo
 }
 
 /// A boolean; false if absent.
-pub(super) fn flag<'de, D: Deserializer<'de>>(json: D) -> Result<bool, D::Error> {
+fn flag<'de, D: Deserializer<'de>>(json: D) -> Result<bool, D::Error> {
     Ok(maybe_flag(json)?.unwrap_or_default())
 }
 
 /// An optional number. Other values become NaN: JavaScript writes NaN as null.
-pub(super) fn real<'de, D: Deserializer<'de>>(json: D) -> Result<Option<f32>, D::Error> {
+fn real<'de, D: Deserializer<'de>>(json: D) -> Result<Option<f32>, D::Error> {
     Ok(Option::<Real>::deserialize(json)?.map(|Real(number)| number as f32))
 }
 
 /// Numbers; other values become NaN.
-pub(super) fn reals<'de, D: Deserializer<'de>>(json: D) -> Result<Option<Box<[f32]>>, D::Error> {
+fn reals<'de, D: Deserializer<'de>>(json: D) -> Result<Option<Box<[f32]>>, D::Error> {
     let all = Option::<Vec<Real>>::deserialize(json)?;
     Ok(all.map(|all| all.into_iter().map(|Real(number)| number as f32).collect()))
 }
 
 /// `N` numbers, or none. Other values become NaN, and so do all if the count is wrong.
-pub(super) fn vector<'de, D, const N: usize>(json: D) -> Result<Option<Box<[f64; N]>>, D::Error>
+fn vector<'de, D, const N: usize>(json: D) -> Result<Option<Box<[f64; N]>>, D::Error>
 where
     D: Deserializer<'de>,
 {
-    let read = json.deserialize_any(Numbers::<N>)?;
+    let read = numbers::<D, N>(json)?;
     Ok(read.map(|(all, count)| Box::new(if count == N { all } else { [f64::NAN; N] })))
 }
 
 /// A pair of numbers, as [`vector`].
-pub(super) fn pair<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 2]>, D::Error> {
+fn pair<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 2]>, D::Error> {
     Ok(vector::<D, 2>(json)?.map(|pair| pair.map(|number| number as f32)))
 }
 
 /// A colour with optional alpha; otherwise as [`vector`].
-pub(super) fn colour<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 4]>, D::Error> {
-    let read = json.deserialize_any(Numbers::<4>)?;
+fn colour<'de, D: Deserializer<'de>>(json: D) -> Result<Option<[f32; 4]>, D::Error> {
+    let read = numbers::<D, 4>(json)?;
     Ok(read.map(|(all, count)| match (all.map(|number| number as f32), count) {
         ([r, g, b, _], 3) => [r, g, b, 1.0],
         (all, 4) => all,
@@ -199,133 +262,56 @@ struct Real(f64);
 
 impl<'de> Deserialize<'de> for Real {
     fn deserialize<D: Deserializer<'de>>(json: D) -> Result<Self, D::Error> {
-        json.deserialize_any(Decimal).map(Real)
+        Ok(Self(number(&Value::deserialize(json)?)))
     }
 }
 
-struct Decimal;
-
-impl<'de> Visitor<'de> for Decimal {
-    type Value = f64;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a number")
-    }
-
-    fn visit_f64<E>(self, number: f64) -> Result<f64, E> {
-        Ok(number)
-    }
-
-    fn visit_u64<E>(self, number: u64) -> Result<f64, E> {
-        Ok(number as f64)
-    }
-
-    fn visit_i64<E>(self, number: i64) -> Result<f64, E> {
-        Ok(number as f64)
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<f64, E> {
-        Ok(text.trim().parse().unwrap_or(f64::NAN))
-    }
-
-    fn visit_unit<E>(self) -> Result<f64, E> {
-        Ok(f64::NAN)
-    }
-
-    fn visit_bool<E>(self, _: bool) -> Result<f64, E> {
-        Ok(f64::NAN)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<f64, A::Error> {
-        while list.next_element::<IgnoredAny>()?.is_some() {}
-        Ok(f64::NAN)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<f64, A::Error> {
-        while map.next_entry::<IgnoredAny, IgnoredAny>()?.is_some() {}
-        Ok(f64::NAN)
-    }
+fn number(value: &Value) -> f64 {
+    let of_text = || value.as_str()?.trim().parse().ok();
+    value.as_f64().or_else(of_text).unwrap_or(f64::NAN)
 }
 
-/// The first `N` numbers of a list, and its length.
-struct Numbers<const N: usize>;
-
-impl<'de, const N: usize> Visitor<'de> for Numbers<N> {
-    type Value = Option<([f64; N], usize)>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{N} numbers")
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
-        let (mut all, mut count) = ([f64::NAN; N], 0);
-        while let Some(Real(number)) = list.next_element()? {
-            if let Some(place) = all.get_mut(count) {
-                *place = number;
-            }
-            count += 1;
+/// The first `N` numbers of a list, and its length; none of an absent or empty one.
+fn numbers<'de, D, const N: usize>(json: D) -> Result<Option<([f64; N], usize)>, D::Error>
+where
+    D: Deserializer<'de>,
+{
+    let mut all = [f64::NAN; N];
+    let count = match Value::deserialize(json)? {
+        Value::Null => 0,
+        Value::Array(list) => {
+            all.iter_mut().zip(&list).for_each(|(place, value)| *place = number(value));
+            list.len()
         }
-        Ok((count > 0).then_some((all, count)))
-    }
-
-    /// JavaScript's form of typed arrays: `{"0":1,"1":2}`. One without members is an empty list.
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-        let (mut all, mut count) = ([f64::NAN; N], 0);
-        while let Some((key, Real(number))) = map.next_entry::<String, _>()? {
-            if let Some(place) = key.parse::<usize>().ok().and_then(|index| all.get_mut(index)) {
-                *place = number;
+        // JavaScript's form of typed arrays: `{"0":1,"1":2}`.
+        Value::Object(list) => {
+            for (key, value) in &list {
+                if let Some(place) = key.parse::<usize>().ok().and_then(|index| all.get_mut(index)) {
+                    *place = number(value);
+                }
             }
-            count += 1;
+            list.len()
         }
-        Ok((count > 0).then_some((all, count)))
-    }
-
-    fn visit_unit<E>(self) -> Result<Self::Value, E> {
-        Ok(None)
-    }
-
-    fn visit_bool<E: Error>(self, _: bool) -> Result<Self::Value, E> {
-        Ok(Some(([f64::NAN; N], N)))
-    }
-
-    fn visit_f64<E: Error>(self, _: f64) -> Result<Self::Value, E> {
-        self.visit_bool(false)
-    }
-
-    fn visit_u64<E: Error>(self, _: u64) -> Result<Self::Value, E> {
-        self.visit_bool(false)
-    }
-
-    fn visit_i64<E: Error>(self, _: i64) -> Result<Self::Value, E> {
-        self.visit_bool(false)
-    }
-
-    fn visit_str<E: Error>(self, _: &str) -> Result<Self::Value, E> {
-        self.visit_bool(false)
-    }
+        _ => N,
+    };
+    Ok((count > 0).then_some((all, count)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    #[derive(Debug, Default, PartialEq, Deserialize)]
-    #[serde(default)]
-    struct All {
-        #[serde(deserialize_with = "super::flag")]
-        flag: bool,
-        #[serde(deserialize_with = "whole")]
-        count: u64,
-        #[serde(deserialize_with = "maybe_whole")]
-        index: Option<u32>,
-        #[serde(deserialize_with = "wholes")]
-        children: Vec<u32>,
-        #[serde(deserialize_with = "wholes_by_name")]
-        attributes: BTreeMap<String, u32>,
-        #[serde(deserialize_with = "text")]
-        version: Option<String>,
-        #[serde(deserialize_with = "vector")]
-        place: Option<Box<[f64; 3]>>,
+    objects! {
+        #[derive(PartialEq)]
+        struct All {
+            flag: bool,
+            count: u64,
+            index: Option<u32>,
+            children: Vec<u32>,
+            attributes: BTreeMap<String, u32>,
+            version: Option<String>,
+            place: Option<Box<[f64; 3]>>,
+        }
     }
 
     fn read(json: &str) -> serde_json::Result<All> {

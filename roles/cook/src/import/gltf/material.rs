@@ -1,57 +1,83 @@
 //! A material's colour: its base colour, the texture over it, and the meaning of alpha.
 
-use serde::{Deserialize, Deserializer};
 use trimaran_scene::Rgba8;
 
-use super::lenient::{colour, maybe_whole, or_default, pair, real, text, whole};
+use super::lenient::objects;
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Material {
-    #[serde(deserialize_with = "text")]
-    pub name: Option<String>,
-    #[serde(deserialize_with = "or_default")]
-    pbr_metallic_roughness: Metallic,
-    #[serde(deserialize_with = "alpha_mode")]
-    alpha_mode: AlphaMode,
-    #[serde(deserialize_with = "real")]
-    alpha_cutoff: Option<f32>,
-    extensions: Option<Box<MaterialExtensions>>,
-}
+objects! {
+    pub(super) struct Material {
+        pub name: Option<String>,
+        pbr_metallic_roughness: Metallic,
+        alpha_mode: Option<Box<str>>,
+        alpha_cutoff: Option<f32>,
+        extensions: Option<Box<MaterialExtensions>>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-struct Metallic {
-    /// Linear red, green, blue, alpha.
-    #[serde(deserialize_with = "colour")]
-    base_color_factor: Option<[f32; 4]>,
-    base_color_texture: Option<TextureInfo>,
-}
+    struct Metallic {
+        /// Linear red, green, blue, alpha.
+        base_color_factor: Option<[f32; 4]>,
+        base_color_texture: Option<TextureInfo>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct MaterialExtensions {
-    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
-    specular_glossiness: Option<SpecularGlossiness>,
-}
+    struct MaterialExtensions {
+        #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
+        specular_glossiness: Option<SpecularGlossiness>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-struct SpecularGlossiness {
-    #[serde(deserialize_with = "colour")]
-    diffuse_factor: Option<[f32; 4]>,
-    diffuse_texture: Option<TextureInfo>,
-}
+    struct SpecularGlossiness {
+        diffuse_factor: Option<[f32; 4]>,
+        diffuse_texture: Option<TextureInfo>,
+    }
 
-/// A reference to a texture, and its mapping.
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct TextureInfo {
-    #[serde(deserialize_with = "whole")]
-    pub index: u32,
-    #[serde(deserialize_with = "whole")]
-    tex_coord: u32,
-    extensions: Option<Box<TextureInfoExtensions>>,
+    /// A reference to a texture, and its mapping.
+    pub(super) struct TextureInfo {
+        pub index: u32,
+        tex_coord: u32,
+        extensions: Option<Box<TextureInfoExtensions>>,
+    }
+
+    struct TextureInfoExtensions {
+        #[serde(rename = "KHR_texture_transform")]
+        transform: Option<TextureTransform>,
+    }
+
+    pub(super) struct TextureTransform {
+        pub offset: Option<[f32; 2]>,
+        /// Radians, counter-clockwise about the upper left corner.
+        pub rotation: Option<f32>,
+        pub scale: Option<[f32; 2]>,
+        pub tex_coord: Option<u32>,
+    }
+
+    pub(super) struct Texture {
+        pub sampler: Option<u32>,
+        source: Option<u32>,
+        extensions: Option<Box<TextureExtensions>>,
+    }
+
+    struct TextureExtensions {
+        #[serde(rename = "EXT_texture_webp")]
+        webp: Option<TextureSource>,
+        #[serde(rename = "KHR_texture_basisu")]
+        basisu: Option<TextureSource>,
+        #[serde(rename = "MSFT_texture_dds")]
+        dds: Option<TextureSource>,
+    }
+
+    struct TextureSource {
+        source: Option<u32>,
+    }
+
+    pub(super) struct Sampler {
+        pub wrap_s: Option<u32>,
+        pub wrap_t: Option<u32>,
+    }
+
+    pub(super) struct Image {
+        pub name: Option<String>,
+        pub uri: Option<String>,
+        pub buffer_view: Option<u32>,
+    }
 }
 
 impl TextureInfo {
@@ -65,37 +91,6 @@ impl TextureInfo {
     }
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct TextureInfoExtensions {
-    #[serde(rename = "KHR_texture_transform")]
-    transform: Option<TextureTransform>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct TextureTransform {
-    #[serde(deserialize_with = "pair")]
-    pub offset: Option<[f32; 2]>,
-    /// Radians, counter-clockwise about the upper left corner.
-    #[serde(deserialize_with = "real")]
-    pub rotation: Option<f32>,
-    #[serde(deserialize_with = "pair")]
-    pub scale: Option<[f32; 2]>,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub tex_coord: Option<u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Texture {
-    #[serde(deserialize_with = "maybe_whole")]
-    pub sampler: Option<u32>,
-    #[serde(deserialize_with = "maybe_whole")]
-    source: Option<u32>,
-    extensions: Option<Box<TextureExtensions>>,
-}
-
 impl Texture {
     /// Its image: the first that can be read.
     pub(super) fn image(&self) -> Option<u32> {
@@ -104,63 +99,6 @@ impl Texture {
         let other = || extensions.and_then(|of| of.basisu.as_ref().or(of.dds.as_ref())?.source);
         webp.or(self.source).or_else(other)
     }
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct TextureExtensions {
-    #[serde(rename = "EXT_texture_webp")]
-    webp: Option<TextureSource>,
-    #[serde(rename = "KHR_texture_basisu")]
-    basisu: Option<TextureSource>,
-    #[serde(rename = "MSFT_texture_dds")]
-    dds: Option<TextureSource>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct TextureSource {
-    #[serde(deserialize_with = "maybe_whole")]
-    source: Option<u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Sampler {
-    #[serde(deserialize_with = "maybe_whole")]
-    pub wrap_s: Option<u32>,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub wrap_t: Option<u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Image {
-    #[serde(deserialize_with = "text")]
-    pub name: Option<String>,
-    #[serde(deserialize_with = "text")]
-    pub uri: Option<String>,
-    #[serde(deserialize_with = "maybe_whole")]
-    pub buffer_view: Option<u32>,
-}
-
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-enum AlphaMode {
-    #[default]
-    Opaque,
-    Mask,
-    /// `BLEND` and what extensions add.
-    Blend,
-}
-
-/// Some programs write it in lower case.
-fn alpha_mode<'de, D: Deserializer<'de>>(json: D) -> Result<AlphaMode, D::Error> {
-    let name = Option::<String>::deserialize(json)?.map(|name| name.to_ascii_uppercase());
-    Ok(match name.as_deref() {
-        None | Some("OPAQUE") => AlphaMode::Opaque,
-        Some("MASK") => AlphaMode::Mask,
-        Some(_) => AlphaMode::Blend,
-    })
 }
 
 /// The meaning of alpha.
@@ -222,21 +160,23 @@ impl Material {
         }
     }
 
-    /// The meaning of its colours' alpha.
+    /// The meaning of its colours' alpha. Some programs write modes in lower case, and extensions add others,
+    /// which blend.
     pub(super) fn alpha(&self) -> Alpha {
-        match self.alpha_mode {
-            AlphaMode::Opaque => Alpha::Opaque,
-            AlphaMode::Mask => Alpha::Mask(byte(self.cutoff())),
-            AlphaMode::Blend => Alpha::Blend,
+        match self.alpha_mode.as_deref() {
+            None => Alpha::Opaque,
+            Some(mode) if mode.eq_ignore_ascii_case("OPAQUE") => Alpha::Opaque,
+            Some(mode) if mode.eq_ignore_ascii_case("MASK") => Alpha::Mask(byte(self.cutoff())),
+            Some(_) => Alpha::Blend,
         }
     }
 
     /// The meaning of its texture's alpha, before it is multiplied by the base colour's.
     pub(super) fn texture_alpha(&self) -> Alpha {
-        match self.alpha_mode {
+        match self.alpha() {
             // 0 by 0 is no hole: nothing is below 0.
-            AlphaMode::Mask => Alpha::Mask(byte(self.cutoff() / self.factor()[3])),
-            _ => self.alpha(),
+            Alpha::Mask(_) => Alpha::Mask(byte(self.cutoff() / self.factor()[3])),
+            alpha => alpha,
         }
     }
 

@@ -57,6 +57,16 @@ impl Imported {
         self.cause.get_or_insert(why);
         Ok(())
     }
+
+    /// A part, unless it cannot be read.
+    fn kept<T>(
+        &mut self,
+        kind: WarningKind,
+        what: &str,
+        part: Result<Option<T>, GltfError>,
+    ) -> Result<Option<T>, GltfError> {
+        part.or_else(|why| self.leave_out(kind, what, why).map(|()| None))
+    }
 }
 
 /// How many different causes in a mesh are distinguished.
@@ -98,7 +108,7 @@ pub(super) fn import(from: Input<'_>, shape: &Shape) -> Result<Imported, GltfErr
                 continue;
             }
             Some(mode) => {
-                let why = GltfError::Mesh { mesh: place(), what: format!("its mode {mode} is unknown") };
+                let why = GltfError::Malformed { part: place(), what: format!("its mode {mode} is unknown") };
                 imported.leave_out(WarningKind::PrimitiveLeftOut, "", why)?;
                 continue;
             }
@@ -148,7 +158,7 @@ const NOWHERE: u32 = u32::MAX;
 
 impl Reader<'_> {
     fn malformed(&self, what: String) -> GltfError {
-        GltfError::Mesh { mesh: (self.place)(), what }
+        GltfError::Malformed { part: (self.place)(), what }
     }
 
     fn broken(&self, accessor: u32) -> impl Fn(&'static str) -> GltfError {
@@ -171,30 +181,20 @@ impl Reader<'_> {
         let named = [coordinates.as_deref(), features.as_ref().map(|(name, _)| &**name)];
         let arrays = self.arrays(mode, named)?;
         let positions = self.positions(&arrays, imported)?;
-        let colours = match self.colours(&arrays, material, positions.len()) {
-            Ok(colours) => colours,
-            Err(why) => {
-                imported.leave_out(WarningKind::FieldLeftOut, "colours of vertices: ", why)?;
-                None
-            }
-        };
+        let colours = self.colours(&arrays, material, positions.len());
+        let colours = imported.kept(WarningKind::FieldLeftOut, "colours of vertices: ", colours)?;
         let triangles = self.triangles(&arrays, &positions, &mut imported.left_out);
         let coordinates = coordinates.map(|name| self.vectors::<2>(&arrays, &name, None));
         let coordinates = coordinates.and_then(Result::ok).flatten();
         if texture.is_some() && coordinates.is_none() {
             imported.unplaced.extend(self.primitive.material);
         }
-        let numbers = features.and_then(|(name, ids)| match self.vectors::<1>(&arrays, &name, None) {
-            Ok(numbers) => numbers.map(|numbers| Ok((numbers, ids))),
-            Err(why) => Some(Err(why)),
-        });
-        let numbers = match numbers.transpose() {
-            Ok(numbers) => numbers,
-            Err(why) => {
-                imported.leave_out(WarningKind::MetadataLeftOut, "numbers of features: ", why)?;
-                None
-            }
+        let numbers = |(name, ids): (String, _)| {
+            let numbers = self.vectors::<1>(&arrays, &name, None).transpose()?;
+            Some(numbers.map(|numbers| (numbers, ids)))
         };
+        let numbers = features.and_then(numbers).transpose();
+        let numbers = imported.kept(WarningKind::MetadataLeftOut, "numbers of features: ", numbers)?;
         let whole = Surface { positions, colours, coordinates, triangles };
         let Some((numbers, ids)) = numbers else {
             return self.append_piece(imported, None, whole, texture.as_ref(), material);

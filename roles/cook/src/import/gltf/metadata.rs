@@ -3,7 +3,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::Value;
 use trimaran_scene::Attribute;
@@ -11,7 +10,7 @@ use trimaran_scene::Attribute;
 use super::accessor::Accessors;
 use super::column::Column;
 use super::json::{Document, Node};
-use super::lenient::{flag, maybe_signed, maybe_whole, or_default, text, whole};
+use super::lenient::objects;
 use super::nodes::Placement;
 use crate::import::report::{ImportReport, WarningKind};
 
@@ -22,111 +21,71 @@ pub(super) struct Feature {
     pub row: u32,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Metadata {
-    #[serde(deserialize_with = "or_default")]
-    schema: Schema,
-    #[serde(deserialize_with = "or_default")]
-    property_tables: Vec<Table>,
-    #[serde(deserialize_with = "or_default")]
-    property_textures: Vec<IgnoredAny>,
-    #[serde(deserialize_with = "or_default")]
-    property_attributes: Vec<IgnoredAny>,
-}
+objects! {
+    pub(super) struct Metadata {
+        schema: Schema,
+        property_tables: Vec<Table>,
+        property_textures: Vec<IgnoredAny>,
+        property_attributes: Vec<IgnoredAny>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Schema {
-    #[serde(deserialize_with = "or_default")]
-    classes: BTreeMap<String, Class>,
-    #[serde(deserialize_with = "or_default")]
-    enums: BTreeMap<String, Enumeration>,
-}
+    struct Schema {
+        classes: BTreeMap<String, Class>,
+        enums: BTreeMap<String, Enumeration>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Class {
-    #[serde(deserialize_with = "or_default")]
-    properties: BTreeMap<String, Property>,
-}
+    struct Class {
+        properties: BTreeMap<String, Property>,
+    }
 
-/// The type of a property's values.
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Property {
-    #[serde(deserialize_with = "text")]
-    name: Option<String>,
-    #[serde(deserialize_with = "text")]
-    semantic: Option<String>,
-    #[serde(rename = "type", deserialize_with = "or_default")]
-    pub kind: String,
-    #[serde(deserialize_with = "text")]
-    pub component_type: Option<String>,
-    #[serde(deserialize_with = "text")]
-    pub enum_type: Option<String>,
-    #[serde(deserialize_with = "flag")]
-    pub array: bool,
-    /// Of an array, unless each has its own.
-    #[serde(deserialize_with = "maybe_whole")]
-    pub count: Option<u64>,
-    #[serde(deserialize_with = "flag")]
-    pub normalized: bool,
-    pub offset: Option<Value>,
-    pub scale: Option<Value>,
-    /// The value that means none.
-    no_data: Option<Value>,
-    default: Option<Value>,
-}
+    /// The type of a property's values.
+    pub(super) struct Property {
+        name: Option<String>,
+        semantic: Option<String>,
+        #[serde(rename = "type")]
+        pub kind: String,
+        pub component_type: Option<String>,
+        pub enum_type: Option<String>,
+        pub array: bool,
+        /// Of an array, unless each has its own.
+        pub count: Option<u64>,
+        pub normalized: bool,
+        pub offset: Option<Value>,
+        pub scale: Option<Value>,
+        /// The value that means none.
+        no_data: Option<Value>,
+        default: Option<Value>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Enumeration {
-    #[serde(deserialize_with = "text")]
-    pub value_type: Option<String>,
-    #[serde(deserialize_with = "or_default")]
-    pub values: Vec<EnumerationValue>,
-}
+    pub(super) struct Enumeration {
+        pub value_type: Option<String>,
+        pub values: Vec<EnumerationValue>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct EnumerationValue {
-    #[serde(deserialize_with = "or_default")]
-    pub name: String,
-    #[serde(deserialize_with = "maybe_signed")]
-    pub value: Option<i64>,
-}
+    pub(super) struct EnumerationValue {
+        pub name: String,
+        pub value: Option<i64>,
+    }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Table {
-    #[serde(deserialize_with = "or_default")]
-    class: String,
-    #[serde(deserialize_with = "whole")]
-    count: u64,
-    #[serde(deserialize_with = "or_default")]
-    properties: BTreeMap<String, Column>,
-}
+    pub(super) struct Table {
+        class: String,
+        count: u64,
+        properties: BTreeMap<String, Column>,
+    }
 
-/// The features of a primitive or of a node's instances, in several numberings.
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Features {
-    #[serde(deserialize_with = "or_default")]
-    feature_ids: Vec<FeatureIds>,
-}
+    /// The features of a primitive or of a node's instances, in several numberings.
+    pub(super) struct Features {
+        feature_ids: Vec<FeatureIds>,
+    }
 
-/// A numbering of features: by an attribute, or by vertex or instance number. Those of textures are not read.
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct FeatureIds {
-    #[serde(deserialize_with = "maybe_whole")]
-    pub attribute: Option<u32>,
-    texture: Option<IgnoredAny>,
-    #[serde(deserialize_with = "maybe_whole")]
-    property_table: Option<u32>,
-    #[serde(deserialize_with = "maybe_whole")]
-    null_feature_id: Option<u32>,
+    /// A numbering of features: by an attribute, or by vertex or instance number. Those of textures are not
+    /// read.
+    pub(super) struct FeatureIds {
+        pub attribute: Option<u32>,
+        texture: Option<IgnoredAny>,
+        property_table: Option<u32>,
+        null_feature_id: Option<u32>,
+    }
 }
 
 impl Features {

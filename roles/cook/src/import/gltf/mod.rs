@@ -45,6 +45,7 @@ use super::hierarchy::groups;
 use super::neighbours::Neighbours;
 use super::report::{ImportReport, WarningKind};
 use super::{ImportOptions, Part, UpAxis};
+use crate::lists::{at, put};
 use crate::{Mesh, Model};
 use trimaran_scene::ObjectAttributes;
 
@@ -147,7 +148,7 @@ pub(super) fn import(
             part.report.warn_of(WarningKind::EmptyObject, "", name);
         }
         for &(mesh, feature) in pieces {
-            let bounds = boxes.get(mesh as usize).copied().unwrap_or_default();
+            let bounds = at(&boxes, mesh);
             if !is_near(bounds, &placement.to_world) {
                 part.report.warn_of(WarningKind::NodeLeftOut, "it reaches farther than 1e15 m", name);
                 continue;
@@ -216,9 +217,7 @@ fn warn(
 ) {
     let mut named = vec![""; imported.len()];
     for (placement, &shape) in placements.iter().zip(shapes).rev() {
-        if let Some(name) = named.get_mut(shape) {
-            *name = document.object_name(placement.node, placement.mesh);
-        }
+        put(&mut named, shape, document.object_name(placement.node, placement.mesh));
     }
     for (name, mesh) in named.into_iter().zip(&mut *imported) {
         for ((kind, detail), count) in &mesh.broken {

@@ -1,7 +1,6 @@
 //! Traverses the node tree of a document and places every mesh.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 
 use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4};
 
@@ -12,6 +11,7 @@ use super::json::{Document, Instancing, Node, Scene};
 use crate::import::budget::Budget;
 use crate::import::hierarchy::Branch;
 use crate::import::report::WarningKind;
+use crate::lists::put;
 
 /// A mesh placed by a node.
 pub(super) struct Placement {
@@ -42,9 +42,7 @@ pub(super) fn place(
     let mut walk = Walk { document, accessors, budget, faults, parents, placements, branches, left_out };
     let mut is_child = vec![false; document.nodes.len()];
     for &child in document.nodes.iter().flat_map(|node| &node.children) {
-        if let Some(flag) = is_child.get_mut(child as usize) {
-            *flag = true;
-        }
+        put(&mut is_child, child, true);
     }
     let is_child = |root: &u32| is_child.get(*root as usize).is_some_and(|flag| *flag);
     let all = 0..document.nodes.len() as u32;
@@ -141,9 +139,7 @@ impl<'a> Walk<'a> {
             self.no_reference(index, parent, "it has two parents, or is its own ancestor");
             return Ok(None);
         }
-        if let Some(slot) = self.parents.get_mut(index as usize) {
-            *slot = parent;
-        }
+        put(&mut self.parents, index, parent);
         let name = || label(document, index);
         if node.is_hidden() {
             self.faults.note(WarningKind::HiddenNode, "", &name());
@@ -155,7 +151,7 @@ impl<'a> Walk<'a> {
             Err(why) => {
                 self.faults.note(WarningKind::NodeLeftOut, why, &name());
                 let path = || path(document, &self.parents, index, parent);
-                self.faults.cause(|| GltfError::Node { node: path(), what: why });
+                self.faults.cause(|| GltfError::Malformed { part: path(), what: why.into() });
                 self.left_out.push(index);
                 return Ok(None);
             }
@@ -240,7 +236,7 @@ impl<'a> Walk<'a> {
     fn no_reference(&mut self, index: u32, parent: u32, what: &'static str) {
         self.faults.note(WarningKind::ReferenceLeftOut, what, &label(self.document, index));
         let path = || path(self.document, &self.parents, index, parent);
-        self.faults.cause(|| GltfError::Node { node: path(), what });
+        self.faults.cause(|| GltfError::Malformed { part: path(), what: what.into() });
     }
 
     fn is_unmet(&self, node: u32) -> bool {
@@ -254,9 +250,7 @@ impl<'a> Walk<'a> {
             for &child in children.unwrap_or_default() {
                 if self.is_unmet(child) {
                     self.left_out.push(child);
-                    if let Some(parent) = self.parents.get_mut(child as usize) {
-                        *parent = node;
-                    }
+                    put(&mut self.parents, child, node);
                 }
             }
         }
@@ -268,8 +262,9 @@ impl<'a> Walk<'a> {
         let named = scene.and_then(|index| scenes.get(index as usize));
         if let (Some(index), None) = (*scene, named) {
             let told = "it does not exist: the first one is read instead, or without any all nodes";
-            self.faults.note(WarningKind::ReferenceLeftOut, told, &format!("scene {index}"));
-            self.faults.cause(|| GltfError::Scene { scene: index, what: "it does not exist" });
+            let part = format!("scene {index}");
+            self.faults.note(WarningKind::ReferenceLeftOut, told, &part);
+            self.faults.cause(|| GltfError::Malformed { part, what: "it does not exist".into() });
         }
         named.or(scenes.first())
     }
@@ -307,61 +302,47 @@ fn instances(
     instancing: &Instancing,
     count: u64,
 ) -> Result<Vec<Option<DAffine3>>, GltfError> {
-    let attributes: &BTreeMap<String, u32> = &instancing.attributes;
+    let translations = placing::<3>(accessors, node, instancing, "TRANSLATION")?;
+    let rotations = placing::<4>(accessors, node, instancing, "ROTATION")?;
+    let scales = placing::<3>(accessors, node, instancing, "SCALE")?;
     // The budget has room for this many.
-    let is_placed = PLACING.iter().any(|name| attributes.contains_key(*name));
-    let mut all = vec![Trs::default(); if is_placed { 0 } else { count as usize }];
-    if let Some(&index) = attributes.get("TRANSLATION") {
-        let values = accessors.vectors::<3>(index).map_err(broken(node, index))?;
-        spread(&mut all, values, |trs, v| trs.translation = DVec3::from_array(v.map(f64::from)));
-    }
-    if let Some(&index) = attributes.get("ROTATION") {
-        let values = accessors.vectors::<4>(index).map_err(broken(node, index))?;
-        spread(&mut all, values, |trs, v| trs.rotation = DQuat::from_array(v.map(f64::from)));
-    }
-    if let Some(&index) = attributes.get("SCALE") {
-        let values = accessors.vectors::<3>(index).map_err(broken(node, index))?;
-        spread(&mut all, values, |trs, v| trs.scale = DVec3::from_array(v.map(f64::from)));
-    }
-    Ok(all.iter().map(Trs::matrix).collect())
+    let place = |index| matrix(nth(&translations, index), nth(&rotations, index), nth(&scales, index));
+    Ok((0..count as usize).map(place).collect())
 }
 
-fn user(node: u32) -> String {
-    format!("the instances of node {node}")
+/// The values of an attribute that places instances, if there is one.
+fn placing<const N: usize>(
+    accessors: &Accessors<'_>,
+    node: u32,
+    instancing: &Instancing,
+    name: &str,
+) -> Result<Option<Vec<[f32; N]>>, GltfError> {
+    let read = |&index: &u32| accessors.vectors(index).map_err(broken(node, index));
+    instancing.attributes.get(name).map(read).transpose()
+}
+
+fn nth<const N: usize>(values: &Option<Vec<[f32; N]>>, index: usize) -> Option<[f64; N]> {
+    Some(values.as_ref()?.get(index)?.map(f64::from))
 }
 
 fn broken(node: u32, accessor: u32) -> impl Fn(&'static str) -> GltfError {
-    move |what| GltfError::Accessor { accessor, user: user(node), what }
+    move |what| GltfError::Accessor { accessor, user: format!("the instances of node {node}"), what }
 }
 
-/// Sets one property of every instance.
-fn spread<const N: usize>(all: &mut Vec<Trs>, values: Vec<[f32; N]>, set: impl Fn(&mut Trs, [f32; N])) {
-    all.resize(values.len(), Trs::default());
-    all.iter_mut().zip(values).for_each(|(trs, value)| set(trs, value));
-}
-
-#[derive(Clone, Copy)]
-struct Trs {
-    translation: DVec3,
-    rotation: DQuat,
-    scale: DVec3,
-}
-
-impl Default for Trs {
-    fn default() -> Self {
-        Self { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE }
-    }
-}
-
-impl Trs {
-    /// The map, or none if the rotation has no direction. Files contain rounded rotations, so it is
-    /// normalized.
-    fn matrix(&self) -> Option<DAffine3> {
-        let length = self.rotation.length();
-        (length.is_normal()).then(|| {
-            DAffine3::from_scale_rotation_translation(self.scale, self.rotation / length, self.translation)
-        })
-    }
+/// A map without the parts that are left out, or none if the rotation has no direction. Files contain rounded
+/// rotations, so it is normalized.
+fn matrix(
+    translation: Option<[f64; 3]>,
+    rotation: Option<[f64; 4]>,
+    scale: Option<[f64; 3]>,
+) -> Option<DAffine3> {
+    let translation = translation.map_or(DVec3::ZERO, DVec3::from_array);
+    let rotation = rotation.map_or(DQuat::IDENTITY, DQuat::from_array);
+    let scale = scale.map_or(DVec3::ONE, DVec3::from_array);
+    let length = rotation.length();
+    length
+        .is_normal()
+        .then(|| DAffine3::from_scale_rotation_translation(scale, rotation / length, translation))
 }
 
 /// The tolerance of a matrix's last row against 0 0 0 1: exporters multiply matrices in single precision.
@@ -388,12 +369,9 @@ fn local(node: &Node) -> Result<DAffine3, &'static str> {
             Err("the last row of its matrix is not 0 0 0 1")
         };
     }
-    let trs = Trs {
-        translation: node.translation.as_deref().map_or(DVec3::ZERO, |&v| DVec3::from_array(v)),
-        rotation: node.rotation.as_deref().map_or(DQuat::IDENTITY, |&v| DQuat::from_array(v)),
-        scale: node.scale.as_deref().map_or(DVec3::ONE, |&v| DVec3::from_array(v)),
-    };
-    trs.matrix().ok_or("its rotation is not a quaternion")
+    let (translation, scale) = (node.translation.as_deref().copied(), node.scale.as_deref().copied());
+    let whole = matrix(translation, node.rotation.as_deref().copied(), scale);
+    whole.ok_or("its rotation is not a quaternion")
 }
 
 /// A node's name in messages: "node 7 (pump/shaft)".

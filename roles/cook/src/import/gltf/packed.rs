@@ -155,11 +155,11 @@ fn vertices(words: usize, count: usize, bytes: &[u8]) -> Result<Vec<u32>> {
 fn filter(name: &str, stride: usize, words: &mut [u32]) -> Result<()> {
     match (name, stride) {
         ("NONE", _) => {}
-        ("OCTAHEDRAL", 4) => bytewise(words, |four: &mut [[i8; 4]]| decode_filter_oct(four)),
-        ("OCTAHEDRAL", 8) => pairwise(words, |four: &mut [[i16; 4]]| decode_filter_oct(four)),
-        ("QUATERNION", 8) => pairwise(words, decode_filter_quat),
-        ("COLOR", 4) => bytewise(words, |four: &mut [[u8; 4]]| decode_filter_color(four)),
-        ("COLOR", 8) => pairwise(words, |four: &mut [[u16; 4]]| decode_filter_color(four)),
+        ("OCTAHEDRAL", 4) => fourwise(words, |four: &mut [[i8; 4]]| decode_filter_oct(four)),
+        ("OCTAHEDRAL", 8) => fourwise(words, |four: &mut [[i16; 4]]| decode_filter_oct(four)),
+        ("QUATERNION", 8) => fourwise(words, decode_filter_quat),
+        ("COLOR", 4) => fourwise(words, |four: &mut [[u8; 4]]| decode_filter_color(four)),
+        ("COLOR", 8) => fourwise(words, |four: &mut [[u16; 4]]| decode_filter_color(four)),
         ("EXPONENTIAL", _) => decode_filter_exp(bytemuck::cast_slice_mut::<u32, [u32; 1]>(words)),
         ("OCTAHEDRAL" | "QUATERNION" | "COLOR", _) => return Err("its stride does not fit its filter"),
         _ => return Err("its filter is unknown"),
@@ -167,15 +167,8 @@ fn filter(name: &str, stride: usize, words: &mut [u32]) -> Result<()> {
     Ok(())
 }
 
-/// Elements of a word as four bytes.
-fn bytewise<T: bytemuck::Pod>(words: &mut [u32], filter: impl Fn(&mut [[T; 4]])) {
-    if let Ok(elements) = bytemuck::try_cast_slice_mut(words) {
-        filter(elements);
-    }
-}
-
-/// Elements of two words as four shorts.
-fn pairwise<T: bytemuck::Pod>(words: &mut [u32], filter: impl Fn(&mut [[T; 4]])) {
+/// Elements of one or two words as four bytes or shorts.
+fn fourwise<T: bytemuck::Pod>(words: &mut [u32], filter: impl Fn(&mut [[T; 4]])) {
     if let Ok(elements) = bytemuck::try_cast_slice_mut(words) {
         filter(elements);
     }
@@ -190,7 +183,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn packed(mode: &str, filter: Option<&str>, count: u64, byte_stride: u64) -> Packed {
-        let filter = filter.map(str::to_owned);
+        let filter = filter.map(Box::from);
         Packed { count, byte_stride, mode: mode.into(), filter, ..Packed::default() }
     }
 

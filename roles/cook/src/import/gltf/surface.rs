@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::gradient::Coloured;
 use super::material::{Alpha, Material};
 use super::texture::Placed;
+use crate::lists::at;
 
 /// A primitive's vertices and triangles. Colours are linear; without any, all vertices have the material's.
 pub(super) struct Surface {
@@ -40,8 +41,7 @@ impl Surface {
         let alpha = material.alpha();
         let (mut positions, mut colours, mut varies) = (Vec::new(), Vec::new(), false);
         for &triangle in &self.triangles {
-            let at = triangle.map(|corner| coordinates.get(corner as usize).copied().unwrap_or_default());
-            let mean = texture.mean(at);
+            let mean = texture.mean(triangle.map(|corner| at(coordinates, corner)));
             let own = self.mean_colour(triangle, material);
             let mut colour = [0, 1, 2, 3].map(|channel: usize| mean.colour[channel] * own[channel]);
             match alpha {
@@ -52,8 +52,7 @@ impl Surface {
                 Alpha::Blend => {}
             }
             varies |= mean.varies;
-            let corners =
-                triangle.map(|corner| self.positions.get(corner as usize).copied().unwrap_or_default());
+            let corners = triangle.map(|corner| at(&self.positions, corner));
             positions.extend(corners);
             colours.extend([colour; 3]);
         }
@@ -81,7 +80,7 @@ impl Surface {
     /// The mean of a triangle's corners.
     fn mean_colour(&self, triangle: [u32; 3], material: &Material) -> [f32; 4] {
         let Some(colours) = &self.colours else { return material.factor() };
-        let corners = triangle.map(|corner| colours.get(corner as usize).copied().unwrap_or_default());
+        let corners = triangle.map(|corner| at(colours, corner));
         [0, 1, 2, 3].map(|channel: usize| corners.iter().map(|corner| corner[channel]).sum::<f32>() / 3.0)
     }
 }

@@ -9,7 +9,7 @@ use image::{ImageReader, Limits, RgbaImage};
 use rayon::prelude::*;
 
 use super::accessor::Accessors;
-use super::buffers::{Resources, is_data};
+use super::buffers::{Bytes, Resources, is_data};
 use super::json::Document;
 use super::material::{Alpha, Material, TextureInfo, TextureTransform, encoded, linear};
 use crate::import::budget::Budget;
@@ -50,7 +50,9 @@ impl Textures {
             .collect();
         let decoded: Vec<_> = files
             .into_par_iter()
-            .map(|(key, bytes)| (key, bytes.and_then(|bytes| Pyramid::decode(bytes.as_ref(), key.1, budget))))
+            .map(|(key, bytes)| {
+                (key, bytes.and_then(|bytes| Pyramid::decode(bytes.as_slice(), key.1, budget)))
+            })
             .collect();
         let mut pyramids = HashMap::new();
         for (key, pyramid) in decoded {
@@ -92,26 +94,15 @@ fn encoded_image<'a>(
     accessors: &Accessors<'a>,
     resources: &mut Resources<'_, '_>,
     index: u32,
-) -> Result<Encoded<'a>, String> {
+) -> Result<Bytes<'a>, String> {
     let image = document.images.get(index as usize).ok_or("it does not exist")?;
     match (&image.uri, image.buffer_view) {
-        (_, Some(view)) => Ok(Encoded::Within(accessors.view_bytes(view)?)),
-        (Some(uri), None) => Ok(Encoded::Own(resources.fetch(uri).map_err(|error| error.to_string())?)),
-        (None, None) => Err("it has no address and no bytes".into()),
-    }
-}
-
-enum Encoded<'a> {
-    Within(&'a [u8]),
-    Own(std::sync::Arc<Vec<u8>>),
-}
-
-impl AsRef<[u8]> for Encoded<'_> {
-    fn as_ref(&self) -> &[u8] {
-        match self {
-            Self::Within(bytes) => bytes,
-            Self::Own(bytes) => bytes,
+        (_, Some(view)) => Ok(Bytes::Within(accessors.view_bytes(view)?)),
+        (Some(uri), None) => {
+            let bytes = resources.fetch(uri).map_err(|error| error.to_string())?;
+            Ok(Bytes::Shared { length: bytes.len(), bytes })
         }
+        (None, None) => Err("it has no address and no bytes".into()),
     }
 }
 

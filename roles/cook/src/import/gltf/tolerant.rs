@@ -30,7 +30,7 @@ const MOST_VALUES: usize = 100_000;
 fn note(faults: &mut Faults, item: &str, path: &str, why: &str) {
     let detail = if path == "." { why.to_owned() } else { format!("{path}: {why}") };
     faults.note(WarningKind::FieldLeftOut, &detail, item);
-    faults.cause(|| GltfError::Field { part: item.to_owned(), what: detail });
+    faults.cause(|| GltfError::Malformed { part: item.to_owned(), what: detail });
 }
 
 /// The members of a document.

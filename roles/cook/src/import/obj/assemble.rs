@@ -1,6 +1,6 @@
 //! Makes objects with their own meshes from an OBJ file's faces.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::{DAffine3, DVec3};
 
@@ -8,13 +8,13 @@ use super::faults::Faults;
 use super::materials::Material;
 use super::parse::{Face, Heading, Parsed, Run, UNNAMED};
 use super::tints::Scale;
-use crate::Object;
-use crate::import::assemble::{centred, draws_nothing, is_in_reach};
+use crate::import::assemble::{centred, draws_nothing, is_in_reach, place_own};
 use crate::import::budget::Budget;
 use crate::import::hierarchy::{Branch, groups};
 use crate::import::polygon::Triangulator;
 use crate::import::report::{ImportReport, Warning, WarningKind};
 use crate::import::{OverBudget, Part};
+use crate::lists::at;
 use trimaran_scene::Rgba8;
 
 /// The colour of a face without a material.
@@ -69,14 +69,7 @@ pub(super) fn assemble(
             part.report.warn_of(WarningKind::EmptyObject, "", name);
             continue;
         }
-        part.model.objects.push(Object {
-            mesh: part.model.meshes.len() as u32,
-            to_world: DAffine3::from_translation(origin),
-            name: name.to_owned(),
-            source: 0,
-            source_index: index,
-        });
-        part.model.meshes.push(mesh);
+        place_own(&mut part.model, mesh, origin, name, index);
     }
     let leaves: Vec<u32> = part.model.objects.iter().map(|object| object.source_index).collect();
     part.model.hierarchy.groups = groups(branches(&parsed.objects, &parsed.outers), &leaves);
@@ -183,7 +176,7 @@ impl Shape<'_> {
 
     /// The vertices' places and the corners of the triangles.
     fn triangles(&self, triangulator: &mut Triangulator) -> (Vec<DVec3>, Vec<u32>) {
-        let place = |&(vertex, _): &(u32, u32)| self.places.get(vertex as usize).copied().unwrap_or_default();
+        let place = |&(vertex, _): &(u32, u32)| at(self.places, vertex);
         let positions: Vec<DVec3> = self.used.iter().map(place).collect();
         let mut indices = Vec::with_capacity(self.corners.len());
         let mut rest = self.corners.as_slice();
@@ -224,7 +217,7 @@ fn colour(tints: &Scale<'_>, vertex: u32, material: Option<&Material>) -> Rgba8 
 }
 
 /// Undefined materials.
-struct Undefined(HashMap<u32, Use>);
+struct Undefined(BTreeMap<u32, Use>);
 
 /// The use of an undefined material.
 struct Use {
@@ -251,13 +244,11 @@ impl Undefined {
     }
 
     fn report(self, report: &mut ImportReport) {
-        let mut used: Vec<(u32, Use)> = self.0.into_iter().filter(|(_, of)| of.count > 0).collect();
-        used.sort_unstable_by_key(|(number, _)| *number);
-        let further = used.split_off(used.len().min(MOST_NAMED));
-        for (_, Use { name, count, objects }) in used {
+        let mut used = self.0.into_values().filter(|of| of.count > 0);
+        for Use { name, count, objects } in used.by_ref().take(MOST_NAMED) {
             report.warn_first(WarningKind::MaterialUndefined, &format!("{name:?}"), &objects, count);
         }
-        let further = further.iter().map(|(_, of)| of.count).sum();
+        let further = used.map(|of| of.count).sum();
         report.warn_about(WarningKind::MaterialUndefined, "further ones", further);
     }
 }

@@ -26,10 +26,7 @@ impl Faults {
         object: &str,
         what: impl FnOnce() -> String,
     ) {
-        let fault = match self.0.get_mut(&(kind, of.to_owned())) {
-            Some(fault) => fault,
-            None => self.0.entry((kind, of.to_owned())).or_default(),
-        };
+        let fault = self.0.entry((kind, of.to_owned())).or_default();
         if fault.count == 0 || line < fault.line {
             (fault.line, fault.what) = (line, what());
         }

@@ -17,43 +17,11 @@ use crate::import::report::WarningKind;
 /// The name of an object without one.
 pub(super) const UNNAMED: &str = "unnamed_object";
 
-/// Ignored statements: normals, texture coordinates, smoothing, and the parts of free-form curves and
-/// surfaces, which are counted where they are drawn.
-const IGNORED: &[&str] = &[
-    "vn",
-    "vt",
-    "vp",
-    "s",
-    "mg",
-    "bevel",
-    "c_interp",
-    "d_interp",
-    "lod",
-    "shadow_obj",
-    "trace_obj",
-    "ctech",
-    "stech",
-    "usemap",
-    "maplib",
-    "cstype",
-    "deg",
-    "bmat",
-    "step",
-    "parm",
-    "trim",
-    "hole",
-    "scrv",
-    "sp",
-    "end",
-    "con",
-    "res",
-];
-/// Statements that draw a free-form curve or surface; the last four are those of the format's first version.
-const FREE_FORM: &[&str] = &["surf", "curv", "curv2", "bzp", "bsp", "cdc", "cdp"];
 /// Statements that would read another file, or run a program.
 const NEVER_DONE: &[&str] = &["call", "csh"];
 
 /// A file's contents. Vertex numbers out of range are still there.
+#[derive(Default)]
 pub(super) struct Parsed {
     /// In the file's frame; NaN for malformed lines.
     pub(super) vertices: Vec<DVec3>,
@@ -111,21 +79,16 @@ pub(super) fn parse<'a>(
     budget: &'a Budget,
     faults: &mut Faults,
 ) -> Result<(Parsed, Libraries<'a>), OverBudget> {
-    let parsed = Parsed {
-        vertices: Vec::new(),
-        tints: Tints::default(),
-        corners: Vec::new(),
-        faces: Vec::new(),
-        runs: Vec::new(),
-        objects: Vec::new(),
-        outers: Vec::new(),
-        materials: Materials::default(),
-        points_or_lines: 0,
+    let mut parser = Parser {
+        parsed: Parsed::default(),
+        libraries: Libraries::of(neighbours),
+        faults,
+        budget,
+        outer: String::new(),
+        group: String::new(),
+        material: NO_MATERIAL,
+        is_new: true,
     };
-    let (outer, group) = (String::new(), String::new());
-    let libraries = Libraries::of(neighbours);
-    let mut parser =
-        Parser { parsed, libraries, faults, budget, outer, group, material: NO_MATERIAL, is_new: true };
     for (number, line) in Lines::of(text) {
         parser.statement(number, &line)?;
     }
@@ -158,8 +121,13 @@ impl Parser<'_, '_> {
             "mtllib" if name(rest).is_empty() => self.malformed(number, || "no library is named".to_owned()),
             "mtllib" => self.libraries.read(name(rest), &mut self.parsed.materials, self.faults),
             "l" | "p" => self.parsed.points_or_lines += 1,
-            word if word.is_empty() || word.starts_with('#') || IGNORED.contains(&word) => {}
-            word if FREE_FORM.contains(&word) => {
+            // Normals, texture coordinates, smoothing, and the parts of free-form curves and surfaces.
+            "vn" | "vt" | "vp" | "s" | "mg" | "bevel" | "c_interp" | "d_interp" | "lod" | "shadow_obj"
+            | "trace_obj" | "ctech" | "stech" | "usemap" | "maplib" | "cstype" | "deg" | "bmat" | "step"
+            | "parm" | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "res" => {}
+            word if word.is_empty() || word.starts_with('#') => {}
+            // These draw a curve or surface; the last four are those of the format's first version.
+            word @ ("surf" | "curv" | "curv2" | "bzp" | "bsp" | "cdc" | "cdp") => {
                 let object = self.parsed_name();
                 self.faults.note(WarningKind::FreeForm, word, number, &object, String::new);
             }

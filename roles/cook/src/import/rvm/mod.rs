@@ -36,12 +36,12 @@ use self::said::Said;
 use self::shape::{Broken, Shape};
 use self::solid::{Chord, Solid};
 use self::tessellate::tessellate;
-use super::assemble::{bounds, centred, draws_nothing, is_in_reach};
+use super::assemble::{bounds, centred, draws_nothing, is_in_reach, place_own};
 use super::budget::{Budget, OverBudget};
 use super::hierarchy::{self, Branch};
 use super::report::WarningKind;
 use super::{Format, ImportOptions, Part, UpAxis};
-use crate::{Mesh, Model, Object};
+use crate::{Mesh, Model};
 use trimaran_scene::ObjectAttributes;
 
 /// Whether a file that begins with these bytes is a review file, of either form.
@@ -94,14 +94,7 @@ pub(super) fn import(
         if let Some(material) = solids.material.filter(|_| !solids.colour_known) {
             report.warn_of(WarningKind::UnknownColour, &format!("material {material}"), name);
         }
-        model.objects.push(Object {
-            mesh: model.meshes.len() as u32,
-            to_world: DAffine3::from_translation(origin),
-            name: name.to_owned(),
-            source: 0,
-            source_index: solids.group,
-        });
-        model.meshes.push(mesh);
+        place_own(&mut model, mesh, origin, name, solids.group);
     }
     let leaves: Vec<u32> = model.objects.iter().map(|object| object.source_index).collect();
     let mut branches = branches(&groups);

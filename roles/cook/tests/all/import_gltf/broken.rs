@@ -11,6 +11,10 @@ const PRIMITIVE: &str = r#"{"attributes":{"POSITION":2},"indices":1,"material":0
 const MATERIAL: &str = r#"{"name":"red","pbrMetallicRoughness":{"baseColorFactor":[1,0,0,1]}}"#;
 const ACCESSOR: &str = r#"{"bufferView":2,"componentType":5126,"count":3,"type":"VEC3"}"#;
 const BUFFER: &str = r#"{"byteLength":80}"#;
+const NAMED: &str = r#""name":"good""#;
+const BAD_NAMED: &str = r#""name":"bad""#;
+const PLACE: &str = r#""translation":[5,0,0]"#;
+const POSITION: &str = r#""attributes":{"POSITION":2}"#;
 
 /// Two objects of a triangle each; the broken parts below belong to the second.
 fn document() -> String {
@@ -67,10 +71,7 @@ fn the_document_itself_is_sound() {
 #[test]
 fn what_can_be_meant_in_one_way_only_is_read_so_without_a_word() {
     for (part, others) in [
-        (
-            r#""name":"good""#,
-            &[r#""name":7"#, r#""name":null"#, r#""skin":-1"#, r#""mesh":0,"name":"x""#][..],
-        ),
+        (NAMED, &[r#""name":7"#, r#""name":null"#, r#""skin":-1"#, r#""mesh":0,"name":"x""#][..]),
         (r#"[5,0,0]"#, &[r#"["5","0",0]"#, r#"{"0":5,"1":0,"2":0}"#, "[]", "{}", "null"]),
         (r#"[1,0,0,1]"#, &["[1,0,0]"]),
         (MATERIAL, &[r#"{"name":1,"alphaMode":"opaque","alphaCutoff":"0.5"}"#]),
@@ -80,7 +81,7 @@ fn what_can_be_meant_in_one_way_only_is_read_so_without_a_word() {
             &[r#""count":"3","normalized":0,"sparse":{}"#, r#""count":3,"min":["a"],"sparse":{"count":0}"#],
         ),
         (r#"{"buffer":0,"byteLength":36}"#, &[r#"{"buffer":0,"byteLength":36,"byteStride":0}"#]),
-        (r#"{"byteLength":80}"#, &[r#"{"byteLength":99}"#, r#"{"byteLength":"80"}"#]),
+        (BUFFER, &[r#"{"byteLength":99}"#, r#"{"byteLength":"80"}"#]),
         (r#""version":"2.0""#, &[r#""version":"2.0.0""#, r#""version":" 2.0 ""#]),
     ] {
         others.iter().for_each(|other| check(&[(part, other, 2, &[], "")]));
@@ -91,15 +92,9 @@ fn what_can_be_meant_in_one_way_only_is_read_so_without_a_word() {
 fn a_value_that_is_not_what_it_should_be_costs_itself() {
     let field = &[Kind::FieldLeftOut][..];
     check(&[
-        (r#""name":"good""#, r#""children":{"a":1}"#, 2, field, "children: invalid type: map"),
-        (r#""name":"good""#, r#""children":["x"]"#, 2, field, r#"first in "node 0""#),
-        (
-            r#""name":"good""#,
-            r#""extensions":{"KHR_node_visibility":7},"name":"g""#,
-            2,
-            field,
-            "KHR_node_visibility",
-        ),
+        (NAMED, r#""children":{"a":1}"#, 2, field, "children: invalid type: map"),
+        (NAMED, r#""children":["x"]"#, 2, field, r#"first in "node 0""#),
+        (NAMED, r#""extensions":{"KHR_node_visibility":7},"name":"g""#, 2, field, "KHR_node_visibility"),
         (r#"[1,0,0,1]"#, "[null,0,0,1]", 2, field, r#"taken as 1); first in "red""#),
         (MATERIAL, r#"{"alphaMode":1}"#, 2, field, "alphaMode: invalid type: integer `1`"),
         (MATERIAL, "7", 2, field, "material 0"),
@@ -112,28 +107,10 @@ fn a_value_that_is_not_what_it_should_be_costs_itself() {
             field,
             "EXT_structural_metadata",
         ),
-        (
-            r#""attributes":{"POSITION":2}"#,
-            r#""attributes":{"POSITION":2,"COLOR_0":1}"#,
-            2,
-            field,
-            "colours of vertices",
-        ),
-        (
-            r#""attributes":{"POSITION":2}"#,
-            r#""attributes":{"POSITION":2,"COLOR_0":9}"#,
-            2,
-            field,
-            "accessor 9",
-        ),
+        (POSITION, r#""attributes":{"POSITION":2,"COLOR_0":1}"#, 2, field, "colours of vertices"),
+        (POSITION, r#""attributes":{"POSITION":2,"COLOR_0":9}"#, 2, field, "accessor 9"),
         (r#""indices":1,"material""#, r#""indices":1,"targets":[{"POSITION":9}],"material""#, 2, &[], ""),
-        (
-            r#""name":"bad""#,
-            r#""name":"bad","extensions":{"EXT_mesh_gpu_instancing":{}}"#,
-            2,
-            field,
-            "placed once",
-        ),
+        (BAD_NAMED, r#""name":"bad","extensions":{"EXT_mesh_gpu_instancing":{}}"#, 2, field, "placed once"),
         (r#""scenes":["#, r#""scenes":[],"scenes":["#, 2, &[], ""),
         // An empty part takes nothing from the others.
         (r#""scenes":["#, r#""extensionsRequired":[],"scenes":[],"scenes":["#, 2, &[], ""),
@@ -187,7 +164,7 @@ fn a_broken_primitive_or_what_it_needs_costs_its_object() {
             broken,
             "its buffer does not exist",
         ),
-        (r#"{"byteLength":80}"#, r#"{"byteLength":70}"#, 1, broken, "past the end"),
+        (BUFFER, r#"{"byteLength":70}"#, 1, broken, "past the end"),
     ]);
     // The accessor has no bytes of its own.
     let json = rewritten(PRIMITIVE, draco).replace(ACCESSOR, bare);
@@ -214,17 +191,11 @@ fn a_node_that_has_no_place_costs_itself() {
         ("[5,0,0]", r#""five""#, 1, left_out, r#"first in "bad""#),
         ("[5,0,0]", "[5,0]", 1, left_out, "its matrix is not finite"),
         ("[5,0,0]", "[1e39,0,0]", 1, left_out, "farther than 1e15 m"),
-        (r#""translation":[5,0,0]"#, r#""scale":[1e60,1e60,1e60]"#, 1, left_out, "farther than 1e15 m"),
-        (
-            r#""translation":[5,0,0]"#,
-            r#""rotation":[0,0,1]"#,
-            1,
-            left_out,
-            "its rotation is not a quaternion",
-        ),
-        (r#""translation":[5,0,0]"#, r#""matrix":[1,0,0,0,0,1,0,0,0,0,1,0]"#, 1, left_out, "not 16 numbers"),
-        (r#""name":"bad""#, &instanced(r#""TRANSLATION":9"#), 1, left_out, "instances: accessor 9"),
-        (r#""name":"bad""#, &instanced(r#""_ID":0"#), 4, &[], ""),
+        (PLACE, r#""scale":[1e60,1e60,1e60]"#, 1, left_out, "farther than 1e15 m"),
+        (PLACE, r#""rotation":[0,0,1]"#, 1, left_out, "its rotation is not a quaternion"),
+        (PLACE, r#""matrix":[1,0,0,0,0,1,0,0,0,0,1,0]"#, 1, left_out, "not 16 numbers"),
+        (BAD_NAMED, &instanced(r#""TRANSLATION":9"#), 1, left_out, "instances: accessor 9"),
+        (BAD_NAMED, &instanced(r#""_ID":0"#), 4, &[], ""),
     ]);
 }
 
@@ -242,9 +213,9 @@ fn references_that_lead_nowhere_or_in_a_circle_are_left_out() {
         ),
         (r#"{"mesh":1,"#, r#"{"mesh":9,"#, 1, nowhere, "its mesh does not exist"),
         (r#"{"mesh":1,"#, r#"{"mesh":-1,"#, 1, &[], ""),
-        (r#""name":"good""#, &with_child("[9]"), 2, nowhere, r##"it does not exist); first in "#9""##),
-        (r#""name":"good""#, &with_child("[0]"), 2, nowhere, "its own ancestor"),
-        (r#""name":"good""#, &with_child("[1,1]"), 2, &[Kind::ReferenceLeftOut], "two parents"),
+        (NAMED, &with_child("[9]"), 2, nowhere, r##"it does not exist); first in "#9""##),
+        (NAMED, &with_child("[0]"), 2, nowhere, "its own ancestor"),
+        (NAMED, &with_child("[1,1]"), 2, &[Kind::ReferenceLeftOut], "two parents"),
         (r#""nodes":[0,1]"#, r#""nodes":[0,1,9]"#, 2, nowhere, "it does not exist"),
         (r#""scene":0"#, r#""scene":3"#, 2, nowhere, r#"first in "scene 3""#),
         (r#""scenes":[{"nodes":[0,1]}],"#, "", 2, nowhere, "scene 0"),
@@ -254,7 +225,7 @@ fn references_that_lead_nowhere_or_in_a_circle_are_left_out() {
     ]);
     // A root that is also a child is placed by its parent.
     let json = rewritten(r#""nodes":[0,1]"#, r#""nodes":[1,0]"#)
-        .replace(r#""name":"good""#, r#""name":"good","translation":[1,0,0],"children":[1]"#);
+        .replace(NAMED, r#""name":"good","translation":[1,0,0],"children":[1]"#);
     let model = import(&json).unwrap().model;
     assert_eq!(
         model.objects.iter().map(|object| object.to_world.translation.x).collect::<Vec<_>>(),
@@ -288,9 +259,9 @@ fn text_that_is_not_quite_json_is_read() {
             "no finite numbers taken as null",
         ),
         ("[5,0,0]", r#"[5,0,0],"extras":[-Infinity,1e400]"#, 2, mended, "2 places"),
-        (r#""name":"bad""#, r#""name":"b\ud800d""#, 2, mended, "letters that are written wrongly"),
-        (r#""name":"bad""#, "\"name\":\"b\td\"", 2, &[], ""),
-        (r#""name":"bad""#, r#""name":"C:\dir""#, 2, mended, "letters that are written wrongly"),
+        (BAD_NAMED, r#""name":"b\ud800d""#, 2, mended, "letters that are written wrongly"),
+        (BAD_NAMED, "\"name\":\"b\td\"", 2, &[], ""),
+        (BAD_NAMED, r#""name":"C:\dir""#, 2, mended, "letters that are written wrongly"),
         (r#""nodes":[0,1]"#, r#""nodes":[0,1,]"#, 2, mended, "commas before a bracket"),
         (
             "[5,0,0]",

@@ -6,7 +6,7 @@ use trimaran_cook::import::{GltfError, ImportError, WarningKind};
 use super::document::Document;
 use super::{error, model, one_triangle};
 
-use crate::import_files::{floats, glb, import_beside, import_bytes};
+use crate::import_files::{floats, glb, import_beside, import_bytes, names};
 
 /// The file of one triangle with a part of its JSON replaced.
 fn rewritten(part: &str, other: &str) -> Vec<u8> {
@@ -147,8 +147,7 @@ fn nodes_without_a_place_are_left_out_with_all_below_them_and_counted() {
             r#"[{{"mesh":0,"name":"good"}},{{"name":"bad","mesh":0,"children":[2],{node}}},{{"mesh":0}}]"#
         );
         let imported = import_bytes("a.glb", &one_triangle(&nodes, "")).unwrap();
-        let names: Vec<_> = imported.model.objects.iter().map(|object| &*object.name).collect();
-        assert_eq!(names, ["good"], "{node}");
+        assert_eq!(names(&imported), ["good"], "{node}");
         let warning = &imported.report.warnings[0];
         assert_eq!((warning.kind, warning.count, &*warning.detail), (WarningKind::NodeLeftOut, 1, why));
         assert_eq!(warning.objects, ["bad"]);
@@ -178,7 +177,7 @@ fn hidden_nodes_are_left_out_with_all_below_them_and_counted() {
     );
     let file = one_triangle(&nodes, r#""extensionsRequired":["KHR_node_visibility"],"#);
     let imported = import_bytes("a.glb", &file).unwrap();
-    assert_eq!(imported.model.objects.iter().map(|object| &*object.name).collect::<Vec<_>>(), ["a"]);
+    assert_eq!(names(&imported), ["a"]);
     let warning = &imported.report.warnings[0];
     assert_eq!((warning.kind, warning.count), (WarningKind::HiddenNode, 1));
     assert_eq!(warning.objects, ["b"]);
