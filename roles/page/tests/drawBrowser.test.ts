@@ -1,38 +1,11 @@
 /** Draws in a real browser, and checks the drawable at each pixel. */
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
-
 import type { Section } from "../src/proto/viewState.ts";
-import { DrawBrowser } from "./drawBrowser.ts";
+import { drawing } from "./drawBrowser.ts";
 import { folded } from "./drawScene.ts";
 
-let browser: DrawBrowser | undefined;
-before(async () => {
-  browser = await DrawBrowser.open();
-});
-after(() => browser?.close());
-
-/** A test that runs `look` in the page, and `check` on its result. Fails on any error in the page. */
-function drawn<A, T>(
-  name: string,
-  argument: A,
-  look: (argument: A) => T,
-  check: (found: Awaited<T>) => void,
-) {
-  test(name, async (context) => {
-    if (browser === undefined) {
-      context.skip("there is no Chromium");
-      return;
-    }
-    const { page, faults } = browser;
-    faults.length = 0;
-    // Values to and from the page must be JSON.
-    const found = (await page.evaluate(look as never, argument as never)) as Awaited<T>;
-    check(found);
-    assert.deepEqual(faults, []);
-  });
-}
+const drawn = drawing();
 
 /** With all extensions of the browser, and without. */
 for (const extensions of [true, false]) {

@@ -1,8 +1,10 @@
 /** A page in headless Chromium with the renderer in it, on a software renderer. */
 
+import assert from "node:assert/strict";
 import { existsSync } from "node:fs";
 import { createServer, type Server } from "node:http";
 import type { AddressInfo } from "node:net";
+import { after, before, test } from "node:test";
 
 import { build } from "esbuild";
 import { type Browser, chromium, type Page } from "playwright-core";
@@ -67,4 +69,27 @@ async function bundled(entry: string): Promise<string> {
     logLevel: "error",
   });
   return outputFiles[0]?.text ?? "";
+}
+
+/** Opens a browser for the tests of a file, each of which runs a function in the page. */
+export function drawing() {
+  let browser: DrawBrowser | undefined;
+  before(async () => {
+    browser = await DrawBrowser.open();
+  });
+  after(() => browser?.close());
+  /** A test that runs `look` in the page, and `check` on its result. Fails on any error in the page. */
+  return <A, T>(name: string, argument: A, look: (argument: A) => T, check: (found: Awaited<T>) => void) => {
+    test(name, async (context) => {
+      if (browser === undefined) {
+        context.skip("there is no Chromium");
+        return;
+      }
+      const { page, faults } = browser;
+      faults.length = 0;
+      // Values to and from the page must be JSON.
+      check((await page.evaluate(look as never, argument as never)) as Awaited<T>);
+      assert.deepEqual(faults, []);
+    });
+  };
 }

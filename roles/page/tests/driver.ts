@@ -4,7 +4,7 @@
  */
 
 import { createInterface } from "node:readline";
-import { chromium, type Page } from "playwright-core";
+import { chromium } from "playwright-core";
 import type { Point } from "../src/space/point.ts";
 import type { Viewer } from "../src/viewer/viewer.ts";
 
@@ -13,77 +13,6 @@ declare global {
     trimaran?: Viewer;
   }
 }
-
-type Command =
-  | { readonly do: "open"; readonly url: string }
-  | { readonly do: "settle" }
-  | { readonly do: "hold"; readonly key: string; readonly milliseconds: number }
-  | { readonly do: "down" | "up" | "press"; readonly key: string }
-  | { readonly do: "wait"; readonly milliseconds: number }
-  /** Moves the eye there, in walk mode. */
-  | { readonly do: "stand"; readonly eye: Point; readonly forward: Point }
-  | { readonly do: "type"; readonly text: string }
-  | { readonly do: "click"; readonly x: number; readonly y: number; readonly keys?: readonly string[] }
-  | { readonly do: "move"; readonly x: number; readonly y: number }
-  /** The projection of a world point, in CSS pixels. */
-  | { readonly do: "point"; readonly point: Point }
-  /** The button with this label. */
-  | { readonly do: "label"; readonly name: string }
-  /** Clicks the download button of this name; returns the file's name. */
-  | { readonly do: "download"; readonly name: string }
-  | { readonly do: "file"; readonly selector: string; readonly name: string; readonly text: string }
-  /** The text of each of these elements. */
-  | { readonly do: "text"; readonly selector: string }
-  /** Whether each of these elements is visible: it lies within the scrolling element around it. */
-  | { readonly do: "visible"; readonly selector: string; readonly within: string }
-  | { readonly do: "clipboard" }
-  /** Clicks the first button whose text begins with this. */
-  | { readonly do: "button"; readonly name: string }
-  | { readonly do: "choose"; readonly label: string; readonly value: string }
-  /** Resets the eye, the sections and the error bound. */
-  | { readonly do: "home" }
-  | { readonly do: "drag"; readonly right: number; readonly down: number }
-  /** Drags the first handle in the picture. */
-  | { readonly do: "handle"; readonly right: number; readonly down: number }
-  | { readonly do: "resize"; readonly width: number; readonly height: number }
-  /** The graphics device loses its context, and gets it back. */
-  | { readonly do: "lose" }
-  | { readonly do: "look" }
-  | { readonly do: "status" }
-  | { readonly do: "figures" }
-  /** The focused element: its name and kind. */
-  | { readonly do: "focused" }
-  /** Presses Tab until an element of that name has the focus. */
-  | { readonly do: "tab"; readonly name: string }
-  | { readonly do: "wheel"; readonly x: number; readonly y: number; readonly down: number }
-  /** Drags from one place of the canvas, with the left button. */
-  | {
-      readonly do: "pull";
-      readonly x: number;
-      readonly y: number;
-      readonly right: number;
-      readonly down: number;
-    }
-  /** Touches a place for this long. */
-  | { readonly do: "touch"; readonly x: number; readonly y: number; readonly milliseconds: number }
-  /** Shows the person a message. */
-  | { readonly do: "say"; readonly text: string }
-  | { readonly do: "title" }
-  | { readonly do: "reload" }
-  /** A place where a finger meets an object, CSS pixels. */
-  | { readonly do: "place"; readonly object: number }
-  /** The eye, and the picked and hidden objects: the result of `look` without pixels. */
-  | { readonly do: "state" }
-  /** All usable controls, with their places. */
-  | { readonly do: "targets" }
-  /** Touches the control of that name for this long. */
-  | { readonly do: "tap"; readonly name: string; readonly milliseconds: number }
-  /** The extent of the picked objects in the picture; without any, of all but the background. */
-  | { readonly do: "extent" }
-  /** The transfer times of the page's files. */
-  | { readonly do: "files" }
-  | { readonly do: "memory" }
-  | { readonly do: "screenshot"; readonly file: string };
 
 /** The timeout for an exact picture, milliseconds. */
 const PATIENCE = 60_000;
@@ -110,198 +39,206 @@ page.on("console", (message) => {
   }
 });
 
-async function run(command: Command, page: Page): Promise<unknown> {
-  switch (command.do) {
-    case "open":
-      return (await page.goto(command.url))?.status();
-    case "settle":
-      return until(() => page.evaluate(() => window.trimaran?.isSettled === true));
-    case "hold":
-      await page.keyboard.down(command.key);
-      await page.waitForTimeout(command.milliseconds);
-      await page.keyboard.up(command.key);
-      return true;
-    case "down":
-      await page.keyboard.down(command.key);
-      return true;
-    case "up":
-      await page.keyboard.up(command.key);
-      return true;
-    case "wait":
-      await page.waitForTimeout(command.milliseconds);
-      return true;
-    case "stand":
-      await page.evaluate(({ eye, forward }) => window.trimaran?.navigator.goTo(eye, forward), command);
-      return true;
-    case "press":
-      await page.keyboard.press(command.key);
-      return true;
-    case "type":
-      await page.keyboard.type(command.text);
-      return true;
-    case "click":
-      for (const key of command.keys ?? []) {
-        await page.keyboard.down(key);
-      }
-      await page.mouse.click(command.x, command.y);
-      for (const key of command.keys ?? []) {
-        await page.keyboard.up(key);
-      }
-      return true;
-    case "move":
-      await page.mouse.move(command.x, command.y);
-      return true;
-    case "point":
-      return page.evaluate(({ point }) => {
-        const place = window.trimaran?.projection.place(point);
-        return place && [place.x, place.y];
-      }, command);
-    case "label":
-      await page.getByLabel(command.name, { exact: true }).first().click();
-      return true;
-    case "download": {
-      const button = page.getByRole("button", { name: command.name, exact: true });
-      const [download] = await Promise.all([page.waitForEvent("download"), button.click()]);
-      return download.suggestedFilename();
+interface Spot {
+  readonly x: number;
+  readonly y: number;
+}
+
+interface Way {
+  readonly right: number;
+  readonly down: number;
+}
+
+interface Key {
+  readonly key: string;
+}
+
+interface Name {
+  readonly name: string;
+}
+
+interface Time {
+  readonly milliseconds: number;
+}
+
+interface Chosen {
+  readonly selector: string;
+}
+
+/** Commands that act, by name. Their answer is true. */
+const ACTIONS = {
+  settle: () => until(() => page.evaluate(() => window.trimaran?.isSettled === true)),
+  async hold({ key, milliseconds }: Key & Time) {
+    await page.keyboard.down(key);
+    await page.waitForTimeout(milliseconds);
+    await page.keyboard.up(key);
+  },
+  down: ({ key }: Key) => page.keyboard.down(key),
+  up: ({ key }: Key) => page.keyboard.up(key),
+  press: ({ key }: Key) => page.keyboard.press(key),
+  type: ({ text }: { text: string }) => page.keyboard.type(text),
+  wait: ({ milliseconds }: Time) => page.waitForTimeout(milliseconds),
+  /** Moves the eye there, in walk mode. */
+  stand: (pose: { eye: Point; forward: Point }) =>
+    page.evaluate(({ eye, forward }) => window.trimaran?.navigator.goTo(eye, forward), pose),
+  async click({ x, y, keys = [] }: Spot & { keys?: readonly string[] }) {
+    for (const key of keys) {
+      await page.keyboard.down(key);
     }
-    case "file": {
-      const { selector, name, text } = command;
-      const file = { name, mimeType: "application/json", buffer: Buffer.from(text) };
-      await page.locator(selector).setInputFiles(file);
-      return true;
+    await page.mouse.click(x, y);
+    for (const key of keys) {
+      await page.keyboard.up(key);
     }
-    case "text":
-      return page.evaluate(
-        ({ selector }) =>
-          [...document.querySelectorAll<HTMLElement>(selector)].map((one) => one.textContent ?? ""),
-        command,
-      );
-    case "visible":
-      return page.evaluate(({ selector, within }) => {
-        const around = document.querySelector(within)?.getBoundingClientRect();
-        const boxes = [...document.querySelectorAll(selector)].map((one) => one.getBoundingClientRect());
-        return boxes.map(({ top, bottom }) => {
-          return around !== undefined && top >= around.top - 1 && bottom <= around.bottom + 1;
-        });
-      }, command);
-    case "clipboard":
-      return page.evaluate(() => navigator.clipboard.readText());
-    case "button":
-      await page
-        .locator("button", { hasText: new RegExp(`^${command.name}`) })
-        .first()
-        .click();
-      return true;
-    case "choose":
-      await page.getByLabel(command.label).selectOption(command.value);
-      return true;
-    case "home":
-      await page.evaluate(() => {
-        const viewer = window.trimaran;
-        const { eye, forward } = viewer?.scene.start ?? { eye: [0, 0, 0], forward: [0, 0, -1] };
-        viewer?.navigator.goTo(eye, forward);
-        if (viewer !== undefined) {
-          // A click may have added a section, or chosen another error bound.
-          viewer.view.change({ sections: [] });
-          viewer.epsilon.value = 2;
-        }
+  },
+  /** Clicks the button with this label. */
+  label: ({ name }: Name) => page.getByLabel(name, { exact: true }).first().click(),
+  /** Clicks the first button whose text begins with this. */
+  button: ({ name }: Name) =>
+    page
+      .locator("button", { hasText: new RegExp(`^${name}`) })
+      .first()
+      .click(),
+  file: ({ selector, name, text }: Chosen & Name & { text: string }) =>
+    page.locator(selector).setInputFiles({ name, mimeType: "application/json", buffer: Buffer.from(text) }),
+  choose: ({ label, value }: { label: string; value: string }) => page.getByLabel(label).selectOption(value),
+  /** Resets the eye, the sections and the error bound. */
+  home: () =>
+    page.evaluate(() => {
+      const viewer = window.trimaran;
+      const { eye, forward } = viewer?.scene.start ?? { eye: [0, 0, 0], forward: [0, 0, -1] };
+      viewer?.navigator.goTo(eye, forward);
+      if (viewer !== undefined) {
+        // A click may have added a section, or chosen another error bound.
+        viewer.view.change({ sections: [] });
+        viewer.epsilon.value = 2;
+      }
+    }),
+  drag: (way: Way) => pull({ x: width / 2, y: height / 2, ...way }, 5),
+  /** Drags the first handle in the picture. */
+  async handle(way: Way) {
+    const box = await page.locator(".handle").first().boundingBox();
+    const { x = 0, y = 0, width = 0, height = 0 } = box ?? {};
+    await pull({ x: x + width / 2, y: y + height / 2, ...way }, 5);
+  },
+  /** Drags from one place of the canvas, with the left button. */
+  pull: (from: Spot & Way) => pull(from, 8),
+  async resize(size: { width: number; height: number }) {
+    await page.setViewportSize(size);
+    await until(() =>
+      page.evaluate(({ width, height }) => {
+        const canvas = document.querySelector("canvas");
+        return canvas?.width === width && canvas.height === height;
+      }, size),
+    );
+  },
+  /** The graphics device loses its context, and gets it back. */
+  lose: () => page.evaluate(lose),
+  async wheel({ x, y, down }: Spot & { down: number }) {
+    await page.mouse.move(x, y);
+    await page.mouse.wheel(0, down);
+  },
+  /** Touches a place for this long. */
+  touch: (at: Spot & Time) => touch(at),
+  /** Touches the control of that name for this long. */
+  async tap({ name, milliseconds }: Name & Time) {
+    // Rows of a list come from the service.
+    let place: Spot | undefined;
+    await until(async () => {
+      [place] = (await page.evaluate(targets, name)) as Spot[];
+      return place !== undefined;
+    }, `that something is called ${name}`);
+    await (place && touch({ ...place, milliseconds }));
+  },
+  /** Shows the person a message. */
+  say: ({ text }: { text: string }) =>
+    page.evaluate((text) => {
+      if (window.trimaran !== undefined) {
+        window.trimaran.said.value = text;
+      }
+    }, text),
+};
+
+/** Commands that answer something, by name. */
+const QUESTIONS = {
+  open: async ({ url }: { url: string }) => (await page.goto(url))?.status(),
+  reload: async () => (await page.reload())?.status(),
+  title: () => page.title(),
+  /** The projection of a world point, in CSS pixels. */
+  point: ({ point }: { point: Point }) =>
+    page.evaluate((point) => {
+      const place = window.trimaran?.projection.place(point);
+      return place && [place.x, place.y];
+    }, point),
+  /** Clicks the download button of this name; returns the file's name. */
+  async download({ name }: Name) {
+    const button = page.getByRole("button", { name, exact: true });
+    const [download] = await Promise.all([page.waitForEvent("download"), button.click()]);
+    return download.suggestedFilename();
+  },
+  /** The text of each of these elements. */
+  text: ({ selector }: Chosen) =>
+    page.evaluate(
+      (selector) => [...document.querySelectorAll(selector)].map((one) => one.textContent ?? ""),
+      selector,
+    ),
+  /** Whether each of these elements is visible: it lies within the scrolling element around it. */
+  visible: (chosen: Chosen & { within: string }) =>
+    page.evaluate(({ selector, within }) => {
+      const around = document.querySelector(within)?.getBoundingClientRect();
+      const boxes = [...document.querySelectorAll(selector)].map((one) => one.getBoundingClientRect());
+      return boxes.map(({ top, bottom }) => {
+        return around !== undefined && top >= around.top - 1 && bottom <= around.bottom + 1;
       });
-      return true;
-    case "drag": {
-      const [x, y] = [width / 2, height / 2];
-      await page.mouse.move(x, y);
-      await page.mouse.down();
-      await page.mouse.move(x + command.right, y + command.down, { steps: 5 });
-      await page.mouse.up();
-      return true;
-    }
-    case "handle": {
-      const handle = page.locator(".handle").first();
-      const { x = 0, y = 0, width = 0, height = 0 } = (await handle.boundingBox()) ?? {};
-      const [right, down] = [x + width / 2, y + height / 2];
-      await page.mouse.move(right, down);
-      await page.mouse.down();
-      await page.mouse.move(right + command.right, down + command.down, { steps: 5 });
-      await page.mouse.up();
-      return true;
-    }
-    case "resize":
-      await page.setViewportSize(command);
-      return until(() =>
-        page.evaluate(({ width, height }) => {
-          const canvas = document.querySelector("canvas");
-          return canvas?.width === width && canvas.height === height;
-        }, command),
-      );
-    case "lose":
-      await page.evaluate(lose);
-      return true;
-    case "look":
-      return page.evaluate(look);
-    case "status":
-      return page.evaluate(() => document.querySelector("#status")?.textContent ?? "");
-    case "figures":
-      return page.evaluate(figures);
-    case "focused":
-      return page.evaluate(focused);
-    case "tab":
-      for (let press = 0; press < 100; press += 1) {
-        const { name } = await page.evaluate(focused);
-        if (name === command.name) {
-          return press;
-        }
-        await page.keyboard.press("Tab");
+    }, chosen),
+  clipboard: () => page.evaluate(() => navigator.clipboard.readText()),
+  look: () => page.evaluate(look),
+  status: () => page.evaluate(() => document.querySelector("#status")?.textContent ?? ""),
+  figures: () => page.evaluate(figures),
+  /** The focused element: its name and kind. */
+  focused: () => page.evaluate(focused),
+  /** Presses Tab until an element of that name has the focus. */
+  async tab({ name: wanted }: Name) {
+    for (let press = 0; press < 100; press += 1) {
+      const { name } = await page.evaluate(focused);
+      if (name === wanted) {
+        return press;
       }
-      throw new Error(`no Tab leads to ${command.name}`);
-    case "wheel":
-      await page.mouse.move(command.x, command.y);
-      await page.mouse.wheel(0, command.down);
-      return true;
-    case "pull":
-      await page.mouse.move(command.x, command.y);
-      await page.mouse.down();
-      await page.mouse.move(command.x + command.right, command.y + command.down, { steps: 8 });
-      await page.mouse.up();
-      return true;
-    case "touch":
-      return touch(page, command.x, command.y, command.milliseconds);
-    case "tap": {
-      // Rows of a list come from the service.
-      let place: { x: number; y: number } | undefined;
-      await until(async () => {
-        [place] = (await page.evaluate(targets, command.name)) as { x: number; y: number }[];
-        return place !== undefined;
-      }, `that something is called ${command.name}`);
-      return place && touch(page, place.x, place.y, command.milliseconds);
+      await page.keyboard.press("Tab");
     }
-    case "state":
-      return page.evaluate(state);
-    case "say":
-      await page.evaluate((text) => {
-        if (window.trimaran !== undefined) {
-          window.trimaran.said.value = text;
-        }
-      }, command.text);
-      return true;
-    case "title":
-      return page.title();
-    case "reload":
-      return (await page.reload())?.status();
-    case "place":
-      return page.evaluate(place, command.object);
-    case "targets":
-      return page.evaluate(targets, "");
-    case "extent":
-      return page.evaluate(extent);
-    case "files":
-      return page.evaluate(files);
-    case "memory":
-      await page.requestGC();
-      return page.evaluate(memory);
-    case "screenshot":
-      await page.screenshot({ path: command.file });
-      return true;
+    throw new Error(`no Tab leads to ${wanted}`);
+  },
+  /** A place where a finger meets an object, CSS pixels. */
+  place: ({ object }: { object: number }) => page.evaluate(place, object),
+  /** The eye, and the picked and hidden objects: the result of `look` without pixels. */
+  state: () => page.evaluate(state),
+  /** All usable controls, with their places. */
+  targets: () => page.evaluate(targets, ""),
+  /** The extent of the picked objects in the picture; without any, of all but the background. */
+  extent: () => page.evaluate(extent),
+  /** The transfer times of the page's files. */
+  files: () => page.evaluate(files),
+  async memory() {
+    await page.requestGC();
+    return page.evaluate(memory);
+  },
+};
+
+/** A command, with its name in `do`. */
+type Command = { readonly do: keyof typeof ACTIONS | keyof typeof QUESTIONS };
+
+async function run({ do: name, ...argument }: Command): Promise<unknown> {
+  if (name in ACTIONS) {
+    await ACTIONS[name as keyof typeof ACTIONS](argument as never);
+    return true;
   }
+  return QUESTIONS[name as keyof typeof QUESTIONS](argument as never);
+}
+
+async function pull({ x, y, right, down }: Spot & Way, steps: number): Promise<void> {
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + right, y + down, { steps });
+  await page.mouse.up();
 }
 
 /** Bytes of scripts and of geometry, and elements of the document. */
@@ -327,14 +264,13 @@ function state(): unknown {
 }
 
 /** A touch of about this duration, however busy the page is. */
-async function touch(page: Page, x: number, y: number, milliseconds: number): Promise<true> {
+async function touch({ x, y, milliseconds }: Spot & Time): Promise<void> {
   const devtools = await page.context().newCDPSession(page);
   const touchPoints = [{ x, y }];
   const down = devtools.send("Input.dispatchTouchEvent", { type: "touchStart", touchPoints });
   await page.waitForTimeout(milliseconds);
   await Promise.all([down, devtools.send("Input.dispatchTouchEvent", { type: "touchEnd", touchPoints: [] })]);
   await devtools.detach();
-  return true;
 }
 
 /** The focused element: its name, its kind, and whether it shows the focus. Runs in the page. */
@@ -431,10 +367,10 @@ function figures(): Record<string, string> {
 }
 
 /** Waits until `holds`. The page's policy forbids playwright's own way to wait. */
-async function until(holds: () => Promise<boolean>, what = "it"): Promise<true> {
+async function until(holds: () => Promise<boolean>, what = "it"): Promise<void> {
   for (const began = performance.now(); performance.now() - began < PATIENCE; ) {
     if (await holds()) {
-      return true;
+      return;
     }
     await new Promise((resolve) => setTimeout(resolve, 20));
   }
@@ -493,7 +429,7 @@ const IS_GONE = /context was destroyed|Cannot find context|a different document|
 async function answered(command: Command): Promise<unknown> {
   for (const begun = performance.now(); ; ) {
     try {
-      return { answer: await run(command, page), faults };
+      return { answer: await run(command), faults };
     } catch (error) {
       if (!IS_GONE.test(String(error)) || performance.now() - begun > PATIENCE) {
         return { error: String(error), faults };

@@ -1,29 +1,16 @@
 /** Lines of a picture at rest: their places, and places without lines. */
 
 import assert from "node:assert/strict";
-import { after, before, test } from "node:test";
+import { test } from "node:test";
 
 import { STEPS, strengthOf } from "../src/draw/still.ts";
-import { DrawBrowser } from "./drawBrowser.ts";
+import { drawing } from "./drawBrowser.ts";
 
-let browser: DrawBrowser | undefined;
-before(async () => {
-  browser = await DrawBrowser.open();
-});
-after(() => browser?.close());
+const drawn = drawing();
 
 /** Runs `draw` in the page, which returns darkness by name: see `darkness`. */
-function lines(name: string, draw: () => Darkness, check: (found: Darkness) => void) {
-  test(name, async (context) => {
-    if (browser === undefined) {
-      context.skip("there is no Chromium");
-      return;
-    }
-    browser.faults.length = 0;
-    check((await browser.page.evaluate(draw)) as Darkness);
-    assert.deepEqual(browser.faults, []);
-  });
-}
+const lines = (name: string, draw: () => Darkness, check: (found: Darkness) => void) =>
+  drawn(name, undefined, draw, check);
 
 /** By name: the share of pixels of a part of the picture that are darker than nine tenths of its median. */
 type Darkness = Record<string, number>;

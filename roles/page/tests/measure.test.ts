@@ -55,20 +55,8 @@ test("a vertex goes before an edge, an edge before a face, and what is hidden be
   // A square of 2 m that faces the eye at 10 m, and the same 4 m behind it.
   const camera: Camera = { eye: [0, 0, 0], orientation: [0, 0, 0, 1], tanHalfFov: 0.5, near: 0.1 };
   const projection = new Projection(camera, 1000, 1000);
-  const square = (z: number, half: number) => [
-    -half,
-    -half,
-    z,
-    half,
-    -half,
-    z,
-    half,
-    half,
-    z,
-    -half,
-    half,
-    z,
-  ];
+  const square = (z: number, half: number) =>
+    [-1, 1, 1, -1].flatMap((x, corner) => [half * x, corner < 2 ? -half : half, z]);
   const triangles = {
     positions: Float32Array.from([...square(-10, 1), ...square(-14, 1.35)]),
     indices: Uint32Array.from([0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7]),
