@@ -56,7 +56,7 @@ export class FrameAssembler {
     [this.#hasher, this.#most, this.#decoder] = [hasher, most, decoder];
   }
 
-  /** Takes the next message of the lane. Returns the frame that it ends, if that has all ids that it announces. */
+  /** Takes the next message. Returns the frame that it ends, unless some of the ids are missing. */
   take({ kind, payload }: Message): Frame | undefined {
     switch (kind) {
       case Kind.begin:
