@@ -12,10 +12,9 @@ import { moveIndices } from "../src/draw/page.ts";
 import { View } from "../src/draw/view.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
 import { BOTH_SIDES, FRONT_SIDE, isOfSolids } from "../src/proto/sides.ts";
+import { type Point, pointOf } from "../src/space/point.ts";
 import { AHEAD, box, cameraAt, drawableAt, folded, UPRIGHT } from "./drawScene.ts";
 import { randomOf } from "./support.ts";
-
-type Point = [number, number, number];
 
 test("places never overlap, and what is given back can be taken again", () => {
   for (let seed = 1; seed <= 20; seed += 1) {
@@ -256,29 +255,15 @@ test("a box beside each side of the picture is not seen", () => {
     return view.sees(bounds);
   };
   // At a distance of 10 the picture is 20 wide and 10 high; the box reaches to 1, and slants add less than 1.
-  for (const [inside, outside] of [
-    [
-      [10.9, 0, -10],
-      [12.1, 0, -10],
-    ],
-    [
-      [-10.9, 0, -10],
-      [-12.1, 0, -10],
-    ],
-    [
-      [0, 5.9, -10],
-      [0, 6.6, -10],
-    ],
-    [
-      [0, -5.9, -10],
-      [0, -6.6, -10],
-    ],
-    [
-      [0, 0, -0.1],
-      [0, 0, 0.1],
-    ],
-  ] as [Point, Point][]) {
-    assert.deepEqual([isSeen(...inside), isSeen(...outside)], [true, false], `${inside}`);
+  for (const [axis, inside, outside] of [
+    [0, 10.9, 12.1],
+    [0, -10.9, -12.1],
+    [1, 5.9, 6.6],
+    [1, -5.9, -6.6],
+    [2, -0.1, 0.1],
+  ] as const) {
+    const at = (far: number) => pointOf((other) => (other === axis ? far : other === 2 ? -10 : 0));
+    assert.deepEqual([isSeen(...at(inside)), isSeen(...at(outside))], [true, false], `${at(inside)}`);
   }
 });
 

@@ -226,9 +226,9 @@ for (const extensions of [true, false]) {
       const seen = () => stage.seen(camera, [shown]).length;
       const nothing = [seen(), renderer.capacity];
       renderer.setPiece(0, plate(9, 9));
-      const there = [seen(), renderer.hasPiece(0)];
+      const there = [seen(), renderer.triangles(0) !== undefined];
       renderer.dropPiece(0);
-      const gone = [seen(), renderer.hasPiece(0), renderer.bytes];
+      const gone = [seen(), renderer.triangles(0) !== undefined, renderer.bytes];
       // Ten pieces at a time, out of a thousand, with the plate among them.
       const room = renderer.capacity;
       for (let piece = 1; piece <= 1000; piece += 1) {
@@ -370,7 +370,7 @@ for (const extensions of [true, false]) {
       const picked = renderer.pick(8, 8) !== undefined;
       loss?.restoreContext();
       await waitFor("restored");
-      const empty = [stage.seen(camera, [shown]).length, renderer.hasPiece(0)];
+      const empty = [stage.seen(camera, [shown]).length, renderer.triangles(0) !== undefined];
       stage.set(plate(9, 9));
       const again = [stage.seen(camera, [shown]).length, stage.colour(camera, [shown], 8, 8)];
       stage.end();

@@ -3,9 +3,9 @@
 import type { Camera, Drawable, Mesh } from "../src/draw/model.ts";
 import { VERTEX_BYTES } from "../src/proto/piece.ts";
 import { BOTH_SIDES, FRONT_SIDE } from "../src/proto/sides.ts";
+import { type Point, pointOf } from "../src/space/point.ts";
 
 export type Colour = readonly [number, number, number];
-type Point = readonly [number, number, number];
 
 /** No rotation. */
 export const AHEAD = [0, 0, 0, 1] as const;
@@ -110,11 +110,7 @@ export function box(size: Point, colour: Colour = [200, 200, 200]): Mesh {
 
 /** A point with `along` on an axis, and the other two on the axes that follow. */
 function at3(axis: number, along: number, next: number, last: number): Point {
-  const point: [number, number, number] = [0, 0, 0];
-  point[axis] = along;
-  point[(axis + 1) % 3] = next;
-  point[(axis + 2) % 3] = last;
-  return point;
+  return pointOf((other) => [along, next, last][(other - axis + 3) % 3] ?? 0);
 }
 
 /** A pipe along y about the origin, closed: `sides` times `parts` rectangles and two ends. */

@@ -19,6 +19,15 @@ function world(spans: (x: number, z: number) => readonly number[]): Solid {
   return { cell: 0.1, column: (x, z) => Float64Array.from(spans(x, z)) };
 }
 
+/** Pseudo-random numbers from 0 to below 1. */
+function shareOf(seed: number): () => number {
+  let last = seed;
+  return () => {
+    last = (last * 48271) % 0x7fff_ffff;
+    return last / 0x7fff_ffff;
+  };
+}
+
 const FLOOR = [-0.2, 0];
 const isIn = (at: number, low: number, high: number) => at >= low && at < high;
 
@@ -145,11 +154,7 @@ test("no way leads through walls, whatever is wanted and however long a picture 
     const isWall = Math.abs(x) > 2 || Math.abs(z) > 2 || (isIn(x, 0.5, 0.8) && isIn(z, 0.5, 0.8));
     return isWall ? [-0.2, 3] : [-0.2, isIn(x, -2, -1) ? 0.3 : 0];
   });
-  let seed = 7;
-  const random = () => {
-    seed = (seed * 48271) % 0x7fff_ffff;
-    return seed / 0x7fff_ffff;
-  };
+  const random = shareOf(7);
   const walk = person(solid);
   for (let picture = 0; picture < 3000; picture += 1) {
     const [x, z] = [6 * (random() - 0.5), 6 * (random() - 0.5)];
@@ -320,11 +325,7 @@ test("what is turned round stays where it shows, and comes nearer by shares", ()
 });
 
 test("a box that is framed is all in the picture and fills it one way, from wherever it is seen", () => {
-  let seed = 5;
-  const random = () => {
-    seed = (seed * 48271) % 0x7fff_ffff;
-    return seed / 0x7fff_ffff;
-  };
+  const random = shareOf(5);
   for (let round = 0; round < 500; round += 1) {
     const min: Point = [1e4 * random(), 50 * random(), -1e4 * random()];
     const size = 10 ** (6 * random() - 3);

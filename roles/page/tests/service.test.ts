@@ -1,12 +1,8 @@
 import assert from "node:assert/strict";
-import { webcrypto } from "node:crypto";
 import { createServer } from "node:http";
 import type { AddressInfo } from "node:net";
 import { test } from "node:test";
 import { Service } from "../src/service/service.ts";
-
-// Node 18 lacks the browsers' global.
-globalThis.crypto ??= webcrypto as Crypto;
 
 /** Answers of a service, in order: a status, and after how many seconds to ask again. */
 async function asked(answers: readonly (readonly [status: number, after?: string])[]) {

@@ -6,6 +6,7 @@ import { resolve } from "node:path";
 import { Writer } from "../src/wire/bytes.ts";
 import { hashOf, loadHasher } from "../src/wire/frames.ts";
 import type { Channel, Clock } from "../src/wire/lane.ts";
+import type { Message, MessageStream } from "../src/wire/messages.ts";
 
 /** The examples of a page by name: fenced blocks `hex NAME`, with a comment behind a `#` in any line. */
 export function examplesOf(page: string): Map<string, Uint8Array> {
@@ -28,6 +29,15 @@ export function toHex(bytes: Uint8Array): string {
 
 export function concat(...parts: readonly Uint8Array[]): Uint8Array<ArrayBuffer> {
   return Uint8Array.from(parts.flatMap((part) => [...part]));
+}
+
+/** The whole messages in a stream. */
+export function takeAll(stream: MessageStream): Message[] {
+  const taken: Message[] = [];
+  for (let message = stream.take(); message !== undefined; message = stream.take()) {
+    taken.push(message);
+  }
+  return taken;
 }
 
 const senderHasher = await loadHasher();

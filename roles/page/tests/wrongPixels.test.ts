@@ -4,21 +4,12 @@ import { NOTHING } from "../src/draw/device.ts";
 import type { Drawable } from "../src/draw/model.ts";
 import { Spans } from "../src/drive/audit.ts";
 import { wrongShare } from "../src/viewer/wrongPixels.ts";
+import { drawableAt } from "./drawScene.ts";
 
 /** A drawable from `x` on, one metre in each direction. */
 function drawable(id: number, object: number, x: number, more: Partial<Drawable> = {}): Drawable {
-  return {
-    id,
-    object,
-    objects: 1,
-    geometry: id,
-    origin: [0, 0, 0],
-    linear: [1, 0, 0, 0, 1, 0, 0, 0, 1],
-    sides: 0xffffff,
-    worldMin: [x, 0, 0],
-    worldMax: [x + 1, 1, 1],
-    ...more,
-  };
+  const box = { worldMin: [x, 0, 0], worldMax: [x + 1, 1, 1] } as const;
+  return drawableAt(id, [0, 0, 0], { object, ...box, ...more });
 }
 
 test("a pixel is wrong where it shows another object, not where it shows another level of the same", () => {

@@ -15,16 +15,12 @@ export class Allocator {
   /** Free ranges by offset; between two of them something is allocated. */
   readonly #gaps: Gap[];
   readonly capacity: number;
-  #used = 0;
+  /** The allocated part of the capacity. */
+  used = 0;
 
   constructor(capacity: number) {
     this.capacity = capacity;
     this.#gaps = capacity > 0 ? [{ offset: 0, length: capacity }] : [];
-  }
-
-  /** The allocated part of the capacity. */
-  get used(): number {
-    return this.#used;
   }
 
   /** How many free ranges there are. */
@@ -52,7 +48,7 @@ export class Allocator {
     if (best.length === 0) {
       this.#gaps.splice(this.#gaps.indexOf(best), 1);
     }
-    this.#used += length;
+    this.used += length;
     return { offset, length };
   }
 
@@ -61,7 +57,7 @@ export class Allocator {
     if (length === 0) {
       return;
     }
-    this.#used -= length;
+    this.used -= length;
     const at = this.#firstBehind(offset);
     const [before, after] = [this.#gaps[at - 1], this.#gaps[at]];
     const touchesBefore = before !== undefined && before.offset + before.length === offset;

@@ -33,7 +33,7 @@ interface Held extends Range {
 export class GeometryArena {
   readonly #gl: WebGL2RenderingContext;
   readonly #provoking: Provoking;
-  readonly #pages: GeometryPage[] = [];
+  readonly pages: GeometryPage[] = [];
   readonly #pieces = new Map<number, Held>();
 
   constructor(gl: WebGL2RenderingContext, provoking: Provoking) {
@@ -42,20 +42,12 @@ export class GeometryArena {
 
   /** Bytes that pieces take. */
   get bytes(): number {
-    return this.#pages.reduce((sum, page) => sum + page.used, 0);
+    return this.pages.reduce((sum, page) => sum + page.used, 0);
   }
 
   /** Bytes on the device, used or free. */
   get capacity(): number {
-    return this.#pages.reduce((sum, page) => sum + page.capacity, 0);
-  }
-
-  get pages(): readonly GeometryPage[] {
-    return this.#pages;
-  }
-
-  has(piece: number): boolean {
-    return this.#pieces.has(piece);
+    return this.pages.reduce((sum, page) => sum + page.capacity, 0);
   }
 
   /** The place of a piece's triangles, if it is here. */
@@ -88,7 +80,7 @@ export class GeometryArena {
       this.#pieces.set(piece, {
         page,
         spot,
-        pageNumber: this.#pages.indexOf(page),
+        pageNumber: this.pages.indexOf(page),
         byteOffset: byteOffset(spot),
         count: mesh.indices.length,
         bounds: boundsOf(mesh.vertices),
@@ -103,9 +95,9 @@ export class GeometryArena {
     }
     this.#pieces.delete(piece);
     held.page.remove(held.spot);
-    if (held.page.used === 0 && this.#pages.length > 1) {
+    if (held.page.used === 0 && this.pages.length > 1) {
       held.page.delete();
-      this.#pages.splice(held.pageNumber, 1);
+      this.pages.splice(held.pageNumber, 1);
       for (const other of this.#pieces.values()) {
         other.pageNumber -= other.pageNumber > held.pageNumber ? 1 : 0;
       }
@@ -113,7 +105,7 @@ export class GeometryArena {
   }
 
   #room(mesh: Mesh): [GeometryPage, Spot] | undefined {
-    for (const page of this.#pages) {
+    for (const page of this.pages) {
       const spot = page.add(mesh);
       if (spot !== undefined) {
         return [page, spot];
@@ -132,7 +124,7 @@ export class GeometryArena {
       Math.max(usual, vertices.length / VERTEX_BYTES),
       Math.max(usual * INDICES_EACH, indices.length),
     );
-    this.#pages.push(page);
+    this.pages.push(page);
     return page;
   }
 }

@@ -1,14 +1,14 @@
 /** Sky above the horizon, and ground below. */
 
+import { lerp, type Point } from "../space/point.ts";
 import type { View } from "./view.ts";
 
-type Colour = readonly [number, number, number];
-
-const SKY: readonly [Colour, Colour] = [
+/** Red, green and blue. */
+const SKY: readonly [Point, Point] = [
   [0.9, 0.93, 0.95],
   [0.62, 0.74, 0.86],
 ];
-const GROUND: readonly [Colour, Colour] = [
+const GROUND: readonly [Point, Point] = [
   [0.8, 0.81, 0.8],
   [0.6, 0.61, 0.6],
 ];
@@ -47,18 +47,13 @@ export function clearToBackground(
 }
 
 /** The colour at a height over the horizon: the sine of the angle. */
-function colourAt(height: number): Colour {
+function colourAt(height: number): Point {
   const share = Math.min(1, Math.max(0, (height / HAZE + 1) / 2));
-  const sky = mix(...SKY, Math.sqrt(Math.max(0, height)));
-  const ground = mix(...GROUND, Math.sqrt(Math.max(0, -height)));
-  return mix(ground, sky, share * share * (3 - 2 * share));
+  const sky = lerp(...SKY, Math.sqrt(Math.max(0, height)));
+  const ground = lerp(...GROUND, Math.sqrt(Math.max(0, -height)));
+  return lerp(ground, sky, share * share * (3 - 2 * share));
 }
 
-function mix(from: Colour, to: Colour, share: number): Colour {
-  const at = (channel: 0 | 1 | 2) => from[channel] + (to[channel] - from[channel]) * share;
-  return [at(0), at(1), at(2)];
-}
-
-function eightBits([red, green, blue]: Colour): number {
+function eightBits([red, green, blue]: Point): number {
   return (Math.round(255 * red) << 16) | (Math.round(255 * green) << 8) | Math.round(255 * blue);
 }

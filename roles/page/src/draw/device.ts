@@ -1,6 +1,7 @@
 /** All resources of a WebGL2 context. They are lost with the context, and made anew for the next one. */
 
 import type { ObjectSet } from "../proto/objectSet.ts";
+import { pointOf } from "../space/point.ts";
 import { GeometryArena } from "./arena.ts";
 import { clearToBackground } from "./background.ts";
 import { Batch } from "./batch.ts";
@@ -9,9 +10,8 @@ import { type Features, featuresOf } from "./features.ts";
 import type { Camera, Drawable, Look } from "./model.ts";
 import { Program } from "./program.ts";
 import {
-  CUT_ITEM_FRAGMENT,
   CUT_PICTURE_FRAGMENT,
-  ITEM_FRAGMENT,
+  itemFragment,
   itemVertex,
   PICTURE_FRAGMENT,
   pictureVertex,
@@ -194,7 +194,7 @@ export class Device {
           : new Program(
               this.#gl,
               itemVertex(number, depth, isCut, what === "item" ? "drawable" : "object"),
-              isCut ? CUT_ITEM_FRAGMENT : ITEM_FRAGMENT,
+              itemFragment(isCut),
             );
       this.#programs.set(key, program);
     }
@@ -221,13 +221,8 @@ export class Device {
 
   /** Sets the upward direction. */
   #setUp(program: Program): void {
-    const view = this.#view;
-    this.#gl.uniform3f(
-      program.at("up"),
-      view.along(0, 0, 1, 0),
-      view.along(1, 0, 1, 0),
-      view.along(2, 0, 1, 0),
-    );
+    const [x, y, z] = pointOf((axis) => this.#view.along(axis, 0, 1, 0));
+    this.#gl.uniform3f(program.at("up"), x, y, z);
   }
 }
 

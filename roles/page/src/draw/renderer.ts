@@ -117,10 +117,6 @@ export class Renderer {
     return this.#steps === STEPS;
   }
 
-  hasPiece(number: number): boolean {
-    return this.#device?.arena.has(number) ?? false;
-  }
-
   /** Takes a piece of geometry, replacing the one of that number. A lost context ignores it. */
   setPiece(number: number, piece: Mesh): void {
     this.#device?.arena.set(number, piece);

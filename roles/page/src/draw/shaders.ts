@@ -164,29 +164,20 @@ void main() {
 }`;
 }
 
-const ITEM =
-  "uvec4(item, floatBitsToUint(1.0 / gl_FragCoord.w), packSnorm2x16(normal.xy), " +
-  "packSnorm2x16(vec2(normal.z, 0.0)))";
-
-export const CUT_ITEM_FRAGMENT = `#version 300 es
+export function itemFragment(isCut: boolean): string {
+  return `#version 300 es
 precision highp float;
 precision highp int;
 flat in highp uint item;
 flat in highp vec3 normal;
 layout(location = 0) out highp uvec4 pixel;
-${CUT}
+${isCut ? CUT : "void cut() {}"}
 void main() {
   cut();
-  pixel = ${ITEM};
+  uint depth = floatBitsToUint(1.0 / gl_FragCoord.w);
+  pixel = uvec4(item, depth, packSnorm2x16(normal.xy), packSnorm2x16(vec2(normal.z, 0.0)));
 }`;
-
-export const ITEM_FRAGMENT = `#version 300 es
-precision highp float;
-precision highp int;
-flat in highp uint item;
-flat in highp vec3 normal;
-layout(location = 0) out highp uvec4 pixel;
-void main() { pixel = ${ITEM}; }`;
+}
 
 /** A triangle over the whole picture. */
 export const WHOLE_VERTEX = `#version 300 es

@@ -48,8 +48,8 @@ export class Album {
 }
 
 /**
- * Returns to the poses of pictures, without a simulated network, and counts the wrong pixels: see `WrongPixels`
- * of `src/page/drive.rs`.
+ * Returns to the poses of pictures, without a simulated network, and counts the wrong pixels: see
+ * `WrongPixels` of `src/page/drive.rs`.
  */
 export async function audit(viewer: Viewer, pictures: readonly Taken[]) {
   viewer.session.moveTo("");

@@ -20,7 +20,7 @@ export class Walk {
   feet: Point;
   /** Metres a second upwards. */
   #rise = 0;
-  #isStanding = false;
+  isStanding = false;
   /** How far the eye is above its place over the feet. */
   #lag = 0;
   /** The body's size, relative to a person. */
@@ -36,21 +36,17 @@ export class Walk {
     return [this.feet[0], this.feet[1] + EYE * this.#scale + this.#lag, this.feet[2]];
   }
 
-  get isStanding(): boolean {
-    return this.#isStanding;
-  }
-
   /** Puts the eye at a place. */
   place(eye: Point): void {
     this.feet = [eye[0], eye[1] - EYE * this.#scale, eye[2]];
-    [this.#rise, this.#lag, this.#isStanding] = [0, 0, false];
+    [this.#rise, this.#lag, this.isStanding] = [0, 0, false];
   }
 
   /** Leaves the ground, if it stands on it. */
   jump(): void {
-    if (this.#isStanding) {
+    if (this.isStanding) {
       this.#rise = Math.sqrt(2 * GRAVITY * JUMP) * this.#scale;
-      this.#isStanding = false;
+      this.isStanding = false;
     }
   }
 
@@ -90,7 +86,7 @@ export class Walk {
       // Onto a step, if there is room for the head above it.
       const up = Math.max(ground, there[1]);
       if (isWithin || this.#fits([there[0], up, there[2]], solid)) {
-        const isStep = this.#isStanding && ground > there[1];
+        const isStep = this.isStanding && ground > there[1];
         this.#lag -= isStep ? ground - there[1] : 0;
         this.feet = [there[0], isStep ? ground : there[1], there[2]];
         return;
@@ -103,10 +99,10 @@ export class Walk {
     const ground = this.#groundBelow(this.feet, solid);
     // Without any ground nobody falls for ever.
     if (ground === undefined || ground === Number.NEGATIVE_INFINITY) {
-      [this.#rise, this.#isStanding] = [0, ground !== undefined];
+      [this.#rise, this.isStanding] = [0, ground !== undefined];
       return;
     }
-    if (this.#isStanding && this.feet[1] - ground <= STEP * this.#scale) {
+    if (this.isStanding && this.feet[1] - ground <= STEP * this.#scale) {
       this.#lag += this.feet[1] - ground;
       this.#rest(ground);
       return;
@@ -118,9 +114,9 @@ export class Walk {
       this.#rise = 0;
     } else if (up <= ground) {
       this.#rest(ground);
-      [this.#rise, this.#isStanding] = [0, true];
+      [this.#rise, this.isStanding] = [0, true];
     } else {
-      [this.feet, this.#isStanding] = [there, false];
+      [this.feet, this.isStanding] = [there, false];
     }
   }
 

@@ -1,7 +1,6 @@
 /** A person's actions on objects, as changes of a view. */
 
-import type { ObjectSet } from "../proto/objectSet.ts";
-import { ObjectSet as Objects } from "../proto/objectSet.ts";
+import { ObjectSet } from "../proto/objectSet.ts";
 import type { UserView } from "../viewer/viewHistory.ts";
 
 /** A change of the view. */
@@ -30,8 +29,8 @@ export function toggleSeeThrough(view: UserView, objects: ObjectSet): Change {
 }
 
 /** Draws all objects as in the model, without sections. */
-export function showAll(modelSeeThrough = Objects.EMPTY): Change {
-  return { hidden: Objects.EMPTY, isolated: undefined, seeThrough: modelSeeThrough, sections: [] };
+export function showAll(modelSeeThrough = ObjectSet.EMPTY): Change {
+  return { hidden: ObjectSet.EMPTY, isolated: undefined, seeThrough: modelSeeThrough, sections: [] };
 }
 
 /** How many of these are drawn. */

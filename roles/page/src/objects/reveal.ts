@@ -131,8 +131,7 @@ function coverOf(viewer: Viewer, part: Part): ObjectSet {
 }
 
 /** The pixels in which a box may show, rows from below. */
-function rectangleOf({ canvas, projection }: Viewer, box: Box) {
-  const scale = canvas.width / Math.max(1, canvas.clientWidth);
+function rectangleOf({ canvas, projection, scale }: Viewer, box: Box) {
   const places = cornersOf(box).flatMap((corner) => projection.place(corner) ?? []);
   const [xs, ys] = [places.map(({ x }) => x * scale), places.map(({ y }) => canvas.height - y * scale)];
   return {

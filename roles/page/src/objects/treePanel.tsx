@@ -65,7 +65,7 @@ function Branch(properties: Properties & Place & { readonly group: number | unde
           {...properties}
           key={keyOf(part)}
           part={part}
-          isCurrent={isCurrent(current.value, keyOf(part), level === 1 && index === 0)}
+          isCurrent={current.value === "" ? level === 1 && index === 0 : current.value === keyOf(part)}
         />
       ))}
       {parts.value.length < total.value && (
@@ -184,10 +184,6 @@ function Row({
 
 function keyOf({ kind, id }: Part): string {
   return `${kind}${id}`;
-}
-
-function isCurrent(current: string, key: string, isFirst: boolean): boolean {
-  return current === "" ? isFirst : current === key;
 }
 
 /** Moves to another row, by the usual keys of trees. */

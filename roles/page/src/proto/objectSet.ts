@@ -38,16 +38,20 @@ export class ObjectSet {
     return new ObjectSet(runs);
   }
 
-  /** The set of runs as the service codes them: the gap before each, and its length minus one. */
-  static coded(runs: readonly (readonly [gap: number, more: number])[]): ObjectSet {
+  /** The set of coded runs: the gap before each, and its length minus one. */
+  static coded(pairs: Iterable<readonly [gap: number, more: number]>): ObjectSet {
+    const runs: Run[] = [];
     let least = 0;
-    return new ObjectSet(
-      runs.map(([gap, more]) => {
-        const first = least + gap;
-        least = first + more + 2;
-        return { first, end: least - 1 };
-      }),
-    );
+    for (const [gap, more] of pairs) {
+      const first = least + gap;
+      const end = first + more + 1;
+      if (end > LARGEST) {
+        throw new WireError(`a set of objects goes beyond number ${LARGEST - 1}`);
+      }
+      runs.push({ first, end });
+      least = end + 1;
+    }
+    return new ObjectSet(runs);
   }
 
   /** The objects from `first` to before `end`. */
@@ -56,18 +60,7 @@ export class ObjectSet {
   }
 
   static read(reader: Reader): ObjectSet {
-    const runs: Run[] = [];
-    let least = 0;
-    for (let left = reader.varintCount(); left > 0; left -= 1) {
-      const first = least + reader.varint32();
-      const end = first + reader.varint32() + 1;
-      if (end > LARGEST) {
-        throw new WireError(`a set of objects goes beyond number ${LARGEST - 1}`);
-      }
-      runs.push({ first, end });
-      least = end + 1;
-    }
-    return new ObjectSet(runs);
+    return ObjectSet.coded(pairsOf(reader));
   }
 
   write(writer: Writer): void {
@@ -147,5 +140,11 @@ export class ObjectSet {
         yield object;
       }
     }
+  }
+}
+
+function* pairsOf(reader: Reader): Generator<readonly [gap: number, more: number]> {
+  for (let left = reader.varintCount(); left > 0; left -= 1) {
+    yield [reader.varint32(), reader.varint32()];
   }
 }

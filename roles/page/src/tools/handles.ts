@@ -64,23 +64,19 @@ export function metresOf(
   const pixel = projection.metresEach(place.depth);
   const reach = 100 * pixel;
   // Points behind the eye have no projection: there the axis is taken the other way.
-  const ends = [1, -1].map((sign) => {
+  const ends = [1, -1].flatMap((sign) => {
     const end = projection.place(beyond(point, axis, sign * reach));
-    return (
-      end && {
-        x: sign * (end.x - place.x),
-        y: sign * (end.y - place.y),
-        depth: sign * (end.depth - place.depth),
-      }
-    );
+    return end === undefined ? [] : { end, sign };
   });
-  const end = ends[0] ?? ends[1];
-  if (end === undefined) {
+  const [first] = ends;
+  if (first === undefined) {
     return 0;
   }
-  const length = end.x * end.x + end.y * end.y;
+  const { end, sign } = first;
+  const [x, y] = [sign * (end.x - place.x), sign * (end.y - place.y)];
+  const length = x * x + y * y;
   if (length < END_ON * END_ON) {
-    return -Math.sign(end.depth) * down * pixel;
+    return -Math.sign(sign * (end.depth - place.depth)) * down * pixel;
   }
-  return (reach * (right * end.x + down * end.y)) / length;
+  return (reach * (right * x + down * y)) / length;
 }

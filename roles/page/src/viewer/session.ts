@@ -2,7 +2,7 @@
 
 import { type Signal, signal } from "@preact/signals";
 import { Display, type DisplayOptions } from "../display/display.ts";
-import { RefusedError } from "../service/service.ts";
+import { RefusedError, type Service } from "../service/service.ts";
 import { messageOf } from "../wire/errors.ts";
 import type { LinkEnd } from "../wire/link.ts";
 import { troubleJoining, troubleOfEnd } from "./trouble.ts";
@@ -13,21 +13,13 @@ const LATEST = 5000;
 /** A link counts as established after this many milliseconds. */
 const STANDS = 1000;
 
-/** A session's requests to the page. */
-export interface Service {
-  /** The address of a link, over a simulated network of that name if there is one. */
-  link(network: string): string;
-  /** The scene that the service has now. Throws the reason if it does not answer. */
-  scene(): Promise<{ readonly fingerprint: string }>;
-}
-
 export class Session {
   readonly #display = signal<Display | undefined>(undefined);
   /** Why there is no link; empty if there is one. */
   readonly trouble = signal("");
   /** The simulated network between the page and its culler; empty for none. */
   readonly network: Signal<string>;
-  readonly #service: Service;
+  readonly #service: Pick<Service, "link" | "scene">;
   /** The fingerprint of the scene that the page shows. */
   readonly #fingerprint: string;
   /** Ends the wait for the next attempt, or skips it if called before. */
@@ -39,7 +31,7 @@ export class Session {
 
   /** `options` is called for each link. */
   constructor(
-    service: Service,
+    service: Pick<Service, "link" | "scene">,
     fingerprint: string,
     options: () => Omit<DisplayOptions, "onEnd">,
     network: string,

@@ -166,6 +166,11 @@ export class Viewer {
     return display?.shown === undefined ? 0 : performance.now() - display.shown.posed;
   }
 
+  /** Pixels of the picture in a CSS pixel. */
+  get scale(): number {
+    return this.canvas.width / Math.max(1, this.canvas.clientWidth);
+  }
+
   /** The numbers of drawables at the pixels of the picture, rows from below. */
   items(): Uint32Array {
     return this.renderer.items(this.camera, this.shown(), this.look());
@@ -173,8 +178,7 @@ export class Viewer {
 
   /** The object at a place of the canvas, in CSS pixels from its upper left; nothing for background. */
   pick(x: number, y: number): Picked | undefined {
-    const scale = this.canvas.width / Math.max(1, this.canvas.clientWidth);
-    return this.renderer.pick(x * scale, y * scale);
+    return this.renderer.pick(x * this.scale, y * this.scale);
   }
 
   /**
@@ -183,7 +187,7 @@ export class Viewer {
    */
   pointAt(x: number, y: number, around = 0): Point | undefined {
     const picked = this.pick(x, y);
-    const scale = this.canvas.width / Math.max(1, this.canvas.clientWidth);
+    const { scale } = this;
     const near = around > 0 && this.renderer.nearest(x * scale, y * scale, Math.round(around * scale));
     if (near && (picked === undefined || picked.depth > GAP * near.depth)) {
       return this.pictured.point({ x: near.x / scale, y: near.y / scale, depth: near.depth });

@@ -212,15 +212,11 @@ export class Writer {
   }
 
   u8(value: number): this {
-    const at = this.#room(1);
-    this.#view.setUint8(at, value);
-    return this;
+    return this.#put(1, (view, at) => view.setUint8(at, value));
   }
 
   u16(value: number): this {
-    const at = this.#room(2);
-    this.#view.setUint16(at, value, true);
-    return this;
+    return this.#put(2, (view, at) => view.setUint16(at, value, true));
   }
 
   u24(value: number): this {
@@ -228,27 +224,19 @@ export class Writer {
   }
 
   u32(value: number): this {
-    const at = this.#room(4);
-    this.#view.setUint32(at, value, true);
-    return this;
+    return this.#put(4, (view, at) => view.setUint32(at, value, true));
   }
 
   u64(value: bigint): this {
-    const at = this.#room(8);
-    this.#view.setBigUint64(at, value, true);
-    return this;
+    return this.#put(8, (view, at) => view.setBigUint64(at, value, true));
   }
 
   f32(value: number): this {
-    const at = this.#room(4);
-    this.#view.setFloat32(at, value, true);
-    return this;
+    return this.#put(4, (view, at) => view.setFloat32(at, value, true));
   }
 
   f64(value: number): this {
-    const at = this.#room(8);
-    this.#view.setFloat64(at, value, true);
-    return this;
+    return this.#put(8, (view, at) => view.setFloat64(at, value, true));
   }
 
   bytes(bytes: Uint8Array): this {
@@ -300,6 +288,12 @@ export class Writer {
   /** A postcard text. */
   text(text: string): this {
     return this.byteString(new TextEncoder().encode(text));
+  }
+
+  #put(count: number, set: (view: DataView, at: number) => void): this {
+    const at = this.#room(count);
+    set(this.#view, at);
+    return this;
   }
 
   /** Makes room for `count` more bytes and returns where they begin. May replace the view. */

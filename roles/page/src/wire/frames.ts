@@ -15,16 +15,6 @@ export interface Frame {
   readonly ids: Uint32Array<ArrayBuffer>;
 }
 
-/** A frame that has ended. An incomplete one has fewer ids than its end announces. */
-export type FrameOutcome =
-  | { readonly isComplete: true; readonly frame: Frame }
-  | {
-      readonly isComplete: false;
-      readonly number: number;
-      readonly announced: number;
-      readonly came: number;
-    };
-
 /** Reads coded batches, in the application's own format. */
 export interface BatchDecoder {
   /**
@@ -66,8 +56,8 @@ export class FrameAssembler {
     [this.#hasher, this.#most, this.#decoder] = [hasher, most, decoder];
   }
 
-  /** Takes the next message of the lane. Returns the frame that it ends, if any. */
-  take({ kind, payload }: Message): FrameOutcome | undefined {
+  /** Takes the next message. Returns the frame that it ends, unless some of the ids are missing. */
+  take({ kind, payload }: Message): Frame | undefined {
     switch (kind) {
       case Kind.begin:
         return this.#begin(new Reader(payload));
@@ -131,7 +121,7 @@ export class FrameAssembler {
     return this.#open;
   }
 
-  #end(reader: Reader): FrameOutcome {
+  #end(reader: Reader): Frame | undefined {
     const ended = { number: reader.u32(), announced: reader.u32(), hash: reader.u64() };
     const open = this.#open;
     if (open?.number !== ended.number) {
@@ -139,7 +129,7 @@ export class FrameAssembler {
     }
     this.#open = undefined;
     if (open.count < ended.announced) {
-      return { isComplete: false, number: open.number, announced: ended.announced, came: open.count };
+      return undefined;
     }
     const hash = hashOf(this.#hasher);
     if (open.count > ended.announced || hash !== ended.hash) {
@@ -149,7 +139,7 @@ export class FrameAssembler {
     }
     const ids = open.ids.subarray(0, open.count);
     this.#decoder?.complete(open.number, ids);
-    return { isComplete: true, frame: { number: open.number, header: open.header, ids } };
+    return { number: open.number, header: open.header, ids };
   }
 }
 

@@ -123,8 +123,3 @@ ${shownText(refusal.connector)}: ${release}`;
 that of ${shownText(refusal.known)}`;
   }
 }
-
-/** Whether the same peer may be admitted on another try. */
-export function mayTryAgain(refusal: Refusal): boolean {
-  return refusal.reason === "busy" || refusal.reason === "unpaired";
-}

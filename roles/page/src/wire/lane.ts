@@ -33,11 +33,9 @@ export type LaneEnd =
 export interface LaneOptions {
   readonly format: Format;
   readonly clock: Clock;
-  /** The idle timeout: milliseconds of silence after which the peer counts as lost. */
-  readonly idleTimeout: number;
 }
 
-/** The default of `idleTimeout`. */
+/** The idle timeout: milliseconds of silence after which the peer counts as lost. */
 export const IDLE_TIMEOUT = 20_000;
 
 /** The keep-alive interval: the longest silence of a peer, milliseconds. */
@@ -59,7 +57,7 @@ export class Lane {
   #lastReceived: number;
   readonly #timers = [() => {}, () => {}];
   #channelEnd: string | undefined;
-  #isOver = false;
+  isOver = false;
 
   constructor(name: LaneName, channel: Channel, options: LaneOptions) {
     [this.name, this.#channel, this.#options] = [name, channel, options];
@@ -75,10 +73,6 @@ export class Lane {
     this.#watch();
   }
 
-  get isOver(): boolean {
-    return this.#isOver;
-  }
-
   /** How many bytes wait to be sent. */
   buffered(): number {
     return this.#channel.buffered();
@@ -91,7 +85,7 @@ export class Lane {
   }
 
   send(kind: Kind, payload: Uint8Array): void {
-    if (this.#isOver) {
+    if (this.isOver) {
       return;
     }
     const bytes = encodeMessage(kind, payload, this.#options.format);
@@ -119,7 +113,7 @@ export class Lane {
 
   #deliver(): void {
     try {
-      while (!this.#isOver && this.#listener !== undefined) {
+      while (!this.isOver && this.#listener !== undefined) {
         const message = this.#stream.take();
         if (message === undefined) {
           break;
@@ -146,40 +140,37 @@ export class Lane {
   }
 
   #keepAlive(): void {
-    const silence = Math.min(this.#options.idleTimeout / 4, LONGEST_SILENCE);
-    const { clock } = this.#options;
-    if (clock.now() - this.#lastSent >= silence) {
+    if (this.#options.clock.now() - this.#lastSent >= LONGEST_SILENCE) {
       this.send(Kind.keepAlive, new Uint8Array(0));
     }
-    this.#again(0, this.#lastSent + silence, () => this.#keepAlive());
+    this.#again(0, this.#lastSent + LONGEST_SILENCE, () => this.#keepAlive());
   }
 
   #watch(): void {
-    const { clock, idleTimeout } = this.#options;
-    if (clock.now() - this.#lastReceived >= idleTimeout) {
-      this.#end({ why: "lost", text: `nothing came on the ${this.name} lane for ${idleTimeout / 1000} s` });
+    if (this.#options.clock.now() - this.#lastReceived >= IDLE_TIMEOUT) {
+      this.#end({ why: "lost", text: `nothing came on the ${this.name} lane for ${IDLE_TIMEOUT / 1000} s` });
     } else {
-      this.#again(1, this.#lastReceived + idleTimeout, () => this.#watch());
+      this.#again(1, this.#lastReceived + IDLE_TIMEOUT, () => this.#watch());
     }
   }
 
   #again(timer: 0 | 1, when: number, call: () => void): void {
     this.#timers[timer]?.();
-    if (!this.#isOver) {
+    if (!this.isOver) {
       this.#timers[timer] = this.#options.clock.after(when - this.#options.clock.now(), call);
     }
   }
 
   #end(end: LaneEnd): void {
-    if (!this.#isOver) {
+    if (!this.isOver) {
       this.#stop();
       this.onEnd?.(end);
     }
   }
 
   #stop(): void {
-    if (!this.#isOver) {
-      this.#isOver = true;
+    if (!this.isOver) {
+      this.isOver = true;
       for (const callOff of this.#timers) {
         callOff();
       }

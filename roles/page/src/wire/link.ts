@@ -3,7 +3,7 @@
 import { randomNumber, WireError } from "./bytes.ts";
 import { type BatchDecoder, type Frame, FrameAssembler, loadHasher } from "./frames.ts";
 import { type Close, CODE_NOT_TAKEN, LANES, type LaneName, perLane } from "./handshake.ts";
-import { type Channel, type Clock, IDLE_TIMEOUT, type Lane, type LaneEnd, systemClock } from "./lane.ts";
+import { type Channel, type Clock, type Lane, type LaneEnd, systemClock } from "./lane.ts";
 import { type Lanes, LinkError, meet } from "./meeting.ts";
 import { type Format, Kind, type Message, nameOfKind } from "./messages.ts";
 import { NewestSender } from "./newest.ts";
@@ -24,8 +24,6 @@ export type Admission =
 /** Callbacks for arrivals. If one throws a `WireError`, the peer has violated the protocol. */
 export interface LinkHandlers {
   onFrame(frame: Frame): void;
-  /** A frame has ended without all its ids. */
-  onIncompleteFrame?(number: number, announced: number, came: number): void;
   onMessage(payload: Uint8Array): void;
   onBlock(payload: Uint8Array): void;
   onValue?(payload: Uint8Array): void;
@@ -41,8 +39,6 @@ export interface LinkOptions {
   readonly handlers: LinkHandlers;
   /** Decides on the listener. Throws a `WireError` for an unreadable introduction. */
   admit(introduction: Uint8Array): Admission;
-  /** The idle timeout: milliseconds of silence after which the peer counts as lost. */
-  readonly idleTimeout?: number;
   /** Opens the connection of a lane. */
   readonly open?: (url: string, lane: LaneName) => Promise<Channel>;
   readonly clock?: Clock;
@@ -62,10 +58,10 @@ export interface Bytes {
  * Throws a `LinkError` if no link can be made.
  */
 export async function connect(url: string, introduction: Uint8Array, options: LinkOptions): Promise<Link> {
-  const { application, clock = systemClock, idleTimeout = IDLE_TIMEOUT } = options;
+  const { application, clock = systemClock } = options;
   const open = options.open ?? ((url: string) => openWebSocket(url));
   const session = options.session ?? randomNumber();
-  const lane = { format: application.format, clock, idleTimeout };
+  const lane = { format: application.format, clock };
   const hello = { application: application.name, session, introduction };
   const hasher = await loadHasher();
   const { lanes, listener } = await meet((name) => open(url, name), hello, lane);
@@ -94,7 +90,7 @@ export class Link {
   readonly #clock: Clock;
   #closed: LaneEnd | undefined;
   #callOffGrace: (() => void) | undefined;
-  #isOver = false;
+  isOver = false;
 
   /** For `connect`. */
   constructor(
@@ -116,10 +112,6 @@ export class Link {
         lanes[name].listen((message) => this.#take(lanes[name], message));
       }
     });
-  }
-
-  get isOver(): boolean {
-    return this.#isOver;
   }
 
   /** The bytes carried on each lane. */
@@ -153,11 +145,9 @@ export class Link {
     } else if (kind === Kind.block && name === "bulk") {
       this.#handlers.onBlock(payload);
     } else if (name === "frames") {
-      const outcome = this.#frames.take({ kind, payload });
-      if (outcome?.isComplete === true) {
-        this.#handlers.onFrame(outcome.frame);
-      } else if (outcome !== undefined) {
-        this.#handlers.onIncompleteFrame?.(outcome.number, outcome.announced, outcome.came);
+      const frame = this.#frames.take({ kind, payload });
+      if (frame !== undefined) {
+        this.#handlers.onFrame(frame);
       }
     } else {
       throw new WireError(`a ${nameOfKind(kind)} came, which does not belong there`);
@@ -180,10 +170,10 @@ export class Link {
   }
 
   #finish(end: LinkEnd): void {
-    if (this.#isOver) {
+    if (this.isOver) {
       return;
     }
-    this.#isOver = true;
+    this.isOver = true;
     this.#newest.stop();
     this.#callOffGrace?.();
     for (const name of LANES) {

@@ -8,10 +8,9 @@ import {
   type Hello,
   LANES,
   type LaneName,
-  mayTryAgain,
   type Refusal,
 } from "./handshake.ts";
-import { type Channel, Lane, type LaneEnd, type LaneOptions } from "./lane.ts";
+import { type Channel, IDLE_TIMEOUT, Lane, type LaneEnd, type LaneOptions } from "./lane.ts";
 import { Kind, type Message, nameOfKind } from "./messages.ts";
 
 export type Lanes = Readonly<Record<LaneName, Lane>>;
@@ -21,13 +20,10 @@ export class LinkError extends Error {
   override name = "LinkError";
   /** If the listener refused. */
   readonly refusal: Refusal | undefined;
-  /** Whether another try may succeed. */
-  readonly mayTryAgain: boolean;
 
-  constructor(text: string, cause?: { refusal?: Refusal; mayTryAgain?: boolean }) {
+  constructor(text: string, refusal?: Refusal) {
     super(text);
-    this.refusal = cause?.refusal;
-    this.mayTryAgain = cause?.mayTryAgain ?? false;
+    this.refusal = refusal;
   }
 }
 
@@ -73,7 +69,9 @@ export async function meet(
     for (const lane of opened) {
       lane.leave();
     }
-    throw error instanceof LinkError ? error : new LinkError(textOf(error), { mayTryAgain: true });
+    throw error instanceof LinkError
+      ? error
+      : new LinkError(error instanceof Error ? error.message : String(error));
   }
 }
 
@@ -85,9 +83,7 @@ interface Met {
 /** Sends a hello on a lane and waits for the answer. */
 function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
   return new Promise((resolve, reject) => {
-    lane.onEnd = (end) => {
-      reject(new LinkError(textOfEnd(end), { mayTryAgain: end.why !== "violation" }));
-    };
+    lane.onEnd = (end) => reject(new LinkError(textOfEnd(end)));
     lane.listen(({ kind, payload }: Message) => {
       if (kind === Kind.accept) {
         lane.listen(undefined);
@@ -95,7 +91,7 @@ function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
       } else if (kind === Kind.refuse) {
         const refusal = decodeRefuse(payload);
         lane.leave();
-        reject(new LinkError(describeRefusal(refusal), { refusal, mayTryAgain: mayTryAgain(refusal) }));
+        reject(new LinkError(describeRefusal(refusal), refusal));
       } else {
         throw new WireError(`a ${nameOfKind(kind)} came instead of an answer to hello`);
       }
@@ -105,20 +101,16 @@ function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
 }
 
 /** The answers, unless they exceed the idle timeout. */
-function inTime<T>(answers: Promise<T>, { clock, idleTimeout }: LaneOptions): Promise<T> {
+function inTime<T>(answers: Promise<T>, { clock }: LaneOptions): Promise<T> {
   return new Promise((resolve, reject) => {
-    const late = () => reject(new LinkError("the listener did not answer in time", { mayTryAgain: true }));
-    const callOff = clock.after(idleTimeout, late);
+    const late = () => reject(new LinkError("the listener did not answer in time"));
+    const callOff = clock.after(IDLE_TIMEOUT, late);
     answers.then(resolve, reject).finally(callOff);
   });
 }
 
 function textOfEnd(end: LaneEnd): string {
   return end.why === "closed" ? `the listener left: ${end.text}` : end.text;
-}
-
-function textOf(error: unknown): string {
-  return error instanceof Error ? error.message : String(error);
 }
 
 function sameBytes(a: Uint8Array, b: Uint8Array): boolean {
