@@ -1,6 +1,7 @@
 //! This crate writes and reads the worked examples of WIRE.md.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+#[allow(dead_code, reason = "this crate has no messages to check")]
 #[path = "../../wire/tests/all/examples/mod.rs"]
 mod page;
 
