@@ -139,7 +139,7 @@ impl Bench {
         let scene = Arc::new(Scene::open(scene)?);
         let drawn = GpuScene::new(&Gpu::open(&GpuOptions::default())?, &scene)?;
         let find = |seed, frames, teleport| {
-            let options = AutoPathOptions { frames, seed, teleport, ..AutoPathOptions::default() };
+            let options = AutoPathOptions { frames, seed, teleport };
             Ok::<_, Box<dyn Error>>(auto(&scene, &options)?.path)
         };
         let walk = find(1, frames, false)?;

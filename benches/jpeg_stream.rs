@@ -40,7 +40,7 @@ fn main() -> Outcome<()> {
     let size = Viewport::new(SIDE, SIDE)?;
     let drawn = GpuScene::new(&Gpu::open(&GpuOptions::default())?, &scene)?;
     let mut screen = Screen { pass: PicturePass::new(&drawn, size)?, scene: Arc::clone(&scene) };
-    let options = AutoPathOptions { frames, seed: 1, teleport: false, ..AutoPathOptions::default() };
+    let options = AutoPathOptions { frames, seed: 1, teleport: false };
     let path = auto(&scene, &options)?.path;
     let near = path.near().unwrap_or(0.1);
     let mut found = Vec::new();

@@ -27,7 +27,7 @@ use trimaran_wire::{Accept, FixedBytes, FrameMessage, Hello};
 type Listener = trimaran_transport::Listener<Robot>;
 
 /// How many messages may wait in a queue.
-const QUEUE: usize = 64;
+const QUEUE: usize = 256;
 
 const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, encrypted: false, local: true };

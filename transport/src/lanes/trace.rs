@@ -72,9 +72,8 @@ impl FrameSpan {
 }
 
 #[cfg(test)]
+#[cfg(feature = "inproc")]
 mod tests {
-    #![cfg(feature = "inproc")]
-
     use parking_lot::Mutex;
     use std::io::{self, Write};
     use std::sync::Arc;
