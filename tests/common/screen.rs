@@ -110,17 +110,31 @@ impl Screen {
         output.status.success().then(|| String::from_utf8(output.stdout).unwrap())
     }
 
-    /// The screen's pixels, row by row from the top: red, green and blue.
-    pub(crate) fn picture(&self) -> Vec<[u8; 3]> {
+    /// What the screen shows now.
+    pub(crate) fn picture(&self) -> Dump {
         let bytes = fs::read(self.folder.path().join("Xvfb_screen0")).unwrap();
         // The file is an X window dump: sizes in words of 4 bytes, most significant first.
         let word =
             |place: usize| u32::from_be_bytes(bytes[4 * place..4 * place + 4].try_into().unwrap()) as usize;
-        let (header, width, height, row, colours) = (word(0), word(4), word(5), word(12), word(19));
-        assert_eq!([width, height], SCREEN);
-        let pixels = &bytes[header + 12 * colours..];
-        let rows = pixels.chunks(row).take(height);
-        rows.flat_map(|row| row[..4 * width].chunks(4).map(|pixel| [pixel[2], pixel[1], pixel[0]])).collect()
+        assert_eq!([word(4), word(5)], SCREEN);
+        let (first, row) = (word(0) + 12 * word(19), word(12));
+        Dump { bytes, first, row }
+    }
+}
+
+/// A screen's picture.
+pub(crate) struct Dump {
+    bytes: Vec<u8>,
+    /// The place of the first pixel, and the bytes in a row.
+    first: usize,
+    row: usize,
+}
+
+impl Dump {
+    /// A pixel, from the upper left: red, green and blue.
+    pub(crate) fn at(&self, x: u32, y: u32) -> [u8; 3] {
+        let place = self.first + y as usize * self.row + 4 * x as usize;
+        [self.bytes[place + 2], self.bytes[place + 1], self.bytes[place]]
     }
 }
 
