@@ -1,8 +1,8 @@
 //! How long a picture stands still when a culler is lost: real processes, real signals, a live walk.
 //!
-//! `cargo bench --bench faults -- X.scene [TRIALS] [CULLERS]`: for each fault so many trials, 50 if not given,
-//! on a display with so many cullers, 2 if not given. Pictures after a fault are held against those without
-//! culling. With `FAULT=Killed` in the environment it is that fault alone.
+//! `cargo bench --bench faults -- X.scene [TRIALS] [CULLERS]`: for each fault so many trials, 50 if not
+//! given, on a display with so many cullers, 2 if not given. Pictures after a fault are held against those
+//! without culling. With `FAULT=Killed` in the environment it is that fault alone.
 //!
 //! Pulling cables needs root, as do stopped threads of a driver that draws on the CPU.
 #![allow(clippy::disallowed_methods, reason = "real programs keep real time")]

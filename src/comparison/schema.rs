@@ -124,8 +124,8 @@ pub struct MeasuredFigures {
     pub latency_ms: Vec<f64>,
 }
 
-/// What a system drew on the frames that were audited: all but the first, before which nothing is known, or each
-/// n-th. Without an audit, on all frames.
+/// What a system drew on the frames that were audited: all but the first, before which nothing is known, or
+/// each n-th. Without an audit, on all frames.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct DrawnFigures {
     /// Nodes drawn a frame, mean.

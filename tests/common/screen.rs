@@ -110,7 +110,7 @@ impl Screen {
         output.status.success().then(|| String::from_utf8(output.stdout).unwrap())
     }
 
-    /// What the screen shows now.
+    /// The picture on the screen now.
     pub(crate) fn picture(&self) -> Dump {
         let bytes = fs::read(self.folder.path().join("Xvfb_screen0")).unwrap();
         // The file is an X window dump: sizes in words of 4 bytes, most significant first.

@@ -26,7 +26,7 @@ const CRATES: [(&str, &str); 14] = [
     ("trimaran", "."),
 ];
 
-/// What proves and compares.
+/// The packages that prove and compare.
 const LABORATORY: [&str; 5] = ["trimaran-netsim", "trimaran-audit", "trimaran-rays", "obvhs", "tun-rs"];
 
 fn root() -> &'static Path {
@@ -92,7 +92,7 @@ fn imports(source: &Path) -> BTreeMap<String, BTreeSet<String>> {
         let top = path.strip_prefix(source).unwrap().iter().next().unwrap().to_str().unwrap();
         top.trim_end_matches(".rs").to_owned()
     };
-    // What lib.rs hands on under another name belongs to its module.
+    // A name that lib.rs hands on belongs to its module.
     let library = code(&source.join("lib.rs"));
     let mut homes = BTreeMap::new();
     for statement in library.split("pub use ").skip(1).chain(library.split("pub(crate) use ").skip(1)) {

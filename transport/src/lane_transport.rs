@@ -15,8 +15,8 @@ use crate::parts::LinkParts;
 use crate::peer::Peer;
 use crate::transport::{AttemptError, ListenFault};
 
-/// A transport with lanes of its own, such as datagrams or shared memory. It brings an object for each half of
-/// each lane ([`Tx`](crate::Tx), [`Rx`](crate::Rx)); give it to [`Options`](crate::Options).
+/// A transport with lanes of its own, such as datagrams or shared memory. It brings an object for each half
+/// of each lane ([`Tx`](crate::Tx), [`Rx`](crate::Rx)); give it to [`Options`](crate::Options).
 ///
 /// A transport that carries bytes in order is simpler as a [`Transport`](crate::Transport).
 pub trait LaneTransport: fmt::Debug + Send + Sync {

@@ -195,7 +195,7 @@ impl LinkParts {
     }
 }
 
-/// What the halves of a link have in common.
+/// The data that the halves of a link share.
 struct Ends<'n> {
     net: &'n Arc<dyn Net>,
     shared: Shared,

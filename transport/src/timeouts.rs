@@ -99,8 +99,8 @@ impl fmt::Debug for Timeouts {
 }
 
 impl Timeouts {
-    /// Waits last `limit` at most; without end if that is [`Duration::MAX`]. Silence counts only if there is an
-    /// idle timeout.
+    /// Waits last `limit` at most; without end if that is [`Duration::MAX`]. Silence counts only if there is
+    /// an idle timeout.
     pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, idle_timeout: Option<Duration>) -> Self {
         let (quiet, timer) = (Duration::ZERO, net.timer());
         Self { net: Arc::clone(net), limit, idle_timeout, quiet, listened: None, timer, armed: None }
@@ -168,8 +168,8 @@ impl Timeouts {
         (self.quiet, self.listened) = (Duration::ZERO, None);
     }
 
-    /// The output of `poll`, unless the timeout or the idle timeout ends first. `heard` is asked four times in
-    /// each idle timeout whether anything came from the peer since the last call. Both are given `half`.
+    /// The output of `poll`, unless the timeout or the idle timeout ends first. `heard` is asked four times
+    /// in each idle timeout whether anything came from the peer since the last call. Both are given `half`.
     pub(crate) async fn wait_while_alive<H: ?Sized, T>(
         &mut self,
         half: &mut H,

@@ -1,4 +1,4 @@
-//! What a check of a frame can find: an error of culling, by its cause, and the error of the levels of detail.
+//! The findings of a check of a frame: errors of culling by their causes, and the error of the levels.
 //! `trimaran-audit` checks frames; a report names what it found.
 
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! What barriers order: stages of the device, with their accesses to memory.
+//! The scopes that barriers order: stages of the device, with their accesses to memory.
 
 use ash::vk::{AccessFlags2 as Access, PipelineStageFlags2 as Stage};
 

@@ -56,7 +56,8 @@ impl References {
         self.auditor.see(plan.settings());
     }
 
-    /// Pictures of two frames at an error bound: a typical one by its error against full detail, and the worst.
+    /// Pictures of two frames at an error bound: a typical one by its error against full detail, and the
+    /// worst.
     pub(super) fn pictures(&mut self, plan: &Plan) -> Result<Vec<ComparedPicture>, Failure> {
         let epsilon_px = plan.lod.epsilon_px();
         self.see(plan);

@@ -75,7 +75,8 @@ pub struct Run {
     /// How ids travelled: `plain` or `changes`. In one process they are not coded.
     #[serde(default)]
     pub coding: Option<String>,
-    /// How the roles are joined: `inproc` (threads of one process), `unix`, `tcp`, `ws`, `quic` or `udp` (processes).
+    /// How the roles are joined: `inproc` (threads of one process), `unix`, `tcp`, `ws`, `quic` or `udp`
+    /// (processes).
     pub link: String,
     /// The transport below the link, in words, with the options that matter.
     pub transport: String,

@@ -1,5 +1,5 @@
-//! A bounded queue for one sender and one receiver. Items move in bundles, so a waiting task is woken once per
-//! bundle: waking is the main cost.
+//! A bounded queue for one sender and one receiver. Items move in bundles, so a waiting task is woken once
+//! per bundle: waking is the main cost.
 
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::VecDeque;

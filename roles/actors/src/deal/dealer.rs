@@ -53,7 +53,8 @@ pub enum Disorder {
 #[derive(Debug)]
 pub struct Dealer {
     pace: Pace,
-    /// Whether cullers get frames round-robin: always in lockstep, and live if each draws the other one's visible set.
+    /// Whether cullers get frames round-robin: always in lockstep, and live if each draws the other one's
+    /// visible set.
     round_robin: bool,
     cullers: BTreeMap<CullerId, CullerFrames>,
     /// Frames of lost or late cullers, not dealt again yet.
@@ -71,8 +72,8 @@ pub struct Dealer {
 /// The frames dealt to a culler.
 #[derive(Debug)]
 struct CullerFrames {
-    /// Cameras sent to it that it has not begun, in order. Round-robin there is at most one; live, a newer one
-    /// replaces the one waiting in its cell.
+    /// Cameras sent to it that it has not begun, in order. Round-robin there is at most one; live, a newer
+    /// one replaces the one waiting in its cell.
     cell: VecDeque<FrameNumber>,
     begun: Option<FrameNumber>,
     /// Round-robin: its own next frame.

@@ -1,4 +1,4 @@
-//! What a scene works out from its arrays.
+//! The parts of a scene that follow from its arrays.
 
 use glam::Mat3;
 
