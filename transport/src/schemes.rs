@@ -11,7 +11,6 @@ use crate::{Endpoint, LaneTransport, Options, Transport};
 /// # Errors
 /// If this build lacks the transport, or the options do not have it.
 pub(crate) fn transport_of(endpoint: &Endpoint, options: &Options) -> io::Result<Arc<dyn LaneTransport>> {
-    let streams = |transport: Arc<dyn Transport>| Arc::new(Streams(transport));
     Ok(match endpoint {
         #[cfg(feature = "tcp")]
         Endpoint::Tcp(_) => streams(Arc::new(crate::tcp::Tcp(options.tcp))),
@@ -39,10 +38,15 @@ pub(crate) fn transport_of(endpoint: &Endpoint, options: &Options) -> io::Result
     })
 }
 
+/// Lanes over the byte streams of a transport.
+fn streams(transport: Arc<dyn Transport>) -> Arc<dyn LaneTransport> {
+    Arc::new(Streams(transport))
+}
+
 /// The transport of this scheme among those of `options`.
 fn from_outside(scheme: &str, options: &Options) -> io::Result<Arc<dyn LaneTransport>> {
     if let Some(transport) = options.transports.iter().find(|transport| transport.scheme() == scheme) {
-        return Ok(Arc::new(Streams(Arc::clone(transport))));
+        return Ok(streams(Arc::clone(transport)));
     }
     let lanes = options.lane_transports.iter().find(|transport| transport.scheme() == scheme);
     lanes.cloned().ok_or_else(|| {
