@@ -34,7 +34,7 @@ pub(crate) fn transport_of(endpoint: &Endpoint, options: &Options) -> io::Result
         }),
         #[cfg(feature = "inproc")]
         Endpoint::Inproc(name) => Arc::new(crate::inproc::Inproc(name.clone())),
-        other => return from_outside(other.transport(), options),
+        other => from_outside(other.transport(), options)?,
     })
 }
 
