@@ -124,7 +124,7 @@ pub struct MeasuredFigures {
     pub latency_ms: Vec<f64>,
 }
 
-/// What a system drew on the frames that were audited: all but the first, before which nothing is known, or
+/// A system's drawings on the frames that were audited: all but the first, before which nothing is known, or
 /// each n-th. Without an audit, on all frames.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct DrawnFigures {

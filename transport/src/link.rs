@@ -204,27 +204,27 @@ struct Ends<'n> {
 }
 
 impl Ends<'_> {
-    /// Halves over bytes; a wait to receive lasts `patience`, as a peer may never send a message or a block.
-    fn wire<L, W>(&self, (tx, rx): Duplex<W>, patience: Duration) -> (Sender<L, W>, Receiver<L, W>) {
-        self.both(AnyTx::Wire(tx), AnyRx::Wire(rx), patience)
+    /// Halves over bytes; a wait to receive lasts `limit`, as a peer may never send a message or a block.
+    fn wire<L, W>(&self, (tx, rx): Duplex<W>, limit: Duration) -> (Sender<L, W>, Receiver<L, W>) {
+        self.both(AnyTx::Wire(tx), AnyRx::Wire(rx), limit)
     }
 
     /// The same over values within this process.
-    fn local<L, W>(&self, (tx, rx): Duplex<L>, patience: Duration) -> (Sender<L, W>, Receiver<L, W>) {
-        self.both(AnyTx::Local(tx), AnyRx::Local(rx), patience)
+    fn local<L, W>(&self, (tx, rx): Duplex<L>, limit: Duration) -> (Sender<L, W>, Receiver<L, W>) {
+        self.both(AnyTx::Local(tx), AnyRx::Local(rx), limit)
     }
 
     fn both<L, W>(
         &self,
         tx: AnyTx<L, W>,
         rx: AnyRx<L, W>,
-        patience: Duration,
+        limit: Duration,
     ) -> (Sender<L, W>, Receiver<L, W>) {
         let timeouts = |limit| Timeouts::new(self.net, limit, self.idle_timeout);
         let (ours, theirs) = (self.shared.clone(), self.shared.clone());
         (
             Sender { lane: tx, shared: ours, timeouts: timeouts(self.timeout) },
-            Receiver { lane: rx, shared: theirs, timeouts: timeouts(patience) },
+            Receiver { lane: rx, shared: theirs, timeouts: timeouts(limit) },
         )
     }
 }
