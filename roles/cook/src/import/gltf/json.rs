@@ -44,8 +44,7 @@ objects! {
     }
 
     pub(super) struct DocumentExtensions {
-        #[serde(rename = "EXT_structural_metadata")]
-        pub metadata: Option<Metadata>,
+        pub metadata: Option<Metadata> = "EXT_structural_metadata",
     }
 
     pub(super) struct Scene {
@@ -72,12 +71,9 @@ objects! {
     }
 
     pub(super) struct NodeExtensions {
-        #[serde(rename = "EXT_mesh_gpu_instancing")]
-        pub instancing: Option<Instancing>,
-        #[serde(rename = "KHR_node_visibility")]
-        pub visibility: Option<Visibility>,
-        #[serde(rename = "EXT_instance_features")]
-        pub features: Option<Features>,
+        pub instancing: Option<Instancing> = "EXT_mesh_gpu_instancing",
+        pub visibility: Option<Visibility> = "KHR_node_visibility",
+        pub features: Option<Features> = "EXT_instance_features",
     }
 
     pub(super) struct Visibility {
@@ -110,15 +106,12 @@ objects! {
 
     /// A morph target: offsets of positions, multiplied by its weight.
     pub(super) struct Target {
-        #[serde(rename = "POSITION")]
-        pub position: Option<u32>,
+        pub position: Option<u32> = "POSITION",
     }
 
     pub(super) struct PrimitiveExtensions {
-        #[serde(rename = "KHR_draco_mesh_compression")]
-        pub draco: Option<Draco>,
-        #[serde(rename = "EXT_mesh_features")]
-        pub features: Option<Features>,
+        pub draco: Option<Draco> = "KHR_draco_mesh_compression",
+        pub features: Option<Features> = "EXT_mesh_features",
     }
 
     /// A primitive with arrays compressed by Draco.
@@ -134,8 +127,7 @@ objects! {
         pub component_type: u32,
         pub normalized: bool,
         pub count: u64,
-        #[serde(rename = "type")]
-        pub kind: String,
+        pub kind: String = "type",
         pub sparse: Option<Box<Sparse>>,
     }
 
@@ -161,10 +153,8 @@ objects! {
     }
 
     pub(super) struct ViewExtensions {
-        #[serde(rename = "EXT_meshopt_compression")]
-        pub ext: Option<Packed>,
-        #[serde(rename = "KHR_meshopt_compression")]
-        pub khr: Option<Packed>,
+        pub ext: Option<Packed> = "EXT_meshopt_compression",
+        pub khr: Option<Packed> = "KHR_meshopt_compression",
     }
 
     /// The compressed bytes of a buffer view, and their decompressed form.
@@ -185,10 +175,8 @@ objects! {
     }
 
     pub(super) struct BufferExtensions {
-        #[serde(rename = "EXT_meshopt_compression")]
-        pub ext: Option<Fallback>,
-        #[serde(rename = "KHR_meshopt_compression")]
-        pub khr: Option<Fallback>,
+        pub ext: Option<Fallback> = "EXT_meshopt_compression",
+        pub khr: Option<Fallback> = "KHR_meshopt_compression",
     }
 
     pub(super) struct Fallback {

@@ -20,8 +20,7 @@ objects! {
     }
 
     struct MaterialExtensions {
-        #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
-        specular_glossiness: Option<SpecularGlossiness>,
+        specular_glossiness: Option<SpecularGlossiness> = "KHR_materials_pbrSpecularGlossiness",
     }
 
     struct SpecularGlossiness {
@@ -37,8 +36,7 @@ objects! {
     }
 
     struct TextureInfoExtensions {
-        #[serde(rename = "KHR_texture_transform")]
-        transform: Option<TextureTransform>,
+        transform: Option<TextureTransform> = "KHR_texture_transform",
     }
 
     pub(super) struct TextureTransform {
@@ -56,12 +54,9 @@ objects! {
     }
 
     struct TextureExtensions {
-        #[serde(rename = "EXT_texture_webp")]
-        webp: Option<TextureSource>,
-        #[serde(rename = "KHR_texture_basisu")]
-        basisu: Option<TextureSource>,
-        #[serde(rename = "MSFT_texture_dds")]
-        dds: Option<TextureSource>,
+        webp: Option<TextureSource> = "EXT_texture_webp",
+        basisu: Option<TextureSource> = "KHR_texture_basisu",
+        dds: Option<TextureSource> = "MSFT_texture_dds",
     }
 
     struct TextureSource {

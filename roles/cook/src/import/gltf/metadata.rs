@@ -42,8 +42,7 @@ objects! {
     pub(super) struct Property {
         name: Option<String>,
         semantic: Option<String>,
-        #[serde(rename = "type")]
-        pub kind: String,
+        pub kind: String = "type",
         pub component_type: Option<String>,
         pub enum_type: Option<String>,
         pub array: bool,

@@ -170,12 +170,7 @@ fn mended<T: DeserializeOwned + Default>(
     if value.is_null() {
         return T::default();
     }
-    if values(&value) > MOST_VALUES {
-        return T::deserialize(value).unwrap_or_else(|why| {
-            note(faults, item, ".", &why.to_string());
-            T::default()
-        });
-    }
+    let piecewise = piecewise && values(&value) <= MOST_VALUES;
     let name = value.get("name").and_then(Value::as_str).map(|name| format!("{item} ({name})"));
     let mut last = None;
     for _ in 0..MOST_MENDED {
