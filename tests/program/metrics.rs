@@ -46,7 +46,7 @@ fn a_running_session_shows_what_its_links_carry() {
         "--metrics",
         "127.0.0.1:0",
         "--frames",
-        "1000000",
+        "20000",
         "--size",
         "32x32",
     ];

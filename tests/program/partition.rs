@@ -94,6 +94,9 @@ fn cullers_are_taken_back_after_a_longer_cut() {
                 machines.iter().all(|machine| culled_by(&report).contains(machine)),
                 "{transport}, {cut}"
             );
+            if transport == "tcp" {
+                deployment.whole_report();
+            }
         }
     }
 }

@@ -40,6 +40,9 @@ fn a_culler_that_is_started_again_is_taken_back_and_no_frame_is_missing() {
             assert!(notes(&report, &["culler 2 was lost before"]), "{transport}: {}", report["run"]);
             assert!(notes(&report, &["culler 2 came before"]), "{transport}: {}", report["run"]);
             assert!(!notes(&report, &["culler 1 was lost"]), "{transport}: {}", report["run"]);
+            if killed {
+                deployment.whole_report();
+            }
         }
     }
 }
@@ -88,6 +91,7 @@ fn a_walk_goes_on_without_any_culler_and_takes_all_back() {
             assert!(notes(&report, &[culler, "was lost before"]), "{transport}: {}", report["run"]);
             assert!(notes(&report, &[culler, "came before"]), "{transport}: {}", report["run"]);
         }
+        deployment.whole_report();
     }
 }
 

@@ -81,7 +81,7 @@ fn a_display_that_is_killed_goes_on_where_it_was() {
             assert!(frame["latency_ms"].as_f64().unwrap() >= 0.0 && frame["nodes_drawn"] != 0, "{frame}");
         }
 
-        start(&deployment, &[&AUDITED[..], &["--out", "whole"]].concat()).ends(0);
+        start(&deployment, &["--audit-every", "0", "--out", "whole"]).ends(0);
         let killed = pictures(&deployment.path("walk"));
         assert!(killed == pictures(&deployment.path("whole")), "{transport}: other pictures");
     }
