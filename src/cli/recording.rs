@@ -116,8 +116,14 @@ impl Recording<'_> {
         // An earlier process's frames stay for the next one.
         let nothing = !shown && (records.is_empty() || ended.early());
         let (Some(writer), false) = (writer, nothing) else {
-            let nothing =
-                || Failure::stopped("interrupted before the first frame: there is nothing new to report");
+            let nothing = || match stop.requested() {
+                true => {
+                    Failure::stopped("interrupted before the first frame: there is nothing new to report")
+                }
+                false => Failure::incomplete(
+                    "the path was over before its first frame was shown: give more --frames, or fewer a second",
+                ),
+            };
             return Err(early.map_or_else(nothing, |early| early.why));
         };
         let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);

@@ -565,6 +565,14 @@ fn a_live_walk_ends_with_its_path_and_shows_poses_of_it() {
 }
 
 #[test]
+fn a_live_walk_that_is_over_before_its_first_frame_says_so() {
+    let bench = Bench::with_plant(300);
+    let run = bench.trimaran(&["run", "plant.scene", "--live", "1000000", "--frames", "1", "--out", "none"]);
+    expect(&run, 3, &["the path was over before its first frame", "--frames"]);
+    assert!(!bench.path("none/report.json").exists());
+}
+
+#[test]
 fn only_roles_that_compute_one_after_another_are_a_model_of_a_machine_each() {
     const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "96x80", "--audit-every", "3"];
     let bench = Bench::with_plant(300);
