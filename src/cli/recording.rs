@@ -121,7 +121,7 @@ impl Recording<'_> {
                     Failure::stopped("interrupted before the first frame: there is nothing new to report")
                 }
                 false => Failure::incomplete(
-                    "the path was over before its first frame was shown: give more --frames, or fewer a second",
+                    "the path was over before its first frame: give more --frames, or a slower --live",
                 ),
             };
             return Err(early.map_or_else(nothing, |early| early.why));

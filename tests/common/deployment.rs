@@ -142,6 +142,7 @@ impl Deployment {
         let report = self.bench.report("walk");
         for (number, frame) in report["frames"].as_array().unwrap().iter().enumerate() {
             assert_eq!(frame["frame"], number, "{}", report["run"]["notes"]);
+            assert!(matches!(frame["cut_mismatch_pixels"].as_u64(), None | Some(0)), "{frame}");
         }
         report
     }

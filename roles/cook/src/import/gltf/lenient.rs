@@ -34,8 +34,8 @@ macro_rules! members {
     )+)+};
 }
 
-/// Structs as in the JSON: each member is read as its type says, and is its default if it is absent. Its name in
-/// the JSON is its own in camel case, or what stands behind its type.
+/// Structs as in the JSON: each member is read as its type says, and is its default if it is absent. It is
+/// named in the JSON as here, in camel case, or as the text behind its type says.
 macro_rules! objects {
     ($(
         $(#[$about:meta])*
