@@ -339,7 +339,7 @@ impl LongSession {
         let args =
             ["run", "plant.scene", "--link", link, "--out", "long", "--frames", "20000", "--size", "64x64"];
         let mut command = bench.command(&args);
-        command.env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "2");
+        command.env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "4");
         command.args(["--audit-every", "0"]).env("TRIMARAN_LOG", "info");
         let mut display = Process::start(&mut command);
         // The cullers share the display's standard error, and each says when the display has come.

@@ -3,8 +3,8 @@
 use serde_json::{Number, Value};
 
 use super::accessor::Accessors;
-use super::lenient::objects;
 use super::metadata::{Enumeration, Property};
+use super::objects::objects;
 
 type Result<T> = std::result::Result<T, &'static str>;
 

@@ -13,10 +13,10 @@ use trimaran_scene::Attribute;
 
 use super::GltfError;
 use super::faults::Faults;
-use super::lenient::objects;
 use super::material::{Image, Material, Sampler, Texture};
 use super::mend::{Mended, mend};
 use super::metadata::{FeatureIds, Features, Metadata};
+use super::objects::objects;
 use super::tolerant;
 use crate::import::report::WarningKind;
 

@@ -2,7 +2,7 @@
 
 use trimaran_scene::Rgba8;
 
-use super::lenient::objects;
+use super::objects::objects;
 
 objects! {
     pub(super) struct Material {

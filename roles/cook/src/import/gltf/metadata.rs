@@ -10,8 +10,8 @@ use trimaran_scene::Attribute;
 use super::accessor::Accessors;
 use super::column::Column;
 use super::json::{Document, Node};
-use super::lenient::objects;
 use super::nodes::Placement;
+use super::objects::objects;
 use crate::import::report::{ImportReport, WarningKind};
 
 /// A feature: a row of a property table.

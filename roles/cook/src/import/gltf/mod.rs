@@ -18,6 +18,7 @@ mod mend;
 mod mesh;
 mod metadata;
 mod nodes;
+mod objects;
 mod packed;
 mod surface;
 mod texture;
