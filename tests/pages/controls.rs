@@ -413,6 +413,9 @@ fn what_hides_a_part_can_be_seen_through() {
     browser.done(json!({ "do": "type", "text": "box0" }));
     browser.done(json!({ "do": "button", "name": "box0$" }));
     said(&mut browser, |text| text.contains("It is hidden."));
+    // What was still being looked at as it was hidden does not answer in its place.
+    look(&mut browser);
+    said(&mut browser, |text| text.contains("It is hidden."));
     browser.done(json!({ "do": "button", "name": "Show it" }));
     becomes(&mut browser, "showing it", |now| now["hidden"] == json!([]));
 }

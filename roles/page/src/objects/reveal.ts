@@ -17,7 +17,10 @@ const LAYERS = 8;
 /** The timeout for an exact picture, milliseconds. */
 const LONGEST = 10_000;
 
-/** Once the picture is exact, explains why a part does not show, and offers help; not if the eye moves. */
+/**
+ * Once the picture is exact, explains why a part does not show, and offers help. A moved eye or a changed view
+ * ends that: the answer would be about another picture.
+ */
 export async function tellIfHidden(viewer: Viewer, part: Part): Promise<void> {
   const { view } = viewer;
   viewer.offer.value = undefined;
@@ -27,7 +30,8 @@ export async function tellIfHidden(viewer: Viewer, part: Part): Promise<void> {
     viewer.offer.value = { text: "It is hidden.", label: "Show it", run };
     return;
   }
-  if (!(await becomesExact(viewer)) || !isHidden(viewer, part)) {
+  const asked = view.seen.peek();
+  if (!(await becomesExact(viewer)) || view.seen.peek() !== asked || !isHidden(viewer, part)) {
     return;
   }
   if (!coverOf(viewer, part).isEmpty) {
