@@ -10,7 +10,6 @@ pub(crate) mod format;
 pub(crate) mod html;
 mod left;
 mod pictures;
-mod png;
 #[cfg(test)]
 pub(crate) mod sample;
 pub mod schema;

@@ -10,6 +10,7 @@ pub(crate) mod page;
 #[path = "../../transport/tests/common/ports.rs"]
 pub(crate) mod ports;
 pub(crate) mod program;
+pub(crate) mod scenes;
 #[cfg(target_os = "linux")]
 pub(crate) mod screen;
 pub(crate) mod session;

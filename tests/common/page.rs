@@ -178,6 +178,13 @@ pub(crate) struct Difference {
 /// More pixels than two rasterizers differ by at the edges of a small object, or of one seen edge-on.
 const A_FEW: usize = 24;
 
+/// The drawable at each pixel of a look, `u32::MAX` for none; rows from below.
+pub(crate) fn items(look: &Value) -> Vec<u32> {
+    let runs: Vec<u32> = serde_json::from_value(look["runs"].clone()).unwrap();
+    let (pairs, _) = runs.as_chunks();
+    pairs.iter().flat_map(|[item, pixels]| std::iter::repeat_n(*item, *pixels as usize)).collect()
+}
+
 pub(crate) fn difference(look: &Value, scene: &Scene) -> Difference {
     let number = |value: &Value| value.as_f64().unwrap();
     let numbers = |value: &Value| value.as_array().unwrap().iter().map(number).collect::<Vec<_>>();
@@ -198,13 +205,12 @@ pub(crate) fn difference(look: &Value, scene: &Scene) -> Difference {
     draw_order(scene, &view, &mut cut);
     let exact = rasterize(scene, &view, cut, Placement::Single);
     let (width, height) = (viewport.width() as usize, viewport.height() as usize);
-    let items = look["items"].as_array().unwrap();
+    let items = items(look);
     let (mut differing, mut counts) = (0, BTreeMap::<u32, [usize; 2]>::new());
     for y in 0..height {
         for x in 0..width {
             // The page's rows come from below.
-            let shown = items[(height - 1 - y) * width + x].as_u64().map(|id| id as u32);
-            let shown = shown.filter(|id| *id != u32::MAX);
+            let shown = Some(items[(height - 1 - y) * width + x]).filter(|id| *id != u32::MAX);
             let expected = exact.ids()[y * width + x].map(|triangle| triangle.drawable.0);
             differing += usize::from(shown != expected);
             for (at, id) in [shown, expected].into_iter().enumerate() {

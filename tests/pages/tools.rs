@@ -26,7 +26,7 @@ fn press(browser: &mut Browser, keys: &[&str]) {
 }
 
 fn look(browser: &mut Browser) -> Value {
-    browser.done(json!({ "do": "look" }))
+    browser.done(json!({ "do": "state" }))
 }
 
 /// The text of elements.

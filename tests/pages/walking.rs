@@ -18,8 +18,8 @@ fn opened(bench: &Bench, scene: &str) -> Option<(Service, Browser)> {
 
 /// The eye's position.
 fn eye(browser: &mut Browser) -> [f64; 3] {
-    let look = browser.done(json!({ "do": "look" }));
-    [0, 1, 2].map(|axis| look["eye"][axis].as_f64().unwrap())
+    let state = browser.done(json!({ "do": "state" }));
+    [0, 1, 2].map(|axis| state["eye"][axis].as_f64().unwrap())
 }
 
 #[test]

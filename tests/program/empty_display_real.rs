@@ -5,9 +5,10 @@ use std::{fs, path::PathBuf, thread, time::Duration};
 
 use trimaran_scene::random::Random;
 
-use crate::common::data::{Data, cooked, imported};
+use crate::common::data::Data;
 use crate::common::ports::unused_port;
 use crate::common::program::{Bench, Process};
+use crate::common::scenes::scene_file;
 
 /// One picture in this many of the long walk is kept.
 const KEPT_EVERY: usize = 50;
@@ -21,7 +22,7 @@ fn picture(bench: &Bench, out: &str, frame: usize) -> Vec<u8> {
 fn walks_at_random(files: &[PathBuf]) {
     const FRAMES: usize = 16;
     let bench = Bench::empty();
-    cooked(&imported(files)).save(&bench.path("model.scene")).unwrap();
+    fs::copy(scene_file(files), bench.path("model.scene")).unwrap();
     for seed in 1..4 {
         let mut random = Random::new(seed);
         let mut pick = |from: &[&'static str]| from[random.below(from.len())];
@@ -69,7 +70,7 @@ fn cullers_that_come_and_go_and_a_display_that_is_killed_change_no_picture() {
     let Some(data) = Data::find() else { return };
     const FRAMES: usize = 1000;
     let bench = Bench::empty();
-    cooked(&imported(&data.platform())).save(&bench.path("model.scene")).unwrap();
+    fs::copy(scene_file(&data.platform()), bench.path("model.scene")).unwrap();
     let walk = ["--frames", "1000", "--audit-every", "50"];
     bench.done(&[&["run", "model.scene", "--size", "160x160", "--out", "whole"][..], &walk].concat());
     let at = [(); 2].map(|()| format!("tcp://127.0.0.1:{}", unused_port()));

@@ -14,7 +14,8 @@ use trimaran_proto::{Camera, DrawableId, OcclusionTestKind};
 use trimaran_scene::Scene;
 
 use crate::common::{
-    data::{Data, cooked, imported, small_plant},
+    data::{Data, small_plant},
+    scenes::scene_of,
     session::{self, audit, camera_path, on_devices, walk_in_process, walk_with},
 };
 
@@ -264,7 +265,7 @@ fn faults_in_a_plant_are_named() {
 fn faults_in_the_town_hall_are_named() -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
     let path = PathChoice::File(data.truth("ldraw_town_hall_1.3Mtri.walk.json"));
-    let scene = cooked(&imported(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")]));
+    let scene = scene_of(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")]);
     let Some(small) = on_devices(&Arc::new(with_halved_boxes(&scene).unwrap())) else { return Ok(()) };
     small_boxes_are_named(&small, &path);
     let Some(sound) = on_devices(&scene) else { return Ok(()) };

@@ -8,7 +8,8 @@ use trimaran_cull::SURFACE_SLACK_PX;
 use trimaran_proto::OcclusionTestKind;
 
 use crate::common::{
-    data::{Data, cooked, imported},
+    data::Data,
+    scenes::scene_of,
     session::{assert_no_validation_messages, audit, camera_path, culler, on_devices, plan, walk_in_process},
 };
 
@@ -22,7 +23,7 @@ const fn frames(occlusion_test: OcclusionTestKind) -> u32 {
 
 /// Walks through a model with every occlusion test at two error bounds, and audits.
 fn walks(files: &[PathBuf], path: &PathChoice) {
-    let Some(devices) = on_devices(&cooked(&imported(files))) else { return };
+    let Some(devices) = on_devices(&scene_of(files)) else { return };
     println!("test   epsilon  frames  audited  drawn  outline off  surface off");
     for epsilon in [2.0, 10.0] {
         let mut pictures = Vec::new();

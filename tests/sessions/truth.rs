@@ -27,7 +27,8 @@ use trimaran_gpu::{GpuScene, ItemImage};
 use trimaran_proto::{Camera, FrameNumber, ObjectSet, Settings, ViewState};
 use trimaran_scene::{Scene, path::Pose};
 
-use crate::common::data::{Data, cooked, imported};
+use crate::common::data::{Data, imported};
+use crate::common::scenes::scene_of;
 
 /// An object visible at no more pixels than this, here or there, may be missing from the other.
 const EDGE_PIXELS: u32 = 2;
@@ -157,9 +158,9 @@ fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
     let Some(gpu) = crate::common::device() else { return Ok(()) };
     let truth: Truth = serde_json::from_str(&fs::read_to_string(data.truth(&format!("{name}.views.json")))?)?;
-    let model = imported(&[data.unpacked(&format!("{name}.glb"))]);
-    let twins = Twins::of(&model);
-    let scene = cooked(&model);
+    let files = [data.unpacked(&format!("{name}.glb"))];
+    let twins = Twins::of(&imported(&files));
+    let scene = scene_of(&files);
     assert_eq!(scene.objects().len(), truth.objects, "every object of the truth is in the scene");
     let drawn = GpuScene::new(&gpu, &scene)?;
     // The rule decides levels, and does not matter at full detail.

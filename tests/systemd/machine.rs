@@ -103,7 +103,7 @@ impl Machine {
                 return answer;
             }
             assert!(start.elapsed() < GUARD, "{what} did not come about in {GUARD:?}");
-            thread::sleep(Duration::from_millis(2));
+            thread::sleep(Duration::from_millis(20));
         }
     }
 }

@@ -49,6 +49,7 @@
 //! | `facing` | [`Solids`]: which sides of its triangles a draw shows |
 //! | `findings` | what a check of a frame can find: [`FalseCullCause`], [`ImageDifference`] |
 //! | `image` | [`Image`]: a display's picture |
+//! | `rgb_image` | [`RgbImage`]: its colours, to and from a PNG file |
 //! | `device` | [`CullerDevice`], [`PictureDevice`]: the roles' interface to a GPU |
 //!
 //! `trimaran-audit` checks the result.
@@ -67,6 +68,7 @@ mod occluder_selection;
 mod occluders;
 mod occlusion_test;
 mod order;
+mod rgb_image;
 mod rounds;
 mod screen_box;
 mod screen_record;
@@ -87,6 +89,7 @@ pub use occluder_selection::{TriangleBudget, select_occluders, triangles};
 pub use occluders::{OCCLUDER_BIAS_PX, OccluderError, OccluderMapper, occluder_bias_px, occluders};
 pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};
 pub use order::{DrawOrder, draw_order};
+pub use rgb_image::RgbImage;
 pub use rounds::{RoundRule, Rounds};
 pub use screen_record::{OnScreen, ScreenMargins, ScreenRecord, ScreenRecords};
 pub use traverse::{CullError, CullStats, Culler, Traversal};

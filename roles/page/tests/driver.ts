@@ -251,7 +251,7 @@ function memory(): Record<string, number> {
 /** Runs in the page. */
 function state(): unknown {
   const seen = window.trimaran;
-  const { hidden, seeThrough } = seen?.view.current.value ?? {};
+  const { hidden, seeThrough, sections } = seen?.view.current.value ?? {};
   return {
     ...seen?.camera,
     forward: seen?.navigator.forward,
@@ -259,6 +259,7 @@ function state(): unknown {
     selected: [...(seen?.selected.value ?? [])],
     hidden: [...(hidden ?? [])],
     seeThrough: [...(seeThrough ?? [])],
+    sections,
     drawn: seen?.renderer.drawn,
   };
 }
@@ -390,7 +391,10 @@ async function lose(): Promise<void> {
   await restored;
 }
 
-/** The eye, and the drawable at each pixel. Runs in the page. */
+/**
+ * The eye, and the drawable at each pixel: its number and a count of pixels, in turn, rows from below. Runs in
+ * the page.
+ */
 function look(): unknown {
   const seen = window.trimaran;
   if (seen === undefined) {
@@ -398,6 +402,14 @@ function look(): unknown {
   }
   const canvas = document.querySelector("canvas");
   const { camera, navigator, renderer, display, selected, view } = seen;
+  const items = seen.items();
+  const runs: number[] = [];
+  for (let start = 0, at = 1; at <= items.length; at += 1) {
+    if (items[at] !== items[start]) {
+      runs.push(items[start] ?? 0, at - start);
+      start = at;
+    }
+  }
   const { hidden, isolated, seeThrough, sections } = view.current.value;
   return {
     ...camera,
@@ -411,7 +423,7 @@ function look(): unknown {
     objects: display?.shown?.drawables.map(({ object }) => object),
     width: canvas?.width,
     height: canvas?.height,
-    items: Array.from(seen.items()),
+    runs,
     pictures: seen.pictures,
     drawn: renderer.drawn,
     depth: renderer.depth,

@@ -6,13 +6,12 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use serde::{Serialize, de::DeserializeOwned};
-use trimaran_cull::Image;
+use trimaran_cull::{Image, RgbImage};
 
 use super::error::{ReportError, io_error};
 use super::html::{self, Comparison};
 use super::left::{self, Left};
 use super::pictures::{PictureKind, file_name, files_of_report};
-use super::png::Rgb;
 use super::schema::{Frame, FramePictures, Report};
 use super::unfinished::Unfinished;
 
@@ -117,7 +116,7 @@ impl Writer {
         };
         self.journal = Some(open().map_err(io_error("writing", &path))?);
         let shown = frames.into_iter().map(|frame| (frame, PictureKind::Shown));
-        let whole = |(frame, kind)| Rgb::is_whole(&self.unfinished.path().join(file_name(frame, kind)));
+        let whole = |(frame, kind)| RgbImage::is_whole(&self.unfinished.path().join(file_name(frame, kind)));
         self.pictures = shown.filter(|picture| whole(*picture)).collect();
         Ok(())
     }
@@ -182,7 +181,8 @@ impl Writer {
     pub fn picture(&mut self, frame: u32, kind: PictureKind, picture: &Image) -> Result<(), ReportError> {
         let name = file_name(frame, kind);
         let path = self.unfinished.path().join(&name);
-        let picture = Rgb::of(picture).ok_or_else(|| ReportError::Picture { path: self.out.join(&name) })?;
+        let picture =
+            RgbImage::of(picture).ok_or_else(|| ReportError::Picture { path: self.out.join(&name) })?;
         let file = picture
             .encode(png::Compression::Fast)
             .map_err(|source| ReportError::Encode { path: self.out.join(&name), source })?;
@@ -263,13 +263,13 @@ impl Writer {
     }
 
     /// A written picture; `None` if it was not written.
-    fn read_back(&self, frame: u32, kind: PictureKind) -> Result<Option<Rgb>, ReportError> {
+    fn read_back(&self, frame: u32, kind: PictureKind) -> Result<Option<RgbImage>, ReportError> {
         if !self.has(frame, kind) {
             return Ok(None);
         }
         let path = self.unfinished.path().join(file_name(frame, kind));
         let file = fs::read(&path).map_err(io_error("reading", &path))?;
-        Rgb::decode(&file).map(Some).map_err(|source| ReportError::Decode { path, source })
+        RgbImage::decode(&file).map(Some).map_err(|source| ReportError::Decode { path, source })
     }
 
     /// Moves everything into place, `report.json` last, and removes pictures of the old report that have no

@@ -1,6 +1,6 @@
 use super::*;
-use crate::report::png::Rgb;
 use crate::report::sample::{self, AUDIT_EVERY};
+use trimaran_cull::RgbImage;
 
 /// The sample's pictures: all that RVG showed, and the others of audited frames.
 fn pictures(report: &Report) -> Vec<(u32, PictureKind, Image)> {
@@ -48,7 +48,7 @@ fn everything_is_there_and_nothing_else() {
     assert_eq!(report.frames[3].pictures.unculled.as_deref(), Some("frames/00003.unculled.png"));
     let file = fs::read(out.join("frames/00003.png")).unwrap();
     let expected = sample::picture(3, 1);
-    assert_eq!(Rgb::decode(&file).unwrap(), Rgb::of(&expected).unwrap());
+    assert_eq!(RgbImage::decode(&file).unwrap(), RgbImage::of(&expected).unwrap());
 
     let html = fs::read_to_string(&paths.html).unwrap();
     assert_eq!(

@@ -5,11 +5,11 @@ use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
 #[cfg(feature = "lab")]
 use trimaran_cull::Image;
+use trimaran_cull::RgbImage;
 
 #[cfg(feature = "lab")]
 use super::flip::flip_map;
 use crate::report::format::{figure, plural};
-use crate::report::png::Rgb;
 use crate::report::schema::{Frame, Report};
 
 /// The longer side of an embedded picture, at most.
@@ -25,11 +25,11 @@ pub(in crate::report) struct Comparison {
     /// Why it was chosen.
     pub(in crate::report) why: &'static str,
     /// The picture that RVG showed.
-    pub(in crate::report) shown: Rgb,
+    pub(in crate::report) shown: RgbImage,
     /// The same LOD cut without culling.
-    pub(in crate::report) unculled: Option<Rgb>,
+    pub(in crate::report) unculled: Option<RgbImage>,
     /// Full detail without culling.
-    pub(in crate::report) full: Option<Rgb>,
+    pub(in crate::report) full: Option<RgbImage>,
 }
 
 /// The most interesting frames with pictures, each with a reason: the worst by culling error, the worst by
@@ -120,7 +120,7 @@ pub(super) enum Shrink {
     Brightest,
 }
 
-pub(super) fn pane(title: &str, text: &str, image: &Rgb, shrink: Shrink) -> Markup {
+pub(super) fn pane(title: &str, text: &str, image: &RgbImage, shrink: Shrink) -> Markup {
     let factor = image.width.max(image.height).div_ceil(SIDE);
     let small = match shrink {
         Shrink::Mean => image.shrink(factor, mean),
@@ -142,7 +142,7 @@ pub(super) fn pane(title: &str, text: &str, image: &Rgb, shrink: Shrink) -> Mark
 /// A picture as a pane; nothing if it has no pixels.
 #[cfg(feature = "lab")]
 pub(crate) fn pane_of(title: &str, text: &str, image: &Image) -> Markup {
-    Rgb::of(image).map_or_else(Markup::default, |image| pane(title, text, &image, Shrink::Mean))
+    RgbImage::of(image).map_or_else(Markup::default, |image| pane(title, text, &image, Shrink::Mean))
 }
 
 fn mean(block: &[[u8; 3]]) -> [u8; 3] {
@@ -155,17 +155,17 @@ fn brightest(block: &[[u8; 3]]) -> [u8; 3] {
 }
 
 /// White where the pictures differ, black where they agree; `None` if the sizes differ.
-fn lit(a: &Rgb, b: &Rgb) -> Option<Rgb> {
+fn lit(a: &RgbImage, b: &RgbImage) -> Option<RgbImage> {
     if (a.width, a.height) != (b.width, b.height) {
         return None;
     }
     let pixels =
         a.pixels.iter().zip(&b.pixels).map(|(a, b)| if a == b { [0; 3] } else { [255; 3] }).collect();
-    Some(Rgb { width: a.width, height: a.height, pixels })
+    Some(RgbImage { width: a.width, height: a.height, pixels })
 }
 
 /// Without the laboratory no map is made.
 #[cfg(not(feature = "lab"))]
-fn flip_map(_: &Rgb, _: &Rgb) -> Option<Rgb> {
+fn flip_map(_: &RgbImage, _: &RgbImage) -> Option<RgbImage> {
     None
 }

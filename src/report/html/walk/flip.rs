@@ -2,22 +2,23 @@
 
 use maud::Markup;
 use trimaran_audit::metrics::{ImageRef, flip};
-use trimaran_cull::Image;
+use trimaran_cull::{Image, RgbImage};
 
 use super::comparison::{Shrink, pane};
-use crate::report::png::Rgb;
 
 /// The FLIP map of a picture as a pane; nothing if it cannot be made.
 pub(crate) fn flip_pane(reference: &Image, picture: &Image, text: &str) -> Markup {
-    let map = |[reference, picture]: [&Image; 2]| flip_map(&Rgb::of(reference)?, &Rgb::of(picture)?);
+    let map =
+        |[reference, picture]: [&Image; 2]| flip_map(&RgbImage::of(reference)?, &RgbImage::of(picture)?);
     let map = map([reference, picture]);
     map.map_or_else(Markup::default, |map| pane("FLIP", text, &map, Shrink::Brightest))
 }
 
 /// The FLIP map in the "magma" colours that its authors use; `None` if the sizes differ.
-pub(super) fn flip_map(reference: &Rgb, picture: &Rgb) -> Option<Rgb> {
-    let rgba =
-        |image: &Rgb| -> Vec<u8> { image.pixels.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect() };
+pub(super) fn flip_map(reference: &RgbImage, picture: &RgbImage) -> Option<RgbImage> {
+    let rgba = |image: &RgbImage| -> Vec<u8> {
+        image.pixels.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect()
+    };
     let (reference_rgba, picture_rgba) = (rgba(reference), rgba(picture));
     let map = flip(
         &ImageRef::new(reference.width, reference.height, &reference_rgba).ok()?,
@@ -31,5 +32,5 @@ pub(super) fn flip_map(reference: &Rgb, picture: &Rgb) -> Option<Rgb> {
         colours.get(index).copied().unwrap_or_default()
     };
     let pixels = map.values().iter().map(colour).collect();
-    Some(Rgb { width: reference.width, height: reference.height, pixels })
+    Some(RgbImage { width: reference.width, height: reference.height, pixels })
 }

@@ -1,22 +1,25 @@
-//! PNG files to and from memory.
+//! Pictures in files: PNG to and from memory.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use trimaran_cull::Image;
+use crate::Image;
 
 /// An 8-bit RGB image in memory, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Rgb {
-    pub(super) width: u32,
-    pub(super) height: u32,
-    pub(super) pixels: Vec<[u8; 3]>,
+pub struct RgbImage {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Red, green and blue, sRGB-encoded.
+    pub pixels: Vec<[u8; 3]>,
 }
 
-impl Rgb {
+impl RgbImage {
     /// The colours of a picture; `None` if its bytes do not fill its size, or it has no pixel.
-    pub(super) fn of(picture: &Image) -> Option<Self> {
+    pub fn of(picture: &Image) -> Option<Self> {
         let (pixels, _) = picture.rgba.as_chunks();
         let Image { width, height, .. } = *picture;
         let is_whole = !pixels.is_empty() && pixels.len() as u64 == u64::from(width) * u64::from(height);
@@ -24,7 +27,12 @@ impl Rgb {
         is_whole.then_some(Self { width, height, pixels })
     }
 
-    pub(super) fn encode(&self, compression: png::Compression) -> Result<Vec<u8>, png::EncodingError> {
+    /// The bytes of a PNG file.
+    ///
+    /// # Errors
+    ///
+    /// `pixels` do not fill the size, or it has no pixel.
+    pub fn encode(&self, compression: png::Compression) -> Result<Vec<u8>, png::EncodingError> {
         let mut file = Vec::new();
         let mut encoder = png::Encoder::new(&mut file, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
@@ -35,7 +43,11 @@ impl Rgb {
     }
 
     /// Reads back the output of [`Self::encode`].
-    pub(super) fn decode(file: &[u8]) -> Result<Self, png::DecodingError> {
+    ///
+    /// # Errors
+    ///
+    /// It is not such a file.
+    pub fn decode(file: &[u8]) -> Result<Self, png::DecodingError> {
         let mut reader = png::Decoder::new(Cursor::new(file)).read_info()?;
         let (width, height) = reader.info().size();
         let mut pixels = vec![[0; 3]; width as usize * height as usize];
@@ -44,7 +56,7 @@ impl Rgb {
     }
 
     /// Whether the file exists and is complete: an interrupted write may lack its end.
-    pub(super) fn is_whole(path: &Path) -> bool {
+    pub fn is_whole(path: &Path) -> bool {
         const END: [u8; 8] = *b"IEND\xaeB`\x82";
         let end = || {
             let mut end = [0; END.len()];
@@ -57,7 +69,7 @@ impl Rgb {
     }
 
     /// The image made smaller by an integer factor. `of_block` makes one pixel of a block's.
-    pub(super) fn shrink(&self, factor: u32, of_block: impl Fn(&[[u8; 3]]) -> [u8; 3]) -> Self {
+    pub fn shrink(&self, factor: u32, of_block: impl Fn(&[[u8; 3]]) -> [u8; 3]) -> Self {
         let (width, height) = (self.width.div_ceil(factor), self.height.div_ceil(factor));
         let mut block = Vec::with_capacity((factor * factor) as usize);
         let mut pixels = Vec::with_capacity(width as usize * height as usize);
@@ -84,17 +96,17 @@ mod tests {
     fn a_picture_survives_its_file_and_loses_alpha() {
         let rgba: Vec<u8> = (0..5 * 3 * 4).collect();
         let picture = Image { width: 5, height: 3, rgba };
-        assert_eq!(Rgb::of(&Image { height: 4, ..picture.clone() }), None);
-        let rgb = Rgb::of(&picture).unwrap();
+        assert_eq!(RgbImage::of(&Image { height: 4, ..picture.clone() }), None);
+        let rgb = RgbImage::of(&picture).unwrap();
         assert_eq!(rgb.pixels[1], [4, 5, 6]);
         for compression in [png::Compression::Fast, png::Compression::Balanced] {
-            assert_eq!(Rgb::decode(&rgb.encode(compression).unwrap()).unwrap(), rgb);
+            assert_eq!(RgbImage::decode(&rgb.encode(compression).unwrap()).unwrap(), rgb);
         }
     }
 
     #[test]
     fn shrinking_takes_every_pixel_once_at_odd_sizes() {
-        let rgb = Rgb { width: 5, height: 3, pixels: vec![[1, 0, 0]; 15] };
+        let rgb = RgbImage { width: 5, height: 3, pixels: vec![[1, 0, 0]; 15] };
         let small = rgb.shrink(2, |block| [block.len() as u8, 0, 0]);
         assert_eq!((small.width, small.height), (3, 2));
         let blocks: Vec<u8> = small.pixels.iter().map(|p| p[0]).collect();
