@@ -1,6 +1,7 @@
 //! The PNG files of a report: a frame's pictures by kind, and the name of each file.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use serde::Deserialize;
@@ -25,6 +26,19 @@ pub(super) fn file_name(frame: u32, kind: PictureKind) -> String {
         PictureKind::Unculled => format!("frames/{frame:05}.unculled.png"),
         PictureKind::Full => format!("frames/{frame:05}.full.png"),
     }
+}
+
+/// Whether a picture's file exists and is complete: an interrupted write may lack its end.
+pub(super) fn is_whole(path: &Path) -> bool {
+    const END: [u8; 8] = *b"IEND\xaeB`\x82";
+    let end = || {
+        let mut end = [0; END.len()];
+        let mut file = File::open(path)?;
+        file.seek(SeekFrom::End(-(END.len() as i64)))?;
+        file.read_exact(&mut end)?;
+        io::Result::Ok(end)
+    };
+    end().is_ok_and(|end| end == END)
 }
 
 /// The pictures of the report at `json`, if it exists. They are to be removed, so only names that

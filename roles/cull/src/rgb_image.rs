@@ -1,8 +1,6 @@
 //! Pictures in files: PNG to and from memory.
 
-use std::fs::File;
-use std::io::{self, Cursor, Read, Seek, SeekFrom};
-use std::path::Path;
+use std::io::Cursor;
 
 use crate::Image;
 
@@ -53,19 +51,6 @@ impl RgbImage {
         let mut pixels = vec![[0; 3]; width as usize * height as usize];
         reader.next_frame(pixels.as_flattened_mut())?;
         Ok(Self { width, height, pixels })
-    }
-
-    /// Whether the file exists and is complete: an interrupted write may lack its end.
-    pub fn is_whole(path: &Path) -> bool {
-        const END: [u8; 8] = *b"IEND\xaeB`\x82";
-        let end = || {
-            let mut end = [0; END.len()];
-            let mut file = File::open(path)?;
-            file.seek(SeekFrom::End(-(END.len() as i64)))?;
-            file.read_exact(&mut end)?;
-            io::Result::Ok(end)
-        };
-        end().is_ok_and(|end| end == END)
     }
 
     /// The image made smaller by an integer factor. `of_block` makes one pixel of a block's.

@@ -11,7 +11,7 @@ use trimaran_cull::{Image, RgbImage};
 use super::error::{ReportError, io_error};
 use super::html::{self, Comparison};
 use super::left::{self, Left};
-use super::pictures::{PictureKind, file_name, files_of_report};
+use super::pictures::{PictureKind, file_name, files_of_report, is_whole};
 use super::schema::{Frame, FramePictures, Report};
 use super::unfinished::Unfinished;
 
@@ -116,7 +116,7 @@ impl Writer {
         };
         self.journal = Some(open().map_err(io_error("writing", &path))?);
         let shown = frames.into_iter().map(|frame| (frame, PictureKind::Shown));
-        let whole = |(frame, kind)| RgbImage::is_whole(&self.unfinished.path().join(file_name(frame, kind)));
+        let whole = |(frame, kind)| is_whole(&self.unfinished.path().join(file_name(frame, kind)));
         self.pictures = shown.filter(|picture| whole(*picture)).collect();
         Ok(())
     }
