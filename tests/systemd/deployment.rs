@@ -118,12 +118,18 @@ impl Walk {
     /// exact.
     pub(crate) fn is_stopped(&self, machine: &Machine) -> serde_json::Value {
         machine.run("systemctl stop trimaran-display");
-        let report = Self::report(machine);
+        let mut report = Self::report(machine);
         assert_eq!(report["summary"]["ended"]["how"], "interrupted");
+        if machine.path(&format!("{REPORT}/unchecked.json")).exists() {
+            // The remaining checks are done now.
+            machine.run(&format!("trimaran report {REPORT}"));
+            report = Self::report(machine);
+        }
         for (number, frame) in report["frames"].as_array().unwrap().iter().enumerate() {
             assert_eq!(frame["frame"], number, "{}", report["run"]["notes"]);
-            let mismatch = &frame["cut_mismatch_pixels"];
-            assert!(mismatch.is_null() || mismatch == 0, "{frame}");
+            if number % self.audit_every == 0 {
+                assert_eq!(frame["cut_mismatch_pixels"], 0, "{frame}");
+            }
         }
         fs::remove_dir_all(machine.path(REPORT)).unwrap();
         report
