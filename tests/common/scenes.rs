@@ -19,10 +19,11 @@ pub(crate) fn scene_file(files: &[PathBuf]) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}.scenes"));
     let scene = folder.join(format!("{program}.scene"));
     if !scene.exists() {
-        // Those of earlier builds go.
-        let _ = fs::remove_dir_all(&folder);
         fs::create_dir_all(&folder).unwrap();
+        let earlier: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
         cooked(&imported(files)).save(&scene).unwrap();
+        // Those of earlier builds go.
+        earlier.into_iter().filter(|path| *path != scene).for_each(|path| drop(fs::remove_file(path)));
     }
     scene
 }

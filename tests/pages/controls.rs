@@ -42,7 +42,7 @@ fn look(browser: &mut Browser) -> Value {
     state(browser)
 }
 
-fn state(browser: &mut Browser) -> Value {
+pub(super) fn state(browser: &mut Browser) -> Value {
     browser.done(json!({ "do": "state" }))
 }
 
@@ -413,7 +413,7 @@ fn what_hides_a_part_can_be_seen_through() {
     browser.done(json!({ "do": "type", "text": "box0" }));
     browser.done(json!({ "do": "button", "name": "box0$" }));
     said(&mut browser, |text| text.contains("It is hidden."));
-    // What was still being looked at as it was hidden does not answer in its place.
+    // An answer about the view before it was hidden does not replace this one.
     look(&mut browser);
     said(&mut browser, |text| text.contains("It is hidden."));
     browser.done(json!({ "do": "button", "name": "Show it" }));

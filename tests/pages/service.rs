@@ -310,14 +310,16 @@ fn a_page_walks_on_over_another_network() {
         eyes.push(look["eye"].clone());
     }
     // Pictures of a walk are audited: their drawables, and how many are visible.
-    let figures = loop {
+    let figures = (0..60).find_map(|_| {
         let figures = browser.done(json!({ "do": "figures" }));
         if figures["wrong pixels"] == "none: it is exact" && figures["visible"] != "" {
-            break figures;
+            return Some(figures);
         }
         browser.done(json!({ "do": "hold", "key": "ArrowLeft", "milliseconds": 500 }));
         browser.done(json!({ "do": "settle" }));
-    };
+        None
+    });
+    let figures = figures.unwrap_or_else(|| panic!("no picture of the walk is audited"));
     let counts =
         figures["visible"].as_str().and_then(|text| text.strip_suffix(" drawables")?.split_once(" of "));
     let (visible, drawn) = counts.unwrap_or_else(|| panic!("{figures}"));

@@ -4,9 +4,9 @@ use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::controls::goes;
+use super::controls::{goes, state};
 use crate::common::page::{Browser, Service};
 use crate::common::program::Bench;
 
@@ -23,10 +23,6 @@ fn press(browser: &mut Browser, keys: &[&str]) {
     for key in keys {
         browser.done(json!({ "do": "press", "key": key }));
     }
-}
-
-fn look(browser: &mut Browser) -> Value {
-    browser.done(json!({ "do": "state" }))
 }
 
 /// The text of elements.
@@ -111,7 +107,7 @@ fn a_distance_is_of_full_detail_whatever_the_picture_shows() {
         let eye = [(left + right) / 2.0, y + 2.0, z + metres];
         browser.done(json!({ "do": "stand", "eye": eye, "forward": [0.0, -0.05, -1.0] }));
         browser.done(json!({ "do": "settle" }));
-        let drawn = look(&mut browser)["drawn"]["triangles"].as_u64().unwrap();
+        let drawn = state(&mut browser)["drawn"]["triangles"].as_u64().unwrap();
         println!("{metres} m: {drawn} of {whole} triangles");
         assert!(drawn < whole / 2, "{drawn} of {whole} triangles from {metres} m");
         let ends = [on_ball(FAR[0], 9, 6), on_ball(FAR[1], 9 + count, 7)];
@@ -211,7 +207,7 @@ fn clicks_pick_as_on_a_desktop() {
     let middle = |ball: usize| on_ball(near[ball], 12, 6);
     let click = |browser: &mut Browser, ball: usize, keys: &[&str], selected: &[u32], panel: &[&str]| {
         click_at(browser, middle(ball), keys);
-        assert_eq!(look(browser)["selected"], json!(selected), "{ball} {keys:?}");
+        assert_eq!(state(browser)["selected"], json!(selected), "{ball} {keys:?}");
         said(browser, ".details h2", |all| all == panel);
     };
     // The first pick with Ctrl has a panel like any other, and F frames it.
@@ -228,7 +224,7 @@ fn clicks_pick_as_on_a_desktop() {
     click(&mut browser, 2, &["Shift"], &[1, 2], &["ball-2"]);
     assert!(texts(&mut browser, ".details p")[0].contains("2 that are picked"));
     browser.done(json!({ "do": "click", "x": 450, "y": 60, "keys": ["Control"] }));
-    assert_eq!(look(&mut browser)["selected"], json!([1, 2]), "a click beside with Ctrl loses nothing");
+    assert_eq!(state(&mut browser)["selected"], json!([1, 2]), "a click beside with Ctrl loses nothing");
     // F goes to where all of them are seen.
     goes(&mut browser, |browser| press(browser, &["f"]));
     for ball in [1, 2] {
@@ -239,7 +235,7 @@ fn clicks_pick_as_on_a_desktop() {
     stand(&mut browser);
     click(&mut browser, 0, &[], &[0], &["ball-0"]);
     browser.done(json!({ "do": "click", "x": 450, "y": 60 }));
-    assert_eq!(look(&mut browser)["selected"], json!([]));
+    assert_eq!(state(&mut browser)["selected"], json!([]));
     said(&mut browser, ".details h2", <[String]>::is_empty);
 }
 
@@ -253,13 +249,13 @@ fn a_cut_is_told_where_its_panel_is_closed_and_show_all_takes_it_away() {
     let sign = ".objects span";
     said(&mut browser, sign, |all| all == ["cut by 1 section"]);
     press(&mut browser, &["Shift+H"]);
-    assert_eq!(look(&mut browser)["sections"], json!([]));
+    assert_eq!(state(&mut browser)["sections"], json!([]));
     said(&mut browser, sign, <[String]>::is_empty);
     press(&mut browser, &["Control+z"]);
-    assert_eq!(look(&mut browser)["sections"].as_array().unwrap().len(), 1);
+    assert_eq!(state(&mut browser)["sections"].as_array().unwrap().len(), 1);
     said(&mut browser, sign, |all| all == ["cut by 1 section"]);
     browser.done(json!({ "do": "button", "name": "Show all" }));
-    assert_eq!(look(&mut browser)["sections"], json!([]));
+    assert_eq!(state(&mut browser)["sections"], json!([]));
 }
 
 #[test]
@@ -289,15 +285,15 @@ fn views_and_links_know_their_scene() {
     assert_eq!(browser.done(json!({ "do": "download", "name": "Save as a file" })), "plant-views.json");
 
     // A view saved in Orbit comes back in Orbit, with its distances.
-    let kept = look(&mut browser);
+    let kept = state(&mut browser);
     browser.done(json!({ "do": "button", "name": "Copy link" }));
     let link = browser.done(json!({ "do": "clipboard" }));
     let link = link.as_str().unwrap();
     press(&mut browser, &["2"]);
     browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 400 }));
-    assert_ne!(look(&mut browser)["eye"], kept["eye"]);
+    assert_ne!(state(&mut browser)["eye"], kept["eye"]);
     browser.done(json!({ "do": "button", "name": "pump" }));
-    let back = look(&mut browser);
+    let back = state(&mut browser);
     assert_eq!([&back["eye"], &back["mode"]], [&kept["eye"], &json!("orbit")]);
 
     // The link, entered into the tab that shows the model already.
@@ -305,10 +301,10 @@ fn views_and_links_know_their_scene() {
     browser.done(json!({ "do": "hold", "key": "KeyW", "milliseconds": 400 }));
     browser.done(json!({ "do": "open", "url": link }));
     let begun = Instant::now();
-    while look(&mut browser)["eye"] != kept["eye"] {
+    while state(&mut browser)["eye"] != kept["eye"] {
         assert!(begun.elapsed() < Duration::from_secs(60), "the link is not followed");
     }
-    assert_eq!(look(&mut browser)["mode"], "orbit");
+    assert_eq!(state(&mut browser)["mode"], "orbit");
 
     // In another scene neither link nor file is accepted, and the message names their scene.
     let Some(other) = Service::of(&bench, "balls.scene", "127.0.0.1:0") else { return };
@@ -318,7 +314,7 @@ fn views_and_links_know_their_scene() {
     assert_eq!(browser.done(json!({ "do": "title" })), "balls - Trimaran");
     let both = |all: &[String]| all.iter().any(|text| text.contains("“plant”") && text.contains("“balls”"));
     said(&mut browser, "#status", both);
-    let here = look(&mut browser)["eye"].take();
+    let here = state(&mut browser)["eye"].take();
     assert_ne!(here, kept["eye"]);
     press(&mut browser, &["v"]);
     let view = link.split_once("#v=").unwrap().1;

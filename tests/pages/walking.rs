@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 use trimaran_scene::Scene;
 
+use super::controls::state;
 use crate::common::house::{RISE, STEPS, house};
 use crate::common::page::{Browser, Difference, Service, difference};
 use crate::common::program::Bench;
@@ -18,7 +19,7 @@ fn opened(bench: &Bench, scene: &str) -> Option<(Service, Browser)> {
 
 /// The eye's position.
 fn eye(browser: &mut Browser) -> [f64; 3] {
-    let state = browser.done(json!({ "do": "state" }));
+    let state = state(browser);
     [0, 1, 2].map(|axis| state["eye"][axis].as_f64().unwrap())
 }
 

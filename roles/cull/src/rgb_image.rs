@@ -1,6 +1,6 @@
 //! Pictures in files: PNG to and from memory.
 
-use std::io::Cursor;
+use std::io::{self, Cursor, ErrorKind};
 
 use crate::Image;
 
@@ -44,11 +44,20 @@ impl RgbImage {
     ///
     /// # Errors
     ///
-    /// It is not such a file.
+    /// It is not such a file, or does not fit into memory.
     pub fn decode(file: &[u8]) -> Result<Self, png::DecodingError> {
         let mut reader = png::Decoder::new(Cursor::new(file)).read_info()?;
+        let refused = |kind: ErrorKind, why: &str| png::DecodingError::from(io::Error::new(kind, why));
+        if reader.output_color_type() != (png::ColorType::Rgb, png::BitDepth::Eight) {
+            return Err(refused(ErrorKind::InvalidData, "the picture is not of 8-bit red, green and blue"));
+        }
         let (width, height) = reader.info().size();
-        let mut pixels = vec![[0; 3]; width as usize * height as usize];
+        let count = (width as usize).saturating_mul(height as usize);
+        let mut pixels = Vec::new();
+        if pixels.try_reserve_exact(count).is_err() {
+            return Err(refused(ErrorKind::OutOfMemory, "the picture does not fit into memory"));
+        }
+        pixels.resize(count, [0; 3]);
         reader.next_frame(pixels.as_flattened_mut())?;
         Ok(Self { width, height, pixels })
     }
@@ -87,6 +96,23 @@ mod tests {
         for compression in [png::Compression::Fast, png::Compression::Balanced] {
             assert_eq!(RgbImage::decode(&rgb.encode(compression).unwrap()).unwrap(), rgb);
         }
+    }
+
+    #[test]
+    fn another_kind_of_picture_and_one_beyond_memory_are_refused() {
+        let file = |colour, [width, height]: [u32; 2]| {
+            let mut file = Vec::new();
+            let mut encoder = png::Encoder::new(&mut file, width, height);
+            encoder.set_color(colour);
+            // Its pixels are lacking.
+            encoder.write_header().unwrap().write_chunk(png::chunk::IDAT, &[]).unwrap();
+            file
+        };
+        let refused = |file: Vec<u8>| RgbImage::decode(&file).unwrap_err().to_string();
+        let grey = refused(file(png::ColorType::Grayscale, [4, 4]));
+        assert!(grey.contains("8-bit red, green and blue"), "{grey}");
+        let huge = refused(file(png::ColorType::Rgb, [0x7fff_ffff; 2]));
+        assert!(huge.contains("memory") || huge.contains("imit"), "{huge}");
     }
 
     #[test]
