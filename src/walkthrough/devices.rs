@@ -41,14 +41,32 @@ impl SceneOnDevices {
     /// # Errors
     /// The feature that the machine lacks.
     pub fn open(scene: &Arc<Scene>, cullers: usize, options: &GpuOptions) -> Result<Self, GpuError> {
-        let upload = || GpuScene::new(&Gpu::open(options)?, scene);
-        // Loading drivers and copying take most of the start, and the devices are independent.
+        let open = |_: &()| GpuScene::new(&Gpu::open(options)?, scene);
+        Self::in_parallel(scene, &vec![(); cullers], &(), open)
+    }
+
+    /// Copies the scene to open devices.
+    ///
+    /// # Errors
+    /// If the scene has no room on a device.
+    pub fn new(scene: &Arc<Scene>, cullers: &[Arc<Gpu>], display: &Arc<Gpu>) -> Result<Self, GpuError> {
+        Self::in_parallel(scene, cullers, display, |gpu| GpuScene::new(gpu, scene))
+    }
+
+    /// The start is mostly loading drivers and copying, and the devices are independent.
+    fn in_parallel<T: Sync>(
+        scene: &Arc<Scene>,
+        cullers: &[T],
+        display: &T,
+        upload: impl Fn(&T) -> Result<Arc<GpuScene>, GpuError> + Sync,
+    ) -> Result<Self, GpuError> {
+        let upload = &upload;
         let (display, cullers) = thread::scope(|scope| {
-            let cullers: Vec<_> = (0..cullers).map(|_| scope.spawn(upload)).collect();
+            let cullers: Vec<_> = cullers.iter().map(|culler| scope.spawn(move || upload(culler))).collect();
             let finish = |device: thread::ScopedJoinHandle<'_, _>| {
                 device.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
             };
-            (upload(), cullers.into_iter().map(finish).collect::<Result<_, _>>())
+            (upload(display), cullers.into_iter().map(finish).collect::<Result<_, _>>())
         });
         Ok(Self { scene: Arc::clone(scene), cullers: cullers?, display: display? })
     }

@@ -15,19 +15,28 @@ pub(crate) mod scenes;
 pub(crate) mod screen;
 pub(crate) mod session;
 
-use std::{env, fmt::Display, sync::Arc};
+use std::{
+    env,
+    fmt::Display,
+    sync::{Arc, LazyLock},
+};
 
-use trimaran_gpu::{Gpu, GpuOptions};
+use trimaran_gpu::{Gpu, GpuError, GpuOptions};
 
-/// The best device, with validation if its layer is installed. `None`, which skips the test, if there is no
-/// device and `TRIMARAN_REQUIRE_GPU` is not set.
-pub(crate) fn device() -> Option<Arc<Gpu>> {
-    unless_required(Gpu::open(&options()))
-}
+/// The most devices that a test has.
+const DEVICES: usize = 4;
 
-/// The options with which tests open devices.
-pub(crate) fn options() -> GpuOptions {
-    GpuOptions { validation: true, ..GpuOptions::default() }
+/// The best device, validated, opened this many times. `None`, which skips the test, if there is no device
+/// and `TRIMARAN_REQUIRE_GPU` is not set.
+///
+/// All tests of a process share them, and they are never closed: Debian's validation layer crashes a thread
+/// that calls Vulkan while another opens or closes a device (Vulkan-ValidationLayers, issue 4391).
+pub(crate) fn devices() -> Option<&'static [Arc<Gpu>; DEVICES]> {
+    static OPENED: LazyLock<Result<[Arc<Gpu>; DEVICES], GpuError>> = LazyLock::new(|| {
+        let open = || Gpu::open(&GpuOptions { validation: true, ..GpuOptions::default() });
+        Ok([open()?, open()?, open()?, open()?])
+    });
+    unless_required(OPENED.as_ref())
 }
 
 /// The opened device, or `None` if that failed and none is required.

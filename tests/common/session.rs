@@ -13,7 +13,13 @@ use trimaran_scene::Scene;
 
 /// A scene on the devices of a display and two cullers, or `None` if there is no device and none is required.
 pub(crate) fn on_devices(scene: &Arc<Scene>) -> Option<SceneOnDevices> {
-    super::unless_required(SceneOnDevices::open(scene, 2, &super::options()))
+    with_cullers(scene, 2)
+}
+
+/// The same with this many cullers, at most three.
+pub(crate) fn with_cullers(scene: &Arc<Scene>, cullers: usize) -> Option<SceneOnDevices> {
+    let [display, others @ ..] = super::devices()?;
+    Some(SceneOnDevices::new(scene, &others[..cullers], display).unwrap())
 }
 
 /// A walk that shows each of its frames.

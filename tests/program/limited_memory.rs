@@ -67,7 +67,7 @@ fn walk(mut command: Command, scene: &Path, path: &Path, out: &Path, more: &[&st
 
 #[test]
 fn a_scene_larger_than_its_memory_shows_the_same_pictures() {
-    let Some(_) = crate::common::device() else { return };
+    let Some(_) = crate::common::devices() else { return };
     let Some(group) = Group::new(LIMIT) else {
         println!("skipped: no control group for memory can be made here");
         return;

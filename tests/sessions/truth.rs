@@ -156,13 +156,13 @@ fn found(scene: &Scene, image: &ItemImage, twins: &Twins) -> Pixels {
 /// Compares every view of a model with the truth, and prints a table.
 fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
-    let Some(gpu) = crate::common::device() else { return Ok(()) };
+    let Some([gpu, ..]) = crate::common::devices() else { return Ok(()) };
     let truth: Truth = serde_json::from_str(&fs::read_to_string(data.truth(&format!("{name}.views.json")))?)?;
     let files = [data.unpacked(&format!("{name}.glb"))];
     let twins = Twins::of(&imported(&files));
     let scene = scene_of(&files);
     assert_eq!(scene.objects().len(), truth.objects, "every object of the truth is in the scene");
-    let drawn = GpuScene::new(&gpu, &scene)?;
+    let drawn = GpuScene::new(gpu, &scene)?;
     // The rule decides levels, and does not matter at full detail.
     let size = Viewport::new(truth.width, truth.height)?;
     let settings = Settings::new(size, LodRule::new(1.0)?);

@@ -58,10 +58,6 @@ fn middle(picture: &std::path::Path) -> [u8; 3] {
     [bytes[at], bytes[at + 1], bytes[at + 2]]
 }
 
-fn devices(scene: &Arc<Scene>, cullers: usize) -> Option<SceneOnDevices> {
-    crate::common::unless_required(SceneOnDevices::open(scene, cullers, &crate::common::options()))
-}
-
 fn some_objects(random: &mut Random, scene: &Scene, share: f64) -> ObjectSet {
     let all = 0..u32::try_from(scene.objects().len()).unwrap();
     all.filter(|_| random.chance(share)).collect()
@@ -127,7 +123,7 @@ fn audited(
 #[test]
 fn random_changes_with_every_frame_cost_no_pixel() {
     let scene = small_plant();
-    let Some(all) = devices(&scene, 3) else { return };
+    let Some(all) = session::with_cullers(&scene, 3) else { return };
     let plan = session::plan([96, 80], 2.0, 64, OcclusionTestKind::Hzb);
     for seed in [1, 2, 3] {
         let states = random_states(&scene, &plan, seed);
@@ -179,7 +175,10 @@ fn still() -> tempfile::NamedTempFile {
 #[test]
 fn a_wall_that_is_hidden_seen_through_or_cut_away_no_longer_hides() {
     let (scene, bare) = (wall_and_crowd(true), wall_and_crowd(false));
-    let (Some(devices), Some(without)) = (devices(&scene, 1), devices(&bare, 1)) else { return };
+    let (Some(devices), Some(without)) = (session::with_cullers(&scene, 1), session::with_cullers(&bare, 1))
+    else {
+        return;
+    };
     let plan = session::plan([96, 96], 0.5, 64, OcclusionTestKind::Hzb);
     let first = ViewState::from(plan.settings());
     let wall: ObjectSet = [100].into_iter().collect();

@@ -146,11 +146,7 @@ fn a_walk_has_the_same_ids_with_the_depth_pyramid_on_the_host_and_on_the_device(
 /// Culling changes no pixel, for any culler and any occluders.
 #[test]
 fn pictures_are_the_same_for_every_number_of_cullers_schedule_and_test() {
-    let Some(all) =
-        crate::common::unless_required(SceneOnDevices::open(&small_plant(), 3, &crate::common::options()))
-    else {
-        return;
-    };
+    let Some(all) = session::with_cullers(&small_plant(), 3) else { return };
     let mut pictures = Vec::new();
     for occlusion_test in OcclusionTestKind::ALL {
         for (cullers, schedule) in [

@@ -4,13 +4,22 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
+use parking_lot::{ReentrantMutex, ReentrantMutexGuard};
 use trimaran_cull::{OcclusionTest, TestBox, View, Viewport};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemPass, OccluderPass, Optional, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{FlatObject, Rgba8, Scene, SceneArrays};
 
 /// An open device without validation messages when it is dropped.
-pub(crate) struct CheckedGpu(Arc<Gpu>);
+///
+/// One thread has such devices at a time: Debian's validation layer crashes a thread that calls Vulkan while
+/// another opens or closes a device (Vulkan-ValidationLayers, issue 4391).
+pub(crate) struct CheckedGpu(
+    Arc<Gpu>,
+    #[expect(dead_code, reason = "held")] ReentrantMutexGuard<'static, ()>,
+);
+
+static ONE_THREAD: ReentrantMutex<()> = ReentrantMutex::new(());
 
 impl CheckedGpu {
     /// A device, or `None` if there is no Vulkan at all and the test may be skipped.
@@ -20,8 +29,9 @@ impl CheckedGpu {
 
     /// The same, opened with these options, and validated.
     pub(crate) fn with(options: GpuOptions) -> Option<Self> {
+        let turn = ONE_THREAD.lock();
         match Gpu::open(&GpuOptions { validation: true, ..options }) {
-            Ok(gpu) => Some(Self(gpu)),
+            Ok(gpu) => Some(Self(gpu, turn)),
             Err(error @ GpuError::NoLoader(_)) if !gpu_is_required() => {
                 println!("skipped: {error}");
                 None

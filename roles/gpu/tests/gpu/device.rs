@@ -1,5 +1,7 @@
 //! Opening devices.
 
+use std::sync::Arc;
+
 use glam::{DVec3, Vec3};
 use trimaran_gpu::{DeviceChoice, Gpu, GpuError, GpuOptions, OccluderPass};
 
@@ -40,23 +42,23 @@ fn a_device_that_is_not_there_is_named_beside_those_that_are() {
 
 #[test]
 fn two_devices_in_one_process_draw_at_once() {
-    let depth_of = |distance: f32| {
-        let gpu = CheckedGpu::open()?;
-        let scene = upload(&gpu, &[wall(Vec3::new(0.0, 0.0, -distance), 99.0, 99.0)]);
+    let (Some(one), Some(another)) = (CheckedGpu::open(), CheckedGpu::open()) else { return };
+    let depth_of = |gpu: &Arc<Gpu>, distance: f32| {
+        let scene = upload(gpu, &[wall(Vec3::new(0.0, 0.0, -distance), 99.0, 99.0)]);
         let view = view(64, 64, DVec3::ZERO);
         let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
         let mut depths = Vec::new();
         for _ in 0..20 {
             depths.extend(depth(&mut pass, &view, &ids(1)));
         }
-        Some(depths)
+        depths
     };
+    let (one, another): (&Arc<Gpu>, &Arc<Gpu>) = (&one, &another);
     let (near, far) = std::thread::scope(|scope| {
-        let near = scope.spawn(|| depth_of(1.0));
-        let far = scope.spawn(|| depth_of(4.0));
+        let near = scope.spawn(|| depth_of(one, 1.0));
+        let far = scope.spawn(|| depth_of(another, 4.0));
         (near.join().unwrap(), far.join().unwrap())
     });
-    let (Some(near), Some(far)) = (near, far) else { return };
     assert!(near.iter().all(|&depth| depth == NEAR), "near / 1 m, exactly");
     assert!(far.iter().all(|&depth| depth == NEAR / 4.0), "near / 4 m, exactly");
 }
