@@ -54,27 +54,32 @@ fn click_at(browser: &mut Browser, point: [f64; 3], keys: &[&str]) {
 const ROUND: u32 = 24;
 
 /// A vertex of a ball of 1 m.
-fn on_ball([x, y, z]: [f64; 3], ring: u32, column: u32) -> [f64; 3] {
-    let part = |number: u32, turn: f64| f64::from(number) / f64::from(ROUND) * turn;
+fn on_ball(centre: [f64; 3], ring: u32, column: u32) -> [f64; 3] {
+    corner(centre, ROUND, ring, column)
+}
+
+/// A vertex of a ball with this many meridians.
+fn corner([x, y, z]: [f64; 3], round: u32, ring: u32, column: u32) -> [f64; 3] {
+    let part = |number: u32, turn: f64| f64::from(number) / f64::from(round) * turn;
     let (up, round) = (part(ring, PI), part(column, TAU));
     [x + up.sin() * round.cos(), y + up.cos(), z + up.sin() * round.sin()]
 }
 
-/// Balls of 1 m, as a file has them.
-fn balls(centres: &[[f64; 3]]) -> String {
+/// Balls of 1 m with this many meridians, as a file has them.
+fn balls(round: u32, centres: &[[f64; 3]]) -> String {
     let mut text = String::new();
     for (number, centre) in (0..).zip(centres) {
         writeln!(text, "o ball-{number}").unwrap();
-        for ring in 0..=ROUND {
-            for column in 0..ROUND {
-                let [x, y, z] = on_ball(*centre, ring, column);
+        for ring in 0..=round {
+            for column in 0..round {
+                let [x, y, z] = corner(*centre, round, ring, column);
                 writeln!(text, "v {x:.6} {y:.6} {z:.6}").unwrap();
             }
         }
-        let first = number * (ROUND + 1) * ROUND + 1;
-        for ring in 0..ROUND {
-            for column in 0..ROUND {
-                let at = |ring: u32, column: u32| first + ring * ROUND + column % ROUND;
+        let first = number * (round + 1) * round + 1;
+        for ring in 0..round {
+            for column in 0..round {
+                let at = |ring: u32, column: u32| first + ring * round + column % round;
                 let [a, b] = [at(ring, column), at(ring, column + 1)];
                 let [c, d] = [at(ring + 1, column), at(ring + 1, column + 1)];
                 writeln!(text, "f {a} {b} {c}\nf {b} {d} {c}").unwrap();
@@ -97,12 +102,12 @@ const DISTANCES: &str = "[aria-label=Distances] strong";
 #[test]
 fn a_distance_is_of_full_detail_whatever_the_picture_shows() {
     let bench = Bench::empty();
-    bench.write("balls.obj", balls(&FAR));
+    bench.write("balls.obj", balls(2 * ROUND, &FAR));
     bench.done(&["import", "balls.obj", "-o", "balls.scene"]);
     let Some((service, mut browser)) = opened(&bench, "balls.scene") else { return };
     press(&mut browser, &["2", "m"]);
     let [[left, y, z], [right, ..]] = FAR;
-    let whole = u64::from(2 * 2 * ROUND * ROUND);
+    let whole = u64::from(2 * 2 * (2 * ROUND).pow(2));
     for (count, metres) in (1..).zip([8.0, 12.0, 16.0]) {
         let eye = [(left + right) / 2.0, y + 2.0, z + metres];
         browser.done(json!({ "do": "stand", "eye": eye, "forward": [0.0, -0.05, -1.0] }));
@@ -135,7 +140,7 @@ fn a_distance_is_of_full_detail_whatever_the_picture_shows() {
 fn what_is_measured_can_be_taken_back_and_copied_in_any_unit() {
     let bench = Bench::empty();
     let near = [[0.0, 2.0, 0.0], [4.0, 2.0, 0.5]];
-    bench.write("balls.obj", balls(&near));
+    bench.write("balls.obj", balls(ROUND, &near));
     bench.done(&["import", "balls.obj", "-o", "balls.scene"]);
     let Some((_service, mut browser)) = opened(&bench, "balls.scene") else { return };
     press(&mut browser, &["2", "m"]);
@@ -194,7 +199,7 @@ fn what_is_measured_can_be_taken_back_and_copied_in_any_unit() {
 fn clicks_pick_as_on_a_desktop() {
     let bench = Bench::empty();
     let near = [[0.0, 2.0, 0.0], [4.0, 2.0, 0.0], [8.0, 2.0, 0.0]];
-    bench.write("balls.obj", balls(&near));
+    bench.write("balls.obj", balls(ROUND, &near));
     bench.done(&["import", "balls.obj", "-o", "balls.scene"]);
     let Some((_service, mut browser)) = opened(&bench, "balls.scene") else { return };
     press(&mut browser, &["2"]);
@@ -261,7 +266,7 @@ fn a_cut_is_told_where_its_panel_is_closed_and_show_all_takes_it_away() {
 #[test]
 fn views_and_links_know_their_scene() {
     let bench = Bench::with_plant(100);
-    bench.write("balls.obj", balls(&[[0.0; 3], [3.0, 0.0, 0.0]]));
+    bench.write("balls.obj", balls(ROUND, &[[0.0; 3], [3.0, 0.0, 0.0]]));
     bench.done(&["import", "balls.obj", "-o", "balls.scene"]);
     let Some((service, mut browser)) = opened(&bench, "plant.scene") else { return };
     assert_eq!(browser.done(json!({ "do": "title" })), "plant - Trimaran");

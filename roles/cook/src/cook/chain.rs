@@ -1,5 +1,7 @@
 //! A chain of levels, each simplified from the one before, with certified errors.
 
+use std::borrow::Cow;
+
 use glam::Vec3;
 use meshopt::VertexDataAdapter;
 
@@ -24,6 +26,8 @@ pub(super) type Triangles = (Vec<u32>, f32);
 pub(super) struct Aim {
     /// This few triangles are not simplified further.
     pub(super) few: usize,
+    /// Levels of more triangles than this are only a step to the next one.
+    pub(super) most: usize,
     /// The error of the chain's first triangles.
     pub(super) from_error: f32,
     /// The chain ends when its error exceeds this.
@@ -44,21 +48,24 @@ pub(super) fn halve(
         return chain;
     };
     let reference = Surface::new(positions, first);
-    let mut former = first;
+    let mut former = Cow::Borrowed(first);
     let mut error = aim.from_error;
     while former.len() / 3 > aim.few {
-        let level = simplify(former, &adapter, former.len() / 6 * 3);
+        let level = simplify(&former, &adapter, former.len() / 6 * 3);
         let saved = (former.len() - level.len().min(former.len())) / 3;
         if level.is_empty() || level.len() as f32 > WORTH * former.len() as f32 || saved < SAVED {
             break;
         }
-        // The triangle inequality, if the first triangles are not the finest.
-        error = error.max(aim.from_error + hausdorff::bound(&reference, &Surface::new(positions, &level)));
-        if error > aim.largest_error {
-            break;
+        if level.len() / 3 <= aim.most {
+            // The triangle inequality, if the first triangles are not the finest.
+            error =
+                error.max(aim.from_error + hausdorff::bound(&reference, &Surface::new(positions, &level)));
+            if error > aim.largest_error {
+                break;
+            }
+            chain.push((level.clone(), error));
         }
-        chain.push((level, error));
-        former = chain.last().map_or(&[], |(level, _)| level);
+        former = Cow::Owned(level);
     }
     chain
 }

@@ -18,6 +18,11 @@ const LARGE: usize = 192;
 /// The most triangles of a cluster.
 const MOST: usize = 48;
 
+/// A coarse level is drawn whole if any of it is visible, and clusters only where they are. So a coarse level
+/// has at most this part of the triangles that are in clusters: with a half, a larger error drew up to twice as
+/// many triangles.
+const WORTH: usize = 4;
+
 /// A node of a mesh's cluster tree, in breadth-first order; the first stands for the whole mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ClusterNode {
@@ -31,6 +36,11 @@ pub(super) struct ClusterNode {
     pub(super) indices: Range<u32>,
     /// The levels of a part of a large mesh except the finest, among those of all parts.
     pub(super) levels: Range<u32>,
+}
+
+/// The most triangles that a coarse level of a mesh of `finest` triangles may have.
+pub(super) const fn most_whole(finest: usize) -> usize {
+    if finest > LARGE { finest / WORTH } else { usize::MAX }
 }
 
 /// Cuts the triangles of `finest`, and makes those of a cluster contiguous. Returns the tree, empty if the

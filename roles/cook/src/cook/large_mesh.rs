@@ -195,6 +195,7 @@ impl Parts {
         let aim = Aim {
             // The whole mesh has no neighbours.
             few: if node == 0 { FEW } else { COARSE.max(FREE * submesh.held_count()) },
+            most: record.item.map_or(usize::MAX, |_| clusters::most_whole(first.0.len() / 3)),
             from_error: first.1,
             largest_error: COARSEST * record.bounds.diagonal() as f32,
         };

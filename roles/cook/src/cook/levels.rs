@@ -87,7 +87,8 @@ impl LeveledMesh {
 
     /// All levels are of the whole mesh.
     fn whole(self, vertices: &[Vertex], positions: &[Vec3], finest: Vec<u32>, largest_error: f32) -> Self {
-        let aim = Aim { few: FEW, from_error: 0.0, largest_error };
+        let aim =
+            Aim { few: FEW, most: clusters::most_whole(finest.len() / 3), from_error: 0.0, largest_error };
         let mut chain = halve(positions, &finest, aim, |former, adapter, target| {
             let options = SimplifyOptions::Prune | SimplifyOptions::ErrorAbsolute;
             meshopt::simplify(former, adapter, target, largest_error, options, None)

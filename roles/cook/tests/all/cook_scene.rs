@@ -148,6 +148,22 @@ fn instances_share_levels_and_scale_their_errors() {
     }
 }
 
+/// Each is drawn whole if any of it is visible, and clusters are drawn only where they are.
+#[test]
+fn coarse_levels_of_a_clustered_mesh_have_at_most_a_quarter_of_its_triangles() {
+    let mut model = rack();
+    model.meshes = vec![pipe(64, 9), pipe(8, 8)];
+    let scene = cooked(&model);
+    let triangles = |mesh: u32| -> Vec<u32> {
+        let object = model.objects.iter().position(|object| object.mesh == mesh).unwrap();
+        let node = object_nodes(&scene).find(|node| node.object == object as u32).unwrap();
+        node.levels().map(|id| scene.drawables()[id.index()].triangles).collect()
+    };
+    let (clustered, whole) = (triangles(0), triangles(1));
+    assert!(clustered.len() > 1 && clustered.iter().all(|level| 4 * level <= 2 * 64 * 9), "{clustered:?}");
+    assert!(whole.len() > 1 && 2 * whole[1] <= whole[0] && 4 * whole[1] > whole[0], "{whole:?}");
+}
+
 #[test]
 fn a_merged_level_is_as_near_as_it_claims() {
     let scene = cooked(&rack());
