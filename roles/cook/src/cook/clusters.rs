@@ -18,9 +18,9 @@ const LARGE: usize = 192;
 /// The most triangles of a cluster.
 const MOST: usize = 48;
 
-/// A coarse level is drawn whole if any of it is visible, and clusters only where they are. So a coarse level
-/// has at most this part of the triangles that are in clusters: with a half, a larger error drew up to twice as
-/// many triangles.
+/// A mesh in clusters has at least this many times the triangles of its coarser levels. These are drawn whole
+/// if any of them is visible, and clusters only where they are. With twice as many, a larger error drew up to
+/// twice the triangles.
 const WORTH: usize = 4;
 
 /// A node of a mesh's cluster tree, in breadth-first order; the first stands for the whole mesh.
