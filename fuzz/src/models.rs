@@ -5,7 +5,7 @@ use std::path::Path;
 
 use trimaran_cook::import::{ImportError, ImportLimits, ImportOptions, Imported, import_bytes};
 use trimaran_cook::{CookOptions, cook};
-use trimaran_scene::{FORMAT_VERSION, OLDEST_FORMAT_VERSION, OpenError, Scene};
+use trimaran_scene::{FORMAT_VERSION, Level, OpenError, Scene};
 
 /// Small, so that a run is fast.
 const LIMITS: ImportLimits =
@@ -160,7 +160,7 @@ fn walk(scene: &Scene) -> u64 {
             assert!(!std::mem::replace(&mut met[child as usize], true), "node {child} has two parents");
         }
         let mut finest = 0.0;
-        for id in node.levels() {
+        for id in node.drawables() {
             let drawable = &drawables[id.index()];
             assert!(drawable.node == index && drawable.error >= finest);
             finest = drawable.error;
@@ -176,9 +176,11 @@ fn walk(scene: &Scene) -> u64 {
             assert!(scene.object_name(node.object).is_some());
             assert_eq!(scene.leaf(leaves).map(|(id, _)| id.0), Some(index));
             leaves += 1;
-            let finest = &drawables[node.first_drawable as usize];
-            assert!(finest.error == 0.0 && finest.triangles > 0);
-            triangles += u64::from(finest.triangles);
+            for id in scene.levels(node).next().into_iter().flat_map(Level::pieces) {
+                let finest = &drawables[id.index()];
+                assert!(finest.error == 0.0 && finest.triangles > 0);
+                triangles += u64::from(finest.triangles);
+            }
         }
     }
     assert_eq!((drawn, met.iter().filter(|&&met| met).count()), (drawables.len(), nodes.len() - 1));
@@ -207,8 +209,8 @@ pub fn sealed(bytes: &[u8]) -> Vec<u8> {
     let length = file.len() as u64;
     file[..8].copy_from_slice(b"TRIMRN\r\n");
     // A version that is read stays: both are to be tried.
-    if !(OLDEST_FORMAT_VERSION..=FORMAT_VERSION).contains(&(number(&file[8..12]) as u32)) {
-        file[8..12].copy_from_slice(&OLDEST_FORMAT_VERSION.to_le_bytes());
+    if number(&file[8..12]) as u32 != FORMAT_VERSION {
+        file[8..12].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
     }
     file[16..24].copy_from_slice(&length.to_le_bytes());
     file[24..32].copy_from_slice(&(directory as u64).to_le_bytes());

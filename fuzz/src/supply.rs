@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
+use std::ops::Range;
 
 use bytes::Bytes;
 use serde::Serialize;
@@ -58,7 +59,7 @@ pub struct Display {
     pub scene: Scene,
     arriving: Option<(u32, u32, Vec<u8>)>,
     /// What stands in for which drawables, all of them of the scene.
-    stand_ins: BTreeMap<DrawableId, DrawableId>,
+    stand_ins: BTreeMap<DrawableId, (DrawableId, u32)>,
     /// Pieces of the scene that were said to come ahead.
     pub ahead: BTreeSet<u32>,
     /// Whether all that came was taken.
@@ -85,9 +86,9 @@ impl Display {
                 Err(_) => self.takes_all = false,
             },
             Supply::Geometry { number, length, offset, part } => self.part(number, length, offset, &part),
-            Supply::StandIn { id, drawables } => {
+            Supply::StandIn { id, pieces, drawables } => {
                 list(&drawables);
-                self.stand_in(id, &drawables);
+                self.stand_in((id, pieces), &drawables);
             }
             Supply::Ahead { geometries } => {
                 list(&geometries);
@@ -98,18 +99,21 @@ impl Display {
         self.is_sound();
     }
 
-    /// What is shown in the place of a drawable that is not there, if that is there itself.
-    pub fn stands_in_for(&self, id: DrawableId) -> Option<DrawableId> {
-        let stand_in = self.stand_ins.get(&id).filter(|_| self.scene.has(id) == Ok(false))?;
-        (self.scene.has(*stand_in) == Ok(true)).then_some(*stand_in)
+    /// What is shown in the place of a drawable that is not there, if all of that is there itself.
+    pub fn stands_in_for(&self, id: DrawableId) -> Option<Range<u32>> {
+        let (first, pieces) = *self.stand_ins.get(&id).filter(|_| self.scene.has(id) == Ok(false))?;
+        let level = first.0..first.0.saturating_add(pieces);
+        let is_there = |id: u32| self.scene.has(DrawableId(id)) == Ok(true);
+        (!level.is_empty() && level.clone().all(is_there)).then_some(level)
     }
 
     /// The newest one counts. What the scene does not have stands for nothing.
-    fn stand_in(&mut self, id: DrawableId, drawables: &NumberList) {
+    fn stand_in(&mut self, level: (DrawableId, u32), drawables: &NumberList) {
+        let id = level.0;
         let known = self.stand_ins.clone();
         let named = drawables.iter().map(DrawableId).filter(|drawable| drawable.0 < OUTLINE.drawables);
         if id.0 < OUTLINE.drawables {
-            self.stand_ins.extend(named.map(|drawable| (drawable, id)));
+            self.stand_ins.extend(named.map(|drawable| (drawable, level)));
         } else {
             for drawable in named {
                 self.stand_ins.remove(&drawable);
@@ -117,7 +121,7 @@ impl Display {
         }
         for drawable in (0..OUTLINE.drawables).map(DrawableId) {
             let expected = match drawables.iter().any(|named| named == drawable.0) {
-                true => Some(&id).filter(|id| id.0 < OUTLINE.drawables),
+                true => Some(&level).filter(|_| id.0 < OUTLINE.drawables),
                 false => known.get(&drawable),
             };
             assert_eq!(self.stand_ins.get(&drawable), expected);
@@ -133,9 +137,11 @@ impl Display {
             assert_eq!(drawable, known, "what is refused changes no drawable");
             return;
         }
-        let (Some(drawable), Some(node)) = (drawable, self.scene.nodes().get(entry.node as usize)) else {
+        let (Some(drawable), Some((_, node))) = (drawable, self.scene.part(DrawableId(entry.id))) else {
             unreachable!("{entry:?} was taken")
         };
+        let first = drawable.level(DrawableId(entry.id)).first().0;
+        assert_eq!((first, drawable.pieces.into()), (entry.level, entry.pieces));
         assert_eq!((drawable.node, drawable.geometry), (entry.node, entry.geometry));
         assert_eq!((drawable.triangles, drawable.sides), (entry.triangles, entry.sides));
         assert_eq!((node.world_min, node.world_max), (entry.world_min, entry.world_max));
@@ -181,16 +187,15 @@ impl Display {
                 assert_eq!(has, Ok(false));
                 continue;
             };
-            let Some(node) = self.scene.nodes().get(drawable.node as usize) else {
-                unreachable!("{id} has no node")
-            };
+            let Some((_, node)) = self.scene.part(id) else { unreachable!("{id} has no node") };
             let (low, high) = node.world_box();
             assert!(low.cmple(high).all() && low.is_finite() && high.is_finite());
             assert!(node.origin().is_finite() && node.linear().is_finite());
             assert!(node.object < OUTLINE.objects && drawable.geometry < OUTLINE.geometries);
             assert!(drawable.triangles > 0);
             if let Some(stand_in) = self.stands_in_for(id) {
-                assert!(stand_in != id && self.stands_in_for(stand_in).is_none());
+                assert!(!stand_in.contains(&id.0));
+                assert!(stand_in.map(DrawableId).all(|id| self.stands_in_for(id).is_none()));
             }
             if has == Ok(true) {
                 let geometry = self.scene.geometry(drawable.geometry).ok();

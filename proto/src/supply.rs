@@ -33,10 +33,12 @@ pub enum Supply {
         /// The part.
         part: Bytes,
     },
-    /// A coarser drawable that may be shown in place of others until these have arrived.
+    /// A coarser level that may be shown in place of other drawables until these have arrived.
     StandIn {
-        /// Its id.
+        /// Its first drawable.
         id: DrawableId,
+        /// How many drawables it consists of: this many consecutive ones.
+        pieces: u32,
         /// The drawables that it stands in for.
         drawables: NumberList,
     },
@@ -226,8 +228,9 @@ mod tests {
             (any::<[u32; 3]>(), bytes()).prop_map(|([number, length, offset], part)| {
                 Supply::Geometry { number, length, offset, part }
             }),
-            (any::<u32>(), any_numbers())
-                .prop_map(|(id, drawables)| Supply::StandIn { id: DrawableId(id), drawables }),
+            (any::<[u32; 2]>(), any_numbers()).prop_map(|([id, pieces], drawables)| {
+                Supply::StandIn { id: DrawableId(id), pieces, drawables }
+            }),
             any_numbers().prop_map(|geometries| Supply::Ahead { geometries }),
         ]
     }

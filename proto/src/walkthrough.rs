@@ -12,7 +12,7 @@ use crate::{Camera, DrawableId, IdCoding, IdDecoder, IdEncoder, Identity, Role, 
 pub struct Walkthrough;
 
 impl Protocol for Walkthrough {
-    const NAME: &'static str = "trimaran/2";
+    const NAME: &'static str = "trimaran/3";
     type Hello = Identity;
     type Latest = Camera;
     type Header = Camera;

@@ -14,7 +14,7 @@ local KINDS = {
   [0x30] = "message", [0x40] = "block",
 }
 local VERSION = 3
-local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/2", 72, 80
+local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/3", 72, 80
 local ROLES = { [0] = "culler", "display" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
 local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view", "waits" }
@@ -109,6 +109,7 @@ local f = {
   supply_offset = ProtoField.uint32("trimaran.supply.offset", "Where the part begins"),
   supply_part = ProtoField.bytes("trimaran.supply.part", "Part"),
   stand_in = ProtoField.uint32("trimaran.supply.stand_in", "Stand-in"),
+  stand_in_pieces = ProtoField.uint32("trimaran.supply.stand_in_pieces", "Pieces of the stand-in"),
   stood_in_for = ProtoField.uint32("trimaran.supply.drawable", "Stands in for drawable"),
   supply_ahead = ProtoField.uint32("trimaran.supply.ahead", "Piece of geometry ahead"),
 }
@@ -516,7 +517,8 @@ local function supply(r, tree)
     return string.format("piece %d from %d to %d of %d", number, offset, offset + bytes, length)
   elseif what == 2 then
     local id = add_varint(tree, f.stand_in, r)
-    return "drawable " .. id .. " stands in for " .. numbers(r, tree, f.stood_in_for) .. " drawables"
+    local pieces = add_varint(tree, f.stand_in_pieces, r)
+    return pieces .. " drawables from " .. id .. " stand in for " .. numbers(r, tree, f.stood_in_for) .. " drawables"
   elseif what == 3 then
     return numbers(r, tree, f.supply_ahead) .. " pieces ahead"
   end

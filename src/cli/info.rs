@@ -93,7 +93,7 @@ impl SceneSummary {
             number(self.interior_with_levels as u64),
             number(self.interior as u64)
         );
-        println!("  drawables   {} (nodes times their levels)", number(self.drawables as u64));
+        println!("  drawables   {} (pieces of all levels)", number(self.drawables as u64));
         println!(
             "  solids      {} drawables are closed and {} open to one side: backs that nobody sees are not \
              drawn",

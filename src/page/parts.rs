@@ -3,7 +3,7 @@
 use std::{collections::HashMap, ops::Range, sync::Arc};
 
 use serde::Serialize;
-use trimaran_scene::{Attribute, Extent, Group, Hierarchy, Node, ReadError, Scene};
+use trimaran_scene::{Attribute, Extent, Group, Hierarchy, Level, Node, ReadError, Scene};
 
 use super::extents::{Bounds, Side, core, sides};
 
@@ -231,8 +231,10 @@ impl Parts {
             self.scene.objects().get(object as usize).map(|of| of.node).into_iter().collect();
         while let Some(node) = open.pop().and_then(|id| nodes.get(id as usize)) {
             let Node { world_min: min, world_max: max, .. } = *node;
-            let finest = self.scene.drawables().get(node.first_drawable as usize).filter(|_| node.is_leaf());
-            let triangles = finest.map_or(0, |drawable| u64::from(drawable.triangles));
+            let finest = self.scene.levels(node).next().filter(|_| node.is_leaf());
+            let pieces = finest.into_iter().flat_map(Level::pieces);
+            let pieces = pieces.filter_map(|id| self.scene.drawables().get(id.index()));
+            let triangles = pieces.map(|drawable| u64::from(drawable.triangles)).sum();
             extent = extent.and(&Extent { min, max, triangles });
             open.extend(node.children());
         }

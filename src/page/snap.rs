@@ -5,7 +5,7 @@ use std::borrow::Cow;
 
 use glam::DVec3;
 use serde::Serialize;
-use trimaran_scene::{Node, ReadError, Scene};
+use trimaran_scene::{Level, Node, ReadError, Scene};
 
 /// The most triangles that are read for an answer.
 const MOST: u64 = 1 << 21;
@@ -104,13 +104,17 @@ impl Pointing {
                 continue;
             }
             open.extend(node.children());
-            let finest = scene.drawables().get(node.first_drawable as usize).filter(|_| node.is_leaf());
-            let Some(finest) = finest else { continue };
-            read += u64::from(finest.triangles);
-            if read > MOST {
-                return Ok(None);
+            let finest = scene.levels(node).next().filter(|_| node.is_leaf());
+            for (piece, part) in finest.into_iter().flat_map(Level::pieces).filter_map(|id| scene.part(id)) {
+                if part.distance_squared(self.at) > radius * radius {
+                    continue;
+                }
+                read += u64::from(piece.triangles);
+                if read > MOST {
+                    return Ok(None);
+                }
+                near.add(node, &reader.read(piece.geometry)?, self.at, radius);
             }
-            near.add(node, &reader.read(finest.geometry)?, self.at, radius);
         }
         Ok(Some(near))
     }

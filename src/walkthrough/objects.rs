@@ -1,25 +1,27 @@
 //! Counts the objects that drawables show.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
 
-/// The number of objects that drawables of one LOD cut show: a merged node shows several, and the clusters of
-/// one object count once. In a cut no node is below another.
+/// The number of objects that drawables of one LOD cut show: a merged node shows several, and the pieces of
+/// one level and the clusters of one object count once. In a cut no node is below another.
 pub fn count_objects(scene: &Scene, drawn: impl IntoIterator<Item = DrawableId>) -> u64 {
     let mut objects = HashSet::new();
-    let mut merged = 0;
+    let mut merged = HashMap::new();
     for drawable in drawn.into_iter().filter_map(|id| scene.drawables().get(id.index())) {
         match scene.nodes().get(drawable.node as usize) {
-            Some(node) if node.objects > 1 || node.object == Node::NONE => merged += u64::from(node.objects),
+            Some(node) if node.objects > 1 || node.object == Node::NONE => {
+                merged.insert(drawable.node, u64::from(node.objects));
+            }
             Some(node) => {
                 objects.insert(node.object);
             }
             None => {}
         }
     }
-    merged + objects.len() as u64
+    merged.values().sum::<u64>() + objects.len() as u64
 }
 
 #[cfg(test)]
@@ -46,14 +48,15 @@ mod tests {
         assert_eq!(count_objects(&scene, []), 0);
 
         let merged =
-            scene.nodes().iter().enumerate().filter(|(_, n)| n.object == Node::NONE && n.levels().len() > 0);
+            scene.nodes().iter().enumerate().filter(|(_, n)| n.object == Node::NONE && n.drawable_count > 0);
         let mut tried = 0;
         for (index, node) in merged {
             let below: BTreeSet<u32> = finest_below(&scene, NodeId(index as u32))
                 .into_iter()
                 .map(|id| scene.nodes()[scene.drawables()[id.index()].node as usize].object)
                 .collect();
-            assert_eq!(count_objects(&scene, node.levels().next()), below.len() as u64, "node {index}");
+            let finest = scene.levels(node).next().unwrap();
+            assert_eq!(count_objects(&scene, finest.pieces()), below.len() as u64, "node {index}");
             tried += 1;
         }
         assert!(tried > 0, "some levels are merged");

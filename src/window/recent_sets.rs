@@ -1,12 +1,12 @@
 //! Recent sets: a moving eye may see a drawable that one of them has and the newest lacks.
 
 use std::{
-    collections::{HashSet, VecDeque},
+    collections::{HashMap, HashSet, VecDeque},
     time::Duration,
 };
 
 use trimaran_proto::DrawableId;
-use trimaran_scene::Scene;
+use trimaran_scene::{Level, Scene};
 
 use super::display_role::FoundSet;
 
@@ -32,19 +32,25 @@ impl RecentSets {
         self.0.back()
     }
 
-    /// The newest set, and from earlier ones the drawables of nodes that no newer one has.
+    /// The newest set, and from earlier ones the other drawables: of nodes that no newer one has, or shows at
+    /// the same level.
     pub(super) fn union(&self, scene: &Scene, union: &mut Vec<DrawableId>) {
-        let mut nodes = HashSet::new();
+        // The levels of each node in newer sets: several where one of them stands in for a part of the other.
+        let mut levels: HashMap<u32, HashSet<Level>> = HashMap::new();
+        let mut shown = HashSet::new();
         for set in self.0.iter().rev() {
             let before = union.len();
             for &id in &set.ids {
                 let Some(drawable) = scene.drawables().get(id.index()) else { continue };
-                if !nodes.contains(&drawable.node) {
+                let is_shown = |newer: &HashSet<Level>| newer.contains(&drawable.level(id));
+                if levels.get(&drawable.node).is_none_or(is_shown) && shown.insert(id) {
                     union.push(id);
                 }
             }
-            let added = union.iter().skip(before);
-            nodes.extend(added.filter_map(|id| Some(scene.drawables().get(id.index())?.node)));
+            for &id in union.iter().skip(before) {
+                let Some(drawable) = scene.drawables().get(id.index()) else { continue };
+                levels.entry(drawable.node).or_default().insert(drawable.level(id));
+            }
         }
     }
 }
@@ -72,7 +78,9 @@ mod tests {
     fn a_moving_eye_is_shown_the_newest_set_and_what_others_of_lately_add() {
         let scene = plant(1, 200, DVec3::ZERO).unwrap();
         // Two levels of one node, and one of another node.
-        let levels = |node: usize| scene.nodes().get(node).unwrap().levels().collect::<Vec<_>>();
+        let levels = |node: usize| {
+            scene.levels(scene.nodes().get(node).unwrap()).map(Level::first).collect::<Vec<_>>()
+        };
         let node = (0..).find(|&node| levels(node).len() > 1).unwrap();
         let [fine, coarse, ..] = levels(node)[..] else { panic!("it has two levels") };
         let other = levels(node + 1)[0];

@@ -11,7 +11,7 @@ use trimaran_actors::{CullerDevice, CullerId};
 use trimaran_audit::cases::with_halved_boxes;
 use trimaran_cull::{Answer, DepthImage, LodRule, OcclusionTest, Outline, TestBox, View};
 use trimaran_proto::{Camera, DrawableId, OcclusionTestKind};
-use trimaran_scene::Scene;
+use trimaran_scene::{Level, Scene};
 
 use crate::common::{
     data::{Data, small_plant},
@@ -198,7 +198,8 @@ fn faults_are_named(devices: &SceneOnDevices, path: &PathChoice) -> Vec<FrameRec
     let last = swapped.last_mut().unwrap();
     let other_level = |id: &DrawableId| {
         let node = devices.scene.drawables()[id.index()].node;
-        devices.scene.nodes()[node as usize].levels().find(|level| level != id).unwrap_or(*id)
+        let mut levels = devices.scene.levels(&devices.scene.nodes()[node as usize]);
+        levels.find(|level| !level.holds(*id)).map_or(*id, Level::first)
     };
     (last.picture, last.ids) = (None, last.ids.iter().map(other_level).collect());
     assert_cause(&lost(devices, &hzb, Fault::None, &swapped), FalseCullCause::LevelMismatch);

@@ -35,7 +35,9 @@ impl Fault {
     pub(crate) fn arrived(self, scene: &Scene, sent: &[DrawableId]) -> Vec<DrawableId> {
         let other_level = |id: DrawableId| {
             let drawable = scene.drawables().get(id.index())?;
-            scene.nodes().get(drawable.node as usize)?.levels().find(|level| *level != id)
+            let other =
+                scene.levels(scene.nodes().get(drawable.node as usize)?).find(|level| !level.holds(id));
+            Some(other?.first())
         };
         sent.iter()
             .enumerate()

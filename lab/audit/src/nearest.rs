@@ -80,9 +80,8 @@ impl Search {
 
     /// Takes a drawable's surfaces into account.
     fn look_at(&mut self, scene: &Scene, view: &View, id: DrawableId) {
-        let Some(drawable) = scene.drawables().get(id.index()) else { return };
-        let node = scene.nodes().get(drawable.node as usize);
-        if node.is_some_and(|node| self.certainly_far(view, node)) {
+        let Some((drawable, part)) = scene.part(id) else { return };
+        if self.certainly_far(view, &part) {
             return;
         }
         for corners in triangles(scene, view, drawable, Placement::Exact) {

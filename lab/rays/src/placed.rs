@@ -61,9 +61,8 @@ impl Placed {
     /// `ids` of `scene` for `view`. Makes missing `meshes`.
     pub(crate) fn new(scene: &Scene, view: &View, ids: &[DrawableId], meshes: &mut Meshes) -> Self {
         let find = |id: &DrawableId| {
-            let drawable = scene.drawables().get(id.index())?;
-            let node = scene.nodes().get(drawable.node as usize)?;
-            Some((drawable, node, Shape::of(drawable, node)))
+            let (drawable, part) = scene.part(*id)?;
+            Some((drawable, part, Shape::of(drawable, &part)))
         };
         let found: Vec<_> = ids.par_iter().map(find).collect();
         meshes.make(scene, found.iter().flatten().map(|(drawable, _, (shape, _))| (*shape, **drawable)));
@@ -71,11 +70,11 @@ impl Placed {
         let mut placed = Self::default();
         let mut boxes = Vec::with_capacity(ids.len());
         for (index, found) in (0..).zip(&found) {
-            let instance = found.and_then(|(drawable, node, (shape, turn))| {
-                let facing = solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, node));
-                let eye = (turn * (view.eye() - node.origin())).as_vec3a();
+            let instance = found.and_then(|(drawable, part, (shape, turn))| {
+                let facing = solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, &part));
+                let eye = (turn * (view.eye() - part.origin())).as_vec3a();
                 let (front, turn) = (facing != Facing::Both, turn.as_mat3().into());
-                let bounds = box_about(view, node)?;
+                let bounds = box_about(view, &part)?;
                 let instance = Instance { mesh: Arc::clone(meshes.get(shape)?), turn, eye, front, index };
                 (eye.abs().max_element() <= LARGEST).then_some((instance, bounds))
             });

@@ -87,7 +87,7 @@ fn the_examples_are_read_field_by_field() {
                 "trimaran.role",
                 "trimaran.settings.batch",
             ][..],
-            "trimaran/2|0x0000000000000005|0|1|256",
+            "trimaran/3|0x0000000000000005|0|1|256",
         ),
         (
             "hello",
@@ -186,7 +186,7 @@ fn blocks_are_read_item_by_item() {
     for (packet, said) in [
         (2, "begin with coarser drawables first and 8388608 bytes ahead"),
         (3, "block of 8 bytes: frame 9 lacks 2 drawables"),
-        (7, "block of 7 bytes: drawable 300 stands in for 2 drawables"),
+        (7, "block of 8 bytes: 2 drawables from 300 stand in for 2 drawables"),
         (8, "block of 4 bytes: 2 pieces ahead"),
     ] {
         assert!(shown[packet].contains(said), "{shown:?}");
@@ -226,10 +226,10 @@ fn each_refusal_is_read_with_its_values() {
         (Refusal::Version { listener: version, connector: version }, "0||||"),
         (
             Refusal::Protocol {
-                listener: ProtocolName::new("trimaran/2"),
+                listener: ProtocolName::new("trimaran/3"),
                 connector: ProtocolName::new("robot/1"),
             },
-            "1|trimaran/2;robot/1|||",
+            "1|trimaran/3;robot/1|||",
         ),
         (Refusal::Rejected(Rejection::new(1, "other scene")), "2||other scene||"),
         (Refusal::Session { session, lane }, "3|||0x0000000000000005|1"),

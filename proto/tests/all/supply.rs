@@ -59,7 +59,7 @@ fn outcome(block: &[u8]) -> &'static str {
 type Make = fn() -> Vec<u8>;
 
 /// Each input and its outcome.
-const FILES: [(&str, &str, Make); 64] = [
+const FILES: [(&str, &str, Make); 65] = [
     ("nothing", "taken", Vec::new),
     ("begin-and-holds", "demands", || block(&[begin(false, 0), holds()])),
     ("begin-with-coarser-first", "demands", || block(&[holds(), begin(true, 0)])),
@@ -209,6 +209,15 @@ const FILES: [(&str, &str, Make); 64] = [
         let sides: Sides = bytemuck::cast(1_u32 << 24);
         block(&[entries(&[DrawableEntry { sides, ..entry(0) }, DrawableEntry { triangles: 0, ..entry(1) }])])
     }),
+    ("pieces-of-no-level", "refused", || {
+        let none = [
+            DrawableEntry { level: 1, ..entry(0) },
+            DrawableEntry { pieces: 0, ..entry(1) },
+            DrawableEntry { level: 0, pieces: 2, ..entry(2) },
+            DrawableEntry { pieces: 1 << 16, ..entry(3) },
+        ];
+        block(&[entries(&none)])
+    }),
     ("a-drawable-and-a-node-that-change", "refused", || {
         let changed = [
             DrawableEntry { triangles: 3, ..entry(0) },
@@ -226,7 +235,7 @@ const FILES: [(&str, &str, Make); 64] = [
         block(&[Supply::Entries { packed: frame(1, 128_000 << 10, &blocks) }])
     }),
     ("fewer-records-than-it-says", "refused", || {
-        block(&[Supply::Entries { packed: frame(3, 2 * 136, &[(2 * 136, 0)]) }])
+        block(&[Supply::Entries { packed: frame(3, 2 * 144, &[(2 * 144, 0)]) }])
     }),
 ];
 
@@ -261,7 +270,7 @@ fn each_record_that_breaks_a_rule_is_refused() {
             refused += 1;
         }
     }
-    assert_eq!(refused, 13);
+    assert_eq!(refused, 17);
 }
 
 #[test]
@@ -288,7 +297,7 @@ fn a_record_has_its_numbers_where_the_page_says() {
     macro_rules! offsets {
         ($($name:ident)*) => { [$((offset_of!(DrawableEntry, $name), stringify!($name))),*] };
     }
-    let offsets = offsets!(world_min world_max origin linear id node geometry triangles sides object objects);
+    let offsets = offsets!(world_min world_max origin linear id node geometry triangles sides object objects level pieces);
     assert_eq!(rows.iter().map(|(offset, _, name)| (*offset, *name)).collect::<Vec<_>>(), offsets);
     let ends = rows.iter().map(|(offset, bytes, _)| offset + bytes);
     assert!(ends.eq(offsets.iter().map(|(offset, _)| *offset).skip(1).chain([size_of::<DrawableEntry>()])));
@@ -301,13 +310,13 @@ fn records_are_packed_as_the_page_says() {
     let records = [entry(2), entry(7), DrawableEntry { object: 0, ..entry(1) }, entry(4)];
     let mut rows = records.map(|record| bytemuck::bytes_of(&record).to_vec());
     let word = |row: &[u8], at: usize| u32::from_le_bytes(row[at..at + 4].try_into().unwrap());
-    for at in [108, 112, 116, 128] {
+    for at in [108, 112, 116, 128, 136] {
         for index in (1..rows.len()).rev() {
             let change = word(&rows[index], at).wrapping_sub(word(&rows[index - 1], at));
             rows[index][at..at + 4].copy_from_slice(&change.to_le_bytes());
         }
     }
-    let columns: Vec<u8> = (0..136).flat_map(|column| rows.iter().map(move |row| row[column])).collect();
+    let columns: Vec<u8> = (0..144).flat_map(|column| rows.iter().map(move |row| row[column])).collect();
     let length = columns.len() as u32;
     let packed = [&[4, 0], &head(length)[..], &block_head(true, 0, length), &columns].concat();
     assert_eq!(unpack_entries(&packed).as_deref(), Ok(&records[..]));
@@ -351,6 +360,8 @@ fn entry(id: u32) -> DrawableEntry {
         sides: if id.is_multiple_of(2) { Sides::BOTH } else { Sides::FRONT },
         object: node % OUTLINE.objects,
         objects: 1,
+        level: id,
+        pieces: 1,
     }
 }
 
@@ -359,7 +370,7 @@ fn entries(records: &[DrawableEntry]) -> Supply {
 }
 
 fn stand_in(id: u32, drawables: NumberList) -> Supply {
-    Supply::StandIn { id: DrawableId(id), drawables }
+    Supply::StandIn { id: DrawableId(id), pieces: 1, drawables }
 }
 
 fn ahead(geometries: NumberList) -> Supply {

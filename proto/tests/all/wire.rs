@@ -128,7 +128,7 @@ fn demanded() -> [(&'static str, Vec<Demand>); 3] {
 /// Blocks of a culler.
 fn supplied() -> [(&'static str, Vec<Supply>); 3] {
     let part = Bytes::from_static(&[0xde, 0xad, 0xbe, 0xef]);
-    let stand_in = Supply::StandIn { id: DrawableId(300), drawables: numbers([2, 258]) };
+    let stand_in = Supply::StandIn { id: DrawableId(300), pieces: 2, drawables: numbers([2, 258]) };
     [
         ("geometry-part", vec![Supply::Geometry { number: 8, length: 300, offset: 296, part }]),
         ("stand-in", vec![stand_in]),
@@ -299,7 +299,7 @@ fn the_tables_of_items_of_blocks_are_the_crates() {
     let supplies = [
         ("entries", Supply::Entries { packed: Bytes::new() }),
         ("geometry", Supply::Geometry { number: 0, length: 0, offset: 0, part: Bytes::new() }),
-        ("stand-in", Supply::StandIn { id: DrawableId(0), drawables: list() }),
+        ("stand-in", Supply::StandIn { id: DrawableId(0), pieces: 1, drawables: list() }),
         ("ahead", Supply::Ahead { geometries: list() }),
     ];
     let supplies = supplies.map(|(name, supply)| (postcard(&supply)[0], name));

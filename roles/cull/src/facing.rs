@@ -39,17 +39,17 @@ impl Solids {
         Self { view: *view, near_squared: near * near * (1.0 + x * x + y * y) }
     }
 
-    /// The sides of `drawable`, a level of `node`.
+    /// The sides of `drawable`, whose node and box is [`part`](trimaran_scene::Scene::part).
     #[must_use]
-    pub fn facing(&self, drawable: &Drawable, node: &Node) -> Facing {
-        let (min, max) = node.world_box();
+    pub fn facing(&self, drawable: &Drawable, part: &Node) -> Facing {
+        let (min, max) = part.world_box();
         let [low, high] = drawable.sides.eyes(min, max);
         let eye = self.view.eye();
         let outside = (low - eye).max(eye - high).max(DVec3::ZERO);
         if outside.length_squared() <= self.near_squared {
             return Facing::Both;
         }
-        match node.linear().as_dmat3().determinant() {
+        match part.linear().as_dmat3().determinant() {
             volume if volume > 0.0 => Facing::Front,
             volume if volume < 0.0 => Facing::Mirrored,
             _ => Facing::Both, // flattened, so that no side is its front

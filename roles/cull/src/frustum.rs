@@ -89,11 +89,7 @@ impl Frustum {
 /// Removes drawables outside `view`, and none that it shows. Some outside may stay.
 pub fn retain_in_sight(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>) {
     let frustum = Frustum::new(view);
-    ids.retain(|id| {
-        let drawable = scene.drawables().get(id.index());
-        let node = drawable.and_then(|drawable| scene.nodes().get(drawable.node as usize));
-        node.is_none_or(|node| !frustum.excludes_world_box(node))
-    });
+    ids.retain(|id| scene.part(*id).is_none_or(|(_, part)| !frustum.excludes_world_box(&part)));
 }
 
 fn l1(v: DVec3) -> f64 {

@@ -32,7 +32,7 @@
 
 use glam::{DMat3, DVec3};
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Node, NodeId, Scene};
+use trimaran_scene::{Level, Node, NodeId, Scene};
 
 use crate::cut_rule::NodeAppearance;
 use crate::frustum::Frustum;
@@ -41,8 +41,8 @@ use crate::{CutRule, View};
 /// The decision on a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
-    /// Draw it at this level.
-    Draw(DrawableId),
+    /// Draw it at this level, or the visible ones of its pieces.
+    Draw(Level),
     /// No level of it is good enough: consider its children.
     Refine,
     /// Nothing of it: all objects below it are hidden.
@@ -92,14 +92,13 @@ impl<'s> LodCut<'s> {
         }
         let epsilon = self.rule.lod().epsilon_px();
         let magnification = self.magnification(node);
-        for id in node.levels().rev() {
-            let error =
-                self.scene.drawables().get(id.index()).map_or(f64::INFINITY, |level| f64::from(level.error));
-            if magnification.error_on_screen(error) <= epsilon {
-                return Choice::Draw(id);
+        let levels = self.scene.levels(node);
+        for level in levels.clone().rev() {
+            if magnification.error_on_screen(self.error(level)) <= epsilon {
+                return Choice::Draw(level);
             }
         }
-        match node.levels().next() {
+        match levels.clone().next() {
             Some(finest) if node.is_leaf() => Choice::Draw(finest),
             _ => Choice::Refine,
         }
@@ -112,9 +111,14 @@ impl<'s> LodCut<'s> {
         self.magnification(node).error_on_screen(error)
     }
 
+    /// The certified error of a level, world metres.
+    fn error(&self, level: Level) -> f64 {
+        self.scene.drawables().get(level.first().index()).map_or(f64::INFINITY, |first| first.error.into())
+    }
+
     /// Stand-ins for a drawable of the cut, finest first: coarser levels of its node and of its ancestors,
     /// while their screen error is at most `bound_px`. Excludes levels of objects with different appearances.
-    pub fn coarser(&self, id: DrawableId, bound_px: f64) -> impl Iterator<Item = DrawableId> + '_ {
+    pub fn coarser(&self, id: DrawableId, bound_px: f64) -> impl Iterator<Item = Level> + '_ {
         let drawables = self.scene.drawables();
         let node = drawables.get(id.index()).map(|drawable| NodeId(drawable.node));
         let up = node.into_iter().flat_map(|node| self.scene.ancestors(node));
@@ -126,13 +130,12 @@ impl<'s> LodCut<'s> {
         });
         let levels = alike.flat_map(move |(_, node)| {
             let magnification = self.magnification(node);
-            node.levels().map(move |level| (level, magnification))
+            self.scene.levels(node).map(move |level| (level, magnification))
         });
-        let coarser = levels.skip_while(move |(level, _)| *level != id).skip(1);
+        let coarser = levels.skip_while(move |(level, _)| !level.holds(id)).skip(1);
         coarser
             .take_while(move |(level, magnification)| {
-                let error = drawables.get(level.index()).map_or(f64::INFINITY, |level| level.error.into());
-                magnification.error_on_screen(error) <= bound_px
+                magnification.error_on_screen(self.error(*level)) <= bound_px
             })
             .map(|(level, _)| level)
     }
@@ -140,6 +143,13 @@ impl<'s> LodCut<'s> {
     /// All drawables of the cut in the frustum, in breadth-first order: the unculled picture.
     #[must_use]
     pub fn drawables(&self) -> Vec<DrawableId> {
+        self.large_drawables(usize::MAX)
+    }
+
+    /// The levels of all nodes of the cut in the frustum, in breadth-first order. Some of their pieces may be
+    /// outside of it.
+    #[must_use]
+    pub fn levels(&self) -> Vec<Level> {
         self.descend(usize::MAX)
     }
 
@@ -147,22 +157,22 @@ impl<'s> LodCut<'s> {
     /// are refined, the largest. So it visits a bounded part of a scene of any size.
     #[must_use]
     pub fn large_drawables(&self, widest: usize) -> Vec<DrawableId> {
-        self.descend(widest)
+        self.descend(widest).into_iter().flat_map(|level| self.in_frustum(level)).collect()
     }
 
-    fn descend(&self, widest: usize) -> Vec<DrawableId> {
+    fn descend(&self, widest: usize) -> Vec<Level> {
         let mut drawn = Vec::new();
         let mut refined: Vec<(f64, &Node)> = Vec::new();
         let mut level = vec![NodeId(0)];
         while !level.is_empty() {
-            read_ahead(self.scene, &level);
+            read_ahead(self.scene, level.iter().copied());
             for id in level.drain(..) {
                 let Some(node) = self.scene.nodes().get(id.0 as usize).filter(|node| !self.outside(node))
                 else {
                     continue;
                 };
                 match self.choose(id, node) {
-                    Choice::Draw(id) => drawn.push(id),
+                    Choice::Draw(level) => drawn.push(level),
                     Choice::Refine => refined.push((looks(node, self.eye), node)),
                     Choice::Nothing => {}
                 }
@@ -175,6 +185,14 @@ impl<'s> LodCut<'s> {
             level.extend(refined.drain(..).flat_map(|(_, node)| node.children().map(NodeId)));
         }
         drawn
+    }
+
+    /// The pieces of a level of a node in the frustum that are not certainly outside of it.
+    pub(crate) fn in_frustum(&self, level: Level) -> impl Iterator<Item = DrawableId> + '_ {
+        let pieces = level.pieces();
+        let is_whole = pieces.len() == 1;
+        pieces
+            .filter(move |id| is_whole || self.scene.part(*id).is_some_and(|(_, part)| !self.outside(&part)))
     }
 
     /// Whether the node's box is certainly outside the frustum, or cut away by a section.
@@ -266,11 +284,11 @@ pub(crate) fn looks(node: &Node, eye: DVec3) -> f64 {
 }
 
 /// Reads the data of these nodes for the cut, if not in memory yet.
-pub(crate) fn read_ahead(scene: &Scene, level: &[NodeId]) {
+pub(crate) fn read_ahead(scene: &Scene, level: impl Iterator<Item = NodeId> + Clone) {
     let nodes = scene.nodes();
     // If the nodes were in memory, so are nearly all their levels.
-    if nodes.read_ahead(level.iter().map(|id| id.0 as usize)) {
-        let known = level.iter().filter_map(|id| nodes.get(id.0 as usize));
+    if nodes.read_ahead(level.clone().map(|id| id.0 as usize)) {
+        let known = level.filter_map(|id| nodes.get(id.0 as usize));
         scene.drawables().read_ahead(known.map(|node| node.first_drawable as usize));
     }
 }

@@ -34,10 +34,9 @@ pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, b
     let mut ranked: Vec<(f32, DrawableId, u64)> = ids
         .iter()
         .filter_map(|&id| {
-            let drawable = scene.drawables().get(id.index())?;
-            let node = scene.nodes().get(drawable.node as usize)?;
+            let (drawable, part) = scene.part(id)?;
             let triangles = u64::from(drawable.triangles);
-            Some(((looks(node, eye) / triangles.max(1) as f64) as f32, id, triangles))
+            Some(((looks(&part, eye) / triangles.max(1) as f64) as f32, id, triangles))
         })
         .collect();
     ids.clear();

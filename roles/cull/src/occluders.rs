@@ -6,6 +6,7 @@
 //! this makes culling exact. Any subset of the cut is a valid set of occluders, so fewer may be drawn
 //! ([`select_occluders`](crate::select_occluders)) for looser culling.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -67,6 +68,10 @@ pub struct OccluderMapper {
     scene: Arc<Scene>,
     /// Per node: stamp * 4 + state.
     marks: Vec<u32>,
+    /// The levels of the cut of which only the given pieces are returned, by their first piece.
+    open: HashSet<DrawableId>,
+    /// The returned pieces of these.
+    pieces: HashSet<DrawableId>,
     stamp: u32,
     view: View,
     rule: CutRule,
@@ -80,7 +85,8 @@ impl OccluderMapper {
     #[must_use]
     pub fn new(scene: Arc<Scene>, view: View, rule: impl Into<CutRule>) -> Self {
         let marks = vec![0; scene.nodes().len()];
-        Self { scene, marks, stamp: 1, view, rule: rule.into(), path: Vec::new() }
+        let (open, pieces) = (HashSet::new(), HashSet::new());
+        Self { scene, marks, open, pieces, stamp: 1, view, rule: rule.into(), path: Vec::new() }
     }
 
     /// Starts the next frame: maps to the cut in `view` under `rule` from now on.
@@ -91,6 +97,8 @@ impl OccluderMapper {
             self.stamp = 0;
         }
         self.stamp += 1;
+        self.open.clear();
+        self.pieces.clear();
     }
 
     /// Appends the cut's counterparts of `ids` to `due`, except those already returned in this frame.
@@ -113,21 +121,32 @@ impl OccluderMapper {
         for &id in ids {
             let unknown = || OccluderError::Unknown { id, count: drawables.len() };
             let drawable = drawables.get(id.index()).ok_or_else(unknown)?;
-            if self.settle_path(&cut, drawable.node, due) == State::Above {
+            if self.open.contains(&drawable.level(id).first()) {
+                self.add_piece(&cut, id, due);
+            } else if self.settle_path(&cut, drawable.node, id, due) == State::Above {
                 self.descend(&cut, drawable.node, due);
             }
         }
         Ok(())
     }
 
-    /// Whether `node`, which is in the cut and the frustum, is the counterpart of an id in this frame.
+    /// Whether `id`, which is in the cut and the frustum, is the counterpart of an id in this frame.
     #[must_use]
-    pub fn holds(&self, node: NodeId) -> bool {
-        self.state(node.0) == State::Settled
+    pub fn holds(&self, id: DrawableId) -> bool {
+        self.scene.drawables().get(id.index()).is_some_and(|drawable| {
+            let is_open = self.open.contains(&drawable.level(id).first());
+            self.state(drawable.node) == State::Settled && (!is_open || self.pieces.contains(&id))
+        })
     }
 
-    /// Settles the nodes from the root down to `node`, and returns the state of `node`.
-    fn settle_path(&mut self, cut: &LodCut<'_>, node: u32, due: &mut Vec<DrawableId>) -> State {
+    /// Settles the nodes from the root down to `node`, which has the drawable `id`. Returns the node's state.
+    fn settle_path(
+        &mut self,
+        cut: &LodCut<'_>,
+        node: u32,
+        id: DrawableId,
+        due: &mut Vec<DrawableId>,
+    ) -> State {
         let nodes = cut.scene().nodes();
         self.path.clear();
         let mut state = State::Above;
@@ -144,7 +163,7 @@ impl OccluderMapper {
         while let Some(below) = self.path.pop() {
             let Some(record) = nodes.get(below as usize) else { break };
             if state == State::Above {
-                state = Self::ask(cut, NodeId(below), record, due);
+                state = self.ask(cut, NodeId(below), record, (below == node).then_some(id), due);
             }
             self.mark(below, state);
         }
@@ -159,7 +178,7 @@ impl OccluderMapper {
         while let Some(at) = self.path.pop() {
             let Some(record) = nodes.get(at as usize) else { continue };
             let state = match self.state(at) {
-                State::Unknown => Self::ask(cut, NodeId(at), record, due),
+                State::Unknown => self.ask(cut, NodeId(at), record, None, due),
                 known => known,
             };
             if state == State::Above {
@@ -171,18 +190,39 @@ impl OccluderMapper {
         }
     }
 
-    /// Decides a node that the cut reaches.
-    fn ask(cut: &LodCut<'_>, id: NodeId, node: &Node, due: &mut Vec<DrawableId>) -> State {
+    /// Decides a node that the cut reaches. `own` is a drawable of the node: if it is a piece of the chosen
+    /// level, only the given pieces of that are due, and else all.
+    fn ask(
+        &mut self,
+        cut: &LodCut<'_>,
+        id: NodeId,
+        node: &Node,
+        own: Option<DrawableId>,
+        due: &mut Vec<DrawableId>,
+    ) -> State {
         if cut.outside(node) {
             return State::Settled;
         }
         match cut.choose(id, node) {
-            Choice::Draw(id) => {
-                due.push(id);
+            Choice::Draw(level) => {
+                match own.filter(|own| level.holds(*own) && level.pieces().len() > 1) {
+                    Some(own) => {
+                        self.open.insert(level.first());
+                        self.add_piece(cut, own, due);
+                    }
+                    None => due.extend(cut.in_frustum(level)),
+                }
                 State::Settled
             }
             Choice::Refine => State::Above,
             Choice::Nothing => State::Settled,
+        }
+    }
+
+    /// Returns a piece of an open level, once, if it is in the frustum.
+    fn add_piece(&mut self, cut: &LodCut<'_>, id: DrawableId, due: &mut Vec<DrawableId>) {
+        if self.pieces.insert(id) && cut.scene().part(id).is_some_and(|(_, part)| !cut.outside(&part)) {
+            due.push(id);
         }
     }
 

@@ -19,7 +19,7 @@ pub struct DrawOrder {
 }
 
 impl DrawOrder {
-    /// Sorts `ids` by the distance of the eye from their nodes' world boxes (0 inside): first by the power of
+    /// Sorts `ids` by the distance of the eye from their world boxes (0 inside): first by the power of
     /// two of its square, then by the visible sides, and then by all of it, rounded to f32 and by one bit
     /// more. Equal ones are in the order of their ids.
     pub fn sort(&mut self, scene: &Scene, view: &View, ids: &mut [DrawableId]) {
@@ -41,10 +41,8 @@ pub fn draw_order(scene: &Scene, view: &View, ids: &mut [DrawableId]) {
 /// The id in the low bits. Above it are the bits of the squared distance, which keep its order, with the
 /// sides after its exponent. Ids that the scene lacks come last.
 fn key(scene: &Scene, eye: DVec3, solids: &Solids, id: DrawableId) -> u64 {
-    let found = scene.drawables().get(id.index());
-    let found = found.and_then(|drawable| Some((drawable, scene.nodes().get(drawable.node as usize)?)));
-    let (distance, facing) = found.map_or((f32::INFINITY, Facing::Both), |(drawable, node)| {
-        (node.distance_squared(eye) as f32, solids.facing(drawable, node))
+    let (distance, facing) = scene.part(id).map_or((f32::INFINITY, Facing::Both), |(drawable, part)| {
+        (part.distance_squared(eye) as f32, solids.facing(drawable, &part))
     });
     let bits = distance.to_bits();
     let (exponent, mantissa) = (bits >> 23, bits & 0x7f_ffff);

@@ -15,7 +15,7 @@
 //! budget. Later ones are held until the last round, and keep their order.
 
 use trimaran_proto::DrawableId;
-use trimaran_scene::{NodeId, Scene};
+use trimaran_scene::Scene;
 
 use crate::occluder_selection::{TriangleBudget, select_occluders, triangles};
 use crate::{CullError, CullStats, CutRule, OccluderMapper, OcclusionTest, Traversal};
@@ -182,10 +182,7 @@ fn new_triangles(
     rule: &CutRule,
 ) -> u64 {
     let new = |id: &&DrawableId| {
-        let node = scene.drawables().get(id.index()).map(|drawable| NodeId(drawable.node));
-        node.is_some_and(|node| !last.holds(node))
-            && drawn.binary_search(id).is_err()
-            && !rule.is_see_through(scene, **id)
+        !last.holds(**id) && drawn.binary_search(id).is_err() && !rule.is_see_through(scene, **id)
     };
     let drawables = level.iter().filter(new).filter_map(|id| scene.drawables().get(id.index()));
     drawables.map(|drawable| u64::from(drawable.triangles)).sum()

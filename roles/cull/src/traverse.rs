@@ -1,6 +1,8 @@
 //! Hardware culling (HC): the traversal of the tree that keeps the visible nodes (the paper, Algorithm
-//! 4.1 and section 4.5.1).
+//! 4.1 and section 4.5.1). A node that is drawn at a level of several pieces is followed by these, which are
+//! tested one by one like children.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -57,8 +59,12 @@ pub struct Culler {
 
 #[derive(Debug, Default)]
 struct Memory {
-    level: Vec<NodeId>,
-    next: Vec<NodeId>,
+    level: Vec<Reached>,
+    next: Vec<Reached>,
+    /// The children of the level's nodes, which follow the pieces in `next`.
+    children: Vec<Reached>,
+    /// Visible levels in one piece, whose ids wait for the pieces of other nodes of that depth: ids rise.
+    held: Vec<DrawableId>,
     candidates: Vec<Candidate>,
     boxes: Vec<TestBox>,
     answers: Vec<u32>,
@@ -66,10 +72,18 @@ struct Memory {
     visible: Vec<DrawableId>,
 }
 
-/// A node of the level in the frustum.
+/// What a traversal tests one by one.
+#[derive(Debug, Clone, Copy)]
+enum Reached {
+    Node(NodeId),
+    /// A piece of a level that is drawn, one of several.
+    Piece(DrawableId),
+}
+
+/// A node or a piece of the level in the frustum.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
-    node: NodeId,
+    reached: Reached,
     choice: Choice,
     tested: bool,
 }
@@ -104,8 +118,9 @@ impl Culler {
         }
         let Self { scene, memory } = self;
         memory.level.clear();
+        memory.held.clear();
         if !scene.nodes().is_empty() {
-            memory.level.push(NodeId(0));
+            memory.level.push(Reached::Node(NodeId(0)));
         }
         let (cut, maker) = (LodCut::new(scene, view, rule), BoxMaker::new(view, test.outline()));
         Ok(Traversal { scene, memory, view: *view, cut, maker, stats: CullStats::default() })
@@ -173,12 +188,9 @@ impl<'c> Traversal<'c> {
         found: &mut Vec<DrawableId>,
     ) -> Result<(), CullError<T::Error>> {
         let Self { scene, maker, memory, .. } = self;
-        let prepared = |id: &DrawableId| {
-            let node = scene.drawables().get(id.index())?.node as usize;
-            match maker.prepare(scene.nodes().get(node)?) {
-                Prepared::Test(test_box) => Some(test_box),
-                Prepared::Outside | Prepared::Visible(_) => None,
-            }
+        let prepared = |id: &DrawableId| match maker.prepare(&scene.part(*id)?.1) {
+            Prepared::Test(test_box) => Some(test_box),
+            Prepared::Outside | Prepared::Visible(_) => None,
         };
         let test_boxes = scene.reading(|| found.iter().map(prepared).collect::<Vec<_>>());
         let test_boxes = test_boxes.map_err(CullError::Scene)?;
@@ -239,22 +251,36 @@ impl<'c> Traversal<'c> {
         Ok(())
     }
 
-    /// Sorts the level's nodes into those outside the frustum, those to test and those conservatively
+    /// Sorts the level's nodes and pieces into those outside the frustum, those to test and those conservatively
     /// visible.
     fn prepare_level(&mut self) {
         let Self { cut, maker, stats: CullStats { counts, .. }, .. } = self;
         let Memory { level, candidates, boxes, .. } = &mut *self.memory;
         candidates.clear();
         boxes.clear();
-        read_ahead(self.scene, level);
-        for &id in &*level {
-            let Some(node) = self.scene.nodes().get(id.0 as usize) else { continue };
+        let nodes = level.iter().filter_map(|reached| match reached {
+            Reached::Node(id) => Some(*id),
+            Reached::Piece(_) => None,
+        });
+        read_ahead(self.scene, nodes);
+        for &reached in &*level {
+            let found = match reached {
+                Reached::Node(id) => self.scene.nodes().get(id.0 as usize).map(|node| {
+                    let hidden = cut.rule().appearance(self.scene, id, node) == NodeAppearance::Hidden;
+                    (Cow::Borrowed(node), if hidden { Choice::Nothing } else { cut.choose(id, node) })
+                }),
+                Reached::Piece(id) => self
+                    .scene
+                    .part(id)
+                    .map(|(drawable, part)| (Cow::Owned(part), Choice::Draw(drawable.level(id)))),
+            };
+            let Some((part, choice)) = found else { continue };
             counts.visited += 1;
-            if cut.rule().appearance(self.scene, id, node) == NodeAppearance::Hidden || cut.outside(node) {
+            if choice == Choice::Nothing || cut.outside(&part) {
                 counts.outside += 1;
                 continue;
             }
-            let tested = match maker.prepare(node) {
+            let tested = match maker.prepare(&part) {
                 Prepared::Outside => {
                     counts.outside += 1;
                     continue;
@@ -273,7 +299,7 @@ impl<'c> Traversal<'c> {
                     false
                 }
             };
-            candidates.push(Candidate { node: id, choice: cut.choose(id, node), tested });
+            candidates.push(Candidate { reached, choice, tested });
         }
     }
 
@@ -281,9 +307,10 @@ impl<'c> Traversal<'c> {
     fn decide_level(&mut self) {
         let Self { cut, stats: CullStats { counts, .. }, .. } = self;
         let lod = cut.rule().lod();
-        let Memory { next, visible, answers, candidates, .. } = &mut *self.memory;
+        let Memory { next, children, held, visible, answers, candidates, .. } = &mut *self.memory;
         next.clear();
         visible.clear();
+        visible.append(held);
         let mut answers = answers.iter();
         for candidate in &*candidates {
             let pixels = if candidate.tested { answers.next().copied() } else { None };
@@ -291,28 +318,43 @@ impl<'c> Traversal<'c> {
                 counts.hidden += 1;
                 continue;
             }
-            let Some(node) = self.scene.nodes().get(candidate.node.0 as usize) else { continue };
-            let is_mixed =
-                || cut.rule().appearance(self.scene, candidate.node, node) == NodeAppearance::Mixed;
+            let id = match candidate.reached {
+                Reached::Node(id) => id,
+                Reached::Piece(id) => {
+                    counts.emitted += 1;
+                    visible.push(id);
+                    continue;
+                }
+            };
+            let Some(node) = self.scene.nodes().get(id.0 as usize) else { continue };
+            let is_mixed = || cut.rule().appearance(self.scene, id, node) == NodeAppearance::Mixed;
             let few = lod.stops_at_few_pixels()
                 && pixels.is_some_and(|count| f64::from(count) < lod.epsilon_px())
                 && !is_mixed();
-            match (candidate.choice, node.levels().next()) {
-                (Choice::Draw(id), _) => {
+            let level = match candidate.choice {
+                Choice::Draw(level) => Some(level),
+                Choice::Refine if few => self.scene.levels(node).next().inspect(|_| counts.few_pixels += 1),
+                Choice::Refine | Choice::Nothing => None,
+            };
+            match level {
+                Some(level) if level.pieces().len() == 1 => {
                     counts.emitted += 1;
-                    visible.push(id);
+                    held.push(level.first());
                 }
-                (Choice::Refine, Some(finest)) if few => {
-                    counts.few_pixels += 1;
-                    counts.emitted += 1;
-                    visible.push(finest);
-                }
-                (Choice::Nothing, _) => {}
-                (Choice::Refine, _) => {
+                Some(level) => {
                     counts.refined += 1;
-                    next.extend(node.children().map(NodeId));
+                    next.extend(level.pieces().map(Reached::Piece));
+                }
+                None => {
+                    counts.refined += 1;
+                    children.extend(node.children().map(|id| Reached::Node(NodeId(id))));
                 }
             }
         }
+        visible.sort_unstable();
+        if next.is_empty() {
+            visible.append(held);
+        }
+        next.append(children);
     }
 }

@@ -100,9 +100,9 @@ impl Draws {
             let slots = records.iter_mut().zip(commands).take(count);
             for (index, ((record, command), (id, place))) in (0..).zip(slots.zip(&mut placed)) {
                 let (drawable, node) = scene.find(id)?;
-                facings.push(solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, node)));
+                facings.push(solids.as_ref().map_or(Facing::Both, |solids| solids.facing(drawable, &node)));
                 *record = DrawRecord {
-                    to_view: in_view(node, view),
+                    to_view: in_view(&node, view),
                     id: id.0,
                     first: [place.first_index, place.first_vertex],
                 };

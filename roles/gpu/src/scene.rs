@@ -88,13 +88,14 @@ impl GpuScene {
         }
     }
 
-    /// A drawable and its node.
-    pub(crate) fn find(&self, id: DrawableId) -> Result<(&Drawable, &Node), GpuError> {
-        let (drawables, nodes) = (self.scene.drawables(), self.scene.nodes());
-        let unknown = || GpuError::UnknownDrawable { id, count: drawables.len() };
-        let drawable = drawables.read(id.index()).map_err(GpuError::Scene)?.ok_or_else(unknown)?;
-        let node = nodes.read(drawable.node as usize).map_err(GpuError::Scene)?.ok_or_else(unknown)?;
-        Ok((drawable, node))
+    /// A drawable, and its node with the drawable's box.
+    pub(crate) fn find(&self, id: DrawableId) -> Result<(&Drawable, Node), GpuError> {
+        let found = self
+            .scene
+            .part(id)
+            .map_or_else(|| self.scene.reading(|| self.scene.part(id)), |found| Ok(Some(found)));
+        let count = self.scene.drawables().len();
+        found.map_err(GpuError::Scene)?.ok_or(GpuError::UnknownDrawable { id, count })
     }
 }
 

@@ -16,8 +16,9 @@ before(loadCodecs);
 /** A record of the drawable that has the piece, node and object of its own number. */
 function record(id: number, more: Partial<DrawableRecord> = {}): DrawableRecord {
   const own = { id, node: id, geometry: id, object: id, objects: 1, triangles: 1, sides: 0xffffff };
+  const alone = { level: id, pieces: 1 };
   const linear = [1, 0, 0, 0, 1, 0, 0, 0, 1];
-  return { ...own, linear, origin: [0, 0, 0], worldMin: [0, 0, 0], worldMax: [1, 1, 1], ...more };
+  return { ...own, ...alone, linear, origin: [0, 0, 0], worldMin: [0, 0, 0], worldMax: [1, 1, 1], ...more };
 }
 
 function entries(...records: DrawableRecord[]): Uint8Array {
@@ -30,7 +31,12 @@ function piece(number: number, packed: Uint8Array): Uint8Array {
 }
 
 function standIn(id: number, ...finer: number[]): Uint8Array {
-  const writer = new Writer().varint(2).varint(id);
+  return level(id, 1, ...finer);
+}
+
+/** A level of so many pieces stands in. */
+function level(id: number, pieces: number, ...finer: number[]): Uint8Array {
+  const writer = new Writer().varint(2).varint(id).varint(pieces);
   NUMBERS.write(writer, numberList(finer));
   return writer.take();
 }
@@ -77,6 +83,17 @@ test("a stand-in is shown once for all that it stands in for, and only if it is 
   assert.deepEqual(holdings.standingIn(Uint32Array.of(1, 2, 3)), { shown: [1, 9], isWhole: true });
   assert.deepEqual(holdings.standingIn(Uint32Array.of(1, 4)), { shown: [1], isWhole: false });
   holdings.take(standIn(8, 3));
+  assert.deepEqual(holdings.standingIn(Uint32Array.of(3)), { shown: [], isWhole: false });
+});
+
+test("a level in pieces stands in once all of them are there", async () => {
+  const [holdings] = await having(1 << 20, 7);
+  holdings.take(level(7, 2, 3));
+  assert.deepEqual(holdings.standingIn(Uint32Array.of(3)), { shown: [], isWhole: false });
+  holdings.take(entries(record(8)));
+  holdings.take(piece(8, await triangle()));
+  assert.deepEqual(holdings.standingIn(Uint32Array.of(3)), { shown: [7, 8], isWhole: true });
+  holdings.take(level(7, 0, 3));
   assert.deepEqual(holdings.standingIn(Uint32Array.of(3)), { shown: [], isWhole: false });
 });
 

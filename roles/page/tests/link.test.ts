@@ -117,7 +117,7 @@ test("each lane says hello with the same session, and the link is there once all
   for (const lane of LANES) {
     const [hello, ...more] = listener.heard(lane);
     assert(hello !== undefined && more.length === 0);
-    const expected = { application: "trimaran/2", session: 5n, lane, introduction: US };
+    const expected = { application: "trimaran/3", session: 5n, lane, introduction: US };
     assert.deepEqual(decodeHello(hello.payload), expected);
   }
   let isThere = false;

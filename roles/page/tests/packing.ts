@@ -10,7 +10,7 @@ import { range } from "./support.ts";
 export function columnsOf(records: readonly DrawableRecord[]): Uint8Array<ArrayBuffer> {
   const writer = new Writer();
   for (const [at, record] of records.entries()) {
-    const before = records[at - 1] ?? { id: 0, node: 0, geometry: 0, object: 0 };
+    const before = records[at - 1] ?? { id: 0, node: 0, geometry: 0, object: 0, level: 0 };
     for (const number of [...record.worldMin, ...record.worldMax, ...record.origin]) {
       writer.f64(number);
     }
@@ -25,10 +25,12 @@ export function columnsOf(records: readonly DrawableRecord[]): Uint8Array<ArrayB
       .u32(record.triangles)
       .u32(record.sides)
       .u32(record.object - before.object)
-      .u32(record.objects);
+      .u32(record.objects)
+      .u32(record.level - before.level)
+      .u32(record.pieces);
   }
   const rows = writer.take();
-  const columns = range(0, 136).flatMap((column) => records.map((_, row) => rows[136 * row + column] ?? 0));
+  const columns = range(0, 144).flatMap((column) => records.map((_, row) => rows[144 * row + column] ?? 0));
   return Uint8Array.from(columns);
 }
 

@@ -25,21 +25,24 @@ function record(id: number, change: Partial<DrawableRecord> = {}): DrawableRecor
     sides: id & 1,
     object: 7,
     objects: 1,
+    level: id & ~1,
+    pieces: 2,
     ...change,
   };
 }
 
 /** 40 records, packed by zstd at level 3, with a checksum. */
 const PACKED = `
-28 00 28 b5 2f fd 64 40 14 9d 08 00 e4 08 00 00 80 80 40 00 c0 08 18 22 28 2e 32 35 38 3b 3e 40 42 43
-45 46 48 49 4b 4c 4e 4f 50 51 52 52 53 54 55 55 56 57 58 58 59 5a 5b 5b 5c 5d 00 40 00 40 00 08 c0 00
-f0 10 1c 24 2a 30 33 36 39 3c 3f 41 42 44 45 47 48 4a 4b 4d 4e 50 50 51 52 53 53 54 55 56 56 57 58 59
-59 5a 5b 5c 5c 5d 3f 40 0c 80 c0 40 a0 60 20 e0 e0 0c 1a 23 29 2f 3f 80 84 2e 41 80 3f 80 3f 80 3f 00
-03 00 01 02 00 f9 fd 00 ff 0c 0c 0c 00 00 00 01 00 07 01 01 39 20 20 83 4b 92 36 07 21 58 28 e8 c1 14
-0a 99 4b 6f 96 32 55 99 67 90 4d 07 e4 d2 03 bd a2 a0 0f 8e 7f 86 86 9e 02 7d b0 4a d9 a7 51 0a e5 75
-53 a3 a1 40 79 96 9c 4f b5 38 43 79 94 dc 41 59 1b 15 94 47 c9 5c 0a 94 47 bc 14 1b 5c 0e 7c 99 43 11
-16 cf 43 19 ae 64 f8 50 53 06 e8 13 40 c0 36 ea a6 20 7a c5 9c 06 e3 4d 27 84 2b 00 4a 9d 25 a3 14 36
-ea 28 19 85 aa 48 fc 94 ef d9 8d 39 29 d8 06 09 d4 37 ff
+28 00 28 b5 2f fd 64 80 15 0d 09 00 24 09 00 00 80 80 40 00 c0 08 18 22 28 2e 32 35 38 3b 3e 40 42
+43 45 46 48 49 4b 4c 4e 4f 50 51 52 52 53 54 55 55 56 57 58 58 59 5a 5b 5b 5c 5d 00 40 00 40 00 08
+c0 00 f0 10 1c 24 2a 30 33 36 39 3c 3f 41 42 44 45 47 48 4a 4b 4d 4e 50 50 51 52 53 53 54 55 56 56
+57 58 59 59 5a 5b 5c 5c 5d 3f 40 0c 80 c0 40 a0 60 20 e0 e0 0c 1a 23 29 2f 3f 80 84 2e 41 80 3f 80
+3f 80 3f 00 03 00 01 02 00 f9 fd 00 ff 0c 0c 0c 00 00 00 01 00 07 01 01 02 04 02 02 3f 20 20 83 4b
+92 36 07 21 58 28 e8 41 a0 60 28 e0 41 9a b1 50 d0 83 01 14 32 97 de 2c 65 aa 32 cf 20 9b 0e c8 a5
+07 7a 45 41 1f 1c ff 0c 0d 3d 05 fa 60 95 b2 4f a3 14 ca eb a6 46 43 81 f2 2c 39 9f 6a 71 86 f2 28
+b9 83 b2 36 2a 28 8f 92 b9 14 28 8f 78 29 36 b8 1c f8 32 87 22 2c 9e 87 32 5c c9 f0 a1 a6 0c d0 27
+80 80 6d d4 4d 41 f4 8a 39 0d c6 9b 4e 08 57 00 94 3a 4b 46 29 6c d4 51 32 0a 55 91 f8 29 df b3 1b
+73 52 b0 0d cb c4 46 74
 `;
 
 test("records read back, whatever their order", () => {
@@ -167,6 +170,9 @@ test("a record that cannot be of the scene is refused, for each reason", () => {
     [{ worldMin: [6, 2.5, -3] }, "its box is inside out"],
     [{ sides: 0x1000000 }, "its sides are unknown"],
     [{ triangles: 0 }, "it has no triangles"],
+    [{ pieces: 0 }, "it is no piece of its level"],
+    [{ pieces: 65_536 }, "it is no piece of its level"],
+    [{ level: 500 }, "it is no piece of its level"],
   ];
   for (const [change, text] of faults) {
     const changed = record(6, change);
@@ -185,9 +191,11 @@ test("a drawable or node that came before as another one is refused", () => {
     { geometry: 8 },
     { triangles: 8 },
     { sides: 1 },
+    { worldMin: [5, 2, -3] },
+    { worldMax: [8, 2, 3.5] },
+    { level: 5 },
+    { pieces: 3 },
     // The same node in another drawable, but moved.
-    { id: 7, worldMin: [5, 2, -3] },
-    { id: 7, worldMax: [8, 2, 3.5] },
     { id: 7, origin: [0, 0, 0] },
     { id: 7, linear: [2, 0, 0, 0, 1, 0, 0, 0, 1] },
     { id: 7, object: 8 },

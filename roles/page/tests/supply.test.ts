@@ -118,12 +118,12 @@ test("each item of a display reads back", () => {
 });
 
 test("items of a culler stand one behind the other", () => {
-  const block = fromHex("00 02 aa bb  03 01 05  01 08 04 02 01 cc  02 09 00");
+  const block = fromHex("00 02 aa bb  03 01 05  01 08 04 02 01 cc  02 09 03 00");
   assert.deepEqual(decodeCullerBlock(block), [
     { item: "entries", packed: Uint8Array.of(0xaa, 0xbb) },
     { item: "ahead", geometries: numberList([5]) },
     { item: "geometry", number: 8, length: 4, offset: 2, part: Uint8Array.of(0xcc) },
-    { item: "stand-in", id: 9, drawables: numberList([]) },
+    { item: "stand-in", id: 9, pieces: 3, drawables: numberList([]) },
   ]);
   assert.deepEqual(decodeCullerBlock(new Uint8Array(0)), []);
   for (const length of range(1, block.length)) {

@@ -382,6 +382,6 @@ testPage(PROTO, TRIMARAN.format, {
       part: Uint8Array.from([0xde, 0xad, 0xbe, 0xef]),
     },
   ]),
-  "stand-in": supplied([{ item: "stand-in", id: 300, drawables: numberList([2, 258]) }]),
+  "stand-in": supplied([{ item: "stand-in", id: 300, pieces: 2, drawables: numberList([2, 258]) }]),
   ahead: supplied([{ item: "ahead", geometries: numberList([8, 9]) }]),
 });

@@ -8,7 +8,7 @@ use std::{collections::BTreeSet, ops::ControlFlow};
 
 use glam::{DVec2, DVec3};
 
-use crate::{Drawable, Node, ReadError, Scene};
+use crate::{Drawable, Level, Node, ReadError, Scene};
 
 /// The most spans of a column before they are joined: so a tile takes at most 16 MiB, however many triangles
 /// lie above each other.
@@ -113,10 +113,13 @@ impl Heightfield {
                 continue;
             }
             match self.coarse_enough(scene, node) {
-                Some(drawable) if tile.add(scene, node, drawable, is_given_up)?.is_break() => {
-                    return Ok(None);
+                Some(level) => {
+                    for piece in level.pieces().filter_map(|id| scene.drawables().get(id.index())) {
+                        if tile.add(scene, node, piece, is_given_up)?.is_break() {
+                            return Ok(None);
+                        }
+                    }
                 }
-                Some(_) => {}
                 None => open.extend(node.children()),
             }
         }
@@ -127,11 +130,13 @@ impl Heightfield {
     }
 
     /// The coarsest level of a node that is fine enough, or the finest one of a leaf.
-    fn coarse_enough<'s>(&self, scene: &'s Scene, node: &Node) -> Option<&'s Drawable> {
-        let mut levels = node.levels().rev().filter_map(|id| scene.drawables().get(id.0 as usize));
-        let found = levels.find(|level| f64::from(level.error) <= self.cell / 4.0);
-        let finest = || scene.drawables().get(node.first_drawable as usize);
-        found.or_else(|| finest().filter(|_| node.is_leaf()))
+    fn coarse_enough(&self, scene: &Scene, node: &Node) -> Option<Level> {
+        let is_enough = |level: &Level| {
+            let first = scene.drawables().get(level.first().index());
+            first.is_some_and(|first| f64::from(first.error) <= self.cell / 4.0)
+        };
+        let levels = scene.levels(node);
+        levels.clone().rev().find(is_enough).or_else(|| levels.clone().next().filter(|_| node.is_leaf()))
     }
 }
 

@@ -32,8 +32,8 @@ mod scene;
 
 pub use scene::{
     Attribute, Drawable, DrawableEntry, EntriesError, Extent, FORMAT_VERSION, FlatObject, Geometry,
-    GeometryError, GeometryPlace, GeometryReader, GiveError, Group, Hierarchy, MOST_ENTRIES, Node, NodeId,
-    Normal, OLDEST_FORMAT_VERSION, ObjectAttributes, ObjectRecord, OpenError, ReadCause, ReadError, Records,
-    Rgba8, SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex, looks_like_a_scene,
+    GeometryError, GeometryPlace, GeometryReader, GiveError, Group, Hierarchy, Level, Levels, MOST_ENTRIES,
+    Node, NodeId, Normal, ObjectAttributes, ObjectRecord, OpenError, ReadCause, ReadError, Records, Rgba8,
+    SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex, looks_like_a_scene,
     pack_entries, unpack_entries,
 };

@@ -10,7 +10,7 @@
 //! - [`surfaces`]: every covered pixel to the surface of the same thing: from a drawable to the leaves that
 //!   it stands for, and from a leaf to the drawable that stands for it in the LOD cut.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use trimaran_audit::{
     distances_to_surfaces,
@@ -18,7 +18,7 @@ use trimaran_audit::{
 };
 use trimaran_cull::View;
 use trimaran_proto::DrawableId;
-use trimaran_scene::{NodeId, Scene};
+use trimaran_scene::{Level, NodeId, Scene};
 
 /// How far the border to the background moved: `shown` is the ID buffer of `drawn`, `full` that of full
 /// detail.
@@ -38,23 +38,23 @@ pub(super) fn silhouette(
         &full.coverage(),
         // The nearest surface may lie outside the frustum as well.
         |pixels| to(pixels, &finest_below(scene, NodeId(0))),
-        |pixels| to(pixels, drawn),
+        |pixels| to(pixels, &whole_levels(scene, drawn)),
     )
 }
 
-/// How far surfaces moved: `shown` is the ID buffer of a part of the LOD cut `cut`, `full` that of full
-/// detail.
+/// How far surfaces moved: `shown` is the ID buffer of a part of the LOD cut that has the levels `cut`, `full`
+/// that of full detail.
 pub(super) fn surfaces(
     scene: &Scene,
     view: &View,
-    cut: &[DrawableId],
+    cut: &[Level],
     shown: &IdBufferRef<'_>,
     full: &IdBufferRef<'_>,
 ) -> Deviation {
     let mut distances = Vec::new();
     let mut zeros = 0;
     let mut measure = |from: DrawableId, pixels: &[usize], to: &[DrawableId]| {
-        if to == [from] {
+        if to.contains(&from) {
             zeros += pixels.len();
         } else {
             let found = distances_to_surfaces(scene, view, pixels, to);
@@ -67,37 +67,51 @@ pub(super) fn surfaces(
     }
     let stand_in = StandIns::of(scene, cut);
     for (owner, pixels) in pixels_by_owner(full) {
-        measure(owner, &pixels, stand_in.of_leaf(owner).as_slice());
+        measure(owner, &pixels, stand_in.of_leaf(owner));
     }
     Deviation::of(distances, zeros)
 }
 
-/// Maps a leaf to the drawable of a LOD cut that stands for it.
+/// All pieces of the levels of which these drawables are pieces, each once. The nearest point of a surface may be
+/// in a piece that is hidden or outside the frustum.
+fn whole_levels(scene: &Scene, drawn: &[DrawableId]) -> Vec<DrawableId> {
+    let level = |id: &DrawableId| Some(scene.drawables().get(id.index())?.level(*id));
+    let levels: HashSet<Level> = drawn.iter().filter_map(level).collect();
+    levels.into_iter().flat_map(Level::pieces).collect()
+}
+
+/// Maps a leaf to the drawables that stand for it in a LOD cut.
 struct StandIns<'s> {
     scene: &'s Scene,
-    drawn: HashMap<NodeId, DrawableId>,
+    drawn: HashMap<NodeId, Vec<DrawableId>>,
 }
 
 impl<'s> StandIns<'s> {
-    fn of(scene: &'s Scene, cut: &[DrawableId]) -> Self {
-        Self { scene, drawn: cut.iter().filter_map(|&id| Some((node_of(scene, id)?, id))).collect() }
+    fn of(scene: &'s Scene, cut: &[Level]) -> Self {
+        let mut drawn: HashMap<NodeId, Vec<DrawableId>> = HashMap::new();
+        for id in cut.iter().copied().flat_map(Level::pieces) {
+            if let Some(node) = node_of(scene, id) {
+                drawn.entry(node).or_default().push(id);
+            }
+        }
+        Self { scene, drawn }
     }
 
-    /// The drawable of the cut that stands for a leaf: on the leaf's path to the root. `None` if the leaf is
+    /// The drawables of the cut that stand for a leaf: on the leaf's path to the root. None if the leaf is
     /// outside the cut.
-    fn of_leaf(&self, leaf: DrawableId) -> Option<DrawableId> {
-        let mut up = self.scene.ancestors(node_of(self.scene, leaf)?);
-        up.find_map(|(node, _)| self.drawn.get(&node).copied())
+    fn of_leaf(&self, leaf: DrawableId) -> &[DrawableId] {
+        let mut up = node_of(self.scene, leaf).into_iter().flat_map(|node| self.scene.ancestors(node));
+        up.find_map(|(node, _)| self.drawn.get(&node)).map_or(&[], Vec::as_slice)
     }
 }
 
-/// The finest level of every leaf at or below a node.
+/// The pieces of the finest level of every leaf at or below a node.
 pub(in crate::walkthrough) fn finest_below(scene: &Scene, node: NodeId) -> Vec<DrawableId> {
     let mut finest = Vec::new();
     let mut open = vec![node];
     while let Some(node) = open.pop().and_then(|id| scene.nodes().get(id.0 as usize)) {
         if node.is_leaf() {
-            finest.extend(node.levels().next());
+            finest.extend(scene.levels(node).next().into_iter().flat_map(Level::pieces));
         }
         open.extend(node.children().map(NodeId));
     }

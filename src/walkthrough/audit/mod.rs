@@ -19,7 +19,7 @@ use trimaran_audit::{
 use trimaran_cull::{Choice, CutRule, Image, ImageDifference, LodCut, View, draw_order, lod_cut};
 use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
-use trimaran_scene::{NodeId, Scene};
+use trimaran_scene::{Level, NodeId, Scene};
 
 pub use attribution::AttributionError;
 #[cfg(test)]
@@ -169,7 +169,7 @@ impl Auditor {
         let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
         frame.objects_exact = Some(count_objects(&self.redrawer.scene, exact));
         let drawn = Drawn { ids: &record.ids, picture: &pictures.shown, items: &shown_items };
-        frame.full_detail = Some(self.level_error(&view, &cut, drawn, &full)?);
+        frame.full_detail = Some(self.level_error(&view, &rule, drawn, &full)?);
         Ok(())
     }
 
@@ -230,7 +230,7 @@ impl Auditor {
         Ok(image)
     }
 
-    /// The finest level of every leaf that is shown and inside the frustum, in drawing order.
+    /// The pieces of the finest level of every leaf that is shown and inside the frustum, in drawing order.
     fn full_detail(&self, view: &View, rule: &CutRule) -> Vec<DrawableId> {
         let cut = LodCut::new(&self.redrawer.scene, view, rule);
         let mut finest = Vec::new();
@@ -241,7 +241,7 @@ impl Auditor {
                 continue;
             }
             if node.is_leaf() {
-                finest.extend(node.levels().next());
+                finest.extend(self.redrawer.scene.levels(node).next().into_iter().flat_map(Level::pieces));
             }
             open.extend(node.children().map(NodeId));
         }
@@ -253,16 +253,17 @@ impl Auditor {
     fn level_error(
         &self,
         view: &View,
-        cut: &[DrawableId],
+        rule: &CutRule,
         drawn: Drawn<'_>,
         full: &FullDetail,
     ) -> Result<ImageDifference, MetricError> {
         let (shown, all) = (items_of(drawn.items)?, items_of(&full.items)?);
+        let cut = LodCut::new(&self.redrawer.scene, view, rule);
         metrics::image_difference(
             &ImageRef::of(&full.picture)?,
             &ImageRef::of(drawn.picture)?,
             deviation::silhouette(&self.redrawer.scene, view, drawn.ids, &shown, &all)?,
-            deviation::surfaces(&self.redrawer.scene, view, cut, &shown, &all),
+            deviation::surfaces(&self.redrawer.scene, view, &cut.levels(), &shown, &all),
         )
     }
 

@@ -68,7 +68,7 @@ impl Auditor {
             picture: fingerprint(&picture),
             objects: count_objects(&self.redrawer.scene, exact.iter().copied()),
             triangles: exactly_visible_triangles(&owners, &items.triangle),
-            error: self.level_error(&view, &cut, drawn, &full)?,
+            error: self.level_error(&view, &rule, drawn, &full)?,
             exact,
         })
     }

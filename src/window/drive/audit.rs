@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn a_pixel_is_wrong_where_another_object_shows() {
         let scene = plant(1, 200, DVec3::ZERO).unwrap();
-        let levels = |node: u32| scene.nodes().get(node as usize).unwrap().levels().collect::<Vec<_>>();
+        let levels = |node: u32| scene.nodes().get(node as usize).unwrap().drawables().collect::<Vec<_>>();
         let leaf = scene.leaf(3).unwrap().0;
         let other = scene.leaf(4).unwrap().0;
         let (parent, _) = scene.ancestors(leaf).next().unwrap();

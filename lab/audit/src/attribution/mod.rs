@@ -17,7 +17,7 @@ use trimaran_cull::{
     Choice, CutRule, FalseCullCause as Cause, LodCut, OcclusionTest, Prepared, TestBox, View,
 };
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Node, NodeId, Scene};
+use trimaran_scene::{Level, Node, NodeId, Scene};
 
 use steps::{CullerSteps, Steps};
 use surface::{SurfacePoint, surface_of};
@@ -79,8 +79,8 @@ pub fn causes<T: OcclusionTest>(
 struct Judge<'f, S> {
     frame: &'f CulledFrame<'f>,
     steps: S,
-    /// Each node with a drawn level.
-    drawn: Vec<u32>,
+    /// Each node with a drawn level, and that level.
+    drawn: Vec<(u32, Level)>,
     /// The occluders as the reference draws them; drawn on first use.
     occluders: Option<IdBuffer>,
     /// This frame's occluders from the cameras of earlier frames, and the drawables of those frames;
@@ -90,13 +90,12 @@ struct Judge<'f, S> {
 
 impl<'f, S: Steps> Judge<'f, S> {
     fn new(frame: &'f CulledFrame<'f>, steps: S) -> Self {
-        let mut drawn: Vec<u32> = frame
-            .drawn
-            .iter()
-            .filter_map(|id| frame.scene.drawables().get(id.index()))
-            .map(|drawable| drawable.node)
-            .collect();
-        drawn.sort_unstable();
+        let level = |id: &DrawableId| {
+            let drawable = frame.scene.drawables().get(id.index())?;
+            Some((drawable.node, drawable.level(*id)))
+        };
+        let mut drawn: Vec<(u32, Level)> = frame.drawn.iter().filter_map(level).collect();
+        drawn.sort_unstable_by_key(|(node, _)| *node);
         Self { frame, steps, drawn, occluders: None, stale: None }
     }
 
@@ -110,7 +109,7 @@ impl<'f, S: Steps> Judge<'f, S> {
             return Ok(Cause::Unattributed);
         };
         let target = NodeId(drawable.node);
-        if let Some(cause) = self.replaced(target) {
+        if let Some(cause) = self.replaced(target, drawable.level(missing.id)) {
             return Ok(cause);
         }
         let node = scene.nodes().get(target.0 as usize);
@@ -122,20 +121,27 @@ impl<'f, S: Steps> Judge<'f, S> {
                 return Ok(cause);
             }
         }
+        if let Some((_, part)) = scene.part(missing.id).filter(|(drawable, _)| drawable.pieces > 1)
+            && let Some(cause) = self.step(&part, &surface)?
+        {
+            return Ok(cause);
+        }
         let arrived = self.frame.drawn.len() as u64;
         let lost = self.frame.sent.is_some_and(|sent| sent > arrived);
         Ok(if lost { Cause::LostIds } else { Cause::Unattributed })
     }
 
-    /// Whether the node was replaced: by another of its levels, by an ancestor or by descendants.
-    fn replaced(&self, target: NodeId) -> Option<Cause> {
+    /// Whether the node's level was replaced: by another of its levels, by an ancestor or by descendants.
+    fn replaced(&self, target: NodeId, own: Level) -> Option<Cause> {
         let scene = self.frame.scene;
-        let was_drawn = |node: NodeId| self.drawn.binary_search(&node.0).is_ok();
+        let was_drawn = |node: NodeId| self.drawn.binary_search_by_key(&node.0, |(node, _)| *node).is_ok();
         if scene.ancestors(target).skip(1).any(|(above, _)| was_drawn(above)) {
             let rule = self.frame.rule.lod().stops_at_few_pixels();
             return Some(if rule { Cause::PixelCountRule } else { Cause::LevelMismatch });
         }
-        let below = |&node: &u32| scene.ancestors(NodeId(node)).any(|(above, _)| above == target);
+        let below = |&(node, level): &(u32, Level)| {
+            level != own && scene.ancestors(NodeId(node)).any(|(above, _)| above == target)
+        };
         self.drawn.iter().any(below).then_some(Cause::LevelMismatch)
     }
 
@@ -282,7 +288,11 @@ fn is_of_cut(scene: &Scene, cut: &LodCut<'_>, id: DrawableId) -> bool {
     let Some(drawable) = scene.drawables().get(id.index()) else { return false };
     scene.ancestors(NodeId(drawable.node)).all(|(at, node)| {
         let chosen = cut.choose(at, node);
-        if at.0 == drawable.node { chosen == Choice::Draw(id) } else { chosen == Choice::Refine }
+        if at.0 == drawable.node {
+            chosen == Choice::Draw(drawable.level(id))
+        } else {
+            chosen == Choice::Refine
+        }
     })
 }
 

@@ -1,6 +1,7 @@
 //! The geometry of a display without a scene, within a budget.
 
 use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
 use std::sync::Arc;
 
 use bytes::{Bytes, BytesMut};
@@ -90,8 +91,8 @@ struct Inner {
     /// Unused pieces that were sent ahead; with their bytes once they have come.
     ahead: HashMap<u32, u64>,
     ahead_use: AheadUse,
-    /// Stand-ins for drawables.
-    stand_ins: HashMap<DrawableId, DrawableId>,
+    /// Stand-ins for drawables: the drawables of a coarser level.
+    stand_ins: HashMap<DrawableId, Range<u32>>,
     bytes: u64,
     /// The limit for taking more.
     limit: u64,
@@ -138,9 +139,10 @@ impl Holdings {
                         self.take_piece(number, bytes)?;
                     }
                 }
-                Supply::StandIn { id, drawables } => {
+                Supply::StandIn { id, pieces, drawables } => {
+                    let level = id.0..id.0.saturating_add(pieces);
                     let stand_ins = &mut self.inner.lock().stand_ins;
-                    stand_ins.extend(drawables.iter().map(|finer| (DrawableId(finer), id)));
+                    stand_ins.extend(drawables.iter().map(|finer| (DrawableId(finer), level.clone())));
                     if stand_ins.len() > MOST_RECORDS {
                         return Err(SupplyError::Records);
                     }
@@ -200,12 +202,14 @@ impl Holdings {
         let mut stand_ins = BTreeSet::new();
         let inner = self.inner.lock();
         for id in lacking {
-            let stand_in = inner.stand_ins.get(id).copied();
-            let Some(stand_in) = stand_in else { return Ok(None) };
-            if !stand_ins.contains(&stand_in) && !self.scene.has(stand_in)? {
-                return Ok(None);
+            let level = inner.stand_ins.get(id).filter(|level| !level.is_empty());
+            let Some(level) = level else { return Ok(None) };
+            for stand_in in level.clone().map(DrawableId) {
+                if !stand_ins.contains(&stand_in) && !self.scene.has(stand_in)? {
+                    return Ok(None);
+                }
+                stand_ins.insert(stand_in);
             }
-            stand_ins.insert(stand_in);
         }
         Ok(Some(stand_ins.into_iter().collect()))
     }

@@ -212,7 +212,8 @@ fn what_came_ahead_is_counted_and_what_of_it_is_used() {
 fn something_stands_in_once_it_is_there_itself_and_only_where_all_have_something() {
     let (holdings, ids) = (holdings(1 << 30), unlike(4));
     let [coarse, fine, finer, other] = [0, 1, 2, 3].map(|place| ids[place]);
-    let stands_in = |id, drawables: &[DrawableId]| Supply::StandIn { id, drawables: list(drawables) };
+    let stands_in =
+        |id, drawables: &[DrawableId]| Supply::StandIn { id, pieces: 1, drawables: list(drawables) };
     take(&holdings, &[stands_in(coarse, &[fine, finer])]).unwrap();
     assert_eq!(holdings.stand_ins(&[fine, finer]), Ok(None), "it has not come");
     take(&holdings, &[records(&[entry(coarse)])]).unwrap();
@@ -222,4 +223,18 @@ fn something_stands_in_once_it_is_there_itself_and_only_where_all_have_something
     assert_eq!(holdings.stand_ins(&[fine, other]), Ok(None), "nothing stands in for the other one");
     take(&holdings, &[stands_in(other, &[fine])]).unwrap();
     assert_eq!(holdings.stand_ins(&[fine]), Ok(None), "the newest counts");
+}
+
+#[test]
+fn a_level_in_pieces_stands_in_once_all_of_them_are_there() {
+    let (holdings, ids) = (holdings(1 << 30), unlike(8));
+    let [a, fine] = [ids[0], ids[7]];
+    let pieces = [a, DrawableId(a.0 + 1)];
+    let both = Supply::StandIn { id: a, pieces: 2, drawables: list(&[fine]) };
+    take(&holdings, &[both, records(&pieces.map(entry)), whole(geometry_of(pieces[0]))]).unwrap();
+    if geometry_of(pieces[0]) != geometry_of(pieces[1]) {
+        assert_eq!(holdings.stand_ins(&[fine]), Ok(None), "one is lacking");
+        take(&holdings, &[whole(geometry_of(pieces[1]))]).unwrap();
+    }
+    assert_eq!(holdings.stand_ins(&[fine]), Ok(Some(pieces.to_vec())));
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use trimaran_cull::{CutRule, LodCut, View};
 use trimaran_proto::{DrawableId, FrameNumber, NumberList, Supply};
-use trimaran_scene::Scene;
+use trimaran_scene::{Level, Scene};
 
 /// The largest error of a stand-in, relative to the bound of the view state.
 const COARSER: f64 = 32.0;
@@ -17,9 +17,9 @@ pub(super) struct StandIns {
     /// Drawables without a stand-in yet.
     bare: Vec<(DrawableId, FrameNumber)>,
     /// Stand-ins for drawables, as the display was told or will be.
-    known: HashMap<DrawableId, DrawableId>,
-    /// By stand-in: the drawables to tell the display.
-    untold: BTreeMap<DrawableId, Vec<u32>>,
+    known: HashMap<DrawableId, Level>,
+    /// By the first drawable of a stand-in: it, and the drawables to tell the display.
+    untold: BTreeMap<DrawableId, (Level, Vec<u32>)>,
 }
 
 impl StandIns {
@@ -29,7 +29,7 @@ impl StandIns {
     }
 
     /// Finds stand-ins for the added drawables: another level that the display `has`, or else the coarsest.
-    /// Returns the ones to send first, which is the drawable itself if nothing is coarser.
+    /// Returns the drawables to send first: all of a stand-in, or the drawable itself if nothing is coarser.
     pub(super) fn find(
         &mut self,
         scene: &Scene,
@@ -44,13 +44,19 @@ impl StandIns {
         for (id, frame) in self.bare.drain(..) {
             let mut coarsest = None;
             let coarser = cut.coarser(id, bound_px).inspect(|level| coarsest = Some(*level));
-            let there = finer(scene, id).chain(coarser).find(|level| has(*level));
-            let stand_in = there.or(coarsest.filter(|_| !few)).unwrap_or(id);
-            if stand_in != id && self.known.insert(id, stand_in) != Some(stand_in) {
-                self.untold.entry(stand_in).or_default().push(id.0);
+            let there = finer(scene, id).into_iter().chain(coarser).find(|level| level.pieces().all(&has));
+            let stand_in = there.or(coarsest.filter(|_| !few));
+            if let Some(level) = stand_in
+                && self.known.insert(id, level) != Some(level)
+            {
+                self.untold.entry(level.first()).or_insert((level, Vec::new())).1.push(id.0);
             }
-            if !has(stand_in) && !few {
-                first.push((stand_in, frame));
+            if few {
+                continue;
+            }
+            match stand_in {
+                Some(level) => first.extend(level.pieces().filter(|id| !has(*id)).map(|id| (id, frame))),
+                None => first.extend((!has(id)).then_some((id, frame))),
             }
         }
         first
@@ -59,20 +65,24 @@ impl StandIns {
     /// The messages for the display.
     pub(super) fn tell(&mut self) -> Vec<Supply> {
         let untold = std::mem::take(&mut self.untold).into_iter();
-        let parts = untold.flat_map(|(id, drawables)| {
+        let parts = untold.flat_map(|(id, (level, drawables))| {
+            let pieces = level.pieces().len() as u32;
             let lists: Vec<_> = NumberList::of(drawables).parts().collect();
-            lists.into_iter().map(move |drawables| Supply::StandIn { id, drawables })
+            lists.into_iter().map(move |drawables| Supply::StandIn { id, pieces, drawables })
         });
         parts.collect()
     }
 }
 
 /// Finer levels of the same node, coarsest first.
-fn finer(scene: &Scene, id: DrawableId) -> impl Iterator<Item = DrawableId> + use<> {
+fn finer(scene: &Scene, id: DrawableId) -> Vec<Level> {
     let drawable = scene.drawables().get(id.index());
     let node = drawable.and_then(|drawable| scene.nodes().get(drawable.node as usize));
-    let levels = node.map_or_else(Vec::new, |node| node.levels().take_while(|level| *level < id).collect());
-    levels.into_iter().rev()
+    let is_finer = |level: &Level| level.first() < id && !level.holds(id);
+    let mut levels: Vec<Level> =
+        node.into_iter().flat_map(|node| scene.levels(node).take_while(is_finer)).collect();
+    levels.reverse();
+    levels
 }
 
 /// Bytes of its geometry, packed.

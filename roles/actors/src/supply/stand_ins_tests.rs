@@ -28,7 +28,7 @@ fn find(ids: &[DrawableId], has: &[DrawableId]) -> (BTreeSet<DrawableId>, Vec<(D
     ids.iter().for_each(|id| stand_ins.add(*id, FrameNumber(7)));
     let first = stand_ins.find(&PLANT, &view(), &rule(), |id| has.contains(&id));
     let told = stand_ins.tell().into_iter().map(|item| match item {
-        Supply::StandIn { id, drawables } => (id, drawables.iter().collect()),
+        Supply::StandIn { id, drawables, .. } => (id, drawables.iter().collect()),
         item => panic!("{item:?}"),
     });
     (first.into_iter().map(|(id, _)| id).collect(), told.collect())
@@ -68,7 +68,7 @@ fn each_drawable_comes_first_or_has_something_coarser_that_does() {
 }
 
 /// One of the cut, with its possible stand-ins.
-fn with_several_coarser() -> (DrawableId, Vec<DrawableId>) {
+fn with_several_coarser() -> (DrawableId, Vec<Level>) {
     let view = view();
     let lods = LodCut::new(&PLANT, &view, rule());
     let coarser = |id: DrawableId| (id, lods.coarser(id, COARSER * EPSILON_PX).collect::<Vec<_>>());
@@ -83,17 +83,20 @@ fn with_several_coarser() -> (DrawableId, Vec<DrawableId>) {
 #[test]
 fn the_finest_that_the_display_has_stands_in_and_is_not_sent() {
     let (id, coarser) = with_several_coarser();
-    let (first, told) = find(&[id], &coarser[1..3]);
-    assert_eq!((first.len(), told), (0, vec![(coarser[1], vec![id.0])]));
+    let there: Vec<DrawableId> = coarser[1..3].iter().copied().flat_map(Level::pieces).collect();
+    let (first, told) = find(&[id], &there);
+    assert_eq!((first.len(), told), (0, vec![(coarser[1].first(), vec![id.0])]));
 }
 
 #[test]
 fn a_finer_level_that_the_display_has_stands_in_first() {
     let all = (0..PLANT.drawables().len() as u32).map(DrawableId);
-    let own = |id: &DrawableId| PLANT.nodes()[node_of(*id).0 as usize].levels().collect::<Vec<_>>();
+    let own = |id: &DrawableId| PLANT.levels(&PLANT.nodes()[node_of(*id).0 as usize]).collect::<Vec<_>>();
     let levels = all.map(|id| own(&id)).find(|levels| levels.len() > 2).unwrap();
-    let (first, told) = find(&levels[1..2], &[levels[0], levels[2]]);
-    assert_eq!((first.len(), told), (0, vec![(levels[0], vec![levels[1].0])]));
+    let there: Vec<DrawableId> = [levels[0], levels[2]].into_iter().flat_map(Level::pieces).collect();
+    let own = levels[1].first();
+    let (first, told) = find(&[own], &there);
+    assert_eq!((first.len(), told), (0, vec![(levels[0].first(), vec![own.0])]));
 }
 
 #[test]
@@ -106,9 +109,9 @@ fn of_little_nothing_coarser_is_sent() {
 #[test]
 fn what_the_display_knows_it_is_not_told_again() {
     let ((id, coarser), mut stand_ins) = (with_several_coarser(), StandIns::default());
-    let mut told = |has: DrawableId| {
+    let mut told = |has: Level| {
         stand_ins.add(id, FrameNumber(7));
-        let _first = stand_ins.find(&PLANT, &view(), &rule(), |id| id == has);
+        let _first = stand_ins.find(&PLANT, &view(), &rule(), |id| has.holds(id));
         stand_ins.tell().len()
     };
     assert_eq!(told(coarser[0]), 1);

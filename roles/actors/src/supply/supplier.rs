@@ -275,11 +275,9 @@ impl Supplier {
 
     /// About its size on the screen, squared.
     fn size(&self, id: DrawableId) -> f64 {
-        let drawable = self.scene.drawables().get(id.index());
-        let node = drawable.and_then(|drawable| self.scene.nodes().get(drawable.node as usize));
-        node.zip(self.view).map_or(0.0, |(node, view)| {
-            let (min, max) = node.world_box();
-            (max - min).length_squared() / node.distance_squared(view.eye()).max(1e-6)
+        self.scene.part(id).zip(self.view).map_or(0.0, |((_, part), view)| {
+            let (min, max) = part.world_box();
+            (max - min).length_squared() / part.distance_squared(view.eye()).max(1e-6)
         })
     }
 

@@ -30,7 +30,7 @@ use trimaran_proto::{
     Camera, DrawableId, FrameNumber, Identity, LodRule, NumberList, ObjectSet, Role, Section, SectionBox,
     Sections, SessionKey, Settings, Supply, ViewState, ViewVersion, Walkthrough, put_item,
 };
-use trimaran_scene::{DrawableEntry, Scene, pack_entries, random::Random};
+use trimaran_scene::{DrawableEntry, Level, Scene, pack_entries, random::Random};
 use trimaran_transport::{Bulk, LinkConfig, Net, Options, RecvError, TokioNet, causes, inproc, sleep_until};
 
 use crate::common::{Broken, runtime, send_frame};
@@ -416,12 +416,16 @@ fn what_stands_in_is_shown_until_the_rest_has_come() {
     let lods = LodCut::new(&PLANT, &view, settings().lod);
     let stand_ins: BTreeMap<_, _> =
         cut.iter().filter_map(|id| Some((*id, lods.coarser(*id, 64.0).last()?))).collect();
-    let first: BTreeSet<_> = cut.iter().map(|id| *stand_ins.get(id).unwrap_or(id)).collect();
+    let instead = |id: &DrawableId| -> Vec<DrawableId> {
+        stand_ins.get(id).map_or(vec![*id], |level: &Level| level.pieces().collect())
+    };
+    let first: BTreeSet<_> = cut.iter().flat_map(instead).collect();
     let rest: Vec<_> = stand_ins.keys().copied().collect();
     assert!(rest.len() > 20, "{} drawables have something that stands in", rest.len());
-    let words = stand_ins
-        .iter()
-        .map(|(finer, id)| Supply::StandIn { id: *id, drawables: NumberList::of(vec![finer.0]) });
+    let words = stand_ins.iter().map(|(finer, level)| {
+        let (id, pieces) = (level.first(), level.pieces().len() as u32);
+        Supply::StandIn { id, pieces, drawables: NumberList::of(vec![finer.0]) }
+    });
     let first_blocks = whole(&first).into_iter().chain(words.map(|word| block(&[word])));
     let (some, others) = rest.split_at(rest.len() * 3 / 4);
     let sent = vec![first_blocks.collect(), whole(some), whole(others)];
@@ -436,7 +440,7 @@ fn what_stands_in_is_shown_until_the_rest_has_come() {
     assert_eq!(seen.lacking.iter().map(|(_, again)| *again).collect::<Vec<_>>(), [false, true, true]);
     let shown = |coarser: &[DrawableId]| {
         let there = cut.iter().filter(|id| !coarser.contains(id)).copied();
-        let ids: BTreeSet<_> = there.chain(coarser.iter().map(|id| stand_ins[id])).collect();
+        let ids: BTreeSet<_> = there.chain(coarser.iter().flat_map(instead)).collect();
         let mut ids: Vec<_> = ids.into_iter().collect();
         draw_order(&PLANT, &view, &mut ids);
         Picture::draw(&PLANT, &view, &ids, &[])
@@ -705,8 +709,8 @@ fn a_scene_that_was_given_all_is_drawn_as_the_whole_one() {
     assert_eq!(empty.outline(), PLANT.outline());
     for id in &all {
         assert_eq!(empty.has(*id), Ok(true));
-        let (ours, theirs) = (&empty.drawables()[id.index()], &PLANT.drawables()[id.index()]);
-        let (node, whole) = (&empty.nodes()[ours.node as usize], &PLANT.nodes()[theirs.node as usize]);
+        let ((ours, node), (theirs, whole)) = (empty.part(*id).unwrap(), PLANT.part(*id).unwrap());
+        assert_eq!(ours.level(*id), theirs.level(*id));
         assert_eq!(
             (node.world_box(), node.origin, node.linear),
             (whole.world_box(), whole.origin, whole.linear)

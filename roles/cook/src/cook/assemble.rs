@@ -1,13 +1,13 @@
 //! Lays out the arrays of the scene.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::Range};
 
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::clusters::ClusterNode;
+use super::clusters::{self, ClusterNode};
 use super::gather::Merged;
-use super::levels::LeveledMesh;
+use super::levels::{Level, LeveledMesh};
 use super::linear::WorldBox;
 use super::placed::Leaf;
 use super::solid::{Solid, Solids};
@@ -22,11 +22,11 @@ use trimaran_scene::{
 /// The numbers of a mesh's pieces of geometry.
 #[derive(Debug, Default)]
 struct MeshNumbers {
-    /// One per level. If there are clusters, the finest level consists of them and has none.
-    levels: Vec<u32>,
+    /// Of each level its pieces. If there are clusters, the finest level consists of them and has none.
+    levels: Vec<Vec<u32>>,
     /// One per node of the cluster tree that is a cluster.
     clusters: Vec<Option<u32>>,
-    part_levels: Vec<u32>,
+    part_levels: Vec<Vec<u32>>,
 }
 
 /// The origin of a scene's node.
@@ -70,7 +70,9 @@ pub(super) fn assemble(
                 let merged = merged.get_mut(node as usize).and_then(Option::take);
                 parts.place_tree_node(node, merged, own, &mut record, &mut arrays)?;
             }
-            Place::Cluster { leaf, node } => parts.place_cluster(leaf, node, own, &mut record, &mut arrays),
+            Place::Cluster { leaf, node } => {
+                parts.place_cluster(leaf, node, own, &mut record, &mut arrays)?;
+            }
         }
         record.drawable_count = number("drawables", arrays.drawables.len())? - record.first_drawable;
         arrays.nodes.push(record);
@@ -112,7 +114,7 @@ impl<'a> Parts<'a> {
         })
     }
 
-    fn clusters_below(&self, leaf: u32, node: u32) -> std::ops::Range<u32> {
+    fn clusters_below(&self, leaf: u32, node: u32) -> Range<u32> {
         let cluster = self.leaf(leaf).and_then(|(_, mesh)| mesh.clusters.get(node as usize));
         cluster.map_or(0..0, |cluster| cluster.children.clone())
     }
@@ -131,52 +133,81 @@ impl<'a> Parts<'a> {
             place_leaf(record, leaf, mesh);
             let numbers = self.numbers.get(leaf.mesh as usize).map_or(&[][..], |numbers| &numbers.levels);
             let levels = mesh.levels.iter().skip(mesh.levels.len().saturating_sub(numbers.len()));
-            for (level, &number) in levels.zip(numbers) {
-                let sides = self.sides(leaf, number, record);
-                add_drawable(index, leaf.world_error(level.error), number, sides, arrays);
+            for (level, pieces) in levels.zip(numbers) {
+                self.add_level(leaf, level, pieces, index, record, arrays)?;
             }
         } else if let Some(merged) = merged {
             place_inner(record, merged.origin, merged.bounds);
-            for level in merged.levels {
-                let solid = Solids::new(&level.vertices, &level.indices).of_all();
-                let sides = solid
-                    .map_or(Sides::BOTH, |solid| solid.sides(DMat3::IDENTITY, merged.origin, merged.bounds));
-                let number = add_geometry(piece(&level.vertices, &level.indices), arrays)?;
-                add_drawable(index, level.error, number, sides, arrays);
+            for mut level in merged.levels {
+                let pieces = clusters::pieces(&level.vertices, &mut level.indices);
+                let solids = Solids::new(&level.vertices, &level.indices);
+                let count = piece_count(&pieces)?;
+                for (number, (range, _)) in (0..).zip(pieces) {
+                    let (solid, geometry) = cut_out(&level.vertices, &level.indices, &solids, range);
+                    let (min, max) = if count > 1 { geometry.part_of(record) } else { *record }.world_box();
+                    let bounds = WorldBox { min, max };
+                    let sides =
+                        solid.map_or(Sides::BOTH, |s| s.sides(DMat3::IDENTITY, merged.origin, bounds));
+                    let geometry = add_geometry(geometry, arrays)?;
+                    add_drawable(index, level.error, geometry, sides, [number, count], arrays);
+                }
             }
         }
         Ok(())
     }
 
-    /// A part of an object, in the object's frame: of its finest level, and of a large mesh's coarser ones.
-    fn place_cluster(&self, leaf: u32, node: u32, index: u32, record: &mut Node, arrays: &mut SceneArrays) {
-        let Some((leaf, mesh)) = self.leaf(leaf) else { return };
-        let Some(cluster) = mesh.clusters.get(node as usize) else { return };
-        place_leaf(record, leaf, mesh);
-        record.local_min = cluster.min.to_array();
-        record.local_max = cluster.max.to_array();
-        // Both boxes contain the cluster, so their intersection does, and it lies within the parent's.
-        let (parent_min, parent_max) = arrays.nodes.get(record.parent as usize).map_or_else(
-            || (leaf.world.min, leaf.world.max),
-            |parent| (DVec3::from_array(parent.world_min), DVec3::from_array(parent.world_max)),
-        );
-        let world = leaf.world_box(cluster.min, cluster.max);
-        record.world_min = world.min.max(parent_min).to_array();
-        record.world_max = world.max.min(parent_max).to_array();
-        let Some(numbers) = self.numbers.get(leaf.mesh as usize) else { return };
-        if let Some(&Some(finest)) = numbers.clusters.get(node as usize) {
-            add_drawable(index, 0.0, finest, self.sides(leaf, finest, record), arrays);
+    /// The pieces of a level of a placed mesh.
+    fn add_level(
+        &self,
+        leaf: &Leaf,
+        level: &Level,
+        pieces: &[u32],
+        index: u32,
+        record: &Node,
+        arrays: &mut SceneArrays,
+    ) -> Result<(), CookError> {
+        let count = piece_count(pieces)?;
+        for (number, &geometry) in (0..).zip(pieces) {
+            let sides = self.sides(leaf, geometry, count, record, arrays);
+            add_drawable(index, leaf.world_error(level.error), geometry, sides, [number, count], arrays);
         }
-        let levels = mesh.part_levels.iter().zip(&numbers.part_levels);
-        for (level, &number) in levels.skip(cluster.levels.start as usize).take(cluster.levels.len()) {
-            let sides = self.sides(leaf, number, record);
-            add_drawable(index, leaf.world_error(level.error), number, sides, arrays);
-        }
+        Ok(())
     }
 
-    /// The visible sides of a piece of a placed mesh, in a node of this box.
-    fn sides(&self, leaf: &Leaf, number: u32, node: &Node) -> Sides {
-        let (min, max) = node.world_box();
+    /// A part of an object, in the object's frame: of its finest level, and of a large mesh's coarser ones.
+    fn place_cluster(
+        &self,
+        leaf: u32,
+        node: u32,
+        index: u32,
+        record: &mut Node,
+        arrays: &mut SceneArrays,
+    ) -> Result<(), CookError> {
+        let Some((leaf, mesh)) = self.leaf(leaf) else { return Ok(()) };
+        let Some(cluster) = mesh.clusters.get(node as usize) else { return Ok(()) };
+        place_leaf(record, leaf, mesh);
+        if let Some(parent) = arrays.nodes.get(record.parent as usize) {
+            (record.world_min, record.world_max) = (parent.world_min, parent.world_max);
+        }
+        *record = record.part(cluster.min, cluster.max);
+        let Some(numbers) = self.numbers.get(leaf.mesh as usize) else { return Ok(()) };
+        if let Some(&Some(finest)) = numbers.clusters.get(node as usize) {
+            let sides = self.sides(leaf, finest, 1, record, arrays);
+            add_drawable(index, 0.0, finest, sides, [0, 1], arrays);
+        }
+        let levels = mesh.part_levels.iter().zip(&numbers.part_levels);
+        for (level, pieces) in levels.skip(cluster.levels.start as usize).take(cluster.levels.len()) {
+            self.add_level(leaf, level, pieces, index, record, arrays)?;
+        }
+        Ok(())
+    }
+
+    /// The visible sides of a piece of a placed mesh, one of so many of a level of this node.
+    fn sides(&self, leaf: &Leaf, number: u32, pieces: u16, node: &Node, arrays: &SceneArrays) -> Sides {
+        let (min, max) = match arrays.geometries.get(number as usize) {
+            Some(geometry) if pieces > 1 => geometry.part_of(node).world_box(),
+            _ => node.world_box(),
+        };
         let solid = self.solids.get(number as usize).copied().flatten();
         solid.map_or(Sides::BOTH, |solid| {
             solid.sides(leaf.linear.as_dmat3(), leaf.origin, WorldBox { min, max })
@@ -205,9 +236,24 @@ fn place_inner(record: &mut Node, origin: DVec3, bounds: WorldBox) {
     record.local_max = Vec3::new(high.x.next_up(), high.y.next_up(), high.z.next_up()).to_array();
 }
 
-fn add_drawable(node: u32, error: f32, geometry: u32, sides: Sides, arrays: &mut SceneArrays) {
+/// Adds the piece of this number, of so many.
+fn add_drawable(
+    node: u32,
+    error: f32,
+    geometry: u32,
+    sides: Sides,
+    [piece, pieces]: [u16; 2],
+    arrays: &mut SceneArrays,
+) {
     let triangles = arrays.geometries.get(geometry as usize).map_or(0, Geometry::triangles) as u32;
-    arrays.drawables.push(Drawable { error, node, geometry, triangles, sides });
+    arrays.drawables.push(Drawable { error, node, geometry, triangles, sides, piece, pieces });
+}
+
+/// How many pieces a level has.
+fn piece_count<T>(pieces: &[T]) -> Result<u16, CookError> {
+    let count = pieces.len();
+    u16::try_from(count)
+        .map_err(|_| CookError::Scene(SceneError::TooMany { what: "pieces of a level", count }))
 }
 
 fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookError> {
@@ -243,9 +289,9 @@ fn add_meshes(
 /// The geometry of a mesh: as [`MeshNumbers`].
 #[derive(Default)]
 struct Pieces {
-    levels: Vec<Piece>,
+    levels: Vec<Vec<Piece>>,
     clusters: Vec<Option<Piece>>,
-    part_levels: Vec<Piece>,
+    part_levels: Vec<Vec<Piece>>,
 }
 
 /// A piece of geometry, and the solids to which it belongs.
@@ -259,6 +305,14 @@ impl Pieces {
         let alone = |indices: &[u32]| Piece {
             geometry: piece(&mesh.vertices, indices),
             solid: Solids::new(&mesh.vertices, indices).of_all(),
+        };
+        let level = |level: &Level| -> Vec<Piece> {
+            let solids = Solids::new(&mesh.vertices, &level.indices);
+            let cut = |range: &Range<u32>| {
+                let (solid, geometry) = cut_out(&mesh.vertices, &level.indices, &solids, range.clone());
+                Piece { geometry, solid }
+            };
+            level.pieces.iter().map(cut).collect()
         };
         let clustered = usize::from(!mesh.clusters.is_empty());
         let finest = mesh.levels.first().map(|level| level.indices.as_slice()).unwrap_or_default();
@@ -277,9 +331,9 @@ impl Pieces {
             })
         };
         Self {
-            levels: mesh.levels.iter().skip(clustered).map(|level| alone(&level.indices)).collect(),
+            levels: mesh.levels.iter().skip(clustered).map(level).collect(),
             clusters: mesh.clusters.iter().map(cluster).collect(),
-            part_levels: mesh.part_levels.iter().map(|level| alone(&level.indices)).collect(),
+            part_levels: mesh.part_levels.iter().map(level).collect(),
         }
     }
 
@@ -292,16 +346,32 @@ impl Pieces {
             solids.push(solid);
             add_geometry(geometry, arrays)
         };
+        let mut add_all =
+            |pieces: Vec<Piece>| pieces.into_iter().map(&mut add).collect::<Result<Vec<u32>, _>>();
+        let levels = self.levels.into_iter().map(&mut add_all).collect::<Result<_, _>>()?;
+        let part_levels = self.part_levels.into_iter().map(&mut add_all).collect::<Result<_, _>>()?;
         Ok(MeshNumbers {
-            levels: self.levels.into_iter().map(&mut add).collect::<Result<_, _>>()?,
+            levels,
+            part_levels,
             clusters: self
                 .clusters
                 .into_iter()
                 .map(|piece| piece.map(&mut add).transpose())
                 .collect::<Result<_, _>>()?,
-            part_levels: self.part_levels.into_iter().map(add).collect::<Result<_, _>>()?,
         })
     }
+}
+
+/// A piece of a level, and the solids to which its triangles belong.
+fn cut_out(
+    vertices: &[Vertex],
+    level: &[u32],
+    solids: &Solids,
+    range: Range<u32>,
+) -> (Option<Solid>, Geometry) {
+    let range = range.start as usize..range.end as usize;
+    let own = level.get(range.clone()).unwrap_or_default();
+    (solids.of(range.start / 3..range.end / 3), piece(vertices, own))
 }
 
 /// Some triangles, prepared for flat shading, with only the vertices that they use.

@@ -1,9 +1,10 @@
-//! Cuts the finest level of a large mesh into clusters of neighbouring triangles that are culled one by one.
+//! Cuts levels into pieces of neighbouring triangles that are culled one by one, and the finest level of a large
+//! mesh into clusters.
 //!
 //! An object is a unit of names, not of visibility: of a brick with a thousand triangles the camera sees the
 //! studs and never the tubes inside. So a mesh of many triangles has a small tree of its own below it, whose
-//! leaves draw a few dozen triangles each. All triangles stay unchanged, each in exactly one cluster, in the
-//! mesh's own frame; the object's coarser levels stay whole.
+//! leaves draw a few dozen triangles each. Other levels need no tree: all of their pieces are tested once the
+//! level is drawn. All triangles stay unchanged, each in exactly one cluster or piece, in the mesh's own frame.
 
 use std::ops::Range;
 
@@ -18,9 +19,8 @@ const LARGE: usize = 192;
 /// The most triangles of a cluster.
 const MOST: usize = 48;
 
-/// A mesh in clusters has at least this many times the triangles of its coarser levels. These are drawn whole
-/// if any of them is visible, and clusters only where they are. With twice as many, a larger error drew up to
-/// twice the triangles.
+/// A mesh in clusters has at least this many times the triangles of its coarser levels. A level of half of them
+/// takes long to cook and much of the file, and saves little beside the clusters that are hidden.
 const WORTH: usize = 4;
 
 /// A node of a mesh's cluster tree, in breadth-first order; the first stands for the whole mesh.
@@ -46,23 +46,10 @@ pub(super) const fn most_whole(finest: usize) -> usize {
 /// Cuts the triangles of `finest`, and makes those of a cluster contiguous. Returns the tree, empty if the
 /// mesh is small.
 pub(super) fn cut(vertices: &[Vertex], finest: &mut Vec<u32>) -> Vec<ClusterNode> {
-    let triangles = finest.as_chunks::<3>().0;
-    if triangles.len() <= LARGE {
+    if finest.len() / 3 <= LARGE {
         return Vec::new();
     }
-    let boxes: Vec<WorldBox> = triangles.iter().map(|corners| bounds(vertices, corners)).collect();
-    let groups = tree::groups(&boxes, MOST);
-    let mut sorted = Vec::with_capacity(finest.len());
-    let mut clusters = Vec::with_capacity(groups.len());
-    for group in &groups {
-        let start = sorted.len() as u32;
-        let members = group.iter().filter_map(|&triangle| triangles.get(triangle as usize));
-        sorted.extend(members.flatten());
-        let around =
-            group.iter().filter_map(|&t| boxes.get(t as usize)).fold(WorldBox::EMPTY, |b, &t| b.union(t));
-        clusters.push((start..sorted.len() as u32, around));
-    }
-    *finest = sorted;
+    let clusters = pieces(vertices, finest);
     let boxes: Vec<WorldBox> = clusters.iter().map(|(_, bounds)| *bounds).collect();
     let node = |node: tree::TreeNode| ClusterNode {
         children: node.children,
@@ -76,6 +63,30 @@ pub(super) fn cut(vertices: &[Vertex], finest: &mut Vec<u32>) -> Vec<ClusterNode
         levels: 0..0,
     };
     tree::build(&boxes).into_iter().map(node).collect()
+}
+
+/// Cuts a level into pieces of at most [`MOST`] neighbouring triangles, and makes those of a piece contiguous.
+/// Returns each one's positions in the indices, and its box.
+pub(super) fn pieces(vertices: &[Vertex], level: &mut Vec<u32>) -> Vec<(Range<u32>, WorldBox)> {
+    let triangles = level.as_chunks::<3>().0;
+    let boxes: Vec<WorldBox> = triangles.iter().map(|corners| bounds(vertices, corners)).collect();
+    let groups = if triangles.len() > MOST {
+        tree::groups(&boxes, MOST)
+    } else {
+        vec![(0..triangles.len() as u32).collect()]
+    };
+    let mut sorted = Vec::with_capacity(level.len());
+    let mut pieces = Vec::with_capacity(groups.len());
+    for group in &groups {
+        let start = sorted.len() as u32;
+        let members = group.iter().filter_map(|&triangle| triangles.get(triangle as usize));
+        sorted.extend(members.flatten());
+        let around =
+            group.iter().filter_map(|&t| boxes.get(t as usize)).fold(WorldBox::EMPTY, |b, &t| b.union(t));
+        pieces.push((start..sorted.len() as u32, around));
+    }
+    *level = sorted;
+    pieces
 }
 
 /// The box around a triangle.

@@ -1,5 +1,7 @@
 //! Levels of detail of one mesh, shared by all objects that place it.
 
+use std::ops::Range;
+
 use glam::Vec3;
 use meshopt::SimplifyOptions;
 use rayon::prelude::*;
@@ -24,6 +26,14 @@ pub(super) struct Level {
     /// The upper bound of the indices: coarser levels use fewer of the first vertices.
     pub(super) vertex_count: u32,
     pub(super) error: f32,
+    /// Its pieces, as positions in the indices; none if it is in clusters.
+    pub(super) pieces: Vec<Range<u32>>,
+}
+
+impl Level {
+    fn cut(&mut self, vertices: &[Vertex]) {
+        self.pieces = clusters::pieces(vertices, &mut self.indices).into_iter().map(|(at, _)| at).collect();
+    }
 }
 
 /// A mesh with its levels.
@@ -99,7 +109,10 @@ impl LeveledMesh {
         }
         let (vertices, mut levels) = share_vertices(vertices, chain);
         let clusters = levels.first_mut().map(|finest| clusters::cut(&vertices, &mut finest.indices));
-        Self { vertices, levels, clusters: clusters.unwrap_or_default(), ..self }
+        let clusters = clusters.unwrap_or_default();
+        let in_clusters = usize::from(!clusters.is_empty());
+        levels.iter_mut().skip(in_clusters).for_each(|level| level.cut(&vertices));
+        Self { vertices, levels, clusters, ..self }
     }
 
     /// Its parts have levels of their own.
@@ -108,6 +121,7 @@ impl LeveledMesh {
         let parts = part_levels.len();
         let chain = std::iter::once((finest, 0.0)).chain(part_levels).chain(whole).collect();
         let (vertices, mut levels) = share_vertices(vertices, chain);
+        levels.par_iter_mut().skip(1).for_each(|level| level.cut(&vertices));
         let part_levels = levels.drain(1..=parts).collect();
         Self { vertices, levels, part_levels, clusters, ..self }
     }
@@ -162,7 +176,7 @@ fn share_vertices(vertices: &[Vertex], chain: Vec<Triangles>) -> (Vec<Vertex>, V
             }
             *index = *slot;
         }
-        levels.push(Level { indices, vertex_count: shared.len() as u32, error });
+        levels.push(Level { indices, vertex_count: shared.len() as u32, error, pieces: Vec::new() });
     }
     levels.reverse();
     (shared, levels)

@@ -88,11 +88,6 @@ impl Leaf {
         sound.then_some(Self { object: index, mesh: object.mesh, linear, origin, stretch, world })
     }
 
-    /// A world box around a box in the mesh's frame.
-    pub(super) fn world_box(&self, min: Vec3, max: Vec3) -> WorldBox {
-        WorldBox::placed(min, max, self.linear.as_dmat3(), self.origin)
-    }
-
     /// A vertex of the mesh in the world.
     pub(super) fn to_world(&self, vertex: &Vertex) -> DVec3 {
         self.linear.as_dmat3() * Vec3::from_array(vertex.position).as_dvec3() + self.origin

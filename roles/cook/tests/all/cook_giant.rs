@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DAffine3, DVec3, Vec3};
 use trimaran_cook::{CookOptions, cook};
 use trimaran_cook::{Mesh, Model, Object, Source};
-use trimaran_scene::{Drawable, Node, Rgba8, Scene};
+use trimaran_scene::{Drawable, Level, Node, Rgba8, Scene};
 
 /// Uneven ground, metres.
 fn height(x: f64, z: f64) -> f64 {
@@ -102,16 +102,17 @@ fn cooked(mut mesh: Mesh, places: &[DVec3]) -> Scene {
 /// A cut through the tree: `choose` returns the level at which to draw a node, or none to visit its children.
 /// Leaves are drawn at some level.
 fn cut(scene: &Scene, mut choose: impl FnMut(&Node, &[Drawable]) -> Option<usize>) -> Vec<Drawable> {
+    let pieces = |level: Level| level.pieces().map(|id| scene.drawables()[id.index()]);
     let mut drawn = Vec::new();
     let mut open = vec![0];
     while let Some(index) = open.pop() {
         let node = &scene.nodes()[index as usize];
-        let first = node.first_drawable as usize;
-        let levels = scene.drawables().range(first..first + node.drawable_count as usize);
-        let levels: Vec<Drawable> = levels.copied().collect();
-        match choose(node, &levels) {
-            Some(level) => drawn.push(levels[level]),
-            None if node.is_leaf() => drawn.push(levels[0]),
+        let levels: Vec<Level> = scene.levels(node).collect();
+        let firsts: Vec<Drawable> =
+            levels.iter().map(|level| scene.drawables()[level.first().index()]).collect();
+        match choose(node, &firsts) {
+            Some(level) => drawn.extend(pieces(levels[level])),
+            None if node.is_leaf() => drawn.extend(pieces(levels[0])),
             None => open.extend(node.children()),
         }
     }
@@ -148,7 +149,7 @@ fn random_cut(scene: &Scene, seed: u64) -> Vec<Drawable> {
 
 /// Parts and the nodes over them: nodes of an object with levels that have an error.
 fn with_levels(scene: &Scene) -> impl Iterator<Item = (u32, &Node)> {
-    let coarse = |node: &Node| node.levels().any(|id| scene.drawables()[id.index()].error > 0.0);
+    let coarse = |node: &Node| node.drawables().any(|id| scene.drawables()[id.index()].error > 0.0);
     (0..).zip(scene.nodes()).filter(move |(_, node)| node.object != Node::NONE && coarse(node))
 }
 
@@ -202,8 +203,8 @@ fn whatever_levels_parts_are_drawn_at_a_closed_surface_stays_closed() {
         assert_eq!(open_edges(&scene, &drawn), 0, "cut {seed} of {} drawables", drawn.len());
     }
     assert!(mixed > 10, "{mixed} cuts mix levels");
-    let coarsest = scene.nodes()[0].levels().next_back().unwrap();
-    let coarsest = scene.drawables()[coarsest.index()].triangles;
+    let coarsest = scene.levels(&scene.nodes()[0]).next_back().unwrap();
+    let coarsest: u32 = coarsest.pieces().map(|id| scene.drawables()[id.index()].triangles).sum();
     assert!(coarsest < 100, "{coarsest} triangles of the whole at its coarsest");
 }
 
@@ -244,9 +245,10 @@ fn no_level_of_a_part_is_farther_from_the_finest_than_it_claims() {
     let mut checked = 0;
     for (index, node) in with_levels(&scene) {
         let finest = finest_below(&scene, index);
-        for id in node.levels() {
-            let drawable = scene.drawables()[id.index()];
-            let level = triangles(&scene, &drawable);
+        for pieces in scene.levels(node) {
+            let drawable = scene.drawables()[pieces.first().index()];
+            let pieces = pieces.pieces().map(|id| scene.drawables()[id.index()]);
+            let level: Vec<_> = pieces.flat_map(|piece| triangles(&scene, &piece)).collect();
             let found = farthest(&finest, &level, 60).max(farthest(&level, &finest, 60));
             assert!(found <= f64::from(drawable.error), "node {index}: {found} for {}", drawable.error);
             checked += usize::from(found > 0.1 * f64::from(drawable.error));

@@ -3,7 +3,8 @@
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use trimaran_cook::{CookError, CookOptions, cook};
 use trimaran_cook::{Mesh, Model, Object, Source};
-use trimaran_scene::{Node, NodeId, Rgba8, Scene};
+use trimaran_proto::DrawableId;
+use trimaran_scene::{Level, Node, NodeId, Rgba8, Scene};
 
 /// A pipe along x: `sides` sides, `rings` rings, radius 0.1, length 2.
 fn pipe(sides: u32, rings: u32) -> Mesh {
@@ -123,12 +124,18 @@ fn more_nodes_than_allowed_are_refused_with_the_object_that_takes_most() {
 #[test]
 fn boxes_hold_every_level_of_the_node_and_of_all_below() {
     let scene = cooked(&rack());
+    let mut pieces = 0;
     for (id, node, point) in world_vertices(&scene) {
+        let (drawable, part) = scene.part(DrawableId(id as u32)).unwrap();
+        let (low, high) = part.world_box();
+        assert!(point.cmpge(low).all() && point.cmple(high).all(), "drawable {id}: {point}");
+        pieces += usize::from(drawable.pieces > 1);
         for (NodeId(up), record) in scene.ancestors(NodeId(node)) {
             let (low, high) = record.world_box();
             assert!(point.cmpge(low).all() && point.cmple(high).all(), "drawable {id}, node {up}: {point}");
         }
     }
+    assert!(pieces > 1000, "{pieces} vertices are of levels in pieces");
 }
 
 #[test]
@@ -148,7 +155,10 @@ fn instances_share_levels_and_scale_their_errors() {
     }
 }
 
-/// Each is drawn whole if any of it is visible, and clusters are drawn only where they are.
+fn triangles_of(scene: &Scene, level: Level) -> u32 {
+    level.pieces().map(|id| scene.drawables()[id.index()].triangles).sum()
+}
+
 #[test]
 fn coarse_levels_of_a_clustered_mesh_have_at_most_a_quarter_of_its_triangles() {
     let mut model = rack();
@@ -157,7 +167,7 @@ fn coarse_levels_of_a_clustered_mesh_have_at_most_a_quarter_of_its_triangles() {
     let triangles = |mesh: u32| -> Vec<u32> {
         let object = model.objects.iter().position(|object| object.mesh == mesh).unwrap();
         let node = object_nodes(&scene).find(|node| node.object == object as u32).unwrap();
-        node.levels().map(|id| scene.drawables()[id.index()].triangles).collect()
+        scene.levels(node).map(|level| triangles_of(&scene, level)).collect()
     };
     let (clustered, whole) = (triangles(0), triangles(1));
     assert!(clustered.len() > 1 && clustered.iter().all(|level| 4 * level <= 2 * 64 * 9), "{clustered:?}");
@@ -170,7 +180,7 @@ fn a_merged_level_is_as_near_as_it_claims() {
     let fine: Vec<DVec3> = world_vertices(&scene)
         .filter(|&(id, node, _)| {
             let node = &scene.nodes()[node as usize];
-            node.is_leaf() && id == node.first_drawable as usize
+            node.is_leaf() && scene.drawables()[id].error == 0.0
         })
         .map(|(_, _, point)| point)
         .collect();
@@ -205,14 +215,12 @@ fn no_point_of_the_finest_geometry_is_farther_from_a_merged_level_than_its_error
     };
     let is_below = |node: u32, top: u32| scene.ancestors(NodeId(node)).any(|(above, _)| above.0 == top);
     // The finest levels below: those without an error.
-    let merged = scene
-        .drawables()
-        .iter()
-        .enumerate()
-        .filter(|(_, d)| scene.nodes()[d.node as usize].object == Node::NONE);
+    let merged = scene.nodes().iter().filter(|node| node.object == Node::NONE);
     let mut checked = 0;
-    for (id, level) in merged {
-        let coarse = triangles(id);
+    for pieces in merged.flat_map(|node| scene.levels(node)) {
+        let id = pieces.first();
+        let level = scene.drawables()[id.index()];
+        let coarse: Vec<[DVec3; 3]> = pieces.pieces().flat_map(|id| triangles(id.index())).collect();
         let longest = coarse
             .iter()
             .flat_map(|&[a, b, c]| [a.distance(b), b.distance(c), c.distance(a)])
@@ -259,7 +267,8 @@ fn merged_levels_are_small_and_near_what_they_stand_for() {
         assert!(level.triangles <= most, "{} triangles", level.triangles);
     }
     let root = scene.nodes()[0];
-    let errors: Vec<f32> = root.levels().map(|level| scene.drawables()[level.index()].error).collect();
+    let first = |level: Level| scene.drawables()[level.first().index()];
+    let errors: Vec<f32> = scene.levels(&root).map(|level| first(level).error).collect();
     let (low, high) = root.world_box();
     assert_eq!(errors.len(), 2, "the root stands for all, finely and coarsely");
     assert!(errors[0] * 1.2 < errors[1] && f64::from(errors[0]) < 0.1 * low.distance(high), "{errors:?}");
@@ -319,7 +328,7 @@ fn a_small_part_is_drawn_as_it_is() {
     let scene = cooked(&model);
     let levels = |mesh: u32| {
         let object = model.objects.iter().position(|object| object.mesh == mesh).unwrap();
-        object_nodes(&scene).find(|node| node.object == object as u32).unwrap().drawable_count
+        scene.levels(object_nodes(&scene).find(|node| node.object == object as u32).unwrap()).count()
     };
     assert_eq!(levels(0), 1, "of 32 triangles 16 could be saved");
     assert!(levels(1) > 1, "of 64 triangles 32 are");

@@ -295,8 +295,9 @@ fn not_packed(file: &[u8]) -> Vec<u8> {
     let scene = Scene::open_bytes(Path::new("a.scene"), file).unwrap();
     let names: String = (0..scene.objects().len() as u32).map(|i| scene.object_name(i).unwrap()).collect();
     let sources = scene.sources().iter();
-    let sources: Vec<u8> =
-        sources.flat_map(|name| [&(name.len() as u32).to_le_bytes(), name.as_bytes()].concat()).collect();
+    let sources = sources.flat_map(|name| [&(name.len() as u32).to_le_bytes(), name.as_bytes()].concat());
+    // No object is see-through.
+    let sources: Vec<u8> = [0; 4].into_iter().chain(sources).collect();
     let unpacked: [Vec<u8>; 6] = [
         bytemuck::cast_slice(&scene.nodes().to_vec()).to_vec(),
         bytemuck::cast_slice(&scene.drawables().to_vec()).to_vec(),

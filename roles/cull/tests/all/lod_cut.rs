@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use trimaran_audit::cases::{Mesh, Object, build, looking};
 use trimaran_cull::{Choice, CutRule, LodCut, LodRule, View, Viewport, lod_cut};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Settings, ViewState};
-use trimaran_scene::{NodeId, Scene, random::Random};
+use trimaran_scene::{Level, NodeId, Scene, random::Random};
 
 fn view() -> View {
     looking(DVec3::ZERO, DVec3::Y, 90.0, Viewport::new(100, 100).unwrap(), 0).unwrap()
@@ -23,6 +23,14 @@ fn choose(scene: &Scene, epsilon: f64) -> Choice {
     LodCut::new(scene, &view(), LodRule::new(epsilon).unwrap()).choose(NodeId(0), &scene.nodes()[0])
 }
 
+/// The drawables of the chosen level.
+fn drawn(choice: Choice) -> Vec<DrawableId> {
+    match choice {
+        Choice::Draw(level) => level.pieces().collect(),
+        choice => panic!("{choice:?}"),
+    }
+}
+
 #[test]
 fn a_rule_needs_a_finite_bound_above_zero() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -36,14 +44,14 @@ fn the_coarsest_level_within_the_bound_is_chosen() {
     // Focal length 50 px, nearest depth 99 m: 1 m projects to 0.505 px on the axis, a little more with the
     // box's width.
     let scene = crate_scene(1.0, DVec3::new(0.0, 100.0, 0.0));
-    assert_eq!(choose(&scene, 0.506), Choice::Draw(DrawableId(1)));
-    assert_eq!(choose(&scene, 0.504), Choice::Draw(DrawableId(0)));
+    assert_eq!(drawn(choose(&scene, 0.506)), [DrawableId(1)]);
+    assert_eq!(drawn(choose(&scene, 0.504)), [DrawableId(0)]);
 }
 
 #[test]
 fn a_leaf_above_the_bound_is_drawn_at_its_finest_level() {
     let scene = crate_scene(1.0, DVec3::new(0.0, 2.0, 0.0));
-    assert_eq!(choose(&scene, 1e-6), Choice::Draw(DrawableId(0)));
+    assert_eq!(drawn(choose(&scene, 1e-6)), [DrawableId(0)]);
 }
 
 #[test]
@@ -51,9 +59,9 @@ fn an_interior_node_above_the_bound_is_refined_though_it_has_a_level() {
     let half = Vec3::splat(0.5);
     let objects = [-2.0, 2.0].map(|x| Object::new(Mesh::cuboid(-half, half, 1)).at(DVec3::new(x, 20.0, 0.0)));
     let scene = build(&objects, true).unwrap();
-    assert_eq!(scene.nodes()[0].levels().count(), 1);
+    assert_eq!(scene.levels(&scene.nodes()[0]).count(), 1);
     assert_eq!(choose(&scene, 1.0), Choice::Refine);
-    assert_eq!(choose(&scene, 100.0), Choice::Draw(DrawableId(0)));
+    assert_eq!(drawn(choose(&scene, 100.0)), [DrawableId(0)]);
     assert_eq!(lod_cut(&scene, &view(), LodRule::new(1.0).unwrap()), [DrawableId(1), DrawableId(2)]);
 }
 
@@ -212,12 +220,12 @@ fn what_can_stand_in_is_coarser_within_the_bound_and_of_objects_drawn_alike() {
         Object { coarser, ..Object::new(mesh) }.at(DVec3::new(x, 20.0, 0.0))
     });
     let scene = build(&objects, true).unwrap();
-    let above: Vec<_> = scene.nodes()[0].levels().collect();
-    let own: Vec<_> = scene.nodes()[1].levels().collect();
+    let above: Vec<_> = scene.nodes()[0].drawables().collect();
+    let own: Vec<_> = scene.nodes()[1].drawables().collect();
     assert_eq!((above.len(), own.len()), (1, 3));
     let (view, lod) = (view(), LodRule::new(0.001).unwrap());
     let coarser = |rule: CutRule, id, bound_px| -> Vec<_> {
-        LodCut::new(&scene, &view, rule).coarser(id, bound_px).collect()
+        LodCut::new(&scene, &view, rule).coarser(id, bound_px).map(Level::first).collect()
     };
     assert_eq!(coarser(lod.into(), own[0], 1e9), [own[1], own[2], above[0]]);
     assert_eq!(coarser(lod.into(), own[1], 1e9), [own[2], above[0]]);

@@ -7,6 +7,7 @@ mod hzb;
 mod in_sight;
 mod lod_cut;
 mod occluder_selection;
+mod pieces;
 mod properties;
 mod rounds;
 mod view_state;

@@ -13,7 +13,7 @@ use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
 /// Occluders, and the depth that the last of them completed.
-struct Device {
+pub(crate) struct Device {
     scene: Arc<Scene>,
     view: View,
     occluders: Vec<DrawableId>,
@@ -22,7 +22,7 @@ struct Device {
 }
 
 impl Device {
-    fn new(scene: &Arc<Scene>, view: &View, occluders: &[DrawableId]) -> Self {
+    pub(crate) fn new(scene: &Arc<Scene>, view: &View, occluders: &[DrawableId]) -> Self {
         let (depth, pyramid) = (Vec::new(), DepthPyramid::default());
         let mut device =
             Self { scene: Arc::clone(scene), view: *view, occluders: Vec::new(), depth, pyramid };
@@ -34,7 +34,7 @@ impl Device {
         DepthImage::new(self.view.viewport(), &self.depth).unwrap()
     }
 
-    fn add(&mut self, occluders: &[DrawableId]) -> Result<(), HzbError> {
+    pub(crate) fn add(&mut self, occluders: &[DrawableId]) -> Result<(), HzbError> {
         assert!(occluders.iter().all(|id| !self.occluders.contains(id)), "each is drawn once");
         self.occluders.extend_from_slice(occluders);
         let drawn = self.occluders.iter().copied();

@@ -28,7 +28,8 @@ export class Holdings {
   budget: number;
   readonly #records: Records;
   readonly #pieces = new Map<number, Held>();
-  readonly #standIns = new Map<number, number>();
+  /** The first drawable of the level that stands in for a drawable, and how many it has. */
+  readonly #standIns = new Map<number, readonly [number, number]>();
   /** How many triangles a piece has, by the records of its drawables. */
   readonly #triangles = new Map<number, number>();
   #assembler = new PieceAssembler();
@@ -71,7 +72,7 @@ export class Holdings {
         }
         case "stand-in":
           for (const finer of item.drawables) {
-            this.#standIns.set(finer, item.id);
+            this.#standIns.set(finer, [item.id, item.pieces]);
           }
           if (this.#standIns.size > MOST_RECORDS) {
             throw new WireError(`more than ${MOST_RECORDS} drawables have stand-ins`);
@@ -116,14 +117,26 @@ export class Holdings {
         shown.push(id);
         continue;
       }
-      const standIn = this.#standIns.get(id);
-      if (standIn === undefined || !this.has(standIn)) {
-        isWhole = false;
-      } else {
-        standIns.add(standIn);
+      const pieces = this.#standsIn(id);
+      isWhole &&= pieces.length > 0;
+      for (const piece of pieces) {
+        standIns.add(piece);
       }
     }
     return { shown: [...shown, ...standIns], isWhole };
+  }
+
+  /** What stands in for a drawable, if all of it is here. */
+  #standsIn(id: number): readonly number[] {
+    const [first, count] = this.#standIns.get(id) ?? [0, 0];
+    const pieces: number[] = [];
+    for (let piece = first; piece < first + count; piece += 1) {
+      if (!this.has(piece)) {
+        return [];
+      }
+      pieces.push(piece);
+    }
+    return pieces;
   }
 
   /** All drawables and pieces that are here. */

@@ -21,17 +21,20 @@ export class RecentSets {
     this.#sets = [newest, ...others];
   }
 
-  /** The newest set, and from earlier ones the drawables of nodes that no newer one has. */
+  /** The newest set, and from earlier ones the others: of nodes that no newer one has, or at the same level. */
   union(): DrawableRecord[] {
-    const nodes = new Set<number>();
-    const drawables: DrawableRecord[] = [];
+    /** The levels of each node in newer sets: several where one of them stands in for a part of the other. */
+    const levels = new Map<number, Set<number>>();
+    const drawables = new Map<number, DrawableRecord>();
     for (const set of this.#sets) {
-      const others = set.drawables.filter(({ node }) => !nodes.has(node));
+      const others = set.drawables.filter(({ node, level }) => levels.get(node)?.has(level) ?? true);
       for (const drawable of others) {
-        nodes.add(drawable.node);
-        drawables.push(drawable);
+        drawables.set(drawable.id, drawable);
+      }
+      for (const { node, level } of others) {
+        levels.set(node, (levels.get(node) ?? new Set()).add(level));
       }
     }
-    return drawables;
+    return [...drawables.values()];
   }
 }

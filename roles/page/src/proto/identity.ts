@@ -6,7 +6,7 @@ import { SETTINGS } from "./settings.ts";
 
 /** The protocol that peers of Trimaran's links must agree on. */
 export const TRIMARAN: Application = {
-  name: "trimaran/2",
+  name: "trimaran/3",
   format: { latest: 72, header: 72, item: 4 },
 };
 

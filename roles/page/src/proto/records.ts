@@ -8,7 +8,7 @@ import { BOTH_SIDES } from "./sides.ts";
 import { unzstd } from "./zstd.ts";
 
 export interface DrawableRecord {
-  /** Lower and upper corner of the node's box in the world, metres. */
+  /** Lower and upper corner of its box in the world, metres. */
   readonly worldMin: Point;
   readonly worldMax: Point;
   /** Origin of the node's local frame in the world, metres. */
@@ -27,15 +27,22 @@ export interface DrawableRecord {
   readonly object: number;
   /** How many objects it shows. */
   readonly objects: number;
+  /** The first drawable of its level, which is drawn in pieces. */
+  readonly level: number;
+  /** How many drawables the level consists of. */
+  readonly pieces: number;
 }
 
 /** The most records packed together. */
 export const MOST_PACKED = 256;
 
+/** The most pieces of a level. */
+const MOST_PIECES = 65_535;
+
 /** The most records that a display keeps. */
 export const MOST_RECORDS = 4_194_304;
 
-const RECORD_BYTES = 136;
+const RECORD_BYTES = 144;
 
 /** Unpacks records that were packed together. */
 export function unpackRecords(packed: Uint8Array): DrawableRecord[] {
@@ -86,7 +93,7 @@ export class Records {
       throw new WireError(`the record of drawable ${record.id}: ${fault}`);
     }
     const [known, sameNode] = [this.#byId.get(record.id), this.#byNode.get(record.node)];
-    const isOther = known !== undefined && !DRAWABLE_FIELDS.every((name) => known[name] === record[name]);
+    const isOther = known !== undefined && !isSameDrawable(known, record);
     if (isOther || (sameNode !== undefined && !isSameNode(sameNode, record))) {
       throw new WireError(`drawable ${record.id} or its node came once more, and is another one`);
     }
@@ -127,7 +134,12 @@ export function faultOfRecord(record: DrawableRecord, outline: Outline): string 
   if (record.sides > BOTH_SIDES) {
     return "its sides are unknown";
   }
-  return record.triangles === 0 ? "it has no triangles" : undefined;
+  if (record.triangles === 0) {
+    return "it has no triangles";
+  }
+  const { id, level, pieces } = record;
+  const isPiece = pieces <= MOST_PIECES && id >= level && id < level + pieces;
+  return isPiece ? undefined : "it is no piece of its level";
 }
 
 /** Transposes columns to one record behind the other. */
@@ -155,6 +167,8 @@ function readRecord(reader: Reader): DrawableRecord {
     object: reader.u32(),
     // The topmost bit marks see-through objects of the model: a page knows those already.
     objects: reader.u32() & 0x7fff_ffff,
+    level: reader.u32(),
+    pieces: reader.u32(),
   };
 }
 
@@ -169,14 +183,23 @@ function addBefore(record: DrawableRecord, before: DrawableRecord | undefined): 
     node: (record.node + before.node) >>> 0,
     geometry: (record.geometry + before.geometry) >>> 0,
     object: (record.object + before.object) >>> 0,
+    level: (record.level + before.level) >>> 0,
   };
 }
 
-const DRAWABLE_FIELDS = ["node", "geometry", "triangles", "sides"] as const;
+const DRAWABLE_FIELDS = ["node", "geometry", "triangles", "sides", "level", "pieces"] as const;
+
+function isSameDrawable(a: DrawableRecord, b: DrawableRecord): boolean {
+  const corners = ({ worldMin, worldMax }: DrawableRecord) => [...worldMin, ...worldMax];
+  return DRAWABLE_FIELDS.every((name) => a[name] === b[name]) && areEqual(corners(a), corners(b));
+}
 
 function isSameNode(a: DrawableRecord, b: DrawableRecord): boolean {
-  const numbers = ({ worldMin, worldMax, origin, linear, object, objects }: DrawableRecord) =>
-    [...worldMin, ...worldMax, ...origin, ...linear, object, objects] as const;
-  const others = numbers(b);
-  return numbers(a).every((number, at) => number === others[at]);
+  const numbers = ({ origin, linear, object, objects }: DrawableRecord) =>
+    [...origin, ...linear, object, objects] as const;
+  return areEqual(numbers(a), numbers(b));
+}
+
+function areEqual(numbers: readonly number[], others: readonly number[]): boolean {
+  return numbers.every((number, at) => number === others[at]);
 }

@@ -1,20 +1,20 @@
 /**
  * The visible sides of a drawable's triangles: both to eyes within a box, only the front to others.
  *
- * The box extends the node's by a distance at each of its six faces, four bits each: at the lower ends of x,
+ * The box extends the drawable's by a distance at each of its six faces, four bits each: at the lower ends of x,
  * y and z first, then at the upper ones. 0 adds nothing, and 15 is unbounded. For any other n the distance is
- * 2^(n - 7) times the diagonal of the node's box.
+ * 2^(n - 7) times the diagonal of the drawable's box.
  */
 
 /** Both, to all eyes. */
 export const BOTH_SIDES = 0xffffff;
-/** Only the front, to eyes outside of the node's box. */
+/** Only the front, to eyes outside of the drawable's box. */
 export const FRONT_SIDE = 0;
 
 const FACES = [0, 1, 2, 3, 4, 5] as const;
 const ENDLESS = 15;
 
-/** How far the box around the eyes extends beyond a face of the node's, by its diagonal. */
+/** How far the box around the eyes extends beyond a face of the drawable's, by its diagonal. */
 export function reachOf(sides: number, face: number, diagonal: number): number {
   const n = (sides >>> (4 * face)) & 15;
   if (n === 0) {

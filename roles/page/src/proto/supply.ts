@@ -39,7 +39,7 @@ export type PiecePart = Fields<typeof PIECE_PART>;
 const CULLER_ITEM = tagged("item", {
   entries: { packed: bytes },
   geometry: PIECE_PART,
-  "stand-in": { id: u32, drawables: NUMBERS },
+  "stand-in": { id: u32, pieces: u32, drawables: NUMBERS },
   ahead: { geometries: NUMBERS },
 });
 

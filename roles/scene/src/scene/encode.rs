@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use trimaran_proto::ObjectSet;
 
 use super::geometry::GeometryPlace;
-use super::layout::{Entry, Firsts, Header, MAGIC, OLDEST, Section, Totals, VERSION};
+use super::layout::{Entry, Firsts, Header, MAGIC, Section, Totals, VERSION};
 use super::{Drawable, Extent, Geometry, Node, SceneArrays, SceneError, hierarchy_bytes};
 
 /// The size from which a page of geometry counts as full: reading one piece reads and checks its whole page.
@@ -30,7 +30,6 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     set_nodes(&mut arrays);
     let packed = pack(&arrays.geometries)?;
     let (places, geometry) = place(&arrays.geometries, &packed)?;
-    let version = if arrays.see_through.is_empty() { OLDEST } else { VERSION };
     let sources = encode_sources(&arrays.sources, &arrays.see_through);
     set_extents(&mut arrays)?;
     let hierarchy = hierarchy_bytes::encode(&arrays)?;
@@ -45,7 +44,7 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     pages.extend(geometry);
     let mut header = Header {
         magic: MAGIC,
-        version,
+        version: VERSION,
         pages: count("pages", pages.len())?,
         file_length: 0,
         directory: 0,
@@ -139,8 +138,7 @@ fn set_extents(arrays: &mut SceneArrays) -> Result<(), SceneError> {
     hierarchy.check(objects.len() as u32)?;
     let mut extents = vec![Extent::default(); objects.len()];
     for leaf in nodes.iter().filter(|node| node.is_leaf()) {
-        let finest = drawables.get(leaf.first_drawable as usize);
-        let triangles = finest.map_or(0, |drawable| u64::from(drawable.triangles));
+        let triangles = finest(drawables, leaf).map(|drawable| u64::from(drawable.triangles)).sum();
         if let Some(extent) = extents.get_mut(leaf.object as usize) {
             *extent = extent.and(&Extent { min: leaf.world_min, max: leaf.world_max, triangles });
         }
@@ -174,12 +172,11 @@ fn place(geometries: &[Geometry], packed: &[Vec<u8>]) -> Result<(Vec<GeometryPla
         if !open.is_empty() && open.len() + bytes.len() > GEOMETRY_PAGE {
             pages.push(std::mem::take(&mut open));
         }
+        count("bytes of geometry", bytes.len())?;
         places.push(GeometryPlace {
             page: count("pages", pages.len())?,
             offset: count("bytes of a page", open.len())?,
-            length: count("bytes of geometry", bytes.len())?,
-            vertices: geometry.vertices.len() as u32,
-            triangles: geometry.triangles() as u32,
+            ..GeometryPlace::alone(geometry, bytes.len())
         });
         open.extend_from_slice(bytes);
     }
@@ -203,13 +200,19 @@ fn set_firsts(pages: &mut [Page], nodes: &[Node]) {
     }
 }
 
+/// The pieces of a node's finest level.
+fn finest<'d>(drawables: &'d [Drawable], node: &Node) -> impl Iterator<Item = &'d Drawable> + use<'d> {
+    let own = drawables.iter().skip(node.first_drawable as usize).take(node.drawable_count as usize);
+    let pieces = own.clone().next().map_or(0, |first| first.pieces.into());
+    own.take(pieces)
+}
+
 fn totals(arrays: &SceneArrays) -> Totals {
-    let finest = |node: &Node| arrays.drawables.get(node.first_drawable as usize);
     let leaves = arrays.nodes.par_iter().filter(|node| node.is_leaf());
-    let triangles = |drawable: &Drawable| u64::from(drawable.triangles);
+    let finest = leaves.flat_map_iter(|leaf| finest(&arrays.drawables, leaf));
     let stored = arrays.geometries.par_iter();
     Totals {
-        full_detail_triangles: leaves.filter_map(finest).map(triangles).sum(),
+        full_detail_triangles: finest.map(|drawable| u64::from(drawable.triangles)).sum(),
         stored_triangles: stored.clone().map(|geometry| geometry.triangles() as u64).sum(),
         stored_vertices: stored.map(|geometry| geometry.vertices.len() as u64).sum(),
     }
@@ -245,15 +248,13 @@ impl Page {
     }
 }
 
-/// The see-through objects, if there are any: the number of runs, then each as `ObjectSet` codes it. Then the
-/// sources' names: each a length and that many bytes of UTF-8. All numbers are u32, little-endian.
+/// The see-through objects: the number of runs, then each as `ObjectSet` codes it. Then the sources' names:
+/// each a length and that many bytes of UTF-8. All numbers are u32, little-endian.
 fn encode_sources(sources: &[String], see_through: &ObjectSet) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    if !see_through.is_empty() {
-        let runs: Vec<(u32, u32)> = see_through.clone().into();
-        let numbers = runs.iter().flat_map(|&(gap, more)| [gap, more]);
-        bytes.extend(std::iter::once(runs.len() as u32).chain(numbers).flat_map(u32::to_le_bytes));
-    }
+    let runs: Vec<(u32, u32)> = see_through.clone().into();
+    let numbers = runs.iter().flat_map(|&(gap, more)| [gap, more]);
+    let mut bytes: Vec<u8> =
+        std::iter::once(runs.len() as u32).chain(numbers).flat_map(u32::to_le_bytes).collect();
     for source in sources {
         bytes.extend_from_slice(&(source.len() as u32).to_le_bytes());
         bytes.extend_from_slice(source.as_bytes());
@@ -261,24 +262,15 @@ fn encode_sources(sources: &[String], see_through: &ObjectSet) -> Vec<u8> {
     bytes
 }
 
-/// The reverse of [`encode_sources`] in a file of this version with this many objects; `None` if the bytes
-/// are invalid.
-pub(super) fn decode_sources(
-    mut bytes: &[u8],
-    version: u32,
-    objects: u32,
-) -> Option<(Vec<String>, ObjectSet)> {
-    let mut see_through = ObjectSet::default();
-    if version > OLDEST {
-        let (count, rest) = bytes.split_first_chunk::<4>()?;
-        let (runs, rest) = rest.split_at_checked((u32::from_le_bytes(*count) as usize).checked_mul(8)?)?;
-        let number = |bytes: &[u8; 4]| u32::from_le_bytes(*bytes);
-        let runs = runs.as_chunks::<4>().0.as_chunks::<2>().0.iter().map(|[a, b]| (number(a), number(b)));
-        see_through = ObjectSet::try_from(runs.collect::<Vec<_>>()).ok()?;
-        if see_through.runs().last().is_some_and(|run| run.end > objects) {
-            return None;
-        }
-        bytes = rest;
+/// The reverse of [`encode_sources`] in a file of this many objects; `None` if the bytes are invalid.
+pub(super) fn decode_sources(bytes: &[u8], objects: u32) -> Option<(Vec<String>, ObjectSet)> {
+    let (count, rest) = bytes.split_first_chunk::<4>()?;
+    let (runs, mut bytes) = rest.split_at_checked((u32::from_le_bytes(*count) as usize).checked_mul(8)?)?;
+    let number = |bytes: &[u8; 4]| u32::from_le_bytes(*bytes);
+    let runs = runs.as_chunks::<4>().0.as_chunks::<2>().0.iter().map(|[a, b]| (number(a), number(b)));
+    let see_through = ObjectSet::try_from(runs.collect::<Vec<_>>()).ok()?;
+    if see_through.runs().last().is_some_and(|run| run.end > objects) {
+        return None;
     }
     let mut sources = Vec::new();
     while !bytes.is_empty() {
@@ -298,20 +290,20 @@ mod tests {
     fn sources_round_trip_and_cut_lists_are_refused() {
         let sources = vec!["a.RVM".to_owned(), String::new(), "für.glb".to_owned()];
         let bytes = encode_sources(&sources, &ObjectSet::default());
-        let decoded = decode_sources(&bytes, OLDEST, 9);
+        let decoded = decode_sources(&bytes, 9);
         assert_eq!(decoded, Some((sources.clone(), ObjectSet::default())));
-        for end in [1, 5, bytes.len() - 1] {
-            assert_eq!(decode_sources(&bytes[..end], OLDEST, 9), None, "cut at {end}");
+        for end in [3, 5, bytes.len() - 1] {
+            assert_eq!(decode_sources(&bytes[..end], 9), None, "cut at {end}");
         }
         let glass: ObjectSet = [1, 2, 7].into_iter().collect();
         let bytes = encode_sources(&sources, &glass);
-        assert_eq!(decode_sources(&bytes, VERSION, 8), Some((sources, glass)));
-        assert_eq!(decode_sources(&bytes, VERSION, 7), None, "there is no object 7");
+        assert_eq!(decode_sources(&bytes, 8), Some((sources, glass)));
+        assert_eq!(decode_sources(&bytes, 7), None, "there is no object 7");
         for end in [3, 12, 19, bytes.len() - 1] {
-            assert_eq!(decode_sources(&bytes[..end], VERSION, 8), None, "cut at {end}");
+            assert_eq!(decode_sources(&bytes[..end], 8), None, "cut at {end}");
         }
         let mut endless = bytes;
         endless[..4].fill(0xff);
-        assert_eq!(decode_sources(&endless, VERSION, 8), None);
+        assert_eq!(decode_sources(&endless, 8), None);
     }
 }

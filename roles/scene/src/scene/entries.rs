@@ -79,6 +79,7 @@ fn apply(entry: &mut DrawableEntry, before: &DrawableEntry, change: fn(u32, u32)
     entry.node = change(entry.node, before.node);
     entry.geometry = change(entry.geometry, before.geometry);
     entry.object = change(entry.object, before.object);
+    entry.level = change(entry.level, before.level);
 }
 
 #[cfg(test)]

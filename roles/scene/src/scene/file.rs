@@ -13,7 +13,7 @@ use trimaran_proto::SceneOutline;
 use zstd::bulk::Decompressor;
 
 use super::geometry::GeometryPlace;
-use super::layout::{Entry, Firsts, Header, MAGIC, OLDEST, Section, VERSION};
+use super::layout::{Entry, Firsts, Header, MAGIC, Section, VERSION};
 use super::source::Source;
 use super::{OpenError, ReadCause, ReadError, SceneError};
 
@@ -293,7 +293,7 @@ fn parse_header(bytes: &[u8], length: u64, path: &Path) -> Result<Header, OpenEr
     let version = bytes.get(8..12).and_then(|v| v.try_into().ok()).map(u32::from_le_bytes);
     match version {
         None => return Err(cut_short),
-        Some(OLDEST..=VERSION) => {}
+        Some(VERSION) => {}
         Some(found) => return Err(OpenError::Version { path: path(), found, known: VERSION }),
     }
     let Ok(header) = bytemuck::try_pod_read_unaligned::<Header>(bytes) else {

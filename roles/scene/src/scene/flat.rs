@@ -66,7 +66,7 @@ impl SceneArrays {
         arrays
     }
 
-    /// Appends a level of the node, with triangles of its own.
+    /// Appends a level of the node in one piece, with triangles of its own.
     pub fn add_level(&mut self, node: u32, error: f32, geometry: Geometry) {
         self.drawables.push(Drawable {
             error,
@@ -74,6 +74,8 @@ impl SceneArrays {
             geometry: self.geometries.len() as u32,
             triangles: geometry.triangles() as u32,
             sides: Sides::BOTH,
+            piece: 0,
+            pieces: 1,
         });
         self.geometries.push(geometry);
     }

@@ -14,9 +14,10 @@
 //! | .. | the packed indices, to the end |
 
 use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
 use thiserror::Error;
 
-use super::Vertex;
+use super::{Node, Vertex};
 
 /// The triangles of a drawable, in its node's local frame. Instances share them.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -28,7 +29,7 @@ pub struct Geometry {
 }
 
 /// The place and size of a piece of geometry.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GeometryPlace {
     /// The page, counted among those of geometry.
@@ -41,6 +42,10 @@ pub struct GeometryPlace {
     pub vertices: u32,
     /// How many triangles.
     pub triangles: u32,
+    /// The box around its vertices, in the frame of a node that shows it: lower corner.
+    pub local_min: [f32; 3],
+    /// Upper corner.
+    pub local_max: [f32; 3],
 }
 
 impl GeometryPlace {
@@ -48,7 +53,20 @@ impl GeometryPlace {
     pub(super) fn alone(geometry: &Geometry, length: usize) -> Self {
         let count = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
         let (vertices, triangles) = (count(geometry.vertices.len()), count(geometry.triangles()));
-        Self { page: 0, offset: 0, length: count(length), vertices, triangles }
+        let [local_min, local_max] = geometry.local_box().map(|corner| corner.to_array());
+        Self { page: 0, offset: 0, length: count(length), vertices, triangles, local_min, local_max }
+    }
+
+    /// Whether it is the place of this geometry.
+    pub(super) fn fits(&self, geometry: &Geometry) -> bool {
+        let Self { page, offset, length, .. } = *self;
+        *self == Self { page, offset, ..Self::alone(geometry, length as usize) }
+    }
+
+    /// The box around its vertices: lower and upper corner.
+    #[must_use]
+    pub const fn local_box(&self) -> (Vec3, Vec3) {
+        (Vec3::from_array(self.local_min), Vec3::from_array(self.local_max))
     }
 }
 
@@ -80,6 +98,20 @@ impl Geometry {
     #[must_use]
     pub const fn triangles(&self) -> usize {
         self.indices.len() / 3
+    }
+
+    /// The box around its vertices: lower and upper corner. Infinite and inside out if there are none.
+    fn local_box(&self) -> [Vec3; 2] {
+        let points = self.vertices.iter().map(|vertex| Vec3::from_array(vertex.position));
+        let empty = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        points.fold(empty, |[low, high], at| [low.min(at), high.max(at)])
+    }
+
+    /// The node with the boxes of this geometry alone, which is a part of it.
+    #[must_use]
+    pub fn part_of(&self, node: &Node) -> Node {
+        let [min, max] = self.local_box();
+        node.part(min, max)
     }
 
     /// The first vertex whose position is not finite, or the first index without a vertex, if any.

@@ -18,9 +18,9 @@ use super::{Drawable, Geometry, GeometryError, GeometryPlace, Node, NodeId, Read
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct DrawableEntry {
-    /// [`Node::world_min`], metres.
+    /// World box of the drawable, lower corner, metres: see [`Scene::part`].
     pub world_min: [f64; 3],
-    /// [`Node::world_max`], metres.
+    /// Upper corner.
     pub world_max: [f64; 3],
     /// [`Node::origin`], metres.
     pub origin: [f64; 3],
@@ -42,6 +42,10 @@ pub struct DrawableEntry {
     /// How many objects the drawable shows, 1 for an object and for a part of one; plus
     /// [`SEE_THROUGH`](Self::SEE_THROUGH) if the model has these see-through.
     pub objects: u32,
+    /// The first drawable of its level.
+    pub level: u32,
+    /// How many drawables its level consists of.
+    pub pieces: u32,
 }
 
 /// Why data was rejected.
@@ -88,13 +92,21 @@ struct GivenNode {
     see_through: bool,
 }
 
+/// A drawable with its box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct GivenDrawable {
+    drawable: Drawable,
+    world_min: [f64; 3],
+    world_max: [f64; 3],
+}
+
 /// The received parts.
 #[derive(Debug)]
 pub(super) struct Given {
     outline: SceneOutline,
     nodes: FrozenMap<u32, Box<GivenNode>>,
     has_see_through: AtomicBool,
-    pub(super) drawables: FrozenMap<u32, Box<Drawable>>,
+    drawables: FrozenMap<u32, Box<GivenDrawable>>,
     pub(super) places: FrozenMap<u32, Box<GeometryPlace>>,
     geometry: RwLock<HashMap<u32, Bytes>>,
 }
@@ -120,9 +132,8 @@ impl DrawableEntry {
     }
 
     fn find(scene: &Scene, id: DrawableId) -> Option<Self> {
-        let drawable = scene.drawables().get(id.index())?;
-        let node = scene.nodes().get(drawable.node as usize)?;
-        let object = an_object(scene, node)?;
+        let (drawable, node) = scene.part(id)?;
+        let object = an_object(scene, &node)?;
         let see_through =
             if scene.is_see_through(NodeId(drawable.node), object) { Self::SEE_THROUGH } else { 0 };
         Some(Self {
@@ -137,18 +148,23 @@ impl DrawableEntry {
             sides: drawable.sides,
             object,
             objects: node.objects | see_through,
+            level: drawable.level(id).first().0,
+            pieces: drawable.pieces.into(),
         })
     }
 
-    fn drawable(&self) -> Drawable {
-        let Self { node, geometry, triangles, sides, .. } = *self;
-        Drawable { error: 0.0, node, geometry, triangles, sides }
+    fn drawable(&self) -> GivenDrawable {
+        let Self { world_min, world_max, node, geometry, triangles, sides, .. } = *self;
+        // They fit, as was checked.
+        let (piece, pieces) = (self.id.wrapping_sub(self.level) as u16, self.pieces as u16);
+        let drawable = Drawable { error: 0.0, node, geometry, triangles, sides, piece, pieces };
+        GivenDrawable { drawable, world_min, world_max }
     }
 
     fn node(&self) -> GivenNode {
-        let Self { world_min, world_max, origin, linear, object, .. } = *self;
+        let Self { origin, linear, object, .. } = *self;
         let objects = self.objects & !Self::SEE_THROUGH;
-        let node = Node { world_min, world_max, origin, linear, object, objects, ..Node::default() };
+        let node = Node { origin, linear, object, objects, ..Node::default() };
         GivenNode { node, see_through: objects != self.objects }
     }
 
@@ -173,6 +189,10 @@ impl DrawableEntry {
             malformed("its sides are unknown")
         } else if self.triangles == 0 {
             malformed("it has no triangles")
+        } else if self.pieces > u16::MAX.into()
+            || !(self.level..self.level.saturating_add(self.pieces)).contains(&self.id)
+        {
+            malformed("it is no piece of its level")
         } else {
             Ok(())
         }
@@ -189,8 +209,8 @@ fn an_object(scene: &Scene, node: &Node) -> Option<u32> {
 }
 
 impl Scene {
-    /// A scene with only the parts [given](Self::give) to it. Its nodes have the fields of [`DrawableEntry`];
-    /// a node of several objects names one of them.
+    /// A scene with only the parts [given](Self::give) to it. Its nodes have no boxes and else the fields of
+    /// [`DrawableEntry`]; a node of several objects names one of them.
     #[must_use]
     pub fn empty(outline: SceneOutline) -> Self {
         let given = Given {
@@ -276,7 +296,7 @@ impl Scene {
     /// If its parts do not match.
     pub fn has(&self, id: DrawableId) -> Result<bool, GiveError> {
         let Some(given) = &self.given else { return Ok(id.index() < self.drawables().len()) };
-        let Some(drawable) = given.drawables.get(&id.0) else { return Ok(false) };
+        let Some(drawable) = given.drawable(id.0) else { return Ok(false) };
         if !given.geometry.read().contains_key(&drawable.geometry) {
             return Ok(false);
         }
@@ -292,8 +312,19 @@ impl Given {
     pub(super) fn bytes(&self) -> usize {
         let pieces = self.geometry.read();
         self.nodes.len() * size_of::<GivenNode>()
-            + self.drawables.len() * size_of::<Drawable>()
+            + self.drawables.len() * size_of::<GivenDrawable>()
             + pieces.values().map(Bytes::len).sum::<usize>()
+    }
+
+    /// A drawable, if it was given.
+    pub(super) fn drawable(&self, number: u32) -> Option<&Drawable> {
+        self.drawables.get(&number).map(|given| &given.drawable)
+    }
+
+    /// The drawable's node with the boxes of the drawable, if it was given.
+    pub(super) fn part(&self, id: DrawableId, node: &Node) -> Option<Node> {
+        let GivenDrawable { world_min, world_max, .. } = *self.drawables.get(&id.0)?;
+        Some(Node { world_min, world_max, ..*node })
     }
 
     /// A node, if it was given.

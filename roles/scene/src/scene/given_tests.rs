@@ -33,6 +33,8 @@ fn scene() -> Scene {
         geometry: number,
         triangles: number + 1,
         sides: Sides::BOTH,
+        piece: 0,
+        pieces: 1,
     };
     let object = ObjectRecord { source: 0, source_index: 0, name_start: 0, name_length: 0, node: Node::NONE };
     let arrays = SceneArrays {
@@ -181,9 +183,14 @@ fn a_record_that_is_another_one_than_before_is_refused_and_nothing_of_it_is_take
     ] {
         assert_eq!(empty.give(&other), Err(GiveError::Other(DrawableId(1))));
     }
-    // The same node with another box, under another drawable.
-    let other = DrawableEntry { id: 2, world_max: [9.0; 3], ..first };
+    // The same node elsewhere, under another drawable.
+    let other = DrawableEntry { id: 2, level: 2, origin: [9.0; 3], ..first };
     assert_eq!(empty.give(&other), Err(GiveError::Other(DrawableId(2))));
+    // A drawable has a box of its own.
+    let other = DrawableEntry { world_max: [9.0; 3], ..first };
+    assert_eq!(empty.give(&other), Err(GiveError::Other(DrawableId(1))));
+    let none = DrawableEntry { level: 0, ..first };
+    assert_eq!(empty.give(&none), Err(GiveError::Malformed(DrawableId(1), "it is no piece of its level")));
     assert_eq!(DrawableEntry::of(&empty, DrawableId(1)).unwrap(), Some(first));
     assert_eq!((empty.drawables().iter().count(), empty.nodes().iter().count()), (1, 1));
     empty.give(&entry(2)).unwrap();

@@ -10,7 +10,7 @@
 //! | 3 | places of geometry | zstd |
 //! | 4 | objects | zstd |
 //! | 5 | all objects' names, one page | zstd |
-//! | 6 | the sources' names, one page; from version 7 on behind the see-through objects | zstd |
+//! | 6 | the sources' names, one page, behind the see-through objects | zstd |
 //! | 7 | the hierarchy of objects and their attributes, one page | postcard, then zstd |
 //! | 8 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece |
 //!
@@ -27,10 +27,8 @@ use super::{Drawable, Node, ObjectRecord};
 
 /// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
 pub(super) const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
-/// The newest format that this build reads and writes.
-pub const VERSION: u32 = 7;
-/// The oldest one, written if nothing is see-through: earlier builds can read that as well.
-pub const OLDEST: u32 = 6;
+/// The format that this build reads and writes.
+pub const VERSION: u32 = 8;
 /// The largest ratio of a page's unpacked to its packed bytes. It keeps a small file from requesting much
 /// memory.
 pub(super) const LARGEST_RATIO: usize = 4096;

@@ -18,12 +18,13 @@ mod source;
 mod table;
 mod validate;
 
+use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
 use rayon::prelude::*;
-use trimaran_proto::{ObjectSet, SceneHash};
+use trimaran_proto::{DrawableId, ObjectSet, SceneHash};
 
 pub use entries::{EntriesError, MOST_ENTRIES, pack_entries, unpack_entries};
 use faults::Faults;
@@ -35,10 +36,10 @@ use given::Given;
 pub use given::{DrawableEntry, GiveError};
 pub use hierarchy::{Attribute, Extent, Group, Hierarchy, ObjectAttributes};
 use layout::{Firsts, Section};
-pub use layout::{OLDEST as OLDEST_FORMAT_VERSION, Totals, VERSION as FORMAT_VERSION};
+pub use layout::{Totals, VERSION as FORMAT_VERSION};
 pub use open_error::OpenError;
 pub use read_error::{ReadCause, ReadError};
-pub use records::{Drawable, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Sides, Vertex};
+pub use records::{Drawable, Level, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Sides, Vertex};
 pub use shading::{Normal, Shading};
 use source::Source;
 use table::Pages;
@@ -73,6 +74,13 @@ pub struct Scene {
     faults: Faults,
     /// The given parts, if there is no file.
     given: Option<Box<Given>>,
+}
+
+/// The levels of a node, finest first.
+#[derive(Debug, Clone)]
+pub struct Levels<'s> {
+    drawables: Records<'s, Drawable>,
+    left: Range<u32>,
 }
 
 /// Reads geometry, and caches the last page: pieces with near numbers share pages.
@@ -157,8 +165,7 @@ impl Scene {
         let of_all = 0..header.objects as usize;
         let damaged = || file.error(Section::Sources, 0, &of_all, ReadCause::Damaged);
         let bytes = file.unpack(Section::Sources, 0, &of_all)?;
-        let (sources, see_through) =
-            encode::decode_sources(&bytes, header.version, header.objects).ok_or_else(damaged)?;
+        let (sources, see_through) = encode::decode_sources(&bytes, header.objects).ok_or_else(damaged)?;
         Ok(Self { sources, see_through, ..Self::of_nothing(file, None) })
     }
 
@@ -209,6 +216,30 @@ impl Scene {
         let [Firsts { leaf: first, .. }, _] = self.file.firsts(page);
         let numbered = nodes.numbers(page).filter_map(|id| Some((NodeId(id as u32), nodes.get(id)?)));
         numbered.filter(|(_, node)| node.is_leaf()).nth(number.checked_sub(first)? as usize)
+    }
+
+    /// The levels of a node, finest first.
+    #[must_use]
+    pub fn levels(&self, node: &Node) -> Levels<'_> {
+        let left = node.first_drawable..node.first_drawable.saturating_add(node.drawable_count);
+        Levels { drawables: self.drawables(), left }
+    }
+
+    /// A drawable, and its node with the boxes of the drawable. `None` past the last one, if it cannot be read,
+    /// and if it was not given.
+    #[must_use]
+    pub fn part(&self, id: DrawableId) -> Option<(&Drawable, Node)> {
+        let drawable = self.drawables().get(id.index())?;
+        let node = self.nodes().get(drawable.node as usize)?;
+        let part = match self.given() {
+            Some(given) => given.part(id, node)?,
+            None if drawable.pieces == 1 => *node,
+            None => {
+                let (min, max) = self.places().get(drawable.geometry as usize)?.local_box();
+                node.part(min, max)
+            }
+        };
+        Some((drawable, part))
     }
 
     /// The drawables; a [`DrawableId`](trimaran_proto::DrawableId) is the number of one.
@@ -391,7 +422,8 @@ impl Scene {
     /// The correct [`totals`](Self::totals).
     fn summed(&self) -> Totals {
         let leaves = self.nodes().iter().filter(|node| node.is_leaf());
-        let finest = leaves.filter_map(|leaf| self.drawables().get(leaf.first_drawable as usize));
+        let finest = leaves.filter_map(|leaf| self.levels(leaf).next()).flat_map(Level::pieces);
+        let finest = finest.filter_map(|id| self.drawables().get(id.index()));
         let places = self.places().iter();
         Totals {
             full_detail_triangles: finest.map(|drawable| u64::from(drawable.triangles)).sum(),
@@ -449,6 +481,26 @@ impl Scene {
     }
 }
 
+impl Iterator for Levels<'_> {
+    type Item = Level;
+
+    fn next(&mut self) -> Option<Level> {
+        let id = DrawableId(self.left.start);
+        let level = self.drawables.get(id.index()).filter(|_| !self.left.is_empty())?.level(id);
+        self.left.start = self.left.start.saturating_add(level.pieces().len() as u32);
+        Some(level)
+    }
+}
+
+impl DoubleEndedIterator for Levels<'_> {
+    fn next_back(&mut self) -> Option<Level> {
+        let id = DrawableId(self.left.end.checked_sub(1)?);
+        let level = self.drawables.get(id.index()).filter(|_| !self.left.is_empty())?.level(id);
+        self.left.end = level.first().0;
+        Some(level)
+    }
+}
+
 impl GeometryReader<'_> {
     /// A piece of geometry.
     ///
@@ -458,9 +510,8 @@ impl GeometryReader<'_> {
         let (geometry, length) = self.packed(number, |bytes| (Geometry::unpack(bytes), bytes.len()))?;
         let place = self.scene.places().get(number as usize);
         let geometry = geometry.map_err(|cause| self.error(number, cause.into()))?;
-        let sizes = (geometry.vertices.len(), geometry.triangles());
         match place {
-            Some(place) if sizes == (place.vertices as usize, place.triangles as usize) => Ok(geometry),
+            Some(place) if place.fits(&geometry) => Ok(geometry),
             _ => Err(self.error(number, GeometryError::Length(length).into())),
         }
     }

@@ -41,10 +41,10 @@ pub struct Node {
     pub first_child: u32,
     /// The number of children; 0 for a leaf.
     pub child_count: u32,
-    /// The node's finest level; levels are contiguous, finest first.
+    /// The first drawable of the node's finest level; levels are contiguous, finest first.
     pub first_drawable: u32,
-    /// The number of levels. A leaf has at least one; an interior node may have none and is then always
-    /// refined.
+    /// The number of drawables of all its levels. A leaf has at least one; an interior node may have none and
+    /// is then always refined.
     pub drawable_count: u32,
     /// The object of the node, or of which it is a part: an index into the scene's objects. [`Node::NONE`]
     /// for nodes of several.
@@ -61,7 +61,8 @@ pub struct Node {
     pub depth: u32,
 }
 
-/// A node at one level of detail: its triangles, and their distance bound to the finest geometry.
+/// A piece of a node at one level of detail: its triangles, and the level's distance bound to the finest
+/// geometry. A level is drawn by all of its pieces, and each is culled by its own box.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Drawable {
@@ -78,15 +79,26 @@ pub struct Drawable {
     pub triangles: u32,
     /// The sides of its triangles that can be visible.
     pub sides: Sides,
+    /// Which piece of its level it is, from 0.
+    pub piece: u16,
+    /// How many pieces its level has, at least 1.
+    pub pieces: u16,
+}
+
+/// A level of detail of a node: its pieces are consecutive drawables.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Level {
+    first: u32,
+    pieces: u32,
 }
 
 /// The visible sides of a drawable's triangles: both to eyes within a box, only the front to others.
 ///
-/// Corners of the front run counter-clockwise in the node's local frame. The box extends the node's by a
+/// Corners of the front run counter-clockwise in the node's local frame. The box extends the drawable's by a
 /// distance at each of its six faces. It is no smaller than requested.
 ///
 /// Four bits a face: at the lower ends of x, y and z first, then at the upper ones. 0 adds nothing, and 15 is
-/// unbounded. For any other n the distance is 2^(n - 7) times the diagonal of the node's box.
+/// unbounded. For any other n the distance is 2^(n - 7) times the diagonal of the drawable's box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub struct Sides(u32);
@@ -94,30 +106,30 @@ pub struct Sides(u32);
 impl Sides {
     /// Both, to all eyes.
     pub const BOTH: Self = Self(0xff_ffff);
-    /// Only the front, to eyes outside of the node's box.
+    /// Only the front, to eyes outside of the drawable's box.
     pub const FRONT: Self = Self(0);
 
     /// Both to eyes within the box from `low` to `high`, in the world, metres. Corners may be infinite.
-    /// `node_min` and `node_max` are the node's box.
+    /// `own_min` and `own_max` are the drawable's box.
     #[must_use]
-    pub fn within(low: DVec3, high: DVec3, node_min: DVec3, node_max: DVec3) -> Self {
-        let diagonal = node_min.distance(node_max);
+    pub fn within(low: DVec3, high: DVec3, own_min: DVec3, own_max: DVec3) -> Self {
+        let diagonal = own_min.distance(own_max);
         let reach = |beyond: f64| {
             let reaches = |n: u32| n == ENDLESS || distance(n, diagonal) >= beyond;
             (0..ENDLESS).find(|&n| reaches(n)).unwrap_or(ENDLESS)
         };
-        let faces = [node_min - low, high - node_max].map(|faces| faces.to_array());
+        let faces = [own_min - low, high - own_max].map(|faces| faces.to_array());
         Self(faces.as_flattened().iter().rev().fold(0, |bits, &beyond| bits << 4 | reach(beyond)))
     }
 
     /// The lower and the upper corner of the box around the eyes to which both are visible, in the world,
     /// metres. Corners may be infinite.
     #[must_use]
-    pub fn eyes(self, node_min: DVec3, node_max: DVec3) -> [DVec3; 2] {
-        let diagonal = node_min.distance(node_max);
+    pub fn eyes(self, own_min: DVec3, own_max: DVec3) -> [DVec3; 2] {
+        let diagonal = own_min.distance(own_max);
         let [x0, y0, z0, x1, y1, z1] =
             [0, 4, 8, 12, 16, 20].map(|bit| distance(self.0 >> bit & 15, diagonal));
-        [node_min - DVec3::new(x0, y0, z0), node_max + DVec3::new(x1, y1, z1)]
+        [own_min - DVec3::new(x0, y0, z0), own_max + DVec3::new(x1, y1, z1)]
     }
 
     /// Whether it is made of solids: the box around the eyes is bounded at all faces.
@@ -186,8 +198,8 @@ impl Node {
         self.first_child..self.first_child + self.child_count
     }
 
-    /// The levels, finest first, as ids of drawables.
-    pub fn levels(&self) -> impl DoubleEndedIterator<Item = DrawableId> + ExactSizeIterator + use<> {
+    /// The drawables of all its levels, those of the finest first.
+    pub fn drawables(&self) -> impl DoubleEndedIterator<Item = DrawableId> + ExactSizeIterator + use<> {
         (self.first_drawable..self.first_drawable + self.drawable_count).map(DrawableId)
     }
 
@@ -233,6 +245,34 @@ impl Node {
         per_axis.length() as f32 * (1.0 + f32::EPSILON)
     }
 
+    /// The node with the boxes of a part of it, which has this box in its frame. Its world box is around that
+    /// of the part, and within the node's.
+    #[must_use]
+    pub fn part(&self, local_min: Vec3, local_max: Vec3) -> Self {
+        let (linear, origin) = (self.linear().as_dmat3(), self.origin());
+        let corners = (0..8_u32).map(|corner| {
+            let pick = |axis: u32, low: f32, high: f32| if corner >> axis & 1 == 0 { low } else { high };
+            let x = pick(0, local_min.x, local_max.x);
+            let y = pick(1, local_min.y, local_max.y);
+            let z = pick(2, local_min.z, local_max.z);
+            linear * Vec3::new(x, y, z).as_dvec3() + origin
+        });
+        let (low, high) = corners
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+        // Points may be computed with other roundings.
+        let margin = 4.0 * f64::EPSILON * low.abs().max(high.abs());
+        let (node_min, node_max) = self.world_box();
+        let min = (low - margin).clamp(node_min, node_max);
+        let max = (high + margin).clamp(node_min, node_max);
+        Self {
+            world_min: min.to_array(),
+            world_max: max.to_array(),
+            local_min: local_min.to_array(),
+            local_max: local_max.to_array(),
+            ..*self
+        }
+    }
+
     /// The squared distance from a place in the world to the world box, square metres; 0 inside. The same bits
     /// on every machine.
     #[must_use]
@@ -240,6 +280,33 @@ impl Node {
         let (min, max) = self.world_box();
         let outside = (min - place).max(place - max).max(DVec3::ZERO);
         outside.x * outside.x + outside.y * outside.y + outside.z * outside.z
+    }
+}
+
+impl Drawable {
+    /// Its level, if it has this id.
+    #[must_use]
+    pub const fn level(&self, id: DrawableId) -> Level {
+        Level { first: id.0.saturating_sub(self.piece as u32), pieces: self.pieces as u32 }
+    }
+}
+
+impl Level {
+    /// Its pieces, at least one.
+    pub fn pieces(self) -> impl DoubleEndedIterator<Item = DrawableId> + ExactSizeIterator + use<> {
+        (self.first..self.first.saturating_add(self.pieces)).map(DrawableId)
+    }
+
+    /// Its first piece.
+    #[must_use]
+    pub const fn first(self) -> DrawableId {
+        DrawableId(self.first)
+    }
+
+    /// Whether the drawable is one of its pieces.
+    #[must_use]
+    pub fn holds(self, id: DrawableId) -> bool {
+        (self.first..self.first.saturating_add(self.pieces)).contains(&id.0)
     }
 }
 
@@ -265,7 +332,7 @@ pub struct ObjectRecord {
 pub struct SceneArrays {
     /// The tree in breadth-first order.
     pub nodes: Vec<Node>,
-    /// All levels of all nodes.
+    /// All levels of all nodes, each in pieces.
     pub drawables: Vec<Drawable>,
     /// The triangles of the drawables. Several drawables may share one: instances.
     pub geometries: Vec<Geometry>,

@@ -54,21 +54,15 @@ pub(super) fn node_pages(count: usize, paged: bool) -> Pages<Node> {
 }
 
 pub(super) fn drawable_pages(count: usize, paged: bool) -> Pages<Drawable> {
-    Pages::new(Section::Drawables, count, paged, drawables::check, |given, number| {
-        given.drawables.get(&number)
-    })
+    Pages::new(Section::Drawables, count, paged, drawables::check, |given, number| given.drawable(number))
 }
 
 pub(super) fn place_pages(count: usize, paged: bool) -> Pages<GeometryPlace> {
     let check: table::Check<GeometryPlace> = |scene, first, places| {
-        let sound = |place: &GeometryPlace| {
-            let page = scene.file().geometry_page_length(place.page);
-            page.is_some_and(|length| u64::from(place.offset) + u64::from(place.length) <= u64::from(length))
-        };
-        match places.iter().position(|place| !sound(place)) {
-            Some(index) => Err(malformed("geometry", first + index)("it lies outside of the file")),
-            None => Ok(()),
+        for (index, place) in (first..).zip(places) {
+            check_place(scene, place).map_err(malformed("geometry", index))?;
         }
+        Ok(())
     };
     Pages::new(Section::Places, count, paged, check, |given, number| given.places.get(&number))
 }
@@ -82,6 +76,18 @@ pub(super) fn object_pages(count: usize, paged: bool) -> Pages<ObjectRecord> {
     };
     // Drawing needs no objects.
     Pages::new(Section::Objects, count, paged, check, |_, _| None)
+}
+
+fn check_place(scene: &Scene, place: &GeometryPlace) -> Check {
+    let page = scene.file().geometry_page_length(place.page).map_or(0, u64::from);
+    let (min, max) = place.local_box();
+    if u64::from(place.offset) + u64::from(place.length) > page {
+        Err("it lies outside of the file")
+    } else if !(min.is_finite() && max.is_finite() && min.cmple(max).all()) {
+        Err("its box is not finite, or inside out")
+    } else {
+        Ok(())
+    }
 }
 
 fn check_object(scene: &Scene, object: &ObjectRecord) -> Check {

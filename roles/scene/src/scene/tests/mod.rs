@@ -48,7 +48,7 @@ fn two_leaves() -> SceneArrays {
         object,
         ..node
     };
-    let drawable = Drawable { node: 1, triangles: 1, ..Zeroable::zeroed() };
+    let drawable = Drawable { node: 1, triangles: 1, pieces: 1, ..Zeroable::zeroed() };
     SceneArrays {
         nodes: vec![node, leaf(0.0, 0), leaf(3.0, 1)],
         drawables: vec![

@@ -1,4 +1,5 @@
-//! Drawables: each is a level of its node, its triangles exist, and errors never fall towards the root.
+//! Drawables: each is a piece of a level of its node, its triangles exist, and errors never fall towards the
+//! root.
 
 use super::super::{Drawable, Node, Scene};
 use super::{Check, SceneError, malformed};
@@ -12,6 +13,7 @@ pub(super) fn check(scene: &Scene, first: usize, drawables: &[Drawable]) -> Resu
     };
     for (index, drawable) in (first..).zip(drawables) {
         check_one(scene, index, drawable).map_err(malformed("drawable", index))?;
+        check_piece(scene, index, drawable, find).map_err(malformed("drawable", index))?;
         check_errors(scene, index, drawable, find)?;
     }
     Ok(())
@@ -25,7 +27,10 @@ fn check_one(scene: &Scene, index: usize, drawable: &Drawable) -> Check {
     let triangles = scene.places().get(drawable.geometry as usize).map(|place| place.triangles);
     if !(drawable.error.is_finite() && drawable.error >= 0.0) {
         Err("its error is no distance")
-    } else if node.is_leaf() && node.first_drawable as usize == index && drawable.error != 0.0 {
+    } else if node.is_leaf()
+        && levels(node).start + usize::from(drawable.piece) == index
+        && drawable.error != 0.0
+    {
         Err("it is the finest level of a leaf and has an error")
     } else if triangles.is_none() {
         Err("its geometry does not exist")
@@ -33,6 +38,32 @@ fn check_one(scene: &Scene, index: usize, drawable: &Drawable) -> Check {
         Err("its number of triangles is not that of its geometry")
     } else if !drawable.sides.is_known() {
         Err("which sides of its triangles show is more than six faces")
+    } else {
+        Ok(())
+    }
+}
+
+/// The pieces of a level are numbered from 0, and have one error.
+fn check_piece<'d>(
+    scene: &Scene,
+    index: usize,
+    drawable: &Drawable,
+    find: impl Fn(usize) -> Option<&'d Drawable>,
+) -> Check {
+    let Some(node) = scene.nodes().get(drawable.node as usize) else { return Ok(()) };
+    let is_last = |drawable: &Drawable| drawable.piece.checked_add(1) == Some(drawable.pieces);
+    let before = index.checked_sub(1).filter(|before| levels(node).contains(before)).and_then(find);
+    let follows = match before {
+        Some(before) if !is_last(before) => {
+            let next = Drawable { piece: before.piece.saturating_add(1), ..*before };
+            (drawable.piece, drawable.pieces, drawable.error) == (next.piece, next.pieces, next.error)
+        }
+        _ => drawable.piece == 0,
+    };
+    if !follows || drawable.piece >= drawable.pieces {
+        Err("it is not the next piece of its level")
+    } else if index + 1 == levels(node).end && !is_last(drawable) {
+        Err("its level lacks pieces")
     } else {
         Ok(())
     }
