@@ -5,16 +5,13 @@ use std::{path::PathBuf, sync::Arc};
 use serde::{Serialize, Serializer};
 use trimaran_proto::{ObjectSet, Viewport};
 use trimaran_scene::{
-    Scene,
+    Bounds, Overview, Scene,
     heightfield::Heightfield,
-    path::{AutoPathError, AutoPathOptions, PathKind, auto},
+    path::{AutoPathError, PathKind},
 };
 use trimaran_transport::{Endpoint, Name};
 
-use super::{
-    extents::{Bounds, core},
-    network::{self, SimulatedNetwork},
-};
+use super::network::{self, SimulatedNetwork};
 
 /// A scene's description for the page. Lengths are metres, in world space with y up.
 #[derive(Debug, Clone, Serialize)]
@@ -80,34 +77,27 @@ pub fn model_name(files: &[PathBuf]) -> String {
 }
 
 impl SceneDescription {
-    /// The description of a scene of this name, without a picture limit. Finds a place to begin, which takes
-    /// a moment in a large scene.
+    /// The description of a scene of this name, without a picture limit.
     ///
     /// # Errors
-    /// Never in practice: every scene has such a place.
+    /// As [`Scene::overview`].
     pub fn new(name: String, scene: &Arc<Scene>) -> Result<Self, AutoPathError> {
-        let options = AutoPathOptions { frames: 1, teleport: false, ..AutoPathOptions::default() };
-        let found = auto(scene, &options)?;
+        let Overview { core, eye, forward, kind, eye_height, clearance, vfov_deg } = scene.overview()?;
         let (min, max) = scene.nodes().first().map(trimaran_scene::Node::world_box).unwrap_or_default();
-        let pose = found.path.frames().first();
-        let start = Start {
-            eye: pose.map_or([0.0; 3], |pose| pose.eye().to_array()),
-            forward: pose.map_or([0.0, 0.0, -1.0], |pose| pose.forward().to_array()),
-        };
         Ok(Self {
             name,
             fingerprint: format!("{:032x}", scene.outline().hash.0),
             objects: scene.outline().objects,
             min: min.to_array(),
             max: max.to_array(),
-            core: core(scene, 0..scene.outline().objects),
+            core,
             see_through: scene.see_through().clone(),
-            has_floors: found.kind == PathKind::Floors,
-            eye_height: found.eye_height,
-            tile_side: Heightfield::new(scene, found.eye_height).tile_side(),
-            clearance: found.clearance,
-            vfov_deg: found.path.vfov_deg(),
-            start,
+            has_floors: kind == PathKind::Floors,
+            eye_height,
+            tile_side: Heightfield::new(scene, eye_height).tile_side(),
+            clearance,
+            vfov_deg,
+            start: Start { eye, forward },
             max_picture: Viewport::LARGEST,
             meeting: Endpoint::Inproc(Name::unique()),
             networks: network::names(),

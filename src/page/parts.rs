@@ -3,9 +3,9 @@
 use std::{collections::HashMap, ops::Range, sync::Arc};
 
 use serde::Serialize;
-use trimaran_scene::{Attribute, Extent, Group, Hierarchy, Level, Node, ReadError, Scene};
+use trimaran_scene::{Attribute, Bounds, Extent, Group, Hierarchy, Level, Node, ReadError, Scene};
 
-use super::extents::{Bounds, Side, core, sides};
+use super::sides::{Side, sides};
 
 /// The most parts in a list of a group's children.
 const CHILDREN: usize = 500;
@@ -110,7 +110,7 @@ impl Parts {
         let around = || self.around(id).filter_map(|id| self.hierarchy.groups.get(id as usize)).find(drawn);
         let nearest = if extent.triangles == 0 { around() } else { None };
         let objects = nearest.map_or(part.first..part.end, |group| group.objects.clone());
-        let core = core(&self.scene, objects.clone());
+        let core = Bounds::of_most(&self.scene, objects.clone());
         let sides = sides(&self.scene, &core, &objects);
         Some(Details { part, path: self.path(id), extent, core, sides, attributes, attribute_count })
     }

@@ -12,7 +12,7 @@
 //! # cook(&plant(&PlantOptions::small(7)), &CookOptions::default(), &())?.save(&path)?;
 //! let scene = Scene::open(&path)?;
 //! let root = &scene.nodes()[0];
-//! let finest = scene.nodes().iter().filter(|node| node.is_leaf()).filter_map(|leaf| leaf.levels().next());
+//! let finest = scene.nodes().iter().filter(|node| node.is_leaf()).filter_map(|leaf| scene.levels(leaf).next());
 //! println!("{} objects in {:?}, {} leaves", scene.objects().len(), root.world_box(), finest.count());
 //! # std::fs::remove_dir_all(&folder)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -22,14 +22,17 @@
 //! |---|---|
 //! | `scene` | [`Scene`]: the file, its records loaded on demand, and their checks |
 //! | [`heightfield`] | the solid parts, for walking |
+//! | `overview` | [`Overview`]: where to begin |
 //! | [`path`] | camera paths: made for a scene by a seed, or read from a file |
 //! | [`random`] | random numbers that are the same everywhere |
 
 pub mod heightfield;
+mod overview;
 pub mod path;
 pub mod random;
 mod scene;
 
+pub use overview::{Bounds, Overview};
 pub use scene::{
     Attribute, Drawable, DrawableEntry, EntriesError, Extent, FORMAT_VERSION, FlatObject, Geometry,
     GeometryError, GeometryPlace, GeometryReader, GiveError, Group, Hierarchy, Level, Levels, MOST_ENTRIES,

@@ -16,7 +16,7 @@ use trimaran_scene::Vertex;
 
 /// Meshes of more triangles than this are cut.
 const LARGE: usize = 192;
-/// The most triangles of a cluster.
+/// The most triangles of a cluster, and of a piece of a level.
 const MOST: usize = 48;
 
 /// A mesh in clusters has at least this many times the triangles of its coarser levels. A level of half of them

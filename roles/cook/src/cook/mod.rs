@@ -146,7 +146,7 @@ pub fn cook(model: &Model, options: &CookOptions, progress: &dyn Progress) -> Re
     let merged = hlod::merge_all(&tree, &leaves, &meshes, options, progress);
     progress.begin(Phase::Assembling, 1);
     let arrays = assemble::assemble(model, &meshes, &leaves, &tree, merged)?;
-    let scene = Scene::from_arrays(arrays)?;
+    let scene = Scene::from_arrays(arrays)?.with_overview();
     progress.advance(1);
     Ok(scene)
 }

@@ -19,6 +19,7 @@ const ENTRY: usize = 64;
 const NODES: usize = 0;
 const NAMES: usize = 4;
 const GEOMETRY: usize = 7;
+const OVERVIEW: usize = 8;
 
 /// The result for a file.
 fn outcome(file: &[u8]) -> &'static str {
@@ -43,7 +44,7 @@ fn outcome(file: &[u8]) -> &'static str {
 type Make = fn() -> Vec<u8>;
 
 /// Each file, with its results unchanged and with corrected checksums. All but "sound" are broken.
-const FILES: [(&str, [&str; 2], Make); 29] = [
+const FILES: [(&str, [&str; 2], Make); 31] = [
     ("empty", ["cut", "cut"], Vec::new),
     ("only-the-header", ["cut", "cut"], || one_triangle()[..HEADER].to_vec()),
     ("cut-within-the-header", ["cut", "cut"], || one_triangle()[..100].to_vec()),
@@ -75,6 +76,8 @@ const FILES: [(&str, [&str; 2], Make); 29] = [
     }),
     ("a-damaged-page-of-nodes", ["damaged", "broken"], || damaged(one_triangle(), NODES)),
     ("a-damaged-page-of-geometry", ["damaged", "broken"], || damaged(two_objects(), GEOMETRY)),
+    ("a-damaged-overview", ["damaged", "sound"], || damaged(one_triangle(), OVERVIEW)),
+    ("an-overview-of-no-numbers", ["damaged"; 2], || with_page(&one_triangle(), OVERVIEW, &[0xff; 121])),
     ("a-damaged-directory", ["refused", "sound"], || {
         let mut file = one_triangle();
         let hash = entry(&file, GEOMETRY) + 40;
@@ -122,10 +125,10 @@ const FILES: [(&str, [&str; 2], Make); 29] = [
     ("names-that-unpack-to-less-than-they-say", ["damaged"; 2], || with_names(&stored(&[b'x'; 100]), 4000)),
     ("a-name-that-ends-within-a-character", ["malformed"; 2], || with_names(&stored("xxxxxé".as_bytes()), 7)),
     ("geometry-of-more-triangles-than-its-bytes", ["geometry"; 2], || {
-        changed(one_triangle(), |file| {
-            let start = number(file, entry(file, GEOMETRY), 8);
-            file[start..start + 8].fill(0xff);
-        })
+        let scene = Scene::open_bytes(Path::new("a.scene"), &one_triangle()).unwrap();
+        let mut piece = scene.packed_geometry(0).unwrap();
+        piece[..8].fill(0xff);
+        with_page(&one_triangle(), GEOMETRY, &piece)
     }),
 ];
 
@@ -281,6 +284,11 @@ fn with_pages(file: &[u8], change: impl Fn(usize, &[u8]) -> Option<(Vec<u8>, u32
     }
     out.extend(directory);
     sealed(&out)
+}
+
+/// The file with other bytes in a page, not compressed.
+fn with_page(file: &[u8], page: usize, bytes: &[u8]) -> Vec<u8> {
+    with_pages(file, |at, _| (at == page).then(|| (stored(bytes), bytes.len() as u32)))
 }
 
 /// A small scene whose only object's name is all of the names.

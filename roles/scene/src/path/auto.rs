@@ -7,6 +7,7 @@
 //! circled from outside.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{
@@ -37,7 +38,7 @@ impl Default for AutoPathOptions {
 }
 
 /// How the camera moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum PathKind {
     /// On floors, at eye height.
     Floors,

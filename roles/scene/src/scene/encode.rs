@@ -7,6 +7,7 @@ use trimaran_proto::ObjectSet;
 use super::geometry::GeometryPlace;
 use super::layout::{Entry, Firsts, Header, MAGIC, Section, Totals, VERSION};
 use super::{Drawable, Extent, Geometry, Node, SceneArrays, SceneError, hierarchy_bytes};
+use crate::Overview;
 
 /// The size from which a page of geometry counts as full: reading one piece reads and checks its whole page.
 const GEOMETRY_PAGE: usize = 32 << 10;
@@ -53,7 +54,7 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
         geometries: arrays.geometries.len() as u32,
         objects: arrays.objects.len() as u32,
         leaves: arrays.nodes.iter().filter(|node| node.is_leaf()).count() as u32,
-        reserved: 0,
+        overviews: 0,
         names: arrays.names.len() as u64,
         totals: totals(&arrays),
         fingerprint: [0; 32],
@@ -66,8 +67,7 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
         end += u64::from(page.entry.length);
     }
     let directory: Vec<Entry> = pages.iter().map(|page| page.entry).collect();
-    header.directory = end;
-    header.file_length = end + size_of_val(&*directory) as u64;
+    header.end_with(&directory, end);
     header.seal(&directory);
     let mut file = Vec::with_capacity(usize::try_from(header.file_length).unwrap_or_default());
     file.extend_from_slice(bytemuck::bytes_of(&header));
@@ -76,6 +76,27 @@ pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     }
     file.extend_from_slice(bytemuck::cast_slice(&directory));
     Ok(file)
+}
+
+/// Adds a page with the overview to a file that has none.
+pub(super) fn add_overview(
+    file: &mut Vec<u8>,
+    header: &mut Header,
+    directory: &mut Vec<Entry>,
+    overview: &Overview,
+) {
+    let mut page = Page::packed(&overview.encode(), Section::Overview);
+    page.entry.offset = header.directory;
+    file.truncate(header.directory as usize);
+    file.extend_from_slice(&page.bytes);
+    directory.push(page.entry);
+    (header.pages, header.overviews) = (header.pages + 1, 1);
+    header.end_with(directory, file.len() as u64);
+    header.seal(directory);
+    file.extend_from_slice(bytemuck::cast_slice(directory));
+    if let Some(start) = file.first_chunk_mut::<{ size_of::<Header>() }>() {
+        start.copy_from_slice(bytemuck::bytes_of(header));
+    }
 }
 
 fn check_counts(arrays: &SceneArrays) -> Result<(), SceneError> {
@@ -183,7 +204,8 @@ fn place(geometries: &[Geometry], packed: &[Vec<u8>]) -> Result<(Vec<GeometryPla
     if !open.is_empty() {
         pages.push(open);
     }
-    Ok((places, pages.into_par_iter().map(Page::as_it_is).collect()))
+    let packed = pages.into_par_iter().map(|page| Page::packed(&page, Section::Geometry));
+    Ok((places, packed.collect()))
 }
 
 fn records<T: NoUninit + Sync>(records: &[T], section: Section) -> Vec<Page> {
@@ -229,18 +251,9 @@ impl Page {
             bytes.extend_from_slice(&(missing as u32).to_le_bytes());
             bytes.resize(bytes.len() + missing, 0);
         }
-        Self::new(bytes, unpacked.len())
-    }
-
-    fn as_it_is(bytes: Vec<u8>) -> Self {
-        let unpacked = bytes.len();
-        Self::new(bytes, unpacked)
-    }
-
-    fn new(bytes: Vec<u8>, unpacked: usize) -> Self {
         let entry = Entry {
             length: bytes.len() as u32,
-            unpacked: unpacked as u32,
+            unpacked: unpacked.len() as u32,
             hash: *blake3::hash(&bytes).as_bytes(),
             ..Zeroable::zeroed()
         };

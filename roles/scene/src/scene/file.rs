@@ -15,7 +15,8 @@ use zstd::bulk::Decompressor;
 use super::geometry::GeometryPlace;
 use super::layout::{Entry, Firsts, Header, MAGIC, Section, VERSION};
 use super::source::Source;
-use super::{OpenError, ReadCause, ReadError, SceneError};
+use super::{OpenError, ReadCause, ReadError, SceneError, encode};
+use crate::Overview;
 
 /// An open file whose header and directory are checked.
 #[derive(Debug)]
@@ -110,7 +111,8 @@ impl SceneFile {
             // Making one takes as long as unpacking a page.
             static UNPACKER: RefCell<Option<Decompressor<'static>>> = const { RefCell::new(None) };
         }
-        let bytes = self.page(section, page, records)?.1;
+        let bytes = self.checked(&self.entry(section, page));
+        let bytes = bytes.map_err(|cause| self.error(section, page, records, cause))?;
         let filled = UNPACKER.with_borrow_mut(|unpacker| {
             if unpacker.is_none() {
                 *unpacker = Decompressor::new().ok();
@@ -124,7 +126,26 @@ impl SceneFile {
         }
     }
 
-    /// A piece of geometry, packed; `page` caches the page of the last read.
+    /// The overview, if it has one.
+    pub(super) fn overview(&self) -> Result<Option<Overview>, ReadError> {
+        if self.header.overviews == 0 {
+            return Ok(None);
+        }
+        let bytes = self.unpack(Section::Overview, 0, &(0..0))?;
+        let damaged = || self.error(Section::Overview, 0, &(0..0), ReadCause::Damaged);
+        Overview::decode(&bytes).ok_or_else(damaged).map(Some)
+    }
+
+    /// Adds an overview to a file in memory that has none yet.
+    pub(super) fn add_overview(&mut self, overview: &Overview) {
+        if let Source::Memory(bytes) = &mut self.source
+            && self.header.overviews == 0
+        {
+            encode::add_overview(bytes, &mut self.header, &mut self.directory, overview);
+        }
+    }
+
+    /// A piece of geometry, packed by itself; `page` caches the page of the last read.
     pub(super) fn geometry<'p>(
         &self,
         number: usize,
@@ -134,7 +155,7 @@ impl SceneFile {
         let one = number..number + 1;
         let of = place.page as usize;
         if page.as_ref().is_none_or(|(last, _)| *last != place.page) {
-            *page = Some((place.page, self.page(Section::Geometry, of, &one)?.1));
+            *page = Some((place.page, self.unpack(Section::Geometry, of, &one)?));
         }
         let bytes = page.as_ref().map(|(_, bytes)| bytes.as_slice()).unwrap_or_default();
         let start = place.offset as usize;
@@ -143,10 +164,10 @@ impl SceneFile {
         piece.ok_or_else(|| self.error(Section::Geometry, of, &one, ReadCause::Damaged))
     }
 
-    /// The length of a page of geometry.
+    /// The length of a page of geometry, unpacked.
     pub(super) fn geometry_page_length(&self, page: u32) -> Option<u32> {
         let pages = self.directory.get(self.header.pages(Section::Geometry))?;
-        Some(pages.get(page as usize)?.length)
+        Some(pages.get(page as usize)?.unpacked)
     }
 
     /// The first numbers of a page of nodes, and of the next page.
@@ -175,7 +196,9 @@ impl SceneFile {
         let entry = self.entry(section, page);
         let start = entry.offset;
         let what = match section {
-            Section::Names | Section::Sources | Section::Hierarchy => section.name().to_owned(),
+            Section::Names | Section::Sources | Section::Hierarchy | Section::Overview => {
+                section.name().to_owned()
+            }
             _ if records.len() == 1 => format!("{} {}", section.name(), records.start),
             _ => format!("{} {} to {}", section.name(), records.start, records.end.saturating_sub(1)),
         };
@@ -214,19 +237,6 @@ impl SceneFile {
     }
 
     /// A page as stored in the file, verified by its hash.
-    fn page(
-        &self,
-        section: Section,
-        page: usize,
-        records: &Range<usize>,
-    ) -> Result<(Entry, Vec<u8>), ReadError> {
-        let entry = self.entry(section, page);
-        match self.checked(&entry) {
-            Ok(bytes) => Ok((entry, bytes)),
-            Err(cause) => Err(self.error(section, page, records, cause)),
-        }
-    }
-
     fn checked(&self, entry: &Entry) -> Result<Vec<u8>, ReadCause> {
         let mut bytes = vec![0; entry.length as usize];
         let read = self.source.read_exact_at(&mut bytes, entry.offset);

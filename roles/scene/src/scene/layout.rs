@@ -12,7 +12,8 @@
 //! | 5 | all objects' names, one page | zstd |
 //! | 6 | the sources' names, one page, behind the see-through objects | zstd |
 //! | 7 | the hierarchy of objects and their attributes, one page | postcard, then zstd |
-//! | 8 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece |
+//! | 8 | geometry, whole pieces up to about 32 KiB | meshoptimizer, piece by piece, then zstd |
+//! | 9 | the overview, one page or none | postcard, then zstd |
 //!
 //! The directory has the BLAKE3 hash of each page as it lies in the file. The fingerprint is the BLAKE3 hash
 //! of header and directory. So a reader that trusts the fingerprint can check any page alone.
@@ -58,8 +59,8 @@ pub(super) struct Header {
     pub(super) objects: u32,
     /// Nodes without children.
     pub(super) leaves: u32,
-    /// Zero.
-    pub(super) reserved: u32,
+    /// Pages of the overview: 1, or 0 without one.
+    pub(super) overviews: u32,
     /// Bytes of all objects' names.
     pub(super) names: u64,
     pub(super) totals: Totals,
@@ -137,10 +138,11 @@ pub(super) enum Section {
     Sources,
     Hierarchy,
     Geometry,
+    Overview,
 }
 
 impl Section {
-    const ALL: [Self; 8] = [
+    const ALL: [Self; 9] = [
         Self::Nodes,
         Self::Drawables,
         Self::Places,
@@ -149,6 +151,7 @@ impl Section {
         Self::Sources,
         Self::Hierarchy,
         Self::Geometry,
+        Self::Overview,
     ];
 
     /// The binary logarithm of a page's records.
@@ -173,7 +176,7 @@ impl Section {
     pub(super) const fn most_unpacked(self, length: usize) -> usize {
         let most = LARGEST_RATIO * length;
         match self {
-            Self::Names | Self::Sources | Self::Hierarchy => {
+            Self::Names | Self::Sources | Self::Hierarchy | Self::Overview => {
                 let text = LARGEST_TEXT_RATIO * length;
                 let text = if text > FREE_TEXT { text } else { FREE_TEXT };
                 if most < text { most } else { text }
@@ -185,7 +188,7 @@ impl Section {
     /// The least bytes of a page that unpacks to this many.
     pub(super) const fn least_packed(self, unpacked: usize) -> usize {
         match self {
-            Self::Names | Self::Sources | Self::Hierarchy if unpacked > FREE_TEXT => {
+            Self::Names | Self::Sources | Self::Hierarchy | Self::Overview if unpacked > FREE_TEXT => {
                 unpacked.div_ceil(LARGEST_TEXT_RATIO)
             }
             _ => unpacked.div_ceil(LARGEST_RATIO),
@@ -203,6 +206,7 @@ impl Section {
             Self::Sources => "names of sources",
             Self::Hierarchy => "hierarchy",
             Self::Geometry => "geometry",
+            Self::Overview => "overview",
         }
     }
 }
@@ -218,7 +222,10 @@ impl Header {
                 Section::Places => of.pages(self.geometries),
                 Section::Objects => of.pages(self.objects),
                 Section::Names | Section::Sources | Section::Hierarchy => 1,
-                Section::Geometry => (self.pages as usize).saturating_sub(first),
+                Section::Geometry => {
+                    (self.pages.saturating_sub(self.overviews) as usize).saturating_sub(first)
+                }
+                Section::Overview => self.overviews as usize,
             };
             if of == section {
                 return first..first + count;
@@ -226,6 +233,12 @@ impl Header {
             first += count;
         }
         first..first
+    }
+
+    /// Sets the place of the directory, which ends a file whose pages end at `end`.
+    pub(super) fn end_with(&mut self, directory: &[Entry], end: u64) {
+        self.directory = end;
+        self.file_length = end + size_of_val(directory) as u64;
     }
 
     /// Sets fingerprint and check; all other fields are set already.
@@ -277,7 +290,8 @@ impl Header {
         let rising = |of: fn(&Firsts) -> u32| nodes.is_sorted_by_key(|entry| of(&entry.firsts));
         sound
             && end == self.directory
-            && self.pages(Section::Geometry).start <= directory.len()
+            && self.overviews <= 1
+            && self.pages(Section::Overview).end == directory.len()
             && unpacked_as(Section::Nodes, self.nodes, size_of::<Node>())
             && unpacked_as(Section::Drawables, self.drawables, size_of::<Drawable>())
             && unpacked_as(Section::Places, self.geometries, size_of::<GeometryPlace>())

@@ -26,6 +26,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 use trimaran_proto::{DrawableId, ObjectSet, SceneHash};
 
+use crate::Overview;
+
 pub use entries::{EntriesError, MOST_ENTRIES, pack_entries, unpack_entries};
 use faults::Faults;
 pub use file::SaveError;
@@ -116,6 +118,18 @@ impl Scene {
         let _ = (scene.drawables().iter().count(), scene.objects().iter().count());
         scene.check_records().map_err(rule)?;
         Ok(scene)
+    }
+
+    /// The same scene with an [overview](Self::overview) in its file, so that opening it searches for none. It
+    /// stays as it is if it has one, is a file already, or is so large that none is found.
+    #[must_use]
+    pub fn with_overview(mut self) -> Self {
+        if let Some(overview) = Overview::find(&self).ok().and_then(Overview::sound)
+            && let Some(file) = Arc::get_mut(&mut self.file)
+        {
+            file.add_overview(&overview);
+        }
+        self
     }
 
     /// Opens a scene that [`Scene::save`] wrote: reads and checks its header, its directory and the top of
@@ -442,7 +456,7 @@ impl Scene {
         let _ = (0..self.objects().len() as u32).all(|object| self.object_name(object).is_some());
         match self.fault() {
             Some(fault) => Err(fault.clone()),
-            None => self.hierarchy().map(drop),
+            None => self.hierarchy().and(self.stored_overview()).map(drop),
         }
     }
 
@@ -452,6 +466,10 @@ impl Scene {
     /// If it does not exist, or cannot be read.
     pub fn packed_geometry(&self, number: u32) -> Result<Vec<u8>, ReadError> {
         self.reader().packed(number, <[u8]>::to_vec)
+    }
+
+    pub(crate) fn stored_overview(&self) -> Result<Option<Overview>, ReadError> {
+        self.file.overview()
     }
 
     fn given(&self) -> Option<&Given> {

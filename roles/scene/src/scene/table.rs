@@ -233,7 +233,11 @@ fn load(scene: &Scene, page: PageNumber) -> Result<(), ReadError> {
             Section::Places => scene.places().check(page)?,
             Section::Objects => scene.objects().check(page)?,
             // These have no records.
-            Section::Names | Section::Sources | Section::Hierarchy | Section::Geometry => None,
+            Section::Names
+            | Section::Sources
+            | Section::Hierarchy
+            | Section::Geometry
+            | Section::Overview => None,
         };
         match lacking {
             Some(page) => open.push(page),

@@ -81,8 +81,7 @@ impl Apart {
             end += page.len() as u64;
         }
         self.header.pages = self.directory.len() as u32;
-        self.header.directory = end;
-        self.header.file_length = end + size_of_val(&*self.directory) as u64;
+        self.header.end_with(&self.directory, end);
     }
 
     /// The file, with right hashes.

@@ -182,13 +182,15 @@ fn a_well_written_file_of_a_malformed_scene_is_refused() {
 #[test]
 fn a_directory_that_does_not_go_with_the_header_is_refused() {
     type Change = fn(&mut Apart);
-    let changes: [(Change, &str); 13] = [
+    let changes: [(Change, &str); 15] = [
         (|f| f.header.nodes = 4, "does not go with"),
         (|f| f.header.nodes = u32::MAX, "does not go with"),
         (|f| f.header.drawables = 0, "does not go with"),
         (|f| f.header.geometries = 1025, "does not go with"),
         (|f| f.header.objects = u32::MAX, "does not go with"),
         (|f| f.header.names = u64::MAX, "does not go with"),
+        (|f| f.header.overviews = 2, "does not go with"),
+        (|f| f.header.overviews = u32::MAX, "does not go with"),
         (|f| f.directory[0].unpacked -= 1, "does not go with"),
         (|f| f.directory[0].firsts.child = 0, "does not go with"),
         (|f| f.directory[1].offset = f.directory[0].offset, "does not go with"),
@@ -210,6 +212,23 @@ fn a_directory_that_does_not_go_with_the_header_is_refused() {
     file.entry(Section::Nodes, 3).firsts.child = 2;
     let refused = opened(&file.bytes()).unwrap_err().to_string();
     assert!(refused.contains("does not go with"), "{refused}");
+}
+
+#[test]
+fn a_damaged_overview_is_refused_and_all_else_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.scene");
+    Scene::from_arrays(two_leaves()).unwrap().with_overview().save(&path).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    opened(&bytes).unwrap().check().unwrap();
+    let mut file = Apart::new(&bytes);
+    file.replace(Section::Overview, 0, &[0; 7]);
+    file.entry(Section::Overview, 0).unpacked = 7;
+    let scene = opened(&file.bytes()).unwrap();
+    assert!(scene.geometry(0).is_ok());
+    let refused = scene.overview().unwrap_err().to_string();
+    assert!(refused.contains("overview"), "{refused}");
+    assert!(matches!(scene.check(), Err(ReadError { cause: ReadCause::Damaged, .. })));
 }
 
 #[test]

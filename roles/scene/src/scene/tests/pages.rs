@@ -224,7 +224,9 @@ fn geometry_of_other_sizes_than_its_place_says_is_an_error() {
 
     // Bytes not made by the codec.
     let mut file = Apart::of(two_leaves());
-    file.pages[7].iter_mut().skip(12).for_each(|byte| *byte = !*byte);
+    file.edit(Section::Geometry, 0, |bytes: &mut [u8]| {
+        bytes[12..].iter_mut().for_each(|byte| *byte = !*byte)
+    });
     let error = opened(&file.bytes()).unwrap().check().unwrap_err();
     assert!(matches!(error.cause, ReadCause::Geometry(GeometryError::Vertices)), "{error}");
 }

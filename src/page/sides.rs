@@ -1,20 +1,10 @@
-//! The extents of a scene's parts, for views of them: the box around most of them, and the sides from which
-//! they are visible.
+//! The sides from which a scene's parts are visible.
 
 use std::ops::Range;
 
 use glam::DVec3;
 use serde::Serialize;
-use trimaran_scene::{Node, Scene};
-
-/// A box with its sides along the axes, metres in the world.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Bounds {
-    /// Lower corner.
-    pub min: [f64; 3],
-    /// Upper corner.
-    pub max: [f64; 3],
-}
+use trimaran_scene::{Bounds, Node, Scene};
 
 /// How much of an object is hidden from one side.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -25,11 +15,6 @@ pub(super) struct Side {
     hidden: f64,
 }
 
-/// The share of objects at each end of an axis that may be outliers.
-const FEW: f64 = 0.02;
-/// An object is far this many times the longest side of all the others beyond their end.
-const FAR: f64 = 1.0;
-
 /// The number of azimuths, and the elevations as sines.
 const AROUND: u32 = 12;
 const HEIGHTS: [f64; 3] = [0.2, 0.5, 0.85];
@@ -37,34 +22,6 @@ const HEIGHTS: [f64; 3] = [0.2, 0.5, 0.85];
 const AWAY: f64 = 2.5;
 /// The position of the sample points between the middle of a box and each corner.
 const INWARD: f64 = 0.7;
-
-fn boxes(scene: &Scene, objects: Range<u32>) -> impl Iterator<Item = (DVec3, DVec3)> {
-    let node = move |id: u32| scene.nodes().get(scene.objects().get(id as usize)?.node as usize);
-    objects.filter_map(move |id| Some(node(id)?.world_box()))
-}
-
-fn around(boxes: impl Iterator<Item = (DVec3, DVec3)>) -> Option<(DVec3, DVec3)> {
-    boxes.reduce(|(a, b), (min, max)| (a.min(min), b.max(max)))
-}
-
-/// The box around objects, without the few that lie far from the others. Without objects it is a point.
-pub(super) fn core(scene: &Scene, objects: Range<u32>) -> Bounds {
-    let all: Vec<_> = boxes(scene, objects).collect();
-    let few = (FEW * all.len() as f64) as usize;
-    // The quantile of numbers that has this few below it.
-    let nth = |mut numbers: Vec<f64>| {
-        let few = few.min(numbers.len().saturating_sub(1));
-        if numbers.is_empty() { 0.0 } else { *numbers.select_nth_unstable_by(few, f64::total_cmp).1 }
-    };
-    let low = DVec3::from_array([0, 1, 2].map(|axis| nth(all.iter().map(|(min, _)| min[axis]).collect())));
-    let high = DVec3::from_array([0, 1, 2].map(|axis| -nth(all.iter().map(|(_, max)| -max[axis]).collect())));
-    // By the longest side, so that a tower on a deck does not count as far.
-    let far = DVec3::splat(FAR * (high - low).max_element().max(0.0));
-    let is_near = |(min, max): &(DVec3, DVec3)| min.cmpge(low - far).all() && max.cmple(high + far).all();
-    let near = around(all.iter().copied().filter(is_near)).or_else(|| around(all.iter().copied()));
-    let (min, max) = near.unwrap_or_default();
-    Bounds { min: min.to_array(), max: max.to_array() }
-}
 
 /// How much of a box is hidden from each side. The `objects` themselves hide nothing.
 pub(super) fn sides(scene: &Scene, of: &Bounds, objects: &Range<u32>) -> Vec<Side> {
@@ -133,40 +90,12 @@ mod tests {
         Object::new(Mesh::cuboid(Vec3::splat(-half), Vec3::splat(half), 1)).at(DVec3::from_array(at))
     }
 
-    fn is_about(a: [f64; 3], b: [f64; 3]) -> bool {
-        DVec3::from_array(a).distance(DVec3::from_array(b)) < 0.1
-    }
-
-    #[test]
-    fn a_few_objects_far_away_do_not_count_and_a_tower_does() {
-        let crowd = |place: u32| cube(0.5, [f64::from(place % 10), 0.0, f64::from(place / 10)]);
-        let mut objects: Vec<Object> = (0..100).map(crowd).collect();
-        objects.push(cube(0.5, [4.0, 9.0, 4.0]));
-        let compact = build(&objects, true).unwrap();
-        let Bounds { min, max } = core(&compact, 0..101);
-        assert!(is_about(min, [-0.5; 3]) && is_about(max, [9.5, 9.5, 9.5]), "{min:?} {max:?}");
-        objects.push(cube(0.5, [4000.0, 0.0, 0.0]));
-        // A ground much larger than everything on it.
-        objects.push(Object::new(Mesh::cuboid(
-            Vec3::new(-900.0, -1.0, -900.0),
-            Vec3::new(900.0, -0.6, 900.0),
-            1,
-        )));
-        let scattered = build(&objects, true).unwrap();
-        let Bounds { min, max } = core(&scattered, 0..103);
-        assert!(is_about(min, [-0.5; 3]) && is_about(max, [9.5, 9.5, 9.5]), "{min:?} {max:?}");
-        // Among few objects none counts as far.
-        let Bounds { max, .. } = core(&scattered, 99..102);
-        assert!(is_about(max, [4000.5, 9.5, 9.5]), "{max:?}");
-        assert_eq!(core(&scattered, 7..7), Bounds { min: [0.0; 3], max: [0.0; 3] });
-    }
-
     #[test]
     fn a_side_behind_a_wall_is_hidden_and_the_others_are_open() {
         let wall = Object::new(Mesh::cuboid(Vec3::new(-9.0, -9.0, 1.0), Vec3::new(9.0, 9.0, 1.2), 1));
         let scene = build(&[cube(0.5, [0.0; 3]), wall], true).unwrap();
         let objects = 0..1;
-        let sides = sides(&scene, &core(&scene, objects.clone()), &objects);
+        let sides = sides(&scene, &Bounds::of_most(&scene, objects.clone()), &objects);
         assert_eq!(sides.len(), 36);
         for Side { from, hidden } in sides {
             let (shows, is_low) = (from[2] <= 1e-9, from[1] < 0.4);

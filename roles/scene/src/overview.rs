@@ -1,0 +1,210 @@
+//! Where to begin in a scene, and how large most of it is: found once, when it is cooked, because the search
+//! reads much of it.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::Scene;
+use crate::path::{AutoPathError, AutoPathOptions, PathKind, Pose, auto};
+
+/// A box with its sides along the axes, metres in the world.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: [f64; 3],
+    /// Upper corner.
+    pub max: [f64; 3],
+}
+
+/// What a viewer needs to begin. Lengths are metres, in world space with y up.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Overview {
+    /// The box around the scene without the few objects that lie far from all others.
+    pub core: Bounds,
+    /// Where to begin: the eye's position.
+    pub eye: [f64; 3],
+    /// Its viewing direction, a unit vector.
+    pub forward: [f64; 3],
+    /// How a camera can move there.
+    pub kind: PathKind,
+    /// Height of the eye above floors: see [`AutoPath`](crate::path::AutoPath).
+    pub eye_height: f64,
+    /// The least distance between an eye and any surface.
+    pub clearance: f64,
+    /// Vertical field of view, degrees.
+    pub vfov_deg: f64,
+}
+
+/// The share of objects at each end of an axis that may be outliers.
+const FEW: f64 = 0.02;
+/// An object is far this many times the longest side of all the others beyond their end.
+const FAR: f64 = 1.0;
+
+impl Overview {
+    /// Finds it.
+    ///
+    /// # Errors
+    /// If a part of the scene cannot be read, or lengths in it overflow.
+    pub(crate) fn find(scene: &Scene) -> Result<Self, AutoPathError> {
+        let options = AutoPathOptions { frames: 1, teleport: false, ..AutoPathOptions::default() };
+        let found = auto(scene, &options)?;
+        let pose = found.path.frames().first();
+        Ok(Self {
+            core: scene.reading(|| Bounds::of_most(scene, 0..scene.objects().len() as u32))?,
+            eye: pose.map_or([0.0; 3], |pose| pose.eye().to_array()),
+            forward: pose.map_or([0.0, 0.0, -1.0], |pose| pose.forward().to_array()),
+            kind: found.kind,
+            eye_height: found.eye_height,
+            clearance: found.clearance,
+            vfov_deg: found.path.vfov_deg(),
+        })
+    }
+
+    /// As bytes.
+    pub(crate) fn encode(&self) -> Vec<u8> {
+        // Numbers alone always fit.
+        postcard::to_stdvec(self).unwrap_or_default()
+    }
+
+    /// The reverse; `None` if the bytes are invalid.
+    pub(crate) fn decode(bytes: &[u8]) -> Option<Self> {
+        let (this, rest) = postcard::take_from_bytes::<Self>(bytes).ok()?;
+        rest.is_empty().then_some(this)?.sound()
+    }
+
+    /// Itself, if its numbers make sense.
+    pub(crate) fn sound(self) -> Option<Self> {
+        let Self { core, eye, forward, eye_height, clearance, vfov_deg, .. } = self;
+        let [min, max, eye, forward] = [core.min, core.max, eye, forward].map(DVec3::from_array);
+        let is_sound = min.is_finite()
+            && max.is_finite()
+            && min.cmple(max).all()
+            && Pose::new(eye, forward, DVec3::Y).is_ok()
+            && [eye_height, clearance].iter().all(|length| length.is_finite() && *length > 0.0)
+            && vfov_deg > 0.0
+            && vfov_deg < 180.0;
+        is_sound.then_some(self)
+    }
+}
+
+impl Bounds {
+    /// The box around some objects, without the few that lie far from the others. Without objects it is a point.
+    /// Objects that cannot be read are left out, which [`Scene::reading`] tells.
+    #[must_use]
+    pub fn of_most(scene: &Scene, objects: Range<u32>) -> Self {
+        let all: Vec<_> = boxes(scene, objects).collect();
+        let few = (FEW * all.len() as f64) as usize;
+        // The quantile of numbers that has this few below it.
+        let nth = |mut numbers: Vec<f64>| {
+            let few = few.min(numbers.len().saturating_sub(1));
+            if numbers.is_empty() { 0.0 } else { *numbers.select_nth_unstable_by(few, f64::total_cmp).1 }
+        };
+        let low = [0, 1, 2].map(|axis| nth(all.iter().map(|(min, _)| min[axis]).collect()));
+        let high = [0, 1, 2].map(|axis| -nth(all.iter().map(|(_, max)| -max[axis]).collect()));
+        let (low, high) = (DVec3::from_array(low), DVec3::from_array(high));
+        // By the longest side, so that a tower on a deck does not count as far.
+        let far = DVec3::splat(FAR * (high - low).max_element().max(0.0));
+        let is_near = |(min, max): &(DVec3, DVec3)| min.cmpge(low - far).all() && max.cmple(high + far).all();
+        let near = around(all.iter().copied().filter(is_near)).or_else(|| around(all.iter().copied()));
+        let (min, max) = near.unwrap_or_default();
+        Self { min: min.to_array(), max: max.to_array() }
+    }
+}
+
+fn boxes(scene: &Scene, objects: Range<u32>) -> impl Iterator<Item = (DVec3, DVec3)> {
+    let node = move |id: u32| scene.nodes().get(scene.objects().get(id as usize)?.node as usize);
+    objects.filter_map(move |id| Some(node(id)?.world_box()))
+}
+
+fn around(boxes: impl Iterator<Item = (DVec3, DVec3)>) -> Option<(DVec3, DVec3)> {
+    boxes.reduce(|(a, b), (min, max)| (a.min(min), b.max(max)))
+}
+
+impl Scene {
+    /// Where to begin in the scene. One that was cooked has it in its file; in others it is searched for, which
+    /// takes a moment in a large one.
+    ///
+    /// # Errors
+    /// If a part of the scene cannot be read.
+    pub fn overview(&self) -> Result<Overview, AutoPathError> {
+        match self.stored_overview()? {
+            Some(stored) => Ok(stored),
+            None => Overview::find(self),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::testing::{boxes, uncooked};
+
+    fn cube(half: f64, [x, y, z]: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        ([x - half, y - half, z - half], [x + half, y + half, z + half])
+    }
+
+    fn is_about(a: [f64; 3], b: [f64; 3]) -> bool {
+        DVec3::from_array(a).distance(DVec3::from_array(b)) < 0.1
+    }
+
+    #[test]
+    fn a_few_objects_far_away_do_not_count_and_a_tower_does() {
+        let crowd = |place: u32| cube(0.5, [f64::from(place % 10), 0.0, f64::from(place / 10)]);
+        let mut objects: Vec<_> = (0..100).map(crowd).collect();
+        objects.push(cube(0.5, [4.0, 9.0, 4.0]));
+        let compact = uncooked(&boxes(&objects));
+        let Bounds { min, max } = Bounds::of_most(&compact, 0..101);
+        assert!(is_about(min, [-0.5; 3]) && is_about(max, [9.5, 9.5, 9.5]), "{min:?} {max:?}");
+        objects.push(cube(0.5, [4000.0, 0.0, 0.0]));
+        // A ground much larger than everything on it.
+        objects.push(([-900.0, -1.0, -900.0], [900.0, -0.6, 900.0]));
+        let scattered = uncooked(&boxes(&objects));
+        let Bounds { min, max } = Bounds::of_most(&scattered, 0..103);
+        assert!(is_about(min, [-0.5; 3]) && is_about(max, [9.5, 9.5, 9.5]), "{min:?} {max:?}");
+        // Among few objects none counts as far.
+        let Bounds { max, .. } = Bounds::of_most(&scattered, 99..102);
+        assert!(is_about(max, [4000.5, 9.5, 9.5]), "{max:?}");
+        assert_eq!(Bounds::of_most(&scattered, 7..7), Bounds { min: [0.0; 3], max: [0.0; 3] });
+    }
+
+    #[test]
+    fn an_overview_in_the_file_is_the_one_found_and_nothing_else_is_read_for_it() {
+        let model = boxes(&(0..400).map(|i| cube(0.3, [f64::from(i), 0.0, 0.0])).collect::<Vec<_>>());
+        let found = uncooked(&model).overview().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("boxes.scene");
+        let scene = uncooked(&model).with_overview();
+        assert_eq!(scene.overview().unwrap(), found);
+        scene.save(&path).unwrap();
+        let opened = Scene::open(&path).unwrap();
+        let before = opened.resident_bytes();
+        assert_eq!((opened.overview().unwrap(), opened.resident_bytes()), (found, before));
+        assert_eq!(opened.hash(), scene.hash());
+        opened.check().unwrap();
+        // A second one is not added.
+        let again = uncooked(&model).with_overview().with_overview();
+        assert_eq!(again.hash(), scene.hash());
+    }
+
+    #[test]
+    fn an_overview_that_makes_no_sense_is_refused() {
+        let sound = uncooked(&boxes(&[cube(1.0, [0.0; 3])])).overview().unwrap();
+        assert_eq!(Overview::decode(&sound.encode()), Some(sound));
+        let bytes = sound.encode();
+        assert_eq!(Overview::decode(&bytes[..bytes.len() - 1]), None);
+        assert_eq!(Overview::decode(&[&*bytes, &[0]].concat()), None);
+        let Bounds { min, max } = sound.core;
+        for wrong in [
+            Overview { eye: [f64::NAN, 0.0, 0.0], ..sound },
+            Overview { forward: [0.0; 3], ..sound },
+            Overview { clearance: 0.0, ..sound },
+            Overview { eye_height: f64::INFINITY, ..sound },
+            Overview { vfov_deg: 180.0, ..sound },
+            Overview { core: Bounds { min: max, max: min }, ..sound },
+        ] {
+            assert_eq!(Overview::decode(&wrong.encode()), None, "{wrong:?}");
+        }
+    }
+}
