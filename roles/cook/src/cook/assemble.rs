@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::clusters::{self, ClusterNode};
-use super::gather::Merged;
+use super::gather::{Merged, MergedLevel};
 use super::levels::{Level, LeveledMesh};
 use super::linear::WorldBox;
 use super::placed::Leaf;
@@ -41,16 +41,16 @@ enum Place {
 /// Puts the tree, its levels and the objects' names into arrays.
 pub(super) fn assemble(
     model: &Model,
-    meshes: &[Option<LeveledMesh>],
+    mut meshes: Vec<Option<LeveledMesh>>,
     leaves: &[Leaf],
     tree: &[TreeNode],
     merged: Vec<Option<Merged>>,
 ) -> Result<SceneArrays, CookError> {
     let mut arrays = SceneArrays::default();
     record_objects(model, &mut arrays)?;
-    let (numbers, solids) = add_meshes(meshes, &mut arrays)?;
-    let parts = Parts { tree, leaves, meshes, numbers, solids };
-    let mut merged = merged;
+    let (numbers, solids) = add_meshes(&mut meshes, &mut arrays)?;
+    let parts = Parts { tree, leaves, meshes: &meshes, numbers, solids };
+    let mut merged: Vec<_> = merged.into_par_iter().map(|merged| merged.map(MergedPieces::of)).collect();
     // Breadth first: a node's children are appended when it is reached.
     let mut queue = vec![(Node::NONE, Place::Tree(0))];
     let mut index = 0;
@@ -123,7 +123,7 @@ impl<'a> Parts<'a> {
     fn place_tree_node(
         &self,
         node: u32,
-        merged: Option<Merged>,
+        merged: Option<MergedPieces>,
         index: u32,
         record: &mut Node,
         arrays: &mut SceneArrays,
@@ -138,18 +138,15 @@ impl<'a> Parts<'a> {
             }
         } else if let Some(merged) = merged {
             place_inner(record, merged.origin, merged.bounds);
-            for mut level in merged.levels {
-                let pieces = clusters::pieces(&level.vertices, &mut level.indices);
-                let solids = Solids::new(&level.vertices, &level.indices);
+            for (error, pieces) in merged.levels {
                 let count = piece_count(&pieces)?;
-                for (number, (range, _)) in (0..).zip(pieces) {
-                    let (solid, geometry) = cut_out(&level.vertices, &level.indices, &solids, range);
+                for (number, Piece { geometry, solid }) in (0..).zip(pieces) {
                     let (min, max) = if count > 1 { geometry.part_of(record) } else { *record }.world_box();
                     let bounds = WorldBox { min, max };
                     let sides =
                         solid.map_or(Sides::BOTH, |s| s.sides(DMat3::IDENTITY, merged.origin, bounds));
                     let geometry = add_geometry(geometry, arrays)?;
-                    add_drawable(index, level.error, geometry, sides, [number, count], arrays);
+                    add_drawable(index, error, geometry, sides, [number, count], arrays);
                 }
             }
         }
@@ -273,13 +270,13 @@ fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookErr
     Ok(())
 }
 
-/// Adds the pieces of all meshes; returns their numbers, and the solid of each piece.
+/// Moves the triangles of all meshes into pieces; returns their numbers, and the solid of each piece.
 fn add_meshes(
-    meshes: &[Option<LeveledMesh>],
+    meshes: &mut [Option<LeveledMesh>],
     arrays: &mut SceneArrays,
 ) -> Result<(Vec<MeshNumbers>, Vec<Option<Solid>>), CookError> {
     let pieces: Vec<Pieces> =
-        meshes.par_iter().map(|mesh| mesh.as_ref().map(Pieces::of).unwrap_or_default()).collect();
+        meshes.par_iter_mut().map(|mesh| mesh.as_mut().map(Pieces::take).unwrap_or_default()).collect();
     let mut solids = Vec::new();
     let numbers =
         pieces.into_iter().map(|pieces| pieces.add(arrays, &mut solids)).collect::<Result<_, _>>()?;
@@ -300,7 +297,35 @@ struct Piece {
     solid: Option<Solid>,
 }
 
+/// A merged node's levels in pieces.
+struct MergedPieces {
+    origin: DVec3,
+    bounds: WorldBox,
+    /// Of each its error and its pieces.
+    levels: Vec<(f32, Vec<Piece>)>,
+}
+
+impl MergedPieces {
+    fn of(merged: Merged) -> Self {
+        let cut = |MergedLevel { vertices, mut indices, error }| {
+            let pieces = clusters::pieces(&vertices, &mut indices);
+            let solids = Solids::new(&vertices, &indices);
+            let piece = |(range, _)| cut_out(&vertices, &indices, &solids, range);
+            (error, pieces.into_iter().map(piece).collect())
+        };
+        let Merged { origin, bounds, levels } = merged;
+        Self { origin, bounds, levels: levels.into_iter().map(cut).collect() }
+    }
+}
+
 impl Pieces {
+    fn take(mesh: &mut LeveledMesh) -> Self {
+        let pieces = Self::of(mesh);
+        mesh.vertices = Vec::new();
+        mesh.levels.iter_mut().chain(&mut mesh.part_levels).for_each(|level| level.indices = Vec::new());
+        pieces
+    }
+
     fn of(mesh: &LeveledMesh) -> Self {
         let alone = |indices: &[u32]| Piece {
             geometry: piece(&mesh.vertices, indices),
@@ -308,10 +333,7 @@ impl Pieces {
         };
         let level = |level: &Level| -> Vec<Piece> {
             let solids = Solids::new(&mesh.vertices, &level.indices);
-            let cut = |range: &Range<u32>| {
-                let (solid, geometry) = cut_out(&mesh.vertices, &level.indices, &solids, range.clone());
-                Piece { geometry, solid }
-            };
+            let cut = |range: &Range<u32>| cut_out(&mesh.vertices, &level.indices, &solids, range.clone());
             level.pieces.iter().map(cut).collect()
         };
         let clustered = usize::from(!mesh.clusters.is_empty());
@@ -362,16 +384,11 @@ impl Pieces {
     }
 }
 
-/// A piece of a level, and the solids to which its triangles belong.
-fn cut_out(
-    vertices: &[Vertex],
-    level: &[u32],
-    solids: &Solids,
-    range: Range<u32>,
-) -> (Option<Solid>, Geometry) {
+/// A piece of a level.
+fn cut_out(vertices: &[Vertex], level: &[u32], solids: &Solids, range: Range<u32>) -> Piece {
     let range = range.start as usize..range.end as usize;
     let own = level.get(range.clone()).unwrap_or_default();
-    (solids.of(range.start / 3..range.end / 3), piece(vertices, own))
+    Piece { geometry: piece(vertices, own), solid: solids.of(range.start / 3..range.end / 3) }
 }
 
 /// Some triangles, prepared for flat shading, with only the vertices that they use.
@@ -390,7 +407,11 @@ fn piece(vertices: &[Vertex], triangles: &[u32]) -> Geometry {
         .collect();
     let mut shading = Shading::new(own);
     shading.turn(&mut indices);
-    Geometry { vertices: shading.into_vertices(), indices }
+    let mut vertices = shading.into_vertices();
+    // There are many pieces, and all stay until the scene is encoded.
+    vertices.shrink_to_fit();
+    indices.shrink_to_fit();
+    Geometry { vertices, indices }
 }
 
 fn add_geometry(geometry: Geometry, arrays: &mut SceneArrays) -> Result<u32, CookError> {

@@ -52,7 +52,10 @@ impl Bvh {
         let corner = |i: u32| at(positions, i);
         let mut ordered: Vec<Sorted> = (0_u32..)
             .zip(indices.as_chunks::<3>().0)
-            .map(|(index, &[a, b, c])| Sorted { corners: [corner(a), corner(b), corner(c)], index })
+            .map(|(index, triangle)| {
+                let corners @ [a, b, c] = triangle.map(corner);
+                Sorted { corners, centre: a + b + c, index }
+            })
             .collect();
         let mut nodes = Vec::with_capacity(ordered.len());
         if !ordered.is_empty() {
@@ -162,21 +165,22 @@ impl Bvh {
     }
 }
 
-/// A triangle during sorting, with its original index.
+/// A triangle during sorting, with three times its centre, and its original index.
 #[derive(Debug, Clone, Copy)]
 struct Sorted {
     corners: [Vec3; 3],
+    centre: Vec3,
     index: u32,
 }
 
 fn build(nodes: &mut Vec<BoxNode>, triangles: &mut [Sorted], first: u32) {
     let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for &Sorted { corners: [a, b, c], .. } in triangles.iter() {
+    for &Sorted { corners: [a, b, c], centre, .. } in triangles.iter() {
         min = min.min(a).min(b).min(c);
         max = max.max(a).max(b).max(c);
-        low = low.min(a + b + c);
-        high = high.max(a + b + c);
+        low = low.min(centre);
+        high = high.max(centre);
     }
     let index = nodes.len();
     nodes.push(BoxNode { min, link: first, max, count: triangles.len() as u32 });
@@ -185,10 +189,7 @@ fn build(nodes: &mut Vec<BoxNode>, triangles: &mut [Sorted], first: u32) {
     }
     let axis = (high - low).max_position();
     let middle = triangles.len() / 2;
-    triangles.select_nth_unstable_by(middle, |s, t| {
-        let centre = |t: &Sorted| t.corners.iter().map(|p| p[axis]).sum::<f32>();
-        centre(s).total_cmp(&centre(t))
-    });
+    triangles.select_nth_unstable_by(middle, |s, t| s.centre[axis].total_cmp(&t.centre[axis]));
     let (left, right) = triangles.split_at_mut(middle);
     build(nodes, left, first);
     let second = nodes.len() as u32;

@@ -101,13 +101,14 @@ fn merge_levels(below: Below<'_>, node: &TreeNode, diagonal: f64, most: usize) -
         .or_else(|| gather(f64::INFINITY, usize::MAX));
     let mut enough = most.min((WORTH * fewest as f64) as usize);
     let mut levels = Vec::new();
-    for thinned in soup.iter().flat_map(|soup| (0..TRIES).filter_map(|step| thin(soup, near(step) as f32))) {
+    for (soup, step) in soup.iter().flat_map(|soup| (0..TRIES).map(move |step| (soup, step))) {
         if levels.len() == LEVELS {
             break;
         }
-        let error = f64::from(thinned.error) + soup.as_ref().map_or(0.0, |soup| f64::from(soup.error));
+        let Some(thinned) = thin(soup, near(step) as f32, enough) else { continue };
+        let error = f64::from(thinned.error) + f64::from(soup.error);
         let error = round_up(error + ROUNDING * diagonal);
-        if (1..=enough).contains(&thinned.count()) && error.is_finite() {
+        if thinned.count() > 0 && error.is_finite() {
             enough = (WORTH * thinned.count() as f64) as usize;
             let (vertices, indices) = thinned.into_mesh();
             levels.push(MergedLevel { vertices, indices, error });

@@ -37,7 +37,7 @@ mod tree;
 use thiserror::Error;
 
 use crate::{Model, ModelError};
-use trimaran_scene::{Scene, SceneError};
+use trimaran_scene::{Scene, SceneArrays, SceneError};
 
 pub use hausdorff::hausdorff_bound;
 
@@ -132,6 +132,14 @@ pub enum CookError {
 /// # Errors
 /// If the model breaks a rule of [`Model::check`], has nothing to draw, or outgrows the format.
 pub fn cook(model: &Model, options: &CookOptions, progress: &dyn Progress) -> Result<Scene, CookError> {
+    let arrays = arrays(model, options, progress)?;
+    let scene = Scene::from_arrays(arrays)?.with_overview();
+    progress.advance(1);
+    Ok(scene)
+}
+
+/// The arrays of its scene. All else that cooking needs memory for is dropped.
+fn arrays(model: &Model, options: &CookOptions, progress: &dyn Progress) -> Result<SceneArrays, CookError> {
     model.check()?;
     let meshes = levels::simplify_meshes(model, progress);
     let leaves = placed::place_objects(model, &meshes)?;
@@ -145,8 +153,5 @@ pub fn cook(model: &Model, options: &CookOptions, progress: &dyn Progress) -> Re
     progress.advance(1);
     let merged = hlod::merge_all(&tree, &leaves, &meshes, options, progress);
     progress.begin(Phase::Assembling, 1);
-    let arrays = assemble::assemble(model, &meshes, &leaves, &tree, merged)?;
-    let scene = Scene::from_arrays(arrays)?.with_overview();
-    progress.advance(1);
-    Ok(scene)
+    assemble::assemble(model, meshes, &leaves, &tree, merged)
 }

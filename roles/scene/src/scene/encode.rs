@@ -12,6 +12,12 @@ use crate::Overview;
 /// The size from which a page of geometry counts as full: reading one piece reads and checks its whole page.
 const GEOMETRY_PAGE: usize = 32 << 10;
 
+/// Pages of records that are packed at a time.
+const RECORD_PAGES_AT_ONCE: usize = 256;
+
+/// Pieces of geometry that are packed, and then dropped, at a time.
+const PACKED_AT_ONCE: usize = 1 << 14;
+
 /// zstd's level: higher ones gain little on pages of this size, and cook longer.
 const ZSTD_LEVEL: i32 = 3;
 
@@ -24,58 +30,55 @@ struct Page {
     entry: Entry,
 }
 
-/// The bytes of a file of these arrays, whose records are not checked yet.
+/// A file under way: a place for its header, and its pages so far.
+struct Pages {
+    file: Vec<u8>,
+    directory: Vec<Entry>,
+}
+
+/// The bytes of a file of these arrays, whose records are not checked yet. What is packed is dropped, so that a
+/// large scene is not in memory twice.
 pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     check_counts(&arrays)?;
     set_sums(&mut arrays.nodes);
     set_nodes(&mut arrays);
-    let packed = pack(&arrays.geometries)?;
-    let (places, geometry) = place(&arrays.geometries, &packed)?;
-    let sources = encode_sources(&arrays.sources, &arrays.see_through);
     set_extents(&mut arrays)?;
     let hierarchy = hierarchy_bytes::encode(&arrays)?;
-    let mut pages = records(&arrays.nodes, Section::Nodes);
-    set_firsts(&mut pages, &arrays.nodes);
-    pages.extend(records(&arrays.drawables, Section::Drawables));
-    pages.extend(records(&places, Section::Places));
-    pages.extend(records(&arrays.objects, Section::Objects));
-    let texts = [arrays.names.as_bytes(), &sources, &hierarchy];
-    let sections = [Section::Names, Section::Sources, Section::Hierarchy];
-    pages.extend(texts.into_iter().zip(sections).map(|(text, section)| Page::packed(text, section)));
-    pages.extend(geometry);
+    let SceneArrays { nodes, drawables, geometries, objects, names, sources, see_through, .. } = arrays;
+    let (places, geometry) = place(geometries)?;
+    let sources = encode_sources(&sources, &see_through);
     let mut header = Header {
         magic: MAGIC,
         version: VERSION,
-        pages: count("pages", pages.len())?,
+        pages: 0,
         file_length: 0,
         directory: 0,
-        nodes: arrays.nodes.len() as u32,
-        drawables: arrays.drawables.len() as u32,
-        geometries: arrays.geometries.len() as u32,
-        objects: arrays.objects.len() as u32,
-        leaves: arrays.nodes.iter().filter(|node| node.is_leaf()).count() as u32,
+        nodes: nodes.len() as u32,
+        drawables: drawables.len() as u32,
+        geometries: places.len() as u32,
+        objects: objects.len() as u32,
+        leaves: nodes.iter().filter(|node| node.is_leaf()).count() as u32,
         overviews: 0,
-        names: arrays.names.len() as u64,
-        totals: totals(&arrays),
+        names: names.len() as u64,
+        totals: totals(&nodes, &drawables, &places),
         fingerprint: [0; 32],
         check: [0; 8],
     };
-    drop((arrays, packed));
-    let mut end = size_of::<Header>() as u64;
-    for page in &mut pages {
-        page.entry.offset = end;
-        end += u64::from(page.entry.length);
+    let mut pages = Pages { file: vec![0; size_of::<Header>()], directory: Vec::new() };
+    let firsts = firsts(&nodes);
+    pages.add_records(nodes, Section::Nodes);
+    for (entry, firsts) in pages.directory.iter_mut().zip(firsts) {
+        entry.firsts = firsts;
     }
-    let directory: Vec<Entry> = pages.iter().map(|page| page.entry).collect();
-    header.end_with(&directory, end);
-    header.seal(&directory);
-    let mut file = Vec::with_capacity(usize::try_from(header.file_length).unwrap_or_default());
-    file.extend_from_slice(bytemuck::bytes_of(&header));
-    for page in pages {
-        file.extend_from_slice(&page.bytes);
-    }
-    file.extend_from_slice(bytemuck::cast_slice(&directory));
-    Ok(file)
+    pages.add_records(drawables, Section::Drawables);
+    pages.add_records(places, Section::Places);
+    pages.add_records(objects, Section::Objects);
+    let texts = [names.as_bytes(), &sources, &hierarchy];
+    let sections = [Section::Names, Section::Sources, Section::Hierarchy];
+    pages.add(texts.into_iter().zip(sections).map(|(text, section)| Page::packed(text, section)));
+    pages.add(geometry);
+    count("pages", pages.directory.len())?;
+    Ok(pages.end(&mut header).0)
 }
 
 /// Adds a page with the overview to a file that has none.
@@ -85,18 +88,11 @@ pub(super) fn add_overview(
     directory: &mut Vec<Entry>,
     overview: &Overview,
 ) {
-    let mut page = Page::packed(&overview.encode(), Section::Overview);
-    page.entry.offset = header.directory;
     file.truncate(header.directory as usize);
-    file.extend_from_slice(&page.bytes);
-    directory.push(page.entry);
-    (header.pages, header.overviews) = (header.pages + 1, 1);
-    header.end_with(directory, file.len() as u64);
-    header.seal(directory);
-    file.extend_from_slice(bytemuck::cast_slice(directory));
-    if let Some(start) = file.first_chunk_mut::<{ size_of::<Header>() }>() {
-        start.copy_from_slice(bytemuck::bytes_of(header));
-    }
+    let mut pages = Pages { file: std::mem::take(file), directory: std::mem::take(directory) };
+    pages.add([Page::packed(&overview.encode(), Section::Overview)]);
+    header.overviews = 1;
+    (*file, *directory) = pages.end(header);
 }
 
 fn check_counts(arrays: &SceneArrays) -> Result<(), SceneError> {
@@ -171,11 +167,12 @@ fn set_extents(arrays: &mut SceneArrays) -> Result<(), SceneError> {
     Ok(())
 }
 
-fn pack(geometries: &[Geometry]) -> Result<Vec<Vec<u8>>, SceneError> {
+/// Packs pieces, the first of which has the number `first`.
+fn pack(geometries: &[Geometry], first: usize) -> Result<Vec<Vec<u8>>, SceneError> {
     let packed = geometries.par_iter().enumerate().map(|(index, geometry)| {
         geometry.pack().ok_or_else(|| SceneError::Malformed {
             what: "geometry",
-            index,
+            index: first + index,
             why: match geometry.check() {
                 Some(super::GeometryError::Position(_)) => "a position of it is not finite",
                 Some(_) => "one of its indices points past its vertices",
@@ -186,40 +183,41 @@ fn pack(geometries: &[Geometry]) -> Result<Vec<Vec<u8>>, SceneError> {
     packed.collect()
 }
 
-/// Puts pieces into pages, in order.
-fn place(geometries: &[Geometry], packed: &[Vec<u8>]) -> Result<(Vec<GeometryPlace>, Vec<Page>), SceneError> {
-    let (mut places, mut pages, mut open) = (Vec::with_capacity(packed.len()), Vec::new(), Vec::new());
-    for (geometry, bytes) in geometries.iter().zip(packed) {
-        if !open.is_empty() && open.len() + bytes.len() > GEOMETRY_PAGE {
-            pages.push(std::mem::take(&mut open));
+/// Packs pieces, some at a time, and puts them into pages, in order.
+fn place(geometries: Vec<Geometry>) -> Result<(Vec<GeometryPlace>, Vec<Page>), SceneError> {
+    let (mut places, mut pages, mut open) = (Vec::with_capacity(geometries.len()), Vec::new(), Vec::new());
+    let mut geometries = geometries.into_iter();
+    while !geometries.as_slice().is_empty() {
+        let some: Vec<Geometry> = geometries.by_ref().take(PACKED_AT_ONCE).collect();
+        let mut full = Vec::new();
+        for (geometry, bytes) in some.iter().zip(pack(&some, places.len())?) {
+            if !open.is_empty() && open.len() + bytes.len() > GEOMETRY_PAGE {
+                full.push(std::mem::take(&mut open));
+            }
+            count("bytes of geometry", bytes.len())?;
+            places.push(GeometryPlace {
+                page: count("pages", pages.len() + full.len())?,
+                offset: count("bytes of a page", open.len())?,
+                ..GeometryPlace::alone(geometry, bytes.len())
+            });
+            open.extend_from_slice(&bytes);
         }
-        count("bytes of geometry", bytes.len())?;
-        places.push(GeometryPlace {
-            page: count("pages", pages.len())?,
-            offset: count("bytes of a page", open.len())?,
-            ..GeometryPlace::alone(geometry, bytes.len())
-        });
-        open.extend_from_slice(bytes);
+        if geometries.as_slice().is_empty() && !open.is_empty() {
+            full.push(std::mem::take(&mut open));
+        }
+        pages.par_extend(full.into_par_iter().map(|page| Page::packed(&page, Section::Geometry)));
     }
-    if !open.is_empty() {
-        pages.push(open);
-    }
-    let packed = pages.into_par_iter().map(|page| Page::packed(&page, Section::Geometry));
-    Ok((places, packed.collect()))
+    Ok((places, pages))
 }
 
-fn records<T: NoUninit + Sync>(records: &[T], section: Section) -> Vec<Page> {
-    let pages = records.par_chunks(section.per_page());
-    pages.map(|page| Page::packed(bytemuck::cast_slice(page), section)).collect()
-}
-
-/// Sets the first numbers of each page of nodes in the directory.
-fn set_firsts(pages: &mut [Page], nodes: &[Node]) {
-    let mut firsts = Firsts::START;
-    for (page, nodes) in pages.iter_mut().zip(nodes.chunks(Section::Nodes.per_page())) {
-        page.entry.firsts = firsts;
-        firsts = nodes.iter().fold(firsts, Firsts::after);
-    }
+/// The first numbers of each page of nodes.
+fn firsts(nodes: &[Node]) -> Vec<Firsts> {
+    let pages = nodes.chunks(Section::Nodes.per_page());
+    let after = |firsts: &mut Firsts, page: &[Node]| {
+        let end = page.iter().fold(*firsts, Firsts::after);
+        Some(std::mem::replace(firsts, end))
+    };
+    pages.scan(Firsts::START, after).collect()
 }
 
 /// The pieces of a node's finest level.
@@ -229,14 +227,44 @@ fn finest<'d>(drawables: &'d [Drawable], node: &Node) -> impl Iterator<Item = &'
     own.take(pieces)
 }
 
-fn totals(arrays: &SceneArrays) -> Totals {
-    let leaves = arrays.nodes.par_iter().filter(|node| node.is_leaf());
-    let finest = leaves.flat_map_iter(|leaf| finest(&arrays.drawables, leaf));
-    let stored = arrays.geometries.par_iter();
+fn totals(nodes: &[Node], drawables: &[Drawable], places: &[GeometryPlace]) -> Totals {
+    let leaves = nodes.par_iter().filter(|node| node.is_leaf());
+    let finest = leaves.flat_map_iter(|leaf| finest(drawables, leaf));
     Totals {
         full_detail_triangles: finest.map(|drawable| u64::from(drawable.triangles)).sum(),
-        stored_triangles: stored.clone().map(|geometry| geometry.triangles() as u64).sum(),
-        stored_vertices: stored.map(|geometry| geometry.vertices.len() as u64).sum(),
+        stored_triangles: places.iter().map(|place| u64::from(place.triangles)).sum(),
+        stored_vertices: places.iter().map(|place| u64::from(place.vertices)).sum(),
+    }
+}
+
+impl Pages {
+    /// Adds records, and drops them.
+    fn add_records<T: NoUninit + Sync>(&mut self, records: Vec<T>, section: Section) {
+        for some in records.chunks(section.per_page() * RECORD_PAGES_AT_ONCE) {
+            let pages = some.par_chunks(section.per_page());
+            let pages: Vec<_> = pages.map(|page| Page::packed(bytemuck::cast_slice(page), section)).collect();
+            self.add(pages);
+        }
+    }
+
+    fn add(&mut self, pages: impl IntoIterator<Item = Page>) {
+        for Page { bytes, entry } in pages {
+            self.directory.push(Entry { offset: self.file.len() as u64, ..entry });
+            self.file.extend_from_slice(&bytes);
+        }
+    }
+
+    /// The whole file, with its header and its directory, and the directory by itself.
+    fn end(self, header: &mut Header) -> (Vec<u8>, Vec<Entry>) {
+        let Self { mut file, directory } = self;
+        header.pages = directory.len() as u32;
+        header.end_with(&directory, file.len() as u64);
+        header.seal(&directory);
+        file.extend_from_slice(bytemuck::cast_slice(&directory));
+        if let Some(start) = file.first_chunk_mut::<{ size_of::<Header>() }>() {
+            start.copy_from_slice(bytemuck::bytes_of(header));
+        }
+        (file, directory)
     }
 }
 
