@@ -1,5 +1,6 @@
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::{BTreeMap, BTreeSet, HashSet},
+    f64::consts::FRAC_PI_4,
     sync::Mutex,
 };
 
@@ -11,7 +12,7 @@ use trimaran_audit::{
 };
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_proto::{ObjectSet, Section, SectionPlane, Sections, Settings, ViewState};
-use trimaran_scene::{Drawable, Sides};
+use trimaran_scene::{Drawable, Level, Sides};
 
 use super::*;
 
@@ -91,8 +92,8 @@ fn hit_exactly(scene: &Scene, view: &View, ids: &[DrawableId], place: DVec2) -> 
     hits.into_iter().map(|(_, id)| id).collect()
 }
 
-/// Drawables with at least this many pixels must be found. Fewer may all be at edges, where the rasterizer
-/// snaps corners to its grid.
+/// Drawables with at least this many pixels must be found, counting those where a ray in f64 hits them too: at
+/// edges the rasterizer snaps corners to its grid. Fewer may all be at edges.
 const ENOUGH_PX: usize = 4;
 
 /// Checks the rays against the reference rasterizer. At each pixel they hit the rasterized drawable, or if
@@ -103,18 +104,25 @@ fn check(name: &str, scene: &Scene, view: &View, found: &Found) {
     let width = view.viewport().width() as usize;
     for (pixel, (hit, shown)) in found.items.iter().zip(reference.ids()).enumerate() {
         let shown: BTreeSet<DrawableId> = shown.iter().map(|shown| shown.drawable).collect();
-        shown.iter().for_each(|id| *owned.entry(*id).or_default() += 1);
-        if *hit != shown {
+        if *hit == shown {
+            shown.iter().for_each(|id| *owned.entry(*id).or_default() += 1);
+        } else {
             let centre = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
-            let beside = [DVec2::ZERO, DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y].into_iter();
-            let exact: Vec<BTreeSet<DrawableId>> =
-                beside.map(|o| hit_exactly(scene, view, &found.solid, centre + o * BESIDE_PX)).collect();
-            let sound = if hit.is_empty() {
-                exact.contains(hit)
-            } else {
-                hit.iter().all(|id| exact.iter().any(|ids| ids.contains(id)))
-            };
-            assert!(sound, "{name}: {hit:?} at {centre}, which shows {shown:?}: {exact:?}");
+            let exactly = |o: DVec2| hit_exactly(scene, view, &found.solid, centre + o * BESIDE_PX);
+            let at_centre = exactly(DVec2::ZERO);
+            // What a ray in f64 shows as well, and not by the rasterizer's grid alone.
+            at_centre.intersection(&shown).for_each(|id| *owned.entry(*id).or_default() += 1);
+            let around = (0..8).map(|eighth| DVec2::from_angle(f64::from(eighth) * FRAC_PI_4));
+            let mut exact = std::iter::once(at_centre).chain(around.map(exactly));
+            // Where two pieces of a level meet, either may be hit.
+            let level = |id: &DrawableId| scene.drawables()[id.index()].level(*id);
+            let mut unfound: HashSet<Level> = hit.iter().map(level).collect();
+            let sound = exact.any(|hits| {
+                let found: HashSet<Level> = hits.iter().map(level).collect();
+                unfound.retain(|level| !found.contains(level));
+                if hit.is_empty() { hits.is_empty() } else { unfound.is_empty() }
+            });
+            assert!(sound, "{name}: {unfound:?} of {hit:?} at {centre}, which shows {shown:?}");
         }
     }
     for (id, pixels) in owned {

@@ -24,6 +24,8 @@ pub struct Object {
     pub origin: DVec3,
     /// The local frame's axes in the world.
     pub linear: Mat3,
+    /// The most triangles of a piece of a level.
+    pub most: usize,
 }
 
 impl Mesh {
@@ -93,7 +95,7 @@ impl Object {
     /// A mesh at the origin, without coarser levels.
     #[must_use]
     pub const fn new(mesh: Mesh) -> Self {
-        Self { mesh, coarser: Vec::new(), origin: DVec3::ZERO, linear: Mat3::IDENTITY }
+        Self { mesh, coarser: Vec::new(), origin: DVec3::ZERO, linear: Mat3::IDENTITY, most: usize::MAX }
     }
 
     /// The same object elsewhere.
@@ -106,6 +108,12 @@ impl Object {
     #[must_use]
     pub fn turned(self, linear: Mat3) -> Self {
         Self { linear, ..self }
+    }
+
+    /// The same object with its levels in pieces of so many triangles, at least 1, in their order.
+    #[must_use]
+    pub fn in_pieces(self, most: usize) -> Self {
+        Self { most: most.max(1), ..self }
     }
 
     /// The same object with its bounding box as its coarsest level. The error is at most the box's diagonal,
@@ -237,9 +245,9 @@ fn place<'o>(
     let (origin, linear, (local_min, local_max)) = match draft.object {
         Some((_, object)) => {
             let stretch = stretch(object.linear);
-            add_level(arrays, node, 0.0, &object.mesh);
+            add_level(arrays, node, 0.0, &object.mesh, object.most);
             for (error, mesh) in &object.coarser {
-                add_level(arrays, node, error * stretch, mesh);
+                add_level(arrays, node, error * stretch, mesh, object.most);
             }
             (object.origin, object.linear, object.bounds())
         }
@@ -248,7 +256,7 @@ fn place<'o>(
             let half = (draft.max - origin).max(origin - draft.min).as_vec3();
             let half = Vec3::from_array(half.to_array().map(f32::next_up));
             if merged {
-                add_level(arrays, node, draft.error, &Mesh::cuboid(-half, half, 1));
+                add_level(arrays, node, draft.error, &Mesh::cuboid(-half, half, 1), usize::MAX);
             }
             (origin, Mat3::IDENTITY, (-half, half))
         }
@@ -272,10 +280,33 @@ fn place<'o>(
     (record, draft.children)
 }
 
-fn add_level(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh) {
+/// Adds a level in pieces of at most `most` triangles, or in one without any.
+fn add_level(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh, most: usize) {
+    let first = arrays.drawables.len();
+    if mesh.indices.is_empty() {
+        add_piece(arrays, node, error, mesh, &[]);
+    }
+    for triangles in mesh.indices.chunks(most.saturating_mul(3)) {
+        add_piece(arrays, node, error, mesh, triangles);
+    }
+    let level = arrays.drawables.get_mut(first..).unwrap_or_default();
+    let pieces = level.len() as u16;
+    for (piece, drawable) in (0..).zip(level) {
+        (drawable.piece, drawable.pieces) = (piece, pieces);
+    }
+}
+
+/// Adds some triangles of a mesh, with the corners that they use.
+fn add_piece(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh, triangles: &[u32]) {
     let colour = Rgba8([(node * 37) as u8, (node * 91) as u8, 200, 255]);
-    let vertices = mesh.positions.iter().map(|p| Vertex::new(p.to_array(), colour)).collect();
-    arrays.add_level(node, error, Geometry { vertices, indices: mesh.indices.clone() });
+    let mut used = triangles.to_vec();
+    used.sort_unstable();
+    used.dedup();
+    let corners = used.iter().filter_map(|&corner| mesh.positions.get(corner as usize));
+    let vertices = corners.map(|p| Vertex::new(p.to_array(), colour)).collect();
+    let indices = triangles.iter().map(|corner| used.partition_point(|other| other < corner) as u32);
+    let indices = indices.collect();
+    arrays.add_level(node, error, Geometry { vertices, indices });
 }
 
 /// At least the largest singular value: the geometric mean of the greatest column sum and the greatest row

@@ -9,4 +9,4 @@ mod plant;
 pub use altered::{with_halved_boxes, with_records};
 pub use builder::{Mesh, Object, build};
 pub use hard::{Case, CaseError, hard_cases, looking};
-pub use plant::{plant, plant_views};
+pub use plant::{plant, plant_in_pieces, plant_views};

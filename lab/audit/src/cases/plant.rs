@@ -15,6 +15,19 @@ use super::builder::{Mesh, Object, build};
 /// # Errors
 /// None for at least one object.
 pub fn plant(seed: u64, objects: usize, origin: DVec3) -> Result<Arc<Scene>, SceneError> {
+    plant_in_pieces(seed, objects, origin, MOST)
+}
+
+/// The same with levels in pieces of at most `most` triangles.
+///
+/// # Errors
+/// None for at least one object.
+pub fn plant_in_pieces(
+    seed: u64,
+    objects: usize,
+    origin: DVec3,
+    most: usize,
+) -> Result<Arc<Scene>, SceneError> {
     let mut random = Random::new(seed);
     let rooms = rooms_across(objects);
     let mut made = Vec::with_capacity(objects);
@@ -35,11 +48,15 @@ pub fn plant(seed: u64, objects: usize, origin: DVec3) -> Result<Arc<Scene>, Sce
     made.truncate(objects.max(1));
     for object in &mut made {
         object.origin += origin;
+        object.most = most;
     }
     build(&made, true).map(Arc::new)
 }
 
 const OBJECTS_IN_A_ROOM: usize = 12;
+
+/// The most triangles of a piece of a level.
+const MOST: usize = 16;
 
 /// The rooms per side of a cube of rooms for this many objects.
 fn rooms_across(objects: usize) -> usize {

@@ -59,8 +59,10 @@ pub(super) fn thin(soup: &Soup, reach: f32, most: usize) -> Option<Thinned> {
             }
         }
     }
-    let is_few = left.count() <= most;
-    is_few.then(|| Thinned { corners: left.corners, error: error + ROUNDING * cells.extent })
+    if left.count() > most {
+        return None;
+    }
+    Some(Thinned { corners: left.corners, error: error + ROUNDING * cells.extent })
 }
 
 impl Thinned {

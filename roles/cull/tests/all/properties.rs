@@ -45,9 +45,16 @@ proptest! {
         let (scene, views) = setting(seed);
         for view in views.iter().step_by(4) {
             let cut = LodCut::new(&scene, view, rule(epsilon));
-            let drawables = cut.drawables();
-            let drawn = nodes_of(&scene, &drawables);
-            prop_assert_eq!(drawn.len(), drawables.len(), "one level a node");
+            let levels = cut.levels();
+            let drawn: BTreeSet<u32> =
+                levels.iter().map(|level| scene.drawables()[level.first().index()].node).collect();
+            prop_assert_eq!(drawn.len(), levels.len(), "one level a node");
+            let pieces: BTreeSet<DrawableId> = levels.iter().flat_map(|level| level.pieces()).collect();
+            let mut outside = pieces;
+            cut.drawables().iter().for_each(|id| assert!(outside.remove(id), "{id} twice, or of no level"));
+            for id in outside {
+                prop_assert!(cut.outside(&scene.part(id).unwrap().1), "{} is lost", id);
+            }
             for (leaf, node) in (0..).zip(scene.nodes()).filter(|(_, node)| node.is_leaf()) {
                 let above = drawn_above(&scene, &drawn, leaf);
                 prop_assert!(above <= 1, "leaf {} is drawn {} times", leaf, above);
@@ -113,12 +120,18 @@ proptest! {
             prop_assert!(each.is_subset(&new), "all of them on the new cut");
             let at_once: BTreeSet<DrawableId> = occluders(&scene, &pair[1], rule, &sent).unwrap().into_iter().collect();
             prop_assert_eq!(&each, &at_once, "however they are batched");
-            // All of the new cut on a path of a sent id is due.
-            let old_nodes = nodes_of(&scene, &sent);
+            // All of the new cut on a path of a sent id is due, and of the level of one, only that piece.
+            let old: BTreeSet<DrawableId> = sent.iter().copied().collect();
             for &id in &new {
-                let node = scene.drawables()[id.index()].node;
-                let related = old_nodes.iter().any(|&old| is_below(&scene, old, node) || is_below(&scene, node, old));
-                prop_assert_eq!(related, each.contains(&id), "{}", id);
+                let own = scene.drawables()[id.index()];
+                let related = |&other: &DrawableId| {
+                    let old = scene.drawables()[other.index()];
+                    if old.level(other) == own.level(id) {
+                        return other == id;
+                    }
+                    is_below(&scene, old.node, own.node) || is_below(&scene, own.node, old.node)
+                };
+                prop_assert_eq!(old.iter().any(related), each.contains(&id), "{}", id);
             }
         }
     }

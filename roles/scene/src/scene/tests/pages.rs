@@ -222,10 +222,15 @@ fn geometry_of_other_sizes_than_its_place_says_is_an_error() {
     file.places(|places| places[0].vertices = 4);
     assert!(opened(&file.bytes()).unwrap().geometry(0).is_err());
 
+    // A piece is culled by its box.
+    let mut file = Apart::of(two_leaves());
+    file.places(|places| places[0].local_max[0] *= 0.5);
+    assert!(opened(&file.bytes()).unwrap().geometry(0).is_err());
+
     // Bytes not made by the codec.
     let mut file = Apart::of(two_leaves());
     file.edit(Section::Geometry, 0, |bytes: &mut [u8]| {
-        bytes[12..].iter_mut().for_each(|byte| *byte = !*byte)
+        bytes[12..].iter_mut().for_each(|byte| *byte = !*byte);
     });
     let error = opened(&file.bytes()).unwrap().check().unwrap_err();
     assert!(matches!(error.cause, ReadCause::Geometry(GeometryError::Vertices)), "{error}");
