@@ -4,11 +4,7 @@ use std::{path::PathBuf, sync::Arc};
 
 use serde::{Serialize, Serializer};
 use trimaran_proto::{ObjectSet, Viewport};
-use trimaran_scene::{
-    Bounds, Overview, Scene,
-    heightfield::Heightfield,
-    path::{AutoPathError, PathKind},
-};
+use trimaran_scene::{Bounds, Overview, Scene, heightfield::Heightfield, path::AutoPathError};
 use trimaran_transport::{Endpoint, Name};
 
 use super::network::{self, SimulatedNetwork};
@@ -82,7 +78,8 @@ impl SceneDescription {
     /// # Errors
     /// As [`Scene::overview`].
     pub fn new(name: String, scene: &Arc<Scene>) -> Result<Self, AutoPathError> {
-        let Overview { core, eye, forward, kind, eye_height, clearance, vfov_deg } = scene.overview()?;
+        let Overview { core, eye, forward, has_floors, eye_height, clearance, vfov_deg } =
+            scene.overview()?;
         let (min, max) = scene.nodes().first().map(trimaran_scene::Node::world_box).unwrap_or_default();
         Ok(Self {
             name,
@@ -92,7 +89,7 @@ impl SceneDescription {
             max: max.to_array(),
             core,
             see_through: scene.see_through().clone(),
-            has_floors: kind == PathKind::Floors,
+            has_floors,
             eye_height,
             tile_side: Heightfield::new(scene, eye_height).tile_side(),
             clearance,

@@ -22,7 +22,7 @@
 //! |---|---|
 //! | `scene` | [`Scene`]: the file, its records loaded on demand, and their checks |
 //! | [`heightfield`] | the solid parts, for walking |
-//! | `overview` | [`Overview`]: where to begin |
+//! | `overview` | finding the [`Overview`] of a scene |
 //! | [`path`] | camera paths: made for a scene by a seed, or read from a file |
 //! | [`random`] | random numbers that are the same everywhere |
 
@@ -32,11 +32,10 @@ pub mod path;
 pub mod random;
 mod scene;
 
-pub use overview::{Bounds, Overview};
 pub use scene::{
-    Attribute, Drawable, DrawableEntry, EntriesError, Extent, FORMAT_VERSION, FlatObject, Geometry,
+    Attribute, Bounds, Drawable, DrawableEntry, EntriesError, Extent, FORMAT_VERSION, FlatObject, Geometry,
     GeometryError, GeometryPlace, GeometryReader, GiveError, Group, Hierarchy, Level, Levels, MOST_ENTRIES,
-    Node, NodeId, Normal, ObjectAttributes, ObjectRecord, OpenError, ReadCause, ReadError, Records, Rgba8,
-    SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex, looks_like_a_scene,
+    Node, NodeId, Normal, ObjectAttributes, ObjectRecord, OpenError, Overview, ReadCause, ReadError, Records,
+    Rgba8, SaveError, Scene, SceneArrays, SceneError, Shading, Sides, Totals, Vertex, looks_like_a_scene,
     pack_entries, unpack_entries,
 };

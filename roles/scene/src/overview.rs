@@ -4,38 +4,9 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
-use crate::Scene;
-use crate::path::{AutoPathError, AutoPathOptions, PathKind, Pose, auto};
-
-/// A box with its sides along the axes, metres in the world.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Bounds {
-    /// Lower corner.
-    pub min: [f64; 3],
-    /// Upper corner.
-    pub max: [f64; 3],
-}
-
-/// What a viewer needs to begin. Lengths are metres, in world space with y up.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Overview {
-    /// The box around the scene without the few objects that lie far from all others.
-    pub core: Bounds,
-    /// Where to begin: the eye's position.
-    pub eye: [f64; 3],
-    /// Its viewing direction, a unit vector.
-    pub forward: [f64; 3],
-    /// How a camera can move there.
-    pub kind: PathKind,
-    /// Height of the eye above floors: see [`AutoPath`](crate::path::AutoPath).
-    pub eye_height: f64,
-    /// The least distance between an eye and any surface.
-    pub clearance: f64,
-    /// Vertical field of view, degrees.
-    pub vfov_deg: f64,
-}
+use crate::path::{AutoPathError, AutoPathOptions, PathKind, auto};
+use crate::{Bounds, Overview, Scene};
 
 /// The share of objects at each end of an axis that may be outliers.
 const FEW: f64 = 0.02;
@@ -55,37 +26,11 @@ impl Overview {
             core: scene.reading(|| Bounds::of_most(scene, 0..scene.objects().len() as u32))?,
             eye: pose.map_or([0.0; 3], |pose| pose.eye().to_array()),
             forward: pose.map_or([0.0, 0.0, -1.0], |pose| pose.forward().to_array()),
-            kind: found.kind,
+            has_floors: found.kind == PathKind::Floors,
             eye_height: found.eye_height,
             clearance: found.clearance,
             vfov_deg: found.path.vfov_deg(),
         })
-    }
-
-    /// As bytes.
-    pub(crate) fn encode(&self) -> Vec<u8> {
-        // Numbers alone always fit.
-        postcard::to_stdvec(self).unwrap_or_default()
-    }
-
-    /// The reverse; `None` if the bytes are invalid.
-    pub(crate) fn decode(bytes: &[u8]) -> Option<Self> {
-        let (this, rest) = postcard::take_from_bytes::<Self>(bytes).ok()?;
-        rest.is_empty().then_some(this)?.sound()
-    }
-
-    /// Itself, if its numbers make sense.
-    pub(crate) fn sound(self) -> Option<Self> {
-        let Self { core, eye, forward, eye_height, clearance, vfov_deg, .. } = self;
-        let [min, max, eye, forward] = [core.min, core.max, eye, forward].map(DVec3::from_array);
-        let is_sound = min.is_finite()
-            && max.is_finite()
-            && min.cmple(max).all()
-            && Pose::new(eye, forward, DVec3::Y).is_ok()
-            && [eye_height, clearance].iter().all(|length| length.is_finite() && *length > 0.0)
-            && vfov_deg > 0.0
-            && vfov_deg < 180.0;
-        is_sound.then_some(self)
     }
 }
 
@@ -133,6 +78,16 @@ impl Scene {
             Some(stored) => Ok(stored),
             None => Overview::find(self),
         }
+    }
+
+    /// The same scene with an [overview](Self::overview) in its file, so that opening it searches for none. It
+    /// stays as it is if it has one, is a file already, or is so large that none is found.
+    #[must_use]
+    pub fn with_overview(mut self) -> Self {
+        if let Some(overview) = Overview::find(&self).ok().and_then(Overview::sound) {
+            self.add_overview(&overview);
+        }
+        self
     }
 }
 
@@ -186,25 +141,5 @@ mod tests {
         // A second one is not added.
         let again = uncooked(&model).with_overview().with_overview();
         assert_eq!(again.hash(), scene.hash());
-    }
-
-    #[test]
-    fn an_overview_that_makes_no_sense_is_refused() {
-        let sound = uncooked(&boxes(&[cube(1.0, [0.0; 3])])).overview().unwrap();
-        assert_eq!(Overview::decode(&sound.encode()), Some(sound));
-        let bytes = sound.encode();
-        assert_eq!(Overview::decode(&bytes[..bytes.len() - 1]), None);
-        assert_eq!(Overview::decode(&[&*bytes, &[0]].concat()), None);
-        let Bounds { min, max } = sound.core;
-        for wrong in [
-            Overview { eye: [f64::NAN, 0.0, 0.0], ..sound },
-            Overview { forward: [0.0; 3], ..sound },
-            Overview { clearance: 0.0, ..sound },
-            Overview { eye_height: f64::INFINITY, ..sound },
-            Overview { vfov_deg: 180.0, ..sound },
-            Overview { core: Bounds { min: max, max: min }, ..sound },
-        ] {
-            assert_eq!(Overview::decode(&wrong.encode()), None, "{wrong:?}");
-        }
     }
 }

@@ -7,7 +7,6 @@
 //! circled from outside.
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::{
@@ -38,7 +37,7 @@ impl Default for AutoPathOptions {
 }
 
 /// How the camera moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PathKind {
     /// On floors, at eye height.
     Floors,

@@ -6,8 +6,7 @@ use trimaran_proto::ObjectSet;
 
 use super::geometry::GeometryPlace;
 use super::layout::{Entry, Firsts, Header, MAGIC, Section, Totals, VERSION};
-use super::{Drawable, Extent, Geometry, Node, SceneArrays, SceneError, hierarchy_bytes};
-use crate::Overview;
+use super::{Drawable, Extent, Geometry, Node, Overview, SceneArrays, SceneError, hierarchy_bytes};
 
 /// The size from which a page of geometry counts as full: reading one piece reads and checks its whole page.
 const GEOMETRY_PAGE: usize = 32 << 10;

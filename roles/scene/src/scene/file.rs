@@ -15,8 +15,7 @@ use zstd::bulk::Decompressor;
 use super::geometry::GeometryPlace;
 use super::layout::{Entry, Firsts, Header, MAGIC, Section, VERSION};
 use super::source::Source;
-use super::{OpenError, ReadCause, ReadError, SceneError, encode};
-use crate::Overview;
+use super::{OpenError, Overview, ReadCause, ReadError, SceneError, encode};
 
 /// An open file whose header and directory are checked.
 #[derive(Debug)]

@@ -11,6 +11,7 @@ mod hierarchy;
 mod hierarchy_bytes;
 mod layout;
 mod open_error;
+mod overview;
 mod read_error;
 mod records;
 mod shading;
@@ -26,8 +27,6 @@ use glam::Vec3;
 use rayon::prelude::*;
 use trimaran_proto::{DrawableId, ObjectSet, SceneHash};
 
-use crate::Overview;
-
 pub use entries::{EntriesError, MOST_ENTRIES, pack_entries, unpack_entries};
 use faults::Faults;
 pub use file::SaveError;
@@ -40,6 +39,7 @@ pub use hierarchy::{Attribute, Extent, Group, Hierarchy, ObjectAttributes};
 use layout::{Firsts, Section};
 pub use layout::{Totals, VERSION as FORMAT_VERSION};
 pub use open_error::OpenError;
+pub use overview::{Bounds, Overview};
 pub use read_error::{ReadCause, ReadError};
 pub use records::{Drawable, Level, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Sides, Vertex};
 pub use shading::{Normal, Shading};
@@ -118,18 +118,6 @@ impl Scene {
         let _ = (scene.drawables().iter().count(), scene.objects().iter().count());
         scene.check_records().map_err(rule)?;
         Ok(scene)
-    }
-
-    /// The same scene with an [overview](Self::overview) in its file, so that opening it searches for none. It
-    /// stays as it is if it has one, is a file already, or is so large that none is found.
-    #[must_use]
-    pub fn with_overview(mut self) -> Self {
-        if let Some(overview) = Overview::find(&self).ok().and_then(Overview::sound)
-            && let Some(file) = Arc::get_mut(&mut self.file)
-        {
-            file.add_overview(&overview);
-        }
-        self
     }
 
     /// Opens a scene that [`Scene::save`] wrote: reads and checks its header, its directory and the top of
@@ -468,8 +456,16 @@ impl Scene {
         self.reader().packed(number, <[u8]>::to_vec)
     }
 
+    /// The overview in the file, if there is one.
     pub(crate) fn stored_overview(&self) -> Result<Option<Overview>, ReadError> {
         self.file.overview()
+    }
+
+    /// Adds it to the file of a scene that is in memory, not shared yet, and has none.
+    pub(crate) fn add_overview(&mut self, overview: &Overview) {
+        if let Some(file) = Arc::get_mut(&mut self.file) {
+            file.add_overview(overview);
+        }
     }
 
     fn given(&self) -> Option<&Given> {
