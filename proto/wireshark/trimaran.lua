@@ -518,7 +518,8 @@ local function supply(r, tree)
   elseif what == 2 then
     local id = add_varint(tree, f.stand_in, r)
     local pieces = add_varint(tree, f.stand_in_pieces, r)
-    return pieces .. " drawables from " .. id .. " stand in for " .. numbers(r, tree, f.stood_in_for) .. " drawables"
+    local stood_in_for = numbers(r, tree, f.stood_in_for)
+    return pieces .. " drawables from " .. id .. " stand in for " .. stood_in_for .. " drawables"
   elseif what == 3 then
     return numbers(r, tree, f.supply_ahead) .. " pieces ahead"
   end

@@ -92,8 +92,8 @@ fn hit_exactly(scene: &Scene, view: &View, ids: &[DrawableId], place: DVec2) -> 
     hits.into_iter().map(|(_, id)| id).collect()
 }
 
-/// Drawables with at least this many pixels must be found, counting those where a ray in f64 hits them too: at
-/// edges the rasterizer snaps corners to its grid. Fewer may all be at edges.
+/// Drawables with at least this many pixels must be found, counting those where a ray in f64 hits them too:
+/// at edges the rasterizer snaps corners to its grid. Fewer may all be at edges.
 const ENOUGH_PX: usize = 4;
 
 /// Checks the rays against the reference rasterizer. At each pixel they hit the rasterized drawable, or if
@@ -110,7 +110,7 @@ fn check(name: &str, scene: &Scene, view: &View, found: &Found) {
             let centre = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
             let exactly = |o: DVec2| hit_exactly(scene, view, &found.solid, centre + o * BESIDE_PX);
             let at_centre = exactly(DVec2::ZERO);
-            // What a ray in f64 shows as well, and not by the rasterizer's grid alone.
+            // Counted where a ray in f64 shows it as well, and not the rasterizer's grid alone.
             at_centre.intersection(&shown).for_each(|id| *owned.entry(*id).or_default() += 1);
             let around = (0..8).map(|eighth| DVec2::from_angle(f64::from(eighth) * FRAC_PI_4));
             let mut exact = std::iter::once(at_centre).chain(around.map(exactly));

@@ -297,7 +297,8 @@ fn a_record_has_its_numbers_where_the_page_says() {
     macro_rules! offsets {
         ($($name:ident)*) => { [$((offset_of!(DrawableEntry, $name), stringify!($name))),*] };
     }
-    let offsets = offsets!(world_min world_max origin linear id node geometry triangles sides object objects level pieces);
+    let offsets = offsets!(world_min world_max origin linear id node geometry triangles sides
+        object objects level pieces);
     assert_eq!(rows.iter().map(|(offset, _, name)| (*offset, *name)).collect::<Vec<_>>(), offsets);
     let ends = rows.iter().map(|(offset, bytes, _)| offset + bytes);
     assert!(ends.eq(offsets.iter().map(|(offset, _)| *offset).skip(1).chain([size_of::<DrawableEntry>()])));

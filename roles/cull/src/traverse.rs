@@ -72,7 +72,7 @@ struct Memory {
     visible: Vec<DrawableId>,
 }
 
-/// What a traversal tests one by one.
+/// A node or a piece: each is tested by its own box.
 #[derive(Debug, Clone, Copy)]
 enum Reached {
     Node(NodeId),
@@ -251,8 +251,8 @@ impl<'c> Traversal<'c> {
         Ok(())
     }
 
-    /// Sorts the level's nodes and pieces into those outside the frustum, those to test and those conservatively
-    /// visible.
+    /// Sorts the level's nodes and pieces into those outside the frustum, those to test and those
+    /// conservatively visible.
     fn prepare_level(&mut self) {
         let Self { cut, maker, stats: CullStats { counts, .. }, .. } = self;
         let Memory { level, candidates, boxes, .. } = &mut *self.memory;

@@ -12,7 +12,8 @@
 //! # cook(&plant(&PlantOptions::small(7)), &CookOptions::default(), &())?.save(&path)?;
 //! let scene = Scene::open(&path)?;
 //! let root = &scene.nodes()[0];
-//! let finest = scene.nodes().iter().filter(|node| node.is_leaf()).filter_map(|leaf| scene.levels(leaf).next());
+//! let leaves = scene.nodes().iter().filter(|node| node.is_leaf());
+//! let finest = leaves.filter_map(|leaf| scene.levels(leaf).next());
 //! println!("{} objects in {:?}, {} leaves", scene.objects().len(), root.world_box(), finest.count());
 //! # std::fs::remove_dir_all(&folder)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())

@@ -35,8 +35,8 @@ impl Overview {
 }
 
 impl Bounds {
-    /// The box around some objects, without the few that lie far from the others. Without objects it is a point.
-    /// Objects that cannot be read are left out, which [`Scene::reading`] tells.
+    /// The box around some objects, without the few that lie far from the others. Without objects it is a
+    /// point. Objects that cannot be read are left out, which [`Scene::reading`] tells.
     #[must_use]
     pub fn of_most(scene: &Scene, objects: Range<u32>) -> Self {
         let all: Vec<_> = boxes(scene, objects).collect();
@@ -68,8 +68,8 @@ fn around(boxes: impl Iterator<Item = (DVec3, DVec3)>) -> Option<(DVec3, DVec3)>
 }
 
 impl Scene {
-    /// Where to begin in the scene. One that was cooked has it in its file; in others it is searched for, which
-    /// takes a moment in a large one.
+    /// Where to begin in the scene. One that was cooked has it in its file; in others it is searched for,
+    /// which takes a moment in a large one.
     ///
     /// # Errors
     /// If a part of the scene cannot be read.
@@ -80,8 +80,8 @@ impl Scene {
         }
     }
 
-    /// The same scene with an [overview](Self::overview) in its file, so that opening it searches for none. It
-    /// stays as it is if it has one, is a file already, or is so large that none is found.
+    /// The same scene with an [overview](Self::overview) in its file, so that opening it searches for none.
+    /// It stays as it is if it has one, is a file already, or is so large that none is found.
     #[must_use]
     pub fn with_overview(mut self) -> Self {
         if let Some(overview) = Overview::find(&self).ok().and_then(Overview::sound) {

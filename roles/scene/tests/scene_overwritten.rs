@@ -173,8 +173,8 @@ fn a_record_that_was_overwritten_is_a_fault_of_the_scene() {
     assert_eq!(scene.fault().unwrap().what, first.what);
 }
 
-/// The scenes of two models, whose files have one length: the name of a file that a model came from, of random
-/// characters, fills up the shorter one.
+/// The scenes of two models, whose files have one length: the name of a file that a model came from, of
+/// random characters, fills up the shorter one.
 fn of_one_length(mut models: [Model; 2], path: &Path) -> [Vec<u8>; 2] {
     let mut random = Random::stream(1, 2, 3);
     for _ in 0..100 {

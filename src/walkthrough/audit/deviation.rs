@@ -42,8 +42,8 @@ pub(super) fn silhouette(
     )
 }
 
-/// How far surfaces moved: `shown` is the ID buffer of a part of the LOD cut that has the levels `cut`, `full`
-/// that of full detail.
+/// How far surfaces moved: `shown` is the ID buffer of a part of the LOD cut that has the levels `cut`,
+/// `full` that of full detail.
 pub(super) fn surfaces(
     scene: &Scene,
     view: &View,
@@ -72,8 +72,8 @@ pub(super) fn surfaces(
     Deviation::of(distances, zeros)
 }
 
-/// All pieces of the levels of which these drawables are pieces, each once. The nearest point of a surface may be
-/// in a piece that is hidden or outside the frustum.
+/// All pieces of the levels of which these drawables are pieces, each once. The nearest point of a surface
+/// may be in a piece that is hidden or outside the frustum.
 fn whole_levels(scene: &Scene, drawn: &[DrawableId]) -> Vec<DrawableId> {
     let level = |id: &DrawableId| Some(scene.drawables().get(id.index())?.level(*id));
     let levels: HashSet<Level> = drawn.iter().filter_map(level).collect();

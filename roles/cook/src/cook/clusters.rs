@@ -1,10 +1,11 @@
-//! Cuts levels into pieces of neighbouring triangles that are culled one by one, and the finest level of a large
-//! mesh into clusters.
+//! Cuts levels into pieces of neighbouring triangles that are culled one by one, and the finest level of a
+//! large mesh into clusters.
 //!
 //! An object is a unit of names, not of visibility: of a brick with a thousand triangles the camera sees the
 //! studs and never the tubes inside. So a mesh of many triangles has a small tree of its own below it, whose
 //! leaves draw a few dozen triangles each. Other levels need no tree: all of their pieces are tested once the
-//! level is drawn. All triangles stay unchanged, each in exactly one cluster or piece, in the mesh's own frame.
+//! level is drawn. All triangles stay unchanged, each in exactly one cluster or piece, in the mesh's own
+//! frame.
 
 use std::ops::Range;
 
@@ -19,8 +20,8 @@ const LARGE: usize = 192;
 /// The most triangles of a cluster, and of a piece of a level.
 const MOST: usize = 48;
 
-/// A mesh in clusters has at least this many times the triangles of its coarser levels. A level of half of them
-/// takes long to cook and much of the file, and saves little beside the clusters that are hidden.
+/// A mesh in clusters has at least this many times the triangles of its coarser levels. A level of half of
+/// them takes long to cook and much of the file, and saves little beside the clusters that are hidden.
 const WORTH: usize = 4;
 
 /// A node of a mesh's cluster tree, in breadth-first order; the first stands for the whole mesh.
@@ -65,8 +66,8 @@ pub(super) fn cut(vertices: &[Vertex], finest: &mut Vec<u32>) -> Vec<ClusterNode
     tree::build(&boxes).into_iter().map(node).collect()
 }
 
-/// Cuts a level into pieces of at most [`MOST`] neighbouring triangles, and makes those of a piece contiguous.
-/// Returns each one's positions in the indices, and its box.
+/// Cuts a level into pieces of at most [`MOST`] neighbouring triangles, and makes those of a piece
+/// contiguous. Returns each one's positions in the indices, and its box.
 pub(super) fn pieces(vertices: &[Vertex], level: &mut Vec<u32>) -> Vec<(Range<u32>, WorldBox)> {
     let triangles = level.as_chunks::<3>().0;
     let boxes: Vec<WorldBox> = triangles.iter().map(|corners| bounds(vertices, corners)).collect();

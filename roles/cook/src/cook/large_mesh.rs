@@ -25,8 +25,8 @@ use trimaran_scene::Vertex;
 
 /// Meshes of more triangles than this are cut into parts.
 pub(super) const LARGE: usize = 1 << 16;
-/// The most triangles of a part. A level is chosen for all of its part: with parts of 16,384 triangles, 1.6 times
-/// as many were drawn on a walk over uneven ground.
+/// The most triangles of a part. A level is chosen for all of its part: with parts of 16,384 triangles, 1.6
+/// times as many were drawn on a walk over uneven ground.
 const PART: usize = 1 << 11;
 /// Levels of a part, and of a node over parts, end at this many triangles: eight of them are no more than a
 /// part.

@@ -29,8 +29,9 @@ pub(super) struct Thinned {
     pub(super) error: f32,
 }
 
-/// Thins triangles to at most `most`, so that none of their points is much farther than `reach` from the result,
-/// nor the other way round. `None` if there is nothing to thin, the reach allows no cells, or more would be left.
+/// Thins triangles to at most `most`, so that none of their points is much farther than `reach` from the
+/// result, nor the other way round. `None` if there is nothing to thin, the reach allows no cells, or more
+/// would be left.
 pub(super) fn thin(soup: &Soup, reach: f32, most: usize) -> Option<Thinned> {
     let cells = Cells::new(soup, SIDE * reach)?;
     let image = |(index, corners): (u32, &[u32; 3])| Image::new(index, *corners, soup, &cells);

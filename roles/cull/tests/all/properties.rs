@@ -88,7 +88,9 @@ proptest! {
             let at = |rule| LodCut::new(&scene, &views[0], rule).choose(NodeId(index), node);
             match (at(fine), at(coarse)) {
                 (Choice::Draw(a), Choice::Draw(b)) => prop_assert!(a.first() <= b.first()),
-                (Choice::Draw(a), Choice::Refine) => prop_assert!(false, "{:?} is good enough only for the finer rule", a),
+                (Choice::Draw(a), Choice::Refine) => {
+                    prop_assert!(false, "{:?} is good enough only for the finer rule", a);
+                }
                 (Choice::Refine, _) => {}
                 (Choice::Nothing, _) | (_, Choice::Nothing) => prop_assert!(false, "nothing is hidden"),
             }

@@ -21,7 +21,7 @@ export class RecentSets {
     this.#sets = [newest, ...others];
   }
 
-  /** The newest set, and from earlier ones the others: of nodes that no newer one has, or at the same level. */
+  /** The newest set, and of earlier ones what is of nodes that no newer one has, or of the same level. */
   union(): DrawableRecord[] {
     /** The levels of each node in newer sets: several where one of them stands in for a part of the other. */
     const levels = new Map<number, Set<number>>();

@@ -1,9 +1,9 @@
 /**
  * The visible sides of a drawable's triangles: both to eyes within a box, only the front to others.
  *
- * The box extends the drawable's by a distance at each of its six faces, four bits each: at the lower ends of x,
- * y and z first, then at the upper ones. 0 adds nothing, and 15 is unbounded. For any other n the distance is
- * 2^(n - 7) times the diagonal of the drawable's box.
+ * The box extends the drawable's by a distance at each of its six faces, four bits each: at the lower ends of
+ * x, y and z first, then at the upper ones. 0 adds nothing, and 15 is unbounded. For any other n the distance
+ * is 2^(n - 7) times the diagonal of the drawable's box.
  */
 
 /** Both, to all eyes. */

@@ -35,8 +35,8 @@ struct Pages {
     directory: Vec<Entry>,
 }
 
-/// The bytes of a file of these arrays, whose records are not checked yet. What is packed is dropped, so that a
-/// large scene is not in memory twice.
+/// The bytes of a file of these arrays, whose records are not checked yet. What is packed is dropped, so that
+/// a large scene is not in memory twice.
 pub(super) fn encode(mut arrays: SceneArrays) -> Result<Vec<u8>, SceneError> {
     check_counts(&arrays)?;
     set_sums(&mut arrays.nodes);

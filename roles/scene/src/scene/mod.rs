@@ -227,8 +227,8 @@ impl Scene {
         Levels { drawables: self.drawables(), left }
     }
 
-    /// A drawable, and its node with the boxes of the drawable. `None` past the last one, if it cannot be read,
-    /// and if it was not given.
+    /// A drawable, and its node with the boxes of the drawable. `None` past the last one, if it cannot be
+    /// read, and if it was not given.
     #[must_use]
     pub fn part(&self, id: DrawableId) -> Option<(&Drawable, Node)> {
         let drawable = self.drawables().get(id.index())?;

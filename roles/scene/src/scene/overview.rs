@@ -12,7 +12,8 @@ pub struct Bounds {
     pub max: [f64; 3],
 }
 
-/// What a viewer needs to begin. Lengths are metres, in world space with y up.
+/// A place to begin, and the extent of most of a scene, for viewers. Lengths are metres, in world space with
+/// y up.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Overview {
     /// The box around the scene without the few objects that lie far from all others.

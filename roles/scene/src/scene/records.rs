@@ -274,8 +274,8 @@ impl Node {
         }
     }
 
-    /// The squared distance from a place in the world to the world box, square metres; 0 inside. The same bits
-    /// on every machine.
+    /// The squared distance from a place in the world to the world box, square metres; 0 inside. The same
+    /// bits on every machine.
     #[must_use]
     pub fn distance_squared(&self, place: DVec3) -> f64 {
         let (min, max) = self.world_box();
