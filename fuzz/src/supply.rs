@@ -99,7 +99,7 @@ impl Display {
         self.is_sound();
     }
 
-    /// What is shown in the place of a drawable that is not there, if all of that is there itself.
+    /// The drawables to show in the place of one that is not there, if all of them are there themselves.
     pub fn stands_in_for(&self, id: DrawableId) -> Option<Range<u32>> {
         let (first, pieces) = *self.stand_ins.get(&id).filter(|_| self.scene.has(id) == Ok(false))?;
         let level = first.0..first.0.saturating_add(pieces);

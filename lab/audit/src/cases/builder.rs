@@ -24,7 +24,7 @@ pub struct Object {
     pub origin: DVec3,
     /// The local frame's axes in the world.
     pub linear: Mat3,
-    /// The most triangles of a piece of a level.
+    /// The most triangles of a piece of a level; 0 counts as 1.
     pub most: usize,
 }
 
@@ -108,12 +108,6 @@ impl Object {
     #[must_use]
     pub fn turned(self, linear: Mat3) -> Self {
         Self { linear, ..self }
-    }
-
-    /// The same object with its levels in pieces of so many triangles, at least 1, in their order.
-    #[must_use]
-    pub fn in_pieces(self, most: usize) -> Self {
-        Self { most: most.max(1), ..self }
     }
 
     /// The same object with its bounding box as its coarsest level. The error is at most the box's diagonal,
@@ -286,7 +280,7 @@ fn add_level(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh, most:
     if mesh.indices.is_empty() {
         add_piece(arrays, node, error, mesh, &[]);
     }
-    for triangles in mesh.indices.chunks(most.saturating_mul(3)) {
+    for triangles in mesh.indices.chunks(most.max(1).saturating_mul(3)) {
         add_piece(arrays, node, error, mesh, triangles);
     }
     let level = arrays.drawables.get_mut(first..).unwrap_or_default();

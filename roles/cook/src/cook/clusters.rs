@@ -20,8 +20,8 @@ const LARGE: usize = 192;
 /// The most triangles of a cluster, and of a piece of a level.
 const MOST: usize = 48;
 
-/// A mesh in clusters has at least this many times the triangles of its coarser levels. A level of half of
-/// them takes long to cook and much of the file, and saves little beside the clusters that are hidden.
+/// A mesh in clusters has at least this many times the triangles of its coarser levels. Levels of a half
+/// would save up to a fifth of the triangles drawn at small errors, and cost as much of the file.
 const WORTH: usize = 4;
 
 /// A node of a mesh's cluster tree, in breadth-first order; the first stands for the whole mesh.

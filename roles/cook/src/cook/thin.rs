@@ -43,14 +43,12 @@ pub(super) fn thin(soup: &Soup, reach: f32, most: usize) -> Option<Thinned> {
     for first in whole.chunk_by(Image::is_same).filter_map(<[_]>::first) {
         left.keep_triangle(first);
     }
-    let mut error = cells.radius;
-    if left.count() <= most {
-        collapsed.sort_unstable();
+    if left.count() > most {
+        return None;
     }
+    let mut error = cells.radius;
+    collapsed.sort_unstable();
     for shape in collapsed.chunk_by(|a, b| a.shape() == b.shape()) {
-        if left.count() > most {
-            return None;
-        }
         let bvh = left.bvh();
         for group in shape.chunk_by(Image::is_same) {
             let Some(first) = group.first().filter(|first| !left.holds(first)) else { continue };
@@ -59,9 +57,9 @@ pub(super) fn thin(soup: &Soup, reach: f32, most: usize) -> Option<Thinned> {
                 _ => left.keep_one(group),
             }
         }
-    }
-    if left.count() > most {
-        return None;
+        if left.count() > most {
+            return None;
+        }
     }
     Some(Thinned { corners: left.corners, error: error + ROUNDING * cells.extent })
 }
@@ -329,6 +327,8 @@ mod tests {
         let far = [small(Vec3::new(0.1, 0.1, 5.0), 0.1), small(Vec3::new(0.2, 0.2, 5.0), 0.4)];
         let thinned = thin(&soup(&[floor, near_floor, far[0], far[1]]), 1.0, usize::MAX).unwrap();
         assert_eq!(thinned.count(), 2);
+        let at_most = |most| thin(&soup(&[floor, near_floor, far[0], far[1]]), 1.0, most);
+        assert!(at_most(2).is_some() && at_most(1).is_none() && at_most(0).is_none());
         let left = left(thinned);
         assert_eq!(left.iter().filter(|p| far[1].contains(p)).count(), 2, "of the larger one: {left:?}");
     }
