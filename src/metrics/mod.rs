@@ -124,7 +124,7 @@ impl LinkMetrics {
     #[must_use]
     pub fn read(&self) -> Vec<LinkReading> {
         let read = |WatchedLink { peer, stats }: &WatchedLink| {
-            let LinkStats { sent, received, floods, path } = stats.read();
+            let LinkStats { sent, received, floods, path, .. } = stats.read();
             let path = path.map(PathReading::from);
             LinkReading { peer: peer.clone(), sent: sent.into(), received: received.into(), floods, path }
         };

@@ -189,7 +189,7 @@ impl Guests {
                         }
                         event = display.link.frames_rx.recv() => match event {
                             Ok(FrameEvent::End(_)) => pictures.lock().unwrap().push(Instant::now()),
-                            Ok(_) | Err(RecvError::Silent { .. }) => {}
+                            Ok(_) => {}
                             Err(end) => return Some(trimaran_transport::causes(&end)),
                         },
                         _ = display.link.messages_rx.recv() => {}
@@ -268,7 +268,7 @@ impl Display {
     pub(crate) async fn hears_the_end(&mut self) -> String {
         loop {
             match self.next().await {
-                Ok(_) | Err(RecvError::Silent { .. }) => {}
+                Ok(_) => {}
                 Err(end) => return trimaran_transport::causes(&end),
             }
         }
@@ -299,7 +299,7 @@ impl Display {
             tokio::select! {
                 event = self.link.frames_rx.recv_by(deadline) => return event,
                 said = self.link.messages_rx.recv() => match said {
-                    Ok(_) | Err(RecvError::Silent { .. }) => {}
+                    Ok(_) => {}
                     Err(end) => return Err(end),
                 },
             }
@@ -311,7 +311,7 @@ impl Display {
         loop {
             match self.next().await {
                 Ok(FrameEvent::End(_)) => return true,
-                Ok(_) | Err(RecvError::Silent { .. }) => {}
+                Ok(_) => {}
                 Err(_) => return false,
             }
         }

@@ -18,7 +18,7 @@ const ROOM: u64 = 64_000;
 async fn answer(display: &mut Display) -> RoleMessage {
     loop {
         match display.link.messages_rx.recv().await {
-            Ok(RoleMessage::Stats(_)) | Err(RecvError::Silent { .. }) => {}
+            Ok(RoleMessage::Stats(_)) => {}
             other => return other.unwrap(),
         }
     }

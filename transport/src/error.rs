@@ -11,7 +11,7 @@ use trimaran_wire::{
 
 use crate::peer::PeerName;
 use crate::rates::TooMany;
-use crate::timeouts::Expired;
+use crate::timeouts::{Expired, Unheard};
 
 /// Why nothing was received.
 #[derive(Debug, Error)]
@@ -33,16 +33,6 @@ pub enum RecvError {
         /// The cause.
         #[source]
         cause: Loss,
-    },
-    /// The connection is up, but nothing came within the link's timeout.
-    #[error(
-        "{peer} sent nothing for {waited:?}: it hangs, or the link's timeout is too short for what it does"
-    )]
-    Silent {
-        /// The peer.
-        peer: PeerName,
-        /// The link's timeout.
-        waited: Duration,
     },
     /// The deadline of this call came. The link stays usable.
     #[error("nothing came from {peer} before the deadline")]
@@ -188,21 +178,22 @@ impl LaneError {
     }
 }
 
-impl Expired {
-    pub(crate) fn receiving(self, peer: &PeerName, timeout: Duration) -> RecvError {
+impl Unheard {
+    pub(crate) fn receiving(self, peer: &PeerName) -> RecvError {
         let peer = peer.clone();
         match self {
             Self::Deadline => RecvError::Deadline { peer },
-            Self::Timeout => RecvError::Silent { peer, waited: timeout },
             Self::Idle => RecvError::Lost { peer, cause: Loss::Silent },
         }
     }
+}
 
+impl Expired {
     pub(crate) fn sending(self, peer: &PeerName, timeout: Duration) -> SendError {
         let peer = peer.clone();
         match self {
             Self::Idle => SendError::Lost { peer, cause: Loss::Silent },
-            Self::Timeout | Self::Deadline => SendError::Stalled { peer, waited: timeout },
+            Self::Timeout => SendError::Stalled { peer, waited: timeout },
         }
     }
 }

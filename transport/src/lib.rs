@@ -55,6 +55,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `link`, `lanes` | a link and its halves, over the application's types |
+//! | `publisher` | one sender of frames, many subscribers |
 //! | `connect`, `listen`, `acceptor`, `handshake` | making links, and admission of peers |
 //! | `application`, `peer` | the two sides of a link, for the layers that only handle bytes |
 //! | `endpoint`, `schemes` | the choice of a transport; only `schemes` and `options` name them all |
@@ -88,6 +89,7 @@ mod options;
 mod parts;
 mod peer;
 mod pending;
+mod publisher;
 #[cfg(feature = "quic")]
 pub mod quic;
 mod rates;
@@ -122,7 +124,7 @@ pub use handshake::{HandshakeError, HelloTooLong};
 pub use lane_transport::{Introduction, LaneTransport, Listened};
 pub use lanes::Lanes;
 pub use lanes::bulk::{BulkReceiver, BulkSender};
-pub use lanes::frames::{FrameReceiver, FrameSender};
+pub use lanes::frames::{FrameReceiver, FrameSender, KeepLast, WholeFrame};
 pub use lanes::half::{Duplex, Half, LaneTx, Rx, Tx};
 pub use lanes::latest::{LatestReceiver, LatestSender};
 pub use lanes::messages::{MessageReceiver, MessageSender};
@@ -132,8 +134,9 @@ pub use options::Options;
 pub use parts::{ByteLanes, LinkParts};
 pub use peer::{Peer, PeerAddress, PeerInfo, PeerName};
 pub use pending::Slot;
+pub use publisher::{Left, Published, Publisher, SubscriberId, SubscriberStats, WhenBehind};
 pub use rates::{ListenerStats, TooMany, TurnedAway};
-pub use stats::{Counters, Direction, LinkStats, StatsHandle, Tally, Traffic};
+pub use stats::{Counters, Direction, LinkStats, Skipped, StatsHandle, Tally, Traffic};
 pub use transport::{AttemptError, Capabilities, ListenFault, Listening, Transport, Upgrade, first_address};
 pub use trimaran_net::{
     Credentials, Instant, Net, TcpOptions, TokioNet, UdpSocketOptions, UnixSocketOptions, sleep_until, until,

@@ -156,18 +156,18 @@ impl LinkParts {
         let ends = Ends { net, shared, timeout: config.timeout, idle_timeout };
         let (latest, frames, messages, bulk) = match lanes {
             Lanes::Wire(lanes) => (
-                ends.wire(lanes.latest, config.timeout),
-                ends.wire(lanes.frames, config.timeout),
-                ends.wire(lanes.messages, Duration::MAX),
-                ends.wire(lanes.bulk, Duration::MAX),
+                ends.wire(lanes.latest),
+                ends.wire(lanes.frames),
+                ends.wire(lanes.messages),
+                ends.wire(lanes.bulk),
             ),
             Lanes::Local(lanes) => {
                 let lanes = *lanes.downcast::<LocalLanes<P>>().ok()?;
                 (
-                    ends.local(lanes.latest, config.timeout),
-                    ends.local(lanes.frames, config.timeout),
-                    ends.local(lanes.messages, Duration::MAX),
-                    ends.local(lanes.bulk, Duration::MAX),
+                    ends.local(lanes.latest),
+                    ends.local(lanes.frames),
+                    ends.local(lanes.messages),
+                    ends.local(lanes.bulk),
                 )
             }
         };
@@ -204,27 +204,22 @@ struct Ends<'n> {
 }
 
 impl Ends<'_> {
-    /// Halves over bytes; a wait to receive lasts `limit`, as a peer may never send a message or a block.
-    fn wire<L, W>(&self, (tx, rx): Duplex<W>, limit: Duration) -> (Sender<L, W>, Receiver<L, W>) {
-        self.both(AnyTx::Wire(tx), AnyRx::Wire(rx), limit)
+    /// Halves over bytes.
+    fn wire<L, W>(&self, (tx, rx): Duplex<W>) -> (Sender<L, W>, Receiver<L, W>) {
+        self.both(AnyTx::Wire(tx), AnyRx::Wire(rx))
     }
 
     /// The same over values within this process.
-    fn local<L, W>(&self, (tx, rx): Duplex<L>, limit: Duration) -> (Sender<L, W>, Receiver<L, W>) {
-        self.both(AnyTx::Local(tx), AnyRx::Local(rx), limit)
+    fn local<L, W>(&self, (tx, rx): Duplex<L>) -> (Sender<L, W>, Receiver<L, W>) {
+        self.both(AnyTx::Local(tx), AnyRx::Local(rx))
     }
 
-    fn both<L, W>(
-        &self,
-        tx: AnyTx<L, W>,
-        rx: AnyRx<L, W>,
-        limit: Duration,
-    ) -> (Sender<L, W>, Receiver<L, W>) {
-        let timeouts = |limit| Timeouts::new(self.net, limit, self.idle_timeout);
+    fn both<L, W>(&self, tx: AnyTx<L, W>, rx: AnyRx<L, W>) -> (Sender<L, W>, Receiver<L, W>) {
+        let timeouts = || Timeouts::new(self.net, self.timeout, self.idle_timeout);
         let (ours, theirs) = (self.shared.clone(), self.shared.clone());
         (
-            Sender { lane: tx, shared: ours, timeouts: timeouts(self.timeout) },
-            Receiver { lane: rx, shared: theirs, timeouts: timeouts(limit) },
+            Sender { lane: tx, shared: ours, timeouts: timeouts() },
+            Receiver { lane: rx, shared: theirs, timeouts: timeouts() },
         )
     }
 }

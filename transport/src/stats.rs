@@ -21,10 +21,60 @@ pub struct LinkStats {
     /// How often the peer sent more messages in a second than it [may](crate::LinkConfig::messages_per_s):
     /// each time the lane failed.
     pub floods: u64,
+    /// Frames that came and were not returned to their reader. Counted where it takes frames as a whole, or
+    /// only the last ones.
+    pub skipped: Skipped,
     /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports have
     /// none.
     #[cfg(feature = "udp")]
     pub path: Option<PathStats>,
+}
+
+/// Frames that came and were not returned to their reader, by cause.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Skipped {
+    /// A newer frame took their place: their reader is slower than the peer.
+    pub replaced: u64,
+    /// They had waited longer than their lifespan.
+    pub expired: u64,
+    /// They lacked items that were given up on a link with deadlines.
+    pub incomplete: u64,
+}
+
+impl Skipped {
+    pub(crate) const REPLACED: Self = Self { replaced: 1, expired: 0, incomplete: 0 };
+    pub(crate) const EXPIRED: Self = Self { replaced: 0, expired: 1, incomplete: 0 };
+    pub(crate) const INCOMPLETE: Self = Self { replaced: 0, expired: 0, incomplete: 1 };
+
+    /// How many, for whatever cause.
+    #[must_use]
+    pub const fn total(&self) -> u64 {
+        self.replaced + self.expired + self.incomplete
+    }
+}
+
+impl Add for Skipped {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            replaced: self.replaced + other.replaced,
+            expired: self.expired + other.expired,
+            incomplete: self.incomplete + other.incomplete,
+        }
+    }
+}
+
+impl Sub for Skipped {
+    type Output = Self;
+
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            replaced: self.replaced.saturating_sub(earlier.replaced),
+            expired: self.expired.saturating_sub(earlier.expired),
+            incomplete: self.incomplete.saturating_sub(earlier.incomplete),
+        }
+    }
 }
 
 /// Messages and payload bytes by kind, in one direction.
@@ -85,6 +135,7 @@ impl Sub for LinkStats {
             sent: self.sent - earlier.sent,
             received: self.received - earlier.received,
             floods: self.floods.saturating_sub(earlier.floods),
+            skipped: self.skipped - earlier.skipped,
             #[cfg(feature = "udp")]
             path: self.path.map(|path| path.since(&earlier.path.unwrap_or_default())),
         }

@@ -1,4 +1,4 @@
-//! How long a link waits for its peer: a timeout for messages, and an idle timeout for anything.
+//! How long a link waits for its peer: a sender's timeout for room, and an idle timeout for any sign of life.
 
 use std::fmt;
 use std::future::poll_fn;
@@ -32,12 +32,6 @@ pub(crate) struct Timeouts {
     /// When the timer rings. It may ring early for a later wait, which then sets it again. So it is set about
     /// once per `limit`, not once per message.
     armed: Option<Instant>,
-}
-
-/// A wait in several parts: for each part of a message, and past keep-alives.
-#[derive(Debug, Default)]
-pub(crate) struct Wait {
-    end: Option<(Instant, Expired)>,
 }
 
 /// A half that listens, and has received nothing yet.
@@ -81,11 +75,18 @@ struct Life {
     look: Instant,
 }
 
-/// A wait that took too long.
+/// A sender's wait that took too long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Expired {
     /// The link's timeout ended.
     Timeout,
+    /// Not even a keep-alive came.
+    Idle,
+}
+
+/// A receiver's wait that ended without anything.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Unheard {
     /// The call's deadline came.
     Deadline,
     /// Not even a keep-alive came.
@@ -99,8 +100,7 @@ impl fmt::Debug for Timeouts {
 }
 
 impl Timeouts {
-    /// Waits last `limit` at most; without end if that is [`Duration::MAX`]. Silence counts only if there is
-    /// an idle timeout.
+    /// A sender's wait lasts `limit` at most. Silence counts only if there is an idle timeout.
     pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, idle_timeout: Option<Duration>) -> Self {
         let (quiet, timer) = (Duration::ZERO, net.timer());
         Self { net: Arc::clone(net), limit, idle_timeout, quiet, listened: None, timer, armed: None }
@@ -110,42 +110,48 @@ impl Timeouts {
         self.limit
     }
 
+    pub(crate) const fn net(&self) -> &Arc<dyn Net> {
+        &self.net
+    }
+
     pub(crate) fn now(&self) -> Instant {
         self.net.now()
     }
 
-    /// The output of `future`, unless the timeout or the deadline `by` ends first.
-    pub(crate) async fn wait<F: Future>(
-        &mut self,
-        by: Option<Instant>,
-        future: F,
-    ) -> Result<F::Output, Expired> {
+    /// The output of `future`, unless the timeout ends first.
+    pub(crate) async fn wait<F: Future>(&mut self, future: F) -> Result<F::Output, Expired> {
         let mut future = pin!(future);
-        let mut wait = Wait::default();
+        let mut end = None;
         poll_fn(|cx| {
             if let Poll::Ready(output) = future.as_mut().poll(cx) {
                 return Poll::Ready(Ok(output));
             }
-            let (at, why) = self.end(&mut wait, by);
-            self.poll_reached(at, cx).map(|()| Err(why))
+            let end = self.end(&mut end);
+            self.poll_reached(end, cx).map(|()| Err(Expired::Timeout))
         })
         .await
     }
 
-    /// The output of `future`, which hears from the peer: as [`Timeouts::wait`] over all parts of `wait`, but
-    /// no longer than the idle timeout. Dropping the future ends the wait.
+    /// The output of `future`, which hears from the peer, unless the idle timeout or the deadline `by` ends
+    /// first. Dropping the future ends the wait.
     ///
     /// The idle timeout counts the time in which this half listens, over several waits if need be. While its
     /// owner is busy elsewhere, keep-alives stay unread. If none is found then, that time counts as well, but
     /// at most one keep-alive interval of it: the system may be late with it.
     pub(crate) async fn hear<F: Future>(
         &mut self,
-        wait: &mut Wait,
         by: Option<Instant>,
         future: F,
-    ) -> Result<F::Output, Expired> {
-        let Some(idle_timeout) = self.idle_timeout else { return self.wait(by, future).await };
+    ) -> Result<F::Output, Unheard> {
         let mut future = pin!(future);
+        let by = by.unwrap_or(NEVER);
+        let Some(idle_timeout) = self.idle_timeout else {
+            return poll_fn(|cx| match future.as_mut().poll(cx) {
+                Poll::Ready(output) => Poll::Ready(Ok(output)),
+                Poll::Pending => self.poll_reached(by, cx).map(|()| Err(Unheard::Deadline)),
+            })
+            .await;
+        };
         let mut listening = Listening { timeouts: self, idle_timeout, since: None };
         poll_fn(|cx| {
             if let Poll::Ready(output) = future.as_mut().poll(cx) {
@@ -155,9 +161,8 @@ impl Timeouts {
             }
             let begun = listening.begun();
             let timeouts = &mut *listening.timeouts;
-            let end = timeouts.end(wait, by);
             let silent = begun.after(idle_timeout.saturating_sub(timeouts.quiet));
-            let (at, why) = if silent < end.0 { (silent, Expired::Idle) } else { end };
+            let (at, why) = if silent < by { (silent, Unheard::Idle) } else { (by, Unheard::Deadline) };
             timeouts.poll_reached(at, cx).map(|()| Err(why))
         })
         .await
@@ -177,15 +182,15 @@ impl Timeouts {
         mut poll: impl FnMut(&mut H, &mut Context<'_>) -> Poll<T>,
     ) -> Result<T, Expired> {
         let Some(idle_timeout) = self.idle_timeout else {
-            return self.wait(None, poll_fn(|cx| poll(half, cx))).await;
+            return self.wait(poll_fn(|cx| poll(half, cx))).await;
         };
-        let mut wait = Wait::default();
+        let mut end = None;
         let mut life: Option<Life> = None;
         poll_fn(|cx| {
             if let Poll::Ready(output) = poll(half, cx) {
                 return Poll::Ready(Ok(output));
             }
-            let (end, why) = self.end(&mut wait, None);
+            let end = self.end(&mut end);
             loop {
                 let now = self.net.now();
                 let life = match &mut life {
@@ -206,7 +211,7 @@ impl Timeouts {
                     return Poll::Ready(Err(Expired::Idle));
                 }
                 if now >= end {
-                    return Poll::Ready(Err(why));
+                    return Poll::Ready(Err(Expired::Timeout));
                 }
                 let at = end.min(life.look);
                 ready!(self.poll_reached(at, cx));
@@ -215,15 +220,9 @@ impl Timeouts {
         .await
     }
 
-    /// When a wait ends, and why. It is computed only when needed, because most waits end at once.
-    fn end(&self, wait: &mut Wait, by: Option<Instant>) -> (Instant, Expired) {
-        *wait.end.get_or_insert_with(|| {
-            let timeout = self.net.now().after(self.limit);
-            match by {
-                Some(by) if by < timeout => (by, Expired::Deadline),
-                _ => (timeout, Expired::Timeout),
-            }
-        })
+    /// When a sender's wait ends. It is computed only when needed, because most waits end at once.
+    fn end(&self, end: &mut Option<Instant>) -> Instant {
+        *end.get_or_insert_with(|| self.net.now().after(self.limit))
     }
 
     fn poll_reached(&mut self, at: Instant, cx: &mut Context<'_>) -> Poll<()> {
@@ -262,11 +261,11 @@ mod tests {
         let mut timeouts = Timeouts::new(&net, Duration::from_millis(100), Some(IDLE_TIMEOUT));
         for _ in 0..5 {
             let soon = net.now().after(Duration::from_millis(90));
-            assert_eq!(timeouts.wait(None, sleep_until(&*net, soon)).await, Ok(()));
+            assert_eq!(timeouts.wait(sleep_until(&*net, soon)).await, Ok(()));
         }
         let start = net.now();
         let never = std::future::pending::<()>();
-        assert_eq!(timeouts.wait(None, never).await, Err(Expired::Timeout));
+        assert_eq!(timeouts.wait(never).await, Err(Expired::Timeout));
         assert!(net.now().since(start) >= Duration::from_millis(100));
     }
 
@@ -277,10 +276,10 @@ mod tests {
         let start = net.now();
         let by = start.after(Duration::from_millis(50));
         let never = std::future::pending::<()>();
-        assert_eq!(timeouts.wait(Some(by), never).await, Err(Expired::Deadline));
+        assert_eq!(timeouts.hear(Some(by), never).await, Err(Unheard::Deadline));
         assert!(net.now().since(start) < Duration::from_secs(1));
         let later = net.now().after(Duration::from_secs(5));
-        assert_eq!(timeouts.wait(None, sleep_until(&*net, later)).await, Ok(()));
+        assert_eq!(timeouts.wait(sleep_until(&*net, later)).await, Ok(()));
     }
 
     #[tokio::test(start_paused = true)]
@@ -288,25 +287,22 @@ mod tests {
         let net = net();
         let mut timeouts = Timeouts::new(&net, Duration::from_secs(10), Some(IDLE_TIMEOUT));
         let past = Instant::from_nanos(0);
-        assert_eq!(timeouts.wait(Some(past), std::future::ready(7)).await, Ok(7));
+        assert_eq!(timeouts.hear(Some(past), std::future::ready(7)).await, Ok(7));
         let never = std::future::pending::<()>();
-        assert_eq!(timeouts.wait(Some(past), never).await, Err(Expired::Deadline));
+        assert_eq!(timeouts.hear(Some(past), never).await, Err(Unheard::Deadline));
     }
 
     #[tokio::test(start_paused = true)]
-    async fn keep_alives_renew_the_idle_timeout_and_not_the_timeout() {
+    async fn keep_alives_renew_the_idle_timeout() {
         let net = net();
-        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), Some(IDLE_TIMEOUT));
-        let (start, mut wait, mut signs) = (net.now(), Wait::default(), 0);
-        let end = loop {
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(1), Some(IDLE_TIMEOUT));
+        for _ in 0..1000 {
             let soon = net.now().after(Duration::from_secs(19));
-            match timeouts.hear(&mut wait, None, sleep_until(&*net, soon)).await {
-                Ok(()) => signs += 1,
-                Err(end) => break end,
-            }
-        };
-        assert_eq!((end, signs), (Expired::Timeout, 5));
-        assert!(net.now().since(start) >= Duration::from_secs(100));
+            assert_eq!(timeouts.hear(None, sleep_until(&*net, soon)).await, Ok(()));
+        }
+        let start = net.now();
+        assert_eq!(timeouts.hear(None, std::future::pending::<()>()).await, Err(Unheard::Idle));
+        assert_eq!(net.now().since(start).as_secs(), IDLE_TIMEOUT.as_secs());
     }
 
     #[tokio::test(start_paused = true)]
@@ -318,14 +314,14 @@ mod tests {
             assert!(listened < 100, "the idle_timeout never ends");
             let by = net.now().after(Duration::from_secs(3));
             let never = std::future::pending::<()>();
-            match timeouts.hear(&mut Wait::default(), Some(by), never).await {
-                Err(Expired::Deadline) => listened += 3,
+            match timeouts.hear(Some(by), never).await {
+                Err(Unheard::Deadline) => listened += 3,
                 end => break end,
             }
             // Busy elsewhere for longer than the idle timeout: that counts as 5 s.
             sleep_until(&*net, net.now().after(IDLE_TIMEOUT * 2)).await;
         };
-        assert_eq!((end, listened), (Err(Expired::Idle), 9));
+        assert_eq!((end, listened), (Err(Unheard::Idle), 9));
     }
 
     /// As in a loop that waits for several peers, one of which sends all the time.
@@ -336,15 +332,14 @@ mod tests {
         let start = net.now();
         let end = loop {
             let soon = net.now().after(Duration::from_millis(10));
-            let mut wait = Wait::default();
             tokio::select! {
-                end = timeouts.hear(&mut wait, None, std::future::pending::<()>()) => break end,
+                end = timeouts.hear(None, std::future::pending::<()>()) => break end,
                 () = sleep_until(&*net, soon) => {}
             }
         };
-        assert_eq!((end, net.now().since(start).as_secs()), (Err(Expired::Idle), IDLE_TIMEOUT.as_secs()));
+        assert_eq!((end, net.now().since(start).as_secs()), (Err(Unheard::Idle), IDLE_TIMEOUT.as_secs()));
         timeouts.heard();
         let soon = net.now().after(Duration::from_secs(19));
-        assert_eq!(timeouts.hear(&mut Wait::default(), None, sleep_until(&*net, soon)).await, Ok(()));
+        assert_eq!(timeouts.hear(None, sleep_until(&*net, soon)).await, Ok(()));
     }
 }

@@ -94,8 +94,6 @@ pub(super) async fn answer(link: Link) -> Result<CloseReason, ProbeError> {
             match latest_rx.latest().await {
                 Ok(camera) => latest_tx.publish(camera)?,
                 Err(RecvError::Closed { reason, .. }) => return Ok(reason),
-                // The peer sends only frames, or is quiet for a while.
-                Err(RecvError::Silent { .. }) => {}
                 Err(e) => return Err(e.into()),
             }
         }
@@ -112,7 +110,6 @@ pub(super) async fn answer(link: Link) -> Result<CloseReason, ProbeError> {
                     frames_tx.finish().await?;
                 }
                 Err(RecvError::Closed { reason, .. }) => return Ok(reason),
-                Err(RecvError::Silent { .. }) => {}
                 Err(e) => return Err(e.into()),
             }
         }
@@ -136,7 +133,7 @@ async fn camera_back(
             // A late answer to an earlier one.
             Ok(camera) if camera.frame() < number => {}
             Ok(_) => return Err(ProbeError::NoEcho),
-            Err(RecvError::Deadline { .. } | RecvError::Silent { .. }) => return Ok(Reply::Lost),
+            Err(RecvError::Deadline { .. }) => return Ok(Reply::Lost),
             Err(e) => return Err(e.into()),
         }
     }

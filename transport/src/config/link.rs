@@ -9,8 +9,8 @@ use trimaran_wire::{BatchSize, Batching};
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct LinkConfig {
-    /// How long a single wait for the peer may last: longer than the peer's longest pause between two
-    /// messages, loading and first frame included. Default 30 s.
+    /// How long a sender waits for a peer that lives and takes nothing: longer than the peer's longest pause
+    /// in reading. A receiver waits for as long as its peer lives. Default 30 s.
     #[cfg_attr(
         feature = "config",
         serde(rename = "timeout_s", with = "trimaran_net::config::seconds"),

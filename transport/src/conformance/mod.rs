@@ -43,7 +43,7 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `frames`, `latest`, `records`, `waiting`, `endings` | the cases |
+//! | `frames`, `latest`, `records`, `waiting`, `endings`, `publishing` | the cases |
 //! | `robot`, `coding` | their protocol |
 //! | `record_lanes` | messages and blocks, for cases of both |
 //! | `talk`, `pairs` | the messages of its peers, and pairs of links |
@@ -55,6 +55,7 @@ mod endings;
 mod frames;
 mod latest;
 mod pairs;
+mod publishing;
 mod record_lanes;
 mod records;
 mod robot;
@@ -65,10 +66,11 @@ pub use endings::*;
 pub use frames::*;
 pub use latest::*;
 pub use pairs::{Joined, Overhead, Pairs};
+pub use publishing::*;
 pub use records::*;
 pub use robot::{Command, Greeting, Pose, PoseError, RejectionCode, Robot};
 pub use talk::{
-    ARM, GRIPPER, MAP, PANEL, Received, block, command, finished, greeting, next_event, next_pose, points,
+    ARM, GRIPPER, MAP, PANEL, Received, block, command, finished, greeting, points,
     pose, receive, send_frame, start,
 };
 pub use waiting::*;
@@ -143,7 +145,12 @@ macro_rules! conformance_cases {
                 links_close_in_the_middle_of_blocks,
                 a_slow_receiver_holds_the_sender_back,
                 a_receiver_that_catches_up_gets_everything,
-                silence_ends_in_an_error,
+                a_reader_of_the_newest_frames_holds_nobody_up,
+                a_slow_subscriber_holds_up_no_other,
+                who_subscribes_late_gets_the_last_frame,
+                published_frames_are_coded_for_whoever_can_read_them,
+                a_dead_subscriber_leaves,
+                a_quiet_peer_is_no_dead_peer,
                 a_deadline_leaves_the_link_usable,
                 polling_takes_what_is_there,
                 dropping_a_wait_loses_nothing,

@@ -7,7 +7,7 @@ use trimaran_wire::{BatchSize, CloseReason, FrameEnd, FrameNumber, FrameOutcome,
 
 use super::robot::{Command, Greeting, Pose, Robot};
 use crate::{
-    FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LinkConfig, RecvError, SendError,
+    FrameEvent, FrameReceiver, FrameSender, FrameStart, LinkConfig, RecvError, SendError,
 };
 
 /// The role of a robot: it listens, sends frames of points, and receives poses.
@@ -90,7 +90,7 @@ pub struct Received {
     pub end: FrameEnd,
 }
 
-/// Reads one frame that must be complete, through any number of timeouts.
+/// Reads one frame that must be complete.
 ///
 /// # Errors
 /// Those of [`FrameReceiver::recv`].
@@ -98,11 +98,11 @@ pub struct Received {
 /// # Panics
 /// If the frame is not complete.
 pub async fn receive(rx: &mut FrameReceiver<Robot>) -> Result<Received, RecvError> {
-    let first = next_event(rx).await?;
+    let first = rx.recv().await?;
     let FrameEvent::Begin(start) = first else { panic!("{first:?} before a frame") };
     let (mut batches, mut points) = (Vec::new(), Vec::new());
     loop {
-        match next_event(rx).await? {
+        match rx.recv().await? {
             FrameEvent::Batch(batch) => {
                 batches.push(batch.count());
                 points.extend(batch.iter());
@@ -111,32 +111,6 @@ pub async fn receive(rx: &mut FrameReceiver<Robot>) -> Result<Received, RecvErro
                 return Ok(Received { start, batches, points, end });
             }
             other => panic!("{other:?} within a frame"),
-        }
-    }
-}
-
-/// The next event of a frame, through any number of timeouts.
-///
-/// # Errors
-/// Those of [`FrameReceiver::recv`].
-pub async fn next_event(rx: &mut FrameReceiver<Robot>) -> Result<FrameEvent<Robot>, RecvError> {
-    loop {
-        match rx.recv().await {
-            Err(RecvError::Silent { .. }) => {}
-            event => return event,
-        }
-    }
-}
-
-/// The next pose, through any number of timeouts.
-///
-/// # Errors
-/// Those of [`LatestReceiver::latest`].
-pub async fn next_pose(rx: &mut LatestReceiver<Robot>) -> Result<Pose, RecvError> {
-    loop {
-        match rx.latest().await {
-            Err(RecvError::Silent { .. }) => {}
-            pose => return pose,
         }
     }
 }

@@ -1,11 +1,12 @@
-//! Slow receivers, silence, deadlines, and waits that are dropped.
+//! Slow receivers, quiet peers, deadlines, and waits that are dropped.
 
+use std::num::NonZeroUsize;
 use std::time::Duration;
 
 use super::pairs::Pairs;
-use super::talk::{ARM, PANEL, finished, next_pose, points, pose, receive, send_frame, start};
-use super::talk::{batches_of, patient};
-use crate::{FrameEvent, LinkConfig, RecvError, SendError, sleep_until, until};
+use super::talk::{ARM, PANEL, batches_of, command, finished, patient};
+use super::talk::{points, pose, receive, send_frame, start};
+use crate::{FrameEvent, KeepLast, LinkConfig, RecvError, SendError, Skipped, sleep_until, until};
 
 /// A sender without a reader waits for room before it has sent 64 MiB, and no longer than its timeout.
 pub async fn a_slow_receiver_holds_the_sender_back(pairs: &impl Pairs) {
@@ -41,6 +42,29 @@ pub async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pairs) {
     assert!(got.points == all, "64 MiB of points");
 }
 
+/// Who reads only the newest frames neither holds up the peer nor sees old ones, however late.
+pub async fn a_reader_of_the_newest_frames_holds_nobody_up(pairs: &impl Pairs) {
+    // 24 MB, more than any transport holds.
+    const FRAMES: u32 = 100;
+    let (mut arm, mut panel) = pairs.pair(patient()).await;
+    let depth = NonZeroUsize::new(2).unwrap();
+    panel.frames_rx = panel.frames_rx.keep_last(KeepLast { depth, lifespan: None });
+    let all = points(60_000);
+    for frame in 0..FRAMES {
+        send_frame(&mut arm.frames_tx, frame, &all).await.unwrap();
+    }
+    let (mut seen, mut last) = (0, None);
+    while last != Some(FRAMES - 1) {
+        let frame = panel.frames_rx.frame().await.unwrap();
+        let number = frame.start.frame.0;
+        let passed = u64::from(number - last.map_or(0, |last| last + 1));
+        assert_eq!(frame.skipped, Skipped { replaced: passed, ..Skipped::default() });
+        assert!(frame.items().eq(all.iter().copied()), "frame {number}");
+        (seen, last) = (seen + 1, Some(number));
+    }
+    assert_eq!(panel.stats.read().skipped.replaced + seen, u64::from(FRAMES));
+}
+
 /// A reader's thread may be busy for longer than the timeout of the link.
 pub async fn a_busy_receiver_is_no_dead_peer(pairs: &impl Pairs) {
     let config = LinkConfig { timeout: Duration::from_millis(100), ..LinkConfig::default() };
@@ -57,25 +81,28 @@ pub async fn a_busy_receiver_is_no_dead_peer(pairs: &impl Pairs) {
     // Few enough that no send waits for room.
     arm.frames_tx.push(&points(1000)).await.unwrap();
     arm.frames_tx.finish().await.unwrap();
-    assert_eq!(next_pose(&mut arm.latest_rx).await.unwrap(), pose(1));
+    assert_eq!(arm.latest_rx.latest().await.unwrap(), pose(1));
     let (got, _panel) = tokio::task::spawn_blocking(|| reader.join().unwrap()).await.unwrap();
     assert_eq!(got.points, points(1000));
 }
 
-/// A wait in vain ends in a timeout, and may be repeated.
-pub async fn silence_ends_in_an_error(pairs: &impl Pairs) {
-    let timeout = Duration::from_millis(50);
+/// A peer that has nothing to send for longer than the timeout of the link is not at fault.
+pub async fn a_quiet_peer_is_no_dead_peer(pairs: &impl Pairs) {
+    let timeout = Duration::from_millis(20);
     let (mut arm, mut panel) = pairs.pair(LinkConfig { timeout, ..LinkConfig::default() }).await;
-    let frames = arm.frames_rx.recv().await;
-    let latest = arm.latest_rx.latest().await;
-    let silent = |e: &RecvError| match e {
-        RecvError::Silent { peer, waited } => peer.as_str() == PANEL && *waited == timeout,
-        _ => false,
+    let net = pairs.net();
+    let listen = async {
+        tokio::join!(receive(&mut arm.frames_rx), arm.latest_rx.latest(), arm.messages_rx.recv())
     };
-    assert!(frames.as_ref().is_err_and(silent), "{frames:?}");
-    assert!(latest.as_ref().is_err_and(silent), "{latest:?}");
-    panel.latest_tx.publish(pose(3)).unwrap();
-    assert_eq!(next_pose(&mut arm.latest_rx).await.unwrap(), pose(3), "the caller may go on waiting");
+    let speak = async {
+        sleep_until(&*net, net.now().after(timeout * 10)).await;
+        panel.latest_tx.publish(pose(3)).unwrap();
+        panel.messages_tx.send(&command(4)).await.unwrap();
+        send_frame(&mut panel.frames_tx, 0, &points(5)).await.unwrap();
+    };
+    let ((frame, value, message), ()) = tokio::join!(listen, speak);
+    assert_eq!(frame.unwrap().points, points(5));
+    assert_eq!((value.unwrap(), message.unwrap()), (pose(3), command(4)));
 }
 
 /// A deadline that passes costs nothing but that call.

@@ -11,7 +11,7 @@ use super::half::{Half, LaneTx, Rx, Tx};
 use super::shared::Shared;
 use crate::error::{LaneError, Loss, ProtocolError, RecvError, SendError};
 use crate::rates::Messages;
-use crate::timeouts::{Timeouts, Wait};
+use crate::timeouts::Timeouts;
 
 /// A sending half: of values within this process, or of their bytes.
 #[derive(Debug)]
@@ -92,7 +92,7 @@ impl<L, W> Sender<L, W> {
     /// Waits until the peer has everything.
     pub(crate) async fn closed(&mut self) -> Result<(), SendError> {
         let Self { lane, shared, timeouts } = self;
-        let closed = timeouts.wait(None, poll_fn(|cx| lane.half().poll_closed(cx))).await;
+        let closed = timeouts.wait(poll_fn(|cx| lane.half().poll_closed(cx))).await;
         closed.map_err(|end| end.sending(&shared.peer, timeouts.limit()))?.map_err(|loss| lost(loss, shared))
     }
 }
@@ -146,14 +146,13 @@ async fn next<T>(
     shared: &Shared,
     timeouts: &mut Timeouts,
 ) -> Result<T, RecvError> {
-    let mut wait = Wait::default();
     let mut turn = Turn { half: lane, waits: false };
     loop {
-        match timeouts.hear(&mut wait, by, poll_fn(|cx| turn.noted(|half| half.poll_next(cx)))).await {
+        match timeouts.hear(by, poll_fn(|cx| turn.noted(|half| half.poll_next(cx)))).await {
             Ok(Ok(Some(item))) => return Ok(item),
             Ok(Ok(None)) => {}
             Ok(Err(e)) => return Err(e.receiving(&shared.peer)),
-            Err(end) => return Err(end.receiving(&shared.peer, timeouts.limit())),
+            Err(end) => return Err(end.receiving(&shared.peer)),
         }
     }
 }

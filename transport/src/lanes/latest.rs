@@ -39,13 +39,12 @@ impl<P: Protocol> LatestSender<P> {
 }
 
 impl<P: Protocol> LatestReceiver<P> {
-    /// Waits for an unread value, and returns the newest.
-    ///
-    /// Dropping the future loses no value.
+    /// Waits for an unread value, for as long as the peer lives, and returns the newest. Dropping the future
+    /// loses no value.
     ///
     /// # Errors
-    /// If the peer closed the link, is lost, broke the protocol, or published nothing within the link's
-    /// timeout. A value that came before such an end is returned first.
+    /// If the peer closed the link, is lost, or broke the protocol. A value that came before such an end is
+    /// returned first.
     pub async fn latest(&mut self) -> Result<P::Latest, RecvError> {
         self.latest_until(None).await
     }

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use trimaran_udp::PathStats;
 use trimaran_wire::{HEADER_BYTES, Kind};
 
-use super::{LinkStats, Tally, Traffic};
+use super::{LinkStats, Skipped, Tally, Traffic};
 use crate::rates::ListenerStats;
 
 /// Reads the counters of a link at any time, from any thread.
@@ -20,11 +20,12 @@ impl StatsHandle {
     /// A snapshot. Counters that change meanwhile may differ by one message.
     #[must_use]
     pub fn read(&self) -> LinkStats {
-        let Counters { sent, received, floods, header, .. } = &*self.0;
+        let Counters { sent, received, floods, skipped, header, .. } = &*self.0;
         LinkStats {
             sent: sent.read(*header),
             received: received.read(*header),
             floods: floods.load(Ordering::Relaxed),
+            skipped: skipped.read(),
             #[cfg(feature = "udp")]
             path: self.0.path.get().map(|source| source.path()),
         }
@@ -58,6 +59,7 @@ pub struct Counters {
     /// Received by this side.
     pub received: Direction,
     floods: AtomicU64,
+    skipped: AtomicSkipped,
     /// The header bytes of a message on this transport.
     header: u64,
     /// The source of packet counts, if the transport has one.
@@ -85,6 +87,7 @@ impl Counters {
             sent,
             received,
             floods: AtomicU64::new(0),
+            skipped: AtomicSkipped::default(),
             header,
             #[cfg(feature = "udp")]
             path: OnceLock::new(),
@@ -95,6 +98,13 @@ impl Counters {
     /// Counts that the peer exceeded its message rate.
     pub(crate) fn flooded(&self) {
         self.floods.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Counts frames that were not returned to their reader.
+    pub(crate) fn skip(&self, Skipped { replaced, expired, incomplete }: Skipped) {
+        self.skipped.replaced.fetch_add(replaced, Ordering::Relaxed);
+        self.skipped.expired.fetch_add(expired, Ordering::Relaxed);
+        self.skipped.incomplete.fetch_add(incomplete, Ordering::Relaxed);
     }
 
     /// Adds the counts of `other`.
@@ -111,6 +121,22 @@ impl Counters {
 
     pub(crate) fn handle(self: &Arc<Self>) -> StatsHandle {
         StatsHandle(Arc::clone(self))
+    }
+}
+
+#[derive(Debug, Default)]
+struct AtomicSkipped {
+    replaced: AtomicU64,
+    expired: AtomicU64,
+    incomplete: AtomicU64,
+}
+
+impl AtomicSkipped {
+    fn read(&self) -> Skipped {
+        let Self { replaced, expired, incomplete } = self;
+        let [replaced, expired, incomplete] =
+            [replaced, expired, incomplete].map(|count| count.load(Ordering::Relaxed));
+        Skipped { replaced, expired, incomplete }
     }
 }
 

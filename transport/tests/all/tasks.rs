@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use tokio::spawn;
 use trimaran_transport::conformance::{
-    ARM, PANEL, finished, greeting, next_pose, points, pose, receive, send_frame,
+    ARM, PANEL, finished, greeting, points, pose, receive, send_frame,
 };
 use trimaran_transport::{Options, RecvError};
 
@@ -26,7 +26,7 @@ async fn tasks_make_links_and_use_their_halves_and_leave() {
         let mut panel = panel.await.unwrap().unwrap();
 
         let arm = spawn(async move {
-            assert_eq!(next_pose(&mut arm.latest_rx).await.unwrap(), pose(1));
+            assert_eq!(arm.latest_rx.latest().await.unwrap(), pose(1));
             send_frame(&mut arm.frames_tx, 1, &points(5000)).await.unwrap();
             arm.close(finished()).await
         });

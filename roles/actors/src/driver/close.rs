@@ -80,7 +80,7 @@ pub(crate) async fn leave_unable(link: Link, error: &RoleError) {
 pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
     loop {
         match lane.latest().await {
-            Ok(_) | Err(RecvError::Silent { .. }) => {}
+            Ok(_) => {}
             Err(end) => return end,
         }
     }

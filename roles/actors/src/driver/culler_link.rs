@@ -195,8 +195,6 @@ impl CullerLink {
             };
             let taken = match event {
                 Ok(event) => self.take(event, at_once, clock.elapsed()),
-                // An idle culler is silent.
-                Err(RecvError::Silent { .. }) => Ok(None),
                 Err(end) => Err(link("receiving a frame")(end)),
             };
             match taken {

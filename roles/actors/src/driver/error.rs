@@ -143,10 +143,7 @@ impl RoleError {
     pub fn lost_a_peer(&self) -> bool {
         let passing = [CloseCode::Interrupted, CloseCode::DeviceFailed];
         match self {
-            Self::Link {
-                cause: LinkError::Receive(RecvError::Lost { .. } | RecvError::Silent { .. }),
-                ..
-            }
+            Self::Link { cause: LinkError::Receive(RecvError::Lost { .. }), .. }
             | Self::Link {
                 cause: LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. }), ..
             } => true,

@@ -212,7 +212,6 @@ async fn serve(
             _ = &mut stopped => return Ok(()),
             heard = rx.recv() => match heard {
                 Ok(block) => demands = items(&block)?,
-                Err(RecvError::Silent { .. }) => {}
                 // A lost display is noticed by the receiver of cameras.
                 Err(_) => return Ok(()),
             },

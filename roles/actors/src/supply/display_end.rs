@@ -149,7 +149,6 @@ async fn take(
                     }
                     *taken.lock() += block.len() as u64;
                 }
-                Err(RecvError::Silent { .. }) => {}
                 Err(_) => break None,
             },
             () = room, if !has_room => {}

@@ -166,14 +166,10 @@ impl Setting {
 
 /// The next camera, or why there is none.
 async fn next(cameras: &mut LatestReceiver) -> Result<Camera, Option<CloseReason>> {
-    loop {
-        match cameras.latest().await {
-            Ok(camera) => return Ok(camera),
-            Err(RecvError::Silent { .. }) => {}
-            Err(RecvError::Closed { reason, .. }) => return Err(Some(reason)),
-            Err(_) => return Err(None),
-        }
-    }
+    cameras.latest().await.map_err(|end| match end {
+        RecvError::Closed { reason, .. } => Some(reason),
+        _ => None,
+    })
 }
 
 fn code(reason: &Option<CloseReason>) -> Option<CloseCode> {

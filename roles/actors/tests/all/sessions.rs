@@ -129,7 +129,7 @@ async fn next(link: &mut Link) -> Result<FrameEvent, RecvError> {
         tokio::select! {
             event = link.frames_rx.recv() => return event,
             said = link.messages_rx.recv() => match said {
-                Ok(_) | Err(RecvError::Silent { .. }) => {}
+                Ok(_) => {}
                 Err(end) => return Err(end),
             },
         }
@@ -150,7 +150,7 @@ async fn walks(mut link: Link, state: &ViewState) -> (String, u32) {
                 }
                 let _gone = link.latest_tx.publish(camera(seen, 1));
             }
-            Ok(_) | Err(RecvError::Silent { .. }) => {}
+            Ok(_) => {}
             Err(RecvError::Closed { reason, .. }) => {
                 let code = CloseCode::of(&reason).unwrap();
                 return (format!("{code:?}: {reason:?}"), seen);

@@ -600,7 +600,7 @@ async fn sends(net: &Arc<dyn Net>, mut link: Link, parts: &[Vec<Bytes>], shown: 
                 }
             }
         }
-        while matches!(rx.recv().await, Ok(_) | Err(RecvError::Silent { .. })) {}
+        while rx.recv().await.is_ok() {}
         pending::<()>().await;
     };
     tokio::select! {
@@ -613,19 +613,13 @@ async fn sends(net: &Arc<dyn Net>, mut link: Link, parts: &[Vec<Bytes>], shown: 
 async fn culls(mut link: Link, frames: u32) {
     let rule = settings().lod;
     for sent in 0..frames {
-        let camera = loop {
-            match link.latest_rx.latest().await {
-                Ok(camera) => break camera,
-                Err(RecvError::Silent { .. }) => {}
-                Err(_) => return,
-            }
-        };
+        let Ok(camera) = link.latest_rx.latest().await else { return };
         let ids = lod_cut(&PLANT, &View::new(camera, settings().viewport), rule);
         if send_frame(&mut link, sent, camera, &ids).await.is_none() {
             return;
         }
     }
-    while matches!(link.messages_rx.recv().await, Ok(_) | Err(RecvError::Silent { .. })) {}
+    while link.messages_rx.recv().await.is_ok() {}
 }
 
 fn block(items: &[Supply]) -> Bytes {

@@ -56,13 +56,11 @@ impl Inbox {
                 biased;
                 message = display.messages_rx.recv() => match message {
                     Ok(message) => Event::Message(message),
-                    Err(RecvError::Silent { .. }) => continue,
                     Err(end) => return Err(link("waiting for a camera")(end)),
                 },
                 news = self.other.news() => Event::Other(news),
                 camera = display.latest_rx.latest() => match camera {
                     Ok(camera) => Event::Camera(camera),
-                    Err(RecvError::Silent { .. }) => continue,
                     Err(end) => return Err(link("waiting for a camera")(end)),
                 },
             };
@@ -110,7 +108,6 @@ impl Inbox {
         };
         match message {
             Ok(message) => self.hear(message),
-            Err(RecvError::Silent { .. }) => Ok(()),
             Err(end) => Err(link("waiting for occluders")(end)),
         }
     }

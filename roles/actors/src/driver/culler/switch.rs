@@ -229,7 +229,6 @@ impl Switch {
                     self.lose(&causes(&error));
                 }
             }
-            (Err(RecvError::Silent { .. }), _) => {}
             (Err(end), _) => self.ended(&end),
             (Ok(_), _) => {}
         }

@@ -1,17 +1,15 @@
-//! The frames lane: begin, batches, end.
+//! Sends frames.
 
 use trimaran_wire::{
-    Batch, BatchDecoder, BatchEncoder, Batching, CloseReason, Delivery, Fixed, Format, FrameAssembler,
-    FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameStep,
-    FrameWriter, Item, Protocol, to_bytes,
+    Batch, BatchEncoder, Batching, CloseReason, Delivery, Format, FrameEnd, FrameEvent, FrameMessage,
+    FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameWriter, Item, Protocol, to_bytes,
 };
 
-use super::ends::{AnyRx, AnyTx, Came, Receiver, Sender, at_once, lost};
-use super::trace::{FrameSpan, Way};
-use crate::error::{LaneError, ProtocolError, RecvError, SendError};
-use crate::rates::Messages;
+use super::published::PublishedFrame;
+use crate::error::SendError;
+use crate::lanes::ends::{AnyTx, Sender, at_once, lost};
+use crate::lanes::trace::{FrameSpan, Way};
 use crate::transport::Capabilities;
-use trimaran_net::Instant;
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///
@@ -22,18 +20,9 @@ pub struct FrameSender<P: Protocol> {
     writer: FrameWriter<P::Item>,
     /// Set if items may travel coded.
     encoder: Option<Box<dyn BatchEncoder<P::Item>>>,
+    /// Whether a frame may be coded against any frame before it.
+    takes_coded: bool,
     lane: Sender<FrameEvent<P>, FrameMessage>,
-    span: FrameSpan,
-}
-
-/// Receives frames.
-#[derive(Debug)]
-pub struct FrameReceiver<P: Protocol> {
-    assembler: FrameAssembler,
-    /// Set if items may come coded.
-    decoder: Option<Box<dyn BatchDecoder<P::Item>>>,
-    lane: Receiver<FrameEvent<P>, FrameMessage>,
-    rate: Messages,
     span: FrameSpan,
 }
 
@@ -51,7 +40,8 @@ impl<P: Protocol> FrameSender<P> {
             _ => None,
         };
         let writer = FrameWriter::new(size).of_at_most(max_frame);
-        Self { writer, encoder, lane, span: FrameSpan::none() }
+        let takes_coded = encoder.is_some() && delivery == Delivery::Ordered;
+        Self { writer, encoder, takes_coded, lane, span: FrameSpan::none() }
     }
 
     /// Begins a frame; its header has been sent when this returns.
@@ -117,6 +107,37 @@ impl<P: Protocol> FrameSender<P> {
         Ok(end)
     }
 
+    /// Stages a whole frame, for a receiver that has every frame from `since` to the one before. From then on
+    /// this half sends items plain: its encoder does not know the frame.
+    pub(crate) fn stage_whole(&mut self, frame: &PublishedFrame<P>, since: FrameNumber) -> Result<(), SendError> {
+        self.write(|writer, _| {
+            writer.begin(frame.number())?;
+            writer.finish(|_| {})
+        })?;
+        self.encoder = None;
+        let coded_since = Some(since).filter(|_| self.takes_coded);
+        let shared = &self.lane.shared;
+        self.span = FrameSpan::open(Way::Sent, frame.number(), Format::of::<P>().begin(), shared);
+        match &mut self.lane.lane {
+            AnyTx::Local(lane) => frame.events().try_for_each(|event| lane.stage(event)),
+            AnyTx::Wire(lane) => frame.messages(coded_since).try_for_each(|message| lane.stage(message)),
+        }
+        .map_err(|loss| lost(loss, shared))?;
+        shared.counters.sent.count_items(frame.items() as usize);
+        self.span.close(Way::Sent, frame.items(), true, shared);
+        Ok(())
+    }
+
+    /// Passes on what is staged, as far as there is room now. Returns whether that was all.
+    pub(crate) fn try_send_staged(&mut self) -> Result<bool, SendError> {
+        at_once(self.lane.send_staged()).map(|sent| sent.is_some())
+    }
+
+    /// Passes on what is staged, and waits for room.
+    pub(crate) async fn send_staged(&mut self) -> Result<(), SendError> {
+        self.lane.send_staged().await
+    }
+
     /// Closes this lane. A frame that is open stays unfinished.
     ///
     /// If the future is dropped, the close may not be sent.
@@ -162,7 +183,7 @@ fn local<P: Protocol>(message: FrameMessage) -> Option<FrameEvent<P>> {
 }
 
 /// The wire message for a frame message.
-fn coded<I: Item>(
+pub(super) fn coded<I: Item>(
     encoder: Option<&mut (dyn BatchEncoder<I> + 'static)>,
     message: FrameMessage,
 ) -> FrameMessage {
@@ -179,131 +200,4 @@ fn coded<I: Item>(
         }
         other => other,
     }
-}
-
-impl<P: Protocol> FrameReceiver<P> {
-    pub(crate) fn new(max_frame: u32, lane: Receiver<FrameEvent<P>, FrameMessage>, rate: Messages) -> Self {
-        let decoder = match lane.lane {
-            AnyRx::Wire(_) => P::decoder(max_frame),
-            AnyRx::Local(_) => None,
-        };
-        let assembler = FrameAssembler::new(max_frame);
-        Self { assembler, decoder, lane, rate, span: FrameSpan::none() }
-    }
-
-    /// Waits for the next event. Dropping the future loses nothing.
-    ///
-    /// # Errors
-    /// If the peer closed the link, is lost, broke the protocol, or sent nothing within the link's timeout.
-    pub async fn recv(&mut self) -> Result<FrameEvent<P>, RecvError> {
-        self.recv_until(None).await
-    }
-
-    /// As [`FrameReceiver::recv`], until `deadline` at most. Dropping the future loses nothing.
-    ///
-    /// # Errors
-    /// As there, and [`RecvError::Deadline`].
-    pub async fn recv_by(&mut self, deadline: Instant) -> Result<FrameEvent<P>, RecvError> {
-        self.recv_until(Some(deadline)).await
-    }
-
-    /// The next event if it has arrived, without waiting: for callers that poll to avoid the cost of being
-    /// woken. A peer that hangs is not noticed this way.
-    ///
-    /// # Errors
-    /// If the peer closed the link, is lost, or broke the protocol.
-    pub fn try_recv(&mut self) -> Result<Option<FrameEvent<P>>, RecvError> {
-        at_once(self.recv_until(None))
-    }
-
-    /// Discards everything until the lane ends, and returns how it ended.
-    pub(crate) async fn drain(&mut self) -> RecvError {
-        loop {
-            if let Err(end) = self.recv().await {
-                return end;
-            }
-        }
-    }
-
-    /// The frame that has begun and not ended.
-    #[must_use]
-    pub fn open_frame(&self) -> Option<FrameNumber> {
-        self.assembler.open_frame()
-    }
-
-    async fn recv_until(&mut self, by: Option<Instant>) -> Result<FrameEvent<P>, RecvError> {
-        let event = match self.lane.next(by).await? {
-            Came::Local(event) => Ok(event),
-            Came::Wire(message) => {
-                let counted = self.lane.count(&mut self.rate);
-                counted.and_then(|()| decoded::<P>(self.decoder.as_deref_mut(), message))
-            }
-        };
-        let shared = &self.lane.shared;
-        let event = event
-            .and_then(|event| judged(&mut self.assembler, event))
-            .map_err(|e| LaneError::Protocol(e).receiving(&shared.peer))?;
-        match &event {
-            FrameEvent::Begin(start) => {
-                self.span = FrameSpan::open(Way::Received, start.frame, Format::of::<P>().begin(), shared);
-            }
-            FrameEvent::Batch(batch) => shared.counters.received.count_items(batch.count()),
-            FrameEvent::End(FrameOutcome::Complete(end)) => {
-                self.span.close(Way::Received, end.items, true, shared);
-            }
-            FrameEvent::End(FrameOutcome::Incomplete { received, .. }) => {
-                self.span.close(Way::Received, *received, false, shared);
-            }
-        }
-        Ok(event)
-    }
-}
-
-/// Checks that the event may come now. The outcome of a frame is decided here.
-fn judged<P: Protocol>(
-    assembler: &mut FrameAssembler,
-    event: FrameEvent<P>,
-) -> Result<FrameEvent<P>, ProtocolError> {
-    let step = match &event {
-        FrameEvent::Begin(start) => FrameStep::Begin(start.frame),
-        FrameEvent::Batch(batch) => FrameStep::Batch { items: batch.count(), bytes: batch.as_bytes() },
-        FrameEvent::End(FrameOutcome::Complete(end)) => FrameStep::End(*end),
-        // No peer sends it so.
-        FrameEvent::End(FrameOutcome::Incomplete { .. }) => return Ok(event),
-    };
-    let outcome = assembler.take(step).map_err(ProtocolError::Frame)?;
-    Ok(outcome.map_or(event, FrameEvent::End))
-}
-
-/// The event in `message`. An end counts as that of a complete frame until it is checked.
-fn decoded<P: Protocol>(
-    decoder: Option<&mut (dyn BatchDecoder<P::Item> + 'static)>,
-    message: FrameMessage,
-) -> Result<FrameEvent<P>, ProtocolError> {
-    Ok(match message {
-        FrameMessage::Begin { frame, header } => {
-            let header = P::Header::read(&header).map_err(|e| ProtocolError::Value(Box::new(e)))?;
-            if let Some(decoder) = decoder {
-                decoder.begin(frame);
-            }
-            FrameEvent::Begin(FrameStart { frame, header })
-        }
-        FrameMessage::Batch(bytes) => {
-            let batch = Batch::new(bytes).map_err(ProtocolError::Batch)?;
-            if let Some(decoder) = decoder {
-                decoder.plain(&batch);
-            }
-            FrameEvent::Batch(batch)
-        }
-        FrameMessage::Coded(bytes) => {
-            let decoder = decoder.ok_or(ProtocolError::NotCoded)?;
-            FrameEvent::Batch(decoder.decode(&bytes).map_err(ProtocolError::Coded)?)
-        }
-        FrameMessage::End(end) => {
-            if let Some(decoder) = decoder {
-                decoder.end(&end);
-            }
-            FrameEvent::End(FrameOutcome::Complete(end))
-        }
-    })
 }

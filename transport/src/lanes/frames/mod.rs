@@ -1,0 +1,14 @@
+//! The frames lane: begin, batches, end.
+
+mod events;
+mod last;
+mod published;
+mod receiver;
+mod sender;
+mod whole;
+
+pub use last::KeepLast;
+pub use receiver::FrameReceiver;
+pub(crate) use published::{Assembly, PublishedFrame};
+pub use sender::FrameSender;
+pub use whole::WholeFrame;
