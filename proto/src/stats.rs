@@ -63,6 +63,21 @@ pub struct SentBytes {
     pub messages: u64,
 }
 
+impl FrameStats {
+    /// Of a frame whose set another session has culled: no work at `now_ns`.
+    #[must_use]
+    pub fn of_no_work(frame: FrameNumber, now_ns: u64) -> Self {
+        Self {
+            frame,
+            or_start_ns: now_ns,
+            or_end_ns: now_ns,
+            hc_start_ns: now_ns,
+            hc_end_ns: now_ns,
+            ..Self::default()
+        }
+    }
+}
+
 impl SentBytes {
     /// All bytes.
     #[must_use]

@@ -36,7 +36,7 @@
 //! | `peers`, `join`, `meeting` | how roles find each other, and reconnect |
 //! | `supply` | geometry for displays that hold no scene |
 //! | `service`, `local` | a culler as a service; all roles in one process |
-//! | `limits` | the limits of sessions |
+//! | `limits`, `shared_sets` | the limits of sessions, and the sets that they share |
 //! | `links`, `ids` | links with Trimaran's messages; the checked ids of a frame |
 //! | `stop`, `turn`, `shares`, `clock` | stop requests; computing one after another; measuring |
 
@@ -52,6 +52,7 @@ mod local;
 mod meeting;
 mod peers;
 mod service;
+mod shared_sets;
 mod shares;
 mod stop;
 mod supply;
@@ -76,6 +77,7 @@ pub use local::{LocalCullers, LocalSession};
 pub use meeting::{Expected, Meeting};
 pub use peers::{Arrival, Peers, PeersConfig, SlotGuard};
 pub use service::{CullerService, NewSession, ServiceEndpoints, SessionError};
+pub use shared_sets::SharedSets;
 pub use stop::{Stop, Stopper};
 pub use supply::{AheadUse, SupplyError, SupplyFault};
 pub use turn::Turns;

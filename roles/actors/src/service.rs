@@ -18,6 +18,7 @@ use crate::{
     links::{Link, Listener},
     meeting::{Expected, Meeting},
     peers::{Arrival, Peers, PeersConfig, SlotGuard},
+    shared_sets::SharedSets,
     stop::Stop,
     turn::Turns,
 };
@@ -54,6 +55,7 @@ pub struct CullerService {
     others: Options,
     expected: Expected,
     endpoints: Option<Endpoints>,
+    sets: SharedSets,
 }
 
 /// Where a culler finds its displays.
@@ -83,6 +85,8 @@ pub struct NewSession {
     pub meeting: Meeting,
     /// The display's slot at this culler, free on drop.
     pub slot: SlotGuard,
+    /// The sets of the service's sessions.
+    pub sets: SharedSets,
 }
 
 impl CullerService {
@@ -106,7 +110,8 @@ impl CullerService {
         let sought = PeersConfig { identity, role: Role::Display, endpoints: displays, listener, most };
         let displays = Peers::seek_and_expect(net, sought, expected.clone());
         let (net, cullers) = (Arc::clone(net), cullers.into());
-        Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints })
+        let sets = SharedSets::default();
+        Ok(Self { net, scene, displays, cullers, others: options, expected, endpoints, sets })
     }
 
     /// Its endpoints, with the ports that the system chose.
@@ -132,7 +137,8 @@ impl CullerService {
                 cullers: Arc::clone(&self.cullers),
                 expected: self.expected.clone(),
             };
-            return Ok(NewSession { key, settings, display: link, meeting, slot });
+            let sets = self.sets.clone();
+            return Ok(NewSession { key, settings, display: link, meeting, slot, sets });
         }
     }
 }
@@ -164,9 +170,10 @@ impl NewSession {
         };
         match stop.unless_requested(opened).await.unwrap_or(Err(RoleError::Stopped)) {
             Ok((lease, work)) => {
-                let Self { display, meeting, slot: _slot, .. } = self;
+                let Self { display, meeting, slot: _slot, sets, .. } = self;
                 let (turns, scene) = (turns.clone(), scene.map(Arc::clone));
-                CullerRole { work, display, meeting, turns, drawables, scene, lease }.run(stop).await
+                let role = CullerRole { work, display, meeting, turns, drawables, scene, lease, sets };
+                role.run(stop).await
             }
             Err(error) => self.turn_away(error, stop).await,
         }

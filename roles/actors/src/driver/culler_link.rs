@@ -12,7 +12,7 @@ use futures_util::{
     future::{OptionFuture, select_all},
 };
 use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes, ViewVersion};
-use trimaran_transport::{FrameOutcome, Instant, LinkStats, Net, RecvError};
+use trimaran_transport::{FrameOutcome, Instant, LinkStats, Net};
 
 use super::{
     close::left_early,

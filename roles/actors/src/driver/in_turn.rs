@@ -24,6 +24,16 @@ impl<W> InTurn<W> {
     pub(super) fn new(work: W, turn: &Rc<Turn>) -> Self {
         Self { work, turn: Rc::clone(turn) }
     }
+
+    /// Waits for its turn, before a frame begins.
+    pub(super) async fn wait_for_turn(&self) {
+        self.turn.take().await;
+    }
+
+    /// Lets other roles compute: there is nothing to do for this frame.
+    pub(super) fn give_turn_back(&self) {
+        self.turn.give_back();
+    }
 }
 
 impl<W: CullerWork> CullerWork for InTurn<W> {

@@ -16,7 +16,7 @@ use tokio::sync::{Notify, oneshot};
 use trimaran_cull::View;
 use trimaran_proto::{Demand, DrawableId, ViewState, items};
 use trimaran_scene::Scene;
-use trimaran_transport::{Bulk, Instant, Net, RecvError};
+use trimaran_transport::{Bulk, Instant, Net};
 
 use super::supplier::{Supplier, SupplyFault};
 

@@ -7,7 +7,7 @@ use futures_util::{FutureExt, future::OptionFuture};
 use parking_lot::Mutex;
 use tokio::sync::{mpsc, oneshot};
 use trimaran_proto::{Demand, DrawableId, FrameNumber, NumberList, put_item};
-use trimaran_transport::{Bulk, Net, RecvError};
+use trimaran_transport::{Bulk, Net};
 
 use super::holdings::{Arriving, Holdings, SupplyError};
 

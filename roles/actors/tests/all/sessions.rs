@@ -9,10 +9,10 @@ use std::{
 use tokio::runtime::{Builder, Runtime};
 use trimaran_actors::{
     Expected, FrameEvent, LimitError, Link, Meeting, NewSession, RoleError, SceneCulling, SessionLimits,
-    SlotGuard, Stop, Stopper, Turns, max_frame,
+    SharedSets, SlotGuard, Stop, Stopper, Turns, max_frame,
 };
 use trimaran_proto::{
-    Camera, CloseCode, FrameNumber, Role, SessionKey, Settings, ViewState, ViewVersion, Viewport,
+    Camera, CloseCode, DrawableId, FrameNumber, Role, SessionKey, Settings, ViewState, ViewVersion, Viewport,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{Net, Options, RecvError, TokioNet};
@@ -70,7 +70,8 @@ impl Service {
             cullers: Arc::default(),
             expected: Expected::default(),
         };
-        (NewSession { key: SessionKey(1), settings, display, meeting, slot: SlotGuard::once() }, far)
+        let (key, slot, sets) = (SessionKey(1), SlotGuard::once(), SharedSets::default());
+        (NewSession { key, settings, display, meeting, slot, sets }, far)
     }
 
     /// Plays a session on such a device; returns its end.
@@ -204,6 +205,56 @@ fn only_a_device_that_is_lost_or_hangs_is_the_end_of_the_process() {
             assert!(told.starts_with(code) && told.contains(&broken.to_string()), "{task:?}: {told}");
         }
     }
+}
+
+/// The ids of the frame for this camera.
+async fn asks(link: &mut Link, camera: Camera) -> Vec<DrawableId> {
+    link.latest_tx.publish(camera).unwrap();
+    let mut ids = Vec::new();
+    loop {
+        match next(link).await.unwrap() {
+            FrameEvent::Batch(batch) => ids.extend(batch.iter()),
+            FrameEvent::End(_) => return ids,
+            FrameEvent::Begin(start) => assert_eq!(start.header, camera),
+        }
+    }
+}
+
+/// The second display's device would fail.
+#[test]
+fn displays_of_one_view_are_culled_for_once() {
+    let service = Service::of(100);
+    let sets = SharedSets::default();
+    let [(first, mut here), (second, mut there)] = [(); 2].map(|()| {
+        let (session, far) = service.session(SIDE);
+        (NewSession { sets: sets.clone(), ..session }, far)
+    });
+    let (stopper, stop) = Stop::new();
+    let broken = Device::failing(Task::Begin, 0, Fault::Fails(Broken::NoMemory));
+    thread::scope(|scope| {
+        let culls = scope.spawn(|| service.play(first, Device::default(), &stop));
+        let shares = scope.spawn(|| service.play(second, broken, &stop));
+        service.runtime.block_on(async {
+            for frame in 1..5 {
+                let ids = asks(&mut here, camera(frame, 0)).await;
+                assert!(!ids.is_empty());
+                let shared = asks(&mut there, camera(frame + 100, 0)).await;
+                assert_eq!(shared, ids, "in the same order");
+            }
+            // Another picture is another view.
+            let settings = crate::common::settings(SIDE / 2, 2.0);
+            for message in ViewState::from(settings).to_messages(ViewVersion(1)).unwrap() {
+                there.messages_tx.send(&message).await.unwrap();
+            }
+            there.latest_tx.publish(camera(200, 1)).unwrap();
+            while next(&mut there).await.is_ok() {}
+        });
+        let error = shares.join().unwrap().unwrap_err();
+        assert!(matches!(error, RoleError::Session { .. }), "{error:?}");
+        Stopper::stop(&stopper);
+        drop(here);
+        culls.join().unwrap().unwrap();
+    });
 }
 
 #[test]

@@ -18,7 +18,7 @@ use parking_lot::Mutex;
 use trimaran_actors::{
     Arrival, BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, CullerRole, DisplayRole, Expected,
     Link, LocalSession, Meeting, Observer, Pace, Peers, PictureDevice, RoleError, SceneCulling,
-    ScenePictures, Schedule, SessionLimits, ShownFrame, SlotGuard, Stop, Supplied, Turns, WhileLoading,
+    ScenePictures, Schedule, SessionLimits, SharedSets, ShownFrame, SlotGuard, Stop, Supplied, Turns, WhileLoading,
     max_frame,
 };
 use trimaran_audit::{IdBuffer, Placement, ReferenceTest, TriangleId, rasterize};
@@ -31,7 +31,7 @@ use trimaran_proto::{
     Sections, SessionKey, Settings, Supply, ViewState, ViewVersion, Walkthrough, put_item,
 };
 use trimaran_scene::{DrawableEntry, Level, Scene, pack_entries, random::Random};
-use trimaran_transport::{Bulk, LinkConfig, Net, Options, RecvError, TokioNet, causes, inproc, sleep_until};
+use trimaran_transport::{Bulk, LinkConfig, Net, Options, TokioNet, causes, inproc, sleep_until};
 
 use crate::common::{Broken, runtime, send_frame};
 
@@ -579,6 +579,7 @@ async fn sound(net: &Arc<dyn Net>, display: Link, stop: &Stop) {
         drawables: max_frame(&PLANT),
         scene: Some(Arc::clone(&PLANT)),
         lease: SessionLimits::none().lease(settings().viewport).unwrap(),
+        sets: SharedSets::default(),
     };
     // The display ends the session.
     let _ended = role.run(stop).await;

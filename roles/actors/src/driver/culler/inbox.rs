@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use trimaran_proto::{Camera, DrawableId, FrameNumber, RoleMessage, ViewState};
-use trimaran_transport::RecvError;
 
 use super::{
     switch::{News, Switch},

@@ -27,9 +27,11 @@ use super::{
     in_turn::InTurn,
 };
 use crate::{
+    clock::{Stopwatch, nanoseconds},
     limits::Lease,
     links::{FrameStart, Link},
     meeting::Meeting,
+    shared_sets::SharedSets,
     stop::Stop,
     supply::CullerEnd,
     turn::Turns,
@@ -55,6 +57,8 @@ pub struct CullerRole<W> {
     pub scene: Option<Arc<Scene>>,
     /// The session's part of the limits. Behind the work, whose memory must be freed first.
     pub lease: Lease,
+    /// The sets of the service's sessions.
+    pub sets: SharedSets,
 }
 
 impl<W: CullerWork> CullerRole<W> {
@@ -75,6 +79,8 @@ impl<W: CullerWork> CullerRole<W> {
             inbox: Inbox::new(self.meeting, self.drawables),
             display: self.display,
             lease: self.lease,
+            clock: self.turns.clock(),
+            sets: self.sets,
             supply,
             sent: FrameNumber(0),
             view: ViewVersion(0),
@@ -91,10 +97,12 @@ impl<W: CullerWork> CullerRole<W> {
 }
 
 struct Session<W> {
-    work: W,
+    work: InTurn<W>,
     lease: Lease,
     inbox: Inbox,
     display: Link,
+    clock: Stopwatch,
+    sets: SharedSets,
     supply: Option<CullerEnd>,
     /// The number of the next frame on the display's link.
     sent: FrameNumber,
@@ -103,6 +111,15 @@ struct Session<W> {
     state: Option<Arc<ViewState>>,
     /// The visible set of the last frame.
     last: Option<(FrameNumber, Vec<DrawableId>)>,
+}
+
+/// Where a frame's visible set comes from.
+#[derive(Debug, Clone, Copy)]
+enum Source<'s> {
+    /// This session culls it, with occluders of that frame.
+    Culled { occluders_of: Option<FrameNumber> },
+    /// Another session has culled it.
+    Shared(&'s [DrawableId]),
 }
 
 impl<W: CullerWork> Session<W> {
@@ -138,11 +155,32 @@ impl<W: CullerWork> Session<W> {
             {
                 supply.change_view(&state);
             }
-            self.state = Some(state);
+            self.state = Some(Arc::clone(&state));
             self.work.has_camera(&camera);
+            let set = match self.shared(camera, &state) {
+                Some(set) => Some(set),
+                None => {
+                    // Another session may cull it while this one waits for its turn.
+                    self.work.wait_for_turn().await;
+                    self.shared(camera, &state)
+                }
+            };
+            if let Some(set) = set {
+                self.work.give_turn_back();
+                self.send(camera, Source::Shared(&set)).await?;
+                continue;
+            }
             let occluders_of = self.occlude(camera).await?;
-            self.cull(camera, occluders_of).await?;
+            self.send(camera, Source::Culled { occluders_of }).await?;
+            if let Some((_, ids)) = &self.last {
+                self.sets.put(camera, &state, ids);
+            }
         }
+    }
+
+    /// The set that another session has culled for the same view. Cullers that feed each other need their own.
+    fn shared(&self, camera: Camera, state: &Arc<ViewState>) -> Option<Arc<[DrawableId]>> {
+        if self.inbox.other.is_there() { None } else { self.sets.get(camera, state) }
     }
 
     /// OR: draws the visible set of the previous frame, from the other culler or this one. Returns that
@@ -168,8 +206,9 @@ impl<W: CullerWork> Session<W> {
         Ok(occluders_of)
     }
 
-    /// HC (paper, section 4.1): sends the camera, then each visible drawable as it is decided, then the end.
-    async fn cull(&mut self, camera: Camera, occluders_of: Option<FrameNumber>) -> Result<(), RoleError> {
+    /// Sends the camera, the frame's visible drawables, and the end. Those that are culled here are sent as
+    /// they are decided (HC; paper, section 4.1).
+    async fn send(&mut self, camera: Camera, source: Source<'_>) -> Result<(), RoleError> {
         let frame = self.sent;
         self.sent = FrameNumber(frame.0.wrapping_add(1));
         let start = FrameStart { frame, header: camera };
@@ -183,11 +222,19 @@ impl<W: CullerWork> Session<W> {
         let supply = self.supply.as_ref().zip(view);
         let display = Some(&mut self.display.frames_tx);
         let mut visible = VisibleIds { found, display, other, supply, turn: None };
-        self.work.cull(camera, &mut visible).await?;
+        match source {
+            Source::Culled { .. } => self.work.cull(camera, &mut visible).await?,
+            Source::Shared(set) => visible.push(set).await?,
+        }
         self.last = Some((camera.frame(), mem::take(&mut visible.found)));
         let to_other = self.inbox.other.finish().await;
         self.display.frames_tx.finish().await.map_err(link("ending a frame"))?;
-        let stats = FrameStats { occluders_of, to_other, ..self.work.frame_stats() };
+        let stats = match source {
+            Source::Culled { occluders_of } => {
+                FrameStats { occluders_of, to_other, ..self.work.frame_stats() }
+            }
+            Source::Shared(_) => FrameStats::of_no_work(camera.frame(), nanoseconds(self.clock.elapsed())),
+        };
         let message = RoleMessage::Stats(stats);
         self.display.messages_tx.send(&message).await.map_err(link("sending statistics"))
     }
