@@ -1,0 +1,152 @@
+//! What a culler can do for many displays: frames that each of them gets, of one view and of different ones.
+//!
+//! `cargo bench --bench displays -- X.scene [SECONDS [PROGRAM]]`: 5 s for each number of displays, and the
+//! program of this build, if not given. The displays walk an automatic path of 120 poses over tcp, and ask
+//! for the next frame once they have one. They draw nothing, and share one thread.
+#![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
+
+use std::{
+    error::Error,
+    fs,
+    net::TcpListener,
+    path::Path,
+    process::{Child, Command, Stdio},
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use tokio::runtime::Builder;
+use trimaran_actors::{FrameEvent, Link};
+use trimaran_cull::{LodRule, Viewport};
+use trimaran_proto::{FrameNumber, Identity, Role, SceneOutline, SessionKey, Settings, Walkthrough};
+use trimaran_scene::{
+    Scene,
+    path::{AutoPathOptions, PosePath, auto},
+};
+use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
+
+type Failed = Box<dyn Error + Send + Sync>;
+
+const SIDE: u32 = 512;
+const EPSILON_PX: f64 = 2.0;
+const POSES: u32 = 120;
+/// From the start of the displays to that of the count.
+const EARLY: Duration = Duration::from_secs(1);
+
+/// All displays come from one address, at once.
+const LIMITS: &str = "[limits]
+peers = 300
+handshakes_per_s = 10_000
+handshakes_per_s_per_address = 10_000
+";
+
+/// A culler's process, which ends with this.
+struct Culler(Child);
+
+impl Drop for Culler {
+    fn drop(&mut self) {
+        let _ended = self.0.kill();
+        let _code = self.0.wait();
+    }
+}
+
+/// How displays look.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Views {
+    One,
+    Different,
+}
+
+fn main() -> Result<(), Failed> {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let [scene, rest @ ..] = words.as_slice() else {
+        println!("skipped: give a cooked scene: cargo bench --bench displays -- X.scene [SECONDS [PROGRAM]]");
+        return Ok(());
+    };
+    let time = Duration::from_secs(rest.first().map_or(Ok(5), |word| word.parse())?);
+    let program = rest.get(1).map_or(env!("CARGO_BIN_EXE_trimaran"), String::as_str);
+    let opened = Scene::open(Path::new(scene))?;
+    let path = auto(&opened, &AutoPathOptions { frames: POSES, seed: 1, teleport: false })?.path;
+    println!("| displays | views | frames/s, all | each: least | median | most |");
+    println!("|---|---|---|---|---|---|");
+    for (displays, views) in
+        [(1, Views::One), (4, Views::One), (16, Views::One), (64, Views::One), (256, Views::One)]
+            .into_iter()
+            .chain([4, 16, 64].map(|displays| (displays, Views::Different)))
+    {
+        let mut each = rates(program, scene, opened.outline(), &path, (displays, views), time)?;
+        each.sort_by(f64::total_cmp);
+        let all: f64 = each.iter().sum();
+        let [least, median, most] = [0, each.len() / 2, each.len() - 1].map(|at| each[at]);
+        println!("| {displays} | {views:?} | {all:.0} | {least:.1} | {median:.1} | {most:.1} |");
+    }
+    Ok(())
+}
+
+/// The frames a second of each display.
+fn rates(
+    program: &str,
+    scene: &str,
+    outline: SceneOutline,
+    path: &PosePath,
+    (displays, views): (u32, Views),
+    time: Duration,
+) -> Result<Vec<f64>, Failed> {
+    let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
+    let at: Endpoint = format!("tcp://127.0.0.1:{port}").parse()?;
+    let config = tempfile::NamedTempFile::new()?;
+    fs::write(config.path(), LIMITS)?;
+    let mut command = Command::new(program);
+    command.args(["role", "culler", "--listen", &at.to_string(), "--scene", scene, "--config"]);
+    command.arg(config.path());
+    let _culler = Culler(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?);
+    let runtime = Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(async {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+        let settings = Settings::new(Viewport::new(SIDE, SIDE)?, LodRule::new(EPSILON_PX)?);
+        let mut links = Vec::new();
+        for key in 0..displays {
+            let session = Some((SessionKey(key.into()), settings));
+            let identity = Identity { role: Role::Display, scene: Some(outline), session };
+            let deadline = net.now().after(Duration::from_secs(60));
+            links.push(connect::<Walkthrough>(&net, &at, identity, &Options::default(), deadline).await?);
+        }
+        let counted = Instant::now() + EARLY;
+        let until = counted + time;
+        let walks = (0..).zip(links).map(|(number, link)| {
+            let first = if views == Views::One { 0 } else { number * POSES / displays };
+            walk(link, path, first, counted, until)
+        });
+        let frames = futures_util::future::try_join_all(walks).await?;
+        Ok(frames.into_iter().map(|frames| f64::from(frames) / time.as_secs_f64()).collect())
+    })
+}
+
+/// Walks from this pose on; returns the number of frames that came between two times.
+async fn walk(
+    mut link: Link,
+    path: &PosePath,
+    first: u32,
+    counted: Instant,
+    until: Instant,
+) -> Result<u32, Failed> {
+    let near = path.near().ok_or("the path names no near distance")?;
+    let mut frames = 0;
+    for frame in 0.. {
+        let pose = path.frames().get(((first + frame) % POSES) as usize).ok_or("a short path")?;
+        link.latest_tx.publish(pose.camera(path.vfov_deg(), near, FrameNumber(frame))?)?;
+        loop {
+            tokio::select! {
+                biased;
+                event = link.frames_rx.recv() => if let FrameEvent::End(_) = event? { break },
+                message = link.messages_rx.recv() => drop(message?),
+            }
+        }
+        let now = Instant::now();
+        if now >= until {
+            break;
+        }
+        frames += u32::from(now >= counted);
+    }
+    Ok(frames)
+}
