@@ -2,10 +2,12 @@
 //!
 //! `cargo bench --bench displays -- X.scene [SECONDS [PROGRAM]]`: 5 s for each number of displays, and the
 //! program of this build, if not given. The displays walk an automatic path of 120 poses over tcp, and ask
-//! for the next frame once they have one. They draw nothing, and share one thread.
+//! for the next frame once they have one. Of one view they follow the one that is ahead: each asks for the
+//! pose after the newest that any of them has. They draw nothing, and share one thread.
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
 use std::{
+    cell::{Cell, RefCell},
     error::Error,
     fs,
     net::TcpListener,
@@ -18,7 +20,7 @@ use std::{
 use tokio::runtime::Builder;
 use trimaran_actors::{FrameEvent, Link};
 use trimaran_cull::{LodRule, Viewport};
-use trimaran_proto::{FrameNumber, Identity, Role, SceneOutline, SessionKey, Settings, Walkthrough};
+use trimaran_proto::{FrameNumber, Identity, Role, RoleMessage, SceneOutline, SessionKey, Settings, Walkthrough};
 use trimaran_scene::{
     Scene,
     path::{AutoPathOptions, PosePath, auto},
@@ -30,11 +32,12 @@ type Failed = Box<dyn Error + Send + Sync>;
 const SIDE: u32 = 512;
 const EPSILON_PX: f64 = 2.0;
 const POSES: u32 = 120;
-/// From the start of the displays to that of the count.
+/// From the first frame of the last display to the first one that counts.
 const EARLY: Duration = Duration::from_secs(1);
 
 /// All displays come from one address, at once.
-const LIMITS: &str = "[limits]
+const LIMITS: &str = "depth_memory = '4GiB'
+[limits]
 peers = 300
 handshakes_per_s = 10_000
 handshakes_per_s_per_address = 10_000
@@ -67,23 +70,34 @@ fn main() -> Result<(), Failed> {
     let program = rest.get(1).map_or(env!("CARGO_BIN_EXE_trimaran"), String::as_str);
     let opened = Scene::open(Path::new(scene))?;
     let path = auto(&opened, &AutoPathOptions { frames: POSES, seed: 1, teleport: false })?.path;
-    println!("| displays | views | frames/s, all | each: least | median | most |");
-    println!("|---|---|---|---|---|---|");
+    println!("| displays | views | frames/s, all | each: least | median | most | culls/s | ms |");
+    println!("|---|---|---|---|---|---|---|---|");
     for (displays, views) in
         [(1, Views::One), (4, Views::One), (16, Views::One), (64, Views::One), (256, Views::One)]
             .into_iter()
             .chain([4, 16, 64].map(|displays| (displays, Views::Different)))
     {
-        let mut each = rates(program, scene, opened.outline(), &path, (displays, views), time)?;
+        let Rates { mut each, culls, median_ms } = rates(program, scene, opened.outline(), &path, (displays, views), time)?;
         each.sort_by(f64::total_cmp);
         let all: f64 = each.iter().sum();
         let [least, median, most] = [0, each.len() / 2, each.len() - 1].map(|at| each[at]);
-        println!("| {displays} | {views:?} | {all:.0} | {least:.1} | {median:.1} | {most:.1} |");
+        println!(
+            "| {displays} | {views:?} | {all:.0} | {least:.1} | {median:.1} | {most:.1} | {culls:.0} | {median_ms:.1} |"
+        );
     }
     Ok(())
 }
 
-/// The frames a second of each display.
+/// What came of it.
+struct Rates {
+    /// Frames a second of each display.
+    each: Vec<f64>,
+    /// Culls a second, from the second before on, and their median time (OR and HC).
+    culls: f64,
+    median_ms: f64,
+}
+
+/// Walks with so many displays.
 fn rates(
     program: &str,
     scene: &str,
@@ -91,7 +105,7 @@ fn rates(
     path: &PosePath,
     (displays, views): (u32, Views),
     time: Duration,
-) -> Result<Vec<f64>, Failed> {
+) -> Result<Rates, Failed> {
     let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
     let at: Endpoint = format!("tcp://127.0.0.1:{port}").parse()?;
     let config = tempfile::NamedTempFile::new()?;
@@ -111,42 +125,84 @@ fn rates(
             let deadline = net.now().after(Duration::from_secs(60));
             links.push(connect::<Walkthrough>(&net, &at, identity, &Options::default(), deadline).await?);
         }
-        let counted = Instant::now() + EARLY;
-        let until = counted + time;
-        let walks = (0..).zip(links).map(|(number, link)| {
-            let first = if views == Views::One { 0 } else { number * POSES / displays };
-            walk(link, path, first, counted, until)
+        let count = Count { without: Cell::new(displays), begins: Cell::new(None), time, culls: RefCell::default() };
+        let lead = Cell::new(0);
+        let walks = (0..).zip(links).map(|(number, link)| match views {
+            Views::One => walk(link, path, Next::Lead(&lead), &count),
+            Views::Different => walk(link, path, Next::Own(number * POSES / displays), &count),
         });
         let frames = futures_util::future::try_join_all(walks).await?;
-        Ok(frames.into_iter().map(|frames| f64::from(frames) / time.as_secs_f64()).collect())
+        let each = frames.into_iter().map(|frames| f64::from(frames) / time.as_secs_f64()).collect();
+        let mut culls = count.culls.into_inner();
+        culls.sort_unstable();
+        let median_ms = culls.get(culls.len() / 2).map_or(0.0, |ns| *ns as f64 / 1e6);
+        Ok(Rates { each, culls: culls.len() as f64 / time.as_secs_f64(), median_ms })
     })
 }
 
-/// Walks from this pose on; returns the number of frames that came between two times.
+/// When frames count: from a second after each display has its first one.
+struct Count {
+    /// The displays without a frame.
+    without: Cell<u32>,
+    begins: Cell<Option<Instant>>,
+    time: Duration,
+    /// The culls' times, in nanoseconds.
+    culls: RefCell<Vec<u64>>,
+}
+
+/// The next pose of a display.
+#[derive(Debug, Clone, Copy)]
+enum Next<'l> {
+    /// Its own, from this one on.
+    Own(u32),
+    /// The one after the newest that any display has.
+    Lead(&'l Cell<u32>),
+}
+
+/// Walks; returns the number of frames that count.
 async fn walk(
     mut link: Link,
     path: &PosePath,
-    first: u32,
-    counted: Instant,
-    until: Instant,
+    mut next: Next<'_>,
+    count: &Count,
 ) -> Result<u32, Failed> {
     let near = path.near().ok_or("the path names no near distance")?;
     let mut frames = 0;
     for frame in 0.. {
-        let pose = path.frames().get(((first + frame) % POSES) as usize).ok_or("a short path")?;
+        let at = match &next {
+            Next::Own(at) => *at,
+            Next::Lead(lead) => lead.get(),
+        };
+        let pose = path.frames().get((at % POSES) as usize).ok_or("a short path")?;
         link.latest_tx.publish(pose.camera(path.vfov_deg(), near, FrameNumber(frame))?)?;
         loop {
             tokio::select! {
                 biased;
                 event = link.frames_rx.recv() => if let FrameEvent::End(_) = event? { break },
-                message = link.messages_rx.recv() => drop(message?),
+                message = link.messages_rx.recv() => if let RoleMessage::Stats(stats) = message? {
+                    let took = stats.hc_end_ns.saturating_sub(stats.or_start_ns);
+                    if took > 0 && count.begins.get().is_some() {
+                        count.culls.borrow_mut().push(took);
+                    }
+                },
             }
         }
-        let now = Instant::now();
-        if now >= until {
-            break;
+        match &mut next {
+            Next::Own(at) => *at += 1,
+            Next::Lead(lead) => lead.set(lead.get().max(at + 1)),
         }
-        frames += u32::from(now >= counted);
+        if frame == 0 {
+            count.without.set(count.without.get() - 1);
+        }
+        if count.without.get() == 0 && count.begins.get().is_none() {
+            count.begins.set(Some(Instant::now() + EARLY));
+        }
+        if let Some(since) = count.begins.get().and_then(|begins| Instant::now().checked_duration_since(begins)) {
+            if since >= count.time {
+                break;
+            }
+            frames += 1;
+        }
     }
     Ok(frames)
 }

@@ -3,15 +3,23 @@
 use std::{collections::VecDeque, sync::Arc};
 
 use parking_lot::Mutex;
+use tokio::sync::{Notify, futures::Notified};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, ViewState, ViewVersion};
 
 /// How many sets are kept: displays of one view may be this many poses apart.
-const KEPT: usize = 32;
+const KEPT: usize = 64;
 
 /// The last sets that the sessions of a service have culled. A set is right for every display that looks from
 /// the same pose with an equal view state, whatever occluders it was culled with. Clones are the same object.
 #[derive(Debug, Clone, Default)]
-pub struct SharedSets(Arc<Mutex<VecDeque<Culled>>>);
+pub struct SharedSets(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    sets: Mutex<VecDeque<Culled>>,
+    /// There is another one.
+    came: Notify,
+}
 
 #[derive(Debug)]
 struct Culled {
@@ -21,12 +29,13 @@ struct Culled {
 }
 
 impl SharedSets {
-    /// The set of this pose and view state, if a session has culled it.
+    /// The set of this pose and view state, if another session has culled it. A session's own sets, which have
+    /// its own `state`, do not count: where a display stands still, culling again draws less.
     pub(crate) fn get(&self, camera: Camera, state: &Arc<ViewState>) -> Option<Arc<[DrawableId]>> {
         let camera = pose(camera);
-        let sets = self.0.lock();
+        let sets = self.0.sets.lock();
         let equal = |set: &&Culled| {
-            set.camera == camera && (Arc::ptr_eq(&set.state, state) || set.state == *state)
+            set.camera == camera && !Arc::ptr_eq(&set.state, state) && set.state == *state
         };
         sets.iter().rev().find(equal).map(|set| Arc::clone(&set.ids))
     }
@@ -38,11 +47,18 @@ impl SharedSets {
             return;
         }
         let set = Culled { camera: pose(camera), state: Arc::clone(state), ids: ids.into() };
-        let mut sets = self.0.lock();
+        let mut sets = self.0.sets.lock();
         if sets.len() == KEPT {
             sets.pop_front();
         }
         sets.push_back(set);
+        drop(sets);
+        self.0.came.notify_waiters();
+    }
+
+    /// Ends when another set comes after this call.
+    pub(crate) fn next(&self) -> Notified<'_> {
+        self.0.came.notified()
     }
 }
 
@@ -84,13 +100,22 @@ mod tests {
     }
 
     #[test]
+    fn a_session_gets_no_set_of_its_own() {
+        let (sets, _sessions) = sets(2);
+        let state = state(2.0);
+        sets.put(camera(1.0, 5), &state, &[DrawableId(3)]);
+        assert_eq!(sets.get(camera(1.0, 6), &state), None);
+        assert!(sets.get(camera(1.0, 6), &Arc::new((*state).clone())).is_some());
+    }
+
+    #[test]
     fn the_newest_are_kept() {
         let (sets, _sessions) = sets(2);
         for x in 0..100_u32 {
             sets.put(camera(x.into(), 0), &state(1.0), &[DrawableId(x)]);
         }
         let known = |x: u32| sets.get(camera(x.into(), 0), &state(1.0)).is_some();
-        assert_eq!((0..100).filter(|x| known(*x)).collect::<Vec<_>>(), (68..100).collect::<Vec<_>>());
+        assert_eq!((0..100).filter(|x| known(*x)).collect::<Vec<_>>(), (36..100).collect::<Vec<_>>());
     }
 
     #[test]

@@ -55,7 +55,8 @@ pub enum WhenBehind {
     Wait,
     /// It gets the newest frame once it has room, and none of those before.
     Skip,
-    /// It loses its link.
+    /// It leaves with [`Left::Behind`], and its half of the link is dropped. The peer sees that once the rest
+    /// of the link is dropped or closed.
     Disconnect,
 }
 

@@ -14,7 +14,7 @@ mod switch;
 mod views;
 mod work;
 
-use std::{mem, panic::AssertUnwindSafe, rc::Rc, sync::Arc};
+use std::{mem, panic::AssertUnwindSafe, pin::pin, rc::Rc, sync::Arc};
 
 use futures_util::{FutureExt, future::OptionFuture};
 use trimaran_cull::View;
@@ -157,15 +157,7 @@ impl<W: CullerWork> Session<W> {
             }
             self.state = Some(Arc::clone(&state));
             self.work.has_camera(&camera);
-            let set = match self.shared(camera, &state) {
-                Some(set) => Some(set),
-                None => {
-                    // Another session may cull it while this one waits for its turn.
-                    self.work.wait_for_turn().await;
-                    self.shared(camera, &state)
-                }
-            };
-            if let Some(set) = set {
+            if let Some(set) = self.shared(camera, &state).await {
                 self.work.give_turn_back();
                 self.send(camera, Source::Shared(&set)).await?;
                 continue;
@@ -178,9 +170,24 @@ impl<W: CullerWork> Session<W> {
         }
     }
 
-    /// The set that another session has culled for the same view. Cullers that feed each other need their own.
-    fn shared(&self, camera: Camera, state: &Arc<ViewState>) -> Option<Arc<[DrawableId]>> {
-        if self.inbox.other.is_there() { None } else { self.sets.get(camera, state) }
+    /// The set that another session has culled for the same view. If there is none, waits for it or for this
+    /// session's turn to cull. Cullers that feed each other need sets of their own.
+    async fn shared(&self, camera: Camera, state: &Arc<ViewState>) -> Option<Arc<[DrawableId]>> {
+        if self.inbox.other.is_there() {
+            return None;
+        }
+        let mut turn = pin!(self.work.wait_for_turn());
+        loop {
+            let next = self.sets.next();
+            if let Some(set) = self.sets.get(camera, state) {
+                return Some(set);
+            }
+            tokio::select! {
+                biased;
+                () = &mut turn => return self.sets.get(camera, state),
+                () = next => {}
+            }
+        }
     }
 
     /// OR: draws the visible set of the previous frame, from the other culler or this one. Returns that
