@@ -7,7 +7,6 @@ use trimaran_actors::{FrameStart, Link};
 use trimaran_proto::{
     Camera, Demand, DrawableId, FrameNumber, Identity, NumberList, Role, RoleMessage, SessionKey, put_item,
 };
-use trimaran_transport::RecvError;
 
 use crate::common::guests::{Display, Guests};
 

@@ -61,8 +61,7 @@ fn options() -> Options {
     let batching = Batching { size: BatchSize::new(ITEMS).unwrap_or_default(), coded: false };
     let link = LinkConfig { batching, ..LinkConfig::default() };
     let (handshakes_per_s, handshakes_per_s_per_address) = (100_000, 100_000);
-    let limits =
-        Limits { peers: 300, handshakes_per_s, handshakes_per_s_per_address, ..Limits::default() };
+    let limits = Limits { peers: 300, handshakes_per_s, handshakes_per_s_per_address, ..Limits::default() };
     Options { link, limits, ..Options::default() }
 }
 

@@ -29,15 +29,14 @@ struct Culled {
 }
 
 impl SharedSets {
-    /// The set of this pose and view state, if another session has culled it. A session's own sets, which have
-    /// its own `state`, do not count: where a display stands still, culling again draws less.
+    /// The set of this pose and view state, if another session has culled it. A session's own sets, which
+    /// have its own `state`, do not count: where a display stands still, culling again draws less.
     pub(crate) fn get(&self, camera: Camera, state: &Arc<ViewState>) -> Option<Arc<[DrawableId]>> {
         let camera = pose(camera);
         let sets = self.0.sets.lock();
-        let equal = |set: &&Culled| {
-            set.camera == camera && !Arc::ptr_eq(&set.state, state) && set.state == *state
-        };
-        sets.iter().rev().find(equal).map(|set| Arc::clone(&set.ids))
+        let of_another = |set: &&Culled| !Arc::ptr_eq(&set.state, state);
+        let equal = |set: &&Culled| set.camera == camera && set.state == *state;
+        sets.iter().rev().filter(of_another).find(equal).map(|set| Arc::clone(&set.ids))
     }
 
     /// Keeps a set for the other sessions, if there are any.

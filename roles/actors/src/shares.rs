@@ -55,16 +55,21 @@ impl Shares {
     /// Removes a role.
     pub(crate) fn leave(&mut self, role: Number) {
         self.accounts.remove(&role);
-        self.waiting.retain(|waiting| *waiting != role);
+        self.withdraw(role);
     }
 
     /// A role waits for its turn.
     pub(crate) fn ask(&mut self, role: Number) {
         if let Some(account) = self.accounts.get_mut(&role) {
             account.start = account.end.max(self.now);
-            self.waiting.retain(|waiting| *waiting != role);
+            self.withdraw(role);
             self.waiting.push(role);
         }
+    }
+
+    /// A role waits no longer. Its place counts from its next request.
+    pub(crate) fn withdraw(&mut self, role: Number) {
+        self.waiting.retain(|waiting| *waiting != role);
     }
 
     /// Whether roles share by time.

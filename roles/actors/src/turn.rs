@@ -105,6 +105,7 @@ impl Lock {
             waiting.shares.ask(role);
             waiting.told.insert(role, tell);
         }
+        let _gives_up = Request { lock: &self, role };
         self.tell_next();
         match told.await {
             Ok(held) => held,
@@ -122,6 +123,24 @@ impl Lock {
         let held = Held { lock: Arc::clone(self), role, since: self.clock.elapsed() };
         // If the role no longer waits, the turn is dropped here, and passes to the next one.
         let _unheard = tell.map(|tell| tell.send(held));
+    }
+}
+
+/// A request for the turn, withdrawn on drop if the role still waits.
+struct Request<'l> {
+    lock: &'l Lock,
+    role: Number,
+}
+
+impl Drop for Request<'_> {
+    fn drop(&mut self) {
+        let mut waiting = self.lock.waiting.lock();
+        let told = waiting.told.remove(&self.role);
+        if told.is_some() {
+            waiting.shares.withdraw(self.role);
+        }
+        // Whoever is woken by it takes the lock.
+        drop((waiting, told));
     }
 }
 
@@ -368,6 +387,27 @@ mod tests {
                 assert!(turn.held.take().is_some(), "it has the turn again");
             };
             block_on(turn.given_back_while_waiting(role));
+        });
+    }
+
+    /// Between the two another role has the turn all the time.
+    #[test]
+    fn a_request_that_is_given_up_is_withdrawn() {
+        let turns = Turns::fair();
+        let [holds, waits] = [(), ()].map(|()| turns.of_a_role());
+        let lock = turns.lock.as_ref().unwrap();
+        block_on(async {
+            holds.take().await;
+            let mut context = Context::from_waker(Waker::noop());
+            let mut taking = Box::pin(waits.take());
+            assert!(taking.as_mut().poll(&mut context).is_pending());
+            assert!(lock.waiting.lock().shares.is_awaited());
+            drop(taking);
+            assert!(!lock.waiting.lock().shares.is_awaited());
+            assert!(lock.waiting.lock().told.is_empty());
+            holds.give_back();
+            waits.take().await;
+            assert!(waits.held.take().is_some(), "it may ask again");
         });
     }
 

@@ -70,8 +70,8 @@ pub use publishing::*;
 pub use records::*;
 pub use robot::{Command, Greeting, Pose, PoseError, RejectionCode, Robot};
 pub use talk::{
-    ARM, GRIPPER, MAP, PANEL, Received, block, command, finished, greeting, points,
-    pose, receive, send_frame, start,
+    ARM, GRIPPER, MAP, PANEL, Received, block, command, finished, greeting, points, pose, receive,
+    send_frame, start,
 };
 pub use waiting::*;
 

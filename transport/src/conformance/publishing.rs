@@ -54,8 +54,7 @@ pub async fn a_slow_subscriber_holds_up_no_other(pairs: &impl Pairs) {
         }
         left
     };
-    let (left, numbers) =
-        tokio::join!(publishes, read_to(&mut quick.frames_rx, FRAMES - 1, |_| all.clone()));
+    let (left, numbers) = tokio::join!(publishes, read_to(&mut quick.frames_rx, FRAMES - 1, |_| all.clone()));
     assert!(numbers.into_iter().eq(0..FRAMES), "one that waits gets every frame");
     assert!(matches!(left[..], [(id, Left::Behind)] if id == idle_id), "{left:?}");
     drop((idle_arm.latest_tx, idle_arm.latest_rx, idle_arm.frames_rx, idle_arm.messages_tx));

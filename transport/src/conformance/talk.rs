@@ -6,9 +6,7 @@ use bytes::Bytes;
 use trimaran_wire::{BatchSize, CloseReason, FrameEnd, FrameNumber, FrameOutcome, MAX_BLOCK};
 
 use super::robot::{Command, Greeting, Pose, Robot};
-use crate::{
-    FrameEvent, FrameReceiver, FrameSender, FrameStart, LinkConfig, RecvError, SendError,
-};
+use crate::{FrameEvent, FrameReceiver, FrameSender, FrameStart, LinkConfig, RecvError, SendError};
 
 /// The role of a robot: it listens, sends frames of points, and receives poses.
 pub const ARM: &str = "arm";

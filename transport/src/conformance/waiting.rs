@@ -91,9 +91,8 @@ pub async fn a_quiet_peer_is_no_dead_peer(pairs: &impl Pairs) {
     let timeout = Duration::from_millis(20);
     let (mut arm, mut panel) = pairs.pair(LinkConfig { timeout, ..LinkConfig::default() }).await;
     let net = pairs.net();
-    let listen = async {
-        tokio::join!(receive(&mut arm.frames_rx), arm.latest_rx.latest(), arm.messages_rx.recv())
-    };
+    let listen =
+        async { tokio::join!(receive(&mut arm.frames_rx), arm.latest_rx.latest(), arm.messages_rx.recv()) };
     let speak = async {
         sleep_until(&*net, net.now().after(timeout * 10)).await;
         panel.latest_tx.publish(pose(3)).unwrap();

@@ -4,9 +4,7 @@
 use std::sync::Arc;
 
 use tokio::spawn;
-use trimaran_transport::conformance::{
-    ARM, PANEL, finished, greeting, points, pose, receive, send_frame,
-};
+use trimaran_transport::conformance::{ARM, PANEL, finished, greeting, points, pose, receive, send_frame};
 use trimaran_transport::{Options, RecvError};
 
 use crate::common::{Listener, connect, net, soon};

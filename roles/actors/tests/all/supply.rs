@@ -18,8 +18,8 @@ use parking_lot::Mutex;
 use trimaran_actors::{
     Arrival, BoxedError, Cameras, CullerDevice, CullerEvent, CullerId, CullerRole, DisplayRole, Expected,
     Link, LocalSession, Meeting, Observer, Pace, Peers, PictureDevice, RoleError, SceneCulling,
-    ScenePictures, Schedule, SessionLimits, SharedSets, ShownFrame, SlotGuard, Stop, Supplied, Turns, WhileLoading,
-    max_frame,
+    ScenePictures, Schedule, SessionLimits, SharedSets, ShownFrame, SlotGuard, Stop, Supplied, Turns,
+    WhileLoading, max_frame,
 };
 use trimaran_audit::{IdBuffer, Placement, ReferenceTest, TriangleId, rasterize};
 use trimaran_cook::generate::PlantOptions;

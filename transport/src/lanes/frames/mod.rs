@@ -8,7 +8,7 @@ mod sender;
 mod whole;
 
 pub use last::KeepLast;
-pub use receiver::FrameReceiver;
 pub(crate) use published::{Assembly, PublishedFrame};
+pub use receiver::FrameReceiver;
 pub use sender::FrameSender;
 pub use whole::WholeFrame;

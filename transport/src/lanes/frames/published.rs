@@ -39,7 +39,11 @@ impl<P: Protocol> PublishedFrame<P> {
     /// batches are plain.
     pub(crate) fn messages(&self, since: Option<FrameNumber>) -> impl Iterator<Item = FrameMessage> + '_ {
         let begin = FrameMessage::Begin { frame: self.number(), header: to_bytes(&self.start.header) };
-        let coded = self.coded.as_ref().filter(|coded| since.is_some_and(|since| since <= coded.since)).map(|coded| &coded.batches);
+        let coded = self
+            .coded
+            .as_ref()
+            .filter(|coded| since.is_some_and(|since| since <= coded.since))
+            .map(|coded| &coded.batches);
         let batches = coded.unwrap_or(&self.plain).iter().cloned();
         std::iter::once(begin).chain(batches).chain([FrameMessage::End(self.end)])
     }

@@ -30,7 +30,7 @@ pub struct FrameReceiver<P: Protocol> {
 enum Source<P: Protocol> {
     Every(Box<Events<P>>),
     /// The events of a kept frame wait here.
-    Last(LastFrames<P>, VecDeque<FrameEvent<P>>),
+    Last(Box<LastFrames<P>>, VecDeque<FrameEvent<P>>),
 }
 
 impl<P: Protocol> FrameReceiver<P> {
@@ -58,7 +58,7 @@ impl<P: Protocol> FrameReceiver<P> {
     #[must_use]
     pub fn keep_last(self, rule: KeepLast) -> Self {
         let source = match self.source {
-            Source::Every(events) => Source::Last(LastFrames::of(*events, rule), VecDeque::new()),
+            Source::Every(events) => Source::Last(Box::new(LastFrames::of(*events, rule)), VecDeque::new()),
             last @ Source::Last(..) => last,
         };
         Self { source, open: None, gathering: Gathering::default(), skipped: Skipped::default() }

@@ -109,7 +109,11 @@ impl<P: Protocol> FrameSender<P> {
 
     /// Stages a whole frame, for a receiver that has every frame from `since` to the one before. From then on
     /// this half sends items plain: its encoder does not know the frame.
-    pub(crate) fn stage_whole(&mut self, frame: &PublishedFrame<P>, since: FrameNumber) -> Result<(), SendError> {
+    pub(crate) fn stage_whole(
+        &mut self,
+        frame: &PublishedFrame<P>,
+        since: FrameNumber,
+    ) -> Result<(), SendError> {
         self.write(|writer, _| {
             writer.begin(frame.number())?;
             writer.finish(|_| {})
