@@ -49,7 +49,6 @@ pub(super) struct LastFrames<P: Protocol> {
 #[derive(Debug)]
 struct Mailbox<P: Protocol> {
     state: Mutex<State<P>>,
-    depth: usize,
     counters: Arc<Counters>,
     /// Something came, for the reader.
     came: Notify,
@@ -60,6 +59,7 @@ struct Mailbox<P: Protocol> {
 #[derive(Debug)]
 struct State<P: Protocol> {
     frames: VecDeque<Arrived<P>>,
+    depth: NonZeroUsize,
     /// Since the last returned frame.
     skipped: Skipped,
     ended: Option<(RecvError, Events<P>)>,
@@ -70,12 +70,20 @@ impl<P: Protocol> LastFrames<P> {
     pub(super) fn of(events: Events<P>, KeepLast { depth, lifespan }: KeepLast) -> Self {
         let net = Arc::clone(events.net());
         let Shared { peer, counters, .. } = events.shared().clone();
-        let state = State { frames: VecDeque::new(), skipped: Skipped::default(), ended: None };
+        let state = State { frames: VecDeque::new(), depth, skipped: Skipped::default(), ended: None };
         let (came, left) = (Notify::new(), Notify::new());
-        let mailbox = Mailbox { state: Mutex::new(state), depth: depth.get(), counters, came, left };
+        let mailbox = Mailbox { state: Mutex::new(state), counters, came, left };
         let mailbox = Arc::new(mailbox);
         net.spawn(Box::pin(read_on(events, Arc::clone(&mailbox))));
         Self { mailbox, net, peer, lifespan, ended: None }
+    }
+
+    /// Goes by another rule from now on.
+    pub(super) fn change(&mut self, KeepLast { depth, lifespan }: KeepLast) {
+        self.lifespan = lifespan;
+        let mut state = self.mailbox.state.lock();
+        state.depth = depth;
+        self.mailbox.cut(&mut state);
     }
 
     /// Waits for the next frame that is young enough, until `by` at most if that is given, and returns it
@@ -131,11 +139,16 @@ impl<P: Protocol> Drop for LastFrames<P> {
 impl<P: Protocol> Mailbox<P> {
     fn put(&self, frame: Arrived<P>) {
         let mut state = self.state.lock();
-        if state.frames.len() == self.depth {
-            state.frames.pop_front();
-            self.skip(&mut state, Skipped::REPLACED);
-        }
         state.frames.push_back(frame);
+        self.cut(&mut state);
+    }
+
+    /// Drops the oldest frames beyond the depth.
+    fn cut(&self, state: &mut State<P>) {
+        while state.frames.len() > state.depth.get() {
+            state.frames.pop_front();
+            self.skip(state, Skipped::REPLACED);
+        }
     }
 
     /// The end of the lane, once.
@@ -232,6 +245,16 @@ mod tests {
         assert_eq!(panel.stats.read().skipped.expired, 6);
         send(&net, &mut arm, 7..8).await;
         assert_eq!(next(&mut panel.frames_rx).await.2.expired, 4, "those since the last returned one");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn another_rule_holds_for_the_frames_that_wait() {
+        let (net, mut arm, mut panel) = pair(9);
+        send(&net, &mut arm, 0..7).await;
+        let rule = KeepLast { depth: NonZeroUsize::new(3).unwrap(), lifespan: Some(2 * SECOND) };
+        panel.frames_rx = panel.frames_rx.keep_last(rule);
+        let skipped = Skipped { replaced: 4, expired: 1, incomplete: 0 };
+        assert_eq!(next(&mut panel.frames_rx).await, (5, 2, skipped));
     }
 
     #[tokio::test(start_paused = true)]

@@ -42,8 +42,8 @@ impl<P: Protocol> FrameReceiver<P> {
     /// From now on returns only the newest complete frames. A task reads the link, so that a reader of any
     /// speed neither holds up the peer nor sees old frames. A frame that has begun is left out.
     ///
-    /// Skipped frames are counted in [`WholeFrame::skipped`] and [`LinkStats`](crate::LinkStats). If called
-    /// again, the frames that wait are left out, and the first rule's depth stays.
+    /// Skipped frames are counted in [`WholeFrame::skipped`] and [`LinkStats`](crate::LinkStats). Called
+    /// again it changes the rule.
     ///
     /// ```
     /// # use trimaran_transport::{KeepLast, Link, Protocol, RecvError};
@@ -59,7 +59,10 @@ impl<P: Protocol> FrameReceiver<P> {
     pub fn keep_last(self, rule: KeepLast) -> Self {
         let source = match self.source {
             Source::Every(events) => Source::Last(Box::new(LastFrames::of(*events, rule)), VecDeque::new()),
-            last @ Source::Last(..) => last,
+            Source::Last(mut last, events) => {
+                last.change(rule);
+                Source::Last(last, events)
+            }
         };
         Self { source, open: None, gathering: Gathering::default(), skipped: Skipped::default() }
     }
