@@ -4,7 +4,6 @@ mod subscriber;
 
 use std::sync::Arc;
 
-use futures_util::future::join_all;
 use thiserror::Error;
 use trimaran_net::Net;
 use trimaran_wire::{FrameEnd, FrameOrderError, FrameStart, Protocol};
@@ -125,7 +124,10 @@ impl<P: Protocol> Publisher<P> {
         start: FrameStart<P::Header>,
         items: &[P::Item],
     ) -> Result<Published, FrameOrderError> {
-        join_all(self.subscribers.iter().map(|(_, subscriber)| subscriber.has_room())).await;
+        // Once there is room, only the next frame takes it.
+        for (_, subscriber) in &self.subscribers {
+            subscriber.has_room().await;
+        }
         let lacking = match self.assembly.since() {
             Some(since) => self.subscribers.iter().any(|(_, subscriber)| subscriber.lacks(since)),
             None => false,
