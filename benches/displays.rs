@@ -1,4 +1,4 @@
-//! What a culler can do for many displays: frames that each of them gets, of one view and of different ones.
+//! The frames that each of many displays gets of one culler, of one view and of different ones.
 //!
 //! `cargo bench --bench displays -- X.scene [SECONDS [PROGRAM]]`: 5 s for each number of displays, and the
 //! program of this build, if not given. The displays walk an automatic path of 120 poses over tcp, and ask
@@ -90,7 +90,7 @@ fn main() -> Result<(), Failed> {
     Ok(())
 }
 
-/// What came of it.
+/// The rates of one number of displays.
 struct Rates {
     /// Frames a second of each display.
     each: Vec<f64>,

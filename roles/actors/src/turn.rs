@@ -139,7 +139,7 @@ impl Drop for Request<'_> {
         if told.is_some() {
             waiting.shares.withdraw(self.role);
         }
-        // Whoever is woken by it takes the lock.
+        // The waiter that this wakes may take the lock.
         drop((waiting, told));
     }
 }

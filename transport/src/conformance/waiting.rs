@@ -42,7 +42,7 @@ pub async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pairs) {
     assert!(got.points == all, "64 MiB of points");
 }
 
-/// Who reads only the newest frames neither holds up the peer nor sees old ones, however late.
+/// A reader of the newest frames neither holds up the peer nor sees old ones, however late it is.
 pub async fn a_reader_of_the_newest_frames_holds_nobody_up(pairs: &impl Pairs) {
     // 24 MB, more than any transport holds.
     const FRAMES: u32 = 100;

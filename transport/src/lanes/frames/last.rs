@@ -45,7 +45,7 @@ pub(super) struct LastFrames<P: Protocol> {
     ended: Option<Events<P>>,
 }
 
-/// What the task has read.
+/// The frames that the task has read.
 #[derive(Debug)]
 struct Mailbox<P: Protocol> {
     state: Mutex<State<P>>,
