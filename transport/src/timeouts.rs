@@ -1,4 +1,4 @@
-//! How long a link waits for its peer: a sender's timeout for room, and an idle timeout for any sign of life.
+//! How long a link waits for its peer: a sender's timeout for room, and an idle timeout without any data.
 
 use std::fmt;
 use std::future::poll_fn;

@@ -104,6 +104,7 @@ impl<P: Protocol> Subscriber<P> {
             }
             Place::Due(_) | Place::Away if self.when_behind == WhenBehind::Disconnect => {
                 state.sender = Place::Gone(Some(Left::Behind));
+                self.work.notify_one();
             }
             behind @ (Place::Due(_) | Place::Away) => {
                 state.sender = behind;
@@ -152,6 +153,13 @@ impl<P: Protocol> Subscriber<P> {
         }
     }
 
+    /// Ends once the subscriber is gone, although its sender is at the task.
+    async fn gone(&self) {
+        while !matches!(self.state.lock().sender, Place::Gone(_)) {
+            self.work.notified().await;
+        }
+    }
+
     /// Sends what the link did not take at once, until the subscriber is gone.
     async fn send_on(self: Arc<Self>) {
         loop {
@@ -159,7 +167,11 @@ impl<P: Protocol> Subscriber<P> {
             let Some(mut sender) = self.state.lock().take_due() else { return };
             loop {
                 let _tells = Tells(&self.room);
-                let sent = sender.send_staged().await;
+                let sent = tokio::select! {
+                    biased;
+                    sent = sender.send_staged() => sent,
+                    () = self.gone() => return,
+                };
                 let mut state = self.state.lock();
                 // In place of `Away` another end was noted meanwhile.
                 if state.leaves || !matches!(state.sender, Place::Away) {
@@ -214,5 +226,40 @@ impl<P: Protocol> State<P> {
         self.last = Some((number, first));
         self.stats.sent += 1;
         sender.stage_whole(frame, first)
+    }
+}
+
+#[cfg(all(test, feature = "inproc"))]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
+
+    use super::*;
+    use crate::conformance::{ARM, PANEL, Robot, greeting, points, start};
+    use crate::{FrameEvent, LinkConfig, Loss, Publisher, RecvError, TokioNet, inproc};
+
+    /// Its peer gets no end of the frame that it was too slow for, and no more of it.
+    #[tokio::test(start_paused = true)]
+    async fn a_subscriber_that_is_cut_off_gets_no_more() {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+        let config = LinkConfig::default();
+        let (arm, mut panel) = inproc::pair::<Robot>(&net, greeting(ARM), greeting(PANEL), &config).unwrap();
+        let mut publisher = Publisher::new(&net, &config);
+        publisher.subscribe(arm.frames_tx, WhenBehind::Disconnect);
+        // More batches than wait for a reader.
+        let many = points(1 << 20);
+        assert!(publisher.publish(start(0), &many).await.unwrap().left.is_empty());
+        // The task takes the frame.
+        tokio::task::yield_now().await;
+        let left = publisher.publish(start(1), &many).await.unwrap().left;
+        assert!(matches!(left[..], [(_, Left::Behind)]), "{left:?}");
+        tokio::task::yield_now().await;
+        let end = loop {
+            match panel.frames_rx.recv().await {
+                Ok(FrameEvent::End(end)) => unreachable!("{end:?}"),
+                Ok(_) => {}
+                Err(end) => break end,
+            }
+        };
+        assert!(matches!(end, RecvError::Lost { cause: Loss::Closed, .. }), "{end:?}");
     }
 }
