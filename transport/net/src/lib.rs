@@ -28,10 +28,13 @@
 //! | `net` | [`Net`], timers, byte streams, and how to wait |
 //! | `tcp`, `unix`, `udp` | options of sockets, facts about peers, and datagrams in batches |
 //! | `tokio_net` | [`TokioNet`], behind the feature `tokio` |
+//! | `quinn` | QUIC endpoints of quinn on any [`Net`], behind the feature `quinn` |
 
 #[cfg(feature = "config")]
 pub mod config;
 mod net;
+#[cfg(feature = "quinn")]
+pub mod quinn;
 mod tcp;
 mod time;
 #[cfg(feature = "tokio")]

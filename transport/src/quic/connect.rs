@@ -9,7 +9,6 @@ use quinn::{ClientConfig, Endpoint, EndpointConfig, ServerConfig};
 use trimaran_wire::{Lane, Message};
 
 use super::control::{Control, check_datagrams, explain};
-use super::runtime::{NetRuntime, NetSocket};
 use super::tls::{self, Verifier};
 use super::{Quic, QuicOptions};
 use crate::handshake::{Handshake, HandshakeError};
@@ -17,7 +16,7 @@ use crate::keys::Security;
 use crate::lane_transport::Introduction;
 use crate::parts::LinkParts;
 use crate::transport::AttemptError;
-use trimaran_net::{Net, random_bytes};
+use trimaran_net::Net;
 
 /// TLS wants a name; peers know each other by fingerprint.
 const SERVER_NAME: &str = "trimaran";
@@ -101,10 +100,8 @@ pub(crate) fn endpoint(
     options: &QuicOptions,
     server: Option<ServerConfig>,
 ) -> io::Result<(Endpoint, SocketAddr)> {
-    let socket = net.bind_udp(at, options.socket)?;
-    let address = socket.local_addr()?;
-    let mut config = EndpointConfig::default();
-    config.rng_seed(Some(random_bytes(&**net)?));
-    let (socket, runtime) = (Arc::new(NetSocket(socket)), Arc::new(NetRuntime::new(net)));
-    Ok((Endpoint::new_with_abstract_socket(config, server, socket, runtime)?, address))
+    let config = EndpointConfig::default();
+    let endpoint = trimaran_net::quinn::endpoint(net, config, server, at, options.socket)?;
+    let address = endpoint.local_addr()?;
+    Ok((endpoint, address))
 }

@@ -13,7 +13,6 @@ mod latest;
 mod listen;
 mod options;
 mod records;
-mod runtime;
 mod scheme;
 pub(crate) mod tls;
 

@@ -1,4 +1,20 @@
 //! quinn over [`Net`]: its clock, timers, tasks and sockets, so that a simulated network runs the same QUIC.
+//!
+//! [`client`], [`server`] and [`endpoint`] take the places of `quinn::Endpoint::client`, `server` and `new`.
+//! The endpoints, connections and streams that come from them are quinn's own.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use trimaran_net::{Net, TokioNet};
+//!
+//! # #[tokio::main]
+//! # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let net: Arc<dyn Net> = Arc::new(TokioNet::current()?); // or the network of a simulated host
+//! let endpoint = trimaran_net::quinn::client(&net, "127.0.0.1:0".parse()?)?;
+//! assert_ne!(endpoint.local_addr()?.port(), 0);
+//! # Ok(())
+//! # }
+//! ```
 
 use std::fmt;
 use std::io::{self, IoSliceMut};
@@ -9,13 +25,54 @@ use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant as StdInstant};
 
 use quinn::udp as quinn_udp;
-use quinn::{AsyncTimer, AsyncUdpSocket, Runtime, UdpPoller as QuinnPoller};
+use quinn::{
+    AsyncTimer, AsyncUdpSocket, Endpoint, EndpointConfig, Runtime, ServerConfig, UdpPoller as QuinnPoller,
+};
 
-use trimaran_net::{BATCH_SIZE, EcnCodepoint, Instant, Net, RecvMeta, Timer, Transmit, UdpPoller, UdpSocket};
+use crate::{
+    BATCH_SIZE, EcnCodepoint, Instant, Net, RecvMeta, Timer, Transmit, UdpPoller, UdpSocket,
+    UdpSocketOptions, random_bytes,
+};
 
-/// A [`Net`] as quinn's runtime.
+/// An endpoint that connects, on a socket bound to `at`; port 0 takes a free one.
+///
+/// # Errors
+/// If the address cannot be bound.
+pub fn client(net: &Arc<dyn Net>, at: SocketAddr) -> io::Result<Endpoint> {
+    endpoint(net, EndpointConfig::default(), None, at, UdpSocketOptions::default())
+}
+
+/// An endpoint that accepts connections, on a socket bound to `at`; port 0 takes a free one.
+///
+/// # Errors
+/// If the address cannot be bound.
+pub fn server(net: &Arc<dyn Net>, config: ServerConfig, at: SocketAddr) -> io::Result<Endpoint> {
+    endpoint(net, EndpointConfig::default(), Some(config), at, UdpSocketOptions::default())
+}
+
+/// An endpoint with all its options, on a socket bound to `at`. It accepts connections if there is a
+/// `server`.
+///
+/// The seed of its random numbers comes from [`Net::random`], in place of that in `config`. So a simulated
+/// network repeats them. quinn draws the contents of keys elsewhere.
+///
+/// # Errors
+/// If the address cannot be bound, or the network gives no random bits.
+pub fn endpoint(
+    net: &Arc<dyn Net>,
+    mut config: EndpointConfig,
+    server: Option<ServerConfig>,
+    at: SocketAddr,
+    socket: UdpSocketOptions,
+) -> io::Result<Endpoint> {
+    let socket = Arc::new(NetSocket(net.bind_udp(at, socket)?));
+    config.rng_seed(Some(random_bytes(&**net)?));
+    Endpoint::new_with_abstract_socket(config, server, socket, Arc::new(NetRuntime::new(net)))
+}
+
+/// A [`Net`] as quinn's runtime, for programs that make their endpoints themselves.
 #[derive(Debug, Clone)]
-pub(crate) struct NetRuntime {
+pub struct NetRuntime {
     net: Arc<dyn Net>,
     /// The `Net`'s origin in quinn's time: any fixed moment will do.
     origin: StdInstant,
@@ -23,7 +80,9 @@ pub(crate) struct NetRuntime {
 
 impl NetRuntime {
     #[allow(clippy::disallowed_methods, reason = "a fixed point that the time of the seam is counted from")]
-    pub(crate) fn new(net: &Arc<dyn Net>) -> Self {
+    /// The runtime of this network. Its time is that of `net`, counted from this moment of the real clock.
+    #[must_use]
+    pub fn new(net: &Arc<dyn Net>) -> Self {
         Self { net: Arc::clone(net), origin: StdInstant::now() }
     }
 
@@ -74,9 +133,9 @@ impl AsyncTimer for NetTimer {
     }
 }
 
-/// A socket of [`Net`] as quinn's socket.
+/// A socket of [`Net`] as quinn's socket. A datagram that cannot be sent counts as lost.
 #[derive(Debug)]
-pub(crate) struct NetSocket(pub(crate) Arc<dyn UdpSocket>);
+pub struct NetSocket(pub Arc<dyn UdpSocket>);
 
 impl AsyncUdpSocket for NetSocket {
     fn create_io_poller(self: Arc<Self>) -> Pin<Box<dyn QuinnPoller>> {
