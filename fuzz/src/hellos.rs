@@ -1,5 +1,5 @@
 //! What must hold for any bytes in place of a handshake over byte streams. The fuzz targets search for bytes
-//! that break it; an ordinary test of `trimaran-netsim` replays the corpus.
+//! that break it; an ordinary test of `trimaran-transport` replays the corpus.
 //!
 //! An input is what is said on each of the four connections, one after the other, each but the last behind a
 //! byte of its length. The application is the one of the conformance suite.
@@ -35,7 +35,7 @@ fn machines() -> (Simulation, [Arc<dyn Net>; 2]) {
     let topology = Topology::star(&["here", "there"], &line, &line);
     let simulation = Simulation::new(&topology, 1);
     let nets: Vec<Arc<dyn Net>> =
-        topology.machines().map(|host| Arc::new(simulation.net(host)) as Arc<dyn Net>).collect();
+        topology.hosts().map(|host| Arc::new(simulation.net(host)) as Arc<dyn Net>).collect();
     let Ok(nets) = nets.try_into() else { unreachable!("there are two") };
     (simulation, nets)
 }

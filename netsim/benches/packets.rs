@@ -13,10 +13,9 @@ use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use trimaran_net::{RecvMeta, Transmit};
+use trimaran_net::{Net, RecvMeta, TcpOptions, Transmit, UdpSocketOptions, sleep_until};
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
-use trimaran_transport::{Net, TcpOptions, UdpSocketOptions, sleep_until};
 
 /// Packets per run.
 const PACKETS: u64 = 20_000;
@@ -115,7 +114,7 @@ fn transfer() -> u64 {
     packets(&simulation)
 }
 
-/// Packets that machines sent, counted at the first link of their paths.
+/// Packets that hosts sent, counted at the first link of their paths.
 fn packets(simulation: &Simulation) -> u64 {
     simulation.links().iter().step_by(2).map(|link| link.offered.packets).sum()
 }

@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use trimaran_net::{Net, TcpOptions};
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::{Simulation, Topology};
-use trimaran_transport::{Net, TcpOptions};
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;

@@ -1,31 +1,21 @@
-//! TCP in virtual time: the conformance suite, and Linux's behaviour with lost, late, or too many packets.
+//! TCP in virtual time: Linux's behaviour with lost, late, or too many packets.
 
 use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use trimaran_net::Stream;
+use trimaran_net::{Instant, Net, Stream, TcpOptions, sleep_until};
 use trimaran_netsim::link::{Conditions, LinkModel, LinkTally, Loss, Phase, Probability, QueueModel, Rate};
 use trimaran_netsim::{Class, HostId, SimNet, Simulation};
-use trimaran_transport::conformance::Overhead;
-use trimaran_transport::{Instant, Net, Options, TcpOptions, sleep_until};
 
-use crate::virtual_time::{Machines, gigabit, two_hosts};
+use crate::two_hosts;
 
-fn machines(there: &LinkModel, back: &LinkModel) -> (Simulation, [SimNet; 2], [HostId; 2]) {
+fn connected(there: &LinkModel, back: &LinkModel) -> (Simulation, [SimNet; 2], [HostId; 2]) {
     let (simulation, hosts) = two_hosts(there, back, 1);
     let nets = hosts.map(|host| simulation.net(host));
     (simulation, nets, hosts)
 }
-
-conformance_in_virtual_time!(|| {
-    let (send_buffer, recv_buffer) = (Some(64 * 1024), Some(64 * 1024));
-    let tcp = TcpOptions { send_buffer, recv_buffer, ..TcpOptions::default() };
-    let options = Options { tcp, ..Options::default() };
-    let overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
-    Machines::joined([&gigabit(); 2], 1, "tcp", overhead, [options.clone(), options])
-});
 
 fn ms(millis: u64) -> Duration {
     Duration::from_millis(millis)
@@ -85,7 +75,7 @@ fn delivery(
     first: usize,
     second: usize,
 ) -> (Duration, Simulation, [HostId; 2]) {
-    let (simulation, nets, hosts) = machines(there, back);
+    let (simulation, nets, hosts) = connected(there, back);
     let took = simulation
         .run(async {
             let (mut ours, mut theirs) = dial(&nets, plain()).await;
@@ -111,7 +101,7 @@ fn delivery(
 
 #[test]
 fn a_connection_takes_a_round_trip_and_a_refusal_as_well() {
-    let (simulation, nets, hosts) = machines(&way(ms(5)), &way(ms(5)));
+    let (simulation, nets, hosts) = connected(&way(ms(5)), &way(ms(5)));
     simulation.run(dial(&nets, plain())).unwrap();
     assert_eq!(simulation.now().as_nanos(), 15_000_000, "the listener has it half a round trip later");
     let sent = &simulation.sent_by_class(hosts[0], hosts[1])[&Class::Handshake];
@@ -128,7 +118,7 @@ fn a_connection_takes_a_round_trip_and_a_refusal_as_well() {
 
 #[test]
 fn the_first_segment_is_repeated_after_a_second() {
-    let (simulation, nets, _) = machines(&losing(way(ms(5)), ms(0), ms(1)), &way(ms(5)));
+    let (simulation, nets, _) = connected(&losing(way(ms(5)), ms(0), ms(1)), &way(ms(5)));
     simulation.run(dial(&nets, plain())).unwrap();
     assert_eq!(simulation.now().as_nanos(), 1_015_000_000);
 }
@@ -140,7 +130,7 @@ fn a_lost_packet_that_is_alone_waits_200_ms_and_a_round_trip() {
     assert_eq!(took, ms(10 + 200 + 5));
 }
 
-/// How many packets the first machine sent again.
+/// How many packets the first host sent again.
 fn repeated(simulation: &Simulation, [here, there]: [HostId; 2]) -> u64 {
     simulation.sent_by_class(here, there).get(&Class::Retransmission).map_or(0, |sent| sent.packets)
 }
@@ -223,7 +213,7 @@ fn the_same_losses_cost_what_they_cost_in_linux() {
 
 /// Sends `bytes` as fast as possible; returns bytes a second.
 fn throughput(link: &LinkModel, bytes: usize) -> (f64, Simulation, [HostId; 2]) {
-    let (simulation, nets, hosts) = machines(link, &way(link.conditions.delay));
+    let (simulation, nets, hosts) = connected(link, &way(link.conditions.delay));
     let took = simulation.run(carry(&nets, plain(), bytes, Duration::ZERO)).unwrap();
     assert!(simulation.links().iter().all(LinkTally::is_balanced));
     (bytes as f64 / took.as_secs_f64(), simulation, hosts)
@@ -242,7 +232,7 @@ fn a_long_transfer_fills_the_way() {
 
 #[test]
 fn a_receive_buffer_that_is_fixed_limits_to_its_size_a_round_trip() {
-    let (simulation, nets, _) = machines(&way(ms(10)), &way(ms(10)));
+    let (simulation, nets, _) = connected(&way(ms(10)), &way(ms(10)));
     let options = TcpOptions { recv_buffer: Some(100_000), ..plain() };
     let took = simulation.run(carry(&nets, options, 5_000_000, Duration::ZERO)).unwrap();
     let window = 5e6 / (took.as_secs_f64() / 0.02);
@@ -264,7 +254,7 @@ fn random_loss_slows_it_down_as_the_response_function_of_reno_says() {
 
 #[test]
 fn a_receiver_that_reads_nothing_closes_the_window_and_opens_it_again() {
-    let (simulation, nets, hosts) = machines(&way(ms(5)), &way(ms(5)));
+    let (simulation, nets, hosts) = connected(&way(ms(5)), &way(ms(5)));
     let options = TcpOptions { recv_buffer: Some(50_000), ..plain() };
     let waited = simulation.run(carry(&nets, options, 200_000, Duration::from_secs(7))).unwrap();
     assert!(waited < ms(100), "{waited:?}");

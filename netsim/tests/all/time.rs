@@ -6,14 +6,13 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use trimaran_net::{RecvMeta, Transmit, UdpSocket};
+use trimaran_net::{Instant, Net, RecvMeta, Transmit, UdpSocket, UdpSocketOptions, sleep_until, until};
 use trimaran_netsim::link::{
     Distribution, GilbertElliott, Jitter, LinkModel, LinkTally, Loss, Probability, Rate,
 };
 use trimaran_netsim::{Class, HostId, SimNet, Simulation, Stalled, Topology};
-use trimaran_transport::{Instant, Net, UdpSocketOptions, sleep_until, until};
 
-use crate::virtual_time::two_hosts;
+use crate::two_hosts;
 
 fn pair(link: &LinkModel, seed: u64) -> (Simulation, [HostId; 2]) {
     two_hosts(link, link, seed)
@@ -171,7 +170,7 @@ fn ports_are_taken_once_and_free_again() {
         |at: &str| net.bind_udp(at.parse().unwrap(), UdpSocketOptions::default()).map_err(|e| e.kind());
     let first = bind("10.0.0.1:9").unwrap();
     assert_eq!(bind("0.0.0.0:9").unwrap_err(), std::io::ErrorKind::AddrInUse);
-    assert_eq!(bind("10.0.0.2:9").unwrap_err(), std::io::ErrorKind::AddrNotAvailable, "the other machine's");
+    assert_eq!(bind("10.0.0.2:9").unwrap_err(), std::io::ErrorKind::AddrNotAvailable, "the other host's");
     assert_ne!(bind("10.0.0.1:0").unwrap().local_addr().unwrap().port(), 0);
     drop(first);
     bind("0.0.0.0:9").unwrap();
@@ -219,7 +218,7 @@ fn timers_with_a_grain_ring_when_a_runtime_that_sleeps_whole_ticks_wakes() {
     assert_eq!(rang(&exact, 2_234_567), 2_234_567);
     assert_eq!(rang(&coarse, 2_300_000), 3_234_567, "a tick after it went to sleep");
     assert_eq!(rang(&coarse, 4_234_568), 5_234_567, "and two more");
-    assert_eq!(rang(&other, 5_500_000), 5_500_000, "another machine's wake-ups are its own");
+    assert_eq!(rang(&other, 5_500_000), 5_500_000, "another host's wake-ups are its own");
     assert_eq!(rang(&coarse, 5_900_000), 6_234_567);
     // It looks at its timers, no matter what wakes it.
     let (woken, late) = simulation

@@ -11,8 +11,8 @@ use trimaran_transport::{
     Endpoint, HostPort, Instant, Net, Options, TcpOptions, TurnedAway, connect, sleep_until, until,
 };
 
-use crate::virtual_time::silent::SilentNet;
-use crate::virtual_time::{Listener, knowing, seen_from_elsewhere};
+use crate::hosts::silent::SilentNet;
+use crate::hosts::{Listener, knowing, seen_from_elsewhere};
 
 const MS: Duration = Duration::from_millis(1);
 const SECOND: Duration = Duration::from_secs(1);

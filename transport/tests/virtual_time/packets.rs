@@ -6,7 +6,7 @@ use std::time::Duration;
 use trimaran_transport::conformance::{Overhead, Pairs, points, receive, send_frame, start};
 use trimaran_transport::{BatchSize, LinkConfig, Net, sleep_until};
 
-use crate::virtual_time::{Link, Machines, acquainted, gigabit};
+use crate::hosts::{Link, Machines, acquainted, gigabit};
 
 /// As many as the ids in the paper's model of bandwidth.
 const POINTS: u32 = 4000;

@@ -7,7 +7,7 @@ use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability};
 use trimaran_transport::conformance::{Overhead, Pairs, finished};
 use trimaran_transport::{Instant, LinkConfig, sleep_until};
 
-use crate::virtual_time::{Link, Machines, acquainted};
+use crate::hosts::{Link, Machines, acquainted};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
     machines_between(link, link, seed)

@@ -12,8 +12,8 @@ use trimaran_transport::{
     UdpSocketOptions, sleep_until,
 };
 
-use crate::virtual_time::Machines;
-use crate::virtual_time::priorities::{beside_blocks, blocks_alone, narrow};
+use crate::hosts::Machines;
+use crate::hosts::priorities::{beside_blocks, blocks_alone, narrow};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
     machines_between(link, link, seed, UdpOptions::default())

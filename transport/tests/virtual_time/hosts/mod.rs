@@ -1,5 +1,4 @@
 //! Two machines in virtual time, and links between them over each transport.
-#![allow(dead_code, reason = "each test program uses a part")]
 
 pub(crate) mod lossy;
 pub(crate) mod priorities;
@@ -43,13 +42,13 @@ macro_rules! connection_in_virtual_time {
         $(
             #[test]
             fn $case() {
-                let (simulation, machines) = $machines(&$crate::virtual_time::priorities::narrow(), 1);
-                simulation.run($crate::virtual_time::priorities::$case(&machines)).unwrap();
+                let (simulation, machines) = $machines(&$crate::hosts::priorities::narrow(), 1);
+                simulation.run($crate::hosts::priorities::$case(&machines)).unwrap();
             }
         )+
     };
     ($machines:path) => {
-        conformance_in_virtual_time!(|| $machines(&$crate::virtual_time::gigabit(), 1));
+        conformance_in_virtual_time!(|| $machines(&$crate::hosts::gigabit(), 1));
 
         connection_in_virtual_time!(
             @in_order $machines: an_older_frame_is_complete_first,
@@ -59,7 +58,7 @@ macro_rules! connection_in_virtual_time {
 
         #[test]
         fn the_same_seed_gives_the_same_packets_at_the_same_nanoseconds() {
-            $crate::virtual_time::lossy::a_seed_decides_the_run($machines);
+            $crate::hosts::lossy::a_seed_decides_the_run($machines);
         }
     };
 }
