@@ -174,11 +174,10 @@ impl Bench {
             Walk::Jumps => Pace::Lockstep { frames: Some(cameras.len() as u32) },
             Walk::First | Walk::Live => Pace::Live,
         };
-        let (topology, machines) = network.topology(1);
-        let simulation = Simulation::new(&topology, seed);
-        let (listener, host) = (Arc::new(simulation.net(machines.cullers[0])), machines.cullers[0]);
-        let (listener, net): (Arc<dyn Net>, Arc<dyn Net>) =
-            (listener, Arc::new(simulation.net(machines.display)));
+        let mut network = network.sites();
+        let [host, display] = [network.near("culler"), network.far("display")];
+        let simulation = Simulation::new(&network.topology, seed);
+        let [listener, net] = [host, display].map(|host| Arc::new(simulation.net(host)) as Arc<dyn Net>);
         let [ours, theirs] = acquainted(max_frame(&self.scene))?;
         let at = format!("{scheme}://{}:7400", host.v4()).parse()?;
         let turns = Turns::at_once();

@@ -36,6 +36,7 @@
 //! |---|---|
 //! | [`walkthrough`] | a walk of three roles on Vulkan, recorded and checked |
 //! | [`report`] | its report: JSON, a page, text, pictures |
+//! | [`session_hosts`] | the hosts of a session on a network of the simulator |
 //! | [`simulate`], [`trace`] | roles in virtual time, and recorded walks for them |
 //! | [`config`] | the configuration of roles and links |
 //! | [`metrics`] | the traffic of links, for Prometheus |
@@ -59,6 +60,8 @@ pub mod netem;
 pub mod page;
 pub mod report;
 pub mod scene_cache;
+#[cfg(feature = "lab")]
+pub mod session_hosts;
 #[cfg(feature = "lab")]
 pub mod simulate;
 #[cfg(feature = "lab")]

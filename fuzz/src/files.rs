@@ -2,7 +2,7 @@
 //! `trimaran` replays the corpus.
 
 use trimaran::trace::Trace;
-use trimaran_netsim::Profile;
+use trimaran_netsim::{Profile, Topology};
 use trimaran_scene::heightfield::Tile;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -34,16 +34,21 @@ fn sealed(contents: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Any text is a network, of which the machines can be had, or is refused by an error that can be read.
+/// Any text is a network to which hosts can be added, one with its own hosts, or is refused by errors that can
+/// be read.
 pub fn profiles(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match Profile::parse("any", text) {
         Ok(profile) => {
-            let (topology, machines) = profile.topology(2);
-            assert_eq!(topology.at(machines.display.v4()), Some(machines.display));
-            assert!(profile.way_to_display() >= profile.up.conditions.delay);
+            let mut sites = profile.sites();
+            let host = sites.far("host");
+            assert_eq!(sites.topology.at(host.v4()), Some(host));
+            assert!(profile.one_way_delay() >= profile.up.conditions.delay);
         }
         Err(refusal) => assert!(refusal.to_string().contains("any")),
+    }
+    if let Err(refusal) = Topology::parse("any", text) {
+        assert!(refusal.to_string().contains("any"));
     }
 }
 

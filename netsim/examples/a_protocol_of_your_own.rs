@@ -39,20 +39,18 @@ struct Summary {
     time: Duration,
 }
 
-/// Runs client and server at two machines of a network.
+/// Runs client and server at two hosts of a network.
 fn summary(network: &str, seed: u64) -> Result<Summary, Box<dyn Error>> {
-    let (topology, machines) = Profile::find(network)?.topology(1);
-    let simulation = Simulation::new(&topology, seed);
-    let (here, there): (Arc<dyn Net>, Arc<dyn Net>) = (
-        Arc::new(simulation.net(*machines.cullers.first().ok_or("no culler")?)),
-        Arc::new(simulation.net(machines.display)),
-    );
+    let mut network = Profile::find(network)?.sites();
+    let [client, server] = [network.near("client"), network.far("server")];
+    let simulation = Simulation::new(&network.topology, seed);
+    let [here, there] = [client, server].map(|host| Arc::new(simulation.net(host)) as Arc<dyn Net>);
     let socket = there.bind_udp("0.0.0.0:9000".parse()?, UdpSocketOptions::default())?;
     there.spawn(Box::pin(async move {
         let ended = serve(&*socket).await;
         debug_assert!(ended.is_ok(), "a simulated socket does not fail");
     }));
-    let server = SocketAddr::new(machines.display.v4(), 9000);
+    let server = SocketAddr::new(server.v4(), 9000);
     let (mut times, repeated) = simulation.run(ask(here, server))??;
     times.sort_unstable();
     let at = |share: f64| times.get((share * times.len() as f64) as usize).copied().unwrap_or_default();

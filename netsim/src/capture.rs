@@ -1,4 +1,4 @@
-//! The machines' packets as a file for Wireshark: pcapng, with an interface for each machine.
+//! The hosts' packets as a file for Wireshark: pcapng, with an interface for each host.
 
 use std::fmt;
 use std::io::{self, Write};
@@ -46,7 +46,7 @@ pub enum CaptureError {
     Block(#[source] PcapError),
 }
 
-/// Captures packets in the order and at the times in which machines send them, also those that links lose.
+/// Captures packets in the order and at the times in which hosts send them, also those that links lose.
 pub(crate) struct Capture {
     file: PcapNgWriter<Box<dyn Write + Send>>,
     failure: Option<CaptureError>,
@@ -59,14 +59,14 @@ impl fmt::Debug for Capture {
 }
 
 impl Capture {
-    /// Begins a capture for machines of these names.
+    /// Begins a capture for hosts of these names.
     pub(crate) fn begin<'n>(
         out: Box<dyn Write + Send>,
-        machines: impl Iterator<Item = &'n str>,
+        hosts: impl Iterator<Item = &'n str>,
     ) -> Result<Self, CaptureError> {
         let section = SectionHeaderBlock { endianness: Endianness::Little, ..SectionHeaderBlock::default() };
         let mut file = PcapNgWriter::with_section_header(out, section).map_err(CaptureError::Block)?;
-        for name in machines {
+        for name in hosts {
             let interface = InterfaceDescriptionBlock {
                 linktype: DataLink::ETHERNET,
                 snaplen: 0,
@@ -108,7 +108,7 @@ impl Capture {
     }
 }
 
-/// The packet in an Ethernet frame, without its check sequence. `mtu` is the path MTU to its machine.
+/// The packet in an Ethernet frame, without its check sequence. `mtu` is the path MTU to its host.
 fn frame(packet: &Packet, mtu: u32) -> Result<Vec<u8>, BuildVecWriteError> {
     let ethernet = PacketBuilder::ethernet2(mac(packet.from), mac(packet.to));
     let with_ip = ethernet.ip(ip_header(packet));

@@ -16,17 +16,17 @@ pub(crate) enum LinkEvent {
     Free { pipe: usize },
     /// A packet comes out of a pipe.
     Arrive { pipe: usize, packet: usize },
-    /// A packet has left the machine that sent it.
+    /// A packet has left the host that sent it.
     Left { token: u32, ip_bytes: u32 },
 }
 
-/// The effect of a link event on machines.
+/// The effect of a link event on hosts.
 pub(crate) enum Outcome<P> {
     /// Nothing yet.
     Underway,
     /// The packet has arrived.
     Delivered(Parcel<P>),
-    /// So many bytes of the token's owner have left the machine.
+    /// So many bytes of the token's owner have left the host.
     Left { token: u32, ip_bytes: u32 },
 }
 
@@ -50,8 +50,8 @@ impl<P: Clone> Fabric<P> {
         Self {
             pipes: topology.pipes.iter().enumerate().map(pipe).collect(),
             ends: topology.pipes.iter().map(|way| way.to).collect(),
-            nodes: topology.nodes.clone(),
-            homes: topology.hosts.iter().map(|host| host.node).collect(),
+            nodes: topology.nodes.iter().map(|node| node.host).collect(),
+            homes: topology.hosts.clone(),
             routes: (0..topology.hosts.len()).map(|host| topology.routes_to(HostId(host))).collect(),
             flying: Slab::new(),
         }
@@ -61,7 +61,7 @@ impl<P: Clone> Fabric<P> {
         self.pipes.iter().map(|pipe| *pipe.tally()).collect()
     }
 
-    /// The pipes from one machine to another.
+    /// The pipes from one host to another.
     fn way(&self, from: HostId, to: HostId) -> impl Iterator<Item = &Pipe<P>> {
         let mut node = self.homes.get(from.0).copied();
         std::iter::from_fn(move || {
@@ -75,7 +75,7 @@ impl<P: Clone> Fabric<P> {
         *self.routes.get(to.0)?.get(node.0)?
     }
 
-    /// The path MTU from one machine to another; `None` without a path.
+    /// The path MTU from one host to another; `None` without a path.
     pub(crate) fn path_mtu(&self, from: HostId, to: HostId) -> Option<u32> {
         self.way(from, to).map(|pipe| pipe.model().mtu).min()
     }
@@ -125,7 +125,7 @@ impl<P: Clone> Fabric<P> {
                     return Outcome::Delivered(parcel);
                 }
                 if let Some(next) = self.route(node, parcel.to) {
-                    parcel.token = None; // it has left its machine long ago
+                    parcel.token = None; // it has left its host long ago
                     self.on(next, events, |pipe| pipe.offer(now, parcel));
                 }
                 Outcome::Underway

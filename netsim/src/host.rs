@@ -1,8 +1,8 @@
-//! The machines of a topology, and their addresses.
+//! The hosts of a topology, and their addresses.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
-/// A machine with sockets.
+/// A host with sockets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct HostId(pub(crate) usize);
 
@@ -19,7 +19,7 @@ impl HostId {
         Ipv6Addr::from_bits((0xfd00_u128 << 112) + 1 + self.0 as u128).into()
     }
 
-    /// The machine that `address` belongs to, seen from this one: its own for loopback and unspecified
+    /// The host that `address` belongs to, seen from this one: its own for loopback and unspecified
     /// addresses.
     pub(crate) fn of(self, address: IpAddr) -> Option<Self> {
         if address.is_loopback() || address.is_unspecified() {
@@ -32,7 +32,7 @@ impl HostId {
         usize::try_from(number).ok().map(Self)
     }
 
-    /// The address from which it sends to the machine `to` at `address`: its own of the same family. For
+    /// The address from which it sends to the host `to` at `address`: its own of the same family. For
     /// itself it is `address`, which may be its loopback.
     pub(crate) fn source_to(self, to: Self, address: IpAddr) -> IpAddr {
         match address {

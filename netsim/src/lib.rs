@@ -1,6 +1,6 @@
 //! Networks in virtual time.
 //!
-//! A [`Topology`] of machines and [`link`]s becomes a [`Simulation`]. Each machine's [`SimNet`] is the
+//! A [`Topology`] of hosts and [`link`]s becomes a [`Simulation`]. Each host's [`SimNet`] is the
 //! transports' `Net`, so programs written for `Net` run here unchanged, in no time, and the same way each
 //! time.
 //!
@@ -9,9 +9,10 @@
 //! use trimaran_net::{Net, sleep_until};
 //! use trimaran_netsim::{Profile, Simulation};
 //!
-//! let (topology, machines) = Profile::find("wifi")?.topology(2);
-//! let simulation = Simulation::new(&topology, 1);
-//! let net = simulation.net(machines.display);
+//! let mut network = Profile::find("wifi")?.sites();
+//! let here = network.near("here");
+//! let simulation = Simulation::new(&network.topology, 1);
+//! let net = simulation.net(here);
 //! simulation.run(async {
 //!     let hour = net.now().after(Duration::from_secs(3600));
 //!     sleep_until(&net, hour).await; // an hour that takes no time
@@ -22,11 +23,11 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `host`, `topology`, `profile` | machines and their links; whole networks in TOML |
+//! | `host`, `topology`, `profile` | hosts and their links; whole networks in TOML |
 //! | `simulation`, `executor`, `timers`, `events`, `world` | virtual time, and the programs in it |
 //! | [`link`] | one direction of a link, without a clock of its own |
 //! | `fabric`, `packet`, `wire` | packets on their way through a topology |
-//! | `net`, `tcp` | a machine's sockets: datagrams, and a model of Linux's TCP |
+//! | `net`, `tcp` | a host's sockets: datagrams, and a model of Linux's TCP |
 //! | `relay` | the links of a topology for real packets |
 //! | `capture` | packets for Wireshark |
 
@@ -52,7 +53,7 @@ mod world;
 pub use capture::CaptureError;
 pub use host::HostId;
 pub use net::SimNet;
-pub use profile::{Machines, Profile, ProfileError, ScheduleFault};
+pub use profile::{Profile, ProfileError, ScheduleFault, Sites};
 pub use relay::{Arrival, Relay, Totals};
 pub use simulation::{Simulation, Stalled};
 pub use tcp::Class;

@@ -1,4 +1,4 @@
-//! Packets between machines.
+//! Packets between hosts.
 
 use std::net::SocketAddr;
 

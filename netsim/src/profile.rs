@@ -10,9 +10,10 @@ use thiserror::Error;
 
 use crate::host::HostId;
 use crate::link::LinkModel;
-use crate::topology::Topology;
+use crate::topology::{NodeId, Topology};
 
 mod schedule;
+mod whole;
 mod written;
 
 pub use schedule::ScheduleFault;
@@ -30,8 +31,8 @@ const BUILT_IN: [(&str, &str); 8] = [
     ("satellite", include_str!("../profiles/satellite.toml")),
 ];
 
-/// A network for a display and its cullers: all at one switch, or the display at another site than the
-/// cullers.
+/// The properties of a network for any hosts: all at one switch, or at two sites with a switch each. A network
+/// with hosts of its own is a [`Topology`], and comes from [`Topology::read`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// Its name.
@@ -40,11 +41,11 @@ pub struct Profile {
     pub about: String,
     /// The sources of its numbers.
     pub sources: Vec<String>,
-    /// From each machine to its switch, and back.
+    /// From each host to its switch.
     pub up: LinkModel,
-    /// From the switch to each machine.
+    /// From the switch to each host.
     pub down: LinkModel,
-    /// Between the sites, if there are two: from the cullers' to the display's, and back.
+    /// Between the sites, if there are two: from the near one to the far one, and back.
     pub wan: Option<(LinkModel, LinkModel)>,
 }
 
@@ -97,15 +98,6 @@ pub enum ProfileError {
         /// The problem.
         fault: ScheduleFault,
     },
-}
-
-/// The machines of a session.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Machines {
-    /// The cullers.
-    pub cullers: Vec<HostId>,
-    /// The display.
-    pub display: HostId,
 }
 
 /// A profile as written in TOML.
@@ -177,35 +169,56 @@ impl Profile {
         Ok(Self { name: name.to_owned(), about: written.about, sources: written.sources, up, down, wan })
     }
 
-    /// The least one-way delay from a culler to the display: without sending times, queues and jitter, before
-    /// any phase begins.
+    /// The least one-way delay from a host of the near site to one of the far site: without sending times,
+    /// queues and jitter, before any phase begins.
     #[must_use]
-    pub fn way_to_display(&self) -> Duration {
+    pub fn one_way_delay(&self) -> Duration {
         let wan = self.wan.as_ref().map_or(Duration::ZERO, |(out, _)| out.conditions.delay);
         self.up.conditions.delay + wan + self.down.conditions.delay
     }
 
-    /// A topology of so many cullers and a display: `culler-1` and so on, and `display`.
+    /// The network without hosts: a switch for each site.
     #[must_use]
-    pub fn topology(&self, cullers: usize) -> (Topology, Machines) {
+    pub fn sites(&self) -> Sites {
         let mut topology = Topology::new();
-        let cullers: Vec<_> =
-            (1..=cullers).map(|culler| topology.host(&format!("culler-{culler}"))).collect();
-        let display = topology.host("display");
-        let here = topology.switch();
-        let there = match &self.wan {
+        let [near, far] = match &self.wan {
             Some((out, back)) => {
-                let there = topology.switch();
-                topology.join(here, there, out.clone(), back.clone());
-                there
+                let sites = ["switch 1", "switch 2"].map(|name| topology.switch(name));
+                topology.join(sites[0], sites[1], out.clone(), back.clone());
+                sites
             }
-            None => here,
+            None => [topology.switch("switch"); 2],
         };
-        let places = cullers.iter().map(|culler| (*culler, here)).chain([(display, there)]);
-        for (host, switch) in places {
-            topology.join(topology.node(host), switch, self.up.clone(), self.down.clone());
-        }
-        (topology, Machines { cullers, display })
+        Sites { topology, near, far, up: self.up.clone(), down: self.down.clone() }
+    }
+}
+
+/// A network of one or two sites, to which hosts are added by name.
+#[derive(Debug, Clone)]
+pub struct Sites {
+    /// The network with the hosts so far.
+    pub topology: Topology,
+    near: NodeId,
+    far: NodeId,
+    up: LinkModel,
+    down: LinkModel,
+}
+
+impl Sites {
+    /// Adds a host at the near site.
+    pub fn near(&mut self, name: &str) -> HostId {
+        self.host(name, self.near)
+    }
+
+    /// Adds a host at the far site, or at the only one.
+    pub fn far(&mut self, name: &str) -> HostId {
+        self.host(name, self.far)
+    }
+
+    fn host(&mut self, name: &str, switch: NodeId) -> HostId {
+        let host = self.topology.host(name);
+        self.topology.join(self.topology.node(host), switch, self.up.clone(), self.down.clone());
+        host
     }
 }
 
@@ -219,8 +232,17 @@ mod tests {
         for name in Profile::names() {
             let profile = Profile::find(name).unwrap();
             assert!(!profile.about.is_empty() && !profile.sources.is_empty(), "{name}");
-            let (topology, machines) = profile.topology(2);
-            assert_eq!(topology.find("display").map(|host| host.v4()), Some(machines.display.v4()));
+            let mut sites = profile.sites();
+            let hosts = [sites.near("a"), sites.near("b"), sites.far("c")];
+            assert!(sites.topology.hosts().eq(hosts));
+            let first: Vec<_> = sites.topology.link_names().step_by(2).collect();
+            match profile.wan {
+                None => assert_eq!(first, ["a to switch", "b to switch", "c to switch"]),
+                Some(_) => {
+                    let links = ["switch 1 to switch 2", "a to switch 1", "b to switch 1", "c to switch 2"];
+                    assert_eq!(first, links, "{name}");
+                }
+            }
         }
         let wifi = Profile::find("wifi").unwrap();
         assert_eq!(wifi.up.conditions.loss, Loss::Independent(Probability::new(0.01).unwrap()));

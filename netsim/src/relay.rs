@@ -12,7 +12,7 @@ use crate::link::{Ecn, LinkTally, Parcel};
 use crate::random::Random;
 use crate::topology::Topology;
 
-/// The links of a topology without machines: packets go in where they leave a machine, and come out where and
+/// The links of a topology without hosts: packets go in where they leave a host, and come out where and
 /// when they arrive at another. The links are those of a [`Simulation`](crate::Simulation), with the same
 /// random streams for the same seed.
 ///
@@ -27,12 +27,12 @@ pub struct Relay<P> {
     delivered: u64,
 }
 
-/// A packet that has arrived at its machine.
+/// A packet that has arrived at its host.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Arrival<P> {
     /// The time.
     pub at: Instant,
-    /// The machine.
+    /// The host.
     pub to: HostId,
     /// Its ECN field now: a queue may have marked it.
     pub ecn: Ecn,
@@ -45,11 +45,11 @@ pub struct Arrival<P> {
 /// At any time `sent + duplicated = delivered + mtu + queue + managed + lost + corrupted + underway`.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Totals {
-    /// Sent by a machine.
+    /// Sent by a host.
     pub sent: u64,
     /// Copies that links made.
     pub duplicated: u64,
-    /// Arrived at their machines.
+    /// Arrived at their hosts.
     pub delivered: u64,
     /// Larger than a link's MTU.
     pub mtu: u64,
@@ -87,7 +87,7 @@ impl<P: Clone> Relay<P> {
         }
     }
 
-    /// A packet leaves its machine; tokens are not told. Without a path it is dropped and not counted.
+    /// A packet leaves its host; tokens are not told. Without a path it is dropped and not counted.
     pub fn offer(&mut self, now: Instant, parcel: Parcel<P>) {
         if self.fabric.path_mtu(parcel.from, parcel.to).is_none() {
             return;
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn machines_that_nothing_joins_hear_nothing_of_each_other() {
+    fn hosts_that_nothing_joins_hear_nothing_of_each_other() {
         let mut topology = Topology::new();
         let (a, b) = (topology.host("a"), topology.host("b"));
         let mut relay = Relay::new(&topology, 1);

@@ -40,13 +40,13 @@ pub struct Stalled {
 }
 
 impl Simulation {
-    /// The machines and links of `topology` at time 0. The same seed gives the same losses and delays.
+    /// The hosts and links of `topology` at time 0. The same seed gives the same losses and delays.
     #[must_use]
     pub fn new(topology: &Topology, seed: u64) -> Self {
         Self { world: Arc::new(World::new(topology, seed)) }
     }
 
-    /// Captures every packet that a machine sends from now on, as pcapng: an interface for each machine,
+    /// Captures every packet that a host sends from now on, as pcapng: an interface for each host,
     /// times since the start.
     ///
     /// # Errors
@@ -67,7 +67,7 @@ impl Simulation {
         capture.map_or(Ok(()), Capture::end)
     }
 
-    /// The network as that machine sees it.
+    /// The network as that host sees it.
     #[must_use]
     pub fn net(&self, host: HostId) -> SimNet {
         SimNet { world: Arc::clone(&self.world), host, timer_grain: 1 }
@@ -135,7 +135,7 @@ impl Simulation {
         self.world.core().fabric.tallies()
     }
 
-    /// The packets that one machine sent to another, by purpose.
+    /// The packets that one host sent to another, by purpose.
     #[must_use]
     pub fn sent_by_class(&self, from: HostId, to: HostId) -> BTreeMap<Class, WireTally> {
         self.world.core().sent(from, to)

@@ -1,4 +1,4 @@
-//! The timers of machines, and when their runtimes wake to notice that they are due.
+//! The timers of hosts, and when their runtimes wake to notice that they are due.
 
 use std::collections::BTreeMap;
 use std::task::{Context, Poll, Waker};
@@ -8,7 +8,7 @@ use trimaran_net::Instant;
 
 use crate::host::HostId;
 
-/// All timers of all machines.
+/// All timers of all hosts.
 #[derive(Debug, Default)]
 pub(crate) struct Timers {
     all: Slab<TimerState>,
@@ -27,7 +27,7 @@ struct TimerState {
     queued: Option<Instant>,
 }
 
-/// The runtime of a machine's tasks. With a timer grain it counts time in ticks, and sleeps for whole ticks
+/// The runtime of a host's tasks. With a timer grain it counts time in ticks, and sleeps for whole ticks
 /// from when it fell asleep. So it wakes as long after a tick as it fell asleep after one.
 #[derive(Debug)]
 struct Runtime {
@@ -43,7 +43,7 @@ pub(crate) enum Rung {
     Done,
     /// The timer has another event then.
     Again(Instant),
-    /// The machine's runtime wakes then, if nothing wakes it before.
+    /// The host's runtime wakes then, if nothing wakes it before.
     Asleep(HostId, Instant),
 }
 
@@ -109,7 +109,7 @@ impl Timers {
         }
     }
 
-    /// Something wakes a machine's runtime, which looks at its timers too.
+    /// Something wakes a host's runtime, which looks at its timers too.
     pub(crate) fn rouse(&mut self, now: Instant, host: HostId) {
         let runtime = self.runtime(host, now);
         runtime.awake = now;
@@ -122,7 +122,7 @@ impl Timers {
         }
     }
 
-    /// Whether timers wait for the machine's runtime to wake.
+    /// Whether timers wait for the host's runtime to wake.
     pub(crate) fn sleeps_late(&self, host: HostId) -> bool {
         self.runtimes.get(&host).is_some_and(|runtime| !runtime.ripe.is_empty())
     }

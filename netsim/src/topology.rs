@@ -1,4 +1,4 @@
-//! Machines, and the links between them.
+//! Hosts, and the links between them.
 
 use std::collections::VecDeque;
 use std::net::IpAddr;
@@ -6,25 +6,25 @@ use std::net::IpAddr;
 use crate::host::HostId;
 use crate::link::LinkModel;
 
-/// A machine, or a switch or router that only passes packets on.
+/// A host, or a switch or router that only passes packets on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NodeId(pub(crate) usize);
 
-/// Machines and links. Packets take the path with the fewest links, and of equal ones the one joined first.
+/// Hosts and links. Packets take the path with the fewest links, and of equal ones the one joined first.
 /// Switches store and forward.
 #[derive(Debug, Clone, Default)]
 pub struct Topology {
-    pub(crate) hosts: Vec<Host>,
-    /// The host at each node.
-    pub(crate) nodes: Vec<Option<HostId>>,
+    /// The node of each host.
+    pub(crate) hosts: Vec<NodeId>,
+    pub(crate) nodes: Vec<Node>,
     pub(crate) pipes: Vec<Way>,
 }
 
-/// A machine with sockets.
+/// A host or a switch.
 #[derive(Debug, Clone)]
-pub(crate) struct Host {
+pub(crate) struct Node {
     pub(crate) name: String,
-    pub(crate) node: NodeId,
+    pub(crate) host: Option<HostId>,
 }
 
 /// One direction of a link.
@@ -42,12 +42,21 @@ impl Topology {
         Self::default()
     }
 
-    /// Machines of these names at one switch, each with a link of its own; the machines' ids are in the order
-    /// of the names.
+    /// Two hosts of these names and a link between them; `there` leads from the first to the second.
+    #[must_use]
+    pub fn pair(hosts: [&str; 2], there: &LinkModel, back: &LinkModel) -> Self {
+        let mut topology = Self::new();
+        let [a, b] = hosts.map(|name| topology.host(name)).map(|host| topology.node(host));
+        topology.join(a, b, there.clone(), back.clone());
+        topology
+    }
+
+    /// Hosts of these names at a switch called `switch`, each with a link of its own. The hosts' ids are in
+    /// the order of the names.
     #[must_use]
     pub fn star(hosts: &[&str], up: &LinkModel, down: &LinkModel) -> Self {
         let mut topology = Self::new();
-        let switch = topology.switch();
+        let switch = topology.switch("switch");
         for name in hosts {
             let host = topology.host(name);
             topology.join(topology.node(host), switch, up.clone(), down.clone());
@@ -55,67 +64,69 @@ impl Topology {
         topology
     }
 
-    /// Adds a machine. Its addresses are `10.0.0.1` and `fd00::1` for the first, and so on; its name resolves
+    /// Adds a host. Its addresses are `10.0.0.1` and `fd00::1` for the first, and so on; its name resolves
     /// to them.
     pub fn host(&mut self, name: &str) -> HostId {
-        let (node, host) = (NodeId(self.nodes.len()), HostId(self.hosts.len()));
-        self.nodes.push(Some(host));
-        self.hosts.push(Host { name: name.to_owned(), node });
+        let host = HostId(self.hosts.len());
+        let node = self.add(name, Some(host));
+        self.hosts.push(node);
         host
     }
 
-    /// Adds a switch or router.
-    pub fn switch(&mut self) -> NodeId {
-        self.nodes.push(None);
+    /// Adds a switch or router. Its name is for [`Topology::link_names`] and [`Topology::find_node`].
+    pub fn switch(&mut self, name: &str) -> NodeId {
+        self.add(name, None)
+    }
+
+    fn add(&mut self, name: &str, host: Option<HostId>) -> NodeId {
+        self.nodes.push(Node { name: name.to_owned(), host });
         NodeId(self.nodes.len() - 1)
     }
 
-    /// The node of a machine. A machine of another topology gives the first one.
+    /// The node of a host. A host of another topology gives the first one.
     #[must_use]
     pub fn node(&self, host: HostId) -> NodeId {
-        self.hosts.get(host.0).map_or(NodeId(0), |host| host.node)
+        self.hosts.get(host.0).copied().unwrap_or(NodeId(0))
     }
 
-    /// Joins two machines or switches: `there` leads from `a` to `b`, `back` from `b` to `a`.
+    /// Joins two hosts or switches: `there` leads from `a` to `b`, `back` from `b` to `a`.
     pub fn join(&mut self, a: NodeId, b: NodeId, there: LinkModel, back: LinkModel) {
         self.pipes.push(Way { from: a, to: b, model: there });
         self.pipes.push(Way { from: b, to: a, model: back });
     }
 
-    /// The machine with this name.
+    /// The host with this name.
     #[must_use]
     pub fn find(&self, name: &str) -> Option<HostId> {
-        self.hosts.iter().position(|host| host.name == name).map(HostId)
+        self.nodes.iter().filter(|node| node.name == name).find_map(|node| node.host)
+    }
+
+    /// The host or switch with this name, and of several the first.
+    #[must_use]
+    pub fn find_node(&self, name: &str) -> Option<NodeId> {
+        self.nodes.iter().position(|node| node.name == name).map(NodeId)
     }
 
     /// The name of each direction of each link, such as `first to switch`, in the order in which the links
     /// were joined.
     pub fn link_names(&self) -> impl Iterator<Item = String> {
-        self.pipes.iter().map(|way| format!("{} to {}", self.node_name(way.from), self.node_name(way.to)))
+        let name = |node: NodeId| self.nodes.get(node.0).map_or("", |node| &node.name);
+        self.pipes.iter().map(move |way| format!("{} to {}", name(way.from), name(way.to)))
     }
 
-    /// A machine's name. A switch is called `switch`, with its number behind that if there are several.
-    fn node_name(&self, node: NodeId) -> String {
-        let host = self.nodes.get(node.0).copied().flatten().and_then(|host| self.hosts.get(host.0));
-        if let Some(host) = host {
-            return host.name.clone();
-        }
-        let switches = |nodes: &[Option<HostId>]| nodes.iter().filter(|host| host.is_none()).count();
-        match switches(&self.nodes) {
-            0 | 1 => "switch".to_owned(),
-            _ => format!("switch {}", self.nodes.get(..=node.0).map_or(0, switches)),
-        }
-    }
-
-    /// The machine that has an address.
+    /// The host that has an address.
     #[must_use]
     pub fn at(&self, address: IpAddr) -> Option<HostId> {
         (0..self.hosts.len()).map(HostId).find(|host| host.v4() == address || host.v6() == address)
     }
 
-    /// All machines, in the order in which they were added.
-    pub fn machines(&self) -> impl Iterator<Item = HostId> {
+    /// All hosts, in the order in which they were added.
+    pub fn hosts(&self) -> impl Iterator<Item = HostId> {
         (0..self.hosts.len()).map(HostId)
+    }
+
+    pub(crate) fn host_names(&self) -> impl Iterator<Item = &str> {
+        self.nodes.iter().filter(|node| node.host.is_some()).map(|node| &*node.name)
     }
 
     /// For each node, the pipe that leads on to `host`.
@@ -125,8 +136,9 @@ impl Topology {
         let mut frontier = VecDeque::from([target]);
         while let Some(reached) = frontier.pop_front() {
             for (index, way) in self.pipes.iter().enumerate() {
-                // Machines do not forward.
-                let forwards = reached == target || self.nodes.get(reached.0).is_some_and(Option::is_none);
+                // Hosts do not forward.
+                let forwards =
+                    reached == target || self.nodes.get(reached.0).is_some_and(|node| node.host.is_none());
                 if way.to == reached
                     && way.from != target
                     && forwards
@@ -155,7 +167,7 @@ mod tests {
     fn packets_take_the_shortest_way_over_switches_and_never_through_a_host() {
         let mut topology = Topology::new();
         let [a, b, c] = ["a", "b", "c"].map(|name| topology.host(name));
-        let [left, right] = [topology.switch(), topology.switch()];
+        let [left, right] = ["left", "right"].map(|name| topology.switch(name));
         topology.join(topology.node(a), left, wire(), wire()); // 0, 1
         topology.join(topology.node(b), left, wire(), wire()); // 2, 3
         topology.join(left, right, wire(), wire()); // 4, 5

@@ -1,10 +1,10 @@
-//! The bytes that machines put on the wire, by layer.
+//! The bytes that hosts put on the wire, by layer.
 
 use std::ops::{Add, AddAssign, Sub};
 
 use serde::Serialize;
 
-/// Packets that machines sent, and their bytes by layer; counted once, where they leave the machine.
+/// Packets that hosts sent, and their bytes by layer; counted once, where they leave the host.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct WireTally {
     /// How many packets.

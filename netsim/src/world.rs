@@ -1,4 +1,4 @@
-//! The state of a simulation: time, events, machines and links.
+//! The state of a simulation: time, events, hosts and links.
 
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
@@ -63,7 +63,7 @@ pub(crate) struct Core {
 #[derive(Debug, Clone, Copy)]
 enum Event {
     Timer(usize),
-    /// A machine's runtime wakes by itself.
+    /// A host's runtime wakes by itself.
     Wake(HostId),
     Tcp(u32),
     Link(LinkEvent),
@@ -94,7 +94,7 @@ impl World {
             tcp_ports: BTreeMap::new(),
             listeners: BTreeMap::new(),
             fabric: Fabric::new(topology, Random::stream(seed, 1).bits()),
-            names: topology.hosts.iter().map(|host| host.name.clone()).collect(),
+            names: topology.host_names().map(str::to_owned).collect(),
             last_socket: 0,
             events: Events::new(),
             trace: Xxh3::new(),
@@ -157,12 +157,12 @@ impl Core {
         }
     }
 
-    /// Wakes a machine's runtime.
+    /// Wakes a host's runtime.
     pub(crate) fn rouse(&mut self, host: HostId) {
         self.timers.rouse(self.now, host);
     }
 
-    /// Sends a packet. `token` is told when it has left the machine.
+    /// Sends a packet. `token` is told when it has left the host.
     pub(crate) fn send(&mut self, packet: Box<Packet>, token: Option<u32>) {
         self.note(0, &packet);
         if let Some(capture) = &mut self.capture {
@@ -194,7 +194,7 @@ impl Core {
         self.events.add(at.max(self.now), Event::Tcp(number));
     }
 
-    /// The packets that one machine sent to another, by purpose.
+    /// The packets that one host sent to another, by purpose.
     pub(crate) fn sent(&self, from: HostId, to: HostId) -> BTreeMap<Class, WireTally> {
         let sent = self.wire.iter().filter(|((f, t, _), _)| (*f, *t) == (from, to));
         sent.map(|((_, _, class), tally)| (*class, *tally)).collect()

@@ -137,7 +137,7 @@ fn warn_of_deadlines(scenarios: &[Scenario]) {
     let deadline_too_short = scenarios.iter().filter(|scenario| scenario.gives_up_everything());
     let mut said: Vec<String> = deadline_too_short
         .map(|Scenario { network, link, knobs, .. }| {
-            let (deadline, way) = (knobs.deadline, network.way_to_display());
+            let (deadline, way) = (knobs.deadline, network.one_way_delay());
             let (name, link) = (&network.name, link.name());
             format!(
                 "trimaran: a frame over {link} may take {deadline:?}, and by {name} the way to the display alone takes {way:?}: what is lost, or \

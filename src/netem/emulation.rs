@@ -9,10 +9,11 @@ use std::thread::{self, JoinHandle};
 
 use rustix::thread::{CapabilitySet, capabilities};
 use trimaran_actors::CullerId;
-use trimaran_netsim::{HostId, Machines, Profile};
+use trimaran_netsim::{HostId, Profile};
 
 use super::carrier::{Cargo, Device};
 use super::{Namespace, NetemError, Report};
+use crate::session_hosts::SessionHosts;
 
 /// The network bits of an address: all machines are neighbours.
 const NETWORK_BITS: (u8, u8) = (24, 64);
@@ -53,7 +54,7 @@ impl Emulation {
         if !(2..=1 + CullerId::MOST).contains(&names.len()) || !distinct(names) {
             return Err(NetemError::Namespaces { count: names.len() });
         }
-        let (topology, Machines { cullers, display }) = profile.topology(names.len() - 1);
+        let (topology, SessionHosts { cullers, display }) = SessionHosts::on(profile, names.len() - 1);
         Self::possible()?;
         let (mut machines, mut devices) = (Vec::new(), Vec::new());
         for (host, name) in cullers.into_iter().chain([display]).zip(names) {

@@ -9,7 +9,7 @@ use trimaran_actors::{
     Schedule, ServiceEndpoints, SessionError, SessionLimits, ShownFrame, Stop, Supplied, Turns, WhileLoading,
     max_frame, sent_bytes,
 };
-use trimaran_netsim::{HostId, Machines};
+use trimaran_netsim::HostId;
 use trimaran_proto::{
     DrawableId, FrameStats, Identity, LodRule, OcclusionTestKind, Role, SceneHash, SentBytes, SessionKey,
     Settings, Viewport,
@@ -23,6 +23,7 @@ use super::error::SimulateError;
 use super::outcome::FrameTimes;
 use super::recorded::{RecordedCulling, RecordedPictures, Recording};
 use super::scenario::{Geometry, Knobs, Scenario, Transport};
+use crate::session_hosts::SessionHosts;
 use crate::trace::Trace;
 
 /// How long the roles may take to find each other.
@@ -34,8 +35,8 @@ const PAUSE: Duration = Duration::from_secs(1);
 const SCENE: SceneHash = SceneHash(0);
 const SESSION: SessionKey = SessionKey(0);
 
-/// The roles of a scenario. Each is played on the network of its own machine, with the address given by
-/// [`Profile::topology`](trimaran_netsim::Profile::topology); that network may be simulated or real.
+/// The roles of a scenario. Each is played on the network of its own machine, with the address that
+/// [`SessionHosts`] gives it; that network may be simulated or real.
 ///
 /// Each role takes two networks: `net` for its links, and `clock` for computing and for the times of events.
 /// All clocks must begin at the same time.
@@ -68,7 +69,7 @@ impl Roles {
         let recorded = |trace: &Trace| (trace.size, trace.epsilon_px, trace.few_pixels);
         let ([width, height], epsilon_px, few_pixels) =
             workload.trace().map_or(([1024; 2], 2.0, false), recorded);
-        let (_, Machines { cullers: hosts, .. }) = network.topology(*cullers);
+        let (_, SessionHosts { cullers: hosts, .. }) = SessionHosts::on(network, *cullers);
         let settings = Settings {
             viewport: Viewport::new(width, height)?,
             lod: LodRule::new(epsilon_px)?.stopping_at_few_pixels(few_pixels),

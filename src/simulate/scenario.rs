@@ -50,7 +50,7 @@ impl Scenario {
     #[must_use]
     pub fn gives_up_everything(&self) -> bool {
         // The one-way delay excludes the packet's bits, so an equal deadline is over before they have come.
-        self.link == Transport::UdpDeadline && self.knobs.deadline <= self.network.way_to_display()
+        self.link == Transport::UdpDeadline && self.knobs.deadline <= self.network.one_way_delay()
     }
 }
 

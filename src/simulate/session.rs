@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use futures_util::future::join_all;
 use trimaran_actors::{CullerId, Schedule};
-use trimaran_netsim::{HostId, Machines, Simulation};
+use trimaran_netsim::{HostId, Simulation};
 use trimaran_transport::Net;
 
 use super::bytes::{Account, Sent};
@@ -15,6 +15,7 @@ use super::error::SimulateError;
 use super::outcome::{Ended, Outcome};
 use super::roles::Roles;
 use super::scenario::Scenario;
+use crate::session_hosts::SessionHosts;
 
 /// Tokio counts time in milliseconds; the roles' computing may end at any time.
 const TIMER_GRAIN: Duration = Duration::from_millis(1);
@@ -36,7 +37,7 @@ pub fn simulate_watched(
     capture: Option<Box<dyn Write + Send>>,
     shown: impl Fn(),
 ) -> Result<Outcome, SimulateError> {
-    let (topology, machines) = scenario.network.topology(scenario.cullers);
+    let (topology, hosts) = SessionHosts::on(&scenario.network, scenario.cullers);
     if scenario.schedule == Schedule::Switch && scenario.cullers != 2 {
         return Err(SimulateError::Schedule(scenario.cullers));
     }
@@ -49,9 +50,9 @@ pub fn simulate_watched(
         let net = simulation.net(*host).with_timer_grain(TIMER_GRAIN);
         (Arc::new(net), Arc::new(simulation.net(*host)))
     };
-    let count = || sent(&simulation, &roles, &machines);
-    let places: Vec<_> = machines.cullers.iter().map(place).collect();
-    let (display_net, display_clock) = place(&machines.display);
+    let count = || sent(&simulation, &roles, &hosts);
+    let places: Vec<_> = hosts.cullers.iter().map(place).collect();
+    let (display_net, display_clock) = place(&hosts.display);
     let each = CullerId::first(places.len()).zip(&places);
     let (cullers, counted) = simulation.run(async {
         let mut cullers = pin!(join_all(each.map(|(id, (net, clock))| roles.culler(id, net, clock))));
@@ -82,8 +83,8 @@ pub fn simulate_watched(
 }
 
 /// The traffic so far: by the links' own count, and on the wire by kind.
-fn sent(simulation: &Simulation, roles: &Roles, machines: &Machines) -> Sent {
-    let hosts: Vec<HostId> = machines.cullers.iter().copied().chain([machines.display]).collect();
+fn sent(simulation: &Simulation, roles: &Roles, hosts: &SessionHosts) -> Sent {
+    let hosts: Vec<HostId> = hosts.cullers.iter().copied().chain([hosts.display]).collect();
     let mut sent = Sent { messages: roles.messages(), ..Sent::default() };
     for from in &hosts {
         for to in &hosts {

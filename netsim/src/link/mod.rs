@@ -1,4 +1,4 @@
-//! One direction of a link between two machines, and its packets.
+//! One direction of a link between two hosts, and its packets.
 
 mod jitter;
 mod loss;

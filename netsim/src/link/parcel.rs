@@ -7,9 +7,9 @@ use crate::host::HostId;
 /// A packet as a link sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parcel<P> {
-    /// The sending machine.
+    /// The sending host.
     pub from: HostId,
-    /// The receiving machine.
+    /// The receiving host.
     pub to: HostId,
     /// The size of the IP packet, its header included.
     pub ip_bytes: u32,

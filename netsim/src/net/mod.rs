@@ -1,4 +1,4 @@
-//! The transports' [`Net`] as a simulated machine offers it to programs.
+//! The transports' [`Net`] as a simulated host offers it to programs.
 
 mod tcp;
 mod timer;
@@ -16,7 +16,7 @@ use crate::host::HostId;
 use crate::world::World;
 use timer::SimTimer;
 
-/// The network as one machine of a simulation sees it.
+/// The network as one host of a simulation sees it.
 #[derive(Clone)]
 pub struct SimNet {
     pub(crate) world: Arc<World>,
@@ -32,7 +32,7 @@ impl fmt::Debug for SimNet {
 }
 
 impl SimNet {
-    /// This machine with the timers of a runtime that counts time in ticks of `grain`, as tokio counts
+    /// This host with the timers of a runtime that counts time in ticks of `grain`, as tokio counts
     /// milliseconds. Timers ring at a tick, not before their time, and only while the runtime is awake. It
     /// sleeps for whole ticks from the moment it fell asleep, so it may wake late after a tick, unless a
     /// packet wakes it. Without a grain timers ring to the nanosecond.
@@ -42,7 +42,7 @@ impl SimNet {
         Self { timer_grain: nanos.max(1), ..self }
     }
 
-    /// Checks that a socket can be bound to `at`: an address of this machine.
+    /// Checks that a socket can be bound to `at`: an address of this host.
     fn own(&self, at: IpAddr) -> io::Result<()> {
         if self.host.of(at) == Some(self.host) { Ok(()) } else { Err(io::ErrorKind::AddrNotAvailable.into()) }
     }

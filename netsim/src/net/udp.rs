@@ -1,4 +1,4 @@
-//! UDP sockets of a simulated machine.
+//! UDP sockets of a simulated host.
 
 use std::io::{self, IoSliceMut};
 use std::net::SocketAddr;

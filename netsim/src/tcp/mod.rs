@@ -5,7 +5,7 @@
 //! probe (RFC 8985), proportional rate reduction (RFC 6937), CUBIC with HyStart (RFC 9438, 9406's
 //! forerunner), undoing spurious reductions (RFC 4015, and by duplicate reports), delayed and quick
 //! acknowledgements, a receive window that grows with the program's reads, a send buffer that grows with the
-//! congestion window, no more than about a millisecond of data in the machine's own queue, and holding back
+//! congestion window, no more than about a millisecond of data in the host's own queue, and holding back
 //! small segments while the one before is in it.
 //!
 //! Not modelled: segmentation offload (each packet is its own), pacing (Linux paces CUBIC only under the `fq`

@@ -61,7 +61,7 @@ pub(super) struct Sender {
     last_sent: Instant,
     /// When data was last acknowledged, or began to wait for that.
     progress: Instant,
-    /// Bytes of this connection in the machine's own queue.
+    /// Bytes of this connection in the host's own queue.
     outgoing: u64,
     /// Data waits for those to leave.
     held_back: bool,
@@ -163,7 +163,7 @@ impl Sender {
         }
     }
 
-    /// So many bytes of this connection have left the machine. Returns whether data waited for that.
+    /// So many bytes of this connection have left the host. Returns whether data waited for that.
     pub(super) const fn left(&mut self, bytes: u64) -> bool {
         self.outgoing = self.outgoing.saturating_sub(bytes);
         std::mem::replace(&mut self.held_back, false)

@@ -246,7 +246,7 @@ impl Socket {
         }
     }
 
-    /// So many bytes of this connection have left the machine. Returns whether data waited for that.
+    /// So many bytes of this connection have left the host. Returns whether data waited for that.
     pub(crate) const fn left(&mut self, bytes: u64) -> bool {
         self.sender.left(bytes)
     }

@@ -1,4 +1,4 @@
-//! TCP of the machines: their connections and listening ports.
+//! TCP of the hosts: their connections and listening ports.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -12,7 +12,7 @@ use crate::link::Ecn;
 use crate::packet::{Body, Packet};
 use crate::tcp::{Class, Config, Segment, Socket};
 
-/// The MTU of a machine's loopback, as in Linux.
+/// The MTU of a host's loopback, as in Linux.
 const LOOPBACK_MTU: u32 = 65_535;
 
 /// One end of a connection.
@@ -89,7 +89,7 @@ impl Core {
         }
     }
 
-    /// So many bytes of a connection have left the machine.
+    /// So many bytes of a connection have left the host.
     pub(super) fn tcp_left(&mut self, number: u32, ip_bytes: u32) {
         if self.tcp.get_mut(&number).is_some_and(|state| state.socket.left(ip_bytes.into())) {
             self.pump_tcp(number);

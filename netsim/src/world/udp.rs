@@ -1,4 +1,4 @@
-//! UDP of the machines: their bound sockets.
+//! UDP of the hosts: their bound sockets.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -21,7 +21,7 @@ pub(crate) struct UdpState {
     inbox_cost: usize,
     inbox_limit: usize,
     reader: Option<Waker>,
-    /// The data queued in the machine to be sent, and its limit.
+    /// The data queued in the host to be sent, and its limit.
     outgoing: usize,
     outgoing_limit: usize,
     writers: Vec<Waker>,
@@ -108,7 +108,7 @@ impl UdpState {
         self.outgoing += cost(ip_bytes as usize);
     }
 
-    /// A packet of so many bytes has left the machine. Returns the machine if a task waited for that.
+    /// A packet of so many bytes has left the host. Returns the host if a task waited for that.
     pub(super) fn left(&mut self, ip_bytes: u32) -> Option<HostId> {
         self.outgoing = self.outgoing.saturating_sub(cost(ip_bytes as usize));
         let awaited = !self.writers.is_empty();

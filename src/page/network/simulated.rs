@@ -89,10 +89,10 @@ impl Network {
 
 /// Carries connections through the network, until there are none.
 fn simulate(profile: &Profile, clock: &dyn Net, mut asked: mpsc::UnboundedReceiver<Crossing>) {
-    let (topology, machines) = profile.topology(1);
-    let Some(host) = machines.cullers.first() else { return };
-    let simulation = Simulation::new(&topology, SEED);
-    let [page, culler] = [machines.display, *host].map(|host| simulation.net(host));
+    let mut network = profile.sites();
+    let [host, page] = [network.near("culler"), network.far("page")];
+    let simulation = Simulation::new(&network.topology, SEED);
+    let [page, culler] = [page, host].map(|host| simulation.net(host));
     let at = SocketAddr::new(host.v4(), 0);
     let begun = clock.now();
     let time = || Instant::from_nanos(0).after(clock.now().since(begun));

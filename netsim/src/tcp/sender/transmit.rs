@@ -43,7 +43,7 @@ impl Sender {
         fresh.or_else(|| self.scoreboard.repeat_last(now).map(Outgoing::again))
     }
 
-    /// New data, as far as windows and the machine's own queue allow; a probe ignores the congestion window.
+    /// New data, as far as windows and the host's own queue allow; a probe ignores the congestion window.
     fn transmit_new(&mut self, now: Instant, probing: bool) -> Option<Outgoing> {
         let fin_due = self.closing && !self.fin_sent;
         if self.unsent.is_empty() && !fin_due {
@@ -71,7 +71,7 @@ impl Sender {
             }
             return None;
         }
-        // A small segment waits while one before it is still in this machine (Linux's autocorking), or,
+        // A small segment waits while one before it is still in this host (Linux's autocorking), or,
         // without `nodelay`, while one is not acknowledged (Nagle).
         let small = wanted < self.segment as usize && !fin_due;
         if small && !probing && !self.scoreboard.is_empty() && (self.outgoing > 0 || !self.nodelay) {

@@ -19,7 +19,7 @@ pub(super) struct Usage {
 }
 
 impl Sender {
-    /// About a millisecond of data, and two packets at least, may wait in the machine's own queue (Linux's
+    /// About a millisecond of data, and two packets at least, may wait in the host's own queue (Linux's
     /// small queues).
     pub(super) fn queue_limit(&self) -> u64 {
         let two = 2 * u64::from(self.segment + 52);
