@@ -12,6 +12,8 @@ use std::time::Duration;
 use slab::Slab;
 use trimaran_net::BoxFuture;
 
+use crate::host::HostId;
+
 /// The key of the future given to [`Executor::run_until_stalled`]; no task has it.
 const MAIN: usize = usize::MAX;
 
@@ -30,6 +32,7 @@ impl fmt::Debug for Executor {
 }
 
 struct Task {
+    host: HostId,
     /// `None` while it runs.
     future: Option<BoxFuture<'static, ()>>,
     rouser: Arc<Rouser>,
@@ -72,13 +75,13 @@ impl Wake for Rouser {
 }
 
 impl Executor {
-    /// Adds a task; it runs for the first time when its turn comes.
-    pub(crate) fn spawn(&self, future: BoxFuture<'static, ()>) {
+    /// Adds a task of a host; it runs for the first time when its turn comes.
+    pub(crate) fn spawn(&self, host: HostId, future: BoxFuture<'static, ()>) {
         let mut tasks = self.tasks.lock();
         let entry = tasks.vacant_entry();
         let rouser = Rouser::new(entry.key(), &self.ready);
         Arc::clone(&rouser).wake();
-        entry.insert(Task { future: Some(future), rouser });
+        entry.insert(Task { host, future: Some(future), rouser });
     }
 
     /// A waker of the main future.
@@ -128,13 +131,26 @@ impl Executor {
         let done =
             future.as_mut().poll(&mut Context::from_waker(&Waker::from(Arc::clone(rouser)))).is_ready();
         let mut tasks = self.tasks.lock();
-        if done {
-            tasks.remove(rouser.key);
-            drop(tasks);
-            drop(future); // without the lock: what it held may wake or end others
-        } else if let Some(task) = tasks.get_mut(rouser.key) {
-            task.future = Some(future);
+        // It may have ended its own host, and then it is not among the tasks any more.
+        match tasks.get_mut(rouser.key).filter(|task| Arc::ptr_eq(&task.rouser, rouser)) {
+            Some(task) if !done => {
+                task.future = Some(future);
+                return;
+            }
+            Some(_) => _ = tasks.remove(rouser.key),
+            None => {}
         }
+        drop(tasks);
+        drop(future); // without the lock: what it held may wake or end others
+    }
+
+    /// Ends all tasks of a host. One that is running ends when it next waits.
+    pub(crate) fn end(&self, host: HostId) {
+        let mut tasks = self.tasks.lock();
+        let keys: Vec<_> = tasks.iter().filter(|(_, task)| task.host == host).map(|(key, _)| key).collect();
+        let ended: Vec<_> = keys.into_iter().filter_map(|key| tasks.try_remove(key)).collect();
+        drop(tasks);
+        drop(ended); // without the lock, as above
     }
 
     /// Drops all tasks, which breaks a reference cycle.
@@ -182,12 +198,15 @@ mod tests {
         let log = Arc::new(Mutex::new(Vec::new()));
         for name in ["a", "b", "c"] {
             let log = Arc::clone(&log);
-            executor.spawn(Box::pin(async move {
-                for round in 0..2 {
-                    log.lock().push((name, round));
-                    yield_once().await;
-                }
-            }));
+            executor.spawn(
+                HostId(0),
+                Box::pin(async move {
+                    for round in 0..2 {
+                        log.lock().push((name, round));
+                        yield_once().await;
+                    }
+                }),
+            );
         }
         assert_eq!(run(&executor, std::future::pending::<()>()), Poll::Pending);
         assert_eq!(*log.lock(), [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1), ("c", 1)]);
@@ -198,24 +217,52 @@ mod tests {
         let executor = Executor::default();
         let stale = Arc::new(Mutex::new(None));
         let keep = Arc::clone(&stale);
-        executor.spawn(Box::pin(async move {
-            std::future::poll_fn(|cx| {
-                *keep.lock() = Some(cx.waker().clone());
-                Poll::Ready(())
-            })
-            .await;
-        }));
+        executor.spawn(
+            HostId(0),
+            Box::pin(async move {
+                std::future::poll_fn(|cx| {
+                    *keep.lock() = Some(cx.waker().clone());
+                    Poll::Ready(())
+                })
+                .await;
+            }),
+        );
         assert!(run(&executor, std::future::pending::<()>()).is_pending());
         let polls = Arc::new(Mutex::new(0));
         let count = Arc::clone(&polls);
-        executor.spawn(Box::pin(std::future::poll_fn(move |_| {
-            *count.lock() += 1;
-            Poll::Pending
-        })));
+        executor.spawn(
+            HostId(0),
+            Box::pin(std::future::poll_fn(move |_| {
+                *count.lock() += 1;
+                Poll::Pending
+            })),
+        );
         assert!(run(&executor, std::future::pending::<()>()).is_pending());
         stale.lock().take().unwrap().wake();
         assert!(run(&executor, std::future::pending::<()>()).is_pending());
         assert_eq!(*polls.lock(), 1);
+    }
+
+    #[test]
+    fn the_tasks_of_a_host_end_with_it_and_the_one_that_ends_it_at_its_next_wait() {
+        let executor = Arc::new(Executor::default());
+        let log = Arc::new(Mutex::new(Vec::new()));
+        for (host, name) in [(1, "a"), (2, "b"), (1, "c")] {
+            let (log, ending) = (Arc::clone(&log), Arc::clone(&executor));
+            let task = async move {
+                if name == "c" {
+                    ending.end(HostId(1));
+                }
+                for round in 0..2 {
+                    log.lock().push((name, round));
+                    yield_once().await;
+                }
+            };
+            executor.spawn(HostId(host), Box::pin(task));
+        }
+        assert_eq!(run(&executor, std::future::pending::<()>()), Poll::Pending);
+        assert_eq!(*log.lock(), [("a", 0), ("b", 0), ("c", 0), ("b", 1)]);
+        assert_eq!(executor.tasks.lock().len(), 0);
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! All links of a topology, and the packets in flight on them.
 
+use std::collections::BTreeSet;
+
 use slab::Slab;
 use trimaran_net::Instant;
 
 use crate::events::Events;
 use crate::host::HostId;
-use crate::link::{Action, LinkTally, Parcel, Pipe};
+use crate::link::{Action, LinkTally, Outage, Parcel, Pipe};
 use crate::random::Random;
 use crate::topology::{NodeId, Topology};
 
@@ -33,13 +35,17 @@ pub(crate) enum Outcome<P> {
 #[derive(Debug)]
 pub(crate) struct Fabric<P> {
     pipes: Vec<Pipe<P>>,
-    /// Where each pipe ends.
+    /// Where each pipe begins and ends.
+    starts: Vec<NodeId>,
     ends: Vec<NodeId>,
     nodes: Vec<Option<HostId>>,
     homes: Vec<NodeId>,
     /// By host, then by node: the next pipe.
     routes: Vec<Vec<Option<usize>>>,
     flying: Slab<Parcel<P>>,
+    /// Pairs of hosts, the lower id first.
+    partitions: BTreeSet<(HostId, HostId)>,
+    down: BTreeSet<HostId>,
 }
 
 impl<P: Clone> Fabric<P> {
@@ -49,16 +55,54 @@ impl<P: Clone> Fabric<P> {
         };
         Self {
             pipes: topology.pipes.iter().enumerate().map(pipe).collect(),
+            starts: topology.pipes.iter().map(|way| way.from).collect(),
             ends: topology.pipes.iter().map(|way| way.to).collect(),
             nodes: topology.nodes.iter().map(|node| node.host).collect(),
             homes: topology.hosts.clone(),
             routes: (0..topology.hosts.len()).map(|host| topology.routes_to(HostId(host))).collect(),
             flying: Slab::new(),
+            partitions: BTreeSet::new(),
+            down: BTreeSet::new(),
         }
     }
 
     pub(crate) fn tallies(&self) -> Vec<LinkTally> {
         self.pipes.iter().map(|pipe| *pipe.tally()).collect()
+    }
+
+    pub(crate) fn partition(&mut self, a: HostId, b: HostId) {
+        self.partitions.insert((a.min(b), a.max(b)));
+    }
+
+    pub(crate) fn heal(&mut self, a: HostId, b: HostId) {
+        self.partitions.remove(&(a.min(b), a.max(b)));
+    }
+
+    fn is_partitioned(&self, parcel: &Parcel<P>) -> bool {
+        let Parcel { from, to, .. } = *parcel;
+        self.partitions.contains(&(from.min(to), from.max(to)))
+    }
+
+    /// Takes a host down, and with it what waits in its queues.
+    pub(crate) fn take_down(&mut self, host: HostId) {
+        self.down.insert(host);
+        let home = self.homes.get(host.0);
+        let own = self.pipes.iter_mut().zip(&self.starts).filter(|(_, start)| Some(*start) == home);
+        own.for_each(|(pipe, _)| pipe.drop_queue());
+    }
+
+    pub(crate) fn bring_up(&mut self, host: HostId) {
+        self.down.remove(&host);
+    }
+
+    pub(crate) fn is_down(&self, host: HostId) -> bool {
+        self.down.contains(&host)
+    }
+
+    /// The link from one node to another, and of several the first.
+    pub(crate) fn link(&mut self, from: NodeId, to: NodeId) -> Option<&mut Pipe<P>> {
+        let ends = self.starts.iter().zip(&self.ends);
+        self.pipes.iter_mut().zip(ends).find(|(_, ends)| *ends == (&from, &to)).map(|(pipe, _)| pipe)
     }
 
     /// The pipes from one host to another.
@@ -100,7 +144,21 @@ impl<P: Clone> Fabric<P> {
             }
             return;
         };
-        self.on(pipe, events, |pipe| pipe.offer(now, parcel));
+        self.offer(now, pipe, parcel, events);
+    }
+
+    fn offer<E: From<LinkEvent>>(
+        &mut self,
+        now: Instant,
+        index: usize,
+        parcel: Parcel<P>,
+        events: &mut Events<E>,
+    ) {
+        if self.is_partitioned(&parcel) {
+            self.on(index, events, |pipe| pipe.refuse(now, &parcel));
+        } else {
+            self.on(index, events, |pipe| pipe.offer(now, parcel));
+        }
     }
 
     pub(crate) fn happen<E: From<LinkEvent>>(
@@ -117,16 +175,28 @@ impl<P: Clone> Fabric<P> {
             }
             LinkEvent::Arrive { pipe, packet } => {
                 let Some(mut parcel) = self.flying.try_remove(packet) else { return Outcome::Underway };
-                if let Some(pipe) = self.pipes.get_mut(pipe) {
-                    pipe.arrived(&parcel);
-                }
                 let Some(&node) = self.ends.get(pipe) else { return Outcome::Underway };
-                if self.nodes.get(node.0).is_some_and(|host| *host == Some(parcel.to)) {
+                let is_there = self.nodes.get(node.0).is_some_and(|host| *host == Some(parcel.to));
+                let outage = if self.is_partitioned(&parcel) {
+                    Some(Outage::Partition)
+                } else {
+                    (is_there && self.is_down(parcel.to)).then_some(Outage::Down)
+                };
+                if let Some(pipe) = self.pipes.get_mut(pipe) {
+                    match outage {
+                        None => pipe.arrived(&parcel),
+                        Some(cause) => {
+                            pipe.drop_arrived(&parcel, cause);
+                            return Outcome::Underway;
+                        }
+                    }
+                }
+                if is_there {
                     return Outcome::Delivered(parcel);
                 }
                 if let Some(next) = self.route(node, parcel.to) {
                     parcel.token = None; // it has left its host long ago
-                    self.on(next, events, |pipe| pipe.offer(now, parcel));
+                    self.offer(now, next, parcel, events);
                 }
                 Outcome::Underway
             }

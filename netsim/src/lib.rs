@@ -25,6 +25,7 @@
 //! |---|---|
 //! | `host`, `topology`, `profile` | hosts and their links; whole networks in TOML |
 //! | `simulation`, `executor`, `timers`, `events`, `world` | virtual time, and the programs in it |
+//! | `control` | crashes, partitions and changes of links while programs run |
 //! | [`link`] | one direction of a link, without a clock of its own |
 //! | `fabric`, `packet`, `wire` | packets on their way through a topology |
 //! | `net`, `tcp` | a host's sockets: datagrams, and a model of Linux's TCP |
@@ -32,6 +33,7 @@
 //! | `capture` | packets for Wireshark |
 
 mod capture;
+mod control;
 mod events;
 mod executor;
 mod fabric;
@@ -51,11 +53,12 @@ mod wire;
 mod world;
 
 pub use capture::CaptureError;
+pub use control::{Control, SetLinkError};
 pub use host::HostId;
 pub use net::SimNet;
 pub use profile::{Profile, ProfileError, ScheduleFault, Sites};
 pub use relay::{Arrival, Relay, Totals};
-pub use simulation::{Simulation, Stalled};
+pub use simulation::{Simulation, Stalled, UnknownHost};
 pub use tcp::Class;
 pub use topology::{NodeId, Topology};
 pub use wire::WireTally;

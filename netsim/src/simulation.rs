@@ -11,6 +11,7 @@ use thiserror::Error;
 use trimaran_net::Instant;
 
 use crate::capture::{Capture, CaptureError};
+use crate::control::Control;
 use crate::host::HostId;
 use crate::link::LinkTally;
 use crate::net::SimNet;
@@ -37,6 +38,14 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 pub struct Stalled {
     /// The time at which everything came to a stop.
     pub at: Instant,
+}
+
+/// The topology has no host of this name.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("no host of the topology is called {name:?}")]
+pub struct UnknownHost {
+    /// The name.
+    pub name: String,
 }
 
 impl Simulation {
@@ -71,6 +80,21 @@ impl Simulation {
     #[must_use]
     pub fn net(&self, host: HostId) -> SimNet {
         SimNet { world: Arc::clone(&self.world), host, timer_grain: 1 }
+    }
+
+    /// The network as the host of this name sees it.
+    ///
+    /// # Errors
+    /// If no host has the name.
+    pub fn named(&self, name: &str) -> Result<SimNet, UnknownHost> {
+        let host = self.world.core().find(name);
+        host.map(|host| self.net(host)).ok_or_else(|| UnknownHost { name: name.to_owned() })
+    }
+
+    /// Crashes, partitions and changes of links while programs run.
+    #[must_use]
+    pub fn control(&self) -> Control {
+        Control { world: Arc::clone(&self.world) }
     }
 
     /// Runs `program` and the tasks that it spawns until it is done. Remaining tasks go on with the next

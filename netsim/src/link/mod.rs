@@ -13,6 +13,7 @@ pub use loss::{GilbertElliott, Loss};
 pub use model::{
     Conditions, Framing, LinkModel, Phase, Probability, ProbabilityError, Rate, RateError, Reorder,
 };
+pub(crate) use parcel::Outage;
 pub use parcel::{Action, Ecn, Parcel};
 pub use pipe::Pipe;
 pub use queue::{CoDel, Discipline, QueueModel};

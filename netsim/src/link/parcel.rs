@@ -41,6 +41,15 @@ impl Ecn {
     }
 }
 
+/// A cause that drops packets at the end of a link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Outage {
+    /// Its hosts are partitioned.
+    Partition,
+    /// Its receiver is down.
+    Down,
+}
+
 /// An action to carry out for a link.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Action<P> {

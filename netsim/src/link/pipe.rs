@@ -9,7 +9,7 @@ use super::jitter::Variation;
 use super::loss::LossProcess;
 use super::parcel::{Action, Ecn, Parcel};
 use super::queue::{Queue, Verdict};
-use super::{Conditions, LinkModel, LinkTally, Rate};
+use super::{Conditions, LinkModel, LinkTally, Outage, Rate};
 use crate::random::Random;
 
 /// One direction of a link. Sans-IO: its owner keeps the time, and carries out the actions of
@@ -68,6 +68,14 @@ impl<P: Clone> Pipe<P> {
         &self.model
     }
 
+    /// Changes the link from now on. What is on the line or in flight keeps its times, and what waits is sent
+    /// under the new model. Random streams go on. The framing stays as it is, because it says how many bytes
+    /// the packets under way have.
+    pub fn set_model(&mut self, model: LinkModel) {
+        self.queue.set_model(model.queue);
+        self.model = LinkModel { framing: self.model.framing, ..model };
+    }
+
     /// The next action to carry out.
     pub fn next_action(&mut self) -> Option<Action<P>> {
         self.actions.pop_front()
@@ -106,6 +114,34 @@ impl<P: Clone> Pipe<P> {
         let bytes = self.frame_bytes(parcel);
         self.tally.flying -= bytes;
         self.tally.delivered += bytes;
+    }
+
+    /// A packet is dropped in place of an offer, because of a partition.
+    pub(crate) fn refuse(&mut self, now: Instant, parcel: &Parcel<P>) {
+        let bytes = self.frame_bytes(parcel);
+        self.tally.offered += bytes;
+        self.tally.dropped.partitioned += bytes;
+        self.left(now, parcel);
+    }
+
+    /// A packet has come out and is dropped for this cause.
+    pub(crate) fn drop_arrived(&mut self, parcel: &Parcel<P>, cause: Outage) {
+        let bytes = self.frame_bytes(parcel);
+        self.tally.flying -= bytes;
+        match cause {
+            Outage::Partition => self.tally.dropped.partitioned += bytes,
+            Outage::Down => self.tally.dropped.down += bytes,
+        }
+    }
+
+    /// The host before the link has crashed, and with it the queue.
+    pub(crate) fn drop_queue(&mut self) {
+        let Self { queue, tally, model, .. } = self;
+        for parcel in queue.drain() {
+            let bytes = model.framing.frame_bytes(parcel.ip_bytes);
+            tally.queued -= bytes;
+            tally.dropped.down += bytes;
+        }
     }
 
     /// Sends from the queue while the line is free, and schedules the next wake-up.

@@ -115,6 +115,17 @@ impl<T> Queue<T> {
         Ok(())
     }
 
+    /// Changes the model. What waits stays, even beyond the new limits.
+    pub(super) const fn set_model(&mut self, model: QueueModel) {
+        self.model = model;
+    }
+
+    /// Takes out everything.
+    pub(super) fn drain(&mut self) -> impl Iterator<Item = T> {
+        self.bytes = 0;
+        self.waiting.drain(..).map(|entry| entry.item)
+    }
+
     /// Takes out the packet at the head, with the decision on it. `markable` says which can be marked.
     pub(super) fn next(
         &mut self,

@@ -14,6 +14,12 @@ pub struct Count {
     pub bytes: u64,
 }
 
+impl Count {
+    const fn is_zero(&self) -> bool {
+        self.packets == 0
+    }
+}
+
 impl AddAssign<u32> for Count {
     /// Counts one packet of so many bytes.
     fn add_assign(&mut self, bytes: u32) {
@@ -51,13 +57,19 @@ pub struct Drops {
     pub lost: Count,
     /// Arrived damaged and failed the checksum.
     pub corrupted: Count,
+    /// Between two hosts that were partitioned.
+    #[serde(skip_serializing_if = "Count::is_zero")]
+    pub partitioned: Count,
+    /// In the queue of a host that crashed, or for a host that was down.
+    #[serde(skip_serializing_if = "Count::is_zero")]
+    pub down: Count,
 }
 
 impl Drops {
     /// All of them.
     #[must_use]
     pub fn total(&self) -> Count {
-        self.mtu + self.queue + self.managed + self.lost + self.corrupted
+        self.mtu + self.queue + self.managed + self.lost + self.corrupted + self.partitioned + self.down
     }
 }
 

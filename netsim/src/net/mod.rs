@@ -42,6 +42,12 @@ impl SimNet {
         Self { timer_grain: nanos.max(1), ..self }
     }
 
+    /// The host.
+    #[must_use]
+    pub const fn host(&self) -> HostId {
+        self.host
+    }
+
     /// Checks that a socket can be bound to `at`: an address of this host.
     fn own(&self, at: IpAddr) -> io::Result<()> {
         if self.host.of(at) == Some(self.host) { Ok(()) } else { Err(io::ErrorKind::AddrNotAvailable.into()) }
@@ -58,7 +64,7 @@ impl SimNet {
         let core = self.world.core();
         let host = match name {
             "localhost" => self.host,
-            name => HostId(core.names.iter().position(|known| known == name).ok_or_else(unknown)?),
+            name => core.find(name).ok_or_else(unknown)?,
         };
         Ok(vec![SocketAddr::new(host.v4(), port), SocketAddr::new(host.v6(), port)])
     }
@@ -74,7 +80,9 @@ impl Net for SimNet {
     }
 
     fn spawn(&self, task: BoxFuture<'static, ()>) {
-        self.world.executor.spawn(task);
+        if self.world.core().check_up(self.host).is_ok() {
+            self.world.executor.spawn(self.host, task);
+        }
     }
 
     fn random(&self) -> io::Result<u64> {

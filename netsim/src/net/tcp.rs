@@ -21,6 +21,7 @@ pub(super) async fn connect(net: &SimNet, to: SocketAddr, options: TcpOptions) -
     let there = here.of(to.ip()).ok_or(io::ErrorKind::NetworkUnreachable)?;
     let connection = {
         let mut core = net.world.core();
+        core.check_up(here)?;
         let config = core.tcp_config(here, there, to, options).ok_or(io::ErrorKind::HostUnreachable)?;
         let taken = |port| {
             core.tcp_ports.contains_key(&(here, port, to)) || core.listeners.contains_key(&(here, port))
@@ -43,21 +44,26 @@ pub(super) fn listen(
     options: TcpOptions,
 ) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
     let mut core = net.world.core();
+    core.check_up(net.host)?;
     let port = free_port(at.port(), |port| core.listeners.contains_key(&(net.host, port)))?;
-    core.listeners.insert((net.host, port), ListenerState { options, made: VecDeque::new(), waker: None });
-    Ok((Box::new(SimListener { net: net.clone(), port }), SocketAddr::new(at.ip(), port)))
+    let number = core.new_socket();
+    let state = ListenerState { number, options, made: VecDeque::new(), waker: None };
+    core.listeners.insert((net.host, port), state);
+    Ok((Box::new(SimListener { net: net.clone(), port, number }), SocketAddr::new(at.ip(), port)))
 }
 
 struct SimListener {
     net: SimNet,
     port: u16,
+    number: u32,
 }
 
 impl Listen for SimListener {
     fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>> {
         Box::pin(poll_fn(|cx| {
             let mut core = self.net.world.core();
-            let Some(listener) = core.listeners.get_mut(&(self.net.host, self.port)) else {
+            let listener = core.listeners.get_mut(&(self.net.host, self.port));
+            let Some(listener) = listener.filter(|listener| listener.number == self.number) else {
                 return Poll::Ready(Err(io::ErrorKind::NotConnected.into()));
             };
             let Some(number) = listener.made.pop_front() else {
@@ -75,8 +81,12 @@ impl Listen for SimListener {
 impl Drop for SimListener {
     fn drop(&mut self) {
         let mut core = self.net.world.core();
-        let Some(listener) = core.listeners.remove(&(self.net.host, self.port)) else { return };
-        for number in listener.made {
+        let port = (self.net.host, self.port);
+        // After a crash another listener may have the port.
+        if core.listeners.get(&port).is_none_or(|listener| listener.number != self.number) {
+            return;
+        }
+        for number in core.listeners.remove(&port).into_iter().flat_map(|listener| listener.made) {
             core.close_tcp(number);
         }
     }

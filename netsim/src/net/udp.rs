@@ -20,6 +20,7 @@ pub(super) fn bind(
     options: UdpSocketOptions,
 ) -> io::Result<Arc<dyn UdpSocket>> {
     let mut core = net.world.core();
+    core.check_up(net.host)?;
     let port = free_port(at.port(), |port| core.udp_ports.contains_key(&(net.host, port)))?;
     let number = core.new_socket();
     core.udp_ports.insert((net.host, port), number);
@@ -38,8 +39,11 @@ struct SimUdp {
 impl Drop for SimUdp {
     fn drop(&mut self) {
         let mut core = self.net.world.core();
-        core.udp_ports.remove(&(self.net.host, self.local.port()));
         let gone = core.sockets.remove(&self.number);
+        // After a crash another socket may have the port.
+        if gone.is_some() {
+            core.udp_ports.remove(&(self.net.host, self.local.port()));
+        }
         drop(core);
         drop(gone);
     }

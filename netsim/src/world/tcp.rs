@@ -33,9 +33,22 @@ pub(crate) struct TcpState {
     queued: Option<Instant>,
 }
 
+impl TcpState {
+    pub(super) const fn host(&self) -> HostId {
+        self.host
+    }
+
+    /// The wakers of all that wait for a connection that is gone.
+    pub(super) fn into_wakers(self) -> impl Iterator<Item = Waker> {
+        [self.reader, self.writer, self.connector].into_iter().flatten()
+    }
+}
+
 /// A listening port.
 #[derive(Debug)]
 pub(crate) struct ListenerState {
+    /// Tells it from another listener that has had the port.
+    pub(crate) number: u32,
     pub(crate) options: TcpOptions,
     pub(crate) made: VecDeque<u32>,
     pub(crate) waker: Option<Waker>,
@@ -54,6 +67,10 @@ impl Core {
         let now = self.now;
         if let Some(&number) = self.tcp_ports.get(&(host, local.port(), peer)) {
             if let Some(state) = self.tcp.get_mut(&number) {
+                if state.socket.refuses(segment) {
+                    self.send(packet(host, local, from, peer, refusal(segment)), None);
+                    return;
+                }
                 state.socket.receive(now, segment);
             }
             self.pump_tcp(number);
@@ -77,15 +94,7 @@ impl Core {
                 }
             }
         } else if !segment.rst {
-            let seq = segment.ack.unwrap_or(0);
-            let refusal = Segment {
-                seq,
-                ack: Some(segment.end()),
-                rst: true,
-                class: Class::Handshake,
-                ..Segment::default()
-            };
-            self.send(packet(host, local, from, peer, refusal), None);
+            self.send(packet(host, local, from, peer, refusal(segment)), None);
         }
     }
 
@@ -205,6 +214,12 @@ impl Core {
         self.tcp_ports.insert((host, local.port(), peer), number);
         number
     }
+}
+
+/// A reset in answer to a segment that belongs to no connection.
+fn refusal(segment: &Segment) -> Segment {
+    let (seq, ack) = (segment.ack.unwrap_or(0), Some(segment.end()));
+    Segment { seq, ack, rst: true, class: Class::Handshake, ..Segment::default() }
 }
 
 fn packet(from: HostId, src: SocketAddr, to: HostId, dst: SocketAddr, segment: Segment) -> Box<Packet> {

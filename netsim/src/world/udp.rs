@@ -59,6 +59,15 @@ impl UdpState {
         }
     }
 
+    pub(super) const fn host(&self) -> HostId {
+        self.host
+    }
+
+    /// The wakers of all that wait for a socket that is gone.
+    pub(super) fn into_wakers(self) -> impl Iterator<Item = Waker> {
+        self.reader.into_iter().chain(self.writers)
+    }
+
     /// Takes a datagram; without room it is lost. Returns whether a task waited for it.
     pub(super) fn receive(&mut self, from: SocketAddr, to: SocketAddr, ecn: Ecn, data: Bytes) -> bool {
         let cost = cost(data.len());
