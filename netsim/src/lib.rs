@@ -29,6 +29,7 @@
 //! | [`link`] | one direction of a link, without a clock of its own |
 //! | `fabric`, `packet`, `wire` | packets on their way through a topology |
 //! | `net`, `tcp` | a host's sockets: datagrams, and a model of Linux's TCP |
+//! | [`tokio`] | the names of tokio over a host's sockets and time |
 //! | `relay` | the links of a topology for real packets |
 //! | `capture` | packets for Wireshark |
 
@@ -48,6 +49,7 @@ mod simulation;
 mod tcp;
 mod text;
 mod timers;
+pub mod tokio;
 mod topology;
 mod wire;
 mod world;
@@ -55,7 +57,7 @@ mod world;
 pub use capture::CaptureError;
 pub use control::{Control, SetLinkError};
 pub use host::HostId;
-pub use net::SimNet;
+pub use net::{Scope, SimNet};
 pub use profile::{Profile, ProfileError, ScheduleFault, Sites};
 pub use relay::{Arrival, Relay, Totals};
 pub use simulation::{Simulation, Stalled, UnknownHost};

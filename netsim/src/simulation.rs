@@ -14,7 +14,8 @@ use crate::capture::{Capture, CaptureError};
 use crate::control::Control;
 use crate::host::HostId;
 use crate::link::LinkTally;
-use crate::net::SimNet;
+use crate::net::context::NOWHERE;
+use crate::net::{Scope, SimNet};
 use crate::tcp::Class;
 use crate::topology::Topology;
 use crate::wire::WireTally;
@@ -103,7 +104,7 @@ impl Simulation {
     /// # Errors
     /// If it waits and no event is left.
     pub fn run<F: Future>(&self, program: F) -> Result<F::Output, Stalled> {
-        let mut program = pin!(program);
+        let mut program = pin!(Scope { net: self.net(NOWHERE), program: pin!(program) });
         let waker = self.world.executor.main();
         waker.wake_by_ref();
         loop {
@@ -121,7 +122,7 @@ impl Simulation {
     ///
     /// `clock` tells the time since the simulation began, and never goes back.
     pub fn run_in_step<F: Future>(&self, clock: impl Fn() -> Instant, program: F) -> F::Output {
-        let mut program = pin!(program);
+        let mut program = pin!(Scope { net: self.net(NOWHERE), program: pin!(program) });
         let waker = self.world.executor.main();
         waker.wake_by_ref();
         let Self { world } = self;

@@ -1,12 +1,14 @@
 //! The transports' [`Net`] as a simulated host offers it to programs.
 
-mod tcp;
+pub(crate) mod context;
+pub(crate) mod tcp;
 mod timer;
 mod udp;
 
 use std::fmt;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,6 +16,7 @@ use trimaran_net::{BoxFuture, Instant, Listen, Net, Stream, TcpOptions, Timer, U
 
 use crate::host::HostId;
 use crate::world::World;
+pub use context::Scope;
 use timer::SimTimer;
 
 /// The network as one host of a simulation sees it.
@@ -42,6 +45,13 @@ impl SimNet {
         Self { timer_grain: nanos.max(1), ..self }
     }
 
+    /// A program on this host, for those that use the functions of [`tokio`](crate::tokio). Tasks of
+    /// [`Net::spawn`] are on their host anyway. Dropping the result drops the program; a crash of the host does
+    /// not end it.
+    pub fn scope<F: Future>(&self, program: F) -> Scope<Pin<Box<F>>> {
+        Scope { net: self.clone(), program: Box::pin(program) }
+    }
+
     /// The host.
     #[must_use]
     pub const fn host(&self) -> HostId {
@@ -53,7 +63,7 @@ impl SimNet {
         if self.host.of(at) == Some(self.host) { Ok(()) } else { Err(io::ErrorKind::AddrNotAvailable.into()) }
     }
 
-    fn lookup(&self, address: &str) -> io::Result<Vec<SocketAddr>> {
+    pub(crate) fn lookup(&self, address: &str) -> io::Result<Vec<SocketAddr>> {
         if let Ok(address) = address.parse() {
             return Ok(vec![address]);
         }
@@ -81,7 +91,7 @@ impl Net for SimNet {
 
     fn spawn(&self, task: BoxFuture<'static, ()>) {
         if self.world.core().check_up(self.host).is_ok() {
-            self.world.executor.spawn(self.host, task);
+            self.world.executor.spawn(self.host, Box::pin(Scope { net: self.clone(), program: task }));
         }
     }
 
@@ -95,12 +105,13 @@ impl Net for SimNet {
     }
 
     fn connect_tcp(&self, to: SocketAddr, options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>> {
-        Box::pin(tcp::connect(self, to, options))
+        Box::pin(async move { Ok(tcp::connect(self, to, options).await?.into_stream()) })
     }
 
     fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
-        self.own(at.ip())?;
-        tcp::listen(self, at, options)
+        let listener = tcp::listen(self, at, options)?;
+        let local = listener.local;
+        Ok((Box::new(listener), local))
     }
 
     fn bind_udp(&self, at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>> {

@@ -16,7 +16,7 @@ use crate::tcp::Socket;
 use crate::world::{ListenerState, TcpState};
 
 /// Connects.
-pub(super) async fn connect(net: &SimNet, to: SocketAddr, options: TcpOptions) -> io::Result<Stream> {
+pub(crate) async fn connect(net: &SimNet, to: SocketAddr, options: TcpOptions) -> io::Result<Connection> {
     let here = net.host;
     let there = here.of(to.ip()).ok_or(io::ErrorKind::NetworkUnreachable)?;
     let connection = {
@@ -24,64 +24,69 @@ pub(super) async fn connect(net: &SimNet, to: SocketAddr, options: TcpOptions) -
         core.check_up(here)?;
         let config = core.tcp_config(here, there, to, options).ok_or(io::ErrorKind::HostUnreachable)?;
         let taken = |port| {
-            core.tcp_ports.contains_key(&(here, port, to)) || core.listeners.contains_key(&(here, port))
+            let is_itself = here == there && port == to.port();
+            is_itself
+                || core.tcp_ports.contains_key(&(here, port, to))
+                || core.listeners.contains_key(&(here, port))
         };
         let port = free_port(0, taken).map_err(|_| io::ErrorKind::AddrNotAvailable)?;
-        let source = here.source_to(there, to.ip());
+        let local = SocketAddr::new(here.source_to(there, to.ip()), port);
         let socket = Socket::connect(core.now, config);
-        let number = core.add_tcp(socket, here, SocketAddr::new(source, port), there, to);
+        let number = core.add_tcp(socket, here, local, there, to);
         core.pump_tcp(number);
-        Connection { net: net.clone(), number }
+        Connection { net: net.clone(), number, local, peer: to }
     };
     poll_fn(|cx| connection.poll_open(cx)).await?;
-    Ok(connection.into_stream(to))
+    Ok(connection)
 }
 
 /// Listens.
-pub(super) fn listen(
-    net: &SimNet,
-    at: SocketAddr,
-    options: TcpOptions,
-) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
+pub(crate) fn listen(net: &SimNet, at: SocketAddr, options: TcpOptions) -> io::Result<SimListener> {
+    net.own(at.ip())?;
     let mut core = net.world.core();
     core.check_up(net.host)?;
     let port = free_port(at.port(), |port| core.listeners.contains_key(&(net.host, port)))?;
     let number = core.new_socket();
     let state = ListenerState { number, options, made: VecDeque::new(), waker: None };
     core.listeners.insert((net.host, port), state);
-    Ok((Box::new(SimListener { net: net.clone(), port, number }), SocketAddr::new(at.ip(), port)))
+    Ok(SimListener { net: net.clone(), local: SocketAddr::new(at.ip(), port), number })
 }
 
-struct SimListener {
+/// A program's handle of a listening port.
+#[derive(Debug)]
+pub(crate) struct SimListener {
     net: SimNet,
-    port: u16,
+    pub(crate) local: SocketAddr,
     number: u32,
+}
+
+impl SimListener {
+    pub(crate) fn poll_accept(&self, cx: &Context<'_>) -> Poll<io::Result<Connection>> {
+        let mut core = self.net.world.core();
+        let listener = core.listeners.get_mut(&(self.net.host, self.local.port()));
+        let Some(listener) = listener.filter(|listener| listener.number == self.number) else {
+            return Poll::Ready(Err(io::ErrorKind::NotConnected.into()));
+        };
+        let Some(number) = listener.made.pop_front() else {
+            listener.waker = Some(cx.waker().clone());
+            return Poll::Pending;
+        };
+        let state = core.tcp.get(&number).ok_or(io::ErrorKind::ConnectionAborted)?;
+        let (local, peer) = (state.local, state.peer);
+        Poll::Ready(Ok(Connection { net: self.net.clone(), number, local, peer }))
+    }
 }
 
 impl Listen for SimListener {
     fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>> {
-        Box::pin(poll_fn(|cx| {
-            let mut core = self.net.world.core();
-            let listener = core.listeners.get_mut(&(self.net.host, self.port));
-            let Some(listener) = listener.filter(|listener| listener.number == self.number) else {
-                return Poll::Ready(Err(io::ErrorKind::NotConnected.into()));
-            };
-            let Some(number) = listener.made.pop_front() else {
-                listener.waker = Some(cx.waker().clone());
-                return Poll::Pending;
-            };
-            let peer =
-                core.tcp.get(&number).map(|state| state.peer).ok_or(io::ErrorKind::ConnectionAborted)?;
-            drop(core);
-            Poll::Ready(Ok(Connection { net: self.net.clone(), number }.into_stream(peer)))
-        }))
+        Box::pin(poll_fn(|cx| self.poll_accept(cx).map_ok(Connection::into_stream)))
     }
 }
 
 impl Drop for SimListener {
     fn drop(&mut self) {
         let mut core = self.net.world.core();
-        let port = (self.net.host, self.port);
+        let port = (self.net.host, self.local.port());
         // After a crash another listener may have the port.
         if core.listeners.get(&port).is_none_or(|listener| listener.number != self.number) {
             return;
@@ -94,9 +99,11 @@ impl Drop for SimListener {
 
 /// A program's handle of a connection; closes it when dropped.
 #[derive(Debug)]
-struct Connection {
+pub(crate) struct Connection {
     net: SimNet,
     number: u32,
+    pub(crate) local: SocketAddr,
+    pub(crate) peer: SocketAddr,
 }
 
 impl Drop for Connection {
@@ -106,8 +113,8 @@ impl Drop for Connection {
 }
 
 impl Connection {
-    fn into_stream(self, peer: SocketAddr) -> Stream {
-        let connection = Arc::new(self);
+    pub(super) fn into_stream(self) -> Stream {
+        let (peer, connection) = (self.peer, Arc::new(self));
         Stream {
             reader: Box::new(Reader(Arc::clone(&connection))),
             writer: Box::new(Writer(connection)),
@@ -138,17 +145,9 @@ impl Connection {
             }
         })
     }
-}
 
-struct Reader(Arc<Connection>);
-
-impl AsyncRead for Reader {
-    fn poll_read(
-        self: Pin<&mut Self>,
-        cx: &mut Context<'_>,
-        buffer: &mut ReadBuf<'_>,
-    ) -> Poll<io::Result<()>> {
-        self.0.with(|state, now| {
+    pub(crate) fn poll_read(&self, cx: &Context<'_>, buffer: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        self.with(|state, now| {
             if !state.socket.is_readable() {
                 state.reader = Some(cx.waker().clone());
                 return Poll::Pending;
@@ -159,13 +158,9 @@ impl AsyncRead for Reader {
             Poll::Ready(count.map(|count| buffer.advance(count)))
         })
     }
-}
 
-struct Writer(Arc<Connection>);
-
-impl AsyncWrite for Writer {
-    fn poll_write(self: Pin<&mut Self>, cx: &mut Context<'_>, data: &[u8]) -> Poll<io::Result<usize>> {
-        self.0.with(|state, _| match state.socket.write(data) {
+    pub(crate) fn poll_write(&self, cx: &Context<'_>, data: &[u8]) -> Poll<io::Result<usize>> {
+        self.with(|state, _| match state.socket.write(data) {
             Ok(0) if !data.is_empty() => {
                 state.writer = Some(cx.waker().clone());
                 Poll::Pending
@@ -174,23 +169,55 @@ impl AsyncWrite for Writer {
         })
     }
 
+    /// The program writes nothing more.
+    pub(crate) fn shutdown(&self) -> io::Result<()> {
+        self.set(Socket::shutdown)
+    }
+
+    pub(crate) fn set_nodelay(&self, nodelay: bool) -> io::Result<()> {
+        self.set(|socket| socket.set_nodelay(nodelay))
+    }
+
+    /// Changes the socket, then sends what follows from that.
+    fn set(&self, change: impl FnOnce(&mut Socket)) -> io::Result<()> {
+        let mut core = self.net.world.core();
+        let state = core.tcp.get_mut(&self.number).ok_or(io::ErrorKind::NotConnected)?;
+        change(&mut state.socket);
+        core.pump_tcp(self.number);
+        Ok(())
+    }
+}
+
+struct Reader(Arc<Connection>);
+
+impl AsyncRead for Reader {
+    fn poll_read(
+        self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        self.0.poll_read(cx, buffer)
+    }
+}
+
+struct Writer(Arc<Connection>);
+
+impl AsyncWrite for Writer {
+    fn poll_write(self: Pin<&mut Self>, cx: &mut Context<'_>, data: &[u8]) -> Poll<io::Result<usize>> {
+        self.0.poll_write(cx, data)
+    }
+
     fn poll_flush(self: Pin<&mut Self>, _cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         Poll::Ready(Ok(()))
     }
 
     fn poll_shutdown(self: Pin<&mut Self>, _cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        self.0.with(|state, _| {
-            state.socket.shutdown();
-            Poll::Ready(Ok(()))
-        })
+        Poll::Ready(self.0.shutdown())
     }
 }
 
 impl Drop for Writer {
     fn drop(&mut self) {
-        let _closed = self.0.with(|state, _| {
-            state.socket.shutdown();
-            Poll::Ready(Ok(()))
-        });
+        let _closed = self.0.shutdown();
     }
 }

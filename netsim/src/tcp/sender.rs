@@ -65,7 +65,7 @@ pub(super) struct Sender {
     outgoing: u64,
     /// Data waits for those to leave.
     held_back: bool,
-    nodelay: bool,
+    pub(super) nodelay: bool,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -162,6 +162,11 @@ impl Socket {
         Ok(count)
     }
 
+    /// Whether small segments go at once.
+    pub(crate) const fn set_nodelay(&mut self, nodelay: bool) {
+        self.sender.nodelay = nodelay;
+    }
+
     /// The program writes nothing more.
     pub(crate) const fn shutdown(&mut self) {
         self.sender.close();

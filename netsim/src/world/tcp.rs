@@ -20,7 +20,7 @@ const LOOPBACK_MTU: u32 = 65_535;
 pub(crate) struct TcpState {
     pub(crate) socket: Socket,
     host: HostId,
-    local: SocketAddr,
+    pub(crate) local: SocketAddr,
     peer_host: HostId,
     pub(crate) peer: SocketAddr,
     pub(crate) reader: Option<Waker>,

@@ -4,6 +4,7 @@
 mod faults;
 mod tcp;
 mod time;
+mod tokio_names;
 
 use trimaran_netsim::link::LinkModel;
 use trimaran_netsim::{HostId, Simulation, Topology};
