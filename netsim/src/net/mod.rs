@@ -1,4 +1,4 @@
-//! The transports' [`Net`] as a simulated host offers it to programs.
+//! The [`Net`] that a simulated host offers to programs.
 
 pub(crate) mod context;
 pub(crate) mod tcp;
