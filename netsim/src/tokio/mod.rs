@@ -3,10 +3,8 @@
 //! ```
 //! use std::time::Duration;
 //! use tokio::io::{AsyncReadExt, AsyncWriteExt};
-//! # use tokio as _;
-//! use trimaran_net::Net;
 //! use trimaran_netsim::tokio::net::{TcpListener, TcpStream}; // was: use tokio::net::...
-//! use trimaran_netsim::tokio::time;
+//! use trimaran_netsim::tokio::{task, time};
 //! use trimaran_netsim::{Simulation, Topology, link::LinkModel, link::Rate};
 //!
 //! async fn serve() -> std::io::Result<()> {
@@ -22,7 +20,7 @@
 //! let line = LinkModel::clean(Rate::new(1_000_000), Duration::from_millis(20));
 //! let simulation = Simulation::new(&Topology::pair(["client", "server"], &line, &line), 1);
 //! let (client, server) = (simulation.named("client")?, simulation.named("server")?);
-//! server.spawn(Box::pin(async { drop(serve().await) }));
+//! task::spawn_on(&server, serve());
 //! let heard = simulation.run(client.scope(async {
 //!     let mut heard = [0; 13];
 //!     TcpStream::connect("server:80").await?.read_exact(&mut heard).await?;
@@ -37,11 +35,11 @@
 //! |---|---|
 //! | `net` | [`net::TcpListener`], [`net::TcpStream`] with both kinds of halves, [`net::UdpSocket`] |
 //! | `time` | [`time::sleep`], [`time::timeout`], [`time::interval`], [`time::Instant`] |
-//! | `task` | [`spawn`], [`task::JoinHandle`], [`task::yield_now`] |
+//! | `task` | [`spawn`], [`task::JoinHandle`], [`task::yield_now`], and [`task::spawn_on`] to begin with |
 //! | `io`, `sync`, `select!`, `join!` | tokio's own: they need no runtime |
 //!
-//! A program is on the host whose [`scope`](crate::SimNet::scope) it runs in, or which spawned it. A task is
-//! on the host of the task that spawned it. The program of [`Simulation::run`](crate::Simulation::run) itself is
+//! A program is on the host whose [`scope`](crate::SimNet::scope) it runs in, or on which it was spawned. The
+//! tasks that it spawns are there as well. The program of [`Simulation::run`](crate::Simulation::run) itself is
 //! on none: it has time, but functions that make sockets fail there, and spawned tasks end at once.
 //!
 //! Not covered: `TcpSocket`, `readable` and the `try_` functions, Unix sockets, `fs`, `process`, `signal`,

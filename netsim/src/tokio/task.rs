@@ -10,6 +10,7 @@ use parking_lot::Mutex;
 use thiserror::Error;
 use trimaran_net::Net;
 
+use crate::net::SimNet;
 use crate::net::context::here;
 
 /// Runs `future` beside the caller, on the same host. It ends with a crash of the host, and at once where the
@@ -19,14 +20,29 @@ where
     F: Future + Send + 'static,
     F::Output: Send + 'static,
 {
-    let state = State { output: None, is_aborted: false, task: None, joiner: None, is_finished: false };
-    let shared = Arc::new(Mutex::new(state));
-    let task = Task { future: Box::pin(future), shared: Arc::clone(&shared) };
-    match here() {
-        Ok(net) => net.spawn(Box::pin(task)),
-        Err(_) => drop(task),
+    let (task, handle) = task(future);
+    if let Ok(net) = here() {
+        net.spawn(Box::pin(task));
     }
-    JoinHandle { shared }
+    handle
+}
+
+/// Runs `future` on a host, which tokio has no name for. It ends with a crash of the host, and at once where
+/// the host is down.
+pub fn spawn_on<F>(host: &SimNet, future: F) -> JoinHandle<F::Output>
+where
+    F: Future + Send + 'static,
+    F::Output: Send + 'static,
+{
+    let (task, handle) = task(future);
+    host.spawn(Box::pin(task));
+    handle
+}
+
+fn task<F: Future>(future: F) -> (Task<F>, JoinHandle<F::Output>) {
+    let state = State { output: None, is_finished: false, is_aborted: false, task: None, joiner: None };
+    let shared = Arc::new(Mutex::new(state));
+    (Task { future: Box::pin(future), shared: Arc::clone(&shared) }, JoinHandle { shared })
 }
 
 /// Lets other tasks run.

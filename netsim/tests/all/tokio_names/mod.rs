@@ -3,9 +3,9 @@
 use std::io::ErrorKind;
 use std::time::Duration;
 
-use trimaran_net::Net;
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::tokio::net::{TcpListener, TcpStream, UdpSocket};
+use trimaran_netsim::tokio::task::spawn_on;
 use trimaran_netsim::tokio::time::{self, Instant};
 use trimaran_netsim::tokio::{spawn, task};
 use trimaran_netsim::{SimNet, Simulation, Topology};
@@ -48,12 +48,12 @@ fn a_program_does_here_what_it_does_on_tokio() {
 #[test]
 fn names_lead_to_hosts_and_streams_take_the_time_of_their_links() {
     let (simulation, [client, server]) = hosts();
-    server.spawn(Box::pin(async {
+    spawn_on(&server, async {
         let listener = TcpListener::bind(("server", 80)).await.unwrap();
         let (mut stream, peer) = listener.accept().await.unwrap();
         assert_eq!(peer.ip().to_string(), "10.0.0.1");
         stream.write_all(&[7; 100_000]).await.unwrap();
-    }));
+    });
     let took = simulation.run(client.scope(async {
         let mut stream = TcpStream::connect("server:80").await.unwrap();
         assert_eq!(Instant::now() - Instant::now(), Duration::ZERO);
@@ -71,13 +71,13 @@ fn names_lead_to_hosts_and_streams_take_the_time_of_their_links() {
 fn small_segments_wait_for_an_acknowledgement_until_nodelay_is_set() {
     let took = |nodelay: bool| {
         let (simulation, [client, server]) = hosts();
-        server.spawn(Box::pin(async {
+        spawn_on(&server, async {
             let listener = TcpListener::bind("0.0.0.0:80").await.unwrap();
             let (mut stream, _) = listener.accept().await.unwrap();
             let mut bytes = [0; 2];
             stream.read_exact(&mut bytes).await.unwrap();
             stream.write_all(&bytes).await.unwrap();
-        }));
+        });
         let took = simulation.run(client.scope(async move {
             let mut stream = TcpStream::connect("server:80").await.unwrap();
             stream.set_nodelay(nodelay).unwrap();
@@ -98,15 +98,11 @@ fn small_segments_wait_for_an_acknowledgement_until_nodelay_is_set() {
 fn a_task_that_a_crash_ends_is_cancelled_and_a_peer_gives_up_as_linux_does() {
     let (simulation, [client, server]) = hosts();
     let control = simulation.control();
-    #[expect(clippy::async_yields_async, reason = "its end is awaited after the crash")]
-    let serve = server.scope(async {
-        spawn(async {
-            let listener = TcpListener::bind("0.0.0.0:80").await.unwrap();
-            let (_stream, _) = listener.accept().await.unwrap();
-            std::future::pending::<()>().await;
-        })
+    let serve = spawn_on(&server, async {
+        let listener = TcpListener::bind("0.0.0.0:80").await.unwrap();
+        let (_stream, _) = listener.accept().await.unwrap();
+        std::future::pending::<()>().await;
     });
-    let serve = simulation.run(serve).unwrap();
     simulation
         .run(client.scope(async {
             let mut stream = TcpStream::connect("server:80").await.unwrap();
@@ -114,6 +110,7 @@ fn a_task_that_a_crash_ends_is_cancelled_and_a_peer_gives_up_as_linux_does() {
             assert!(!serve.is_finished());
             control.crash(server.host());
             assert!(serve.await.unwrap_err().is_cancelled());
+            assert!(spawn_on(&server, async {}).await.is_err(), "it is down");
             let begun = Instant::now();
             stream.write_all(b"anybody?").await.unwrap();
             let error = stream.read(&mut [0]).await.unwrap_err();
