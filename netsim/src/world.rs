@@ -3,10 +3,8 @@
 use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::fmt;
-use std::io;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::task::Waker;
 
 use trimaran_net::Instant;
 use xxhash_rust::xxh3::Xxh3;
@@ -24,6 +22,7 @@ use crate::timers::{Rung, Timers};
 use crate::topology::Topology;
 use crate::wire::WireTally;
 
+mod crash;
 mod tcp;
 mod udp;
 
@@ -114,13 +113,6 @@ impl World {
         Instant::from_nanos(self.now.load(Ordering::Relaxed))
     }
 
-    /// Takes a host down: its sockets are gone without a word to their peers, and its tasks end.
-    pub(crate) fn crash(&self, host: HostId) {
-        let waiting = self.core().crash(host);
-        self.executor.end(host);
-        waiting.into_iter().for_each(Waker::wake);
-    }
-
     /// Advances to the next event that wakes a task; false if there is none.
     pub(crate) fn go_on(&self) -> bool {
         self.go_on_until(Instant::from_nanos(u64::MAX))
@@ -162,25 +154,6 @@ impl Core {
     pub(crate) const fn new_socket(&mut self) -> u32 {
         self.last_socket += 1;
         self.last_socket
-    }
-
-    /// Fails while a host is down.
-    pub(crate) fn check_up(&self, host: HostId) -> io::Result<()> {
-        if self.fabric.is_down(host) { Err(io::ErrorKind::NetworkDown.into()) } else { Ok(()) }
-    }
-
-    /// Takes a host down. Returns the wakers of all that wait for its sockets.
-    fn crash(&mut self, host: HostId) -> Vec<Waker> {
-        self.fabric.take_down(host);
-        self.udp_ports.retain(|(of, _), _| *of != host);
-        self.tcp_ports.retain(|(of, ..), _| *of != host);
-        let sockets = self.sockets.extract_if(.., |_, socket| socket.host() == host);
-        let mut waiting: Vec<_> = sockets.flat_map(|(_, socket)| socket.into_wakers()).collect();
-        let connections = self.tcp.extract_if(.., |_, state| state.host() == host);
-        waiting.extend(connections.flat_map(|(_, state)| state.into_wakers()));
-        let listeners = self.listeners.extract_if(.., |(of, _), _| *of == host);
-        waiting.extend(listeners.filter_map(|(_, listener)| listener.waker));
-        waiting
     }
 
     /// Sets a timer.
