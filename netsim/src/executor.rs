@@ -247,21 +247,27 @@ mod tests {
     fn the_tasks_of_a_host_end_with_it_and_the_one_that_ends_it_at_its_next_wait() {
         let executor = Arc::new(Executor::default());
         let log = Arc::new(Mutex::new(Vec::new()));
+        let rounds = async |log: &Mutex<Vec<_>>, name| {
+            for round in 0..2 {
+                log.lock().push((name, round));
+                yield_once().await;
+            }
+        };
         for (host, name) in [(1, "a"), (2, "b"), (1, "c")] {
             let (log, ending) = (Arc::clone(&log), Arc::clone(&executor));
             let task = async move {
                 if name == "c" {
                     ending.end(HostId(1));
+                    let log = Arc::clone(&log);
+                    // It gets the key of the one that runs.
+                    ending.spawn(HostId(2), Box::pin(async move { rounds(&log, "d").await }));
                 }
-                for round in 0..2 {
-                    log.lock().push((name, round));
-                    yield_once().await;
-                }
+                rounds(&log, name).await;
             };
             executor.spawn(HostId(host), Box::pin(task));
         }
         assert_eq!(run(&executor, std::future::pending::<()>()), Poll::Pending);
-        assert_eq!(*log.lock(), [("a", 0), ("b", 0), ("c", 0), ("b", 1)]);
+        assert_eq!(*log.lock(), [("a", 0), ("b", 0), ("c", 0), ("b", 1), ("d", 0), ("d", 1)]);
         assert_eq!(executor.tasks.lock().len(), 0);
     }
 

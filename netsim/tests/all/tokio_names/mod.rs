@@ -121,14 +121,17 @@ fn a_task_that_a_crash_ends_is_cancelled_and_a_peer_gives_up_as_linux_does() {
 
 #[test]
 fn a_program_on_no_host_has_time_and_no_sockets() {
-    let (simulation, _) = hosts();
+    let (simulation, [client, _]) = hosts();
     simulation
         .run(async {
+            client.scope(async {}).await; // and is there no longer
+            assert!(spawn(async {}).await.is_err());
+            let begun = Instant::now();
             time::sleep(Duration::from_secs(1)).await;
+            assert_eq!(begun.elapsed(), Duration::from_secs(1));
             assert_eq!(Instant::now() - Duration::from_secs(1), Instant::now() - Duration::from_secs(9));
             let error = UdpSocket::bind("0.0.0.0:0").await.unwrap_err().to_string();
             assert!(error.contains("SimNet::scope"), "{error}");
-            assert!(spawn(async {}).await.is_err());
         })
         .unwrap();
     assert_eq!(simulation.now().as_nanos(), 1_000_000_000);

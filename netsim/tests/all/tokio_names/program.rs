@@ -33,6 +33,12 @@ async fn over_tcp(record: &mut Vec<String>) -> io::Result<()> {
     let mut answer = String::new();
     reader.read_to_string(&mut answer).await?;
     record.push(answer);
+    let (mut reader, mut writer) = net::TcpStream::connect(at).await?.into_split();
+    writer.write_all(b"the last\n").await?;
+    drop(writer); // the end of what it says
+    let mut answer = String::new();
+    reader.read_to_string(&mut answer).await?;
+    record.push(answer);
     server.abort();
     record.push(format!("aborted: {}", server.await.is_err_and(|e| e.is_cancelled())));
     let refused = net::TcpStream::connect(("127.0.0.1", at.port())).await.map_err(|e| e.kind());
