@@ -50,6 +50,8 @@ pub(crate) struct Core {
     /// The connection of each port of a host and peer's address.
     pub(crate) tcp_ports: BTreeMap<(HostId, u16, SocketAddr), u32>,
     pub(crate) listeners: BTreeMap<(HostId, u16), ListenerState>,
+    /// Where each host looks for a port to connect from; also after a crash.
+    pub(crate) next_ports: BTreeMap<HostId, u16>,
     /// Packets are passed on from queue to queue: by pointer.
     pub(crate) fabric: Fabric<Box<Packet>>,
     pub(crate) names: Vec<String>,
@@ -94,6 +96,7 @@ impl World {
             tcp: BTreeMap::new(),
             tcp_ports: BTreeMap::new(),
             listeners: BTreeMap::new(),
+            next_ports: BTreeMap::new(),
             fabric: Fabric::new(topology, Random::stream(seed, 1).bits()),
             names: topology.host_names().map(str::to_owned).collect(),
             last_socket: 0,

@@ -11,7 +11,7 @@ use std::task::{Context, Poll, ready};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use trimaran_net::{BoxFuture, Instant, Listen, Stream, StreamPeer, TcpOptions};
 
-use super::{SimNet, free_port};
+use super::{FIRST_FREE_PORT, SimNet, free_port};
 use crate::tcp::Socket;
 use crate::world::{ListenerState, TcpState};
 
@@ -29,7 +29,11 @@ pub(crate) async fn connect(net: &SimNet, to: SocketAddr, options: TcpOptions) -
                 || core.tcp_ports.contains_key(&(here, port, to))
                 || core.listeners.contains_key(&(here, port))
         };
-        let port = free_port(0, taken).map_err(|_| io::ErrorKind::AddrNotAvailable)?;
+        // In turn, because the other end may still have a connection from a port that is free again.
+        let first = core.next_ports.get(&here).copied().unwrap_or(FIRST_FREE_PORT);
+        let mut ports = (first..=u16::MAX).chain(FIRST_FREE_PORT..first);
+        let port = ports.find(|port| !taken(*port)).ok_or(io::ErrorKind::AddrNotAvailable)?;
+        core.next_ports.insert(here, port.checked_add(1).unwrap_or(FIRST_FREE_PORT));
         let local = SocketAddr::new(here.source_to(there, to.ip()), port);
         let socket = Socket::connect(core.now, config);
         let number = core.add_tcp(socket, here, local, there, to);

@@ -192,13 +192,6 @@ impl Socket {
         self.failure.get_or_insert(kind);
     }
 
-    /// Whether a segment belongs to an earlier connection, and the peer must be told that it is gone. This end
-    /// has only begun to connect, and the segment is no answer to that (RFC 9293, section 3.10.7.3).
-    pub(crate) fn refuses(&self, segment: &Segment) -> bool {
-        let connecting = matches!(self.state, State::Opening { answering: false, .. });
-        connecting && !segment.rst && segment.ack.is_some_and(|ack| ack != 1 || !segment.syn)
-    }
-
     /// A segment came.
     pub(crate) fn receive(&mut self, now: Instant, segment: &Segment) {
         if segment.rst {

@@ -67,10 +67,6 @@ impl Core {
         let now = self.now;
         if let Some(&number) = self.tcp_ports.get(&(host, local.port(), peer)) {
             if let Some(state) = self.tcp.get_mut(&number) {
-                if state.socket.refuses(segment) {
-                    self.send(packet(host, local, from, peer, refusal(segment)), None);
-                    return;
-                }
                 state.socket.receive(now, segment);
             }
             self.pump_tcp(number);
@@ -94,7 +90,15 @@ impl Core {
                 }
             }
         } else if !segment.rst {
-            self.send(packet(host, local, from, peer, refusal(segment)), None);
+            let seq = segment.ack.unwrap_or(0);
+            let refusal = Segment {
+                seq,
+                ack: Some(segment.end()),
+                rst: true,
+                class: Class::Handshake,
+                ..Segment::default()
+            };
+            self.send(packet(host, local, from, peer, refusal), None);
         }
     }
 
@@ -214,12 +218,6 @@ impl Core {
         self.tcp_ports.insert((host, local.port(), peer), number);
         number
     }
-}
-
-/// A reset in answer to a segment that belongs to no connection.
-fn refusal(segment: &Segment) -> Segment {
-    let (seq, ack) = (segment.ack.unwrap_or(0), Some(segment.end()));
-    Segment { seq, ack, rst: true, class: Class::Handshake, ..Segment::default() }
 }
 
 fn packet(from: HostId, src: SocketAddr, to: HostId, dst: SocketAddr, segment: Segment) -> Box<Packet> {
