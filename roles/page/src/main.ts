@@ -3,10 +3,10 @@
 import "./page.css";
 import { drive } from "./drive/drive.ts";
 import { showPanels } from "./panels/app.tsx";
+import { messageOf } from "./service/errors.ts";
 import { Service } from "./service/service.ts";
 import { followLink } from "./tools/viewsPanel.tsx";
 import { OTHER_SCENE, Viewer } from "./viewer/viewer.ts";
-import { messageOf } from "./wire/errors.ts";
 
 declare global {
   interface Window {

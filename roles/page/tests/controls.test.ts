@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { takesKey, type Within } from "../src/navigate/typing.ts";
-import { messageOf, withoutSecrets } from "../src/wire/errors.ts";
-import { openWebSocket, type Socket } from "../src/wire/websocket.ts";
+import { messageOf, withoutSecrets } from "../src/service/errors.ts";
+import { openWebSocket, type Socket } from "../wire/src/websocket.ts";
 
 /** An element that matches selectors with `kind` in their list. */
 function control(kind: string): Within {

@@ -13,8 +13,8 @@ import { View } from "../src/draw/view.ts";
 import { Gaze } from "../src/navigate/gaze.ts";
 import { BOTH_SIDES, FRONT_SIDE, isOfSolids } from "../src/proto/sides.ts";
 import { type Point, pointOf } from "../src/space/point.ts";
+import { randomOf } from "../wire/tests/support.ts";
 import { AHEAD, box, cameraAt, drawableAt, folded, UPRIGHT } from "./drawScene.ts";
-import { randomOf } from "./support.ts";
 
 test("places never overlap, and what is given back can be taken again", () => {
   for (let seed = 1; seed <= 20; seed += 1) {

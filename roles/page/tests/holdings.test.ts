@@ -1,10 +1,10 @@
 import assert from "node:assert/strict";
 import { before, test } from "node:test";
+import { WireError, Writer } from "trimaran-transport";
 import { Holdings, type Store } from "../src/display/holdings.ts";
 import { NUMBERS, numberList } from "../src/proto/numbers.ts";
 import { loadCodecs } from "../src/proto/piece.ts";
 import type { DrawableRecord } from "../src/proto/records.ts";
-import { WireError, Writer } from "../src/wire/bytes.ts";
 import { packPiece, packRecords } from "./packing.ts";
 
 const OUTLINE = { hash: 1n, nodes: 10, drawables: 10, geometries: 10, objects: 10 };

@@ -2,11 +2,10 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-
+import { WireError, Writer } from "trimaran-transport";
 import { faultOfIds, IdDecoder } from "../src/proto/idCoding.ts";
-import { WireError, Writer } from "../src/wire/bytes.ts";
+import { randomOf, range } from "../wire/tests/support.ts";
 import { encodeIds } from "./idEncoder.ts";
-import { randomOf, range } from "./support.ts";
 
 const ROOM = 20_000;
 

@@ -1,6 +1,6 @@
 /** Encodes ids as changes, as its page describes: the counterpart of the page's decoder. */
 
-import { Writer } from "../src/wire/bytes.ts";
+import { Writer } from "trimaran-transport";
 
 /** Ascending `ids` as runs over `held`, the ids of a frame `back` before; with 0 over nothing. */
 export function encodeIds(

@@ -9,7 +9,6 @@ import { test } from "node:test";
 const FOLDERS = [
   "space",
   "controls",
-  "wire",
   "proto",
   "draw",
   "service",

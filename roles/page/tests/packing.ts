@@ -1,10 +1,9 @@
 /** Packs records and pieces like a culler: the counterpart of the page's decoder. */
 
 import { MeshoptEncoder } from "meshoptimizer/encoder";
-
+import { Writer } from "trimaran-transport";
 import type { DrawableRecord } from "../src/proto/records.ts";
-import { Writer } from "../src/wire/bytes.ts";
-import { range } from "./support.ts";
+import { range } from "../wire/tests/support.ts";
 
 /** The columns of records, before zstd. */
 export function columnsOf(records: readonly DrawableRecord[]): Uint8Array<ArrayBuffer> {

@@ -2,12 +2,11 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-
+import { WireError, Writer } from "trimaran-transport";
 import { LARGEST_PIECE, loadCodecs, PieceAssembler, unpackPiece } from "../src/proto/piece.ts";
 import type { PiecePart } from "../src/proto/supply.ts";
-import { WireError, Writer } from "../src/wire/bytes.ts";
+import { concat, randomOf, range } from "../wire/tests/support.ts";
 import { packPiece } from "./packing.ts";
-import { concat, randomOf, range } from "./support.ts";
 
 await loadCodecs();
 

@@ -2,12 +2,11 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-
+import { WireError, Writer } from "trimaran-transport";
 import { type DrawableRecord, Records, unpackRecords } from "../src/proto/records.ts";
 import { unzstd } from "../src/proto/zstd.ts";
-import { WireError, Writer } from "../src/wire/bytes.ts";
+import { fromHex, range } from "../wire/tests/support.ts";
 import { packRecords, rawFrame } from "./packing.ts";
-import { fromHex, range } from "./support.ts";
 
 const OUTLINE = { hash: 1n, nodes: 400, drawables: 600, geometries: 250, objects: 100 };
 

@@ -2,15 +2,10 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-
-import { type Camera, decodeCamera, encodeCamera } from "../src/proto/camera.ts";
-import { decodeIdentity, encodeIdentity, type Identity } from "../src/proto/identity.ts";
-import {
-  decodeRoleMessage,
-  encodeRoleMessage,
-  type RoleMessage,
-  viewMessages,
-} from "../src/proto/messages.ts";
+import { Reader, WireError, Writer, whole } from "trimaran-transport";
+import type { Camera } from "../src/proto/camera.ts";
+import { type Identity, TRIMARAN } from "../src/proto/identity.ts";
+import { type RoleMessage, viewMessages } from "../src/proto/messages.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
 import type { Settings } from "../src/proto/settings.ts";
 import {
@@ -21,8 +16,11 @@ import {
   viewParts,
   viewStateOf,
 } from "../src/proto/viewState.ts";
-import { Reader, WireError, Writer } from "../src/wire/bytes.ts";
-import { concat, fromHex, randomOf, range, toHex } from "./support.ts";
+import { concat, fromHex, randomOf, range, toHex } from "../wire/tests/support.ts";
+
+const { encode: encodeIdentity, decode: decodeIdentity } = whole(TRIMARAN.hello);
+const { encode: encodeCamera, decode: decodeCamera } = whole(TRIMARAN.latest);
+const { encode: encodeRoleMessage, decode: decodeRoleMessage } = whole(TRIMARAN.message);
 
 const SETTINGS: Settings = {
   viewport: { width: 640, height: 480 },
@@ -203,7 +201,7 @@ test("sections that cut nothing or everything are refused, before they are sent 
 
 test("a long view state is told in parts of 16,000 bytes, in order", () => {
   const state = { ...STATE, hidden: ObjectSet.of(range(0, 40_000).map((at) => 2 * at)) };
-  const messages = viewMessages(4, state).map(decodeRoleMessage);
+  const messages = viewMessages(4, state);
   const parts = messages.map((message) => {
     assert(message.what === "view" && message.version === 4);
     return message;

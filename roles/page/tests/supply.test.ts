@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-
+import { Reader, WireError, Writer } from "trimaran-transport";
 import { NUMBERS, numberList, partNumbers } from "../src/proto/numbers.ts";
 import {
   type DisplayItem,
@@ -14,8 +14,7 @@ import {
   lacks,
   packBlocks,
 } from "../src/proto/supply.ts";
-import { Reader, WireError, Writer } from "../src/wire/bytes.ts";
-import { fromHex, randomOf, range, toHex } from "./support.ts";
+import { fromHex, randomOf, range, toHex } from "../wire/tests/support.ts";
 
 const written = (numbers: Iterable<number>) => {
   const writer = new Writer();

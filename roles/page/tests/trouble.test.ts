@@ -1,18 +1,19 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { troubleJoining, troubleOfEnd } from "../src/viewer/trouble.ts";
-import { describeRefusal, type Refusal } from "../src/wire/handshake.ts";
-import { LinkError } from "../src/wire/meeting.ts";
+import { LinkError } from "../wire/src/errors.ts";
+import { describeRefusal, type Refusal } from "../wire/src/handshake.ts";
 
 test("a person is told why there is no link, and what to do", () => {
-  const refused = (refusal: Refusal) => troubleJoining(new LinkError(describeRefusal(refusal), refusal));
+  const refused = (refusal: Refusal) =>
+    troubleJoining(new LinkError("refused", describeRefusal(refusal), { refusal }));
   assert.match(refused({ reason: "busy" }), /is full: .* goes on trying\. .*--people/);
   assert.equal(
     refused({ reason: "not taken", code: 1, text: "another scene" }),
     "The service refuses this page: another scene",
   );
   assert.equal(
-    troubleJoining(new LinkError("the listener did not answer in time")),
+    troubleJoining(new LinkError("timeout", "the listener did not answer in time")),
     "The service does not answer: the listener did not answer in time",
   );
   assert.equal(

@@ -1,17 +1,11 @@
-/** The worked examples of both wire pages match this page's encoder and decoder. */
+/** The worked examples of Trimaran's own wire page match this page's encoder and decoder. */
 
 import assert from "node:assert/strict";
-import { test } from "node:test";
+import { Reader, Writer, whole } from "trimaran-transport";
 
-import { decodeCamera, encodeCamera } from "../src/proto/camera.ts";
 import { IdDecoder } from "../src/proto/idCoding.ts";
-import { CloseCode, decodeIdentity, encodeIdentity, type Identity, TRIMARAN } from "../src/proto/identity.ts";
-import {
-  decodeRoleMessage,
-  encodeRoleMessage,
-  type RoleMessage,
-  viewMessages,
-} from "../src/proto/messages.ts";
+import { CloseCode, type Identity, TRIMARAN } from "../src/proto/identity.ts";
+import { type RoleMessage, viewMessages } from "../src/proto/messages.ts";
 import { numberList } from "../src/proto/numbers.ts";
 import { ObjectSet } from "../src/proto/objectSet.ts";
 import {
@@ -22,187 +16,22 @@ import {
   packBlocks,
 } from "../src/proto/supply.ts";
 import { decodeViewState, type ViewState, viewStateOf } from "../src/proto/viewState.ts";
-import { Reader, WireError, Writer } from "../src/wire/bytes.ts";
-import { FrameAssembler, loadHasher } from "../src/wire/frames.ts";
-import {
-  type Close,
-  decodeClose,
-  decodeHello,
-  decodeRefuse,
-  encodeClose,
-  encodeHello,
-  encodeRefuse,
-  type Hello,
-  type Refusal,
-} from "../src/wire/handshake.ts";
-import { encodeMessage, type Format, Kind, type Message, MessageStream } from "../src/wire/messages.ts";
+import { FrameAssembler, loadHasher } from "../wire/src/frames.ts";
+import { decodeHello, encodeHello, type Hello } from "../wire/src/handshake.ts";
+import { Kind } from "../wire/src/messages.ts";
+import { formatOf } from "../wire/src/protocol.ts";
+import { type Check, closed, onlyMessage, refused, same, testPage } from "../wire/tests/examples.ts";
+import { endOf, examplesOf, range } from "../wire/tests/support.ts";
 import { encodeIds } from "./idEncoder.ts";
-import { endOf, examplesOf, range, takeAll, toHex } from "./support.ts";
-
-/** Checks the values of an example, and returns their encoding, if this side can send it. */
-interface Check {
-  readonly kind: Kind;
-  readonly check: (payload: Uint8Array) => Uint8Array | undefined;
-}
 
 const hasher = await loadHasher();
 
-function testPage(page: string, format: Format, checks: Readonly<Record<string, Check>>): void {
-  const examples = examplesOf(page);
-  test(`${page} has an example for each check`, () => {
-    assert.deepEqual([...examples.keys()].sort(), Object.keys(checks).sort());
-  });
-  for (const [name, bytes] of examples) {
-    test(`${page}: ${name}`, () => {
-      const known = checks[name];
-      assert(known !== undefined, "no check knows the example");
-      const { kind, payload } = onlyMessage(bytes, format);
-      assert.equal(kind, known.kind);
-      const written = known.check(payload);
-      if (written !== undefined) {
-        assert.equal(toHex(encodeMessage(kind, written, format)), toHex(bytes));
-      }
-    });
-  }
-}
-
-function onlyMessage(bytes: Uint8Array, format: Format): Message {
-  const stream = new MessageStream(format);
-  stream.push(bytes);
-  const [message, ...more] = takeAll(stream);
-  assert(message !== undefined && more.length === 0 && stream.pending === 0, "it is one message");
-  return message;
-}
-
-function same<T>(
-  kind: Kind,
-  expected: T,
-  read: (payload: Uint8Array) => T,
-  write?: (value: T) => Uint8Array,
-): Check {
-  const check = (payload: Uint8Array) => {
-    const value = read(payload);
-    assert.deepEqual(value, expected);
-    return write?.(value);
-  };
-  return { kind, check };
-}
-
-const asIs = (payload: Uint8Array) => payload;
-const refused = (expected: Refusal) => same(Kind.refuse, expected, decodeRefuse, encodeRefuse);
-const closed = (expected: Close) => same(Kind.close, expected, decodeClose, encodeClose);
-const greeted = (expected: Hello) => same(Kind.hello, expected, decodeHello, encodeHello);
-
-// The wire of links, with the application `robot/1`.
-
-const ROBOT = "transport/wire/WIRE.md";
-const ROBOT_FORMAT = { latest: 12, header: 8, item: 4 };
-
-const readText = (bytes: Uint8Array) => new Reader(bytes).text();
-const writeText = (text: string) => new Writer().text(text).take();
-
-const readPose = (reader: Reader) => [reader.f32(), reader.f32(), reader.f32()];
-const writePose = (writer: Writer, pose: number[]) =>
-  pose.reduce((writer, number) => writer.f32(number), writer);
-
-/** The robot's decoder: reads the first cell, and how many. */
-const cells = {
-  decode: (batch: Uint8Array) => {
-    const reader = new Reader(batch);
-    const first = reader.u32();
-    return Uint32Array.from(range(first, first + reader.u16()));
-  },
-  complete: () => {},
-};
-
-/** Checks the frame of these examples. */
-function robotFrame(names: readonly string[], ids: readonly number[]): void {
-  const assembler = new FrameAssembler(hasher, 1000, cells);
-  const frames = names.map((name) => {
-    const bytes = examplesOf(ROBOT).get(name);
-    assert(bytes !== undefined);
-    return assembler.take(onlyMessage(bytes, ROBOT_FORMAT));
-  });
-  const header = Uint8Array.from([0xe8, 3, 0, 0, 0, 0, 0, 0]);
-  assert.deepEqual(frames.at(-1), { number: 9, header, ids: Uint32Array.from(ids) });
-}
-
-/** A part of a frame, with all examples of that frame and its ids. */
-function framed(kind: Kind, written: Uint8Array, names = ["begin", "batch", "end"], ids = [1, 258]): Check {
-  const check = () => {
-    robotFrame(names, ids);
-    return written;
-  };
-  return { kind, check };
-}
-
-testPage(ROBOT, ROBOT_FORMAT, {
-  hello: greeted({ application: "robot/1", session: 5n, lane: "latest", introduction: writeText("arm") }),
-  "hello-4": {
-    kind: Kind.hello,
-    check(payload) {
-      assert.throws(
-        () => decodeHello(payload),
-        new WireError("the peer speaks version 4 of the wire, this one version 3"),
-      );
-      return undefined;
-    },
-  },
-  accept: same(Kind.accept, "map", readText, writeText),
-  refuse: refused({ reason: "not taken", code: 1, text: "full" }),
-  close: closed({ code: 3, text: "no power" }),
-  "keep-alive": same(Kind.keepAlive, new Uint8Array(0), asIs, asIs),
-  "latest-value": same(
-    Kind.latestValue,
-    [1, 2, -3],
-    (payload) => readPose(new Reader(payload)),
-    (pose) => writePose(new Writer(), pose).take(),
-  ),
-  "numbered-value": same(
-    Kind.numberedValue,
-    { number: 5, pose: [1, 2, -3] },
-    (payload) => {
-      const reader = new Reader(payload);
-      return { number: reader.u32(), pose: readPose(reader) };
-    },
-    ({ number, pose }) => writePose(new Writer().u32(number), pose).take(),
-  ),
-  begin: framed(Kind.begin, new Writer().u32(9).u64(1000n).take()),
-  batch: framed(Kind.batch, new Writer().u32(1).u32(258).take()),
-  end: framed(Kind.end, endOf(9, [1, 258])),
-  "empty-end": framed(Kind.end, endOf(9, []), ["begin", "empty-end"], []),
-  "coded-batch": {
-    kind: Kind.codedBatch,
-    check(payload) {
-      const assembler = new FrameAssembler(hasher, 1000, cells);
-      assembler.take({ kind: Kind.begin, payload: new Writer().u32(9).u64(1000n).take() });
-      assembler.take({ kind: Kind.codedBatch, payload });
-      const outcome = assembler.take({ kind: Kind.end, payload: endOf(9, range(100, 150)) });
-      assert(outcome !== undefined);
-      assert.deepEqual([...outcome.ids], range(100, 150));
-      return new Writer().u32(100).u16(50).take();
-    },
-  },
-  message: same(
-    Kind.message,
-    { command: 1, place: "dock" },
-    (payload) => {
-      const reader = new Reader(payload);
-      return { command: reader.varint32(), place: reader.text() };
-    },
-    ({ command, place }) => new Writer().varint(command).text(place).take(),
-  ),
-  block: same(
-    Kind.block,
-    "map tile",
-    (payload) => new TextDecoder().decode(payload),
-    (text) => new TextEncoder().encode(text),
-  ),
-});
-
-// Trimaran's messages over its links.
+const { encode: encodeIdentity, decode: decodeIdentity } = whole(TRIMARAN.hello);
+const { encode: encodeCamera, decode: decodeCamera } = whole(TRIMARAN.latest);
+const { encode: encodeRoleMessage, decode: decodeRoleMessage } = whole(TRIMARAN.message);
 
 const PROTO = "proto/WIRE.md";
+const FORMAT = formatOf(TRIMARAN);
 
 const KEY = 0x5eedn;
 
@@ -270,7 +99,7 @@ const demanded = (expected: DisplayItem[]) =>
 
 const supplied = (expected: CullerItem[]) => same(Kind.block, expected, decodeCullerBlock);
 
-testPage(PROTO, TRIMARAN.format, {
+testPage(PROTO, FORMAT, {
   hello: introduced("latest", DISPLAY),
   "hello-without-a-scene": introduced("bulk", { ...DISPLAY, scene: undefined }),
   accept: same(
@@ -298,14 +127,14 @@ testPage(PROTO, TRIMARAN.format, {
   ids: {
     kind: Kind.batch,
     check() {
-      const assembler = new FrameAssembler(hasher, 1000, new IdDecoder());
+      const assembler = new FrameAssembler(hasher, TRIMARAN, 1000);
       for (const name of ["begin", "ids"]) {
-        assembler.take(onlyMessage(examplesOf(PROTO).get(name) ?? new Uint8Array(0), TRIMARAN.format));
+        assembler.take(onlyMessage(examplesOf(PROTO).get(name) ?? new Uint8Array(0), FORMAT));
       }
       const ended = assembler.take({ kind: Kind.end, payload: endOf(9, [1, 258]) });
       assert(ended !== undefined);
-      assert.deepEqual([...ended.ids], [1, 258]);
-      assert.deepEqual(decodeCamera(ended.header), CAMERA);
+      assert.deepEqual([...ended.items], [1, 258]);
+      assert.deepEqual(ended.header, CAMERA);
       return new Writer().u32(1).u32(258).take();
     },
   },
@@ -361,7 +190,7 @@ testPage(PROTO, TRIMARAN.format, {
       assert.deepEqual(decodeViewState(message.part), VIEW);
       const [only, ...more] = viewMessages(3, VIEW);
       assert.equal(more.length, 0);
-      return only;
+      return only && encodeRoleMessage(only);
     },
   },
   "holds-and-begin": demanded([

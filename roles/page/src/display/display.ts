@@ -3,19 +3,27 @@
  * geometry. It can draw what has arrived at any time, from the newest pose.
  */
 
-import { type Camera, decodeCamera, encodeCamera } from "../proto/camera.ts";
-import { faultOfIds, IdDecoder } from "../proto/idCoding.ts";
-import { CloseCode, decodeIdentity, encodeIdentity, type Outline, TRIMARAN } from "../proto/identity.ts";
-import { decodeRoleMessage, encodeRoleMessage, viewMessages } from "../proto/messages.ts";
+import {
+  type Bytes,
+  connect,
+  type Frame,
+  type LaneName,
+  type LinkEnd,
+  LinkError,
+  type LinkOf,
+  perLane,
+  randomNumber,
+  WireError,
+} from "trimaran-transport";
+import type { Camera } from "../proto/camera.ts";
+import { faultOfIds } from "../proto/idCoding.ts";
+import { CloseCode, type Outline, TRIMARAN } from "../proto/identity.ts";
+import { type RoleMessage, viewMessages } from "../proto/messages.ts";
 import { loadCodecs } from "../proto/piece.ts";
 import type { DrawableRecord } from "../proto/records.ts";
 import type { Settings } from "../proto/settings.ts";
 import { type DisplayItem, dropped, holds, lacks, packBlocks } from "../proto/supply.ts";
 import { type ViewState, viewStateOf } from "../proto/viewState.ts";
-import { randomNumber, WireError } from "../wire/bytes.ts";
-import type { Frame } from "../wire/frames.ts";
-import { type LaneName, perLane } from "../wire/handshake.ts";
-import { type Bytes, connect, type Link, type LinkEnd } from "../wire/link.ts";
 import { Dealing, type Schedule } from "./dealing.ts";
 import { Holdings, type Store } from "./holdings.ts";
 import { Introduction } from "./introduction.ts";
@@ -39,6 +47,9 @@ export interface DisplayOptions {
   readonly meeting: string;
   readonly onEnd: (end: LinkEnd) => void;
 }
+
+/** A link to a culler. */
+type CullerLink = LinkOf<typeof TRIMARAN>;
 
 /** A pose to cull for. */
 type Pose = Omit<Camera, "frame" | "viewState">;
@@ -68,7 +79,7 @@ export interface Shown {
 
 export class Display {
   /** To each culler; the first one sends geometry as well. */
-  readonly #links: readonly Link[];
+  readonly #links: readonly CullerLink[];
   readonly #dealing: Dealing;
   readonly #introduction: Introduction | undefined;
   /** A request that could not be sent yet. */
@@ -106,7 +117,12 @@ export class Display {
   /** Cameras that were published, and ids that came. */
   readonly counts = { cameras: 0, ids: 0 };
 
-  private constructor(links: readonly Link[], holdings: Holdings, options: DisplayOptions, last: number) {
+  private constructor(
+    links: readonly CullerLink[],
+    holdings: Holdings,
+    options: DisplayOptions,
+    last: number,
+  ) {
     [this.#links, this.holdings, this.#frame, this.#onEnd] = [links, holdings, last, options.onEnd];
     this.#dealing = new Dealing(links.length, last);
     this.#view = { version: 0, state: viewStateOf(options.settings) };
@@ -122,29 +138,17 @@ export class Display {
    */
   static async join(url: string, options: DisplayOptions, before?: Display): Promise<Display> {
     await loadCodecs();
-    let outline: Outline | undefined;
-    let display: Display | undefined;
-    const links = await connectAll(options.cullers, (culler) => {
+    const links = await connectAll(options.cullers, () => {
       // A fresh key: this is not a display that reconnects.
       const session = { key: randomNumber(), settings: options.settings };
-      return connect(url, encodeIdentity({ role: "display", scene: undefined, session }), {
-        application: TRIMARAN,
-        admit: (introduction) => {
-          const { role, scene } = decodeIdentity(introduction);
-          if (role !== "culler" || scene === undefined) {
-            return { isTaken: false, why: "a display needs a culler with a scene" };
-          }
-          outline = scene;
-          return { isTaken: true, mostIds: scene.drawables, decoder: new IdDecoder() };
-        },
-        handlers: {
-          onFrame: (frame) => display?.guard(() => display?.takeFrame(culler, frame)),
-          onMessage: (payload) => display?.guard(() => display?.takeMessage(culler, payload)),
-          onBlock: (block) => display?.guard(() => display?.takeBlock(block)),
-          onEnd: (end) => display?.end(end),
-        },
+      return connect(url, TRIMARAN, {
+        hello: { role: "display", scene: undefined, session },
+        admit: ({ role, scene }) =>
+          role === "culler" && scene !== undefined ? undefined : "a display needs a culler with a scene",
+        maxItems: ({ scene }) => scene?.drawables ?? 0,
       });
     });
+    const outline = links[0]?.peer.scene;
     if (outline === undefined) {
       throw new WireError("the culler did not say which scene it has");
     }
@@ -152,10 +156,11 @@ export class Display {
     const holdings = kept?.holdings ?? new Holdings(outline, options.store, options.memory);
     holdings.beginAnew();
     // Earlier frames are not mistaken for those of these links.
-    display = new Display(links, holdings, options, kept === undefined ? 0 : kept.#frame + 1);
+    const display = new Display(links, holdings, options, kept === undefined ? 0 : kept.#frame + 1);
     if (kept !== undefined) {
       [display.shown, display.#whole] = [kept.shown, kept.#whole];
     }
+    display.#listen();
     return display;
   }
 
@@ -198,7 +203,7 @@ export class Display {
     this.#frame = frame;
     this.counts.cameras += 1;
     this.#asked.set(frame, { at: performance.now(), isForeseen });
-    this.#links[culler]?.publish(encodeCamera({ ...pose, frame, viewState: this.#view.version }));
+    this.#links[culler]?.latest.publish({ ...pose, frame, viewState: this.#view.version });
     return frame;
   }
 
@@ -207,7 +212,7 @@ export class Display {
     this.#view = { version: this.#view.version + 1, state: { ...this.#view.state, ...change } };
     for (const message of viewMessages(this.#view.version, this.#view.state)) {
       for (const link of this.#links) {
-        link.sendMessage(message);
+        link.messages.send(message);
       }
     }
   }
@@ -226,7 +231,7 @@ export class Display {
   }
 
   /** A link is over. The others go with it. */
-  end(end: LinkEnd): void {
+  #end(end: LinkEnd): void {
     const isFirst = !this.isOver;
     this.isOver = true;
     this.#introduction?.stop();
@@ -237,7 +242,7 @@ export class Display {
   }
 
   /** Ends the link with an error if the culler breaks the protocol. */
-  guard(take: () => void): void {
+  #guard(take: () => void): void {
     try {
       take();
     } catch (error) {
@@ -250,12 +255,11 @@ export class Display {
     }
   }
 
-  takeFrame(culler: number, frame: Frame): void {
-    const fault = faultOfIds(frame.ids, this.outline.drawables);
+  #takeFrame(culler: number, { header: camera, items: ids }: Frame<Camera, Uint32Array>): void {
+    const fault = faultOfIds(ids, this.outline.drawables);
     if (fault !== undefined) {
       throw new WireError(fault);
     }
-    const camera = decodeCamera(frame.header);
     this.#dealing.came(culler, camera.frame);
     this.#publishOwed();
     if (camera.frame < this.#newestFound) {
@@ -267,26 +271,25 @@ export class Display {
     const { at: posed, isForeseen } = this.#asked.get(camera.frame) ?? { at: now, isForeseen: false };
     this.latency = now - posed;
     [this.interval, this.#came] = [now - Math.max(this.#came, posed), now];
-    this.counts.ids += frame.ids.length;
+    this.counts.ids += ids.length;
     this.timeline.came(camera.frame, posed, now);
     for (const number of this.#asked.keys()) {
       if (number <= camera.frame) {
         this.#asked.delete(number);
       }
     }
-    const lacking = this.holdings.lacking(frame.ids);
+    const lacking = this.holdings.lacking(ids);
     if (lacking.length > 0) {
       this.#say(lacks(camera.frame, this.#taken, lacking.slice().sort()));
     }
-    this.#waiting.push({ camera, posed, isForeseen, ids: frame.ids, lacking });
+    this.#waiting.push({ camera, posed, isForeseen, ids, lacking });
     if (this.#waiting.length > WAITING) {
       this.#waiting.splice(WAITING / 2, 1);
     }
     this.#look();
   }
 
-  takeMessage(culler: number, payload: Uint8Array): void {
-    const message = decodeRoleMessage(payload);
+  #takeMessage(culler: number, message: RoleMessage): void {
     if (message.what === "stats") {
       this.timeline.said(message.stats);
     } else {
@@ -294,18 +297,40 @@ export class Display {
     }
   }
 
-  takeBlock(block: Uint8Array): void {
+  #takeBlock(block: Uint8Array): void {
     this.holdings.take(block);
     this.#taken += block.length;
     this.#say([]);
     this.#look();
   }
 
+  /** Takes what comes over the links, until they end. */
+  #listen(): void {
+    const each = async <T>(arrivals: AsyncIterable<T>, take: (arrival: T) => void) => {
+      try {
+        for await (const arrival of arrivals) {
+          this.#guard(() => take(arrival));
+        }
+      } catch (error) {
+        // A link's end is told by `closed` as well.
+        if (!(error instanceof LinkError)) {
+          throw error;
+        }
+      }
+    };
+    for (const [culler, link] of this.#links.entries()) {
+      each(link.frames, (frame) => this.#takeFrame(culler, frame));
+      each(link.messages, (message) => this.#takeMessage(culler, message));
+      each(link.bulk, (block) => this.#takeBlock(block));
+      link.closed.then((end) => this.#end(end));
+    }
+  }
+
   /** Connects two cullers to each other, to take turns from then on. Until then each culls independently. */
   #introduce(meeting: string): Introduction {
     return new Introduction(
       meeting,
-      (culler, message) => this.#links[culler]?.sendMessage(encodeRoleMessage(message)),
+      (culler, message) => this.#links[culler]?.messages.send(message),
       () => {
         this.#dealing.isHeld = true;
         return this.#dealing.last + 1;
@@ -395,7 +420,7 @@ export class Display {
         const [supplier] = this.#links;
         if (supplier !== undefined && !this.isOver) {
           for (const block of packBlocks(due)) {
-            supplier.sendBlock(block);
+            supplier.bulk.send(block);
           }
         }
       });
@@ -407,11 +432,11 @@ export class Display {
 }
 
 /** Opens this many links, one after the other. If one fails, all are closed. */
-async function connectAll(count: number, connect: (culler: number) => Promise<Link>): Promise<Link[]> {
-  const links: Link[] = [];
+async function connectAll(count: number, connect: () => Promise<CullerLink>): Promise<CullerLink[]> {
+  const links: CullerLink[] = [];
   try {
     while (links.length < count) {
-      links.push(await connect(links.length));
+      links.push(await connect());
     }
     if (links.some(({ isOver }) => isOver)) {
       throw new WireError("a culler has left while others were looked for");

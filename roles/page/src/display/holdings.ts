@@ -1,11 +1,11 @@
 /** The page's copy of its scene: records of drawables, and pieces of geometry within a budget. */
 
+import { WireError } from "trimaran-transport";
 import type { Outline } from "../proto/identity.ts";
 import { numberList } from "../proto/numbers.ts";
 import { type Piece, PieceAssembler, unpackPiece } from "../proto/piece.ts";
 import { type DrawableRecord, MOST_RECORDS, Records, unpackRecords } from "../proto/records.ts";
 import { decodeCullerBlock } from "../proto/supply.ts";
-import { WireError } from "../wire/bytes.ts";
 
 /** The renderer: it is told which pieces come and go. */
 export interface Store {

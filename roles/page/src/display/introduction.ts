@@ -1,7 +1,7 @@
 /** Introduces two cullers of a service to each other, so that each draws the other one's visible set. */
 
+import { randomNumber } from "trimaran-transport";
 import type { RoleMessage } from "../proto/messages.ts";
-import { randomNumber } from "../wire/bytes.ts";
 
 /** Milliseconds for the two to connect, and then to be ready. */
 const TIMEOUT = 12_000;

@@ -2,10 +2,10 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { ObjectSet } from "../proto/objectSet.ts";
+import { messageOf } from "../service/errors.ts";
 import type { Part, PartDetails } from "../service/service.ts";
 import { around } from "../space/box.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { messageOf } from "../wire/errors.ts";
 
 /** The longest time and motion of a click: milliseconds and CSS pixels. */
 const LONGEST = 400;

@@ -3,8 +3,8 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Button } from "../controls/button.tsx";
+import { withoutSecrets } from "../service/errors.ts";
 import type { Viewer } from "../viewer/viewer.ts";
-import { withoutSecrets } from "../wire/errors.ts";
 
 /** How long a message stays, milliseconds: at least, and per letter. */
 const SHORTEST = 5000;

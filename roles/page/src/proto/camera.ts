@@ -1,42 +1,32 @@
 /** The camera: the content of the latest lane, and the beginning of a frame. */
 
-import type { Point } from "../space/point.ts";
-import { type Codec, checked, f32, fixed32, type Of, record, whole } from "../wire/codec.ts";
+import { array, checked, type Of, struct } from "trimaran-transport";
 
 /** Three numbers. */
-export const POINT: Codec<Point> = {
-  read: (reader) => [reader.f64(), reader.f64(), reader.f64()],
-  write: (writer, [x, y, z]) => writer.f64(x).f64(y).f64(z),
-};
-const QUATERNION: Codec<readonly [number, number, number, number]> = {
-  read: (reader) => [...POINT.read(reader), reader.f64()],
-  write: (writer, [x, y, z, w]) => writer.f64(x).f64(y).f64(z).f64(w),
-};
+export const POINT = array("f64", 3);
 
 /** World space is right-handed, in metres. Camera space has x right, y up, and looks down -z. 72 bytes. */
-const CAMERA = record({
+const FIELDS = struct({
   /** Metres, world. */
   eye: POINT,
   /** Camera to world: a unit quaternion x, y, z, w. */
-  orientation: QUATERNION,
+  orientation: array("f64", 4),
   /** Tangent of half the vertical field of view. */
-  tanHalfFov: f32,
+  tanHalfFov: "f32",
   /** The version of the frame's view state. */
-  viewState: fixed32,
+  viewState: "u32",
   /** Near distance in metres. */
-  near: f32,
+  near: "f32",
   /** Its frame. */
-  frame: fixed32,
+  frame: "u32",
 });
 
-export type Camera = Of<typeof CAMERA>;
+export type Camera = Of<typeof FIELDS>;
 
-export const { encode: encodeCamera, decode: decodeCamera } = whole(
-  checked(CAMERA, (camera) => {
-    const fault = faultOf(camera);
-    return fault && `the camera's ${fault}`;
-  }),
-);
+export const CAMERA = checked(FIELDS, (camera) => {
+  const fault = faultOf(camera);
+  return fault && `the camera's ${fault}`;
+});
 
 function faultOf({ eye, orientation, tanHalfFov, near }: Camera): string | undefined {
   const lengthSquared = orientation.reduce((sum, coordinate) => sum + coordinate * coordinate, 0);

@@ -4,9 +4,7 @@
  * A batch is runs over the reference: keep this many of its ids, skip this many, put these in between.
  */
 
-import { Reader, WireError } from "../wire/bytes.ts";
-import type { BatchDecoder } from "../wire/frames.ts";
-import { MOST_ITEMS } from "../wire/messages.ts";
+import { type BatchDecoder, MOST_ITEMS, Reader, WireError } from "trimaran-transport";
 
 /** How many complete frames are kept for reference. */
 const MOST_FRAMES = 8;
@@ -29,7 +27,7 @@ interface Held {
 }
 
 /** Reads coded batches, and keeps the frames that they may refer to. */
-export class IdDecoder implements BatchDecoder {
+export class IdDecoder implements BatchDecoder<Uint32Array<ArrayBuffer>> {
   #frames: Held[] = [];
 
   decode(batch: Uint8Array, frame: number, room: number): Uint32Array<ArrayBuffer> {

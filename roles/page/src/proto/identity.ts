@@ -1,14 +1,20 @@
 /** The identity of a peer: the application's hello. And its close codes. */
 
-import { type Of, option, record, u32, u64, u128, variant, whole } from "../wire/codec.ts";
-import type { Application } from "../wire/link.ts";
+import {
+  defineProtocol,
+  type Of,
+  option,
+  record,
+  typedItems,
+  u32,
+  u64,
+  u128,
+  variant,
+} from "trimaran-transport";
+import { CAMERA } from "./camera.ts";
+import { IdDecoder } from "./idCoding.ts";
+import { ROLE_MESSAGE } from "./messages.ts";
 import { SETTINGS } from "./settings.ts";
-
-/** The protocol that peers of Trimaran's links must agree on. */
-export const TRIMARAN: Application = {
-  name: "trimaran/3",
-  format: { latest: 72, header: 72, item: 4 },
-};
 
 /** The scene, and how many records of each kind it has. */
 const OUTLINE = record({
@@ -34,7 +40,16 @@ const IDENTITY = record({
 
 export type Identity = Of<typeof IDENTITY>;
 
-export const { encode: encodeIdentity, decode: decodeIdentity } = whole(IDENTITY);
+/** The protocol that peers of Trimaran's links must agree on. The items of a frame are ids. */
+export const TRIMARAN = defineProtocol({
+  name: "trimaran/3",
+  hello: IDENTITY,
+  latest: CAMERA,
+  header: CAMERA,
+  items: typedItems(Uint32Array),
+  message: ROLE_MESSAGE,
+  decoder: () => new IdDecoder(),
+});
 
 /** Why a peer closes a link. */
 export const CloseCode = { finished: 0, interrupted: 1, failed: 2, deviceFailed: 4, replaced: 5 } as const;

@@ -1,13 +1,13 @@
 /** Messages between roles on the messages lane. */
 
-import { type Of, option, tagged, text, u32, u64, whole } from "../wire/codec.ts";
+import { type Of, option, tagged, text, u32, u64 } from "trimaran-transport";
 import { STATS } from "./stats.ts";
 import { VIEW_PART, type ViewState, viewParts } from "./viewState.ts";
 
 const KEY = { key: u64 };
 
 /** The kinds of messages, in the order of their numbers. */
-const ROLE_MESSAGE = tagged("what", {
+export const ROLE_MESSAGE = tagged("what", {
   stats: { stats: STATS },
   meet: { ...KEY, endpoint: option(text()) },
   met: KEY,
@@ -21,9 +21,7 @@ const ROLE_MESSAGE = tagged("what", {
 
 export type RoleMessage = Of<typeof ROLE_MESSAGE>;
 
-export const { encode: encodeRoleMessage, decode: decodeRoleMessage } = whole(ROLE_MESSAGE);
-
 /** The messages that tell a culler of a view state, in order. */
-export function viewMessages(version: number, state: ViewState): Uint8Array<ArrayBuffer>[] {
-  return viewParts(version, state).map((part) => encodeRoleMessage({ what: "view", ...part }));
+export function viewMessages(version: number, state: ViewState): RoleMessage[] {
+  return viewParts(version, state).map((part) => ({ what: "view", ...part }));
 }

@@ -1,7 +1,6 @@
 /** Ascending lists of numbers, each once: a varint each, relative to the least possible value. */
 
-import { Reader, WireError, Writer } from "../wire/bytes.ts";
-import type { Codec } from "../wire/codec.ts";
+import { type Codec, Reader, WireError, Writer } from "trimaran-transport";
 
 /** This many numbers always fit into an item. */
 export const MOST_NUMBERS = 3_000;

@@ -1,6 +1,6 @@
 /** Sets of a scene's objects. A run of numbers takes as much room as a single one. */
 
-import { type Reader, WireError, type Writer } from "../wire/bytes.ts";
+import { type Reader, WireError, type Writer } from "trimaran-transport";
 
 /** The numbers from `first` to before `end`. */
 export interface Run {

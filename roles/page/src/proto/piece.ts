@@ -1,8 +1,8 @@
 /** Pieces of geometry: they arrive in parts, and are packed by meshoptimizer's codecs. */
 
 import { MeshoptDecoder } from "meshoptimizer/decoder";
+import { Reader, WireError, Writer } from "trimaran-transport";
 
-import { Reader, WireError, Writer } from "../wire/bytes.ts";
 import type { PiecePart } from "./supply.ts";
 
 /** The bytes of a vertex: position (3 f32), sRGB colour (4 u8), folded normal (2 i16). */

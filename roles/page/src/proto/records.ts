@@ -1,7 +1,7 @@
 /** Records of drawables: the data for drawing a drawable and its node, except its triangles. */
 
+import { Reader, WireError } from "trimaran-transport";
 import type { Point } from "../space/point.ts";
-import { Reader, WireError } from "../wire/bytes.ts";
 import { POINT } from "./camera.ts";
 import type { Outline } from "./identity.ts";
 import { BOTH_SIDES } from "./sides.ts";

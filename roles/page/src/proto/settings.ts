@@ -1,7 +1,6 @@
 /** The display's settings of a session. */
 
-import { bool, checked, f64, type Of, record, u32, variant } from "../wire/codec.ts";
-import { MOST_ITEMS } from "../wire/messages.ts";
+import { bool, checked, f64, MOST_ITEMS, type Of, record, u32, variant } from "trimaran-transport";
 
 /** The most pixels of a side of a picture. */
 const MOST_PIXELS = 65_536;

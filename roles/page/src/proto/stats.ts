@@ -1,6 +1,6 @@
 /** A culler's report of its own work on a frame. */
 
-import { type Of, option, record, u32, u64 } from "../wire/codec.ts";
+import { type Of, option, record, u32, u64 } from "trimaran-transport";
 
 /** Times are nanoseconds on the sender's clock. */
 export const STATS = record({

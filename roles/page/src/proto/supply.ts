@@ -4,9 +4,20 @@
  * A display sends its needs and holdings. A culler sends geometry and messages about it.
  */
 
-import { Reader, Writer } from "../wire/bytes.ts";
-import { bool, bytes, type Codec, count, type Fields, type Of, tagged, u32, whole } from "../wire/codec.ts";
-import { MOST_BLOCK } from "../wire/messages.ts";
+import {
+  bool,
+  bytes,
+  type Codec,
+  count,
+  type Fields,
+  MOST_BLOCK,
+  type Of,
+  Reader,
+  tagged,
+  u32,
+  Writer,
+  whole,
+} from "trimaran-transport";
 import { NUMBERS, partNumbers } from "./numbers.ts";
 
 /** A display's messages to a culler, in the order of their numbers. Frame numbers are the display's. */

@@ -1,6 +1,5 @@
 /** The view state: settings that a user changes while walking. */
 
-import { dot } from "../space/point.ts";
 import {
   bool,
   bytes,
@@ -14,7 +13,8 @@ import {
   tagged,
   u32,
   whole,
-} from "../wire/codec.ts";
+} from "trimaran-transport";
+import { dot } from "../space/point.ts";
 import { POINT } from "./camera.ts";
 import { ObjectSet } from "./objectSet.ts";
 import { LEVEL_RULE, OCCLUSION_TEST, type Settings, VIEWPORT } from "./settings.ts";

@@ -1,8 +1,7 @@
 /** One frame of zstd (RFC 8878) of known length. */
 
 import { Decompress } from "fzstd";
-
-import { Reader, WireError } from "../wire/bytes.ts";
+import { Reader, WireError } from "trimaran-transport";
 
 /**
  * Unpacks a frame that holds exactly `length` bytes. Anything else throws a `WireError`.

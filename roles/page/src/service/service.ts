@@ -1,8 +1,8 @@
 /** The service's HTTP requests beside the link. */
 
+import { randomNumber } from "trimaran-transport";
 import type { Box } from "../space/box.ts";
 import type { Point } from "../space/point.ts";
-import { randomNumber } from "../wire/bytes.ts";
 
 /** The service's description of a scene, and the box around it. Lengths in metres. */
 export interface SceneDescription extends Box {

@@ -1,25 +1,26 @@
 /** A viewpoint: the eye's pose, and the changes of the view. Its text form is part of a link's address. */
 
+import {
+  checked,
+  f64,
+  list,
+  number,
+  option,
+  record,
+  rest,
+  shownText,
+  text,
+  u8,
+  variant,
+  WireError,
+  whole,
+} from "trimaran-transport";
 import { MODES, type Mode } from "../navigate/navigator.ts";
 import { POINT } from "../proto/camera.ts";
 import { decodeViewState, encodeViewState } from "../proto/viewState.ts";
 import type { SceneDescription } from "../service/service.ts";
 import type { Point } from "../space/point.ts";
 import type { UserView } from "../viewer/viewHistory.ts";
-import { shownText, WireError } from "../wire/bytes.ts";
-import {
-  checked,
-  f64,
-  fixed128,
-  list,
-  option,
-  record,
-  rest,
-  text,
-  u8,
-  variant,
-  whole,
-} from "../wire/codec.ts";
 
 /** A viewpoint's reference to its scene. */
 export type SceneName = Pick<SceneDescription, "name" | "fingerprint">;
@@ -41,7 +42,7 @@ const { encode, decode } = whole(
   checked(
     record({
       version: u8,
-      fingerprint: fixed128,
+      fingerprint: number("u128"),
       name: text(100),
       mode: variant(MODES),
       eye: POINT,

@@ -1,10 +1,10 @@
 /** Keeps a link to a culler: begins a session, and a new one when it has ended. */
 
 import { type Signal, signal } from "@preact/signals";
+import type { LinkEnd } from "trimaran-transport";
 import { Display, type DisplayOptions } from "../display/display.ts";
+import { messageOf } from "../service/errors.ts";
 import { RefusedError, type Service } from "../service/service.ts";
-import { messageOf } from "../wire/errors.ts";
-import type { LinkEnd } from "../wire/link.ts";
 import { troubleJoining, troubleOfEnd } from "./trouble.ts";
 
 /** Milliseconds between attempts: at first, and at most. */

@@ -1,7 +1,6 @@
 /** Messages for a person when there is no link to the service. */
 
-import type { LinkEnd } from "../wire/link.ts";
-import { LinkError } from "../wire/meeting.ts";
+import { type LinkEnd, LinkError } from "trimaran-transport";
 
 /** Why no link could be made. */
 export function troubleJoining(error: unknown): string {

@@ -1,6 +1,7 @@
 /** Formats of values. One description serves reading and writing. */
 
 import { cutText, Reader, WireError, Writer } from "./bytes.ts";
+import { type Fixed, fixed, number } from "./fixed.ts";
 
 export interface Codec<T> {
   /** Throws a `WireError` for missing or invalid bytes. */
@@ -19,15 +20,11 @@ type Tagged<Tag extends string, Cases extends Readonly<Record<string, Codecs>>> 
   [Name in keyof Cases]: { readonly [Key in Tag]: Name } & Fields<Cases[Name]>;
 }[keyof Cases];
 
-/** Numbers of fixed width. */
-export const u8: Codec<number> = { read: (r) => r.u8(), write: (w, value) => w.u8(value) };
-export const fixed32: Codec<number> = { read: (r) => r.u32(), write: (w, value) => w.u32(value) };
-export const fixed128: Codec<bigint> = {
-  read: (r) => r.u128(),
-  write: (w, value) => w.u64(BigInt.asUintN(64, value)).u64(value >> 64n),
-};
-export const f32: Codec<number> = { read: (r) => r.f32(), write: (w, value) => w.f32(value) };
-export const f64: Codec<number> = { read: (r) => r.f64(), write: (w, value) => w.f64(value) };
+/** Numbers of fixed width, in postcard as well. */
+export const u8 = number("u8");
+export const i8 = number("i8");
+export const f32 = number("f32");
+export const f64 = number("f64");
 
 const varint = <T extends number | bigint>(read: (reader: Reader) => T): Codec<T> => {
   return { read, write: (w, value) => w.varint(value) };
@@ -37,6 +34,22 @@ export const u16 = varint((r) => r.varint16());
 export const u32 = varint((r) => r.varint32());
 export const u64 = varint((r) => r.varint64());
 export const u128 = varint((r) => r.varint128());
+const signed = (unsigned: Codec<number>): Codec<number> => ({
+  read(r) {
+    const folded = unsigned.read(r);
+    return (folded >>> 1) ^ -(folded & 1);
+  },
+  write: (w, value) => unsigned.write(w, ((value << 1) ^ (value >> 31)) >>> 0),
+});
+export const i16 = signed(u16);
+export const i32 = signed(u32);
+export const i64: Codec<bigint> = {
+  read(r) {
+    const folded = u64.read(r);
+    return (folded >> 1n) ^ -(folded & 1n);
+  },
+  write: (w, value) => u64.write(w, BigInt.asUintN(64, (value << 1n) ^ (value >> 63n))),
+};
 /** A u64 that is a count: at most 2^53, to be exact. */
 export const count = varint((r) => r.varintCount());
 
@@ -122,16 +135,22 @@ export function tagged<Tag extends string, Cases extends Readonly<Record<string,
 }
 
 /** Refuses the values that have a fault when they are read. */
-export function checked<T>(codec: Codec<T>, faultOf: (value: T) => string | undefined): Codec<T> {
-  const read = (reader: Reader) => {
-    const value = codec.read(reader);
+export function checked<T>(codec: Fixed<T>, faultOf: (value: T) => string | undefined): Fixed<T>;
+export function checked<T>(codec: Codec<T>, faultOf: (value: T) => string | undefined): Codec<T>;
+export function checked<T>(
+  codec: Codec<T> | Fixed<T>,
+  faultOf: (value: T) => string | undefined,
+): Codec<T> | Fixed<T> {
+  const check = (value: T) => {
     const fault = faultOf(value);
     if (fault !== undefined) {
       throw new WireError(fault);
     }
     return value;
   };
-  return { ...codec, read };
+  return "get" in codec
+    ? fixed({ ...codec, get: (view, at) => check(codec.get(view, at)) })
+    : { ...codec, read: (reader) => check(codec.read(reader)) };
 }
 
 /** Reads and writes bytes that hold one value and nothing else. */

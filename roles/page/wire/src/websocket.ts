@@ -4,29 +4,38 @@
  * They are sent in binary messages, whose boundaries have no meaning.
  */
 
-import { withoutSecrets } from "./errors.ts";
 import type { Channel } from "./lane.ts";
 
 /** The most bytes of a binary message. */
 export const MOST_PER_MESSAGE = 65_536;
 
-/** The used part of a `WebSocket`. */
-export type Socket = Pick<
-  WebSocket,
-  "binaryType" | "bufferedAmount" | "send" | "close" | "onopen" | "onmessage" | "onclose"
->;
+/** The used part of a `WebSocket`, of a browser or of another implementation. */
+export interface Socket {
+  binaryType: string;
+  readonly bufferedAmount: number;
+  onopen: ((event: never) => void) | null;
+  onmessage: ((event: never) => void) | null;
+  onclose: ((event: never) => void) | null;
+  onerror: ((event: never) => void) | null;
+  send(data: Uint8Array<ArrayBuffer>): void;
+  close(): void;
+}
 
 /** Opens a connection to `url`, such as `ws://host:port/path`. */
 export function openWebSocket(
   url: string,
-  make: (url: string) => Socket = (url) => new WebSocket(url),
+  make: (url: string) => Socket = (url) => new WebSocket(url) as Socket,
 ): Promise<Channel> {
   return new Promise((resolve, reject) => {
     const socket = make(url);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => resolve(new WebSocketChannel(socket));
-    const where = withoutSecrets(url);
-    socket.onclose = (event) => reject(new Error(`cannot connect to ${where}: ${reasonOf(event)}`));
+    // The query may hold a secret.
+    const [where] = url.split(/[?#]/);
+    // The end of the connection follows, with its reason. Node's `ws` throws an error that nobody hears.
+    socket.onerror = () => {};
+    socket.onclose = (event: CloseEvent) =>
+      reject(new Error(`cannot connect to ${where}: ${reasonOf(event)}`));
   });
 }
 
@@ -37,8 +46,8 @@ class WebSocketChannel implements Channel {
 
   constructor(socket: Socket) {
     this.#socket = socket;
-    socket.onmessage = (event) => this.#receive(event);
-    socket.onclose = (event) => this.onEnd?.(reasonOf(event));
+    socket.onmessage = (event: MessageEvent) => this.#receive(event);
+    socket.onclose = (event: CloseEvent) => this.onEnd?.(reasonOf(event));
   }
 
   send(bytes: Uint8Array<ArrayBuffer>): void {

@@ -3,8 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { TRIMARAN } from "../src/proto/identity.ts";
-import { WireError, Writer } from "../src/wire/bytes.ts";
+import { WireError, Writer } from "../src/bytes.ts";
 import {
   decodeClose,
   decodeHello,
@@ -14,11 +13,11 @@ import {
   encodeHello,
   encodeRefuse,
   type Refusal,
-} from "../src/wire/handshake.ts";
-import { encodeMessage, Kind, lengthsOf, type Message, MessageStream } from "../src/wire/messages.ts";
+} from "../src/handshake.ts";
+import { encodeMessage, Kind, lengthsOf, type Message, MessageStream } from "../src/messages.ts";
 import { concat, fromHex, randomOf, takeAll } from "./support.ts";
 
-const { format } = TRIMARAN;
+const format = { latest: 72, header: 72, item: 4 };
 
 const messages: Message[] = [
   { kind: Kind.accept, payload: Uint8Array.from([1, 2, 3]) },

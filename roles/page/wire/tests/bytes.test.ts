@@ -3,7 +3,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { cutText, Reader, shownText, WireError, Writer } from "../src/wire/bytes.ts";
+import { cutText, Reader, shownText, WireError, Writer } from "../src/bytes.ts";
+import { number } from "../src/fixed.ts";
 import { fromHex, range, toHex } from "./support.ts";
 
 const read = (hex: string) => new Reader(fromHex(hex));
@@ -22,7 +23,10 @@ test("numbers of fixed width are little-endian", () => {
   );
   assert.equal(reader.u64(), 0x8807060504030201n);
   assert.deepEqual([reader.f32(), reader.f64(), reader.isAtEnd], [1.5, -2.5, true]);
-  assert.equal(read("01 00 00 00 00 00 00 00 00 00 00 00 00 00 00 80").u128(), (1n << 127n) + 1n);
+  assert.equal(
+    read("01 00 00 00 00 00 00 00 00 00 00 00 00 00 00 80").fixed(number("u128")),
+    (1n << 127n) + 1n,
+  );
 });
 
 test("a reader reads a part of a buffer as if it were alone", () => {

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { openWebSocket, type Socket } from "../src/wire/websocket.ts";
+import { openWebSocket, type Socket } from "../src/websocket.ts";
 import { concat } from "./support.ts";
 
 class FakeSocket {

@@ -105,10 +105,10 @@ export function describeRefusal(refusal: Refusal): string {
   const release = "install the same release on both";
   switch (refusal.reason) {
     case "versions":
-      return `the listener speaks version ${refusal.listener} of the wire, this page version \
+      return `the listener speaks version ${refusal.listener} of the wire, this side version \
 ${refusal.connector}: ${release}`;
     case "applications":
-      return `the listener speaks ${shownText(refusal.listener)}, this page \
+      return `the listener speaks ${shownText(refusal.listener)}, this side \
 ${shownText(refusal.connector)}: ${release}`;
     case "not taken":
       return shownText(refusal.text);
@@ -119,7 +119,7 @@ ${shownText(refusal.connector)}: ${release}`;
     case "busy":
       return "the listener has too many peers or handshakes under way: try again";
     case "key":
-      return `this page claims to be ${shownText(refusal.claimed)}, and the listener knows its key as \
+      return `this side claims to be ${shownText(refusal.claimed)}, and the listener knows its key as \
 that of ${shownText(refusal.known)}`;
   }
 }

@@ -1,31 +1,13 @@
 /** The handshake of a link's four lanes: each sends a hello, and waits for an answer. */
 
 import { WireError } from "./bytes.ts";
-import {
-  decodeRefuse,
-  describeRefusal,
-  encodeHello,
-  type Hello,
-  LANES,
-  type LaneName,
-  type Refusal,
-} from "./handshake.ts";
-import { type Channel, IDLE_TIMEOUT, Lane, type LaneEnd, type LaneOptions } from "./lane.ts";
+import { errorOfEnd, LinkError } from "./errors.ts";
+import { decodeRefuse, describeRefusal, encodeHello, type Hello, LANES, type LaneName } from "./handshake.ts";
+import { type Channel, IDLE_TIMEOUT, Lane, type LaneOptions } from "./lane.ts";
 import { Kind, type Message, nameOfKind } from "./messages.ts";
+import { Waiter, type Waiting } from "./waiter.ts";
 
 export type Lanes = Readonly<Record<LaneName, Lane>>;
-
-/** Why no link was made. */
-export class LinkError extends Error {
-  override name = "LinkError";
-  /** If the listener refused. */
-  readonly refusal: Refusal | undefined;
-
-  constructor(text: string, refusal?: Refusal) {
-    super(text);
-    this.refusal = refusal;
-  }
-}
 
 /** The lanes of a link, and the listener's introduction. */
 export interface Meeting {
@@ -34,14 +16,15 @@ export interface Meeting {
 }
 
 /**
- * Opens four lanes and sends hellos. If one fails, all are closed and a `LinkError` is thrown.
+ * Opens four lanes and sends hellos. If one fails, all are closed and a `LinkError` is thrown; if it
+ * is aborted, the signal's reason.
  *
  * Messages after a lane's answer wait there.
  */
 export async function meet(
   open: (lane: LaneName) => Promise<Channel>,
   hello: Omit<Hello, "lane">,
-  options: LaneOptions,
+  options: LaneOptions & Waiting,
 ): Promise<Meeting> {
   const opened: Lane[] = [];
   let isGivenUp = false;
@@ -49,7 +32,7 @@ export async function meet(
     const channel = await open(name);
     if (isGivenUp) {
       channel.close();
-      throw new LinkError("another lane failed");
+      throw new LinkError("unreachable", "another lane failed");
     }
     const lane = new Lane(name, channel, options);
     opened.push(lane);
@@ -60,7 +43,8 @@ export async function meet(
     const [latest, frames, messages, bulk] = (await inTime(answers, options)) as [Met, Met, Met, Met];
     const { listener } = latest;
     if (![frames, messages, bulk].every((other) => sameBytes(other.listener, listener))) {
-      throw new LinkError("the lanes were answered by listeners that call themselves differently");
+      const text = "the lanes were answered by listeners that call themselves differently";
+      throw new LinkError("violation", text);
     }
     const lanes = { latest: latest.lane, frames: frames.lane, messages: messages.lane, bulk: bulk.lane };
     return { lanes, listener };
@@ -69,9 +53,12 @@ export async function meet(
     for (const lane of opened) {
       lane.leave();
     }
-    throw error instanceof LinkError
-      ? error
-      : new LinkError(error instanceof Error ? error.message : String(error));
+    if (error instanceof LinkError || options.signal?.aborted === true) {
+      throw error;
+    }
+    throw new LinkError("unreachable", error instanceof Error ? error.message : String(error), {
+      cause: error,
+    });
   }
 }
 
@@ -83,7 +70,7 @@ interface Met {
 /** Sends a hello on a lane and waits for the answer. */
 function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
   return new Promise((resolve, reject) => {
-    lane.onEnd = (end) => reject(new LinkError(textOfEnd(end)));
+    lane.onEnd = (end) => reject(errorOfEnd(end));
     lane.listen(({ kind, payload }: Message) => {
       if (kind === Kind.accept) {
         lane.listen(undefined);
@@ -91,7 +78,7 @@ function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
       } else if (kind === Kind.refuse) {
         const refusal = decodeRefuse(payload);
         lane.leave();
-        reject(new LinkError(describeRefusal(refusal), refusal));
+        reject(new LinkError("refused", describeRefusal(refusal), { refusal }));
       } else {
         throw new WireError(`a ${nameOfKind(kind)} came instead of an answer to hello`);
       }
@@ -100,17 +87,13 @@ function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
   });
 }
 
-/** The answers, unless they exceed the idle timeout. */
-function inTime<T>(answers: Promise<T>, { clock }: LaneOptions): Promise<T> {
-  return new Promise((resolve, reject) => {
-    const late = () => reject(new LinkError("the listener did not answer in time"));
-    const callOff = clock.after(IDLE_TIMEOUT, late);
-    answers.then(resolve, reject).finally(callOff);
-  });
-}
-
-function textOfEnd(end: LaneEnd): string {
-  return end.why === "closed" ? `the listener left: ${end.text}` : end.text;
+/** The answers, unless they exceed the idle timeout or are aborted. */
+async function inTime<T>(answers: Promise<T>, { clock, signal }: LaneOptions & Waiting): Promise<T> {
+  const giveUp = new Waiter<T>(new Set(), { signal });
+  const late = () => giveUp.reject(new LinkError("timeout", "the listener did not answer in time"));
+  const callOff = clock.after(IDLE_TIMEOUT, late);
+  answers.then(giveUp.resolve, giveUp.reject);
+  return giveUp.promise.finally(callOff);
 }
 
 function sameBytes(a: Uint8Array, b: Uint8Array): boolean {

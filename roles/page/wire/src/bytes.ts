@@ -5,6 +5,8 @@
  * all but the last.
  */
 
+import type { Layout } from "./fixed.ts";
+
 /** Bytes violate the wire format. The peer cannot be trusted after that. */
 export class WireError extends Error {
   override name = "WireError";
@@ -58,17 +60,17 @@ export class Reader {
     return this.#view.getBigUint64(this.#pass(8), true);
   }
 
-  u128(): bigint {
-    const low = this.u64();
-    return low | (this.u64() << 64n);
-  }
-
   f32(): number {
     return this.#view.getFloat32(this.#pass(4), true);
   }
 
   f64(): number {
     return this.#view.getFloat64(this.#pass(8), true);
+  }
+
+  /** A value of fixed size. */
+  fixed<T>({ size, get }: Layout<T>): T {
+    return get(this.#view, this.#pass(size));
   }
 
   /** This many bytes, as a view into the buffer. */
@@ -237,6 +239,11 @@ export class Writer {
 
   f64(value: number): this {
     return this.#put(8, (view, at) => view.setFloat64(at, value, true));
+  }
+
+  /** A value of fixed size. */
+  fixed<T>({ size, set }: Layout<T>, value: T): this {
+    return this.#put(size, (view, at) => set(view, at, value));
   }
 
   bytes(bytes: Uint8Array): this {

@@ -181,7 +181,7 @@ export class Lane {
   }
 }
 
-/** The clock of the browser. */
+/** The clock of the machine. */
 export const systemClock: Clock = {
   now: () => performance.now(),
   after(milliseconds, call) {

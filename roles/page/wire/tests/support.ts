@@ -1,21 +1,31 @@
 /** Shared by several tests. */
 
-import { readFileSync } from "node:fs";
-import { resolve } from "node:path";
+import { existsSync, readFileSync } from "node:fs";
+import { dirname, join } from "node:path";
 
-import { Writer } from "../src/wire/bytes.ts";
-import { hashOf, loadHasher } from "../src/wire/frames.ts";
-import type { Channel, Clock } from "../src/wire/lane.ts";
-import type { Message, MessageStream } from "../src/wire/messages.ts";
+import { Writer } from "../src/bytes.ts";
+import { hashOf, loadHasher } from "../src/frames.ts";
+import type { Channel, Clock } from "../src/lane.ts";
+import type { Message, MessageStream } from "../src/messages.ts";
 
 /** The examples of a page by name: fenced blocks `hex NAME`, with a comment behind a `#` in any line. */
 export function examplesOf(page: string): Map<string, Uint8Array> {
-  const text = readFileSync(resolve(process.cwd(), "../..", page), "utf8");
+  const text = readFileSync(fileOf(page), "utf8");
   const examples = new Map<string, Uint8Array>();
   for (const [, name = "", body = ""] of text.matchAll(/\n```hex (.*)\n([\s\S]*?)\n```/g)) {
     examples.set(name, fromHex(body.replaceAll(/#.*/g, "")));
   }
   return examples;
+}
+
+/** A file of the repository, which the tests run somewhere in. */
+export function fileOf(path: string): string {
+  for (let folder = process.cwd(); ; folder = dirname(folder)) {
+    const file = join(folder, path);
+    if (existsSync(file) || folder === dirname(folder)) {
+      return file;
+    }
+  }
 }
 
 export function fromHex(text: string): Uint8Array<ArrayBuffer> {
@@ -42,10 +52,10 @@ export function takeAll(stream: MessageStream): Message[] {
 
 const senderHasher = await loadHasher();
 
-/** The payload of the end of a frame of these ids. */
-export function endOf(number: number, ids: readonly number[]): Uint8Array<ArrayBuffer> {
-  senderHasher.init().update(new Uint8Array(Uint32Array.from(ids).buffer));
-  return new Writer().u32(number).u32(ids.length).u64(hashOf(senderHasher)).take();
+/** The payload of the end of a frame of these items of u32. */
+export function endOf(number: number, items: readonly number[]): Uint8Array<ArrayBuffer> {
+  senderHasher.init().update(new Uint8Array(Uint32Array.from(items).buffer));
+  return new Writer().u32(number).u32(items.length).u64(hashOf(senderHasher)).take();
 }
 
 /** The numbers from `first` to before `end`. */

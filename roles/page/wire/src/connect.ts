@@ -1,0 +1,90 @@
+/** Makes a link to a listener. */
+
+import { randomNumber, WireError } from "./bytes.ts";
+import { type Codec, whole } from "./codec.ts";
+import { LinkError } from "./errors.ts";
+import { loadHasher } from "./frames.ts";
+import { CODE_NOT_TAKEN, LANES, type LaneName } from "./handshake.ts";
+import { type Channel, type Clock, systemClock } from "./lane.ts";
+import { Link } from "./link.ts";
+import { meet } from "./meeting.ts";
+import { MOST_INTRODUCTION } from "./messages.ts";
+import { formatOf, type Protocol } from "./protocol.ts";
+import type { Waiting } from "./waiter.ts";
+import { openWebSocket, type Socket } from "./websocket.ts";
+
+/** How to connect. */
+export interface ConnectOptions<Hello> extends Waiting {
+  /** This side's introduction. */
+  readonly hello: Hello;
+  /** Ends the attempt: `AbortSignal.timeout(5000)` gives it five seconds. The link lives on without it. */
+  readonly signal?: AbortSignal | undefined;
+  /** Judges the listener: returns why this side does not take it, if so. The listener is told. */
+  readonly admit?: (theirs: Hello) => string | undefined;
+  /** How many items a frame may have. A peer that sends more breaks the protocol. By default 4,194,304. */
+  readonly maxItems?: number | ((theirs: Hello) => number);
+  /** Keeps only this many unread frames, the newest. By default all are kept, up to `maxUnread`. */
+  readonly keepFrames?: number;
+  /** How many bytes may wait for a reader on a lane, before the link ends. By default 64 MiB. */
+  readonly maxUnread?: number;
+  /** Makes a WebSocket, where there is none built in. */
+  readonly webSocket?: (url: string) => Socket;
+  /** Opens the connection of a lane, other than by a WebSocket. */
+  readonly open?: (url: string, lane: LaneName) => Promise<Channel>;
+  /** The clock that all timeouts read. */
+  readonly clock?: Clock;
+  /** The number that pairs the connections, instead of a random one. */
+  readonly session?: bigint;
+}
+
+/**
+ * Connects once to the listener at `url`, such as `ws://robot.local:7400/`, and introduces this side to it.
+ *
+ * Throws a `LinkError` if there is no link, and the signal's reason if that is aborted.
+ */
+export async function connect<Hello, Value, Header, Items, Message>(
+  url: string,
+  protocol: Protocol<Hello, Value, Header, Items, Message>,
+  options: ConnectOptions<Hello>,
+): Promise<Link<Hello, Value, Header, Items, Message>> {
+  const { clock = systemClock, signal, keepFrames: keep, maxUnread = 1 << 26, webSocket } = options;
+  const open = options.open ?? ((url: string) => openWebSocket(url, webSocket));
+  const introduction = whole(protocol.hello).encode(options.hello);
+  if (introduction.length > MOST_INTRODUCTION) {
+    throw new RangeError(`a hello of ${introduction.length} bytes: it has at most ${MOST_INTRODUCTION}`);
+  }
+  const hello = { application: protocol.name, session: options.session ?? randomNumber(), introduction };
+  signal?.throwIfAborted();
+  const hashers = [await loadHasher(), await loadHasher()] as const;
+  const lane = { format: formatOf(protocol), clock, signal };
+  const { lanes, listener } = await meet((name) => open(url, name), hello, lane);
+  const peer = judge(listener, protocol.hello, options);
+  if (peer instanceof LinkError) {
+    for (const name of LANES) {
+      lanes[name].leave({ code: CODE_NOT_TAKEN, text: peer.message });
+    }
+    throw peer;
+  }
+  const { maxItems = 1 << 22 } = options;
+  const rule = { keep, maxUnread, maxItems: typeof maxItems === "number" ? maxItems : maxItems(peer) };
+  return new Link({ protocol, peer, lanes, clock, hashers, rule });
+}
+
+/** The listener's hello, or why this side does not take it. */
+function judge<Hello>(
+  listener: Uint8Array,
+  hello: Codec<Hello>,
+  { admit }: ConnectOptions<Hello>,
+): Hello | LinkError {
+  try {
+    const peer = whole(hello).decode(listener);
+    const why = admit?.(peer);
+    return why === undefined ? peer : new LinkError("rejected", why);
+  } catch (error) {
+    if (error instanceof WireError) {
+      const text = `the listener's hello cannot be read: ${error.message}`;
+      return new LinkError("violation", text, { cause: error });
+    }
+    throw error;
+  }
+}

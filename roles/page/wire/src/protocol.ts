@@ -1,0 +1,67 @@
+/** Protocols: what two peers must agree on before they can have a link. */
+
+import type { Codec } from "./codec.ts";
+import { type Fixed, nothing } from "./fixed.ts";
+import type { BatchDecoder } from "./frames.ts";
+import { type Items, typedItems } from "./items.ts";
+import type { Format } from "./messages.ts";
+
+/** A protocol, as the trait `Protocol` of the Rust crate. `defineProtocol` makes one. */
+export interface Protocol<Hello, Latest, Header, Items_, Message> {
+  /** Its name with its version, such as `robot/1`: at most 32 bytes. Peers of other names get no link. */
+  readonly name: string;
+  /** How a peer introduces itself: at most 200 bytes. */
+  readonly hello: Codec<Hello>;
+  /** The value of the latest lane: at most 1,024 bytes. */
+  readonly latest: Fixed<Latest>;
+  /** The header of a frame: at most 1,024 bytes. */
+  readonly header: Fixed<Header>;
+  /** The items of a frame: 1 to 256 bytes each. */
+  readonly items: Items<Items_>;
+  /** A message: at most 16,384 bytes. */
+  readonly message: Codec<Message>;
+  /** Makes a link's decoder of coded batches. Without it, no batch may be coded. */
+  readonly decoder?: () => BatchDecoder<Items_>;
+}
+
+/** A protocol without the lanes that it does not need. */
+type Definition<P> = Omit<P, "latest" | "header" | "items" | "message"> & Partial<P>;
+
+/**
+ * Defines a protocol. A lane that is left out has values without content, as Rust's `()`, and items of `u32`.
+ *
+ * Throws a `RangeError` for sizes and names that the wire does not allow.
+ */
+export function defineProtocol<
+  Hello,
+  Latest = undefined,
+  Header = undefined,
+  Items_ = Uint32Array<ArrayBuffer>,
+  Message = undefined,
+>(
+  definition: Definition<Protocol<Hello, Latest, Header, Items_, Message>>,
+): Protocol<Hello, Latest, Header, Items_, Message> {
+  const left = { latest: nothing, header: nothing, items: typedItems(Uint32Array), message: nothing };
+  const protocol = { ...left, ...definition } as Protocol<Hello, Latest, Header, Items_, Message>;
+  const { name, latest, header, items } = protocol;
+  within(`the name ${name}`, new TextEncoder().encode(name).length, 1, 32);
+  within("a latest value", latest.size, 0, 1024);
+  within("a header", header.size, 0, 1024);
+  within("an item", items.size, 1, 256);
+  return protocol;
+}
+
+function within(what: string, bytes: number, least: number, most: number): void {
+  if (!(bytes >= least && bytes <= most)) {
+    throw new RangeError(`${what} has ${bytes} bytes: it must have ${least} to ${most}`);
+  }
+}
+
+/** The sizes of a protocol's data. */
+export function formatOf<Hello, Latest, Header, Items_, Message>({
+  latest,
+  header,
+  items,
+}: Protocol<Hello, Latest, Header, Items_, Message>): Format {
+  return { latest: latest.size, header: header.size, item: items.size };
+}

@@ -1,0 +1,100 @@
+/** The protocol of the README, and its robot as a test plays it: a listener over fake connections. */
+
+import assert from "node:assert/strict";
+import { type Of, record, tagged, text, u32, whole } from "../src/codec.ts";
+import { type ConnectOptions, connect } from "../src/connect.ts";
+import { struct } from "../src/fixed.ts";
+import { LANES, type LaneName } from "../src/handshake.ts";
+import { itemsOf } from "../src/items.ts";
+import { encodeMessage, Kind, type Message, MessageStream } from "../src/messages.ts";
+import { defineProtocol, formatOf } from "../src/protocol.ts";
+import { FakeChannel, FakeClock, settled, takeAll } from "./support.ts";
+
+export const POINT = struct({ x: "f32", y: "f32", z: "f32" });
+
+export const ROBOT = defineProtocol({
+  name: "robot/1",
+  hello: record({ name: text(), map: u32 }),
+  latest: POINT,
+  header: POINT,
+  items: itemsOf(POINT),
+  message: tagged("command", { Stop: {}, Play: { sound: text() } }),
+});
+
+type Hello = Of<typeof ROBOT.hello>;
+
+export const US: Hello = { name: "panel", map: 7 };
+export const THEM: Hello = { name: "robot", map: 7 };
+export const { encode: encodeHelloOf } = whole(ROBOT.hello);
+export const { encode: encodeCommand } = whole(ROBOT.message);
+export const { encode: encodePoint } = whole(POINT);
+
+const NOTHING = new Uint8Array(0);
+const FORMAT = formatOf(ROBOT);
+
+/** A listener. The test says what it does. */
+export class Robot {
+  readonly clock = new FakeClock();
+  readonly channels = new Map<LaneName, FakeChannel>();
+
+  connect(options: Partial<ConnectOptions<Hello>> = {}) {
+    const fakes = { session: 5n, clock: this.clock, open: (_: string, lane: LaneName) => this.open(lane) };
+    return connect("ws://two:7400", ROBOT, { hello: US, ...fakes, ...options });
+  }
+
+  async open(lane: LaneName): Promise<FakeChannel> {
+    const channel = new FakeChannel();
+    this.channels.set(lane, channel);
+    return channel;
+  }
+
+  channel(lane: LaneName): FakeChannel {
+    const channel = this.channels.get(lane);
+    assert(channel !== undefined, `the ${lane} lane is not open`);
+    return channel;
+  }
+
+  say(lane: LaneName, kind: Kind, payload: Uint8Array = NOTHING): void {
+    this.channel(lane).onBytes?.(encodeMessage(kind, payload, FORMAT));
+  }
+
+  /** The messages on a lane since the last call. */
+  heard(lane: LaneName): Message[] {
+    const stream = new MessageStream(FORMAT);
+    for (const bytes of this.channel(lane).sent.splice(0)) {
+      stream.push(bytes);
+    }
+    const messages = takeAll(stream);
+    assert.equal(stream.pending, 0);
+    return messages;
+  }
+
+  /** Accepts the peer on all lanes. */
+  accept(): void {
+    for (const lane of LANES) {
+      this.heard(lane);
+      this.say(lane, Kind.accept, encodeHelloOf(THEM));
+    }
+  }
+
+  get areAllClosed(): boolean {
+    return [...this.channels.values()].every(({ isClosed }) => isClosed);
+  }
+}
+
+/** An established link, and its listener. */
+export async function linked(options: Partial<ConnectOptions<Hello>> = {}) {
+  const robot = new Robot();
+  const connecting = robot.connect(options);
+  await opened(robot);
+  robot.accept();
+  return { robot, link: await connecting };
+}
+
+/** Waits until the listener has a hello on each lane. */
+export async function opened({ channels }: Robot): Promise<void> {
+  while (channels.size < LANES.length) {
+    await settled();
+  }
+  await settled();
+}
