@@ -25,7 +25,9 @@ export const PAGE = {
 
 if (process.argv[1] === fileURLToPath(import.meta.url)) {
   if (process.argv[2] === "tests") {
-    const tests = readdirSync("tests").filter((name) => name.endsWith(".test.ts") || name === "driver.ts");
+    const tests = readdirSync("tests").filter(
+      (name) => name.endsWith(".test.ts") || ["driver.ts", "panel.ts"].includes(name),
+    );
     await build({
       ...common,
       entryPoints: tests.map((name) => `tests/${name}`),

@@ -33,6 +33,8 @@ mod tasks;
 mod tcp;
 #[cfg(feature = "tcp")]
 mod tcp_faults;
+#[cfg(feature = "ws")]
+mod typescript;
 #[cfg(feature = "udp")]
 mod udp;
 #[cfg(all(target_os = "linux", feature = "udp"))]

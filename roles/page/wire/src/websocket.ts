@@ -32,8 +32,12 @@ export function openWebSocket(
     socket.onopen = () => resolve(new WebSocketChannel(socket));
     // The query may hold a secret.
     const [where] = url.split(/[?#]/);
-    // The end of the connection follows, with its reason. Node's `ws` throws an error that nobody hears.
-    socket.onerror = () => {};
+    // Browsers say nothing here, and the end follows. Node says why, and its first WebSocket nothing more.
+    socket.onerror = ({ message = "" }: ErrorEvent) => {
+      if (message !== "") {
+        reject(new Error(`cannot connect to ${where}: ${message}`));
+      }
+    };
     socket.onclose = (event: CloseEvent) =>
       reject(new Error(`cannot connect to ${where}: ${reasonOf(event)}`));
   });

@@ -144,7 +144,10 @@ test("a peer that is silent for twenty seconds on a lane is lost, and a keep-ali
 test("this side leaves with a close on each lane, and nothing is sent or read any more", async () => {
   const { robot, link } = await linked();
   robot.say("messages", Kind.message, STOP);
+  robot.channel("latest").waiting = 4097;
+  link.latest.publish(HERE);
   link.close(1, "it was interrupted");
+  assert.equal(robot.clock.waiting, 0, "no value waits");
   for (const lane of LANES) {
     const [close, ...more] = robot.heard(lane);
     assert(close?.kind === Kind.close && more.length === 0);
