@@ -116,7 +116,9 @@ async fn the_panel_in_typescript_drives_the_robot() {
     let Err(RecvError::Closed { reason, .. }) = &end else { panic!("{end:?}") };
     assert_eq!(reason.to_string(), "the shift is over");
 
-    let told = program.wait_with_output().unwrap();
+    // Node stays until the robot has ended its side as well.
+    drop(robot);
+    let told = tokio::task::spawn_blocking(|| program.wait_with_output()).await.unwrap().unwrap();
     assert!(told.status.success());
     let expected = "robot has map 7\nframe 3 from 1: 4 5 6,7 8 9\nthe robot answers: Stop\n\
                     the end: left, the shift is over\n";

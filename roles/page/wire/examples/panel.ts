@@ -2,7 +2,7 @@ import { connect, defineProtocol, itemsOf, record, struct, tagged, text, u32 } f
 
 const VECTOR = struct({ x: "f32", y: "f32", z: "f32" }); // 12 bytes, as `Pose` and `Point` write them
 
-/** What `impl Protocol for Robot` says in Rust. */
+/** The same as `impl Protocol for Robot` in Rust. */
 const ROBOT = defineProtocol({
   name: "robot/1",
   hello: record({ name: text(), map: u32 }),

@@ -10,7 +10,7 @@ export type LinkEnd =
   | { readonly why: "overflow"; readonly text: string };
 
 /**
- * What happened:
+ * The kind of an error:
  * - `unreachable`: no connection could be made;
  * - `timeout`: the listener did not answer in time;
  * - `refused`: the listener refused, see `refusal`;

@@ -1,4 +1,4 @@
-/** What the lanes of a link do: they read what arrives, and write what is sent. */
+/** The work of the lanes of a link: they decode arrivals, and encode what is sent. */
 
 import { WireError } from "./bytes.ts";
 import { type Codec, whole } from "./codec.ts";

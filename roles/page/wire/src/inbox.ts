@@ -16,7 +16,7 @@ export interface Receiver<T> extends AsyncIterable<T, undefined, undefined> {
   receive(options?: Waiting): Promise<T>;
 }
 
-/** What happens to arrivals that nobody reads. */
+/** The limits of arrivals that nobody has read. */
 export interface Rule {
   /** Only this many are kept, the newest ones. */
   readonly keep?: number | undefined;

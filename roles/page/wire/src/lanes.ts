@@ -25,8 +25,8 @@ export interface FramesLane<Header, Items> extends Receiver<Frame<Header, Items>
 /** Messages, or blocks of bytes: all arrive, in order. */
 export interface MessagesLane<Message> extends Receiver<Message> {
   /**
-   * Sends a message at once, and resolves when there is room for another one. Whoever sends much awaits that;
-   * an error that nobody awaits is no unhandled one. `options` end the wait, and not the message.
+   * Sends a message at once, and resolves when there is room for another one. Await it if you send much; an
+   * error that nobody awaits is no unhandled one. An aborted wait does not call the message back.
    *
    * Rejects with a `RangeError` if the message is too large, and with a `LinkError` if the link has ended.
    */

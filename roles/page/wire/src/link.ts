@@ -24,7 +24,7 @@ export type LinkOf<P> =
     ? Link<Hello, Value, Header, Items, Message>
     : never;
 
-/** What `connect` gives a link. */
+/** The parts of a link, from `connect`. */
 export interface LinkParts<Hello, Value, Header, Items, Message> {
   readonly protocol: Protocol<Hello, Value, Header, Items, Message>;
   readonly peer: Hello;

@@ -7,7 +7,7 @@ import { type Items, typedItems } from "./items.ts";
 import type { Format } from "./messages.ts";
 
 /** A protocol, as the trait `Protocol` of the Rust crate. `defineProtocol` makes one. */
-export interface Protocol<Hello, Latest, Header, Items_, Message> {
+export interface Protocol<Hello, Latest, Header, ItemArray, Message> {
   /** Its name with its version, such as `robot/1`: at most 32 bytes. Peers of other names get no link. */
   readonly name: string;
   /** How a peer introduces itself: at most 200 bytes. */
@@ -17,11 +17,11 @@ export interface Protocol<Hello, Latest, Header, Items_, Message> {
   /** The header of a frame: at most 1,024 bytes. */
   readonly header: Fixed<Header>;
   /** The items of a frame: 1 to 256 bytes each. */
-  readonly items: Items<Items_>;
+  readonly items: Items<ItemArray>;
   /** A message: at most 16,384 bytes. */
   readonly message: Codec<Message>;
   /** Makes a link's decoder of coded batches. Without it, no batch may be coded. */
-  readonly decoder?: () => BatchDecoder<Items_>;
+  readonly decoder?: () => BatchDecoder<ItemArray>;
 }
 
 /** A protocol without the lanes that it does not need. */
@@ -36,13 +36,13 @@ export function defineProtocol<
   Hello,
   Latest = undefined,
   Header = undefined,
-  Items_ = Uint32Array<ArrayBuffer>,
+  ItemArray = Uint32Array<ArrayBuffer>,
   Message = undefined,
 >(
-  definition: Definition<Protocol<Hello, Latest, Header, Items_, Message>>,
-): Protocol<Hello, Latest, Header, Items_, Message> {
+  definition: Definition<Protocol<Hello, Latest, Header, ItemArray, Message>>,
+): Protocol<Hello, Latest, Header, ItemArray, Message> {
   const left = { latest: nothing, header: nothing, items: typedItems(Uint32Array), message: nothing };
-  const protocol = { ...left, ...definition } as Protocol<Hello, Latest, Header, Items_, Message>;
+  const protocol = { ...left, ...definition } as Protocol<Hello, Latest, Header, ItemArray, Message>;
   const { name, latest, header, items } = protocol;
   within(`the name ${name}`, new TextEncoder().encode(name).length, 1, 32);
   within("a latest value", latest.size, 0, 1024);
@@ -58,10 +58,10 @@ function within(what: string, bytes: number, least: number, most: number): void 
 }
 
 /** The sizes of a protocol's data. */
-export function formatOf<Hello, Latest, Header, Items_, Message>({
+export function formatOf<Hello, Latest, Header, ItemArray, Message>({
   latest,
   header,
   items,
-}: Protocol<Hello, Latest, Header, Items_, Message>): Format {
+}: Protocol<Hello, Latest, Header, ItemArray, Message>): Format {
   return { latest: latest.size, header: header.size, item: items.size };
 }

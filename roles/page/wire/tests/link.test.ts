@@ -1,4 +1,4 @@
-/** What a link carries, and how it ends, with the test as listener. */
+/** Links carry data and end, with the test as listener. */
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
