@@ -105,7 +105,11 @@ async fn the_panel_in_typescript_drives_the_robot() {
     let mut robot = listener.accept(soon(&net)).await.unwrap();
     assert_eq!(robot.peer.hello, Hello { name: "panel".to_owned(), map: 7 });
     let there = Pose([1.0, 0.0, 0.5]);
-    while robot.latest_rx.latest().await.unwrap() != there {}
+    let mut pose = robot.latest_rx.latest().await.unwrap();
+    if pose == Pose([0.0; 3]) {
+        pose = robot.latest_rx.latest().await.unwrap();
+    }
+    assert_eq!(pose, there);
     robot.frames_tx.begin(FrameStart { frame: FrameNumber(3), header: there }).await.unwrap();
     robot.frames_tx.push(&[Point([4.0, 5.0, 6.0]), Point([7.0, 8.0, 9.0])]).await.unwrap();
     robot.frames_tx.finish().await.unwrap();
