@@ -18,6 +18,7 @@ export interface NewFrame<Header, Items> {
 /** The most bytes of a batch, if an item is not larger. */
 const MOST_PER_BATCH = 65_536;
 
+/** The sending half of the frames lane. */
 export class FrameSender<Header, Items> {
   readonly #outbox: Outbox;
   readonly #hasher: Hasher;

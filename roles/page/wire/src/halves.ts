@@ -20,6 +20,7 @@ export interface Half {
   end(end: LinkEnd): void;
 }
 
+/** The latest lane. */
 export class Latest<T> extends Inbox<T> implements Half, LatestLane<T> {
   readonly #newest: NewestSender;
   readonly #value: ReturnType<typeof whole<T>>;
@@ -44,6 +45,7 @@ export class Latest<T> extends Inbox<T> implements Half, LatestLane<T> {
   }
 }
 
+/** The frames lane. */
 export class Frames<Header, Items>
   extends Inbox<Frame<Header, Items>>
   implements Half, FramesLane<Header, Items>
@@ -87,6 +89,7 @@ export class Frames<Header, Items>
   }
 }
 
+/** The messages lane, or the bulk lane: `kind` says which. */
 export class Messages<T> extends Inbox<T> implements Half, MessagesLane<T> {
   readonly #outbox: Outbox;
   readonly #kind: Kind;

@@ -11,6 +11,7 @@ const MOST_UNSENT = 262_144;
 /** The polling interval for unsent bytes, milliseconds: a WebSocket has no event for it. */
 const LOOK_EVERY = 4;
 
+/** The outbox of one lane. */
 export class Outbox {
   readonly #lane: Lane;
   readonly #clock: Clock;
