@@ -47,7 +47,7 @@ fn rewrite(message: &Message, read: &[u8], format: &Format) {
     let mut written = BytesMut::new();
     message.encode(&mut written);
     match message {
-        Message::Hello(_) | Message::Refuse(_) | Message::Close(_) => {
+        Message::Hello(_) | Message::Accept(_) | Message::Refuse(_) | Message::Close(_) => {
             let mut decoder = Decoder::new(*format);
             decoder.push(&written);
             assert_eq!(decoder.next_message().as_ref(), Ok(&Some(message.clone())));

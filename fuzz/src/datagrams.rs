@@ -38,7 +38,9 @@ pub fn strangers(bytes: &[u8]) {
 }
 
 fn initial(security: &Security, datagram: &[u8]) {
-    let Ok(acceptor) = Acceptor::new(security.clone(), SECRET) else { unreachable!("the keys are good") };
+    let Ok(acceptor) = Acceptor::new(security.clone(), SECRET, 7400) else {
+        unreachable!("the keys are good")
+    };
     let mut out = Vec::new();
     match acceptor.handle(now(), ELSEWHERE, datagram, &mut out) {
         Handled::Reply => assert!(out.len() * 3 <= datagram.len(), "{} for {}", out.len(), datagram.len()),

@@ -74,7 +74,7 @@ impl Street {
         Some(Self {
             now,
             begun: now,
-            acceptor: Acceptor::new(security.clone(), [7; 32]).ok()?,
+            acceptor: Acceptor::new(security.clone(), [7; 32], 7400).ok()?,
             connecting: Some(Connecting::new(security, HERE, b"hello").ok()?),
             connected: None,
             guests: BTreeMap::new(),

@@ -18,7 +18,7 @@ use crate::checks;
 pub fn decode(bytes: &[u8]) {
     for message in checks::decode(bytes, &Format::of::<Walkthrough>()) {
         match message {
-            Message::Hello(Hello { application, .. }) | Message::Accept(Accept { application }) => {
+            Message::Hello(Hello { application, .. }) | Message::Accept(Accept { application, .. }) => {
                 reads_again::<Identity>(&application);
             }
             Message::Latest(camera) | Message::Frame(FrameMessage::Begin { header: camera, .. }) => {

@@ -13,7 +13,7 @@ local KINDS = {
   [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x24] = "coded batch",
   [0x30] = "message", [0x40] = "block",
 }
-local VERSION = 3
+local VERSION = 4
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/3", 72, 80
 local ROLES = { [0] = "culler", "display" }
 local LANES = { [0] = "latest", "frames", "messages", "bulk" }
@@ -35,6 +35,8 @@ local CLOSES = {
 local FORMS = { [0] = "data", "initial", "retry", "answer" }
 local PLAIN_FRAME, CODED_FRAME = 0x20, 0x24
 local FRAMES_KEPT, TAG = 8, 16
+-- What stands in place of a number in a reset, and the length of its token.
+local RESET, TOKEN = UInt64(0xfffffffc, 0xffffffff), 16
 
 local trimaran = Proto("trimaran", "Trimaran")
 local datagrams = Proto("trimaran_udp", "Trimaran datagram")
@@ -43,6 +45,7 @@ local f = {
   kind = ProtoField.uint8("trimaran.kind", "Kind", base.HEX, KINDS),
   length = ProtoField.uint24("trimaran.length", "Length"),
   version = ProtoField.uint16("trimaran.version", "Version"),
+  idle_timeout = ProtoField.uint32("trimaran.idle_timeout", "Idle timeout (ms)"),
   protocol = ProtoField.string("trimaran.protocol", "Protocol"),
   application = ProtoField.bytes("trimaran.application", "Another application's"),
   role = ProtoField.uint8("trimaran.role", "Role", base.DEC, ROLES),
@@ -114,7 +117,7 @@ local f = {
   supply_ahead = ProtoField.uint32("trimaran.supply.ahead", "Piece of geometry ahead"),
 }
 local e = {
-  malformed = ProtoExpert.new("trimaran.malformed", "No message of version 3", expert.group.MALFORMED, expert.severity.ERROR),
+  malformed = ProtoExpert.new("trimaran.malformed", "No message of version 4", expert.group.MALFORMED, expert.severity.ERROR),
 }
 trimaran.fields, trimaran.experts = f, e
 
@@ -124,6 +127,7 @@ local u = {
   packet = ProtoField.uint64("trimaran_udp.packet", "Packet number"),
   connection = ProtoField.uint32("trimaran_udp.connection", "Connection id", base.HEX),
   cookie = ProtoField.bytes("trimaran_udp.cookie", "Cookie"),
+  token = ProtoField.bytes("trimaran_udp.token", "Reset token"),
   handshake = ProtoField.bytes("trimaran_udp.handshake", "Handshake message"),
   taken = ProtoField.bool("trimaran_udp.taken", "Taken"),
   listener = ProtoField.uint32("trimaran_udp.listener", "Listener's connection id", base.HEX),
@@ -595,12 +599,15 @@ local function message(tvb, from, to, pinfo, tree, key)
     local protocol = add_text(sub, f.protocol, r)
     add_wide(sub, f.session, r)
     local which = LANES[add_varint(sub, f.lane, r)] or "?"
+    add_varint(sub, f.idle_timeout, r)
     others[pair_of(pinfo)] = protocol ~= APPLICATION and protocol or nil
     if protocol ~= APPLICATION then return foreign(r, sub, "hello of " .. protocol .. ", " .. which) end
     return "hello from " .. identity(r, sub, direction_of(pinfo)) .. ", " .. which
   elseif kind == 0x05 then
     return name
-  elseif others[pair_of(pinfo)] then
+  end
+  if kind == 0x02 then add_varint(sub, f.idle_timeout, r) end
+  if others[pair_of(pinfo)] then
     return foreign(r, sub, name .. " of " .. others[pair_of(pinfo)])
   elseif kind == 0x02 then
     return "accept from " .. identity(r, sub, direction_of(pinfo))
@@ -988,7 +995,8 @@ local function handshake(tvb, from, to, pinfo, tree, form)
   if form == 3 and clear[pair_of(pinfo)] then
     tree:add(u.taken, tvb(at, 1))
     tree:add_le(u.listener, tvb(at + 1, 4))
-    at = at + 5
+    if tvb(at, 1):uint() ~= 0 then tree:add(u.token, tvb(at + 5, TOKEN)) end
+    at = at + 5 + (tvb(at, 1):uint() ~= 0 and TOKEN or 0)
   end
   -- Links put their hello into the first message and their answer into the second.
   if clear[pair_of(pinfo)] and at + HEADER <= to and KINDS[tvb(at, 1):uint()] then
@@ -1007,7 +1015,10 @@ local function packet(tvb, pinfo, tree)
   sub:add(u.form, tvb(0, 1), form)
   local word = tvb(0, 8):le_uint64()
   sub:add_le(u.connection, tvb(8, 4))
-  if form == 0 then
+  if word == RESET then
+    sub:add(u.token, tvb(12, TOKEN))
+    return "reset"
+  elseif form == 0 then
     sub:add(u.packet, tvb(0, 8), word:rshift(2))
     if size < 12 + TAG then error(SHORT) end
     if clear[pair_of(pinfo)] then

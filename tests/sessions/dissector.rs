@@ -199,7 +199,7 @@ fn a_session_over_tcp_is_read_id_by_id() {
     assert!(
         hellos
             .iter()
-            .all(|[version, session, lane]| version[0] == "3" && session.len() == 1 && lane.len() == 1)
+            .all(|[version, session, lane]| version[0] == "4" && session.len() == 1 && lane.len() == 1)
     );
     let fields = ["trimaran.role", "trimaran.settings.width", "trimaran.settings.batch"];
     let hellos = capture.read("trimaran.kind == 1 && trimaran.session_key", fields);
@@ -266,7 +266,7 @@ fn datagrams_in_the_clear_are_read_and_sealed_ones_called_so() {
     assert!(!capture.read("trimaran.kind == 0x24", ["frame.number"]).is_empty(), "frames travel as changes");
     holds_every_id(&capture, &workload, Schedule::Independent);
     let hellos = capture.read("trimaran_udp.form == 1", ["trimaran.role", "trimaran_udp.version"]);
-    assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "3"), "{hellos:?}");
+    assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "4"), "{hellos:?}");
 
     session(&capture, Transport::Udp, &workload, Knobs::default());
     capture.is_sound();
@@ -304,6 +304,7 @@ fn hello() -> BytesMut {
         protocol: ProtocolName::new(Walkthrough::NAME),
         session: SessionId(7),
         lane: Lane::Frames,
+        idle_timeout: Duration::from_secs(20).into(),
         application: postcard::to_stdvec(&identity).unwrap().into(),
     };
     let mut bytes = BytesMut::new();

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use serde::de::DeserializeOwned;
-use trimaran_wire::{Format, Hello, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection, SessionId};
+use trimaran_wire::{
+    Format, Hello, IdleTimeout, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection, SessionId,
+};
 
 use crate::handshake::{HandshakeError, HelloTooLong};
 use crate::lanes::local;
@@ -42,8 +44,8 @@ pub(crate) trait Application: fmt::Debug + Send + Sync {
 
 impl dyn Application + '_ {
     /// The hello for one lane of one link.
-    pub(crate) fn introduce(&self, session: SessionId, lane: Lane) -> Hello {
-        Hello { protocol: self.protocol(), session, lane, application: self.hello().clone() }
+    pub(crate) fn introduce(&self, session: SessionId, lane: Lane, idle_timeout: IdleTimeout) -> Hello {
+        Hello { protocol: self.protocol(), session, lane, idle_timeout, application: self.hello().clone() }
     }
 }
 

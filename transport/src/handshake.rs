@@ -2,10 +2,9 @@
 
 use std::io;
 
-use bytes::Bytes;
 use thiserror::Error;
 use trimaran_wire::{
-    CloseReason, DecodeError, DecodeFault, Hello, Kind, MAX_HELLO, Message, ProtocolName, Refusal,
+    Accept, CloseReason, DecodeError, DecodeFault, Hello, Kind, MAX_HELLO, Message, ProtocolName, Refusal,
 };
 
 use crate::error::{LaneError, Loss, ProtocolError};
@@ -214,10 +213,10 @@ pub(crate) trait Handshake: Send {
     }
 
     /// Reads the answer to a hello.
-    fn recv_answer(&mut self) -> impl Future<Output = Result<Bytes, HandshakeError>> + Send {
+    fn recv_answer(&mut self) -> impl Future<Output = Result<Accept, HandshakeError>> + Send {
         async {
             match self.recv().await? {
-                Message::Accept(accept) => Ok(accept.application),
+                Message::Accept(accept) => Ok(accept),
                 Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
                 other => Err(HandshakeError::Unexpected { kind: other.kind() }),
             }

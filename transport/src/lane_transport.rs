@@ -76,7 +76,7 @@ impl Introduction<'_> {
     /// The hello to the listener; a transport with one connection for all lanes names [`Lane::Frames`].
     #[must_use]
     pub fn hello(&self, lane: Lane) -> Hello {
-        self.application.introduce(self.session, lane)
+        self.application.introduce(self.session, lane, self.link.idle_timeout.into())
     }
 
     /// The listener, from the hello in its answer.

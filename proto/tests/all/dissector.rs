@@ -107,13 +107,20 @@ fn the_examples_are_read_field_by_field() {
         ),
         (
             "hello-without-a-scene",
-            &["trimaran.lane", "trimaran.scene", "trimaran.session_key", "trimaran.settings.batch"],
-            "3||0x0000000000005eed|256",
+            &[
+                "trimaran.lane",
+                "trimaran.idle_timeout",
+                "trimaran.scene",
+                "trimaran.session_key",
+                "trimaran.settings.batch",
+            ],
+            "3|20000||0x0000000000005eed|256",
         ),
+        ("accept", &["trimaran.idle_timeout"], "20000"),
         (
             "refuse",
             &["trimaran.version", "trimaran.reason", "trimaran.rejection", "trimaran.text"],
-            "3|2|3|the listener is a culler as well: connect displays with cullers",
+            "4|2|3|the listener is a culler as well: connect displays with cullers",
         ),
         ("close", &["trimaran.close", "trimaran.text"], "2|it failed: no GPU"),
         (

@@ -1,6 +1,7 @@
 //! This crate writes and reads the worked examples of WIRE.md.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use bytes::Bytes;
 use trimaran_proto::{
@@ -142,11 +143,14 @@ fn block(items: &[impl serde::Serialize]) -> Message {
     Message::Block(block.into())
 }
 
+const IDLE_TIMEOUT: Duration = Duration::from_secs(20);
+
 fn hello(lane: Lane, identity: Identity) -> Message {
     Message::Hello(Hello {
         protocol: ProtocolName::new(Walkthrough::NAME),
         session: SessionId(5),
         lane,
+        idle_timeout: IDLE_TIMEOUT.into(),
         application: postcard(&identity),
     })
 }
@@ -162,7 +166,10 @@ fn messages() -> Vec<(&'static str, Message)> {
     let mut messages = vec![
         ("hello", hello(Lane::Latest, display())),
         ("hello-without-a-scene", hello(Lane::Bulk, empty_display())),
-        ("accept", Message::Accept(Accept { application: postcard(&culler()) })),
+        (
+            "accept",
+            Message::Accept(Accept { idle_timeout: IDLE_TIMEOUT.into(), application: postcard(&culler()) }),
+        ),
         ("refuse", Message::Refuse(Refusal::Rejected(Walkthrough::admit(&culler(), &culler()).unwrap_err()))),
         ("close", Message::Close(CloseCode::Failed.because("no GPU"))),
         ("camera", Message::Latest(header)),

@@ -29,7 +29,7 @@ fn introduced(config: Config) -> ([Connection; 2], Vec<(usize, Vec<u8>)>) {
     let now = Instant::from_nanos(0);
     let mut hello = hello();
     hello.put_u8(0);
-    let acceptor = Acceptor::new(Security::Plaintext, [3; 32]).unwrap();
+    let acceptor = Acceptor::new(Security::Plaintext, [3; 32], 7400).unwrap();
     let address = "127.0.0.1:7400".parse().unwrap();
     let connecting = Connecting::new(&Security::Plaintext, ConnectionId(1), &hello).unwrap();
     let (mut said, mut first, mut reply) = (Vec::new(), Vec::new(), Vec::new());

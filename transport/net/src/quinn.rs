@@ -60,14 +60,27 @@ pub fn server(net: &Arc<dyn Net>, config: ServerConfig, at: SocketAddr) -> io::R
 /// If the address cannot be bound, or the network gives no random bits.
 pub fn endpoint(
     net: &Arc<dyn Net>,
-    mut config: EndpointConfig,
+    config: EndpointConfig,
     server: Option<ServerConfig>,
     at: SocketAddr,
     socket: UdpSocketOptions,
 ) -> io::Result<Endpoint> {
-    let socket = Arc::new(NetSocket(net.bind_udp(at, socket)?));
+    endpoint_on(net, config, server, net.bind_udp(at, socket)?)
+}
+
+/// As [`endpoint`], on a socket of this network that is bound already.
+///
+/// # Errors
+/// If the network gives no random bits.
+pub fn endpoint_on(
+    net: &Arc<dyn Net>,
+    mut config: EndpointConfig,
+    server: Option<ServerConfig>,
+    socket: Arc<dyn UdpSocket>,
+) -> io::Result<Endpoint> {
     config.rng_seed(Some(random_bytes(&**net)?));
-    Endpoint::new_with_abstract_socket(config, server, socket, Arc::new(NetRuntime::new(net)))
+    let (socket, runtime) = (Arc::new(NetSocket(socket)), Arc::new(NetRuntime::new(net)));
+    Endpoint::new_with_abstract_socket(config, server, socket, runtime)
 }
 
 /// A [`Net`] as quinn's runtime, for programs that make their endpoints themselves.

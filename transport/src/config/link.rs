@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_wire::{BatchSize, Batching};
+use trimaran_wire::{BatchSize, Batching, IdleTimeout};
 
 /// Options of a link over any transport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,8 +18,8 @@ pub struct LinkConfig {
     )]
     pub timeout: Duration,
     /// The silence after which the peer counts as lost, on any transport: an idle peer sends keep-alives as
-    /// long as its process runs. Time in which nobody waits for the peer does not count. Both sides should
-    /// have the same, or 20 s and more. Default 20 s.
+    /// long as its process runs. Time in which nobody waits for the peer does not count. Where the two sides
+    /// differ, the shorter one holds for both. Default 20 s.
     #[cfg_attr(
         feature = "config",
         serde(rename = "idle_timeout_s", with = "crate::config::range::idle_timeout_s"),
@@ -62,9 +62,8 @@ impl Default for LinkConfig {
 }
 
 impl LinkConfig {
-    /// The pause after which an idle lane sends a keep-alive: often enough for a peer of the default idle
-    /// timeout.
-    pub(crate) fn keepalive(&self) -> Duration {
-        (self.idle_timeout / 4).min(Duration::from_secs(5))
+    /// The idle timeout of a link with a peer that wants `theirs`.
+    pub(crate) fn agreed(&self, theirs: IdleTimeout) -> Duration {
+        IdleTimeout::from(self.idle_timeout).agreed(theirs)
     }
 }

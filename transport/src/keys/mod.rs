@@ -124,6 +124,16 @@ impl Keys {
         &self.file.udp_key
     }
 
+    /// A secret of a QUIC listener at this port that stays the same when it is restarted.
+    #[cfg(feature = "quic")]
+    pub(crate) fn quic_reset_secret(&self, port: u16) -> [u8; 32] {
+        let key = ring::hmac::Key::new(ring::hmac::HMAC_SHA256, self.file.quic_key.as_ref());
+        let mut of = ring::hmac::Context::with_key(&key);
+        of.update(b"trimaran quic reset 1");
+        of.update(&port.to_le_bytes());
+        of.sign().as_ref().first_chunk().copied().unwrap_or_default()
+    }
+
     fn assemble(file: PrivateFile) -> Result<Self, KeysError> {
         let certificate = CertificateDer::from(file.quic_certificate.as_ref().to_vec());
         let quic = Fingerprint::of(&certificate);

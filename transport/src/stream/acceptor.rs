@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use tokio::sync::oneshot;
-use trimaran_wire::{Accept, Hello, Lane, Message, Refusal, SessionId};
+use trimaran_wire::{Hello, IdleTimeout, Lane, Message, Refusal, SessionId};
 
 use super::handshake::{Connection, Lanes};
 use crate::acceptor::{Acceptor, Place};
@@ -173,9 +173,11 @@ impl Reception {
             hello = until(net, deadline, connection.recv_hello()) => hello.ok_or(HandshakeError::TimedOut)??,
             () = slot.revoked() => return Err(turn_away(&mut connection)),
         };
-        let Hello { session, lane, .. } = hello;
+        let Hello { session, lane, idle_timeout, .. } = hello;
         match self.enter(hello, connection) {
-            Entry::Complete(lanes, peer, place) => self.welcome(session, lanes, peer, place).await,
+            Entry::Complete(lanes, peer, place) => {
+                self.welcome(session, idle_timeout, lanes, (peer, place)).await
+            }
             Entry::Wait(joined) => {
                 let revoked = tokio::select! {
                     biased;
@@ -252,17 +254,17 @@ impl Reception {
     async fn welcome(
         &self,
         session: SessionId,
+        idle_timeout: IdleTimeout,
         mut lanes: Lanes,
-        peer: Peer,
-        place: Place,
+        (peer, place): (Peer, Place),
     ) -> Result<(), HandshakeError> {
-        let Acceptor { net, application, link, .. } = &*self.acceptor;
-        let accept = Message::Accept(Accept { application: application.hello().clone() });
+        let Acceptor { net, link, .. } = &*self.acceptor;
+        let accept = Message::Accept(self.acceptor.answer());
         lanes.latest.send(&accept).await?;
         lanes.frames.send(&accept).await?;
         lanes.messages.send(&accept).await?;
         lanes.bulk.send(&accept).await?;
-        let parts = lanes.into_parts(net, link, peer, session).holding(place);
+        let parts = lanes.into_parts(net, link.agreed(idle_timeout), peer, session).holding(place);
         self.acceptor.hand_out(parts).await;
         Ok(())
     }

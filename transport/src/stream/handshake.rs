@@ -2,6 +2,7 @@
 
 use std::future::poll_fn;
 use std::sync::Arc;
+use std::time::Duration;
 
 use trimaran_wire::{Format, Hello, Message, Refusal, SessionId};
 
@@ -11,7 +12,6 @@ use super::pulse::{Pulse, keep_alive};
 use super::records::records;
 use super::source::{Sink, Source};
 use super::writer::Cell;
-use crate::config::link::LinkConfig;
 use crate::handshake::{Handshake, HandshakeError};
 use crate::lanes::Lanes as AllLanes;
 use crate::lanes::records::RecordLane;
@@ -95,7 +95,7 @@ impl Lanes {
     pub(crate) fn into_parts(
         self,
         net: &Arc<dyn Net>,
-        config: &LinkConfig,
+        idle_timeout: Duration,
         peer: Peer,
         session: SessionId,
     ) -> LinkParts {
@@ -116,7 +116,7 @@ impl Lanes {
         let [messages_pulse, bulk_pulse] =
             [&messages.0, &bulk.0].map(|tx| Arc::<Cell>::clone(tx.cell()) as Arc<dyn Pulse>);
         let lanes = [&latest_pulse, &frames_pulse, &messages_pulse, &bulk_pulse].map(Arc::downgrade);
-        keep_alive(net, config.keepalive(), lanes);
+        keep_alive(net, idle_timeout / 4, lanes);
         let latest_rx = LatestRx::new(latest.source, &counters);
         let lanes = AllLanes {
             latest: (Box::new(latest_tx), Box::new(latest_rx)),
@@ -125,6 +125,6 @@ impl Lanes {
             bulk: (Box::new(bulk.0), Box::new(bulk.1)),
         };
         let parts = LinkParts::new(lanes, peer, session, address, capabilities, counters);
-        parts.with_idle_timeout(config.idle_timeout)
+        parts.with_idle_timeout(idle_timeout)
     }
 }

@@ -39,7 +39,12 @@ impl LaneTransport for Streams {
     ) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
             let Listening { socket, address } = self.0.listen(&acceptor.net, address).await?;
-            acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), socket, Arc::clone(&self.0))));
+            let (serving, transport) = (acceptor.serving(), Arc::clone(&self.0));
+            let served = serve(Arc::clone(acceptor), socket, transport);
+            acceptor.net.spawn(Box::pin(async move {
+                served.await;
+                drop(serving);
+            }));
             Ok(address.into())
         })
     }
@@ -52,8 +57,7 @@ async fn introduce(
     transport: &dyn Transport,
     introduction: &Introduction<'_>,
 ) -> Result<LinkParts, AttemptError> {
-    let Introduction { application, session, link, .. } = *introduction;
-    let (format, counters) = (application.format(), Counters::framed());
+    let (format, counters) = (introduction.format(), Counters::framed());
     let connection = async |beside: Option<StreamPeer>| {
         let stream = transport.connect(net, to, beside).await?;
         let peer = stream.peer;
@@ -70,22 +74,23 @@ async fn introduce(
         tokio::try_join!(connection(Some(peer)), connection(Some(peer)), connection(Some(peer)))?;
     let address = frames.address.to_string();
     let failed = |cause| AttemptError::Handshake { address, cause };
-    let theirs = async {
-        frames.greet(application.introduce(session, Lane::Frames)).await?;
-        latest.greet(application.introduce(session, Lane::Latest)).await?;
-        messages.greet(application.introduce(session, Lane::Messages)).await?;
-        bulk.greet(application.introduce(session, Lane::Bulk)).await?;
+    let answered = async {
+        frames.greet(introduction.hello(Lane::Frames)).await?;
+        latest.greet(introduction.hello(Lane::Latest)).await?;
+        messages.greet(introduction.hello(Lane::Messages)).await?;
+        bulk.greet(introduction.hello(Lane::Bulk)).await?;
         // The refused lane gets its reason at once, the others only after waiting for it.
-        let (theirs, ..) = tokio::try_join!(
+        let (accept, ..) = tokio::try_join!(
             frames.recv_answer(),
             latest.recv_answer(),
             messages.recv_answer(),
             bulk.recv_answer()
         )?;
-        application.recognize(&theirs)
+        Ok((introduction.recognize(&accept.application)?, accept.idle_timeout))
     }
-    .await
-    .map_err(failed)?;
+    .await;
+    let (theirs, idle_timeout) = answered.map_err(failed)?;
+    let idle_timeout = introduction.link.agreed(idle_timeout);
     let lanes = Lanes { latest, frames, messages, bulk, capabilities: Capabilities::over(transport) };
-    Ok(lanes.into_parts(net, link, theirs, session))
+    Ok(lanes.into_parts(net, idle_timeout, theirs, introduction.session))
 }

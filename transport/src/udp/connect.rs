@@ -6,9 +6,9 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::{BufMut, Bytes, BytesMut};
+use bytes::{BufMut, BytesMut};
 use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, Security, VERSION};
-use trimaran_wire::{Decoder, Format, HEADER_BYTES, Lane, Message};
+use trimaran_wire::{Accept, Decoder, Format, HEADER_BYTES, Lane, Message};
 
 use super::Udp;
 use super::driver::Connections;
@@ -25,7 +25,7 @@ use trimaran_net::{Instant, Net, UdpSocket, random_bytes, until};
 /// The pause before the first packet is sent again; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 /// The longest pause between two first packets: a listener that has just started is found within that time.
-const LAST_PAUSE: Duration = Duration::from_millis(400);
+const LAST_PAUSE: Duration = Duration::from_millis(200);
 /// An address tried in vain leaves this part of its time, so that the cause is known before the attempt is
 /// cut short.
 const REST: u32 = 50;
@@ -82,8 +82,7 @@ async fn introduce(
     let counters = Counters::unframed();
     let format = application.format();
     let config = options.config(at.mode, link, format);
-    let hello =
-        introduce_with(&Message::Hello(application.introduce(session, Lane::Frames)), &config, &counters);
+    let hello = introduce_with(&Message::Hello(introduction.hello(Lane::Frames)), &config, &counters);
     let mut ways = Vec::new();
     for candidate in candidates {
         let name = ConnectionId(net.random().map_err(refused)? as u32);
@@ -92,8 +91,9 @@ async fn introduce(
     }
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
     let (key, mut connection, answer) = asking.ask(ways, config, by).await.map_err(failed)?;
-    let (theirs, reliable) = read_answer(&answer, format, &counters).map_err(failed)?;
-    let theirs = application.recognize(&theirs).map_err(failed)?;
+    let (accept, reliable) = read_answer(&answer, format, &counters).map_err(failed)?;
+    let theirs = application.recognize(&accept.application).map_err(failed)?;
+    connection.set_idle_timeout(link.agreed(accept.idle_timeout));
     let reliable = reliable && config.frame_deadline.is_none();
     let batching = theirs.batching.unwrap_or(link.batching);
     connection.set_batch(batching.size);
@@ -107,13 +107,20 @@ async fn introduce(
     let port = Port::new(net, &socket, Path::to(to), connection);
     net.spawn(Box::pin(connections.serve(here, &port)));
     let mut incoming = asking.incoming;
+    let own = Arc::clone(&port);
     net.spawn(Box::pin(async move {
+        // A reset bears the listener's id. The connection is the only one at this socket.
+        let reset = |path: Path, datagram: &[u8]| {
+            let now = own.net.now();
+            own.handle(now, path.remote, datagram);
+            own.settle(now);
+        };
         let mut emptied = pin!(connections.emptied());
         loop {
             tokio::select! {
                 biased;
                 () = &mut emptied => break,
-                () = connections.receive(&mut incoming, |_, _| {}) => {}
+                () = connections.receive(&mut incoming, reset) => {}
             }
         }
     }));
@@ -161,9 +168,9 @@ pub(super) fn read_introduction(
     Ok((message, reliable))
 }
 
-fn read_answer(bytes: &[u8], format: Format, counters: &Counters) -> Result<(Bytes, bool), HandshakeError> {
+fn read_answer(bytes: &[u8], format: Format, counters: &Counters) -> Result<(Accept, bool), HandshakeError> {
     match read_introduction(bytes, format, counters)? {
-        (Message::Accept(accept), reliable) => Ok((accept.application, reliable)),
+        (Message::Accept(accept), reliable) => Ok((accept, reliable)),
         (Message::Refuse(refusal), _) => Err(HandshakeError::Refused(refusal)),
         (other, _) => Err(HandshakeError::Unexpected { kind: other.kind() }),
     }

@@ -175,7 +175,7 @@ impl Departure {
         }
         match state.connection.closed() {
             None => Next::Never,
-            Some(Closed::Peer | Closed::Silent(_)) => Next::Done,
+            Some(Closed::Peer | Closed::Reset | Closed::Silent(_)) => Next::Done,
             Some(_) => {
                 let tell = *self.tell.get_or_insert(now.after(TELL));
                 if now < tell { Next::At(tell) } else { Next::Done }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::task::Poll;
 
 use trimaran_udp::{Acceptor as UdpAcceptor, Config, ConnectionId, Handled, Initial};
-use trimaran_wire::{Accept, Batching, DecodeFault, Hello, Lane, Message, Refusal};
+use trimaran_wire::{Batching, DecodeFault, Hello, Lane, Message, Refusal};
 
 use super::Udp;
 use super::connect::{introduce_with, read_introduction};
@@ -22,6 +22,7 @@ use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey, Security};
 use crate::pending::Slot;
 use crate::stats::Counters;
+use crate::watched_socket::WatchedSocket;
 use crate::{PeerAddress, UdpEndpoint};
 use trimaran_net::{UdpSocket, random_bytes, until};
 
@@ -32,9 +33,11 @@ pub(super) fn listen(
     acceptor: &Arc<Acceptor>,
 ) -> io::Result<SocketAddr> {
     let noise = options.trust.listening(security.as_ref()).map_err(io::Error::other)?;
-    let udp = UdpAcceptor::new(noise, random_bytes(&*acceptor.net)?).map_err(io::Error::other)?;
     let socket = acceptor.net.bind_udp(at, options.socket)?;
+    let socket: Arc<dyn UdpSocket> = WatchedSocket::new(socket, Some(acceptor.serving()));
     let address = socket.local_addr()?;
+    let secret = random_bytes(&*acceptor.net)?;
+    let udp = UdpAcceptor::new(noise, secret, address.port()).map_err(io::Error::other)?;
     let connections = Connections::new(&acceptor.net);
     let config = options.config(*mode, &acceptor.link, acceptor.application.format());
     let listener = UdpListener {
@@ -174,10 +177,11 @@ impl UdpListener {
     fn let_in(&self, path: Path, initial: Initial, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
         let (acceptor, caller) = (&self.acceptor, (path.remote, initial.from));
         let here = self.free_name()?;
-        let accept = Message::Accept(Accept { application: acceptor.application.hello().clone() });
+        let accept = Message::Accept(acceptor.answer());
         let answer = introduce_with(&accept, &self.config, &guest.counters);
         let Batching { size: batch, coded } = guest.batching;
-        let config = Config { batch, coded, ..self.config };
+        let idle_timeout = acceptor.link.agreed(guest.hello.idle_timeout);
+        let config = Config { batch, coded, idle_timeout, ..self.config };
         let mut connection = initial
             .take(acceptor.net.now(), here, &answer, config, reply)
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;

@@ -225,6 +225,7 @@ impl State {
         self.connection.closed().map(|why| match why {
             Closed::Peer | Closed::Here => Loss::Closed,
             Closed::Silent(_) => Loss::Silent,
+            Closed::Reset => Loss::Io(std::io::Error::new(std::io::ErrorKind::ConnectionReset, why.clone())),
             // The path to the peer is cut, and the path back is not.
             Closed::Deaf(_) => Loss::Io(std::io::Error::new(std::io::ErrorKind::TimedOut, why.clone())),
             other => Loss::Io(std::io::Error::new(std::io::ErrorKind::InvalidData, other.clone())),
@@ -236,6 +237,7 @@ impl State {
         match self.connection.closed()? {
             Closed::Here
             | Closed::Peer
+            | Closed::Reset
             | Closed::Silent(_)
             | Closed::Deaf(_)
             | Closed::Forged

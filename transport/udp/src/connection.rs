@@ -15,6 +15,7 @@ use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM};
 use crate::peer_path::PeerPath;
 use crate::recovery::Recovery;
+use crate::reset::ResetToken;
 use crate::scavenger::Scavenger;
 
 mod closed;
@@ -72,6 +73,8 @@ pub struct Connection {
     received_bytes: u64,
     /// Packets that failed to open.
     forged: u64,
+    /// How the listening peer proves that it has lost the connection.
+    reset_token: Option<ResetToken>,
     closed: Option<Closed>,
     close_due: bool,
     plain: Vec<u8>,
@@ -127,6 +130,7 @@ impl Connection {
             received: 0,
             received_bytes: 0,
             forged: 0,
+            reset_token: None,
             closed: None,
             close_due: false,
             plain: Vec::with_capacity(MIN_DATAGRAM),
@@ -136,6 +140,11 @@ impl Connection {
     /// Takes an upper bound of a round trip, used until one is measured.
     pub(crate) fn guess_round_trip(&mut self, most: Duration) {
         self.recovery.rtt.guess(most);
+    }
+
+    /// The peer is told to prove by this token that it has lost the connection.
+    pub(crate) const fn resets_with(&mut self, token: ResetToken) {
+        self.reset_token = Some(token);
     }
 
     /// The peer is answered now, and sends nothing under these keys before it has read that.
@@ -164,6 +173,11 @@ impl Connection {
     /// Whether batches of frames that begin from now on may be coded.
     pub const fn set_coded(&mut self, coded: bool) {
         self.frames.outbox.set_coded(coded);
+    }
+
+    /// Agrees with the peer on another idle timeout.
+    pub const fn set_idle_timeout(&mut self, idle_timeout: Duration) {
+        self.config.idle_timeout = idle_timeout;
     }
 
     /// Sends a packet, so that the peer knows this side is there.
@@ -205,7 +219,7 @@ impl Connection {
 
     fn end(&mut self, why: Closed) {
         if self.closed.is_none() {
-            self.close_due = why != Closed::Peer;
+            self.close_due = !matches!(why, Closed::Peer | Closed::Reset);
             self.closed = Some(why);
         }
     }

@@ -15,7 +15,7 @@ use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Message};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
-use crate::connection::{BULK_WINDOW, Config, Connection, MESSAGES_WINDOW};
+use crate::connection::{BULK_WINDOW, Closed, Config, Connection, MESSAGES_WINDOW};
 use crate::cookie::TokenKey;
 use crate::handshake::{Acceptor, Connecting, Handled, Progress, Security};
 use crate::inbox::{Inbox, Received};
@@ -23,6 +23,7 @@ use crate::keys::Keys;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, VERSION, data_header};
 use crate::ranges::RangeSet;
 use crate::repair::{Block, protect};
+use crate::reset::ResetKey;
 use crate::samples::{FORMAT, encoded, value};
 use crate::wire::Reader;
 
@@ -31,6 +32,7 @@ const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
 const SECRET: [u8; 32] = [7; 32];
 const PSK: [u8; 32] = [9; 32];
+const PORT: u16 = 7400;
 
 fn examples() -> BTreeMap<&'static str, Vec<u8>> {
     page::examples_of(WIRE)
@@ -211,7 +213,7 @@ fn unfilled(packet: &[u8], length: usize) -> &[u8] {
 
 #[test]
 fn the_handshake_in_the_clear_is_the_examples() {
-    let acceptor = Acceptor::new(Security::Plaintext, SECRET).unwrap();
+    let acceptor = Acceptor::new(Security::Plaintext, SECRET, PORT).unwrap();
     let connecting = Connecting::new(&Security::Plaintext, HERE, b"hello").unwrap();
     let (mut out, mut reply) = (Vec::new(), Vec::new());
     connecting.initial(&mut out);
@@ -230,11 +232,20 @@ fn the_handshake_in_the_clear_is_the_examples() {
     assert_example("answer", &reply);
     initial().refuse(b"no", &mut reply);
     assert_example("answer-no", &reply);
+    let Progress::Taken(mut connection, _) = connecting.handle(now(), &examples()["answer"], config()) else {
+        panic!("not taken")
+    };
+    // After a restart the listener knows no connection.
+    let restarted = Acceptor::new(Security::Plaintext, [8; 32], PORT).unwrap();
+    assert!(matches!(restarted.handle(now(), address(), &examples()["data"], &mut reply), Handled::Reply));
+    assert_example("reset", &reply);
+    connection.handle(now(), &reply);
+    assert_eq!(connection.closed(), Some(&Closed::Reset));
 }
 
 /// The Noise state of one side, with a public ephemeral key, built without this crate's code.
 fn noise(ephemeral: [u8; 32], initiates: bool) -> snow::HandshakeState {
-    let prologue = b"trimaran/udp/3\x0a\x00\x00\x00";
+    let prologue = b"trimaran/udp/4\x0a\x00\x00\x00";
     let builder = snow::Builder::new("Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s".parse().unwrap())
         .prologue(prologue)
         .unwrap()
@@ -263,14 +274,15 @@ fn the_handshake_with_a_shared_key_is_the_examples() {
     // An acceptor without the fixed keys reads the example.
     let mut example = examples()["initial-shared"].clone();
     example.resize(MIN_DATAGRAM, 0);
-    let acceptor = Acceptor::new(Security::PreShared(PSK.into()), SECRET).unwrap();
+    let acceptor = Acceptor::new(Security::PreShared(PSK.into()), SECRET, PORT).unwrap();
     match acceptor.handle(now(), address(), &example, &mut Vec::new()) {
         Handled::Initial(initial) => assert_eq!((initial.from, &initial.hello[..]), (HERE, &b"hello"[..])),
         other => panic!("{other:?}"),
     }
 
     with_room(100, |out| there.read_message(&message, out));
-    let payload = [&[1][..], &THERE.0.to_le_bytes(), b"welcome"].concat();
+    let token = ResetKey::new(&Security::PreShared(PSK.into()), PORT).token(THERE);
+    let payload = [&[1][..], &THERE.0.to_le_bytes(), &token, b"welcome"].concat();
     let message = with_room(100, |out| there.write_message(&payload, out));
     Packet::Answer { version: VERSION, to: HERE, noise: &message }.write(&mut out);
     assert_example("answer-shared", &out);
@@ -307,5 +319,5 @@ fn the_page_says_what_the_constants_are() {
     ] {
         assert!(page.contains(&fact), "{fact:?}");
     }
-    assert_eq!(examples().len(), 34, "every example is checked by a test here");
+    assert_eq!(examples().len(), 35, "every example is checked by a test here");
 }

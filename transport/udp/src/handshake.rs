@@ -13,6 +13,7 @@ use crate::connection::{Config, Connection};
 use crate::cookie::TokenKey;
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
+use crate::reset::{ResetKey, TOKEN};
 
 /// The largest hello: a first packet has room for it, its cookie and its keys.
 pub const MAX_HELLO: usize = 1024;
@@ -77,7 +78,7 @@ const PINNED: &str = "Noise_IK_25519_ChaChaPoly_BLAKE2s";
 impl Half {
     /// The initiator's connection id is bound to the handshake: it cannot be changed on the path.
     fn new(security: &Security, initiator: ConnectionId, initiates: bool) -> Result<Self, HandshakeError> {
-        let prologue = [b"trimaran/udp/3".as_slice(), &initiator.0.to_le_bytes()].concat();
+        let prologue = [b"trimaran/udp/4".as_slice(), &initiator.0.to_le_bytes()].concat();
         let build = |builder: Builder<'_>| {
             let builder = builder.prologue(&prologue)?;
             if initiates { builder.build_initiator() } else { builder.build_responder() }
@@ -217,8 +218,12 @@ impl Connecting {
                     return Progress::Refused(rest.to_vec());
                 }
                 let there = ConnectionId(u32::from_le_bytes(*there));
+                let Some((token, rest)) = rest.split_first_chunk::<TOKEN>() else {
+                    return Progress::None(self);
+                };
                 let Some(keys) = self.half.keys() else { return Progress::Refused(Vec::new()) };
                 let mut connection = Connection::new(now, self.here, there, config, keys);
+                connection.resets_with(*token);
                 if let Some(asked) = self.asked {
                     connection.guess_round_trip(now.since(asked));
                 }
@@ -233,6 +238,7 @@ impl Connecting {
 pub struct Acceptor {
     security: Security,
     token_key: TokenKey,
+    reset_key: ResetKey,
 }
 
 impl fmt::Debug for Acceptor {
@@ -250,6 +256,7 @@ pub struct Initial {
     /// The pinned key that its sender has proved to hold.
     pub key: Option<[u8; 32]>,
     half: Half,
+    reset_key: ResetKey,
 }
 
 impl fmt::Debug for Initial {
@@ -273,17 +280,25 @@ pub enum Handled {
 }
 
 impl Acceptor {
-    /// An acceptor with 32 random bytes as its secret.
+    /// An acceptor with 32 random bytes as its secret. `port` is where it listens: after a restart with the
+    /// same keys and port, peers of connections from before are told at once that these are gone.
     ///
     /// # Errors
     /// If the keys cannot be used.
-    pub fn new(security: Security, secret: [u8; 32]) -> Result<Self, HandshakeError> {
+    pub fn new(security: Security, secret: [u8; 32], port: u16) -> Result<Self, HandshakeError> {
         Half::new(&security, ConnectionId(0), false)?;
-        Ok(Self { security, token_key: TokenKey::new(secret) })
+        let reset_key = ResetKey::new(&security, port);
+        Ok(Self { security, token_key: TokenKey::new(secret), reset_key })
     }
 
-    /// Takes a datagram from `address`. Nothing is allocated before the cookie is validated.
+    /// Takes a datagram for no connection from `address`. Nothing is allocated before the cookie is
+    /// validated.
     pub fn handle(&self, now: Instant, address: SocketAddr, datagram: &[u8], out: &mut Vec<u8>) -> Handled {
+        if let Ok(Packet::Data { to, .. }) = Packet::parse(datagram) {
+            Packet::Reset { unknown: to, token: &self.reset_key.token(to) }.write(out);
+            // Whatever answers resets gets shorter ones: two listeners cannot keep each other busy.
+            return if out.len() < datagram.len() { Handled::Reply } else { Handled::Ignore };
+        }
         let Some((from, noise)) = self.parse(now, address, datagram) else { return Handled::Ignore };
         let Some(noise) = noise else {
             let cookie = &self.token_key.issue(now, address, from);
@@ -325,7 +340,7 @@ impl Acceptor {
             }
             _ => None,
         };
-        Some(Initial { from, hello, key, half })
+        Some(Initial { from, hello, key, half, reset_key: self.reset_key.clone() })
     }
 }
 
@@ -341,7 +356,8 @@ impl Initial {
         config: Config,
         out: &mut Vec<u8>,
     ) -> Option<Connection> {
-        self.answer(1, here, answer, out)?;
+        let token = self.reset_key.token(here);
+        self.answer(1, here, &[&token, answer].concat(), out)?;
         let mut connection = Connection::new(now, here, self.from, config, self.half.keys()?);
         connection.on_answer(now);
         Some(connection)
@@ -354,7 +370,7 @@ impl Initial {
     }
 
     fn answer(&mut self, taken: u8, here: ConnectionId, answer: &[u8], out: &mut Vec<u8>) -> Option<()> {
-        let answer = answer.get(..MAX_HELLO.min(answer.len()))?;
+        let answer = answer.get(..(TOKEN + MAX_HELLO).min(answer.len()))?;
         let payload = [&[taken][..], &here.0.to_le_bytes(), answer].concat();
         let noise = &self.half.write(&payload).ok()?;
         Packet::Answer { version: VERSION, to: self.from, noise }.write(out);

@@ -59,6 +59,7 @@ mod peer_path;
 mod ranges;
 mod recovery;
 mod repair;
+mod reset;
 mod rtt;
 #[cfg(test)]
 mod samples;

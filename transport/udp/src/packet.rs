@@ -1,9 +1,10 @@
 //! The outer layer of a datagram: its kind, and its connection.
 
+use crate::reset::ResetToken;
 use crate::wire::{Malformed, Reader};
 
 /// The version of the datagrams' layout.
-pub const VERSION: u64 = 3;
+pub const VERSION: u64 = 4;
 
 /// The smallest path supported: every path of IPv6 carries that much. The first packet of a connection is as
 /// long, so that a path that does not carry it is detected at once (RFC 9000, section 14).
@@ -15,7 +16,7 @@ pub(crate) const TAG: usize = 16;
 /// Bytes before the protected part of a data packet.
 pub(crate) const HEADER: usize = 12;
 
-/// The number of a data packet: 0 to 2^62 - 1, rising, never used twice under one key, for any contents.
+/// The number of a data packet: 0 to 2^62 - 2, rising, never used twice under one key, for any contents.
 ///
 /// It is sent in full. Truncated as in QUIC it would save four of 1,200 bytes, and reading a header would
 /// need state (the largest number so far). In full, the number is the nonce and the header can be read by
@@ -23,8 +24,8 @@ pub(crate) const HEADER: usize = 12;
 pub(crate) type PacketNumber = u64;
 
 /// One past the last number. A connection that sends a million packets a second reaches it after 146,000
-/// years.
-pub(crate) const NUMBERS: PacketNumber = 1 << 62;
+/// years. In the place of a number it says that the packet is a reset.
+pub(crate) const NUMBERS: PacketNumber = (1 << 62) - 1;
 
 /// The receiver's name for a connection, chosen by it at random.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -37,6 +38,8 @@ pub(crate) type CookieBytes = [u8; 24];
 /// A datagram, with its contents unopened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Packet<'a> {
+    /// The sender of `token` knows no connection of this name of its own.
+    Reset { unknown: ConnectionId, token: &'a ResetToken },
     /// Protected chunks.
     Data { to: ConnectionId, number: PacketNumber, sealed: &'a [u8] },
     /// A stranger asks for a connection.
@@ -59,6 +62,7 @@ impl<'a> Packet<'a> {
         let id = ConnectionId(reader.u32("connection id")?);
         let number = word >> 2;
         match word & 3 {
+            DATA if number == NUMBERS => Ok(Self::Reset { unknown: id, token: reader.array("reset token")? }),
             DATA => Ok(Self::Data { to: id, number, sealed: reader.rest() }),
             // In another version nothing further can be read.
             INITIAL if number != VERSION => {
@@ -87,6 +91,10 @@ impl<'a> Packet<'a> {
             out.extend_from_slice(&id.0.to_le_bytes());
         };
         match *self {
+            Self::Reset { unknown, token } => {
+                head(DATA, NUMBERS, unknown);
+                out.extend_from_slice(token);
+            }
             Self::Data { to, number, sealed } => {
                 head(DATA, number, to);
                 out.extend_from_slice(sealed);
@@ -146,6 +154,7 @@ mod tests {
         let id = ConnectionId(0xdead_beef);
         let cookie = &[7; 24];
         back(Packet::Data { to: id, number: NUMBERS - 1, sealed: b"sealed" });
+        back(Packet::Reset { unknown: id, token: &[8; 16] });
         back(Packet::Initial { version: VERSION, from: id, cookie: None, noise: b"hello" });
         back(Packet::Initial { version: VERSION, from: id, cookie: Some(cookie), noise: &[9; 400] });
         back(Packet::Initial { version: 2, from: id, cookie: None, noise: &[] });

@@ -1,6 +1,7 @@
 //! Control messages: hello, answer and close.
 
 use std::fmt;
+use std::time::Duration;
 
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,7 @@ pub struct WireVersion(pub u16);
 
 impl WireVersion {
     /// The version that this crate speaks.
-    pub const CURRENT: Self = Self(3);
+    pub const CURRENT: Self = Self(4);
 }
 
 impl fmt::Display for WireVersion {
@@ -57,6 +58,30 @@ impl fmt::Display for SessionId {
     }
 }
 
+/// How long a peer may be silent before it counts as lost: milliseconds, 50 at least.
+///
+/// Each side tells the other its own. The shorter one holds for both (as in RFC 9000, section 10.1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct IdleTimeout(u32);
+
+impl IdleTimeout {
+    /// The shortest one. Shorter ones count as this: an idle peer sends four keep-alives in that time.
+    pub const MIN: Duration = Duration::from_millis(50);
+
+    /// The timeout that holds for both sides.
+    #[must_use]
+    pub fn agreed(self, theirs: Self) -> Duration {
+        Duration::from_millis(u64::from(self.0.min(theirs.0))).max(Self::MIN)
+    }
+}
+
+/// A time beyond 49 days counts as 49 days.
+impl From<Duration> for IdleTimeout {
+    fn from(time: Duration) -> Self {
+        Self(u32::try_from(time.max(Self::MIN).as_millis()).unwrap_or(u32::MAX))
+    }
+}
+
 /// The most bytes of an application's hello.
 pub const MAX_HELLO: usize = 200;
 
@@ -72,6 +97,8 @@ pub struct Hello {
     pub session: SessionId,
     /// The lane of this connection.
     pub lane: Lane,
+    /// When the connecting peer takes a silent one for lost.
+    pub idle_timeout: IdleTimeout,
     /// The hello of the application's peer: at most [`MAX_HELLO`] bytes.
     pub application: Bytes,
 }
@@ -79,6 +106,8 @@ pub struct Hello {
 /// The answer to an accepted hello, with the hello of the application's peer.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Accept {
+    /// When the listening peer takes a silent one for lost.
+    pub idle_timeout: IdleTimeout,
     /// As in [`Hello::application`].
     pub application: Bytes,
 }
@@ -197,6 +226,17 @@ impl fmt::Display for CloseReason {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_shorter_idle_timeout_holds_and_none_is_too_short_or_too_long() {
+        let of = |millis| IdleTimeout::from(Duration::from_millis(millis));
+        let agreed = |ours, theirs| of(ours).agreed(of(theirs)).as_millis();
+        assert_eq!((agreed(1_000, 30_000), agreed(30_000, 1_000)), (1_000, 1_000));
+        assert_eq!(agreed(0, 30_000), 50);
+        // As a peer may send it.
+        assert_eq!(IdleTimeout(0).agreed(of(30_000)), IdleTimeout::MIN);
+        assert_eq!(agreed(u64::MAX, u64::MAX), u128::from(u32::MAX));
+    }
 
     #[test]
     fn what_a_peer_says_is_shown_escaped() {

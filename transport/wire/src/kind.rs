@@ -84,7 +84,7 @@ impl Kind {
     pub const fn lengths(self, format: &Format) -> RangeInclusive<usize> {
         match self {
             Self::Hello => 2..=MAX_HELLO + 56,
-            Self::Accept => 0..=MAX_HELLO,
+            Self::Accept => 1..=MAX_HELLO + 5,
             Self::Refuse => 2..=512,
             Self::Close => 1..=256,
             Self::KeepAlive => 0..=0,

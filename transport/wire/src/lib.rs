@@ -44,7 +44,9 @@ mod serial;
 mod text;
 
 pub use batch::{Batch, BatchError, BatchSize, BatchSizeError, Item};
-pub use control::{Accept, CloseReason, Hello, Lane, MAX_HELLO, Refusal, Rejection, SessionId, WireVersion};
+pub use control::{
+    Accept, CloseReason, Hello, IdleTimeout, Lane, MAX_HELLO, Refusal, Rejection, SessionId, WireVersion,
+};
 pub use decode::{DecodeError, Decoder};
 pub use event::{FrameEvent, FrameStart};
 pub use fault::DecodeFault;

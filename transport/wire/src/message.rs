@@ -73,13 +73,16 @@ impl Message {
 
     fn put_payload(&self, out: &mut BytesMut) {
         match self {
-            Self::Hello(Hello { protocol, session, lane, application }) => {
+            Self::Hello(Hello { protocol, session, lane, idle_timeout, application }) => {
                 out.put_slice(&MAGIC);
                 out.put_u16_le(WireVersion::CURRENT.0);
-                put_control(out, &(protocol, session, lane));
+                put_control(out, &(protocol, session, lane, idle_timeout));
                 out.put_slice(application);
             }
-            Self::Accept(accept) => out.put_slice(&accept.application),
+            Self::Accept(Accept { idle_timeout, application }) => {
+                put_control(out, idle_timeout);
+                out.put_slice(application);
+            }
             Self::Refuse(refusal) => {
                 out.put_u16_le(WireVersion::CURRENT.0);
                 put_control(out, refusal);
@@ -98,7 +101,10 @@ impl Message {
         let short = DecodeFault::Short { kind };
         match kind {
             Kind::Hello => parse_hello(payload),
-            Kind::Accept => Ok(Self::Accept(Accept { application: payload })),
+            Kind::Accept => {
+                let (idle_timeout, application) = take_control(kind, payload)?;
+                Ok(Self::Accept(Accept { idle_timeout, application }))
+            }
             Kind::Refuse => parse_refusal(&payload),
             Kind::Close => parse_control(kind, &payload).map(Self::Close),
             Kind::KeepAlive => Ok(Self::KeepAlive),
@@ -190,6 +196,18 @@ fn put_control(out: &mut BytesMut, body: &impl Serialize) {
     }
 }
 
+/// Reads the beginning of a payload as postcard. Returns the rest as well.
+fn take_control<T: serde::de::DeserializeOwned>(
+    kind: Kind,
+    mut payload: Bytes,
+) -> Result<(T, Bytes), DecodeFault> {
+    let (value, rest) =
+        postcard::take_from_bytes(&payload).map_err(|cause| DecodeFault::Control { kind, cause })?;
+    let taken = payload.len() - rest.len();
+    payload.advance(taken);
+    Ok((value, payload))
+}
+
 /// Reads a whole payload as postcard.
 fn parse_control<T: serde::de::DeserializeOwned>(kind: Kind, payload: &[u8]) -> Result<T, DecodeFault> {
     let (value, rest) =
@@ -197,7 +215,7 @@ fn parse_control<T: serde::de::DeserializeOwned>(kind: Kind, payload: &[u8]) -> 
     if rest.is_empty() { Ok(value) } else { Err(DecodeFault::Trailing { kind, bytes: rest.len() }) }
 }
 
-fn parse_hello(mut payload: Bytes) -> Result<Message, DecodeFault> {
+fn parse_hello(payload: Bytes) -> Result<Message, DecodeFault> {
     let kind = Kind::Hello;
     let rest = payload.strip_prefix(&MAGIC).ok_or(DecodeFault::NotTrimaran)?;
     let (version, body) = rest.split_first_chunk().ok_or(DecodeFault::Short { kind })?;
@@ -205,10 +223,9 @@ fn parse_hello(mut payload: Bytes) -> Result<Message, DecodeFault> {
     if theirs != WireVersion::CURRENT {
         return Err(DecodeFault::Version { ours: WireVersion::CURRENT, theirs });
     }
-    let ((protocol, session, lane), rest) =
-        postcard::take_from_bytes(body).map_err(|cause| DecodeFault::Control { kind, cause })?;
-    payload.advance(payload.len() - rest.len());
-    Ok(Message::Hello(Hello { protocol, session, lane, application: payload }))
+    let body = payload.slice_ref(body);
+    let ((protocol, session, lane, idle_timeout), application) = take_control(kind, body)?;
+    Ok(Message::Hello(Hello { protocol, session, lane, idle_timeout, application }))
 }
 
 /// A refusal is for the connecting peer, so its version is the listener's.

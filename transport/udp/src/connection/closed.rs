@@ -17,6 +17,9 @@ pub enum Closed {
     /// The peer closed it.
     #[error("the peer closed the connection")]
     Peer,
+    /// The listening peer was restarted, and has lost the connection.
+    #[error("the peer was restarted and no longer knows the connection")]
+    Reset,
     /// Nothing came for the idle timeout.
     #[error("nothing came from the peer for {0:?}")]
     Silent(Duration),

@@ -6,9 +6,10 @@ use trimaran_net::Instant;
 
 use super::{Closed, Connection};
 use crate::chunk::{Asks, CLOSE, Chunk};
-use crate::packet::Packet;
+use crate::packet::{ConnectionId, Packet};
 use crate::peer_path::Arrival;
 use crate::recovery::{Content, Verdict};
+use crate::reset::{ResetToken, same};
 use crate::wire::Reader;
 
 /// This many packets that fail to open end a connection: with more an attacker could forge one (RFC 9001,
@@ -23,7 +24,11 @@ impl Connection {
     }
 
     pub(super) fn receive(&mut self, now: Instant, arrival: Option<Arrival>, datagram: &[u8]) {
-        let Ok(Packet::Data { to, number, sealed }) = Packet::parse(datagram) else { return };
+        let (to, number, sealed) = match Packet::parse(datagram) {
+            Ok(Packet::Data { to, number, sealed }) => (to, number, sealed),
+            Ok(Packet::Reset { unknown, token }) => return self.reset(unknown, token),
+            _ => return,
+        };
         let over = matches!(self.closed, Some(Closed::Peer | Closed::Forged));
         if to != self.here || over || !self.acks.is_new(number) {
             return;
@@ -58,6 +63,13 @@ impl Connection {
             }
         }
         self.plain = plain;
+    }
+
+    /// Takes a reset, if it is about this connection and its sender knows the token.
+    fn reset(&mut self, unknown: ConnectionId, token: &ResetToken) {
+        if unknown == self.there && self.reset_token.is_some_and(|expected| same(&expected, token)) {
+            self.end(Closed::Reset);
+        }
     }
 
     /// Returns the acknowledgement that the packet asks for; `None` if it must not get one, because not all
@@ -155,7 +167,7 @@ mod tests {
     use super::*;
     use crate::connection::Config;
     use crate::keys::Keys;
-    use crate::packet::{ConnectionId, data_header};
+    use crate::packet::data_header;
     use crate::ranges::RangeSet;
     use crate::repair::Block;
     use crate::samples::FORMAT;

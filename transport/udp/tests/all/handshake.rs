@@ -52,7 +52,7 @@ fn initial(acceptor: &Acceptor, connecting: Connecting) -> (Connecting, Option<I
 }
 
 fn join(ours: &Security, theirs: Security) -> Option<(Connection, Connection)> {
-    let acceptor = Acceptor::new(theirs, [3; 32]).unwrap();
+    let acceptor = Acceptor::new(theirs, [3; 32], 7400).unwrap();
     let (connecting, initial, _) = initial(&acceptor, Connecting::new(ours, HERE, b"hello").unwrap());
     let initial = initial?;
     assert_eq!((initial.from, &initial.hello[..]), (HERE, &b"hello"[..]));
@@ -138,7 +138,7 @@ fn another_key_or_none_is_not_let_in() {
 #[test]
 fn a_refusal_is_read() {
     let key = Security::PreShared([9; 32].into());
-    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
     let (connecting, initial, _) = initial(&acceptor, Connecting::new(&key, HERE, b"hello").unwrap());
     let mut answer = Vec::new();
     initial.unwrap().refuse(b"no", &mut answer);
@@ -149,7 +149,7 @@ fn a_refusal_is_read() {
 #[test]
 fn a_cookie_does_not_work_from_elsewhere_or_later() {
     let key = Security::PreShared([9; 32].into());
-    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
     let (_, _, first) = initial(&acceptor, Connecting::new(&key, HERE, b"hello").unwrap());
     let mut out = Vec::new();
     let elsewhere = SocketAddr::from(([192, 0, 2, 2], 4000));
@@ -185,7 +185,7 @@ fn go_on(mut connecting: Connecting, acceptor: &Acceptor) -> Connection {
 #[test]
 fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
     let key = Security::PreShared([9; 32].into());
-    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     assert_eq!(connecting.claimed_version(), None);
     let Progress::None(connecting) = connecting.handle(now(), &retry(7, 0), config()) else {
@@ -202,7 +202,7 @@ fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
 #[test]
 fn a_forged_cookie_does_not_lock_the_true_one_out() {
     let key = Security::PreShared([9; 32].into());
-    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     connecting.initial(&mut first);
@@ -224,7 +224,7 @@ fn a_forged_cookie_does_not_lock_the_true_one_out() {
 #[test]
 fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
     let key = Security::PreShared([9; 32].into());
-    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
     let mut connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     let (mut sent, mut at) = (0, now());
     for cookie in 0..100 {
@@ -253,7 +253,7 @@ proptest! {
         if let Some(first) = bytes.first_mut() {
             *first = (VERSION << 2) as u8 | form;
         }
-        let acceptor = Acceptor::new(Security::PreShared([9; 32].into()), [3; 32]).unwrap();
+        let acceptor = Acceptor::new(Security::PreShared([9; 32].into()), [3; 32], 7400).unwrap();
         let mut out = Vec::new();
         match acceptor.handle(now(), address(), &bytes, &mut out) {
             Handled::Reply => prop_assert!(out.len() * 3 <= bytes.len()),

@@ -4,12 +4,15 @@
 #[path = "../../../../fuzz/src/checks.rs"]
 mod checks;
 
+use std::time::Duration;
+
 use bytes::{Bytes, BytesMut};
 use proptest::prelude::*;
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd,
-    FrameMessage, FrameNumber, FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, Lane, MAX_BLOCK,
-    MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId,
+    FrameMessage, FrameNumber, FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, IdleTimeout,
+    Lane, MAX_BLOCK, MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial,
+    SessionId,
 };
 
 use crate::refusals::refusals;
@@ -34,13 +37,18 @@ fn lane() -> impl Strategy<Value = Lane> {
     prop_oneof![Just(Lane::Latest), Just(Lane::Frames), Just(Lane::Messages), Just(Lane::Bulk)]
 }
 
+fn idle_timeout() -> impl Strategy<Value = IdleTimeout> {
+    any::<u32>().prop_map(|millis| Duration::from_millis(millis.into()).into())
+}
+
 fn hello() -> impl Strategy<Value = Message> {
-    (any::<String>(), any::<u64>(), lane(), bytes(0..=MAX_HELLO)).prop_map(
-        |(protocol, session, lane, application)| {
+    (any::<String>(), any::<u64>(), lane(), idle_timeout(), bytes(0..=MAX_HELLO)).prop_map(
+        |(protocol, session, lane, idle_timeout, application)| {
             Message::Hello(Hello {
                 protocol: ProtocolName::new(&protocol),
                 session: SessionId(session),
                 lane,
+                idle_timeout,
                 application: application.into(),
             })
         },
@@ -74,7 +82,9 @@ fn message() -> impl Strategy<Value = Message> {
     ];
     prop_oneof![
         hello(),
-        bytes(0..=MAX_HELLO).prop_map(|bytes| Message::Accept(Accept { application: bytes.into() })),
+        (idle_timeout(), bytes(0..=MAX_HELLO)).prop_map(|(idle_timeout, bytes)| {
+            Message::Accept(Accept { idle_timeout, application: bytes.into() })
+        }),
         refusal().prop_map(Message::Refuse),
         (any::<u16>(), text()).prop_map(|(code, why)| Message::Close(CloseReason { code, why })),
         Just(Message::KeepAlive),
@@ -256,10 +266,17 @@ fn the_longest_control_messages_are_taken() {
     let name = ProtocolName::new(&"x".repeat(1000));
     assert_eq!((text.as_str().len(), name.as_str().len()), (200, 32));
     let (session, lane) = (SessionId(u64::MAX), Lane::Frames);
+    let idle_timeout = Duration::MAX.into();
     let application = Bytes::from(vec![7; MAX_HELLO]);
     let mut messages = vec![
-        Message::Hello(Hello { protocol: name, session, lane, application: application.clone() }),
-        Message::Accept(Accept { application }),
+        Message::Hello(Hello {
+            protocol: name,
+            session,
+            lane,
+            idle_timeout,
+            application: application.clone(),
+        }),
+        Message::Accept(Accept { idle_timeout, application }),
         Message::Close(CloseReason { code: u16::MAX, why: text }),
         Message::Message(vec![0; MAX_MESSAGE].into()),
         Message::Block(vec![0; MAX_BLOCK].into()),

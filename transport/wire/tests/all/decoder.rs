@@ -66,7 +66,7 @@ fn a_hello_is_known_by_its_magic_number_and_version() {
 #[test]
 fn a_refusal_of_another_version_is_read_no_further() {
     let refused = decode(&message(Kind::Refuse, &[4, 0, 0xff, 0xff]));
-    let (listener, connector) = (WireVersion(4), WireVersion::CURRENT);
+    let (listener, connector) = (WireVersion(5), WireVersion::CURRENT);
     assert_eq!(refused, Ok(Some(Message::Refuse(Refusal::Version { listener, connector }))));
     let unknown = decode(&message(Kind::Refuse, &[3, 0, 7]));
     assert!(matches!(unknown, Err(DecodeFault::Control { kind: Kind::Refuse, .. })), "{unknown:?}");

@@ -1,6 +1,7 @@
 //! This crate writes and reads the worked examples of WIRE.md.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_wire::{
@@ -23,6 +24,8 @@ fn hello(name: &str) -> Bytes {
     postcard::to_stdvec(name).unwrap().into()
 }
 
+const IDLE_TIMEOUT: Duration = Duration::from_secs(20);
+
 /// The messages that the examples spell out.
 fn messages() -> Vec<(&'static str, Message)> {
     let pose = to_bytes(&Pose { x: 1.0, y: 2.0, heading: -3.0 });
@@ -33,6 +36,7 @@ fn messages() -> Vec<(&'static str, Message)> {
         protocol: ProtocolName::new(Robot::NAME),
         session: SessionId(5),
         lane: Lane::Latest,
+        idle_timeout: IDLE_TIMEOUT.into(),
         application: hello("arm"),
     };
     let frames = [
@@ -46,7 +50,7 @@ fn messages() -> Vec<(&'static str, Message)> {
     ];
     let mut messages = vec![
         ("hello", Message::Hello(introduced)),
-        ("accept", Message::Accept(Accept { application: hello("map") })),
+        ("accept", Message::Accept(Accept { idle_timeout: IDLE_TIMEOUT.into(), application: hello("map") })),
         ("refuse", Message::Refuse(Refusal::Rejected(Rejection::new(1, "full")))),
         ("close", Message::Close(CloseReason::new(3, "no power"))),
         ("keep-alive", Message::KeepAlive),
@@ -81,9 +85,9 @@ fn the_empty_frame_is_begin_and_end() {
 #[test]
 fn another_versions_hello_says_which() {
     let mut decoder = Decoder::new(Format::of::<Robot>());
-    decoder.push(&examples()["hello-4"]);
+    decoder.push(&examples()["hello-5"]);
     let error = decoder.next_message().unwrap_err().to_string();
-    assert!(error.contains("the peer speaks version 4 of the protocol, this one version 3"), "{error}");
+    assert!(error.contains("the peer speaks version 5 of the protocol, this one version 4"), "{error}");
 }
 
 /// The value of a length in the page: a sum of numbers, each of which may be multiplied by a letter that

@@ -43,7 +43,7 @@ pub(crate) fn address(host: u8, port: u16) -> SocketAddr {
 /// Two ends that have met at an acceptor and share a key.
 fn introduce(now: Instant, here: ConnectionId, there: ConnectionId, config: Config) -> [Connection; 2] {
     let key = Security::PreShared([9; 32].into());
-    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32], 7400).unwrap();
     let address = SocketAddr::from(([192, 0, 2, 1], 4000));
     let connecting = Connecting::new(&key, here, b"").unwrap();
     let (mut first, mut reply) = (Vec::new(), Vec::new());
