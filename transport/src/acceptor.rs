@@ -1,6 +1,7 @@
 //! Admission of peers at a listener, for every transport.
 
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 use std::fmt;
 use std::sync::Arc;
 
@@ -32,6 +33,7 @@ pub struct Acceptor {
     pending: Pending,
     handshakes: Arc<Handshakes>,
     done: mpsc::Sender<LinkParts>,
+    serving: mpsc::WeakSender<Infallible>,
     last_failure: Mutex<Option<HandshakeError>>,
     warnings: Sparse,
     /// Wrong claims of known keys; each is logged once.
@@ -85,6 +87,13 @@ pub struct Place {
     link: u64,
 }
 
+/// Kept by whatever holds a listener's address, and dropped after that is free:
+/// [`Listener::close`](crate::Listener::close) waits for it.
+#[derive(Debug)]
+pub struct Serving {
+    _held: Option<mpsc::Sender<Infallible>>,
+}
+
 impl Drop for Place {
     fn drop(&mut self) {
         self.taken.lock().leave(self.link);
@@ -99,6 +108,7 @@ impl Acceptor {
         link: LinkConfig,
         limits: Limits,
         done: mpsc::Sender<LinkParts>,
+        serving: &mpsc::Sender<Infallible>,
     ) -> Self {
         Self {
             net: Arc::clone(net),
@@ -109,6 +119,7 @@ impl Acceptor {
             pending: Pending::new(limits.handshakes),
             handshakes: Arc::new(Handshakes::new(&limits)),
             done,
+            serving: serving.downgrade(),
             last_failure: Mutex::default(),
             warnings: Sparse::default(),
             wrong_roles: Mutex::default(),
@@ -136,7 +147,8 @@ impl Acceptor {
     /// This side's answer to the hello of a peer that has [entered](Acceptor::enter).
     #[must_use]
     pub fn answer(&self) -> Accept {
-        Accept { application: self.application.hello().clone() }
+        let (idle_timeout, application) = (self.link.idle_timeout.into(), self.application.hello().clone());
+        Accept { idle_timeout, application }
     }
 
     /// Counts a new handshake.
@@ -209,6 +221,12 @@ impl Acceptor {
     pub async fn hand_out(&self, parts: LinkParts) {
         parts.counters.handle().came_from(ListenerStats(Arc::clone(&self.handshakes)));
         let _unwanted = self.done.send(parts).await;
+    }
+
+    /// For the task that listens: [`Serving`].
+    #[must_use]
+    pub fn serving(&self) -> Serving {
+        Serving { _held: self.serving.upgrade() }
     }
 
     /// Ends when nobody accepts any more.

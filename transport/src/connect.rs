@@ -19,9 +19,11 @@ use crate::transport::AttemptError;
 use crate::{Endpoint, Link, Options};
 use trimaran_net::{Instant, Net, sleep_until, until};
 
-/// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
+/// The pause between two attempts is this part of the time since the first one: a listener that comes back is
+/// found within a tenth of the time that it was away.
+const PART: u32 = 10;
+/// The shortest and the longest pause between two attempts.
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
-/// The longest pause between two attempts.
 const LAST_PAUSE: Duration = Duration::from_secs(2);
 
 /// Why no link was made.
@@ -88,7 +90,8 @@ impl ConnectError {
 
 /// Connects to the listener at `endpoint`, retrying until `deadline`: either peer may start first.
 ///
-/// Between two attempts is a random pause that grows from 0.1 to 2 s. Each new obstacle is logged once.
+/// Between two attempts is a random pause of at most a tenth of the time since the first one, from 0.1 to
+/// 2 s. Each new obstacle is logged once.
 ///
 /// Dropping the future ends the current attempt. If the listener has already made a link of it, that link
 /// ends as lost.
@@ -110,7 +113,6 @@ pub async fn connect<P: Protocol>(
     })?;
     let unsupported = |cause| AttemptError::Connect { address: endpoint.to_string(), cause };
     let started = net.now();
-    let mut pauses = growing_pauses(FIRST_PAUSE, LAST_PAUSE);
     let mut attempts = 0;
     let mut known = None;
     let mut logged = String::new();
@@ -142,7 +144,8 @@ pub async fn connect<P: Protocol>(
             (false, false) => tracing::info!(%endpoint, "no link yet, trying again: {obstacle}"),
         }
         logged = obstacle;
-        let pause = jittered(pauses.next().unwrap_or(LAST_PAUSE), &**net).map_err(ConnectError::Random)?;
+        let pause = (net.now().since(started) / PART).clamp(FIRST_PAUSE, LAST_PAUSE);
+        let pause = jittered(pause, &**net).map_err(ConnectError::Random)?;
         let next = net.now().after(pause);
         if next >= deadline {
             let waited = net.now().since(started);

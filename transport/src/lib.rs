@@ -56,6 +56,7 @@
 //! |---|---|
 //! | `link`, `lanes` | a link and its halves, over the application's types |
 //! | `publisher` | one sender of frames, many subscribers |
+//! | `reconnecting` | a link that is made again whenever it is lost |
 //! | `connect`, `listen`, `acceptor`, `handshake` | making links, and admission of peers |
 //! | `application`, `peer` | the two sides of a link, for the layers that only handle bytes |
 //! | `endpoint`, `schemes` | the choice of a transport; only `schemes` and `options` name them all |
@@ -93,6 +94,7 @@ mod publisher;
 #[cfg(feature = "quic")]
 pub mod quic;
 mod rates;
+mod reconnecting;
 mod schemes;
 mod stats;
 mod stream;
@@ -106,10 +108,12 @@ mod transport;
 pub mod udp;
 #[cfg(feature = "unix")]
 mod unix;
+#[cfg(any(feature = "quic", feature = "udp"))]
+mod watched_socket;
 #[cfg(feature = "ws")]
 pub mod ws;
 
-pub use acceptor::{Acceptor, Place};
+pub use acceptor::{Acceptor, Place, Serving};
 pub use causes::causes;
 pub use config::limits::Limits;
 pub use config::link::LinkConfig;
@@ -123,6 +127,7 @@ pub use error::{LaneError, Loss, ProtocolError, RecvError, SendError};
 pub use handshake::{HandshakeError, HelloTooLong};
 pub use lane_transport::{Introduction, LaneTransport, Listened};
 pub use lanes::Lanes;
+pub use lanes::blobs::{BlobError, BlobEvent, BlobReceiver, BlobSender};
 pub use lanes::bulk::{BulkReceiver, BulkSender};
 pub use lanes::frames::{FrameReceiver, FrameSender, KeepLast, WholeFrame};
 pub use lanes::half::{Duplex, Half, LaneTx, Rx, Tx};
@@ -136,6 +141,7 @@ pub use peer::{Peer, PeerAddress, PeerInfo, PeerName};
 pub use pending::Slot;
 pub use publisher::{Left, Published, Publisher, SubscriberId, SubscriberStats, WhenBehind};
 pub use rates::{ListenerStats, TooMany, TurnedAway};
+pub use reconnecting::{LinkError, LinkEvents, LinkState, Reconnecting};
 pub use stats::{Counters, Direction, LinkStats, Skipped, StatsHandle, Tally, Traffic};
 pub use transport::{AttemptError, Capabilities, ListenFault, Listening, Transport, Upgrade, first_address};
 pub use trimaran_net::{

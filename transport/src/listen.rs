@@ -1,5 +1,6 @@
 //! Listening for peers.
 
+use std::convert::Infallible;
 use std::fmt;
 use std::io;
 use std::marker::PhantomData;
@@ -137,8 +138,12 @@ pub struct Listener<P: Protocol> {
     endpoints: Endpoints,
     net: Arc<dyn Net>,
     acceptor: Arc<Acceptor>,
+    /// Receives nothing, and ends when no address is held any more.
+    freed: mpsc::Receiver<Infallible>,
+    /// Kept until this is closed, so that addresses are held from the beginning.
+    held: mpsc::Sender<Infallible>,
     /// Guards that live with the listener, such as its names within this process.
-    _guards: Vec<Box<dyn Send + Sync>>,
+    guards: Vec<Box<dyn Send + Sync>>,
 }
 
 impl<P: Protocol> fmt::Debug for Listener<P> {
@@ -180,7 +185,9 @@ impl<P: Protocol> Listener<P> {
             cause: io::Error::other(e),
         })?;
         let (done, links) = mpsc::channel(QUEUE);
-        let acceptor = Arc::new(Acceptor::new(net, application, options.link, options.limits, done));
+        let (held, freed) = mpsc::channel(1);
+        let acceptor = Acceptor::new(net, application, options.link, options.limits, done, &held);
+        let acceptor = Arc::new(acceptor);
         let mut guards = Vec::new();
         let mut bound: Option<Endpoints> = None;
         for endpoint in endpoints.iter() {
@@ -196,7 +203,8 @@ impl<P: Protocol> Listener<P> {
             }
         }
         let endpoints = bound.unwrap_or_else(|| endpoints.clone());
-        Ok(Self { links, protocol: PhantomData, endpoints, net: Arc::clone(net), acceptor, _guards: guards })
+        let net = Arc::clone(net);
+        Ok(Self { links, protocol: PhantomData, endpoints, net, acceptor, freed, held, guards })
     }
 
     /// The first endpoint, with the port that the system chose for port 0.
@@ -215,6 +223,20 @@ impl<P: Protocol> Listener<P> {
     #[must_use]
     pub fn turned_away(&self) -> TurnedAway {
         self.acceptor.turned_away()
+    }
+
+    /// Stops listening, and waits until the addresses are free for another listener. Links that were not
+    /// accepted yet are lost to their peers; the others live on.
+    ///
+    /// Over quic and udp they use the listener's socket, so its address is free only once they have ended:
+    /// close or drop them before.
+    ///
+    /// Dropping the future, or the listener instead, stops listening as well. The addresses are then free
+    /// soon.
+    pub async fn close(self) {
+        let Self { links, acceptor, mut freed, held, guards, .. } = self;
+        drop((links, acceptor, held, guards));
+        let _nothing = freed.recv().await;
     }
 
     /// Waits for the next peer, until `deadline` at most. Peers that do not fit are refused, and the wait

@@ -50,6 +50,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a check that fails panics: that is how a test fails")]
 
+mod blobs;
 mod coding;
 mod endings;
 mod frames;
@@ -62,6 +63,7 @@ mod robot;
 mod talk;
 mod waiting;
 
+pub use blobs::*;
 pub use endings::*;
 pub use frames::*;
 pub use latest::*;
@@ -143,6 +145,8 @@ macro_rules! conformance_cases {
                 a_peer_without_a_block_fails_nobody,
                 dropping_a_wait_for_blocks_loses_none,
                 links_close_in_the_middle_of_blocks,
+                blobs_of_any_length_arrive,
+                a_blob_can_be_cancelled_and_refused,
                 a_slow_receiver_holds_the_sender_back,
                 a_receiver_that_catches_up_gets_everything,
                 a_reader_of_the_newest_frames_holds_nobody_up,

@@ -1,5 +1,6 @@
 //! The lanes of a link: their halves, which each transport brings, and these as the application uses them.
 
+pub(crate) mod blobs;
 pub(crate) mod bulk;
 pub(crate) mod ends;
 pub(crate) mod frames;

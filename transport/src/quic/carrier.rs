@@ -99,7 +99,7 @@ mod tests {
     use std::thread;
 
     use tokio::runtime::Builder;
-    use trimaran_wire::{Accept, Message};
+    use trimaran_wire::Message;
 
     use super::super::connect::endpoint;
     use super::super::control::Control;
@@ -144,10 +144,17 @@ mod tests {
                 ours.link,
                 ours.limits,
                 tokio::sync::mpsc::channel(1).0,
+                &tokio::sync::mpsc::channel(1).0,
             );
-            let (config, _) = server(&acceptor, ours.security.as_ref().unwrap(), &ours.quic).unwrap();
+            let security = ours.security.as_ref().unwrap();
+            let (config, _) = server(&acceptor, security, &ours.quic).unwrap();
             let loopback = "127.0.0.1:0".parse().unwrap();
-            let (endpoint, at) = endpoint(&net, loopback, &ours.quic, Some(config)).unwrap();
+            let (endpoint, at) = endpoint(
+                &net,
+                net.bind_udp(loopback, ours.quic.socket).unwrap(),
+                Some((config, &security.keys)),
+            )
+            .unwrap();
             tell.send(format!("quic://{at}").parse().unwrap()).unwrap();
             let connection = endpoint.accept().await.unwrap().await.unwrap();
             let streams = connection.accept_bi().await.unwrap();
@@ -155,8 +162,7 @@ mod tests {
             let hello = control.recv_hello().await.unwrap();
             let peer = application.recognize(&hello.application).unwrap();
             let beside = control.accept_beside().await.unwrap();
-            let accept = Accept { application: application.hello().clone() };
-            control.send(&Message::Accept(accept)).await.unwrap();
+            control.send(&Message::Accept(acceptor.answer())).await.unwrap();
             let parts = control.into_parts(&net, peer, (hello.session, beside));
             let link = parts.into_link::<Robot>(&net, &LinkConfig::default()).unwrap();
             let Link { frames_tx, latest_tx, messages_tx, bulk, latest_rx: _latest_rx, .. } = link;

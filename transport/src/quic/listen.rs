@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{Endpoint, Incoming, ServerConfig};
-use trimaran_wire::{Accept, Hello, Lane, Message, Refusal};
+use trimaran_wire::{Hello, Lane, Message, Refusal};
 
 use super::connect::endpoint;
 use super::control::{Control, check_datagrams, explain};
@@ -17,6 +17,7 @@ use crate::acceptor::Acceptor;
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Security;
 use crate::pending::Slot;
+use crate::watched_socket::WatchedSocket;
 use trimaran_net::until;
 
 /// How many bytes an attempt may buffer before it is looked at.
@@ -27,7 +28,9 @@ pub(super) fn listen(at: SocketAddr, quic: &Quic, acceptor: &Arc<Acceptor>) -> i
     let options = quic.options;
     let security = quic.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
     let (config, _) = server(acceptor, &security, &options).map_err(io::Error::other)?;
-    let (endpoint, address) = endpoint(&acceptor.net, at, &options, Some(config))?;
+    let socket = acceptor.net.bind_udp(at, options.socket)?;
+    let socket = WatchedSocket::new(socket, Some(acceptor.serving()));
+    let (endpoint, address) = endpoint(&acceptor.net, socket, Some((config, &security.keys)))?;
     acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), security, options, endpoint)));
     Ok(address)
 }
@@ -130,7 +133,7 @@ async fn shake_hands(
     match entered {
         Ok((peer, place)) => {
             let beside = control.accept_beside().await?;
-            control.send(&Message::Accept(Accept { application: application.hello().clone() })).await?;
+            control.send(&Message::Accept(acceptor.answer())).await?;
             let parts = control.into_parts(net, peer, (session, beside));
             acceptor.hand_out(parts.holding(place)).await;
             Ok(())
@@ -174,12 +177,24 @@ mod tests {
         let options = Options { limits, link, quic, ..Options::default() };
         let application = Side::<Robot>::of(greeting(ARM)).unwrap();
         let (protocol, format) = (application.protocol(), application.format());
-        let acceptor = Acceptor::new(&net, application, options.link, options.limits, mpsc::channel(1).0);
+        let acceptor = Acceptor::new(
+            &net,
+            application,
+            options.link,
+            options.limits,
+            mpsc::channel(1).0,
+            &mpsc::channel(1).0,
+        );
         let (config, _) = server(&acceptor, &security, &options.quic).unwrap();
         let loopback = "127.0.0.1:0".parse().unwrap();
-        let (there, at) = endpoint(&net, loopback, &options.quic, Some(config)).unwrap();
+        let (there, at) = endpoint(
+            &net,
+            net.bind_udp(loopback, options.quic.socket).unwrap(),
+            Some((config, &security.keys)),
+        )
+        .unwrap();
 
-        let (here, _) = endpoint(&net, loopback, &options.quic, None).unwrap();
+        let (here, _) = endpoint(&net, net.bind_udp(loopback, options.quic.socket).unwrap(), None).unwrap();
         let verifier = Verifier::new(&security.peers);
         let crypto = tls::client(&security.keys, &verifier, &protocol).unwrap();
         let mut config = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));

@@ -84,7 +84,7 @@ impl QuicOptions {
         let idle = IdleTimeout::try_from(link.idle_timeout).ok();
         config
             .max_idle_timeout(idle)
-            .keep_alive_interval(Some(link.keepalive()))
+            .keep_alive_interval(Some(link.idle_timeout / 4))
             .initial_rtt(self.initial_rtt)
             .stream_receive_window(VarInt::from_u32(self.window))
             // Unread frames, messages and blocks, or those in flight, leave room for the others.
@@ -139,8 +139,9 @@ mod tests {
         let mut client = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         client.transport_config(ours.transport(&link, &Format::of::<Robot>()));
         let loopback = "127.0.0.1:0".parse().unwrap();
-        let (there, at) = endpoint(&net, loopback, &theirs, Some(server)).unwrap();
-        let (here, _) = endpoint(&net, loopback, &ours, None).unwrap();
+        let (there, at) =
+            endpoint(&net, net.bind_udp(loopback, theirs.socket).unwrap(), Some((server, &b))).unwrap();
+        let (here, _) = endpoint(&net, net.bind_udp(loopback, ours.socket).unwrap(), None).unwrap();
         let (ours, theirs) = tokio::join!(here.connect_with(client, at, "trimaran").unwrap(), async {
             there.accept().await.unwrap().await
         });

@@ -206,7 +206,8 @@ mod tests {
         let mut crypto = client(&theirs, &verifier, &ours()).unwrap();
         crypto.alpn_protocols = vec![OTHER.to_vec()];
         let config = quinn::ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
-        let (other, _) = endpoint(&net, HERE, &QuicOptions::default(), None).unwrap();
+        let (other, _) =
+            endpoint(&net, net.bind_udp(HERE, QuicOptions::default().socket).unwrap(), None).unwrap();
         assert!(other.connect_with(config, at, "trimaran").unwrap().await.is_err());
         let accepted = listener.accept(net.now().after(Duration::from_millis(500))).await;
         let Err(AcceptError::Deadline { last: Some(why), .. }) = accepted else { panic!("{accepted:?}") };
@@ -219,7 +220,12 @@ mod tests {
         let mut crypto = server(&theirs, &verifier, &ours()).unwrap();
         crypto.alpn_protocols = vec![OTHER.to_vec()];
         let config = quinn::ServerConfig::with_crypto(Arc::new(QuicServerConfig::try_from(crypto).unwrap()));
-        let (other, at) = endpoint(&net, HERE, &QuicOptions::default(), Some(config)).unwrap();
+        let (other, at) = endpoint(
+            &net,
+            net.bind_udp(HERE, QuicOptions::default().socket).unwrap(),
+            Some((config, &theirs)),
+        )
+        .unwrap();
         net.spawn(Box::pin(async move {
             while let Some(incoming) = other.accept().await {
                 let _refused = incoming.await;

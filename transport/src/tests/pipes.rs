@@ -44,7 +44,7 @@ fn link(net: &Arc<dyn Net>, [latest, frames, messages, bulk]: [DuplexStream; 4],
         bulk: connection(bulk),
         capabilities: Capabilities { reliable: true, ordered: true, encrypted: false, local: false },
     };
-    let parts = lanes.into_parts(net, &config, peer, SessionId(1));
+    let parts = lanes.into_parts(net, config.idle_timeout, peer, SessionId(1));
     parts.into_link(net, &config).unwrap()
 }
 

@@ -46,7 +46,8 @@ impl Setting {
         let options = Options { security, ..Options::default() };
         let at = Endpoint::Quic(HERE.into());
         let listener = Listener::bind(&net, &at, greeting(ARM), &options).await.unwrap();
-        let (quinn, _) = endpoint(&net, HERE, &QuicOptions::default(), None).unwrap();
+        let (quinn, _) =
+            endpoint(&net, net.bind_udp(HERE, QuicOptions::default().socket).unwrap(), None).unwrap();
         Self { net, listener, liar, listens, quinn }
     }
 
@@ -63,7 +64,8 @@ impl Setting {
         let connection = self.dial().await;
         let streams = connection.open_bi().await.unwrap();
         let mut control = Control::new(connection.clone(), streams, Format::of::<Robot>());
-        let hello = panel().introduce(SessionId(session), Lane::Frames);
+        let hello =
+            panel().introduce(SessionId(session), Lane::Frames, Options::default().link.idle_timeout.into());
         control.send(&Message::Hello(hello)).await.unwrap();
         let beside = control.open_beside().await.unwrap();
         let soon = self.net.now().after(std::time::Duration::from_secs(60));

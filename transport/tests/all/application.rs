@@ -115,7 +115,8 @@ async fn a_hello_that_cannot_be_read_is_refused() {
     let Endpoint::Tcp(at) = listener.local_endpoint() else { panic!("no TCP") };
     for application in [Bytes::new(), with_more(postcard::to_stdvec(&greeting(PANEL)).unwrap())] {
         let protocol = ProtocolName::new(Robot::NAME);
-        let hello = Hello { protocol, session: SessionId(1), lane: Lane::Frames, application };
+        let idle_timeout = options.link.idle_timeout.into();
+        let hello = Hello { protocol, session: SessionId(1), lane: Lane::Frames, idle_timeout, application };
         let mut said = BytesMut::new();
         Message::Hello(hello).encode(&mut said);
         let mut stranger = TcpStream::connect(at.to_string()).await.unwrap();

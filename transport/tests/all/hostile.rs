@@ -13,10 +13,10 @@ use trimaran_transport::{
     DecodeFault, Endpoint, HandshakeError, Kind, Lane, Limits, LinkConfig, Options, ProtocolError, RecvError,
     Refusal, SessionId, WireVersion, until,
 };
-use trimaran_wire::{Accept, Decoder, Message};
+use trimaran_wire::{Decoder, Message};
 
 use crate::common::{
-    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, refusal, soon,
+    Link, Listener, answer, connect, format, introduce, last_failure, net, other_map, refusal, soon,
 };
 
 /// Runs a case over each transport.
@@ -112,7 +112,7 @@ fn hello(session: u64, lane: Lane) -> BytesMut {
 }
 
 fn accept() -> BytesMut {
-    bytes(&Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) }))
+    bytes(&answer())
 }
 
 const LANES: [Lane; 4] = [Lane::Frames, Lane::Latest, Lane::Messages, Lane::Bulk];

@@ -23,6 +23,8 @@ mod log;
 mod observers;
 #[cfg(feature = "quic")]
 mod quic;
+#[cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix", feature = "ws"))]
+mod reconnecting;
 #[cfg(all(feature = "quic", feature = "udp"))]
 mod roles;
 #[cfg(all(unix, feature = "quic", feature = "udp"))]

@@ -18,10 +18,10 @@ use std::time::Duration;
 use bytes::Bytes;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, Robot, greeting};
 use trimaran_transport::{
-    AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Instant, Lane, Net, Options, Protocol,
-    ProtocolName, Refusal, Rejection, SessionId, TokioNet,
+    AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Instant, Lane, LinkConfig, Net,
+    Options, Protocol, ProtocolName, Refusal, Rejection, SessionId, TokioNet,
 };
-use trimaran_wire::{Format, Hello, Message};
+use trimaran_wire::{Accept, Format, Hello, Message};
 
 pub(crate) type Link = trimaran_transport::Link<Robot>;
 pub(crate) type Listener = trimaran_transport::Listener<Robot>;
@@ -58,7 +58,15 @@ pub(crate) fn hello_bytes(who: &Greeting) -> Bytes {
 /// The first message of a connecting peer.
 pub(crate) fn introduce(who: &Greeting, session: SessionId, lane: Lane) -> Message {
     let protocol = ProtocolName::new(Robot::NAME);
-    Message::Hello(Hello { protocol, session, lane, application: hello_bytes(who) })
+    let (idle_timeout, application) = (LinkConfig::default().idle_timeout.into(), hello_bytes(who));
+    Message::Hello(Hello { protocol, session, lane, idle_timeout, application })
+}
+
+/// The answer of the listening peer.
+pub(crate) fn answer() -> Message {
+    let (idle_timeout, application) =
+        (LinkConfig::default().idle_timeout.into(), hello_bytes(&greeting(ARM)));
+    Message::Accept(Accept { idle_timeout, application })
 }
 
 /// A listener's refusal of a peer with another map.

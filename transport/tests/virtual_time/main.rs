@@ -6,7 +6,9 @@ mod hosts;
 
 mod corpus;
 mod floods;
+mod idle;
 mod packets;
 mod quic;
+mod reconnecting;
 mod tcp;
 mod udp;

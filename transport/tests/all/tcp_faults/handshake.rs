@@ -11,9 +11,9 @@ use trimaran_transport::{
     AttemptError, ConnectError, DecodeFault, Endpoint, HandshakeError, Lane, Limits, LinkConfig, Options,
     Refusal, WireVersion, until,
 };
-use trimaran_wire::{Accept, Decoder, Message};
+use trimaran_wire::{Decoder, Message};
 
-use crate::common::{Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, soon};
+use crate::common::{Listener, answer, connect, format, introduce, last_failure, net, other_map, soon};
 
 fn quick() -> Options {
     Options {
@@ -118,8 +118,7 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
     let mut messages = dial(address, &hello(Lane::Messages)).await;
     let mut bulk = dial(address, &hello(Lane::Bulk)).await;
     assert_eq!(listener.accept(soon(&net)).await.unwrap().peer.session, SESSION);
-    let mut accept =
-        vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
+    let mut accept = vec![0; bytes(&[answer()]).len()];
     frames.read_exact(&mut accept).await.unwrap();
     latest.read_exact(&mut accept).await.unwrap();
     messages.read_exact(&mut accept).await.unwrap();

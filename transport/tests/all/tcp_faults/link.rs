@@ -5,15 +5,15 @@ use std::time::Duration;
 use super::{bytes, hello, listener};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use trimaran_transport::conformance::{ARM, PANEL, Robot, finished, greeting, points, pose, receive, start};
+use trimaran_transport::conformance::{PANEL, Robot, finished, greeting, points, pose, receive, start};
 use trimaran_transport::{
     CloseReason, DecodeFault, Endpoint, FrameEnd, FrameEvent, FrameNumber, FrameOutcome, FrameReceiver,
     FrameStart, FrameViolation, Kind, Lane, LinkConfig, Loss, MAX_MESSAGE, Options, ProtocolError, RecvError,
     SendError, until,
 };
-use trimaran_wire::{Accept, FrameMessage, Message, to_bytes};
+use trimaran_wire::{FrameMessage, Message, to_bytes};
 
-use crate::common::{Link, connect, hello_bytes, net, soon};
+use crate::common::{Link, answer, connect, net, soon};
 
 /// The arm's link to a panel of bare sockets, and these: of the frames lane, of the latest lane, of the
 /// messages lane and of the bulk lane.
@@ -37,8 +37,7 @@ async fn raw_panel_of(options: &Options) -> (Link, [TcpStream; 4]) {
     ];
     let link = listener.accept(soon(&net)).await.unwrap();
     // Read first, because closing with unread data resets the connection.
-    let mut accept =
-        vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
+    let mut accept = vec![0; bytes(&[answer()]).len()];
     for stream in &mut panel {
         stream.read_exact(&mut accept).await.unwrap();
     }
