@@ -17,7 +17,7 @@ import {
 } from "../src/proto/supply.ts";
 import { decodeViewState, type ViewState, viewStateOf } from "../src/proto/viewState.ts";
 import { FrameAssembler, loadHasher } from "../wire/src/frames.ts";
-import { decodeHello, encodeHello, type Hello } from "../wire/src/handshake.ts";
+import { decodeAccept, decodeHello, encodeAccept, encodeHello, type Hello } from "../wire/src/handshake.ts";
 import { Kind } from "../wire/src/messages.ts";
 import { formatOf } from "../wire/src/protocol.ts";
 import { type Check, closed, onlyMessage, refused, same, testPage } from "../wire/tests/examples.ts";
@@ -80,6 +80,7 @@ function introduced(lane: Hello["lane"], identity: Identity): Check {
         application: TRIMARAN.name,
         session: 5n,
         lane,
+        idleTimeout: 20_000,
         introduction: identity,
       },
     );
@@ -105,8 +106,8 @@ testPage(PROTO, FORMAT, {
   accept: same(
     Kind.accept,
     { role: "culler", scene: SCENE, session: undefined },
-    decodeIdentity,
-    encodeIdentity,
+    (payload) => decodeIdentity(decodeAccept(payload).introduction),
+    (identity) => encodeAccept({ idleTimeout: 20_000, introduction: encodeIdentity(identity) }),
   ),
   refuse: refused({
     reason: "not taken",

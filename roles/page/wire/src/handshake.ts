@@ -1,10 +1,10 @@
 /** The handshake and the end of a link: hello, accept, refuse and close. */
 
 import { Reader, shownText, WireError, Writer } from "./bytes.ts";
-import { type Of, record, rest, tagged, text, u16, u64, variant, whole } from "./codec.ts";
+import { type Of, record, rest, tagged, text, u16, u32, u64, variant, whole } from "./codec.ts";
 
 /** The version of the wire of links. Peers of different versions refuse each other. */
-export const WIRE_VERSION = 3;
+export const WIRE_VERSION = 4;
 
 /** The close code of a connecting peer that rejects the listener. */
 export const CODE_NOT_TAKEN = 65_535;
@@ -35,11 +35,25 @@ const HELLO = record({
   /** The random number that the four connections of a link share. */
   session: u64,
   lane: LANE,
+  /** After so much silence the peer counts as lost, milliseconds. */
+  idleTimeout: u32,
   /** The application's own hello. */
   introduction: rest,
 });
 
 export type Hello = Of<typeof HELLO>;
+
+/** The answer to a hello. */
+const ACCEPT = record({
+  /** As in the hello. The shorter one holds for both sides. */
+  idleTimeout: u32,
+  /** The listener's own hello. */
+  introduction: rest,
+});
+
+export type Accept = Of<typeof ACCEPT>;
+
+export const { encode: encodeAccept, decode: decodeAccept } = whole(ACCEPT);
 
 /** Why a hello was refused, with both sides' values; in the order of their numbers. */
 const REFUSAL = tagged("reason", {

@@ -35,11 +35,14 @@ export interface LaneOptions {
   readonly clock: Clock;
 }
 
-/** The idle timeout: milliseconds of silence after which the peer counts as lost. */
+/** The idle timeout that this side asks for: milliseconds of silence after which the peer counts as lost. */
 export const IDLE_TIMEOUT = 20_000;
 
-/** The keep-alive interval: the longest silence of a peer, milliseconds. */
-const LONGEST_SILENCE = 5_000;
+/** The shortest idle timeout, milliseconds. */
+const SHORTEST = 50;
+
+/** So often an idle side sends a keep-alive within the idle timeout. */
+const KEEP_ALIVES = 4;
 
 /** Sends and receives messages, keeps the connection alive, and detects when the peer is gone. */
 export class Lane {
@@ -53,6 +56,7 @@ export class Lane {
   readonly #options: LaneOptions;
   readonly #stream: MessageStream;
   #listener: ((message: Message) => void) | undefined;
+  #idleTimeout = IDLE_TIMEOUT;
   #lastSent: number;
   #lastReceived: number;
   readonly #timers = [() => {}, () => {}];
@@ -69,6 +73,13 @@ export class Lane {
       this.#channelEnd = why;
       this.#deliver();
     };
+    this.#keepAlive();
+    this.#watch();
+  }
+
+  /** The peer asks for this idle timeout, milliseconds. The shorter one holds for both sides. */
+  agree(theirs: number): void {
+    this.#idleTimeout = Math.max(SHORTEST, Math.min(IDLE_TIMEOUT, theirs));
     this.#keepAlive();
     this.#watch();
   }
@@ -140,17 +151,19 @@ export class Lane {
   }
 
   #keepAlive(): void {
-    if (this.#options.clock.now() - this.#lastSent >= LONGEST_SILENCE) {
+    const longest = this.#idleTimeout / KEEP_ALIVES;
+    if (this.#options.clock.now() - this.#lastSent >= longest) {
       this.send(Kind.keepAlive, new Uint8Array(0));
     }
-    this.#again(0, this.#lastSent + LONGEST_SILENCE, () => this.#keepAlive());
+    this.#again(0, this.#lastSent + longest, () => this.#keepAlive());
   }
 
   #watch(): void {
-    if (this.#options.clock.now() - this.#lastReceived >= IDLE_TIMEOUT) {
-      this.#end({ why: "lost", text: `nothing came on the ${this.name} lane for ${IDLE_TIMEOUT / 1000} s` });
+    const idleTimeout = this.#idleTimeout;
+    if (this.#options.clock.now() - this.#lastReceived >= idleTimeout) {
+      this.#end({ why: "lost", text: `nothing came on the ${this.name} lane for ${idleTimeout / 1000} s` });
     } else {
-      this.#again(1, this.#lastReceived + IDLE_TIMEOUT, () => this.#watch());
+      this.#again(1, this.#lastReceived + idleTimeout, () => this.#watch());
     }
   }
 

@@ -2,12 +2,23 @@
 
 import { WireError } from "./bytes.ts";
 import { errorOfEnd, LinkError } from "./errors.ts";
-import { decodeRefuse, describeRefusal, encodeHello, type Hello, LANES, type LaneName } from "./handshake.ts";
+import {
+  decodeAccept,
+  decodeRefuse,
+  describeRefusal,
+  encodeHello,
+  type Hello,
+  LANES,
+  type LaneName,
+} from "./handshake.ts";
 import { type Channel, IDLE_TIMEOUT, Lane, type LaneOptions } from "./lane.ts";
 import { Kind, type Message, nameOfKind } from "./messages.ts";
 import { Waiter, type Waiting } from "./waiter.ts";
 
 export type Lanes = Readonly<Record<LaneName, Lane>>;
+
+/** A hello but for what each lane says alike or by itself. */
+type Introduction = Omit<Hello, "lane" | "idleTimeout">;
 
 /** The lanes of a link, and the listener's introduction. */
 export interface Meeting {
@@ -23,7 +34,7 @@ export interface Meeting {
  */
 export async function meet(
   open: (lane: LaneName) => Promise<Channel>,
-  hello: Omit<Hello, "lane">,
+  hello: Introduction,
   options: LaneOptions & Waiting,
 ): Promise<Meeting> {
   const opened: Lane[] = [];
@@ -68,13 +79,15 @@ interface Met {
 }
 
 /** Sends a hello on a lane and waits for the answer. */
-function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
+function greet(lane: Lane, hello: Introduction): Promise<Met> {
   return new Promise((resolve, reject) => {
     lane.onEnd = (end) => reject(errorOfEnd(end));
     lane.listen(({ kind, payload }: Message) => {
       if (kind === Kind.accept) {
         lane.listen(undefined);
-        resolve({ lane, listener: payload });
+        const { idleTimeout, introduction } = decodeAccept(payload);
+        lane.agree(idleTimeout);
+        resolve({ lane, listener: introduction });
       } else if (kind === Kind.refuse) {
         const refusal = decodeRefuse(payload);
         lane.leave();
@@ -83,7 +96,7 @@ function greet(lane: Lane, hello: Omit<Hello, "lane">): Promise<Met> {
         throw new WireError(`a ${nameOfKind(kind)} came instead of an answer to hello`);
       }
     });
-    lane.send(Kind.hello, encodeHello({ ...hello, lane: lane.name }));
+    lane.send(Kind.hello, encodeHello({ ...hello, lane: lane.name, idleTimeout: IDLE_TIMEOUT }));
   });
 }
 

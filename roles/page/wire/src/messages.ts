@@ -163,7 +163,7 @@ export class MessageStream {
 /** By kind: its name, and the least and the most bytes of its payload. */
 const KINDS: Readonly<Record<Kind, { name: string; lengths: (format: Format) => [number, number] }>> = {
   [Kind.hello]: { name: "hello", lengths: () => [2, MOST_INTRODUCTION + 56] },
-  [Kind.accept]: { name: "accept", lengths: () => [0, MOST_INTRODUCTION] },
+  [Kind.accept]: { name: "accept", lengths: () => [1, MOST_INTRODUCTION + 5] },
   [Kind.refuse]: { name: "refuse", lengths: () => [2, 512] },
   [Kind.close]: { name: "close", lengths: () => [1, 256] },
   [Kind.keepAlive]: { name: "keep-alive", lengths: () => [0, 0] },

@@ -8,12 +8,13 @@ import {
   CODE_NOT_TAKEN,
   decodeClose,
   decodeHello,
+  encodeAccept,
   encodeRefuse,
   LANES,
   type Refusal,
 } from "../src/handshake.ts";
 import { Kind } from "../src/messages.ts";
-import { encodeCommand, encodeHelloOf, opened, Robot, THEM, US } from "./robot.ts";
+import { acceptOf, encodeCommand, encodeHelloOf, opened, Robot, THEM, US } from "./robot.ts";
 import { FakeChannel, settled } from "./support.ts";
 
 const errorOf = (promise: Promise<unknown>): Promise<unknown> =>
@@ -29,7 +30,13 @@ test("each lane says hello with the same session, and the link is there once all
   for (const lane of LANES) {
     const [hello, ...more] = robot.heard(lane);
     assert(hello !== undefined && more.length === 0);
-    const expected = { application: "robot/1", session: 5n, lane, introduction: encodeHelloOf(US) };
+    const expected = {
+      application: "robot/1",
+      session: 5n,
+      lane,
+      idleTimeout: 20_000,
+      introduction: encodeHelloOf(US),
+    };
     assert.deepEqual(decodeHello(hello.payload), expected);
   }
   let isThere = false;
@@ -39,7 +46,7 @@ test("each lane says hello with the same session, and the link is there once all
   for (const lane of LANES) {
     await settled();
     assert.equal(isThere, false, `before the ${lane} lane`);
-    robot.say(lane, Kind.accept, encodeHelloOf(THEM));
+    robot.say(lane, Kind.accept, acceptOf(THEM));
   }
   assert.deepEqual((await link).peer, THEM);
 });
@@ -48,10 +55,10 @@ test("what comes before the other lanes are accepted is not lost", async () => {
   const robot = new Robot();
   const connecting = robot.connect();
   await opened(robot);
-  robot.say("messages", Kind.accept, encodeHelloOf(THEM));
+  robot.say("messages", Kind.accept, acceptOf(THEM));
   robot.say("messages", Kind.message, encodeCommand({ command: "Stop" }));
   for (const lane of LANES.filter((lane) => lane !== "messages")) {
-    robot.say(lane, Kind.accept, encodeHelloOf(THEM));
+    robot.say(lane, Kind.accept, acceptOf(THEM));
   }
   assert.deepEqual(await (await connecting).messages.receive(), { command: "Stop" });
 });
@@ -61,7 +68,7 @@ test("a refusal says why, and all lanes are given up", async () => {
   const link = robot.connect();
   await opened(robot);
   const refusal: Refusal = { reason: "busy" };
-  robot.say("latest", Kind.accept, encodeHelloOf(THEM));
+  robot.say("latest", Kind.accept, acceptOf(THEM));
   robot.say("bulk", Kind.refuse, encodeRefuse(refusal));
   const error = await errorOf(link);
   assert(error instanceof LinkError);
@@ -78,7 +85,7 @@ test("a listener that does not answer, answers otherwise, or is gone makes no li
       "violation",
       (robot) => {
         for (const lane of LANES) {
-          robot.say(lane, Kind.accept, encodeHelloOf(lane === "bulk" ? US : THEM));
+          robot.say(lane, Kind.accept, acceptOf(lane === "bulk" ? US : THEM));
         }
       },
       /call themselves differently/,
@@ -136,7 +143,7 @@ test("a listener whose hello cannot be read is not taken", async () => {
   const link = robot.connect();
   await opened(robot);
   for (const lane of LANES) {
-    robot.say(lane, Kind.accept, Uint8Array.of(9));
+    robot.say(lane, Kind.accept, encodeAccept({ idleTimeout: 1, introduction: Uint8Array.of(9) }));
   }
   const error = await errorOf(link);
   assert(error instanceof LinkError && error.cause instanceof Error);

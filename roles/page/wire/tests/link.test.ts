@@ -9,7 +9,7 @@ import { hashOf, loadHasher } from "../src/frames.ts";
 import { decodeClose, encodeClose, LANES, type LaneName } from "../src/handshake.ts";
 import { itemsOf } from "../src/items.ts";
 import { Kind } from "../src/messages.ts";
-import { encodeCommand, encodeHelloOf, encodePoint, linked, POINT, type Robot, THEM } from "./robot.ts";
+import { acceptOf, encodeCommand, encodePoint, linked, opened, POINT, Robot, THEM } from "./robot.ts";
 import { range } from "./support.ts";
 
 const HERE = { x: 1, y: 2, z: 3 };
@@ -68,7 +68,7 @@ test("what is sent arrives on its lane, both ways, and is counted", async () => 
   assert.deepEqual(await link.messages.receive(), { command: "Stop" });
   assert.deepEqual(await link.bulk.receive(), Uint8Array.of(5));
   assert.deepEqual(await link.frames.receive(), { number: 9, header: HERE, items: POINTS });
-  const accept = 4 + encodeHelloOf(THEM).length;
+  const accept = 4 + acceptOf(THEM).length;
   const { latest, frames, messages, bulk } = link.bytes;
   const hello = latest.sent - 16;
   assert.equal(hello, 4 + 6 + 8 + 1 + 1 + accept - 4);
@@ -120,6 +120,21 @@ test("a lane that says nothing is kept alive each five seconds", async () => {
   assert.deepEqual(keptAlive("messages"), []);
   robot.clock.pass(1);
   assert.deepEqual(keptAlive("messages"), [true]);
+});
+
+test("the shorter idle timeout holds, and a keep-alive is sent four times in it", async () => {
+  const robot = new Robot();
+  const connecting = robot.connect();
+  await opened(robot);
+  robot.accept(400);
+  const link = await connecting;
+  robot.heard("bulk");
+  robot.clock.pass(100);
+  assert.deepEqual(robot.heard("bulk"), [{ kind: Kind.keepAlive, payload: new Uint8Array(0) }]);
+  robot.clock.pass(299);
+  assert.equal(link.isOver, false);
+  robot.clock.pass(1);
+  assert.match(JSON.stringify(await link.closed), /nothing came on the [a-z]+ lane for 0.4 s/);
 });
 
 test("a peer that is silent for twenty seconds on a lane is lost, and a keep-alive is enough", async () => {

@@ -68,7 +68,7 @@ test("a payload stays what it was when more is pushed", () => {
 test("the lengths of each kind are those of the page, to the byte", () => {
   const lengths: [Kind, number, number][] = [
     [Kind.hello, 2, 256],
-    [Kind.accept, 0, 200],
+    [Kind.accept, 1, 205],
     [Kind.refuse, 2, 512],
     [Kind.close, 1, 256],
     [Kind.keepAlive, 0, 0],
@@ -140,8 +140,8 @@ test("each reason of a refusal reads back", () => {
     assert(describeRefusal(refusal).length > 5);
     assert.throws(() => decodeRefuse(concat(payload, new Uint8Array(1))), new WireError("1 bytes too many"));
   }
-  assert.deepEqual(decodeRefuse(fromHex("04 00 ff ff")), { reason: "versions", listener: 4, connector: 3 });
-  assert.throws(() => decodeRefuse(fromHex("03 00 07")), WireError);
+  assert.deepEqual(decodeRefuse(fromHex("05 00 ff ff")), { reason: "versions", listener: 5, connector: 4 });
+  assert.throws(() => decodeRefuse(fromHex("04 00 07")), WireError);
 });
 
 test("what is no hello or close is refused, and texts are cut", () => {
@@ -149,6 +149,7 @@ test("what is no hello or close is refused, and texts are cut", () => {
     application: "trimaran/3",
     session: 1n,
     lane: "bulk",
+    idleTimeout: 20_000,
     introduction: new Uint8Array(0),
   } as const;
   const payload = encodeHello(hello);
@@ -156,7 +157,7 @@ test("what is no hello or close is refused, and texts are cut", () => {
   for (let length = 0; length < payload.length; length += 1) {
     assert.throws(() => decodeHello(payload.subarray(0, length)), WireError);
   }
-  assert.throws(() => decodeHello(fromHex("54 52 49 4e 03 00")), /magic number/);
+  assert.throws(() => decodeHello(fromHex("54 52 49 4e 04 00")), /magic number/);
   assert.throws(() => decodeClose(fromHex("03 00 00")), new WireError("1 bytes too many"));
   assert.equal(decodeClose(encodeClose({ code: 2, text: "é".repeat(300) })).text, "é".repeat(100));
 });

@@ -14,7 +14,7 @@ import { hashOf, loadHasher } from "../src/frames.ts";
 import { decodeClose, decodeHello, LANES, type LaneName } from "../src/handshake.ts";
 import { encodeMessage, Kind, MessageStream } from "../src/messages.ts";
 import { formatOf } from "../src/protocol.ts";
-import { encodeCommand, encodeHelloOf, encodePoint, ROBOT, THEM, US } from "./robot.ts";
+import { acceptOf, encodeCommand, encodePoint, ROBOT, THEM, US } from "./robot.ts";
 import { concat, fileOf, takeAll } from "./support.ts";
 
 const FORMAT = formatOf(ROBOT);
@@ -48,7 +48,7 @@ server.on("connection", (socket) => {
 function acceptAll(): void {
   if (lanes.size === LANES.length) {
     for (const say of lanes.values()) {
-      say(Kind.accept, encodeHelloOf(THEM));
+      say(Kind.accept, acceptOf(THEM));
     }
   }
 }

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { type Of, record, tagged, text, u32, whole } from "../src/codec.ts";
 import { type ConnectOptions, connect } from "../src/connect.ts";
 import { struct } from "../src/fixed.ts";
-import { LANES, type LaneName } from "../src/handshake.ts";
+import { encodeAccept, LANES, type LaneName } from "../src/handshake.ts";
 import { itemsOf } from "../src/items.ts";
 import { encodeMessage, Kind, type Message, MessageStream } from "../src/messages.ts";
 import { defineProtocol, formatOf } from "../src/protocol.ts";
@@ -28,6 +28,10 @@ export const THEM: Hello = { name: "robot", map: 7 };
 export const { encode: encodeHelloOf } = whole(ROBOT.hello);
 export const { encode: encodeCommand } = whole(ROBOT.message);
 export const { encode: encodePoint } = whole(POINT);
+
+/** The payload of an accept. */
+export const acceptOf = (hello: Hello, idleTimeout = 20_000) =>
+  encodeAccept({ idleTimeout, introduction: encodeHelloOf(hello) });
 
 const NOTHING = new Uint8Array(0);
 const FORMAT = formatOf(ROBOT);
@@ -70,10 +74,10 @@ export class Robot {
   }
 
   /** Accepts the peer on all lanes. */
-  accept(): void {
+  accept(idleTimeout?: number): void {
     for (const lane of LANES) {
       this.heard(lane);
-      this.say(lane, Kind.accept, encodeHelloOf(THEM));
+      this.say(lane, Kind.accept, acceptOf(THEM, idleTimeout));
     }
   }
 

@@ -6,7 +6,7 @@ import { Reader, WireError, Writer } from "../src/bytes.ts";
 import { record, tagged, text, whole } from "../src/codec.ts";
 import { number, struct } from "../src/fixed.ts";
 import { FrameAssembler, loadHasher } from "../src/frames.ts";
-import { decodeHello, encodeHello, type Hello } from "../src/handshake.ts";
+import { decodeAccept, decodeHello, encodeAccept, encodeHello, type Hello } from "../src/handshake.ts";
 import { typedItems } from "../src/items.ts";
 import { Kind } from "../src/messages.ts";
 import { defineProtocol, formatOf } from "../src/protocol.ts";
@@ -71,18 +71,29 @@ const numbered = whole(record({ number: number("u32"), pose: POSE }));
 const message = whole(PROTOCOL.message);
 
 testPage(ROBOT, FORMAT, {
-  hello: greeted({ application: "robot/1", session: 5n, lane: "latest", introduction: NAME.encode("arm") }),
-  "hello-4": {
+  hello: greeted({
+    application: "robot/1",
+    session: 5n,
+    lane: "latest",
+    idleTimeout: 20_000,
+    introduction: NAME.encode("arm"),
+  }),
+  "hello-5": {
     kind: Kind.hello,
     check(payload) {
       assert.throws(
         () => decodeHello(payload),
-        new WireError("the peer speaks version 4 of the wire, this one version 3"),
+        new WireError("the peer speaks version 5 of the wire, this one version 4"),
       );
       return undefined;
     },
   },
-  accept: same(Kind.accept, "map", NAME.decode, NAME.encode),
+  accept: same(
+    Kind.accept,
+    { idleTimeout: 20_000, introduction: NAME.encode("map") },
+    decodeAccept,
+    encodeAccept,
+  ),
   refuse: refused({ reason: "not taken", code: 1, text: "full" }),
   close: closed({ code: 3, text: "no power" }),
   "keep-alive": same(Kind.keepAlive, new Uint8Array(0), asIs, asIs),
