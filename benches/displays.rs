@@ -94,7 +94,7 @@ fn main() -> Result<(), Failed> {
 struct Rates {
     /// Frames a second of each display.
     each: Vec<f64>,
-    /// Culls a second, those of the five seconds before as well, and their median time (OR and HC).
+    /// Culls a second, in the five seconds before as well, and their median time (OR and HC).
     culls: f64,
     median_ms: f64,
 }
@@ -144,7 +144,7 @@ fn rates(
         let mut culls = count.culls.into_inner();
         culls.sort_unstable();
         let median_ms = culls.get(culls.len() / 2).map_or(0.0, |ns| *ns as f64 / 1e6);
-        Ok(Rates { each, culls: culls.len() as f64 / time.as_secs_f64(), median_ms })
+        Ok(Rates { each, culls: culls.len() as f64 / (EARLY + time).as_secs_f64(), median_ms })
     })
 }
 
