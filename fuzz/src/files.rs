@@ -34,8 +34,8 @@ fn sealed(contents: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Any text is a network to which hosts can be added, one with its own hosts, or is refused by errors that can
-/// be read.
+/// Any text is a network to which hosts can be added, one with its own hosts, or is refused by errors that
+/// can be read.
 pub fn profiles(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match Profile::parse("any", text) {

@@ -43,8 +43,8 @@ impl fmt::Debug for Control {
 impl Control {
     /// Takes a host down as a power failure does: it says nothing to anyone.
     ///
-    /// - Its tasks, those of [`Net::spawn`](trimaran_net::Net::spawn), are dropped. A task that crashes its own
-    ///   host ends when it next waits.
+    /// - Its tasks, those of [`Net::spawn`](trimaran_net::Net::spawn), are dropped. A task that crashes its
+    ///   own host ends when it next waits.
     /// - Its sockets are gone. Programs outside of its tasks that still hold some get
     ///   [`NotConnected`](std::io::ErrorKind::NotConnected), also where they already wait.
     /// - No FIN and no reset leaves it. Peers of its TCP connections retransmit and probe until their own
@@ -87,7 +87,8 @@ impl Control {
     /// - What is on the line or in flight keeps its times. What waits in the queue stays there, also beyond
     ///   new limits, and is sent at the new rate.
     /// - `phases` count from the start of the simulation.
-    /// - TCP connections keep the segment size of their beginning, so a smaller MTU drops their full segments.
+    /// - TCP connections keep the segment size of their beginning, so a smaller MTU drops their full
+    ///   segments.
     ///
     /// # Errors
     /// If there is no such link, or the model has another framing.

@@ -1,8 +1,8 @@
 //! Networks in virtual time.
 //!
-//! A [`Topology`] of hosts and [`link`]s becomes a [`Simulation`]. Programs on it run in no time, and the same
-//! way each time. They are written for the trait `Net`, which each host's [`SimNet`] implements, or for tokio,
-//! whose names [`tokio`] has.
+//! A [`Topology`] of hosts and [`link`]s becomes a [`Simulation`]. Programs on it run in no time, and the
+//! same way each time. They are written for the trait `Net`, which each host's [`SimNet`] implements, or for
+//! tokio, whose names [`tokio`] has.
 //!
 //! ```
 //! use std::time::Duration;

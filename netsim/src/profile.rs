@@ -31,8 +31,8 @@ const BUILT_IN: [(&str, &str); 8] = [
     ("satellite", include_str!("../profiles/satellite.toml")),
 ];
 
-/// The properties of a network for any hosts: all at one switch, or at two sites with a switch each. A network
-/// with hosts of its own is a [`Topology`], and comes from [`Topology::read`].
+/// The properties of a network for any hosts: all at one switch, or at two sites with a switch each. A
+/// network with hosts of its own is a [`Topology`], and comes from [`Topology::read`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// Its name.

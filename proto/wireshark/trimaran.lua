@@ -35,7 +35,7 @@ local CLOSES = {
 local FORMS = { [0] = "data", "initial", "retry", "answer" }
 local PLAIN_FRAME, CODED_FRAME = 0x20, 0x24
 local FRAMES_KEPT, TAG = 8, 16
--- What stands in place of a number in a reset, and the length of its token.
+-- A reset has this in place of a number, and a token of this length.
 local RESET, TOKEN = UInt64(0xfffffffc, 0xffffffff), 16
 
 local trimaran = Proto("trimaran", "Trimaran")

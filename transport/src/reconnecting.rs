@@ -81,7 +81,7 @@ impl LinkEvents {
 /// let mut robot = Reconnecting::<P>::new(&net, &robot, hello, &Options::default());
 /// robot
 ///     .run(async |mut link| {
-///         // What each link begins with: this is how the session is resumed.
+///         // Each link begins so: this is how the session is resumed.
 ///         link.messages_tx.send(&subscribe).await?;
 ///         loop {
 ///             println!("{:?}", link.frames_rx.recv().await?);

@@ -46,8 +46,8 @@ impl SimNet {
     }
 
     /// A program on this host, for those that use the functions of [`tokio`](crate::tokio). Tasks of
-    /// [`Net::spawn`] are on their host anyway. Dropping the result drops the program; a crash of the host does
-    /// not end it.
+    /// [`Net::spawn`] are on their host anyway. Dropping the result drops the program; a crash of the host
+    /// does not end it.
     pub fn scope<F: Future>(&self, program: F) -> Scope<Pin<Box<F>>> {
         Scope { net: self.clone(), program: Box::pin(program) }
     }

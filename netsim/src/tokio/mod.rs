@@ -39,8 +39,8 @@
 //! | `io`, `sync`, `select!`, `join!` | tokio's own: they need no runtime |
 //!
 //! A program is on the host whose [`scope`](crate::SimNet::scope) it runs in, or on which it was spawned. The
-//! tasks that it spawns are there as well. The program of [`Simulation::run`](crate::Simulation::run) itself is
-//! on none: it has time, but functions that make sockets fail there, and spawned tasks end at once.
+//! tasks that it spawns are there as well. The program of [`Simulation::run`](crate::Simulation::run) itself
+//! is on none: it has time, but functions that make sockets fail there, and spawned tasks end at once.
 //!
 //! Not covered: `TcpSocket`, `readable` and the `try_` functions, Unix sockets, `fs`, `process`, `signal`,
 //! `JoinSet`, `LocalSet`, `spawn_blocking`, missed ticks of an interval other than in a burst. A panic of a

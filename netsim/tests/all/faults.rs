@@ -322,8 +322,8 @@ enum Fault {
     SetLink(u64),
 }
 
-/// `a` sends to `b` and `c` while faults come, each so many milliseconds after the one before. Returns the hash
-/// of the trace.
+/// `a` sends to `b` and `c` while faults come, each so many milliseconds after the one before. Returns the
+/// hash of the trace.
 fn under_faults(seed: u64, faults: &[(u64, usize, Fault)]) -> u64 {
     let mut line = LinkModel::clean(Rate::new(2_000_000), DELAY);
     line.queue.packets = 20;

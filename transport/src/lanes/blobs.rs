@@ -1,7 +1,7 @@
 //! Blobs: bytes of any length on the bulk lane, cut into blocks.
 //!
-//! The first byte of a block says what it is: the begin of a blob (then come its length, 8 bytes little-endian,
-//! and its first bytes), more of it, or that the rest does not come.
+//! The first byte of a block says what it is: the begin of a blob (then come its length, 8 bytes
+//! little-endian, and its first bytes), more of it, or that the rest does not come.
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
 use thiserror::Error;
@@ -39,7 +39,7 @@ struct Open {
     bytes: Option<BytesMut>,
 }
 
-/// What has come of a blob.
+/// A step of a blob on its way.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum BlobEvent {

@@ -26,8 +26,8 @@ use trimaran_net::{Net, UdpSocket, until};
 /// TLS wants a name; peers know each other by fingerprint.
 const SERVER_NAME: &str = "trimaran";
 
-/// How often a listener that answers nothing is asked anew, and how many attempts there may be at once: as many
-/// as a handshake's default time has room for.
+/// How often a listener that answers nothing is asked anew, and how many attempts there may be at once: as
+/// many as a handshake's default time has room for.
 const AGAIN: Duration = Duration::from_millis(200);
 const ATTEMPTS: usize = 25;
 

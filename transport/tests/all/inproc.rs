@@ -75,8 +75,8 @@ async fn nobody_under_a_name_ends_at_the_deadline() {
     let ConnectError::Deadline { attempts, last: AttemptError::Nobody { name }, .. } = error else {
         panic!("{error:?}")
     };
-    // Pauses are a tenth of the time so far, from 100 ms to 2 s, each cut by up to a half at random: about 81 in
-    // a minute. Without randomness there would be 61.
+    // Pauses are a tenth of the time so far, from 100 ms to 2 s, each cut by up to a half at random: about 81
+    // in a minute. Without randomness there would be 61.
     assert!((66..100).contains(&attempts), "{attempts} attempts");
     assert_eq!(name.as_str(), "nobody");
 }

@@ -114,8 +114,8 @@ fn a_listener_that_was_away_for_two_seconds_is_found_within_300_ms() {
     }
 }
 
-/// The panel asks for the arm from the beginning. After four seconds QUIC sends a first packet again only every
-/// few seconds, so an absent listener is asked anew. Over TCP a pause is a tenth of the time so far.
+/// The panel asks for the arm from the beginning. After four seconds QUIC sends a first packet again only
+/// every few seconds, so an absent listener is asked anew. Over TCP a pause is a tenth of the time so far.
 #[test]
 fn a_listener_that_begins_late_is_found_soon() {
     for scheme in ["tcp", "quic", "udp"] {
@@ -140,7 +140,8 @@ fn a_listener_that_begins_late_is_found_soon() {
     }
 }
 
-/// Here the panel still takes its link for alive when the arm is back. Its next packet is answered with a reset.
+/// Here the panel still takes its link for alive when the arm is back. Its next packet is answered with a
+/// reset.
 #[test]
 fn a_listener_that_lost_its_links_says_so() {
     for scheme in ["quic", "udp"] {

@@ -90,8 +90,8 @@ impl UdpSocket {
         self.send_to(contents, peer).await
     }
 
-    /// Receives a datagram: its size, and where it came from. Excess bytes are lost. Dropping the future loses
-    /// none.
+    /// Receives a datagram: its size, and where it came from. Excess bytes are lost. Dropping the future
+    /// loses none.
     ///
     /// # Errors
     /// If the host of the socket has crashed.
