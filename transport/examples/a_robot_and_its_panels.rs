@@ -6,33 +6,35 @@
 //! Or `unix:/tmp/robot`, `ws://127.0.0.1:0/`, `quic://127.0.0.1:0`, `udp://127.0.0.1:0`, `inproc:robot`. Over
 //! each of them the slow panel gets new scans and holds up nobody, and the killed one comes back.
 
-use std::{error::Error, io, num::NonZeroUsize, sync::Arc, time::Duration};
+use std::{error::Error, num::NonZeroUsize, sync::Arc, time::Duration};
 
 use serde::{Deserialize, Serialize};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
-    BlobEvent, ConnectError, Endpoint, Fixed, FrameNumber, FrameStart, Item, KeepLast, Listener, Net,
-    Options, Protocol, Publisher, Reconnecting, TokioNet, WhenBehind, sleep_until, until,
+    BlobEvent, ConnectError, Endpoint, FrameNumber, FrameStart, KeepLast, Listener, Net, Options, Plain,
+    Protocol, Publisher, Reconnecting, TokioNet, WhenBehind, sleep_until, until,
 };
+use zerocopy::{FromBytes, Immutable, IntoBytes, little_endian::F32, little_endian::U16};
 
 const TICK: Duration = Duration::from_millis(20);
 
 #[derive(Debug, Clone, PartialEq)]
 struct Robot;
 
-/// Where the robot shall go, and where it was at a scan: metres, and a heading.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Pose([f32; 3]);
+/// Where the robot shall go: metres, and a heading.
+#[derive(Debug, Clone, Copy, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+struct Pose([F32; 3]);
 
-/// The lidar of a scan.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Lidar {
-    Front,
-    Back,
-}
+/// The lidar of a scan: 0 in front, 1 at the back.
+#[derive(Debug, Clone, Copy, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+struct Lidar(u8);
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Point(u16, u16);
+/// A point of a scan: distance and intensity.
+#[derive(Debug, Clone, Copy, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+struct Point(U16, U16);
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 enum Command {
@@ -56,9 +58,9 @@ struct Seen {
 impl Protocol for Robot {
     const NAME: &'static str = "robot/2";
     type Hello = String;
-    type Latest = Pose;
-    type Header = Lidar;
-    type Item = Point;
+    type Latest = Plain<Pose>;
+    type Header = Plain<Lidar>;
+    type Item = Plain<Point>;
     type Message = Command;
 
     fn name(hello: &String) -> String {
@@ -66,51 +68,10 @@ impl Protocol for Robot {
     }
 }
 
-impl Fixed for Pose {
-    const SIZE: usize = 12;
-    type Error = io::Error;
-
-    fn write(&self, out: &mut [u8]) {
-        out.chunks_exact_mut(4).zip(self.0).for_each(|(out, x)| out.copy_from_slice(&x.to_le_bytes()));
-    }
-
-    fn read(bytes: &[u8]) -> io::Result<Self> {
-        let mut numbers = bytes.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
-        Ok(Self([(); 3].map(|()| numbers.next().unwrap_or_default())))
-    }
-}
-
-impl Fixed for Lidar {
-    const SIZE: usize = 1;
-    type Error = io::Error;
-
-    fn write(&self, out: &mut [u8]) {
-        out.fill(u8::from(*self == Self::Back));
-    }
-
-    fn read(bytes: &[u8]) -> io::Result<Self> {
-        Ok(if bytes == [0] { Self::Front } else { Self::Back })
-    }
-}
-
-impl Item for Point {
-    const SIZE: usize = 4;
-
-    fn write(self, out: &mut [u8]) {
-        let [a, b] = [self.0, self.1].map(u16::to_le_bytes);
-        out.copy_from_slice(&[a, b].concat());
-    }
-
-    fn read(bytes: &[u8]) -> Self {
-        let mut numbers = bytes.as_chunks().0.iter().map(|bytes| u16::from_le_bytes(*bytes));
-        Self(numbers.next().unwrap_or_default(), numbers.next().unwrap_or_default())
-    }
-}
-
 /// Scans without end. Each panel gets the map, and each scan that it can take.
 async fn robot(net: &Arc<dyn Net>, mut listener: Listener<Robot>) -> Result<(), Box<dyn Error>> {
     let mut publisher = Publisher::new(net, &Options::default().link);
-    let points: Vec<_> = (0..5000).map(|n| Point(n, n / 3)).collect();
+    let points: Vec<_> = (0..5000).map(|n: u16| Plain(Point(n.into(), (n / 3).into()))).collect();
     for frame in 0.. {
         let tick = net.now().after(TICK);
         while let Some(accepted) = until(&**net, tick, listener.accept(tick)).await {
@@ -124,7 +85,7 @@ async fn robot(net: &Arc<dyn Net>, mut listener: Listener<Robot>) -> Result<(), 
                 }
             }));
         }
-        let header = if frame % 2 == 0 { Lidar::Front } else { Lidar::Back };
+        let header = Plain(Lidar((frame % 2) as u8));
         publisher.publish(FrameStart { frame: FrameNumber(frame), header }, &points).await?;
     }
     Ok(())
@@ -141,7 +102,7 @@ async fn panel(
     let mut robot = Reconnecting::<Robot>::new(net, at, name.to_owned(), options);
     robot
         .run(async |mut link| {
-            link.latest_tx.publish(Pose([1.0, 0.0, 0.5]))?;
+            link.latest_tx.publish(Plain(Pose([1.0, 0.0, 0.5].map(F32::new))))?;
             link.messages_tx.send(&Command::Play { sound: "bell".to_owned() }).await?;
             let newest = KeepLast { depth: NonZeroUsize::MIN, lifespan: None };
             link.frames_rx = link.frames_rx.keep_last(newest);
@@ -156,7 +117,7 @@ async fn panel(
                 let frame = link.frames_rx.frame().await?;
                 seen.oldest = seen.oldest.max(frame.age);
                 seen.skipped += frame.skipped.total();
-                *(if frame.start.header == Lidar::Front { &mut seen.front } else { &mut seen.back }) += 1;
+                *(if frame.start.header == Plain(Lidar(0)) { &mut seen.front } else { &mut seen.back }) += 1;
                 sleep_until(&**net, net.now().after(pause)).await;
             }
             Ok(seen)

@@ -155,6 +155,8 @@ pub use trimaran_wire::{
     FrameOrderError, FrameOutcome, FrameStart, FrameViolation, Item, Kind, Lane, MAX_BLOCK, MAX_MESSAGE,
     Protocol, ProtocolName, Refusal, Rejection, SessionId, WireVersion,
 };
+#[cfg(feature = "zerocopy")]
+pub use trimaran_wire::{Plain, PlainError};
 #[cfg(feature = "unix")]
 pub use unix::{ForeignUser, UnixOptions};
 

@@ -23,7 +23,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `protocol`, `format` | an application's protocol: the one trait it implements |
-//! | `fixed`, `batch` | values and items as bytes |
+//! | `fixed`, `batch`, `plain` | values and items as bytes |
 //! | `frame`, `event` | frames: written and checked, and as their receiver is told of them |
 //! | `control`, `text` | hello, accept, refusal, close, and the texts in them |
 //! | `kind`, `message`, `decode`, `fault` | messages with their headers, and decoding them from a stream |
@@ -39,6 +39,8 @@ mod format;
 mod frame;
 mod kind;
 mod message;
+#[cfg(feature = "zerocopy")]
+mod plain;
 mod protocol;
 mod serial;
 mod text;
@@ -58,6 +60,8 @@ pub use frame::{
 };
 pub use kind::{HEADER_BYTES, Kind, MAX_BLOCK, MAX_MESSAGE};
 pub use message::Message;
+#[cfg(feature = "zerocopy")]
+pub use plain::{Plain, PlainError};
 pub use protocol::{BatchDecoder, BatchEncoder, Batching, CodingError, Delivery, Protocol};
 pub use serial::{Numbered, Serial};
 pub use text::{Explanation, ProtocolName, Text, TextError};
