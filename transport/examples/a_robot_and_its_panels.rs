@@ -1,10 +1,11 @@
 //! A robot publishes the scans of two lidars and a map to three panels, which tell it where to go. One panel is
 //! slow, one is killed and started again.
 //!
-//!     cargo run -p trimaran-transport --features zerocopy --example a_robot_and_its_panels -- tcp://127.0.0.1:0
+//!     cargo run -p trimaran-transport --features zerocopy --example a_robot_and_its_panels -- ENDPOINT
 //!
-//! Or `unix:/tmp/robot`, `ws://127.0.0.1:0/`, `quic://127.0.0.1:0`, `udp://127.0.0.1:0`, `inproc:robot`. Over
-//! each of them the slow panel gets new scans and holds up nobody, and the killed one comes back.
+//! Such as `tcp://127.0.0.1:0`, `unix:/tmp/robot`, `ws://127.0.0.1:0/`, `quic://127.0.0.1:0`,
+//! `udp://127.0.0.1:0`, `inproc:robot`. Over each of them the slow panel gets new scans and holds up nobody,
+//! and the killed one comes back.
 
 use std::{error::Error, num::NonZeroUsize, sync::Arc, time::Duration};
 
