@@ -190,6 +190,32 @@ mod tests {
     }
 
     #[test]
+    fn forged_resets_end_nothing() {
+        let (there, token) = (ConnectionId(20), [7; 16]);
+        let mut connection = connection();
+        let take = |connection: &mut Connection, unknown, token: &ResetToken| {
+            let mut datagram = Vec::new();
+            Packet::Reset { unknown, token }.write(&mut datagram);
+            connection.handle(now(), &datagram);
+        };
+        take(&mut connection, there, &[0; 16]);
+        assert_eq!(connection.closed(), None, "it has no token at all");
+        connection.resets_with(token);
+        for at in 0..token.len() {
+            let mut forged = token;
+            forged[at] ^= 1;
+            take(&mut connection, there, &forged);
+        }
+        take(&mut connection, HERE, &token);
+        connection.handle(now(), &[0xff; 27]);
+        assert_eq!(connection.closed(), None);
+        take(&mut connection, there, &token);
+        assert_eq!(connection.closed(), Some(&Closed::Reset));
+        let mut out = Vec::new();
+        assert!(!connection.poll_transmit(now(), &mut out), "nobody is there to be told");
+    }
+
+    #[test]
     fn a_packet_that_there_was_no_place_for_is_taken_once_and_not_acknowledged() {
         let mut connection = connection();
         let data = [7; 100];
