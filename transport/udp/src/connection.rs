@@ -12,10 +12,9 @@ use crate::keys::Keys;
 use crate::latest::{LatestIn, LatestOut};
 use crate::mtu::Mtu;
 use crate::pacer::Pacer;
-use crate::packet::{ConnectionId, MIN_DATAGRAM};
+use crate::packet::{ConnectionId, MIN_DATAGRAM, ResetToken};
 use crate::peer_path::PeerPath;
 use crate::recovery::Recovery;
-use crate::reset::ResetToken;
 use crate::scavenger::Scavenger;
 
 mod closed;

@@ -281,7 +281,7 @@ fn the_handshake_with_a_shared_key_is_the_examples() {
     }
 
     with_room(100, |out| there.read_message(&message, out));
-    let token = ResetKey::new(&Security::PreShared(PSK.into()), PORT).token(THERE);
+    let token = ResetKey::new(&PSK, PORT).token(THERE);
     let payload = [&[1][..], &THERE.0.to_le_bytes(), &token, b"welcome"].concat();
     let message = with_room(100, |out| there.write_message(&payload, out));
     Packet::Answer { version: VERSION, to: HERE, noise: &message }.write(&mut out);

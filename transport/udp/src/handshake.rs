@@ -12,8 +12,8 @@ use zeroize::Zeroizing;
 use crate::connection::{Config, Connection};
 use crate::cookie::TokenKey;
 use crate::keys::Keys;
-use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
-use crate::reset::{ResetKey, TOKEN};
+use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, TOKEN, VERSION};
+use crate::reset::ResetKey;
 
 /// The largest hello: a first packet has room for it, its cookie and its keys.
 pub const MAX_HELLO: usize = 1024;
@@ -38,6 +38,17 @@ pub enum Security {
     },
     /// No encryption and no authentication: only for trusted networks, and only when asked for by this name.
     Plaintext,
+}
+
+impl Security {
+    /// The key that no stranger has; nothing in the clear.
+    fn secret(&self) -> &[u8] {
+        match self {
+            Self::PreShared(key) => &**key,
+            Self::Pinned { own, .. } => &**own,
+            Self::Plaintext => &[],
+        }
+    }
 }
 
 impl fmt::Debug for Security {
@@ -287,7 +298,7 @@ impl Acceptor {
     /// If the keys cannot be used.
     pub fn new(security: Security, secret: [u8; 32], port: u16) -> Result<Self, HandshakeError> {
         Half::new(&security, ConnectionId(0), false)?;
-        let reset_key = ResetKey::new(&security, port);
+        let reset_key = ResetKey::new(security.secret(), port);
         Ok(Self { security, token_key: TokenKey::new(secret), reset_key })
     }
 

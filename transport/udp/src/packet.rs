@@ -1,6 +1,5 @@
 //! The outer layer of a datagram: its kind, and its connection.
 
-use crate::reset::ResetToken;
 use crate::wire::{Malformed, Reader};
 
 /// The version of the datagrams' layout.
@@ -34,6 +33,13 @@ pub struct ConnectionId(pub u32);
 /// The cookie that a listener sends a stranger: the time and a keyed hash of it and of the stranger's
 /// address.
 pub(crate) type CookieBytes = [u8; 24];
+
+/// The bytes of a reset's token.
+pub(crate) const TOKEN: usize = 16;
+
+/// The proof that a reset comes from the listener: the peer got it in the answer (as in RFC 9000, section
+/// 10.3).
+pub(crate) type ResetToken = [u8; TOKEN];
 
 /// A datagram, with its contents unopened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,31 +2,18 @@
 
 use zeroize::Zeroizing;
 
-use crate::handshake::Security;
-use crate::packet::ConnectionId;
-
-/// The bytes of a token.
-pub(crate) const TOKEN: usize = 16;
-
-/// The proof that a reset comes from the listener: the peer got it in the answer (as in RFC 9000, section
-/// 10.3).
-pub(crate) type ResetToken = [u8; TOKEN];
+use crate::packet::{ConnectionId, ResetToken};
 
 /// A listener's secret for tokens. It is made of its keys, so that it is the same after a restart.
 #[derive(Clone)]
 pub(crate) struct ResetKey(Zeroizing<[u8; 32]>);
 
 impl ResetKey {
-    /// The key of a listener at `port`. Another listener with the same keys has another one, so nobody can
-    /// learn a connection's token from that.
+    /// The key of a listener at `port` with the private or shared key `secret`. Another listener with the same
+    /// secret has another one, so nobody can learn a connection's token from that.
     ///
     /// In the clear there is no secret: tokens are then as easy to forge as closes.
-    pub(crate) fn new(security: &Security, port: u16) -> Self {
-        let secret: &[u8] = match security {
-            Security::PreShared(key) => &**key,
-            Security::Pinned { own, .. } => &**own,
-            Security::Plaintext => &[],
-        };
+    pub(crate) fn new(secret: &[u8], port: u16) -> Self {
         let mut hasher = blake3::Hasher::new_derive_key("trimaran udp reset 1");
         hasher.update(&port.to_le_bytes()).update(secret);
         Self(Zeroizing::new(hasher.finalize().into()))
@@ -50,16 +37,13 @@ mod tests {
 
     #[test]
     fn a_token_is_of_one_connection_one_port_and_one_key() {
-        let shared = |byte| Security::PreShared([byte; 32].into());
-        let token = |security: &Security, port, id| ResetKey::new(security, port).token(ConnectionId(id));
-        let first = token(&shared(1), 7400, 5);
-        assert!(same(&first, &token(&shared(1), 7400, 5)), "the same after a restart");
-        let pinned = Security::Pinned { own: [1; 32].into(), peers: vec![[2; 32]] };
-        assert_eq!(first, token(&pinned, 7400, 5), "the keys are the same bytes");
-        for other in [token(&shared(2), 7400, 5), token(&shared(1), 7401, 5), token(&shared(1), 7400, 6)] {
+        let token = |byte, port, id| ResetKey::new(&[byte; 32], port).token(ConnectionId(id));
+        let first = token(1, 7400, 5);
+        assert!(same(&first, &token(1, 7400, 5)), "the same after a restart");
+        for other in [token(2, 7400, 5), token(1, 7401, 5), token(1, 7400, 6)] {
             assert!(!same(&first, &other));
         }
-        for at in 0..TOKEN {
+        for at in 0..first.len() {
             let mut forged = first;
             forged[at] ^= 1;
             assert!(!same(&first, &forged), "byte {at}");

@@ -1,6 +1,6 @@
 import { connect, defineProtocol, itemsOf, record, struct, tagged, text, u32 } from "trimaran-transport";
 
-const VECTOR = struct({ x: "f32", y: "f32", z: "f32" }); // 12 bytes, as `Pose` and `Point` write them
+const VECTOR = struct({ x: "f32", y: "f32", z: "f32" }); // 12 bytes, as `Point` has them in Rust
 
 /** The same as `impl Protocol for Robot` in Rust. */
 const ROBOT = defineProtocol({

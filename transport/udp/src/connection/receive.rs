@@ -6,10 +6,10 @@ use trimaran_net::Instant;
 
 use super::{Closed, Connection};
 use crate::chunk::{Asks, CLOSE, Chunk};
-use crate::packet::{ConnectionId, Packet};
+use crate::packet::{ConnectionId, Packet, ResetToken};
 use crate::peer_path::Arrival;
 use crate::recovery::{Content, Verdict};
-use crate::reset::{ResetToken, same};
+use crate::reset::same;
 use crate::wire::Reader;
 
 /// This many packets that fail to open end a connection: with more an attacker could forge one (RFC 9001,
