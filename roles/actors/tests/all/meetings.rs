@@ -1,7 +1,9 @@
 //! The limits of what displays and other cullers can make a culler do by meetings, for the schedule `switch`.
 
 use std::{
+    env,
     net::TcpListener,
+    process::Command,
     sync::{Arc, LazyLock},
     time::Duration,
 };
@@ -125,6 +127,14 @@ fn memory() -> usize {
 /// Another culler may send any amount while the display sends no camera: two of its frames are kept.
 #[test]
 fn frames_of_another_culler_do_not_pile_up() {
+    // In a process of its own: the memory of other tests would be counted as well.
+    const NAME: &str = "meetings::frames_of_another_culler_do_not_pile_up";
+    if env::var_os(NAME).is_none() {
+        let mut alone = Command::new(env::current_exe().unwrap());
+        let output = alone.args(["--exact", NAME, "--nocapture"]).env(NAME, "alone").output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        return;
+    }
     with_a_culler(async |guest| {
         let mut display = guest.joins(Role::Display, 1).await;
         guest.lets_wait(&mut display, 7).await;
