@@ -1,5 +1,5 @@
-//! A robot publishes the scans of two lidars and a map to three panels, which tell it where to go. One panel is
-//! slow, one is killed and started again.
+//! A robot publishes the scans of two lidars and a map to three panels, which tell it where to go. One panel
+//! is slow, one is killed and started again.
 //!
 //!     cargo run -p trimaran-transport --features zerocopy --example a_robot_and_its_panels -- ENDPOINT
 //!

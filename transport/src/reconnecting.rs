@@ -20,7 +20,7 @@ const GOOD: Duration = Duration::from_secs(10);
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 const LAST_PAUSE: Duration = Duration::from_secs(5);
 /// How long one call tries to connect, before the next one does.
-const PATIENCE: Duration = Duration::from_secs(3600);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(3600);
 
 /// How a link ended for its user: what receiving or sending says.
 #[derive(Debug, Error)]
@@ -136,7 +136,8 @@ where
     /// does in the end. A `talk` that ends in order closes its link itself.
     ///
     /// It waits for a listener for as long as it takes. Between attempts is a pause of a tenth of the time so
-    /// far, 2 s at most. So is one, of up to 5 s, before the next link where several were lost within 10 s.
+    /// far, 2 s at most. Where links are lost within 10 s again and again, a pause of up to 5 s comes before
+    /// the next one.
     ///
     /// Dropping the future drops the link: to the peer that looks like a crash.
     ///
@@ -181,7 +182,7 @@ where
 
     async fn connect(&self) -> Result<Link<P>, ConnectError> {
         loop {
-            let by = self.net.now().after(PATIENCE);
+            let by = self.net.now().after(CONNECT_TIMEOUT);
             match connect(&self.net, &self.endpoint, self.hello.clone(), &self.options, by).await {
                 Err(ConnectError::Deadline { .. }) => {}
                 done => return done,

@@ -307,7 +307,7 @@ impl Acceptor {
     pub fn handle(&self, now: Instant, address: SocketAddr, datagram: &[u8], out: &mut Vec<u8>) -> Handled {
         if let Ok(Packet::Data { to, .. }) = Packet::parse(datagram) {
             Packet::Reset { unknown: to, token: &self.reset_key.token(to) }.write(out);
-            // Whatever answers resets gets shorter ones: two listeners cannot keep each other busy.
+            // A reset is shorter than its cause: two listeners cannot keep each other busy.
             return if out.len() < datagram.len() { Handled::Reply } else { Handled::Ignore };
         }
         let Some((from, noise)) = self.parse(now, address, datagram) else { return Handled::Ignore };

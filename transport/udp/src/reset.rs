@@ -9,8 +9,8 @@ use crate::packet::{ConnectionId, ResetToken};
 pub(crate) struct ResetKey(Zeroizing<[u8; 32]>);
 
 impl ResetKey {
-    /// The key of a listener at `port` with the private or shared key `secret`. Another listener with the same
-    /// secret has another one, so nobody can learn a connection's token from that.
+    /// The key of a listener at `port` with the private or shared key `secret`. Another listener with the
+    /// same secret has another one, so nobody can learn a connection's token from that.
     ///
     /// In the clear there is no secret: tokens are then as easy to forge as closes.
     pub(crate) fn new(secret: &[u8], port: u16) -> Self {

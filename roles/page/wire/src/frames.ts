@@ -19,8 +19,8 @@ export interface Frame<Header, Items> {
 /** Reads coded batches, in the application's own format. */
 export interface BatchDecoder<Items> {
   /**
-   * The items of a batch of the frame of this number. Throws a `WireError` if they cannot be read, or are more
-   * than `room`, before it allocates memory for them.
+   * The items of a batch of the frame of this number. Throws a `WireError` if they cannot be read, or are
+   * more than `room`, before it allocates memory for them.
    */
   decode(batch: Uint8Array, frame: number, room: number): Items;
   /** Takes all items of a frame, which the caller keeps. */

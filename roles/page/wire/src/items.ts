@@ -8,7 +8,7 @@ export interface Items<I> {
   readonly size: number;
   /** The bytes of these items. They may share memory with them. */
   encode(items: I): Uint8Array;
-  /** Reads items, which may keep the memory of the bytes. These begin a buffer, and hold no part of an item. */
+  /** Reads items, which may keep the memory of the bytes. These begin a buffer and hold whole items. */
   decode(bytes: Uint8Array<ArrayBuffer>): I;
 }
 
