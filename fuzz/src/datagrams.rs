@@ -7,7 +7,7 @@ use std::time::Duration;
 use trimaran_net::Instant;
 use trimaran_udp::{
     Acceptor, Closed, Connecting, Connection, ConnectionId, Handled, MIN_DATAGRAM, Progress, Received,
-    Security, UnitLane,
+    Security, UnitLane, destination,
 };
 use trimaran_wire::{CloseReason, FrameMessage};
 
@@ -25,7 +25,8 @@ fn now() -> Instant {
 }
 
 /// Any datagram from a stranger, as it is and filled up to a first packet's length, is answered with a third
-/// of it at most; and any answer leaves who connects waiting or gives a sound connection.
+/// of it at most, or with a shorter reset; and any answer leaves the side that connects waiting or gives a
+/// sound connection.
 pub fn strangers(bytes: &[u8]) {
     let mut filled = bytes.to_vec();
     filled.resize(MIN_DATAGRAM.max(bytes.len()), 0);
@@ -43,6 +44,8 @@ fn initial(security: &Security, datagram: &[u8]) {
     };
     let mut out = Vec::new();
     match acceptor.handle(now(), ELSEWHERE, datagram, &mut out) {
+        // A reset.
+        Handled::Reply if destination(datagram).is_some() => assert!(out.len() < datagram.len()),
         Handled::Reply => assert!(out.len() * 3 <= datagram.len(), "{} for {}", out.len(), datagram.len()),
         Handled::Initial(initial) => {
             assert!(datagram.len() >= MIN_DATAGRAM);

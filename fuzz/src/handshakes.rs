@@ -153,8 +153,17 @@ impl Street {
     fn listener_gets(&mut self, from: SocketAddr, packet: &[u8]) {
         let (had, sent) = self.had.entry(from).or_default();
         *had += packet.len();
+        // As a listener does it: the acceptor sees packets of no connection that is there.
+        if let Some(id) = destination(packet)
+            && let Some((_, guest)) = self.guests.values_mut().find(|(_, guest)| guest.id() == id)
+        {
+            guest.handle(self.now, packet);
+            return;
+        }
         let mut reply = Vec::new();
         match self.acceptor.handle(self.now, from, packet, &mut reply) {
+            // A reset, for a packet of a connection that is not there.
+            Handled::Reply if destination(packet).is_some() => assert!(reply.len() < packet.len()),
             Handled::Reply => assert!(reply.len() * 3 <= packet.len()),
             Handled::Initial(initial) => {
                 let caller = (from, initial.from);
@@ -176,11 +185,6 @@ impl Street {
             self.guests.len() <= 2,
             "one for each address that somebody has repeated the first packet from"
         );
-        if let Some(id) = destination(packet)
-            && let Some((_, guest)) = self.guests.values_mut().find(|(_, guest)| guest.id() == id)
-        {
-            guest.handle(self.now, packet);
-        }
         if !reply.is_empty() {
             self.seen.push(reply.clone());
             if from == HOME {

@@ -282,7 +282,8 @@ impl fmt::Debug for Initial {
 pub enum Handled {
     /// Nothing.
     Ignore,
-    /// Send the datagram in `out`. It is shorter than the one received.
+    /// Send the datagram in `out`. A reset is shorter than the datagram received, and a cookie is a third of
+    /// it at most.
     Reply,
     /// Nothing: the address is valid, but the keys do not fit.
     Stranger,
@@ -308,7 +309,11 @@ impl Acceptor {
         if let Ok(Packet::Data { to, .. }) = Packet::parse(datagram) {
             Packet::Reset { unknown: to, token: &self.reset_key.token(to) }.write(out);
             // A reset is shorter than its cause: two listeners cannot keep each other busy.
-            return if out.len() < datagram.len() { Handled::Reply } else { Handled::Ignore };
+            if out.len() < datagram.len() {
+                return Handled::Reply;
+            }
+            out.clear();
+            return Handled::Ignore;
         }
         let Some((from, noise)) = self.parse(now, address, datagram) else { return Handled::Ignore };
         let Some(noise) = noise else {

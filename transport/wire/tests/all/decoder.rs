@@ -53,9 +53,9 @@ fn a_hello_is_known_by_its_magic_number_and_version() {
     assert_eq!(hello(b"TRIM\x01"), Err(DecodeFault::Short { kind: Kind::Hello }));
     let version = DecodeFault::Version { ours: WireVersion::CURRENT, theirs: WireVersion(0x0102) };
     assert_eq!(hello(b"TRIM\x02\x01whatever"), Err(version));
-    let cut = hello(b"TRIM\x03\x00\x07robo");
+    let cut = hello(b"TRIM\x04\x00\x07robo");
     assert!(matches!(cut, Err(DecodeFault::Control { kind: Kind::Hello, .. })), "{cut:?}");
-    let long = [b"TRIM\x03\x00\x21".as_slice(), &[b'x'; 33], &[5, 0]].concat();
+    let long = [b"TRIM\x04\x00\x21".as_slice(), &[b'x'; 33], &[5, 0]].concat();
     let long = hello(&long);
     assert!(
         matches!(long, Err(DecodeFault::Control { kind: Kind::Hello, .. })),
@@ -65,10 +65,10 @@ fn a_hello_is_known_by_its_magic_number_and_version() {
 
 #[test]
 fn a_refusal_of_another_version_is_read_no_further() {
-    let refused = decode(&message(Kind::Refuse, &[4, 0, 0xff, 0xff]));
+    let refused = decode(&message(Kind::Refuse, &[5, 0, 0xff, 0xff]));
     let (listener, connector) = (WireVersion(5), WireVersion::CURRENT);
     assert_eq!(refused, Ok(Some(Message::Refuse(Refusal::Version { listener, connector }))));
-    let unknown = decode(&message(Kind::Refuse, &[3, 0, 7]));
+    let unknown = decode(&message(Kind::Refuse, &[4, 0, 7]));
     assert!(matches!(unknown, Err(DecodeFault::Control { kind: Kind::Refuse, .. })), "{unknown:?}");
 }
 
@@ -77,7 +77,7 @@ fn control_messages_end_where_their_payload_does() {
     let tail = DecodeFault::Trailing { kind: Kind::Close, bytes: 2 };
     assert_eq!(decode(&message(Kind::Close, &[0, 0, 7, 7])), Err(tail));
     assert_eq!(
-        decode(&message(Kind::Refuse, &[3, 0, 5, 7])),
+        decode(&message(Kind::Refuse, &[4, 0, 5, 7])),
         Err(DecodeFault::Trailing { kind: Kind::Refuse, bytes: 1 })
     );
     let long = [&[2, 0xc9, 1][..], &[b'x'; 201]].concat();
