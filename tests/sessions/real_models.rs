@@ -18,7 +18,7 @@ const AUDIT_EVERY: usize = 5;
 
 /// Queries are the slowest by far on a CPU driver.
 const fn frames(occlusion_test: OcclusionTestKind) -> u32 {
-    if matches!(occlusion_test, OcclusionTestKind::Query) { 11 } else { 41 }
+    if matches!(occlusion_test, OcclusionTestKind::Query) { 6 } else { 21 }
 }
 
 /// Walks through a model with every occlusion test at two error bounds, and audits.
