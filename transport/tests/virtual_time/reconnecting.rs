@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use trimaran_transport::conformance::{ARM, Overhead, PANEL, Robot, greeting, pose, send_frame};
 use trimaran_transport::{
-    Endpoint, FrameEvent, LinkConfig, LinkError, Net, Options, Reconnecting, connect, sleep_until,
+    ConnectError, Endpoint, FrameEvent, LinkConfig, LinkError, Net, Options, Reconnecting, connect,
+    sleep_until,
 };
 
 use crate::hosts::{Link, Listener, Machines, acquainted, gigabit};
@@ -138,6 +139,22 @@ fn a_listener_that_begins_late_is_found_soon() {
         let took = simulation.now().since(late);
         assert!(took < 450 * MILLISECOND, "{scheme}: {took:?}");
     }
+}
+
+/// Pauses are a tenth of the time so far. Pauses of 0.1 s would take 270 attempts in 20 s, and doubled ones 13.
+#[test]
+fn an_absent_listener_is_asked_more_and_more_seldom() {
+    let overhead = Overhead { header_bytes: 0, handshake: 1, coded: true };
+    let (simulation, machines) = Machines::joined([&gigabit(), &gigabit()], 1, "tcp", overhead, acquainted());
+    let there: Arc<dyn Net> = Arc::new(machines.nets[1].clone());
+    let [_, options] = machines.options.clone();
+    let at: Endpoint = format!("tcp://here:{PORT}").parse().unwrap();
+    let by = there.now().after(Duration::from_secs(20));
+    let nobody = connect::<Robot>(&there, &at, greeting(PANEL), &options, by);
+    let Err(ConnectError::Deadline { attempts, .. }) = simulation.run(nobody).unwrap() else {
+        panic!("nobody listens")
+    };
+    assert!((40..75).contains(&attempts), "{attempts} attempts");
 }
 
 /// Here the panel still takes its link for alive when the arm is back. Its next packet is answered with a
