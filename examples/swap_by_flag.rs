@@ -99,9 +99,9 @@ fn camera(frame: u32) -> Result<Camera, trimaran_proto::CameraError> {
 /// UDP need; normally `trimaran keys new` makes them and they are read from files.
 async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), Box<dyn Error>> {
     let (culler, display) = (Keys::generate("culler".parse()?)?, Keys::generate("display".parse()?)?);
-    let options = |own: &Keys, other: &Keys| Options {
-        security: Some(Security { keys: own.clone(), peers: vec![other.public().clone().into()] }),
-        ..Options::default()
+    let options = |own: &Keys, other: &Keys| {
+        Options::default()
+            .with_security(Security { keys: own.clone(), peers: vec![other.public().clone().into()] })
     };
     let identity = |role| Identity { role, scene: Some(SceneHash(0x1234).into()), session: None };
     let (here, there) = (options(&culler, &display), options(&display, &culler));

@@ -121,8 +121,8 @@ pub fn answers(bytes: &[u8]) -> bool {
                 streams.push(stream);
             }
         };
-        let link = LinkConfig { handshake_timeout: Duration::from_millis(200), ..LinkConfig::default() };
-        let options = Options { link, ..Options::default() };
+        let link = LinkConfig::default().with_handshake_timeout(Duration::from_millis(200));
+        let options = Options::default().with_link(link);
         let by = there.now().after(Duration::from_secs(1));
         tokio::select! {
             biased;

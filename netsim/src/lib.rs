@@ -33,6 +33,8 @@
 //! | `relay` | the links of a topology for real packets |
 //! | `capture` | packets for Wireshark |
 
+#![cfg_attr(docsrs, feature(doc_cfg))] // the documentation says which feature has an item
+
 mod capture;
 mod control;
 mod events;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use trimaran::config::ConfigError;
 use trimaran_transport::{
     Name,
     keys::{Keys, KeysError, PublicKeys},
@@ -33,13 +34,15 @@ fn show(file: &Path) -> Result<(), Failure> {
     } else {
         private(file).or_else(|e| if matches!(e, KeysError::Public { .. }) { public(file) } else { Err(e) })
     };
-    let (kind, public) = shown.map_err(Failure::bad_input)?;
+    let (kind, public) = shown.map_err(|e| Failure::bad_input(ConfigError::from(e)))?;
     println!("{} ({kind})", public.name);
     print(&public);
     Ok(())
 }
 
 fn print(keys: &PublicKeys) {
-    println!("  quic  {}", keys.quic);
+    if let Some(quic) = keys.quic {
+        println!("  quic  {quic}");
+    }
     println!("  udp   {}", keys.udp);
 }

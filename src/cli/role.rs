@@ -77,7 +77,7 @@ fn culler(
     let endpoints = config.listen.iter().chain(&config.displays).chain(&config.cullers);
     let endpoints = endpoints.flat_map(Endpoints::iter);
     let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
-    let mut options = Options { security: known, ..options.clone() };
+    let mut options = options.clone().with_security(known);
     let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
     let start = Start::of_service(runtime, config.join_timeout_s, until_input_ends)?;
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
@@ -120,7 +120,7 @@ fn display(
     let peers = [PeerFiles { name: "peers.cullers", role: Some(Role::Culler), paths: &config.peers.cullers }];
     let endpoints = || config.cullers.iter().chain(&config.listen).flat_map(Endpoints::iter);
     let known = security(options, endpoints(), config.keys.as_deref(), &peers);
-    let mut options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
+    let mut options = options.clone().with_security(known.map_err(Failure::bad_input)?);
     recording::check(&plan, config.record.as_deref())?;
     let gpu = gpu_options(config.device.as_deref(), config.gpu_memory, config.device_timeout_s);
     let start = Start::new(runtime, config.join_timeout_s, until_input_ends);

@@ -90,7 +90,7 @@ impl Service<'_> {
         let pages =
             Pages::new(&file.scene, &description, token, ws, tcp, drive).map_err(Failure::bad_input)?;
         let metrics = Metrics::show(self.metrics, &self.options.ws, &runtime)?;
-        let mut options = Options { transports: vec![Arc::new(pages.clone())], ..self.options };
+        let mut options = self.options.with_transports(vec![Arc::new(pages.clone())]);
         options.limits.peers = people.unwrap_or(options.limits.peers);
         options.link.max_frame = max_frame(&file.scene);
         // The first is the page's.

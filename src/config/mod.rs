@@ -97,8 +97,18 @@ pub enum ConfigError {
         peer: &'static str,
     },
     /// A key file cannot be used.
-    #[error(transparent)]
+    #[error("{0}{advice}", advice = advice(.0))]
     Keys(#[from] KeysError),
+}
+
+/// What this program has against it.
+const fn advice(error: &KeysError) -> &'static str {
+    match error {
+        KeysError::Malformed { .. } | KeysError::Unusable { .. } => {
+            "; `trimaran keys new NAME` makes new ones"
+        }
+        _ => "",
+    }
 }
 
 /// What a role's configuration has beside its keys.

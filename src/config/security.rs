@@ -49,7 +49,11 @@ pub fn security<'e>(
     let known = peers
         .iter()
         .flat_map(|peers| peers.paths.iter().map(|path| (path, peers.role)))
-        .map(|(path, role)| Ok(KnownPeer { keys: PublicKeys::read(path)?, role: role.map(Into::into) }))
+        .map(|(path, role)| {
+            let mut peer = KnownPeer::from(PublicKeys::read(path)?);
+            peer.role = role.map(Into::into);
+            Ok(peer)
+        })
         .collect::<Result<Vec<_>, ConfigError>>()?;
     match keys {
         Some(keys) if !known.is_empty() => Ok(Some(Security { keys: Keys::read(keys)?, peers: known })),

@@ -232,7 +232,7 @@ fn the_templates_have_every_key_and_its_true_default() {
 
 #[test]
 fn what_is_told_of_a_transport_reaches_its_links() {
-    use trimaran_transport::{UdpMode, udp};
+    use trimaran_transport::{UdpMode, UdpSocketOptions, udp};
     let tcp =
         "[tcp]\nnodelay = false\nsend_buffer = 1\nrecv_buffer = 2\nkeepalive_s = 0\nuser_timeout_s = 3.5\n";
     let unix = "[unix]\nmode = '0660'\nallow_uids = [7, 8]\n";
@@ -248,18 +248,17 @@ fn what_is_told_of_a_transport_reaches_its_links() {
     assert_eq!(tcp.user_timeout, Some(Duration::from_millis(3500)));
     assert_eq!((options.unix.mode, options.unix.allow_uids), (0o660, vec![7, 8]));
     let buffer = Some(5);
-    let expected = udp::UdpOptions {
-        trust: udp::Trust::Plaintext,
-        mode: UdpMode::Deadline,
-        deadline: Duration::from_micros(12_500),
-        repair: udp::Repair::On,
-        repair_percent: 20,
-        initial_window: 10,
-        max_datagram: 1200,
-        window: 3,
-        send_buffer: 4,
-        socket: trimaran_transport::UdpSocketOptions { send_buffer: buffer, recv_buffer: buffer },
-    };
+    let expected = udp::UdpOptions::default()
+        .with_trust(udp::Trust::Plaintext)
+        .with_mode(UdpMode::Deadline)
+        .with_deadline(Duration::from_micros(12_500))
+        .with_repair(udp::Repair::On)
+        .with_repair_percent(20)
+        .with_initial_window(10)
+        .with_max_datagram(1200)
+        .with_window(3)
+        .with_send_buffer(4)
+        .with_socket(UdpSocketOptions::default().with_send_buffer(buffer).with_recv_buffer(buffer));
     assert_eq!(options.udp, expected);
 }
 

@@ -4,6 +4,7 @@
 
 mod path;
 mod server;
+mod skipped;
 mod turned_away;
 
 use std::{fmt, sync::Arc};
@@ -21,6 +22,7 @@ use trimaran_transport::{LinkStats, ListenerStats, StatsHandle, Tally, Traffic};
 
 pub use path::PathReading;
 pub use server::{MetricsError, Serving};
+pub use skipped::SkippedReading;
 pub use turned_away::TurnedAwayReading;
 
 /// The links of this process. Clones share them.
@@ -54,6 +56,9 @@ pub struct LinkReading {
     /// How often it sent more messages in a second than allowed.
     #[serde(default)]
     pub floods: u64,
+    /// Frames that came and were not returned to their reader.
+    #[serde(default)]
+    pub skipped: SkippedReading,
     /// Packets and their path, over this program's own datagram protocol.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path: Option<PathReading>,
@@ -124,9 +129,15 @@ impl LinkMetrics {
     #[must_use]
     pub fn read(&self) -> Vec<LinkReading> {
         let read = |WatchedLink { peer, stats }: &WatchedLink| {
-            let LinkStats { sent, received, floods, path, .. } = stats.read();
-            let path = path.map(PathReading::from);
-            LinkReading { peer: peer.clone(), sent: sent.into(), received: received.into(), floods, path }
+            let LinkStats { sent, received, floods, skipped, path, .. } = stats.read();
+            LinkReading {
+                peer: peer.clone(),
+                sent: sent.into(),
+                received: received.into(),
+                floods,
+                skipped: skipped.into(),
+                path: path.map(PathReading::from),
+            }
         };
         self.watched().links.iter().map(read).collect()
     }
@@ -212,8 +223,9 @@ impl Carried {
 
 impl From<Traffic> for Carried {
     fn from(traffic: Traffic) -> Self {
-        let Traffic { latest, begin, batches, items, end, messages: said, bulk, control, header_bytes } =
-            traffic;
+        let Traffic {
+            latest, begin, batches, items, end, messages: said, bulk, control, header_bytes, ..
+        } = traffic;
         let messages = [latest, begin, batches, end, said, bulk, control]
             .iter()
             .map(|tally: &Tally| tally.messages)
@@ -287,6 +299,7 @@ impl Collector for LinkMetrics {
         for LinkReading { peer, floods, .. } in &readings {
             ConstCounter::new(*floods).encode(family.encode_family(&Peer { peer: peer.clone() })?)?;
         }
+        skipped::encode(&readings, &mut encoder)?;
         self.turned_away().encode(&mut encoder)?;
         path::encode(&readings, &mut encoder)
     }

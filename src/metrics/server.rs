@@ -167,7 +167,7 @@ mod tests {
         let (come, guests) = mpsc::unbounded_channel();
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let clock = Arc::clone(&net);
-        let names = WsOptions { allow_origins: vec!["http://pages:9".parse().unwrap()] };
+        let names = WsOptions::default().with_allow_origins(vec!["http://pages:9".parse().unwrap()]);
         let page = Arc::new(Page { metrics: LinkMetrics::default(), names });
         let each = move |stream| answer(Arc::clone(&page), Arc::clone(&clock), stream);
         let mut server = JoinSet::new();

@@ -258,16 +258,12 @@ fn acquainted(knobs: &Knobs, cullers: usize) -> Result<(Options, Vec<Options>), 
     let known = |keys: &Keys, role| KnownPeer::in_role(keys.public().clone(), role);
     let all = cullers.iter().map(|keys| known(keys, Role::Culler)).chain([known(&display, Role::Display)]);
     let peers: Vec<_> = all.collect();
-    let udp = UdpOptions {
-        trust: if knobs.in_the_clear { Trust::Plaintext } else { Trust::Keys },
-        deadline: knobs.deadline,
-        repair_percent: knobs.repair_percent,
-        ..UdpOptions::default()
-    };
-    let options = |keys| Options {
-        security: Some(Security { keys, peers: peers.clone() }),
-        udp: udp.clone(),
-        ..Options::default()
+    let udp = UdpOptions::default()
+        .with_trust(if knobs.in_the_clear { Trust::Plaintext } else { Trust::Keys })
+        .with_deadline(knobs.deadline)
+        .with_repair_percent(knobs.repair_percent);
+    let options = |keys| {
+        Options::default().with_security(Security { keys, peers: peers.clone() }).with_udp(udp.clone())
     };
     Ok((options(display), cullers.into_iter().map(options).collect()))
 }

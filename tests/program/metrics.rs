@@ -98,9 +98,9 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
     let soon = net.now().after(Duration::from_secs(60));
     let identity = |role| Identity { role, scene: Some(SceneHash(1).into()), session: None };
-    let limits = Limits { peers: 1, handshakes: 4, ..Limits::default() };
-    let link = LinkConfig { messages_per_s: 2, ..LinkConfig::default() };
-    let strict = Options { limits, link, ..Options::default() };
+    let limits = Limits::default().with_peers(1).with_handshakes(4);
+    let link = LinkConfig::default().with_messages_per_s(2);
+    let strict = Options::default().with_limits(limits).with_link(link);
     let anywhere = "tcp://127.0.0.1:0".parse().unwrap();
     let mut listener = Listener::bind(&net, &anywhere, identity(Role::Display), &strict).await.unwrap();
     let there = listener.local_endpoint().clone();

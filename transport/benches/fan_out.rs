@@ -59,10 +59,13 @@ fn cpu_ns() -> Result<u64, Failed> {
 
 fn options() -> Options {
     let batching = Batching { size: BatchSize::new(ITEMS).unwrap_or_default(), coded: false };
-    let link = LinkConfig { batching, ..LinkConfig::default() };
+    let link = LinkConfig::default().with_batching(batching);
     let (handshakes_per_s, handshakes_per_s_per_address) = (100_000, 100_000);
-    let limits = Limits { peers: 300, handshakes_per_s, handshakes_per_s_per_address, ..Limits::default() };
-    Options { link, limits, ..Options::default() }
+    let limits = Limits::default()
+        .with_peers(300)
+        .with_handshakes_per_s(handshakes_per_s)
+        .with_handshakes_per_s_per_address(handshakes_per_s_per_address);
+    Options::default().with_link(link).with_limits(limits)
 }
 
 fn runtime() -> Result<Runtime, Failed> {

@@ -7,7 +7,6 @@
 
 use std::{
     error::Error,
-    num::NonZeroUsize,
     sync::{Arc, Mutex},
     time::{Duration, Instant},
 };
@@ -32,7 +31,7 @@ fn main() -> Result<(), Failed> {
     let time = Duration::from_secs(seconds.map_or(Ok(15), |word| word.parse())?);
     let keys = Keys::generate("both".parse()?)?;
     let security = Some(Security { peers: vec![keys.public().clone().into()], keys });
-    let options = Options { security, ..Options::default() };
+    let options = Options::default().with_security(security);
     let folder = tempfile::tempdir()?;
     let unix = format!("unix:{}", folder.path().join("socket").display());
     let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
@@ -50,7 +49,7 @@ fn main() -> Result<(), Failed> {
         let overhead = Overhead { header_bytes: 0, handshake: 1, coded: false };
         let pairs = Joined::at(at, options.clone(), overhead);
         let every = runtime.block_on(ages(&pairs, None, time))?;
-        let newest = KeepLast { depth: NonZeroUsize::MIN, lifespan: None };
+        let newest = KeepLast::default();
         let mut newest = runtime.block_on(ages(&pairs, Some(newest), time))?;
         newest.sort();
         let (last, most) = (every.last().ok_or("none")?, newest.last().ok_or("none")?);

@@ -7,7 +7,7 @@
 //! `udp://127.0.0.1:0`, `inproc:robot`. Over each of them the slow panel gets new scans and holds up nobody,
 //! and the killed one comes back.
 
-use std::{error::Error, num::NonZeroUsize, sync::Arc, time::Duration};
+use std::{error::Error, sync::Arc, time::Duration};
 
 use serde::{Deserialize, Serialize};
 use trimaran_transport::keys::{Keys, Security};
@@ -105,7 +105,7 @@ async fn panel(
         .run(async |mut link| {
             link.latest_tx.publish(Plain(Pose([1.0, 0.0, 0.5].map(F32::new))))?;
             link.messages_tx.send(&Command::Play { sound: "bell".to_owned() }).await?;
-            let newest = KeepLast { depth: NonZeroUsize::MIN, lifespan: None };
+            let newest = KeepLast::default();
             link.frames_rx = link.frames_rx.keep_last(newest);
             let mut seen = Seen::default();
             if let Some(bulk) = link.bulk.take() {
@@ -131,7 +131,7 @@ async fn all(endpoint: &str) -> Result<[Seen; 3], Box<dyn Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
     let keys = Keys::generate("anyone".parse()?)?;
     let security = Some(Security { peers: vec![keys.public().clone().into()], keys });
-    let options = Options { security, ..Options::default() };
+    let options = Options::default().with_security(security);
     let listener = Listener::bind(&net, &endpoint.parse()?, "robot".to_owned(), &options).await?;
     let at = listener.local_endpoint().clone();
     let killed = async {

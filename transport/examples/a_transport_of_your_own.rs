@@ -133,7 +133,7 @@ fn options() -> Result<Options, Box<dyn std::error::Error>> {
     let made = rcgen::generate_simple_self_signed(["robot".to_owned()])?;
     let key = made.signing_key.serialize_der().into();
     let tls = Tls::new(made.cert.into(), key, "robot".try_into()?)?;
-    Ok(Options { transports: vec![Arc::new(tls)], ..Options::default() })
+    Ok(Options::default().with_transports(vec![Arc::new(tls)]))
 }
 
 /// The rest is the same over any transport.

@@ -327,7 +327,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 fn options() -> Options {
-    Options { lane_transports: vec![Arc::new(Queues::default())], ..Options::default() }
+    Options::default().with_lane_transports(vec![Arc::new(Queues::default())])
 }
 
 /// The rest is the same over any transport.

@@ -233,7 +233,7 @@ mod tests {
         assert!(ConnectError::Random(io::ErrorKind::Other.into()).may_pass());
         for at_fault in [
             handshake(HandshakeError::NoKeys),
-            handshake(HandshakeError::Tls(rustls::Error::General(String::new()))),
+            handshake(HandshakeError::Tls(String::new().into())),
             AttemptError::Connect { address: String::new(), cause: io::ErrorKind::Unsupported.into() },
         ] {
             assert!(at_fault.is_final(), "{at_fault:?}");

@@ -39,9 +39,13 @@ pub enum HandshakeError {
     TimedOut,
     /// This side has no keys.
     #[error(
-        "this transport needs keys: make them with `trimaran keys new NAME`, and name them and the peers' public files"
+        "this transport needs keys: set `Options::security` to this peer's keys and the public ones of its peers"
     )]
     NoKeys,
+    /// This side's keys have none for QUIC.
+    #[cfg(feature = "keys")]
+    #[error("these keys are for datagrams alone: QUIC needs keys made by a program with the feature `quic`")]
+    NoQuicKey,
     /// Nobody answers.
     #[error("no answer: nobody listens there, or not to these keys")]
     Unanswered,
@@ -59,9 +63,8 @@ pub enum HandshakeError {
         ours: u64,
     },
     /// TLS cannot be set up.
-    #[cfg(feature = "keys")]
     #[error("TLS cannot be set up")]
-    Tls(#[from] rustls::Error),
+    Tls(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// This side does not know the peer's certificate.
     #[cfg(feature = "keys")]
     #[error(transparent)]
@@ -133,9 +136,9 @@ impl HandshakeError {
     /// Whether this side's own settings are at fault.
     pub(crate) const fn is_final(&self) -> bool {
         match self {
-            Self::HelloTooLong(_) | Self::NoKeys => true,
+            Self::HelloTooLong(_) | Self::NoKeys | Self::Tls(_) => true,
             #[cfg(feature = "keys")]
-            Self::Tls(_) => true,
+            Self::NoQuicKey => true,
             _ => false,
         }
     }

@@ -67,6 +67,8 @@
 //! | `stats` | counters |
 //! | `conformance` | the requirements on every transport, as a suite of tests |
 
+#![cfg_attr(docsrs, feature(doc_cfg))] // the documentation says which feature has an item
+
 mod acceptor;
 mod application;
 mod causes;

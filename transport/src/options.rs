@@ -20,6 +20,7 @@ use crate::{LaneTransport, TcpOptions, Transport};
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
+#[non_exhaustive]
 pub struct Options {
     /// Options of a link once it is made.
     pub link: LinkConfig,
@@ -50,4 +51,30 @@ pub struct Options {
     /// The same for transports with lanes of their own. Default none.
     #[cfg_attr(feature = "config", serde(skip))]
     pub lane_transports: Vec<Arc<dyn LaneTransport>>,
+}
+
+impl Options {
+    trimaran_net::setters! {
+        with_link link: LinkConfig,
+        with_limits limits: Limits,
+        with_tcp tcp: TcpOptions,
+        with_transports transports: Vec<Arc<dyn Transport>>,
+        with_lane_transports lane_transports: Vec<Arc<dyn LaneTransport>>,
+    }
+    #[cfg(feature = "unix")]
+    trimaran_net::setters! { with_unix unix: UnixOptions }
+    #[cfg(feature = "quic")]
+    trimaran_net::setters! { with_quic quic: QuicOptions }
+    #[cfg(feature = "udp")]
+    trimaran_net::setters! { with_udp udp: UdpOptions }
+    #[cfg(feature = "ws")]
+    trimaran_net::setters! { with_ws ws: WsOptions }
+
+    /// The same with this [`security`](Self::security).
+    #[cfg(feature = "keys")]
+    #[must_use]
+    pub fn with_security(mut self, security: impl Into<Option<Security>>) -> Self {
+        self.security = security.into();
+        self
+    }
 }

@@ -30,6 +30,7 @@ pub enum TooMany {
 
 /// The counts of refused handshakes of a listener since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct TurnedAway {
     /// Open handshakes that gave way to newer ones, because there were too many.
     pub no_room: u64,

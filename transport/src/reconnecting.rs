@@ -24,6 +24,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(3600);
 
 /// How a link ended for its user: what receiving or sending says.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum LinkError {
     /// Nothing more can be received.
     #[error(transparent)]

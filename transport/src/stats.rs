@@ -13,6 +13,7 @@ pub use counters::{Counters, Direction, StatsHandle};
 
 /// Traffic over a link since it was made, handshake included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct LinkStats {
     /// Sent by this side.
     pub sent: Traffic,
@@ -32,6 +33,7 @@ pub struct LinkStats {
 
 /// Frames that came and were not returned to their reader, by cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Skipped {
     /// A newer frame took their place: their reader is slower than the peer.
     pub replaced: u64,
@@ -79,6 +81,7 @@ impl Sub for Skipped {
 
 /// Messages and payload bytes by kind, in one direction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Traffic {
     /// Values of the latest lane.
     pub latest: Tally,
@@ -104,6 +107,7 @@ pub struct Traffic {
 
 /// Messages and their payload.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Tally {
     /// How many messages.
     pub messages: u64,

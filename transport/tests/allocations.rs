@@ -65,10 +65,8 @@ fn asked(region: &Region<'_, System>) -> usize {
 
 #[tokio::test]
 async fn in_steady_state_neither_poses_nor_frames_allocate() {
-    let options = Options {
-        udp: UdpOptions { trust: Trust::SharedKey([9; 32].into()), ..UdpOptions::default() },
-        ..Options::default()
-    };
+    let options =
+        Options::default().with_udp(UdpOptions::default().with_trust(Trust::SharedKey([9; 32].into())));
     let points = points(POINTS);
     for endpoint in ["tcp://127.0.0.1:0", "udp://127.0.0.1:0"] {
         let (mut near, mut far) = joined(endpoint, &options).await;

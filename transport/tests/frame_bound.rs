@@ -47,13 +47,11 @@ fn options(coded: bool, max_frame: u32) -> Options {
     // So that a wait in vain ends soon.
     let timeout = Duration::from_millis(300);
     let batching = Batching { size: BatchSize::MAX, coded };
-    let link = LinkConfig { timeout, batching, max_frame, ..LinkConfig::default() };
-    Options {
-        link,
-        quic: QuicOptions { window: WINDOW as u32, ..QuicOptions::default() },
-        udp: UdpOptions { window: WINDOW as u32, send_buffer: WINDOW, ..UdpOptions::default() },
-        ..Options::default()
-    }
+    let link = LinkConfig::default().with_timeout(timeout).with_batching(batching).with_max_frame(max_frame);
+    Options::default()
+        .with_link(link)
+        .with_quic(QuicOptions::default().with_window(WINDOW as u32))
+        .with_udp(UdpOptions::default().with_window(WINDOW as u32).with_send_buffer(WINDOW))
 }
 
 /// A link whose near end takes so many points a frame, and whose far end may send any number. The near end
@@ -62,7 +60,7 @@ async fn joined(endpoint: &str, coded: bool, listens: bool) -> (Link, Link, Meet
     let (near, far) = (options(coded, MOST), options(coded, u32::MAX));
     let (at_listener, at_connector) = if listens { (near, far) } else { (far, near) };
     let mut meeting = Meeting::at(endpoint, &at_listener).await;
-    let connector = Options { security: meeting.panel.security.clone(), ..at_connector };
+    let connector = at_connector.with_security(meeting.panel.security.clone());
     let net = net();
     let (there, here) = tokio::join!(
         connect(&net, &meeting.at, greeting(PANEL), &connector, soon(&net)),

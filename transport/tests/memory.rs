@@ -138,20 +138,18 @@ async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
     const EACH: usize = 96 * KIB;
     let _alone = ALONE.lock().await;
     let hour = Duration::from_secs(3600);
-    let limits = Limits {
-        handshakes: ROOM,
-        handshakes_per_s: 1 << 20,
-        handshakes_per_s_per_address: 1 << 20,
-        ..Limits::default()
-    };
-    let link = LinkConfig { idle_timeout: hour, handshake_timeout: hour, ..LinkConfig::default() };
-    let options = Options { limits, link, ..Options::default() };
+    let limits = Limits::default()
+        .with_handshakes(ROOM)
+        .with_handshakes_per_s(1 << 20)
+        .with_handshakes_per_s_per_address(1 << 20);
+    let link = LinkConfig::default().with_idle_timeout(hour).with_handshake_timeout(hour);
+    let options = Options::default().with_limits(limits).with_link(link);
     for endpoint in ENDPOINTS {
         let mut meeting = Meeting::at(endpoint, &options).await;
         drop(joined(&mut meeting).await);
         let keys = Keys::generate("nobody".parse().unwrap()).unwrap();
         let peers = meeting.panel.security.clone().unwrap().peers;
-        let unknown = Options { security: Some(Security { keys, peers }), ..options.clone() };
+        let unknown = options.clone().with_security(Security { keys, peers });
         let is_stream = matches!(meeting.at, Endpoint::Tcp(_) | Endpoint::Unix(_) | Endpoint::Ws(_));
         let mut strangers = Vec::new();
         if !is_stream {
@@ -185,12 +183,10 @@ async fn a_peer_that_is_not_read_fills_the_windows_and_no_more() {
     const WINDOW: usize = 1024 * KIB;
     let _alone = ALONE.lock().await;
     let timeout = Duration::from_millis(300);
-    let options = Options {
-        link: LinkConfig { timeout, ..LinkConfig::default() },
-        quic: QuicOptions { window: WINDOW as u32, ..QuicOptions::default() },
-        udp: UdpOptions { window: WINDOW as u32, send_buffer: WINDOW, ..UdpOptions::default() },
-        ..Options::default()
-    };
+    let options = Options::default()
+        .with_link(LinkConfig::default().with_timeout(timeout))
+        .with_quic(QuicOptions::default().with_window(WINDOW as u32))
+        .with_udp(UdpOptions::default().with_window(WINDOW as u32).with_send_buffer(WINDOW));
     for (endpoint, most) in
         ENDPOINTS.into_iter().zip([512 * KIB, 512 * KIB, 512 * KIB, 4 * WINDOW, 4 * WINDOW])
     {

@@ -69,7 +69,7 @@ fn a_crash_says_nothing_and_the_peer_finds_out_by_its_own_timeouts() {
     let control = simulation.control();
     simulation
         .run(async {
-            let options = TcpOptions { user_timeout: Some(Duration::from_secs(8)), ..TcpOptions::default() };
+            let options = TcpOptions::default().with_user_timeout(Some(Duration::from_secs(8)));
             let (mut idle, _idle_there) = dial(&a, &b, options).await;
             let heard = a.now();
             let (mut busy, _busy_there) = dial(&a, &b, options).await;

@@ -62,7 +62,7 @@ async fn carry(nets: &[SimNet; 2], options: TcpOptions, bytes: usize, pause: Dur
 
 /// Options without timers that are not tested.
 fn plain() -> TcpOptions {
-    TcpOptions { keepalive: None, user_timeout: None, ..TcpOptions::default() }
+    TcpOptions::default().with_keepalive(None).with_user_timeout(None)
 }
 
 const FULL: usize = 1448;
@@ -233,7 +233,7 @@ fn a_long_transfer_fills_the_way() {
 #[test]
 fn a_receive_buffer_that_is_fixed_limits_to_its_size_a_round_trip() {
     let (simulation, nets, _) = connected(&way(ms(10)), &way(ms(10)));
-    let options = TcpOptions { recv_buffer: Some(100_000), ..plain() };
+    let options = plain().with_recv_buffer(Some(100_000));
     let took = simulation.run(carry(&nets, options, 5_000_000, Duration::ZERO)).unwrap();
     let window = 5e6 / (took.as_secs_f64() / 0.02);
     assert!((85_000.0..=100_000.0).contains(&window), "{window}");
@@ -255,7 +255,7 @@ fn random_loss_slows_it_down_as_the_response_function_of_reno_says() {
 #[test]
 fn a_receiver_that_reads_nothing_closes_the_window_and_opens_it_again() {
     let (simulation, nets, hosts) = connected(&way(ms(5)), &way(ms(5)));
-    let options = TcpOptions { recv_buffer: Some(50_000), ..plain() };
+    let options = plain().with_recv_buffer(Some(50_000));
     let waited = simulation.run(carry(&nets, options, 200_000, Duration::from_secs(7))).unwrap();
     assert!(waited < ms(100), "{waited:?}");
     let probes = simulation.sent_by_class(hosts[0], hosts[1])[&Class::Probe].packets;

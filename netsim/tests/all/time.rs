@@ -180,7 +180,7 @@ fn ports_are_taken_once_and_free_again() {
 fn a_socket_takes_no_more_than_its_send_buffer_until_packets_have_left() {
     let (simulation, hosts) = pair(&LinkModel::clean(Rate::new(1_000_000), Duration::ZERO), 1);
     let net = simulation.net(hosts[0]);
-    let options = UdpSocketOptions { send_buffer: Some(10_000), ..UdpSocketOptions::default() };
+    let options = UdpSocketOptions::default().with_send_buffer(Some(10_000));
     let socket = net.bind_udp("0.0.0.0:0".parse().unwrap(), options).unwrap();
     let destination = SocketAddr::new(hosts[1].v4(), 9);
     let contents = &[0; 1000];

@@ -165,10 +165,10 @@ fn runtime_in(path: &Path, end: usize) -> std::io::Result<Runtime> {
 /// Options of sender and receiver.
 fn options(kind: &Kind) -> Result<(Options, Options), Box<dyn Error>> {
     let (a, b) = (Keys::generate("sender".parse()?)?, Keys::generate("receiver".parse()?)?);
-    let with = |own: &Keys, peer: &Keys| Options {
-        security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] }),
-        udp: UdpOptions { trust: Trust::Keys, repair_percent: kind.repair_percent, ..UdpOptions::default() },
-        ..Options::default()
+    let with = |own: &Keys, peer: &Keys| {
+        Options::default()
+            .with_security(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] })
+            .with_udp(UdpOptions::default().with_trust(Trust::Keys).with_repair_percent(kind.repair_percent))
     };
     Ok((with(&a, &b), with(&b, &a)))
 }

@@ -30,6 +30,24 @@
 //! | `tokio_net` | [`TokioNet`], behind the feature `tokio` |
 //! | `quinn` | QUIC endpoints of quinn on any [`Net`], behind the feature `quinn` |
 
+#![cfg_attr(docsrs, feature(doc_cfg))] // the documentation says which feature has an item
+
+/// Setters that take and return the value: `with_FIELD`. For structs of options, which may get more fields.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! setters {
+    ($($with:ident $field:ident: $value:ty),+ $(,)?) => {
+        $(
+            #[doc = concat!("The same with this [`", stringify!($field), "`](Self::", stringify!($field), ").")]
+            #[must_use]
+            pub fn $with(mut self, $field: $value) -> Self {
+                self.$field = $field;
+                self
+            }
+        )+
+    };
+}
+
 #[cfg(feature = "config")]
 pub mod config;
 mod net;
@@ -51,3 +69,7 @@ pub use time::Instant;
 pub use tokio_net::TokioNet;
 pub use udp::{BATCH_SIZE, EcnCodepoint, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
 pub use unix::{Credentials, UnixSocketOptions};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

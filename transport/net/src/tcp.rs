@@ -6,6 +6,7 @@ use std::time::Duration;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
+#[non_exhaustive]
 pub struct TcpOptions {
     /// Sends at once, without Nagle's wait for an acknowledgement. Default true.
     pub nodelay: bool,
@@ -39,6 +40,18 @@ pub struct TcpOptions {
     pub user_timeout: Option<Duration>,
     /// How many connections may wait to be accepted. Default 128.
     pub backlog: i32,
+}
+
+impl TcpOptions {
+    crate::setters! {
+        with_nodelay nodelay: bool,
+        with_send_buffer send_buffer: Option<usize>,
+        with_recv_buffer recv_buffer: Option<usize>,
+        with_keepalive keepalive: Option<Duration>,
+        with_keepalive_interval keepalive_interval: Duration,
+        with_user_timeout user_timeout: Option<Duration>,
+        with_backlog backlog: i32,
+    }
 }
 
 impl Default for TcpOptions {

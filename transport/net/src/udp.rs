@@ -63,12 +63,20 @@ pub enum EcnCodepoint {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
+#[non_exhaustive]
 pub struct UdpSocketOptions {
     /// The system's send buffer, bytes; the system may grant less. `None` leaves it as it is. Default 4 MiB.
     pub send_buffer: Option<usize>,
     /// The system's receive buffer, bytes; the system may grant less. `None` leaves it as it is. Default 4
     /// MiB: a frame of 200,000 ids may arrive while the runtime does something else.
     pub recv_buffer: Option<usize>,
+}
+
+impl UdpSocketOptions {
+    crate::setters! {
+        with_send_buffer send_buffer: Option<usize>,
+        with_recv_buffer recv_buffer: Option<usize>,
+    }
 }
 
 impl Default for UdpSocketOptions {

@@ -2,11 +2,19 @@
 
 /// Options of a listening Unix socket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct UnixSocketOptions {
     /// The permissions of the socket's file. Default `0o600`: only the same user may connect.
     pub mode: u32,
     /// How many connections may wait to be accepted. Default 128.
     pub backlog: i32,
+}
+
+impl UnixSocketOptions {
+    crate::setters! {
+        with_mode mode: u32,
+        with_backlog backlog: i32,
+    }
 }
 
 impl Default for UnixSocketOptions {

@@ -4,6 +4,7 @@
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
+#[non_exhaustive]
 pub struct Limits {
     /// How many peers a listener has links with at once; more are told that it is busy. A peer that connects
     /// again takes the place of its old link. Default 64.
@@ -20,6 +21,15 @@ pub struct Limits {
     /// streams takes four. Default 500.
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::range::of_a_link"))]
     pub handshakes_per_s_per_address: u32,
+}
+
+impl Limits {
+    trimaran_net::setters! {
+        with_peers peers: usize,
+        with_handshakes handshakes: usize,
+        with_handshakes_per_s handshakes_per_s: u32,
+        with_handshakes_per_s_per_address handshakes_per_s_per_address: u32,
+    }
 }
 
 impl Default for Limits {

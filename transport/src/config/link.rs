@@ -8,6 +8,7 @@ use trimaran_wire::{BatchSize, Batching, IdleTimeout};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
+#[non_exhaustive]
 pub struct LinkConfig {
     /// How long a sender waits for a peer that lives and takes nothing: longer than the peer's longest pause
     /// in reading. A receiver waits for as long as its peer lives. Default 30 s.
@@ -46,6 +47,17 @@ pub struct LinkConfig {
     /// newest is read anyway. Not within one process. Default 1,000,000.
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::range::above_zero"))]
     pub messages_per_s: u32,
+}
+
+impl LinkConfig {
+    trimaran_net::setters! {
+        with_timeout timeout: Duration,
+        with_idle_timeout idle_timeout: Duration,
+        with_handshake_timeout handshake_timeout: Duration,
+        with_batching batching: Batching,
+        with_max_frame max_frame: u32,
+        with_messages_per_s messages_per_s: u32,
+    }
 }
 
 impl Default for LinkConfig {

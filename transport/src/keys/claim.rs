@@ -86,7 +86,7 @@ impl Security {
 impl KnownPeer {
     fn has(&self, key: PeerKey) -> bool {
         match key {
-            PeerKey::Quic(fingerprint) => self.keys.quic == fingerprint,
+            PeerKey::Quic(fingerprint) => self.keys.quic == Some(fingerprint),
             PeerKey::Udp(key) => self.keys.udp == key,
         }
     }
@@ -140,7 +140,7 @@ mod tests {
             (&any, [true; 3]),
             (&nobody, [false; 3]),
         ] {
-            for key in [PeerKey::Quic(peer.quic), PeerKey::Udp(peer.udp)] {
+            for key in [peer.quic.map(PeerKey::Quic), Some(PeerKey::Udp(peer.udp))].into_iter().flatten() {
                 assert_eq!(
                     roles.map(|role| security.judge(key, Some(role)).is_ok()),
                     expected,

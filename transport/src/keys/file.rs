@@ -23,6 +23,7 @@ const LONGEST: usize = 64 << 10;
 
 /// The paths of a pair of files.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct KeyFiles {
     /// `NAME.key`: for this machine only.
     pub private: PathBuf,
@@ -39,7 +40,7 @@ pub enum KeysError {
     Random(#[source] io::Error),
     /// They could not be made.
     #[error("no keys could be made")]
-    Make(#[from] rcgen::Error),
+    Make(#[source] Box<dyn std::error::Error + Send + Sync>),
     /// A file could not be written.
     #[error("cannot write {}", .path.display())]
     Write {
@@ -65,7 +66,7 @@ pub enum KeysError {
         cause: io::Error,
     },
     /// A file is not a key file. Its contents are not repeated: they may be secret.
-    #[error("{}, line {line}: {why}; make keys with `trimaran keys new NAME`", .path.display())]
+    #[error("{}, line {line}: {why}; key files are as `Keys::save` writes them", .path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
@@ -105,7 +106,10 @@ pub enum KeysError {
     },
     /// The key cannot sign, or does not belong to the certificate.
     #[error("the key and the certificate do not go together")]
-    Mismatch(#[from] rustls::Error),
+    Mismatch(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// A certificate without its key, or the other way round.
+    #[error("`quic_certificate` and `quic_key` go together, and only one of them is there")]
+    Half,
 }
 
 /// The contents of a private file.
@@ -114,10 +118,23 @@ pub enum KeysError {
 pub(super) struct PrivateFile {
     pub(super) name: Name,
     /// X.509, self-signed.
-    pub(super) quic_certificate: Der,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) quic_certificate: Option<Der>,
     /// PKCS #8.
-    pub(super) quic_key: Der,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) quic_key: Option<Der>,
     pub(super) udp_key: NoiseSecret,
+}
+
+impl PrivateFile {
+    /// The certificate and the key for QUIC, if the file has them.
+    pub(super) fn quic(&self) -> Result<Option<(&Der, &Der)>, KeysError> {
+        match (&self.quic_certificate, &self.quic_key) {
+            (Some(certificate), Some(key)) => Ok(Some((certificate, key))),
+            (None, None) => Ok(None),
+            _ => Err(KeysError::Half),
+        }
+    }
 }
 
 /// Bytes written as base64, wiped from memory when dropped: they may be secret.
@@ -327,7 +344,9 @@ mod tests {
     fn the_public_file_holds_no_secret() {
         let (_folder, keys, files) = saved("one");
         let public = fs::read_to_string(files.public).unwrap();
-        for secret in [keys.noise().to_text(), keys.file.quic_key.to_text()] {
+        let quic = keys.file.quic_key.as_ref().map(Der::to_text);
+        assert_eq!(quic.is_some(), cfg!(feature = "quic"));
+        for secret in [Some(keys.noise().to_text()), quic].into_iter().flatten() {
             assert!(fs::read_to_string(&files.private).unwrap().contains(&*secret));
             assert!(!public.contains(&*secret), "{public}");
         }
@@ -353,6 +372,42 @@ mod tests {
         assert!(error.contains("one.pub, line 2") && error.contains("64 hexadecimal digits"), "{error}");
     }
 
+    /// A file as programs with the feature `quic` write it, without its remark.
+    const BOTH: &str = include_str!("both.key");
+
+    #[test]
+    fn keys_for_quic_are_kept_by_a_program_without_it_too() {
+        let (folder, _, files) = saved("one");
+        fs::write(&files.private, BOTH).unwrap();
+        let keys = Keys::read(&files.private).unwrap();
+        let (quic, udp) = (keys.public().quic.unwrap().to_string(), keys.public().udp.to_string());
+        assert_eq!(quic, "c15e91654c3007a82b1a4e66b4c4766d70b7fb1237363ad45e2ff525628d76fe");
+        assert_eq!(udp, "5d5f5ddb6c2adc61b7e0234f802f0232ddf52f06cae65ec2df83c7f491a19524");
+        let again = keys.save(&folder.path().join("again")).unwrap();
+        assert_eq!(fs::read_to_string(again.private).unwrap().split_once("\n\n").unwrap().1, BOTH);
+        assert_eq!(PublicKeys::read(&again.public).unwrap(), *keys.public());
+    }
+
+    #[test]
+    fn keys_for_datagrams_alone_are_read() {
+        let (folder, _, files) = saved("one");
+        let line = |name| BOTH.lines().find(|line| line.starts_with(name)).unwrap();
+        let text = [line("name"), line("udp_key")].join("\n");
+        fs::write(&files.private, &text).unwrap();
+        let keys = Keys::read(&files.private).unwrap();
+        assert_eq!(keys.public().quic, None);
+        let again = keys.save(&folder.path().join("again")).unwrap();
+        assert!(!fs::read_to_string(&again.public).unwrap().contains("quic"));
+        assert_eq!(PublicKeys::read(&again.public).unwrap(), *keys.public());
+        for half in ["quic_key", "quic_certificate"] {
+            fs::write(&files.private, format!("{text}\n{}", line(half))).unwrap();
+            let error = Keys::read(&files.private).unwrap_err();
+            let KeysError::Unusable { cause, .. } = &error else { panic!("{error}") };
+            assert!(matches!(**cause, KeysError::Half), "{cause}");
+        }
+    }
+
+    #[cfg(feature = "quic")]
     #[test]
     fn keys_that_do_not_go_together_are_refused() {
         let (_folder, _, files) = saved("one");

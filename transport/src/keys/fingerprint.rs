@@ -3,9 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use ring::digest::{SHA256, digest};
-use rustls::pki_types::CertificateDer;
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::hex;
@@ -19,15 +18,13 @@ pub struct Fingerprint([u8; 32]);
 
 /// A text that is not a fingerprint.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{0:?} is no fingerprint: give the 64 hexadecimal digits that `trimaran keys show` prints")]
+#[error("{0:?} is no fingerprint: give the 64 hexadecimal digits of `PublicKeys::quic`")]
 pub struct FingerprintError(String);
 
 impl Fingerprint {
-    /// The fingerprint of a certificate.
-    pub(crate) fn of(certificate: &CertificateDer<'_>) -> Self {
-        let mut bytes = [0; 32];
-        bytes.copy_from_slice(digest(&SHA256, certificate).as_ref());
-        Self(bytes)
+    /// The fingerprint of a certificate (DER).
+    pub(crate) fn of(certificate: &[u8]) -> Self {
+        Self(Sha256::digest(certificate).into())
     }
 }
 
@@ -71,7 +68,7 @@ mod tests {
 
     #[test]
     fn it_is_the_sha_256_of_the_certificate() {
-        let print = Fingerprint::of(&CertificateDer::from_slice(b"abc"));
+        let print = Fingerprint::of(b"abc");
         let known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(print.to_string(), known);
         assert_eq!(known.parse(), Ok(print));

@@ -3,6 +3,8 @@
 //! One pair of files serves every transport that encrypts: `NAME.key` is private and stays on its machine,
 //! `NAME.pub` goes to the peers.
 
+#[cfg(feature = "quic")]
+mod certificate;
 mod claim;
 mod file;
 mod fingerprint;
@@ -13,14 +15,13 @@ use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
-use rcgen::{CertificateParams, KeyPair, PKCS_ED25519};
-use rustls::crypto::ring::sign::any_supported_type;
-use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
-use rustls::sign::CertifiedKey;
 use serde::{Deserialize, Serialize};
-use zeroize::Zeroize;
 
 use crate::Name;
+#[cfg(feature = "quic")]
+use crate::handshake::HandshakeError;
+#[cfg(feature = "quic")]
+pub(crate) use certificate::QuicIdentity;
 pub(crate) use claim::KeyFault;
 pub use claim::{PeerKey, UnknownPeer, WrongRole};
 use file::PrivateFile;
@@ -29,18 +30,14 @@ pub use fingerprint::{Fingerprint, FingerprintError};
 pub(crate) use noise::NoiseSecret;
 pub use noise::{NoiseKey, NoiseKeyError};
 
-/// The name in a certificate. It has no meaning: peers know each other by fingerprint.
-const COMMON_NAME: &str = "trimaran";
-
-/// The private keys of a peer, and the matching public ones: a self-signed certificate for QUIC, a static
-/// Noise key for UDP.
+/// The private keys of a peer, and the matching public ones: a static Noise key for UDP, and for QUIC an
+/// Ed25519 key with its self-signed certificate.
 ///
-/// The certificate is Ed25519: its signatures have one length, so that a simulated handshake has the same
-/// packets every time.
+/// A program without the feature `quic` makes keys for UDP alone. It keeps those for QUIC that it reads.
 #[derive(Clone)]
 pub struct Keys {
-    #[cfg_attr(not(feature = "quic"), expect(dead_code, reason = "whoever reads it needs TLS"))]
-    pub(crate) certified: Arc<CertifiedKey>,
+    #[cfg(feature = "quic")]
+    quic: Option<QuicIdentity>,
     public: PublicKeys,
     file: Arc<PrivateFile>,
 }
@@ -48,11 +45,13 @@ pub struct Keys {
 /// The public keys of a peer: its public file, `NAME.pub`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct PublicKeys {
     /// The name of the peer.
     pub name: Name,
-    /// Its certificate's fingerprint: its identity over QUIC.
-    pub quic: Fingerprint,
+    /// Its certificate's fingerprint: its identity over QUIC. None if it has keys for UDP alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quic: Option<Fingerprint>,
     /// Its public X25519 key: its identity over UDP.
     pub udp: NoiseKey,
 }
@@ -69,6 +68,7 @@ pub struct Security {
 
 /// A peer that this one knows.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct KnownPeer {
     /// Its public keys.
     pub keys: PublicKeys,
@@ -82,16 +82,12 @@ impl Keys {
     /// # Errors
     /// If the system gives no random bits.
     pub fn generate(name: Name) -> Result<Self, KeysError> {
-        let mut key = KeyPair::generate_for(&PKCS_ED25519)?;
-        let certificate = CertificateParams::new(vec![COMMON_NAME.to_owned()])?.self_signed(&key)?;
-        let quic_key = key.serialize_der().into();
-        key.zeroize();
-        Self::assemble(PrivateFile {
-            name,
-            quic_certificate: certificate.der().to_vec().into(),
-            quic_key,
-            udp_key: NoiseSecret::random().map_err(KeysError::Random)?,
-        })
+        #[cfg(feature = "quic")]
+        let (quic_certificate, quic_key) = certificate::generate().map(|(of, key)| (Some(of), Some(key)))?;
+        #[cfg(not(feature = "quic"))]
+        let (quic_certificate, quic_key) = (None, None);
+        let udp_key = NoiseSecret::random().map_err(KeysError::Random)?;
+        Self::assemble(PrivateFile { name, quic_certificate, quic_key, udp_key })
     }
 
     /// Writes `NAME.key`, readable only by its owner, and `NAME.pub` into `folder`, which is created if
@@ -124,24 +120,22 @@ impl Keys {
         &self.file.udp_key
     }
 
-    /// A secret of a QUIC listener at this port that stays the same when it is restarted.
+    /// The key and the certificate behind [`PublicKeys::quic`].
     #[cfg(feature = "quic")]
-    pub(crate) fn quic_reset_secret(&self, port: u16) -> [u8; 32] {
-        let key = ring::hmac::Key::new(ring::hmac::HMAC_SHA256, self.file.quic_key.as_ref());
-        let mut of = ring::hmac::Context::with_key(&key);
-        of.update(b"trimaran quic reset 1");
-        of.update(&port.to_le_bytes());
-        of.sign().as_ref().first_chunk().copied().unwrap_or_default()
+    pub(crate) fn quic(&self) -> Result<&QuicIdentity, HandshakeError> {
+        self.quic.as_ref().ok_or(HandshakeError::NoQuicKey)
     }
 
     fn assemble(file: PrivateFile) -> Result<Self, KeysError> {
-        let certificate = CertificateDer::from(file.quic_certificate.as_ref().to_vec());
-        let quic = Fingerprint::of(&certificate);
-        let key = PrivatePkcs8KeyDer::from(file.quic_key.as_ref()).into();
-        let certified = CertifiedKey::new(vec![certificate], any_supported_type(&key)?);
-        certified.keys_match()?;
-        let public = PublicKeys { name: file.name.clone(), quic, udp: file.udp_key.public() };
-        Ok(Self { certified: Arc::new(certified), public, file: Arc::new(file) })
+        let quic = file.quic()?;
+        let fingerprint = quic.map(|(certificate, _)| Fingerprint::of(certificate.as_ref()));
+        let public = PublicKeys { name: file.name.clone(), quic: fingerprint, udp: file.udp_key.public() };
+        Ok(Self {
+            #[cfg(feature = "quic")]
+            quic: quic.map(|(certificate, key)| QuicIdentity::new(certificate, key)).transpose()?,
+            public,
+            file: Arc::new(file),
+        })
     }
 }
 

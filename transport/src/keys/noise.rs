@@ -17,7 +17,7 @@ pub struct NoiseKey([u8; 32]);
 
 /// A text that is not a public key.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{0:?} is no public key: give the 64 hexadecimal digits that `trimaran keys show` prints")]
+#[error("{0:?} is no public key: give the 64 hexadecimal digits of `PublicKeys::udp`")]
 pub struct NoiseKeyError(String);
 
 /// A private key. It is never printed, and it is wiped from memory when dropped.

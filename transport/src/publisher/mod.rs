@@ -49,6 +49,7 @@ pub struct SubscriberId(u64);
 
 /// The treatment of a subscriber that has not taken a frame when the next one is published.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum WhenBehind {
     /// [`Publisher::publish`] waits for it: it gets every frame.
     Wait,

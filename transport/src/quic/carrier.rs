@@ -152,7 +152,7 @@ mod tests {
             let (endpoint, at) = endpoint(
                 &net,
                 net.bind_udp(loopback, ours.quic.socket).unwrap(),
-                Some((config, &security.keys)),
+                Some((config, security.keys.quic().unwrap())),
             )
             .unwrap();
             tell.send(format!("quic://{at}").parse().unwrap()).unwrap();

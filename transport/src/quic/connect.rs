@@ -16,7 +16,7 @@ use super::Quic;
 use super::control::{Control, check_datagrams, explain};
 use super::tls::{self, Verifier};
 use crate::handshake::{Handshake, HandshakeError};
-use crate::keys::{Keys, Security};
+use crate::keys::{QuicIdentity, Security};
 use crate::lane_transport::Introduction;
 use crate::parts::LinkParts;
 use crate::transport::AttemptError;
@@ -69,7 +69,7 @@ async fn introduce(
     let security = security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
     let Security { keys, peers } = security;
     let verifier = Verifier::new(peers);
-    let crypto = tls::client(keys, &verifier, &application.protocol()).map_err(|e| failed(e.into()))?;
+    let crypto = tls::client(keys, &verifier, &application.protocol()).map_err(failed)?;
     let crypto = QuicClientConfig::try_from(crypto).map_err(|e| refused(io::Error::other(e)))?;
     let mut config = ClientConfig::new(Arc::new(crypto));
     config.transport_config(options.transport(link, &application.format()));
@@ -84,7 +84,7 @@ async fn introduce(
         let begun = endpoint.connect_with(config.clone(), to, SERVER_NAME);
         begun.map_err(|e| refused(io::Error::other(e)))
     };
-    let explained = |e| failed(explain(e, &verifier, keys.public().quic, application.protocol()));
+    let explained = |e| failed(explain(e, &verifier, keys, application.protocol()));
     let connection = dial(net, &socket, attempt).await?.map_err(explained)?;
     let shake = async {
         check_datagrams(&connection, &application.format())?;
@@ -112,12 +112,12 @@ async fn introduce(
 pub(crate) fn endpoint(
     net: &Arc<dyn Net>,
     socket: Arc<dyn UdpSocket>,
-    server: Option<(ServerConfig, &Keys)>,
+    server: Option<(ServerConfig, &QuicIdentity)>,
 ) -> io::Result<(Endpoint, SocketAddr)> {
     let address = socket.local_addr()?;
     let mut config = EndpointConfig::default();
-    let server = server.map(|(server, keys)| {
-        let secret = keys.quic_reset_secret(address.port());
+    let server = server.map(|(server, identity)| {
+        let secret = identity.reset_secret(address.port());
         // Ids from before a restart count as its own, so that they are answered with a reset.
         let ids = secret.first_chunk().copied().map(u64::from_le_bytes).unwrap_or_default();
         config

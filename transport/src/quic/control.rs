@@ -16,7 +16,7 @@ use super::records::{RecordRx, RecordTx};
 use super::tls::Verifier;
 use crate::error::{LaneError, Loss};
 use crate::handshake::{Handshake, HandshakeError};
-use crate::keys::Fingerprint;
+use crate::keys::Keys;
 use crate::lanes;
 use crate::lanes::records::RecordLane;
 use crate::parts::LinkParts;
@@ -156,11 +156,11 @@ pub(super) fn check_datagrams(connection: &Connection, format: &Format) -> Resul
     Err(error)
 }
 
-/// The meaning of a failed connection; `ours` is this side's certificate, `protocol` its protocol.
+/// The meaning of a failed connection; `ours` are this side's keys, `protocol` is its protocol.
 pub(super) fn explain(
     error: ConnectionError,
     verifier: &Verifier,
-    ours: Fingerprint,
+    ours: &Keys,
     protocol: ProtocolName,
 ) -> HandshakeError {
     if let Some(unknown) = verifier.turned_away() {
@@ -168,7 +168,7 @@ pub(super) fn explain(
     }
     let alert = |code| match code {
         code if code == TransportErrorCode::crypto(CERTIFICATE_UNKNOWN) => {
-            Some(HandshakeError::NotKnown { presented: ours })
+            ours.public().quic.map(|presented| HandshakeError::NotKnown { presented })
         }
         code if code == TransportErrorCode::crypto(NO_APPLICATION_PROTOCOL) => {
             Some(HandshakeError::Alpn(protocol.clone()))

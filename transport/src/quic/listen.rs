@@ -27,10 +27,11 @@ const WAITING: u64 = 16 * 1024;
 pub(super) fn listen(at: SocketAddr, quic: &Quic, acceptor: &Arc<Acceptor>) -> io::Result<SocketAddr> {
     let options = quic.options;
     let security = quic.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
+    let identity = security.keys.quic().map_err(io::Error::other)?;
     let (config, _) = server(acceptor, &security, &options).map_err(io::Error::other)?;
     let socket = acceptor.net.bind_udp(at, options.socket)?;
     let socket = WatchedSocket::new(socket, Some(acceptor.serving()));
-    let (endpoint, address) = endpoint(&acceptor.net, socket, Some((config, &security.keys)))?;
+    let (endpoint, address) = endpoint(&acceptor.net, socket, Some((config, identity)))?;
     acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), security, options, endpoint)));
     Ok(address)
 }
@@ -113,7 +114,7 @@ async fn shake_hands(
 ) -> Result<(), HandshakeError> {
     let (config, verifier) = server(acceptor, security, options)?;
     let Acceptor { net, application, .. } = acceptor;
-    let explained = |e| explain(e, &verifier, security.keys.public().quic, application.protocol());
+    let explained = |e| explain(e, &verifier, &security.keys, application.protocol());
     let connection = incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
     check_datagrams(&connection, &application.format())?;
     let key = tls::key_of(&connection).ok_or(HandshakeError::Stranger)?;
@@ -190,7 +191,7 @@ mod tests {
         let (there, at) = endpoint(
             &net,
             net.bind_udp(loopback, options.quic.socket).unwrap(),
-            Some((config, &security.keys)),
+            Some((config, security.keys.quic().unwrap())),
         )
         .unwrap();
 

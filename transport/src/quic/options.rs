@@ -20,6 +20,7 @@ const STREAMS: u32 = 3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
+#[non_exhaustive]
 pub struct QuicOptions {
     /// The congestion control. Default cubic.
     pub congestion: Congestion,
@@ -43,6 +44,18 @@ pub struct QuicOptions {
     pub mtu_discovery: bool,
     /// The UDP socket.
     pub socket: UdpSocketOptions,
+}
+
+impl QuicOptions {
+    trimaran_net::setters! {
+        with_congestion congestion: Congestion,
+        with_initial_rtt initial_rtt: Duration,
+        with_window window: u32,
+        with_frames frames: u32,
+        with_segmentation segmentation: bool,
+        with_mtu_discovery mtu_discovery: bool,
+        with_socket socket: UdpSocketOptions,
+    }
 }
 
 /// The congestion control of a connection.
@@ -140,7 +153,8 @@ mod tests {
         client.transport_config(ours.transport(&link, &Format::of::<Robot>()));
         let loopback = "127.0.0.1:0".parse().unwrap();
         let (there, at) =
-            endpoint(&net, net.bind_udp(loopback, theirs.socket).unwrap(), Some((server, &b))).unwrap();
+            endpoint(&net, net.bind_udp(loopback, theirs.socket).unwrap(), Some((server, b.quic().unwrap())))
+                .unwrap();
         let (here, _) = endpoint(&net, net.bind_udp(loopback, ours.socket).unwrap(), None).unwrap();
         let (ours, theirs) = tokio::join!(here.connect_with(client, at, "trimaran").unwrap(), async {
             there.accept().await.unwrap().await

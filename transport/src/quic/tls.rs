@@ -17,6 +17,7 @@ use rustls::{
 };
 use trimaran_wire::ProtocolName;
 
+use crate::handshake::HandshakeError;
 use crate::keys::{Fingerprint, Keys, KnownPeer, PeerKey, UnknownPeer};
 
 /// Admits peers that show one of these certificates and prove to hold its key; one for each handshake.
@@ -34,7 +35,7 @@ impl Verifier {
     pub(crate) fn new(peers: &[KnownPeer]) -> Arc<Self> {
         let algorithms = ring::default_provider().signature_verification_algorithms;
         Arc::new(Self {
-            expected: peers.iter().map(|peer| peer.keys.quic).collect(),
+            expected: peers.iter().filter_map(|peer| peer.keys.quic).collect(),
             algorithms,
             turned_away: Mutex::default(),
         })
@@ -131,12 +132,13 @@ pub(crate) fn client(
     keys: &Keys,
     verifier: &Arc<Verifier>,
     protocol: &ProtocolName,
-) -> Result<ClientConfig, Error> {
+) -> Result<ClientConfig, HandshakeError> {
     let mut config = ClientConfig::builder_with_provider(provider())
-        .with_protocol_versions(&[&TLS13])?
+        .with_protocol_versions(&[&TLS13])
+        .map_err(|e| HandshakeError::Tls(e.into()))?
         .dangerous() // rustls' word for a verifier of one's own
         .with_custom_certificate_verifier(Arc::<Verifier>::clone(verifier))
-        .with_client_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.certified))));
+        .with_client_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.quic()?.certified))));
     config.alpn_protocols = vec![protocol.to_string().into_bytes()];
     config.resumption = Resumption::disabled();
     Ok(config)
@@ -147,11 +149,12 @@ pub(crate) fn server(
     keys: &Keys,
     verifier: &Arc<Verifier>,
     protocol: &ProtocolName,
-) -> Result<ServerConfig, Error> {
+) -> Result<ServerConfig, HandshakeError> {
     let mut config = ServerConfig::builder_with_provider(provider())
-        .with_protocol_versions(&[&TLS13])?
+        .with_protocol_versions(&[&TLS13])
+        .map_err(|e| HandshakeError::Tls(e.into()))?
         .with_client_cert_verifier(Arc::<Verifier>::clone(verifier))
-        .with_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.certified))));
+        .with_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.quic()?.certified))));
     config.alpn_protocols = vec![protocol.to_string().into_bytes()];
     config.session_storage = Arc::new(NoServerSessionStorage {});
     config.send_tls13_tickets = 0;
@@ -172,8 +175,7 @@ mod tests {
     use crate::quic::QuicOptions;
     use crate::quic::connect::endpoint;
     use crate::{
-        AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Listener, Net, Options, TokioNet,
-        connect,
+        AcceptError, AttemptError, ConnectError, Endpoint, Listener, Net, Options, TokioNet, connect,
     };
 
     const OTHER: &[u8] = b"robot/0";
@@ -223,7 +225,7 @@ mod tests {
         let (other, at) = endpoint(
             &net,
             net.bind_udp(HERE, QuicOptions::default().socket).unwrap(),
-            Some((config, &theirs)),
+            Some((config, theirs.quic().unwrap())),
         )
         .unwrap();
         net.spawn(Box::pin(async move {

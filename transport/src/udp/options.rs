@@ -18,6 +18,7 @@ pub(crate) const MAX_DATAGRAM: usize = 1500;
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
+#[non_exhaustive]
 pub struct UdpOptions {
     /// The authentication of peers. Default by keys.
     pub trust: Trust,
@@ -52,6 +53,21 @@ pub struct UdpOptions {
     pub send_buffer: usize,
     /// The UDP socket.
     pub socket: UdpSocketOptions,
+}
+
+impl UdpOptions {
+    trimaran_net::setters! {
+        with_trust trust: Trust,
+        with_mode mode: UdpMode,
+        with_deadline deadline: Duration,
+        with_repair repair: Repair,
+        with_repair_percent repair_percent: u8,
+        with_initial_window initial_window: u16,
+        with_max_datagram max_datagram: usize,
+        with_window window: u32,
+        with_send_buffer send_buffer: usize,
+        with_socket socket: UdpSocketOptions,
+    }
 }
 
 /// The authentication of peers. Both sides need the same kind.

@@ -6,6 +6,7 @@ use trimaran_net::UnixSocketOptions;
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
+#[non_exhaustive]
 pub struct UnixOptions {
     /// The permissions of the socket's file. Default `0o600`: only the same user may connect.
     #[cfg_attr(feature = "config", serde(with = "file_mode"), schemars(with = "String"))]
@@ -16,16 +17,24 @@ pub struct UnixOptions {
     pub backlog: i32,
 }
 
+impl UnixOptions {
+    trimaran_net::setters! {
+        with_mode mode: u32,
+        with_allow_uids allow_uids: Vec<u32>,
+        with_backlog backlog: i32,
+    }
+}
+
 impl Default for UnixOptions {
     fn default() -> Self {
-        let UnixSocketOptions { mode, backlog } = UnixSocketOptions::default();
+        let UnixSocketOptions { mode, backlog, .. } = UnixSocketOptions::default();
         Self { mode, allow_uids: Vec::new(), backlog }
     }
 }
 
 impl UnixOptions {
-    pub(super) const fn socket(&self) -> UnixSocketOptions {
-        UnixSocketOptions { mode: self.mode, backlog: self.backlog }
+    pub(super) fn socket(&self) -> UnixSocketOptions {
+        UnixSocketOptions::default().with_mode(self.mode).with_backlog(self.backlog)
     }
 }
 

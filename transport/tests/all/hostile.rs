@@ -180,11 +180,14 @@ mod cases {
     pub(super) async fn ten_thousand_half_open_handshakes_shut_nobody_out(endpoint: &str) {
         const ROOM: usize = 4;
         // None of them ends by itself, and none is refused for its number.
-        let link = LinkConfig { handshake_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
+        let link = LinkConfig::default().with_handshake_timeout(Duration::from_secs(3600));
         let (handshakes_per_s, handshakes_per_s_per_address) = (u32::MAX, u32::MAX);
-        let limits =
-            Limits { handshakes: ROOM, handshakes_per_s, handshakes_per_s_per_address, ..Limits::default() };
-        let (mut listener, at) = listen(endpoint, &Options { limits, link, ..Options::default() }).await;
+        let limits = Limits::default()
+            .with_handshakes(ROOM)
+            .with_handshakes_per_s(handshakes_per_s)
+            .with_handshakes_per_s_per_address(handshakes_per_s_per_address);
+        let (mut listener, at) =
+            listen(endpoint, &Options::default().with_limits(limits).with_link(link)).await;
         let (net, busy) = (net(), bytes(&Message::Refuse(Refusal::Busy)));
         let mut inside = VecDeque::new();
         for session in 0..10_000 {
@@ -289,8 +292,8 @@ mod cases {
 
     pub(super) async fn a_connector_may_die_at_every_byte_of_its_handshake(endpoint: &str) {
         // A lane that waits for a dead one keeps its slot for a while.
-        let limits = Limits { handshakes: 1000, ..Limits::default() };
-        let (mut listener, at) = listen(endpoint, &Options { limits, ..Options::default() }).await;
+        let limits = Limits::default().with_handshakes(1000);
+        let (mut listener, at) = listen(endpoint, &Options::default().with_limits(limits)).await;
         let whole = hello(0, Lane::Frames).len();
         for step in 0..whole {
             let mut frames = dial(&at).await;

@@ -42,9 +42,9 @@ async fn joined_to_a_hanging_panel(endpoint: &str) -> (Link, Runtime, impl Sized
     let timeout = Duration::from_secs(3600);
     // The first idle timeout that is long enough here.
     for idle_timeout in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
-        let link = LinkConfig { timeout, idle_timeout, ..LinkConfig::default() };
+        let link = LinkConfig::default().with_timeout(timeout).with_idle_timeout(idle_timeout);
         let Meeting { mut listener, at, panel, _folder, .. } =
-            Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
+            Meeting::at(endpoint, &Options::default().with_link(link)).await;
         let meet = async {
             let mut here = listener.accept(soon(&net())).await.unwrap();
             here.latest_tx.publish(pose(1)).map(|()| here)

@@ -19,7 +19,7 @@ use crate::common::{Link, Listener, connect, last_failure, net, soon};
 fn trusting() -> Options {
     let keys = Keys::generate("both".parse().unwrap()).unwrap();
     let peers = vec![keys.public().clone().into()];
-    Options { security: Some(Security { keys, peers }), ..shared(1) }
+    shared(1).with_security(Security { keys, peers })
 }
 
 over_every_transport!(
@@ -29,8 +29,8 @@ over_every_transport!(
 );
 
 async fn one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_leaves(endpoint: &str) {
-    let limits = Limits { peers: 1, ..Limits::default() };
-    let options = Options { limits, ..Options::default() };
+    let limits = Limits::default().with_peers(1);
+    let options = Options::default().with_limits(limits);
     let Meeting { mut listener, at, panel, _folder, .. } = Meeting::at(endpoint, &options).await;
     let net = net();
     let enter = async |role, by| connect(&net, &at, greeting(role), &panel, by).await;
@@ -56,9 +56,9 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next() {
     for (endpoint, mask, question) in [("udp://127.0.0.1:0", 0x03, 0x02), ("quic://127.0.0.1:0", 0xf0, 0xf0)]
     {
         let hour = Duration::from_secs(3600);
-        let link = LinkConfig { idle_timeout: hour, handshake_timeout: hour, ..LinkConfig::default() };
-        let limits = Limits { handshakes: 1, ..Limits::default() };
-        let options = Options { limits, link, ..trusting() };
+        let link = LinkConfig::default().with_idle_timeout(hour).with_handshake_timeout(hour);
+        let limits = Limits::default().with_handshakes(1);
+        let options = trusting().with_limits(limits).with_link(link);
         let net = net();
         let wanted = endpoint.parse().unwrap();
         let mut listener = Listener::bind(&net, &wanted, greeting(ARM), &options).await.unwrap();
@@ -86,12 +86,10 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next() {
 #[tokio::test]
 async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
     for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0", "quic://127.0.0.1:0"] {
-        let limits = Limits { handshakes_per_s_per_address: 4, ..Limits::default() };
-        let options = Options {
-            limits,
-            link: LinkConfig { handshake_timeout: Duration::from_millis(300), ..LinkConfig::default() },
-            ..trusting()
-        };
+        let limits = Limits::default().with_handshakes_per_s_per_address(4);
+        let options = trusting()
+            .with_limits(limits)
+            .with_link(LinkConfig::default().with_handshake_timeout(Duration::from_millis(300)));
         let net = net();
         let mut listener =
             Listener::bind(&net, &endpoint.parse().unwrap(), greeting(ARM), &options).await.unwrap();
@@ -113,9 +111,9 @@ async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
 
 /// Two links with a listener whose peers may send 200 messages a second.
 async fn with_few_messages(endpoint: &str) -> (Link, Link) {
-    let link = LinkConfig { messages_per_s: 200, ..LinkConfig::default() };
+    let link = LinkConfig::default().with_messages_per_s(200);
     let Meeting { mut listener, at, panel, _folder, .. } =
-        Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
+        Meeting::at(endpoint, &Options::default().with_link(link)).await;
     let net = net();
     let (there, here) =
         tokio::join!(connect(&net, &at, greeting(PANEL), &panel, soon(&net)), listener.accept(soon(&net)));

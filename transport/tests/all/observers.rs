@@ -54,7 +54,7 @@ async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
             true => Security { keys, ..security },
             false => Security { peers: vec![keys.public().clone().into()], ..security },
         };
-        let strange = Options { security: Some(security), ..ours.clone() };
+        let strange = ours.clone().with_security(Some(security));
         let mut stranger = bind_when_free(&at, greeting(ARM), &strange).await;
         let net = net();
         let waits = async {
@@ -71,8 +71,8 @@ async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
 /// arrives.
 async fn gets_in_in_spite_of(forgery: Forgery) -> (Link, Link) {
     // An attempt misled by a forgery ends with this.
-    let link = LinkConfig { handshake_timeout: Duration::from_millis(500), ..LinkConfig::default() };
-    let options = Options { link, ..Options::default() };
+    let link = LinkConfig::default().with_handshake_timeout(Duration::from_millis(500));
+    let options = Options::default().with_link(link);
     let Meeting { mut listener, at, panel, .. } = Meeting::at("quic://127.0.0.1:0", &options).await;
     let router = Router::before(&at).await;
     let (forged, mut attempts) = (Cell::new(0), Vec::new());

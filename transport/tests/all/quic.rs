@@ -20,7 +20,7 @@ impl Pairs for Quic {
     }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        pair("127.0.0.1", &Options { link, ..Options::default() }).await
+        pair("127.0.0.1", &Options::default().with_link(link)).await
     }
 }
 
@@ -32,7 +32,7 @@ fn acquainted(options: &Options) -> (Options, Options) {
     let (a, b) = (keys("a"), keys("b"));
     let with = |keys: &Keys, peer: &Keys| {
         let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone().into()] });
-        Options { security, ..options.clone() }
+        options.clone().with_security(security)
     };
     (with(&a, &b), with(&b, &a))
 }
@@ -82,11 +82,11 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     let (_, stranger) = acquainted(&Options::default());
     let of = |options: &Options| options.security.clone().unwrap();
     let public = |options: &Options| of(options).keys.public().clone();
-    let print = |options: &Options| public(options).quic;
+    let print = |options: &Options| public(options).quic.unwrap();
 
     // The listener knows the peer, the peer another listener.
     let security = Some(Security { peers: vec![public(&stranger).into()], ..of(&theirs) });
-    let confused = Options { security, ..Options::default() };
+    let confused = Options::default().with_security(security);
     let (error, _) = failures(&ours, &confused, greeting(PANEL)).await;
     let HandshakeError::UnknownPeer(unknown) = error else { panic!("{error:?}") };
     assert_eq!((&unknown.expected[..], unknown.presented), (&[print(&stranger)][..], print(&ours)));
@@ -95,7 +95,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
 
     // The peer knows the listener, the listener another peer.
     let security = Some(Security { peers: vec![public(&ours).into()], ..of(&stranger) });
-    let intruder = Options { security, ..Options::default() };
+    let intruder = Options::default().with_security(security);
     let (error, known) = failures(&ours, &intruder, greeting(PANEL)).await;
     let HandshakeError::NotKnown { presented } = error else { panic!("{error:?}") };
     assert_eq!(presented, print(&stranger));
@@ -117,15 +117,54 @@ async fn without_keys_there_is_no_quic() {
     assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
 }
 
+/// Keys as a program makes them that has no QUIC.
+fn for_datagrams_alone() -> Keys {
+    let folder = tempfile::tempdir().unwrap();
+    let made = Keys::generate("one".parse().unwrap()).unwrap().save(folder.path()).unwrap();
+    let text = std::fs::read_to_string(&made.private).unwrap();
+    let kept: String =
+        text.lines().filter(|line| !line.starts_with("quic_")).flat_map(|line| [line, "\n"]).collect();
+    std::fs::write(&made.private, kept).unwrap();
+    Keys::read(&made.private).unwrap()
+}
+
+#[tokio::test]
+async fn with_keys_for_datagrams_alone_there_is_no_quic() {
+    let (net, (known, theirs)) = (net(), acquainted(&Options::default()));
+    let security = Some(Security { keys: for_datagrams_alone(), ..known.security.clone().unwrap() });
+    let options = Options::default().with_security(security);
+    let endpoint = "quic://127.0.0.1:1".parse().unwrap();
+    let error = connect(&net, &endpoint, greeting(PANEL), &options, soon(&net)).await.unwrap_err();
+    assert!(!error.may_pass(), "{error:?}");
+    let ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. } = error else {
+        panic!("{error:?}")
+    };
+    assert!(matches!(cause, HandshakeError::NoQuicKey), "{cause:?}");
+    let endpoint = "quic://127.0.0.1:0".parse().unwrap();
+    let error = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap_err();
+    assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
+
+    // A listener that knows such a peer for datagrams has no place for it, and the others still get in.
+    let peers = [vec![for_datagrams_alone().public().clone().into()], known.security.clone().unwrap().peers];
+    let security = Some(Security { peers: peers.concat(), ..known.security.clone().unwrap() });
+    let ours = known.with_security(security);
+    let (mut listener, endpoint) = listener(&net, &ours).await;
+    let (there, here) = tokio::join!(
+        connect(&net, &endpoint, greeting(PANEL), &theirs, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    assert_eq!((there.unwrap().peer.hello, here.unwrap().peer.hello), (greeting(ARM), greeting(PANEL)));
+}
+
 /// Genuine first packets, sent again and again without going further. Each of them is a handshake.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn ten_thousand_first_packets_of_twenty_handshakes_keep_no_peer_out() {
     let net = net();
-    let limits = Limits { handshakes: 8, ..Limits::default() };
+    let limits = Limits::default().with_handshakes(8);
     // Open handshakes stay open for as long as the test runs.
     let hour = Duration::from_secs(3600);
-    let link = LinkConfig { idle_timeout: hour, handshake_timeout: hour, ..LinkConfig::default() };
-    let (ours, theirs) = acquainted(&Options { limits, link, ..Options::default() });
+    let link = LinkConfig::default().with_idle_timeout(hour).with_handshake_timeout(hour);
+    let (ours, theirs) = acquainted(&Options::default().with_limits(limits).with_link(link));
     let (mut listener, endpoint) = listener(&net, &ours).await;
     let Endpoint::Quic(at) = &endpoint else { panic!("{endpoint}") };
     // Authentic first packets: a relay sees handshakes that go no further.

@@ -16,12 +16,12 @@ fn keys(name: &str) -> Keys {
 
 /// A peer that has `keys` and knows those, each in its role.
 fn knowing(keys: &Keys, peers: &[(&Keys, Option<&str>)]) -> Options {
-    let known = |(peer, role): &(&Keys, Option<&str>)| KnownPeer {
-        keys: peer.public().clone(),
-        role: role.map(str::to_owned),
+    let known = |(peer, role): &(&Keys, Option<&str>)| {
+        let keys = peer.public().clone();
+        role.map_or_else(|| keys.clone().into(), |role| KnownPeer::in_role(keys.clone(), role))
     };
     let peers = peers.iter().map(known).collect();
-    Options { security: Some(Security { keys: keys.clone(), peers }), ..Options::default() }
+    Options::default().with_security(Security { keys: keys.clone(), peers })
 }
 
 /// A panel that knows two machines, and the options of each.
@@ -65,7 +65,7 @@ impl Show {
 
 fn key(endpoint: &Endpoint, keys: &Keys) -> PeerKey {
     match endpoint {
-        Endpoint::Quic(_) => PeerKey::Quic(keys.public().quic),
+        Endpoint::Quic(_) => PeerKey::Quic(keys.public().quic.unwrap()),
         Endpoint::Udp(_) => PeerKey::Udp(keys.public().udp),
         other => panic!("{other}"),
     }

@@ -99,8 +99,9 @@ mod of_datagrams {
     async fn either_side_may_die_behind_every_datagram_of_the_handshake(endpoint: &str) {
         // Only the handshake timeout frees the place of a peer that dies in it.
         let (idle_timeout, handshake_timeout) = (Duration::from_secs(3600), Duration::from_secs(1));
-        let link = LinkConfig { idle_timeout, handshake_timeout, ..LinkConfig::default() };
-        let options = Options { link, ..Options::default() };
+        let link =
+            LinkConfig::default().with_idle_timeout(idle_timeout).with_handshake_timeout(handshake_timeout);
+        let options = Options::default().with_link(link);
         let Meeting { mut listener, at, panel, _folder, .. } = Meeting::at(endpoint, &options).await;
         let net = net();
         let inside = match &at {

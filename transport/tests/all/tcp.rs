@@ -25,12 +25,8 @@ impl Pairs for Tcp {
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
         // Buffers smaller than the tests' amounts.
-        let tcp = TcpOptions {
-            send_buffer: Some(64 * 1024),
-            recv_buffer: Some(64 * 1024),
-            ..TcpOptions::default()
-        };
-        joined("tcp://127.0.0.1:0", &Options { link, tcp, ..Options::default() }).await
+        let tcp = TcpOptions::default().with_send_buffer(Some(64 * 1024)).with_recv_buffer(Some(64 * 1024));
+        joined("tcp://127.0.0.1:0", &Options::default().with_link(link).with_tcp(tcp)).await
     }
 }
 

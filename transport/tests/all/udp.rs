@@ -7,7 +7,7 @@ use trimaran_transport::conformance::{
     ARM, Overhead, PANEL, Pairs, greeting, points, pose, receive, send_frame, start,
 };
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::udp::{Trust, UdpOptions};
+use trimaran_transport::udp::Trust;
 use trimaran_transport::{
     AttemptError, BatchSize, Batching, ConnectError, Endpoint, FrameEvent, FrameNumber, FrameOutcome,
     HandshakeError, LinkConfig, Net, Options, PeerAddress, sleep_until,
@@ -25,7 +25,7 @@ impl Pairs for Udp {
     }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        joined("udp://127.0.0.1:0", &Options { link, ..shared(9) }).await
+        joined("udp://127.0.0.1:0", &shared(9).with_link(link)).await
     }
 }
 
@@ -89,7 +89,7 @@ async fn another_key_gets_no_answer_and_the_listener_knows_why() {
 /// A peer that has `keys` and knows those.
 fn knowing(keys: &Keys, peers: &[&Keys]) -> Options {
     let peers = peers.iter().map(|peer| peer.public().clone().into()).collect();
-    Options { security: Some(Security { keys: keys.clone(), peers }), ..Options::default() }
+    Options::default().with_security(Security { keys: keys.clone(), peers })
 }
 
 #[tokio::test]
@@ -113,8 +113,8 @@ async fn pinned_peers_find_each_other_among_several_and_others_do_not_get_in() {
 /// Without any time to arrive, only a frame's beginning and end do.
 #[tokio::test]
 async fn a_frame_that_is_given_up_says_how_many_points_are_missing() {
-    let udp = UdpOptions { deadline: Duration::ZERO, ..shared(1).udp };
-    let options = Options { udp, ..shared(1) };
+    let udp = shared(1).udp.with_deadline(Duration::ZERO);
+    let options = shared(1).with_udp(udp);
     let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
     assert!(!arm.capabilities().reliable && !panel.capabilities().reliable, "both sides know");
     for frame in 0..3 {
@@ -138,8 +138,8 @@ async fn a_frame_that_is_given_up_says_how_many_points_are_missing() {
 async fn a_deadline_shorter_than_the_way_is_warned_of_once_a_link() {
     let (page, _logged) = Page::log();
     let warnings = || page.lines(&["WARN", "deadline=0ns"]);
-    let udp = UdpOptions { deadline: Duration::ZERO, ..shared(1).udp };
-    let options = Options { udp, ..shared(1) };
+    let udp = shared(1).udp.with_deadline(Duration::ZERO);
+    let options = shared(1).with_udp(udp);
     for links in 1..=2 {
         let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
         let mut since = 0;
@@ -161,12 +161,9 @@ async fn a_deadline_shorter_than_the_way_is_warned_of_once_a_link() {
 #[tokio::test]
 async fn with_deadlines_points_travel_coded_against_a_frame_once_it_is_confirmed() {
     let net = net();
-    let link = LinkConfig {
-        batching: Batching { size: BatchSize::default(), coded: true },
-        ..LinkConfig::default()
-    };
-    let udp = UdpOptions { deadline: Duration::from_secs(10), ..shared(1).udp };
-    let options = Options { link, udp, ..shared(1) };
+    let link = LinkConfig::default().with_batching(Batching { size: BatchSize::default(), coded: true });
+    let udp = shared(1).udp.with_deadline(Duration::from_secs(10));
+    let options = shared(1).with_link(link).with_udp(udp);
     let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
     // Unordered: without a reference they travel plain.
     let visible = points(2000);

@@ -52,8 +52,8 @@ async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
             other.send_to(&retry, from).await.unwrap();
         }
     };
-    let link = LinkConfig { handshake_timeout: Duration::from_millis(300), ..LinkConfig::default() };
-    let options = Options { link, ..shared(1) };
+    let link = LinkConfig::default().with_handshake_timeout(Duration::from_millis(300));
+    let options = shared(1).with_link(link);
     let begun = net.now();
     let by = begun.after(Duration::from_secs(2));
     let error = tokio::select! {
@@ -236,8 +236,9 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
     let net = net();
     // Only the handshake timeout ends it.
     let (idle_timeout, handshake_timeout) = (Duration::from_secs(3600), Duration::from_millis(300));
-    let link = LinkConfig { idle_timeout, handshake_timeout, ..LinkConfig::default() };
-    let options = Options { link, ..shared(1) };
+    let link =
+        LinkConfig::default().with_idle_timeout(idle_timeout).with_handshake_timeout(handshake_timeout);
+    let options = shared(1).with_link(link);
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
     let mut answers = 0;
@@ -267,8 +268,8 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
 #[tokio::test]
 async fn a_first_packet_that_somebody_repeats_takes_no_place() {
     let net = net();
-    let link = LinkConfig { handshake_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
-    let options = Options { link, ..shared(1) };
+    let link = LinkConfig::default().with_handshake_timeout(Duration::from_secs(3600));
+    let options = shared(1).with_link(link);
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
     let first = tokio::select! {
@@ -306,8 +307,8 @@ impl Relay {
 #[tokio::test]
 async fn ten_thousand_half_open_handshakes_shut_nobody_out() {
     let net = net();
-    let limits = Limits { handshakes: 4, ..Limits::default() };
-    let options = Options { limits, ..shared(1) };
+    let limits = Limits::default().with_handshakes(4);
+    let options = shared(1).with_limits(limits);
     let (mut listener, at) = listener(&options).await;
     // The most genuine first packet that a stranger can see: without a cookie of its own.
     let lure = UdpSocket::bind("127.0.0.1:0").await.unwrap();

@@ -27,7 +27,7 @@ impl Pairs for Unix {
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
         let (_folder, endpoint) = socket();
-        joined(&endpoint.to_string(), &Options { link, ..Options::default() }).await
+        joined(&endpoint.to_string(), &Options::default().with_link(link)).await
     }
 }
 
@@ -64,10 +64,7 @@ async fn the_socket_is_for_its_user_alone_and_goes_with_its_listener() {
     let (folder, endpoint) = socket();
     for (mode, options) in [
         (0o600, Options::default()),
-        (
-            0o660,
-            Options { unix: UnixOptions { mode: 0o660, ..UnixOptions::default() }, ..Options::default() },
-        ),
+        (0o660, Options::default().with_unix(UnixOptions::default().with_mode(0o660))),
     ] {
         let listener = bind(&endpoint, &options).await.unwrap();
         assert_eq!(fs::metadata(file_of(&endpoint)).unwrap().permissions().mode() & 0o777, mode);
@@ -197,8 +194,8 @@ async fn another_users_process_gets_no_link_from_either_side_unless_its_user_is_
     let cause = crate::common::obstacle(&elsewhere, &endpoint, greeting(PANEL), &options).await;
     assert_eq!(foreigner(&cause), Some(stranger), "{cause:?}");
 
-    let unix = UnixOptions { allow_uids: vec![stranger.theirs], ..UnixOptions::default() };
-    let open = Options { unix, ..options };
+    let unix = UnixOptions::default().with_allow_uids(vec![stranger.theirs]);
+    let open = options.with_unix(unix);
     let (there, accepted) = tokio::join!(
         connect(&elsewhere, &endpoint, greeting(PANEL), &open, soon(&here)),
         listener.accept(soon(&here)),

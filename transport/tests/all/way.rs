@@ -18,7 +18,7 @@ fn acquainted(quic: QuicOptions) -> [Options; 2] {
     let [ours, theirs] = keys;
     [(ours, b), (theirs, a)].map(|(keys, peer)| {
         let security = Some(Security { keys, peers: vec![peer.into()] });
-        Options { security, quic, ..Options::default() }
+        Options::default().with_security(security).with_quic(quic)
     })
 }
 
@@ -82,7 +82,7 @@ async fn frames_are_complete_and_the_last_pose_comes_whatever_is_lost() {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             !(state >> 16).is_multiple_of(12)
         };
-        let quic = QuicOptions { congestion, ..QuicOptions::default() };
+        let quic = QuicOptions::default().with_congestion(congestion);
         let lost = through_a_router(transport, quic, keep, async |machine, panel, _| {
             for frame in 0..8 {
                 a_frame_and_poses(machine, panel, frame, 4000).await;

@@ -20,8 +20,8 @@ const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 4, coded: true
 fn web_sockets() -> Joined {
     // Buffers smaller than the tests' amounts.
     let small = Some(64 * 1024);
-    let tcp = TcpOptions { send_buffer: small, recv_buffer: small, ..TcpOptions::default() };
-    Joined::at("ws://127.0.0.1:0/robot", Options { tcp, ..Options::default() }, OVERHEAD)
+    let tcp = TcpOptions::default().with_send_buffer(small).with_recv_buffer(small);
+    Joined::at("ws://127.0.0.1:0/robot", Options::default().with_tcp(tcp), OVERHEAD)
 }
 
 trimaran_transport::conformance!(web_sockets());
@@ -79,7 +79,7 @@ async fn the_path_is_part_of_the_address() {
 #[tokio::test]
 async fn a_page_from_elsewhere_gets_no_link_unless_it_is_allowed() {
     let allow_origins = vec!["https://plant.example".parse().unwrap()];
-    let options = Options { ws: WsOptions { allow_origins }, ..Options::default() };
+    let options = Options::default().with_ws(WsOptions::default().with_allow_origins(allow_origins));
     let (mut listener, at) = listen(&options).await;
     let path = "/plant/link?token=7";
     let own = format!("Origin: http://{}\r\n", host(&at));
@@ -170,8 +170,8 @@ async fn a_reset_at_any_moment_is_a_loss() {
     use futures_util::SinkExt;
     use tokio_tungstenite::tungstenite::Message as WsMessage;
     for round in 0..40 {
-        let link = LinkConfig { idle_timeout: Duration::from_millis(200), ..LinkConfig::default() };
-        let options = Options { link, ..Options::default() };
+        let link = LinkConfig::default().with_idle_timeout(Duration::from_millis(200));
+        let options = Options::default().with_link(link);
         let (mut listener, at) = listen(&options).await;
         let mut sockets = Vec::new();
         for lane in [Lane::Latest, Lane::Frames, Lane::Messages, Lane::Bulk] {

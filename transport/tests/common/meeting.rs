@@ -51,7 +51,7 @@ impl Meeting {
         let (a, b) = (keys("a"), keys("b"));
         let with = |keys: &Keys, peer: &Keys| {
             let security = Security { keys: keys.clone(), peers: vec![peer.public().clone().into()] };
-            Options { security: Some(security), ..options.clone() }
+            options.clone().with_security(Some(security))
         };
         let (ours, panel) = (with(&a, &b), with(&b, &a));
         let endpoint = endpoint.parse().unwrap();

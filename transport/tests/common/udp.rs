@@ -6,7 +6,7 @@ use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{Endpoint, Options};
 
 pub(crate) fn with(trust: Trust) -> Options {
-    Options { udp: UdpOptions { trust, ..UdpOptions::default() }, ..Options::default() }
+    Options::default().with_udp(UdpOptions::default().with_trust(trust))
 }
 
 /// Options of peers that share a key.

@@ -16,7 +16,7 @@ fn machines(scheme: &'static str) -> (trimaran_netsim::Simulation, Machines) {
 
 /// A second on one side, half a minute on the other.
 fn timeouts() -> [LinkConfig; 2] {
-    [SECOND, 30 * SECOND].map(|idle_timeout| LinkConfig { idle_timeout, ..LinkConfig::default() })
+    [SECOND, 30 * SECOND].map(|idle_timeout| LinkConfig::default().with_idle_timeout(idle_timeout))
 }
 
 async fn hear_nothing(net: &dyn Net, link: &mut Link) {

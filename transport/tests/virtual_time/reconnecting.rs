@@ -39,7 +39,7 @@ fn back_after(scheme: &'static str, away: Duration, talks: bool, idle_timeout: D
     let overhead = Overhead { header_bytes: 0, handshake: 1, coded: true };
     let mut options = acquainted();
     for options in &mut options {
-        options.link = LinkConfig { idle_timeout, ..LinkConfig::default() };
+        options.link = LinkConfig::default().with_idle_timeout(idle_timeout);
     }
     let (simulation, machines) = Machines::joined([&gigabit(), &gigabit()], 1, scheme, overhead, options);
     let control = simulation.control();

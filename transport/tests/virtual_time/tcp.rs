@@ -7,8 +7,8 @@ use crate::hosts::{Machines, gigabit};
 
 conformance_in_virtual_time!(|| {
     let (send_buffer, recv_buffer) = (Some(64 * 1024), Some(64 * 1024));
-    let tcp = TcpOptions { send_buffer, recv_buffer, ..TcpOptions::default() };
-    let options = Options { tcp, ..Options::default() };
+    let tcp = TcpOptions::default().with_send_buffer(send_buffer).with_recv_buffer(recv_buffer);
+    let options = Options::default().with_tcp(tcp);
     let overhead = Overhead { header_bytes: 4, handshake: 4, coded: true };
     Machines::joined([&gigabit(); 2], 1, "tcp", overhead, [options.clone(), options])
 });

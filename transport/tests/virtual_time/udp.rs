@@ -21,8 +21,8 @@ fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
 
 fn machines_between(way: &LinkModel, back: &LinkModel, seed: u64, udp: UdpOptions) -> (Simulation, Machines) {
     let overhead = Overhead { header_bytes: 0, handshake: 1, coded: true };
-    let udp = UdpOptions { trust: Trust::SharedKey([9; 32].into()), ..udp };
-    let options = Options { udp, ..Options::default() };
+    let udp = udp.with_trust(Trust::SharedKey([9; 32].into()));
+    let options = Options::default().with_udp(udp);
     Machines::joined([way, back], seed, "udp", overhead, [options.clone(), options])
 }
 
@@ -55,8 +55,8 @@ fn blocks_alone_have_most_of_a_line() {
 /// in its socket: the two would wake each other for ever, and no time would pass.
 #[test]
 fn links_close_while_their_sockets_are_full() {
-    let socket = UdpSocketOptions { send_buffer: Some(2048), ..UdpSocketOptions::default() };
-    let options = UdpOptions { socket, ..UdpOptions::default() };
+    let socket = UdpSocketOptions::default().with_send_buffer(Some(2048));
+    let options = UdpOptions::default().with_socket(socket);
     let (simulation, machines) = machines_between(&narrow(), &narrow(), 1, options);
     let talk = async {
         let (mut arm, mut panel) = machines.pair(LinkConfig::default()).await;
@@ -76,7 +76,7 @@ fn with_deadlines_a_lost_frame_spoils_no_later_one() {
     way.conditions.loss = Loss::Independent(Probability::new(0.15).unwrap());
     let deadline = Duration::from_millis(14);
     let options =
-        UdpOptions { mode: UdpMode::Deadline, deadline, repair: Repair::Off, ..UdpOptions::default() };
+        UdpOptions::default().with_mode(UdpMode::Deadline).with_deadline(deadline).with_repair(Repair::Off);
     let (simulation, machines) = machines_between(&way, &way, 1, options);
     let visible = |frame: u32| -> Vec<u32> {
         (0..4000).filter(|point| !(point + 3 * frame).is_multiple_of(100)).map(|point| 500 * point).collect()
@@ -126,12 +126,10 @@ fn with_deadlines_and_heavy_loss_every_message_arrives() {
     const COUNT: u32 = 200;
     let mut way = LinkModel::clean(Rate::new(100_000_000), Duration::from_millis(3));
     way.conditions.loss = Loss::Independent(Probability::new(0.3).unwrap());
-    let options = UdpOptions {
-        mode: UdpMode::Deadline,
-        deadline: Duration::from_millis(14),
-        repair: Repair::Off,
-        ..UdpOptions::default()
-    };
+    let options = UdpOptions::default()
+        .with_mode(UdpMode::Deadline)
+        .with_deadline(Duration::from_millis(14))
+        .with_repair(Repair::Off);
     let (simulation, machines) = machines_between(&way, &way, 1, options);
     let talk = async {
         let (arm, panel) = machines.pair(LinkConfig::default()).await;

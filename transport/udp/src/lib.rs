@@ -38,6 +38,8 @@
 //! | `repair` | forward error correction of frames |
 //! | `mtu`, `peer_path` | path MTU discovery; path migration of the peer |
 
+#![cfg_attr(docsrs, feature(doc_cfg))] // the documentation says which feature has an item
+
 mod acks;
 mod chunk;
 mod congestion;

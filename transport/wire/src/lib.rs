@@ -29,6 +29,8 @@
 //! | `kind`, `message`, `decode`, `fault` | messages with their headers, and decoding them from a stream |
 //! | `serial` | numbers for lanes without an order of their own |
 
+#![cfg_attr(docsrs, feature(doc_cfg))] // the documentation says which feature has an item
+
 mod batch;
 mod control;
 mod decode;
@@ -65,3 +67,7 @@ pub use plain::{Plain, PlainError};
 pub use protocol::{BatchDecoder, BatchEncoder, Batching, CodingError, Delivery, Protocol};
 pub use serial::{Numbered, Serial};
 pub use text::{Explanation, ProtocolName, Text, TextError};
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;

@@ -20,7 +20,7 @@ const GIVE_UP: Duration = Duration::from_millis(924_600);
 
 /// The options of a socket that has set none.
 fn options() -> TcpOptions {
-    TcpOptions { nodelay: false, keepalive: None, user_timeout: Some(GIVE_UP), ..TcpOptions::default() }
+    TcpOptions::default().with_nodelay(false).with_keepalive(None).with_user_timeout(Some(GIVE_UP))
 }
 
 /// A listening socket of the host.

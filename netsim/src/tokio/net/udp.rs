@@ -25,7 +25,7 @@ impl UdpSocket {
     /// If none can, for instance because the port is in use, or the program is on no host.
     pub async fn bind<A: ToSocketAddrs>(at: A) -> io::Result<Self> {
         let net = here()?;
-        let system = UdpSocketOptions { send_buffer: None, recv_buffer: None };
+        let system = UdpSocketOptions::default().with_send_buffer(None).with_recv_buffer(None);
         let mut last = no_address();
         for at in at.lookup(&net)? {
             match net.bind_udp(at, system) {

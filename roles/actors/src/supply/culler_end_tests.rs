@@ -78,7 +78,7 @@ fn ids(count: u32) -> Vec<DrawableId> {
 fn pair(net: &Arc<dyn Net>) -> (CullerEnd, Bulk) {
     let settings = Settings::new(Viewport::new(64, 64).unwrap(), LodRule::new(1.0).unwrap());
     let identity = |role| Identity { role, scene: Some(PLANT.outline()), session: None };
-    let config = LinkConfig { max_frame: PLANT.drawables().len() as u32, ..LinkConfig::default() };
+    let config = LinkConfig::default().with_max_frame(PLANT.drawables().len() as u32);
     let links = inproc::pair::<Walkthrough>(net, identity(Role::Culler), identity(Role::Display), &config);
     let (culler, display) = links.unwrap();
     let end = CullerEnd::start(net, culler.bulk.unwrap(), &PLANT);

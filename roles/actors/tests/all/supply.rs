@@ -556,7 +556,7 @@ fn foreign_link(net: &Arc<dyn Net>) -> (Link, Link) {
     let identity = |role, scene| Identity { role, scene: Some(scene), session: None };
     let mut outline = PLANT.outline();
     outline.drawables += 1;
-    let config = LinkConfig { max_frame: max_frame(&PLANT), ..LinkConfig::default() };
+    let config = LinkConfig::default().with_max_frame(max_frame(&PLANT));
     let (ours, theirs) = (identity(Role::Display, outline), identity(Role::Culler, outline));
     inproc::pair::<Walkthrough>(net, ours, theirs, &config).unwrap()
 }

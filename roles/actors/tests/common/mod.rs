@@ -89,7 +89,7 @@ pub(crate) async fn send_frame(
 /// A link within this process between two roles that have this scene.
 pub(crate) fn link(net: &Arc<dyn Net>, scene: &Scene, ours: Role, theirs: Role) -> (Link, Link) {
     let identity = |role| Identity { role, scene: Some(scene.outline()), session: None };
-    let config = LinkConfig { max_frame: max_frame(scene), ..LinkConfig::default() };
+    let config = LinkConfig::default().with_max_frame(max_frame(scene));
     inproc::pair::<Walkthrough>(net, identity(ours), identity(theirs), &config).unwrap()
 }
 

@@ -19,12 +19,23 @@ use crate::stats::{Counters, Skipped};
 
 /// The frames that wait for a slow reader. The terms are those of DDS (OMG DDS 1.4, 2.2.3.16 and 2.2.3.18).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct KeepLast {
     /// How many complete frames wait for their reader at most: a new one replaces the oldest.
     pub depth: NonZeroUsize,
     /// The greatest age at which a frame is returned, if there is one. It counts from the arrival of the
     /// frame's begin. The time on the way is not part of it: over `udp` the link's own deadline bounds that.
     pub lifespan: Option<Duration>,
+}
+
+impl KeepLast {
+    /// The last `depth` frames, however old.
+    #[must_use]
+    pub const fn new(depth: NonZeroUsize) -> Self {
+        Self { depth, lifespan: None }
+    }
+
+    trimaran_net::setters! { with_lifespan lifespan: Option<Duration> }
 }
 
 /// Only the newest frame waits, at any age.

@@ -16,10 +16,7 @@ use trimaran_wire::{Decoder, Message};
 use crate::common::{Listener, answer, connect, format, introduce, last_failure, net, other_map, soon};
 
 fn quick() -> Options {
-    Options {
-        link: LinkConfig { handshake_timeout: Duration::from_millis(200), ..LinkConfig::default() },
-        ..Options::default()
-    }
+    Options::default().with_link(LinkConfig::default().with_handshake_timeout(Duration::from_millis(200)))
 }
 
 /// A connection to `address` on which `message` was sent.
@@ -130,12 +127,10 @@ async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     let net = net();
     // Open handshakes stay until they are refused.
     let handshake_timeout = Duration::from_secs(3600);
-    let limits = Limits { handshakes: 5, ..Limits::default() };
-    let options = Options {
-        limits,
-        link: LinkConfig { handshake_timeout, ..LinkConfig::default() },
-        ..Options::default()
-    };
+    let limits = Limits::default().with_handshakes(5);
+    let options = Options::default()
+        .with_limits(limits)
+        .with_link(LinkConfig::default().with_handshake_timeout(handshake_timeout));
     let (mut listener, address) = listener(&net, &options).await;
     let mut crowd = Vec::new();
     for _ in 0..5 {
@@ -169,10 +164,8 @@ async fn no_peer(server: TcpListener) {
 #[tokio::test]
 async fn a_server_that_is_no_peer_is_named_as_the_cause_though_the_deadline_cuts_a_later_attempt_short() {
     let net = net();
-    let options = Options {
-        link: LinkConfig { handshake_timeout: Duration::from_secs(3600), ..LinkConfig::default() },
-        ..Options::default()
-    };
+    let options =
+        Options::default().with_link(LinkConfig::default().with_handshake_timeout(Duration::from_secs(3600)));
     // The first wait that is long enough here for a second attempt.
     for wait in (0..).map(|doubled| Duration::from_millis(100) * 2_u32.pow(doubled)) {
         let server = TcpListener::bind("127.0.0.1:0").await.unwrap();

@@ -203,9 +203,9 @@ async fn close_survives_unread_data() {
 #[tokio::test]
 async fn a_panel_that_went_without_a_word_and_reads_nothing_has_not_heard_a_close() {
     let timeout = Duration::from_secs(1);
-    let link = LinkConfig { timeout, ..LinkConfig::default() };
+    let link = LinkConfig::default().with_timeout(timeout);
     let (mut link, [mut frames, mut latest, _messages, _bulk]) =
-        raw_panel_of(&Options { link, ..Options::default() }).await;
+        raw_panel_of(&Options::default().with_link(link)).await;
     let (net, points) = (net(), points(16_384));
     link.frames_tx.begin(start(0)).await.unwrap();
     // Until the system takes no more: the close is behind it.

@@ -153,5 +153,5 @@ pub(crate) fn acquainted() -> [Options; 2] {
 /// Options of a peer with these keys that knows the other.
 pub(crate) fn knowing(keys: &Keys, other: &Keys) -> Options {
     let security = Some(Security { keys: keys.clone(), peers: vec![other.public().clone().into()] });
-    Options { security, ..Options::default() }
+    Options::default().with_security(security)
 }
