@@ -78,7 +78,7 @@ fn answer(security: &Security, datagram: &[u8]) {
 /// sends packets that fit until it has no more, and is over for good when it is over.
 pub fn chunks(bytes: &[u8]) {
     let mut connection = Connection::plaintext(now(), HERE, THERE, config());
-    connection.publish(value());
+    connection.publish(None, value());
     for lane in UnitLane::ALL {
         connection.end_lane(lane, CloseReason::new(0, "over"));
     }

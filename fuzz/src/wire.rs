@@ -2,14 +2,17 @@
 //! `transport/udp/WIRE.md`.
 
 use trimaran_udp::Config;
-use trimaran_wire::{FixedBytes, Format, FrameMessage, FrameNumber};
+use trimaran_wire::{Channel, FixedBytes, Format, FrameMessage, FrameNumber};
 use xxhash_rust::xxh3::xxh3_128_with_seed;
+
+/// A channel of values and one of frames.
+const CHANNELS: &[Channel] = &[Channel::latest::<()>("alive"), Channel::frames::<(), u32>("front")];
 
 /// A connection whose values and headers have 72 bytes, and its items 4. A coded batch says first how many
 /// items it has.
 pub fn config() -> Config {
     let count_coded = |bytes: &[u8]| bytes.first().map(|count| usize::from(*count));
-    Config::new(Format { latest: 72, header: 72, item: 4, count_coded })
+    Config::new(Format { latest: 72, header: 72, item: 4, count_coded, channels: CHANNELS })
 }
 
 /// A value of such a connection.

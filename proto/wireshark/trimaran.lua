@@ -9,6 +9,7 @@
 
 local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "close", [0x05] = "keep-alive",
+  [0x06] = "hello with channels",
   [0x10] = "latest value", [0x11] = "numbered value",
   [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x24] = "coded batch",
   [0x30] = "message", [0x40] = "block",
@@ -26,7 +27,7 @@ local OCCLUSION_TESTS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
   [0] = "versions differ", "the applications differ", "the application does not take the peer",
   "the lane came twice", "another lane did not come in time", "too many handshakes under way",
-  "the key is known for another role",
+  "the key is known for another role", "the channels differ",
 }
 local REJECTIONS = { [1] = "scenes differ", [3] = "the roles do not go together" }
 local CLOSES = {
@@ -591,14 +592,15 @@ local function message(tvb, from, to, pinfo, tree, key)
   sub:add_le(f.length, header(1, 3))
   local lane = lane_of(pinfo)
   local first = not decoded[key]
-  if kind == 0x01 then
+  if kind == 0x01 or kind == 0x06 then
     r.take(#MAGIC)
     local version = r.take(2)
     sub:add_le(f.version, version)
     if version:le_uint() ~= VERSION then return "hello of version " .. version:le_uint() end
     local protocol = add_text(sub, f.protocol, r)
     add_wide(sub, f.session, r)
-    local which = LANES[add_varint(sub, f.lane, r)] or "?"
+    local at = add_varint(sub, f.lane, r)
+    local which = at == 4 and "channel " .. r.take(1):uint() or LANES[at] or "?"
     add_varint(sub, f.idle_timeout, r)
     others[pair_of(pinfo)] = protocol ~= APPLICATION and protocol or nil
     if protocol ~= APPLICATION then return foreign(r, sub, "hello of " .. protocol .. ", " .. which) end
@@ -698,7 +700,7 @@ function trimaran.dissector(tvb, pinfo, tree)
 end
 
 local function begins_with_hello(tvb, at)
-  return tvb:len() >= at + 8 and tvb(at, 1):uint() == 0x01 and tvb(at + 4, 4):string() == MAGIC
+  return tvb:len() >= at + 8 and (tvb(at, 1):uint() == 0x01 or tvb(at, 1):uint() == 0x06) and tvb(at + 4, 4):string() == MAGIC
 end
 
 trimaran:register_heuristic("tcp", function(tvb, pinfo, tree)
@@ -903,6 +905,9 @@ local function chunk(r, tvb, tree, pinfo, key)
   elseif code == 0x0b then
     tree:add(u.unread_blocks, tvb(start, 1))
     return "unread blocks"
+  elseif code == 0x0c then
+    -- The sizes of a channel's values are its application's, and Trimaran has no channels: no chunk behind this can be read.
+    error(SHORT)
   elseif code == 0x10 then
     add_wide(tree, u.camera, r)
     return "camera of frame " .. camera(r, tree)

@@ -22,7 +22,7 @@ use trimaran_proto::{
     SentBytes, Settings, Viewport, Walkthrough,
 };
 use trimaran_transport::{Lane, Net, Options, SessionId, TokioNet, connect, sleep_until};
-use trimaran_wire::{Hello, Message, Protocol, ProtocolName};
+use trimaran_wire::{ChannelList, Hello, Message, Protocol, ProtocolName};
 
 const FRAMES: u32 = 12;
 const SCENE: SceneHash = SceneHash(0x0123_4567_89ab_cdef_0011_2233_4455_6677);
@@ -305,6 +305,7 @@ fn hello() -> BytesMut {
         session: SessionId(7),
         lane: Lane::Frames,
         idle_timeout: Duration::from_secs(20).into(),
+        channels: ChannelList::default(),
         application: postcard::to_stdvec(&identity).unwrap().into(),
     };
     let mut bytes = BytesMut::new();

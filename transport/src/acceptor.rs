@@ -110,13 +110,14 @@ impl Acceptor {
         done: mpsc::Sender<LinkParts>,
         serving: &mpsc::Sender<Infallible>,
     ) -> Self {
+        let channels = application.format().channels.len();
         Self {
             net: Arc::clone(net),
             application,
             link,
             limits,
             taken: Arc::default(),
-            pending: Pending::new(limits.handshakes),
+            pending: Pending::new(limits.handshakes, 4 + channels),
             handshakes: Arc::new(Handshakes::new(&limits)),
             done,
             serving: serving.downgrade(),
@@ -194,7 +195,10 @@ impl Acceptor {
 
     fn same_protocol(&self, hello: &Hello) -> Result<(), Refusal> {
         let (listener, connector) = (self.application.protocol(), hello.protocol.clone());
-        if listener == connector { Ok(()) } else { Err(Refusal::Protocol { listener, connector }) }
+        if listener != connector {
+            return Err(Refusal::Protocol { listener, connector });
+        }
+        self.application.compare(&hello.channels)
     }
 
     /// Takes the place of the peer that sent this application's hello.

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use bytes::Bytes;
 use serde::de::DeserializeOwned;
 use trimaran_wire::{
-    Format, Hello, IdleTimeout, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection, SessionId,
+    ChannelList, Format, Hello, IdleTimeout, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection,
+    SessionId,
 };
 
 use crate::handshake::{HandshakeError, HelloTooLong};
@@ -43,9 +44,23 @@ pub(crate) trait Application: fmt::Debug + Send + Sync {
 }
 
 impl dyn Application + '_ {
+    /// The channels of the protocol.
+    pub(crate) fn channels(&self) -> ChannelList {
+        ChannelList::of(self.format().channels)
+    }
+
+    /// Whether the connecting peer has the same channels as this listener.
+    pub(crate) fn compare(&self, theirs: &ChannelList) -> Result<(), Refusal> {
+        match self.channels().difference(theirs) {
+            None => Ok(()),
+            Some((number, listener, connector)) => Err(Refusal::Channel { number, listener, connector }),
+        }
+    }
+
     /// The hello for one lane of one link.
     pub(crate) fn introduce(&self, session: SessionId, lane: Lane, idle_timeout: IdleTimeout) -> Hello {
-        Hello { protocol: self.protocol(), session, lane, idle_timeout, application: self.hello().clone() }
+        let (channels, application) = (self.channels(), self.hello().clone());
+        Hello { protocol: self.protocol(), session, lane, idle_timeout, channels, application }
     }
 }
 

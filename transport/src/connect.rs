@@ -124,6 +124,9 @@ pub async fn connect<P: Protocol>(
             Introduction { application: &*application, session, link: &options.link, by: timeout };
         let attempt = async {
             let transport = transport_of(endpoint, options).map_err(unsupported)?;
+            transport
+                .check_channels(&*application)
+                .map_err(|cause| AttemptError::Handshake { address: endpoint.to_string(), cause })?;
             let parts = transport.connect(net, &endpoint.address(), &introduction).await?;
             believed::<P>(net, options, parts).await
         };

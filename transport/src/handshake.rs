@@ -39,7 +39,7 @@ pub enum HandshakeError {
     TimedOut,
     /// This side has no keys.
     #[error(
-        "this transport needs keys: set `Options::security` to this peer's keys and the public ones of its peers"
+        "this transport needs keys: `Options::security` takes this peer's, and the public ones of its peers"
     )]
     NoKeys,
     /// This side's keys have none for QUIC.
@@ -99,6 +99,18 @@ pub enum HandshakeError {
         /// The bytes that the peer and the path allow.
         allowed: Option<usize>,
     },
+    /// The protocol has channels, and the transport has none, or fewer.
+    #[error(
+        "the protocol has {needed} channels, and a link over {scheme} has {most} at most: take another transport"
+    )]
+    NoChannels {
+        /// The transport.
+        scheme: &'static str,
+        /// The channels of the protocol.
+        needed: usize,
+        /// Those that the transport can have.
+        most: usize,
+    },
     /// Too many handshakes begin.
     #[error(transparent)]
     TooMany(#[from] TooMany),
@@ -136,7 +148,7 @@ impl HandshakeError {
     /// Whether this side's own settings are at fault.
     pub(crate) const fn is_final(&self) -> bool {
         match self {
-            Self::HelloTooLong(_) | Self::NoKeys | Self::Tls(_) => true,
+            Self::HelloTooLong(_) | Self::NoKeys | Self::Tls(_) | Self::NoChannels { .. } => true,
             #[cfg(feature = "keys")]
             Self::NoQuicKey => true,
             _ => false,

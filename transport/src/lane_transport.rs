@@ -23,6 +23,12 @@ pub trait LaneTransport: fmt::Debug + Send + Sync {
     /// The transport's name in endpoints: letters, digits, `+`, `-`, `.`.
     fn scheme(&self) -> &'static str;
 
+    /// The most channels of a link ([`Protocol::CHANNELS`](crate::Protocol::CHANNELS)). Default none: a
+    /// protocol with channels is refused on both sides before anything is sent.
+    fn channels(&self) -> usize {
+        0
+    }
+
     /// Tries once to make a link with the listener at `address`, the part of the endpoint behind its scheme.
     ///
     /// Dropping the future ends the attempt.
@@ -45,6 +51,18 @@ pub trait LaneTransport: fmt::Debug + Send + Sync {
         address: &'a str,
         acceptor: &'a Arc<Acceptor>,
     ) -> BoxFuture<'a, Result<Listened, ListenFault>>;
+}
+
+impl dyn LaneTransport + '_ {
+    /// Whether it can have the channels of an application.
+    pub(crate) fn check_channels(&self, application: &dyn Application) -> Result<(), HandshakeError> {
+        let (needed, most) = (application.format().channels.len(), self.channels());
+        if needed <= most {
+            Ok(())
+        } else {
+            Err(HandshakeError::NoChannels { scheme: self.scheme(), needed, most })
+        }
+    }
 }
 
 /// Transports are equal if their schemes are.

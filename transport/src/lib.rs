@@ -55,6 +55,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `link`, `lanes` | a link and its halves, over the application's types |
+//! | `channels` | further lanes, by name and type |
 //! | `publisher` | one sender of frames, many subscribers |
 //! | `reconnecting` | a link that is made again whenever it is lost |
 //! | `connect`, `listen`, `acceptor`, `handshake` | making links, and admission of peers |
@@ -65,6 +66,7 @@
 //! | [`keys`] | the keys of peers |
 //! | `options`, `config`, `timeouts`, `rates`, `pending` | options; limits in time and number |
 //! | `stats` | counters |
+//! | `concurrent` | futures at the same time |
 //! | `conformance` | the requirements on every transport, as a suite of tests |
 
 #![cfg_attr(docsrs, feature(doc_cfg))] // the documentation says which feature has an item
@@ -72,6 +74,8 @@
 mod acceptor;
 mod application;
 mod causes;
+mod channels;
+mod concurrent;
 mod config;
 #[cfg(feature = "conformance")]
 pub mod conformance;
@@ -117,6 +121,7 @@ pub mod ws;
 
 pub use acceptor::{Acceptor, Place, Serving};
 pub use causes::causes;
+pub use channels::{ChannelError, Channels, FrameHalves, LatestHalves};
 pub use config::limits::Limits;
 pub use config::link::LinkConfig;
 pub use connect::{ConnectError, connect, growing_pauses};
@@ -128,13 +133,13 @@ pub use endpoints::Endpoints;
 pub use error::{LaneError, Loss, ProtocolError, RecvError, SendError};
 pub use handshake::{HandshakeError, HelloTooLong};
 pub use lane_transport::{Introduction, LaneTransport, Listened};
-pub use lanes::Lanes;
 pub use lanes::blobs::{BlobError, BlobEvent, BlobReceiver, BlobSender};
 pub use lanes::bulk::{BulkReceiver, BulkSender};
 pub use lanes::frames::{FrameReceiver, FrameSender, KeepLast, WholeFrame};
 pub use lanes::half::{Duplex, Half, LaneTx, Rx, Tx};
 pub use lanes::latest::{LatestReceiver, LatestSender};
 pub use lanes::messages::{MessageReceiver, MessageSender};
+pub use lanes::{ByteChannel, Lanes};
 pub use link::{Bulk, Link};
 pub use listen::{AcceptError, ListenError, Listener};
 pub use options::Options;
@@ -152,10 +157,11 @@ pub use trimaran_net::{
 #[cfg(feature = "udp")]
 pub use trimaran_udp::PathStats;
 pub use trimaran_wire::{
-    Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, CloseReason,
-    CodingError, DecodeError, DecodeFault, Delivery, Explanation, Fixed, FrameEnd, FrameEvent, FrameNumber,
-    FrameOrderError, FrameOutcome, FrameStart, FrameViolation, Item, Kind, Lane, MAX_BLOCK, MAX_MESSAGE,
-    Protocol, ProtocolName, Refusal, Rejection, SessionId, WireVersion,
+    Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, Channel,
+    ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CloseReason, CodingError,
+    DecodeError, DecodeFault, Delivery, Explanation, Fixed, Format, FrameEnd, FrameEvent, FrameNumber,
+    FrameOrderError, FrameOutcome, FrameStart, FrameViolation, FramesOf, Item, Kind, Lane, LatestOf,
+    MAX_BLOCK, MAX_CHANNELS, MAX_MESSAGE, Protocol, ProtocolName, Refusal, Rejection, SessionId, WireVersion,
 };
 #[cfg(feature = "zerocopy")]
 pub use trimaran_wire::{Plain, PlainError};

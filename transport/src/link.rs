@@ -8,12 +8,12 @@ use trimaran_net::{Net, until};
 use trimaran_wire::{CloseReason, Protocol};
 
 use crate::application::whole;
+use crate::channels::Channels;
 use crate::config::link::LinkConfig;
 use crate::error::{ProtocolError, RecvError, SendError};
 use crate::lanes::bulk::{BulkReceiver, BulkSender};
-use crate::lanes::ends::{AnyRx, AnyTx, Receiver, Sender};
+use crate::lanes::ends::Ends;
 use crate::lanes::frames::{FrameReceiver, FrameSender};
-use crate::lanes::half::Duplex;
 use crate::lanes::latest::{LatestReceiver, LatestSender};
 use crate::lanes::local::LocalLanes;
 use crate::lanes::messages::{MessageReceiver, MessageSender};
@@ -23,7 +23,6 @@ use crate::parts::{Lanes, LinkParts};
 use crate::peer::{PeerAddress, PeerInfo};
 use crate::rates::Messages;
 use crate::stats::StatsHandle;
-use crate::timeouts::Timeouts;
 use crate::transport::Capabilities;
 
 /// How long a closing peer waits for the other one to close as well.
@@ -54,6 +53,8 @@ pub struct Link<P: Protocol> {
     pub messages_rx: MessageReceiver<P>,
     /// Blocks of bytes that hold up nothing else. A task of its own may take it out.
     pub bulk: Option<Bulk>,
+    /// Further lanes with types of their own, by name.
+    pub channels: Channels,
     /// Traffic counters, readable at any time.
     pub stats: StatsHandle,
     pub(crate) capabilities: Capabilities,
@@ -79,7 +80,8 @@ impl<P: Protocol> Link<P> {
     /// Closes the link on each lane. Then waits at most half a second for the peer to close as well, or, if
     /// the peer has left already, for the close to arrive. Data that still comes is discarded.
     ///
-    /// A bulk lane that was taken out stays open: put it back first.
+    /// A bulk lane that was taken out stays open: put it back first. Channels that were taken out stay open as
+    /// well: close or drop them first.
     ///
     /// Dropping the future drops the link: the close may reach the peer on some lanes or none, and the peer
     /// then takes this side for lost.
@@ -89,12 +91,14 @@ impl<P: Protocol> Link<P> {
     pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, .. } = self;
         let (messages_tx, mut messages_rx, net) = (self.messages_tx, self.messages_rx, self.net);
+        let (channels_tx, channels_rx) = self.channels.rest();
         let (bulk_tx, mut bulk_rx) = self.bulk.map(|Bulk { tx, rx }| (tx, rx)).unzip();
         let say = async {
-            let (frames, latest, messages, bulk) = tokio::join!(
+            let (frames, latest, messages, channels, bulk) = tokio::join!(
                 frames_tx.close(reason.clone()),
                 latest_tx.close(reason.clone()),
                 messages_tx.close(reason.clone()),
+                channels_tx.close(&reason),
                 async {
                     match bulk_tx {
                         Some(bulk) => bulk.close(reason.clone()).await,
@@ -102,20 +106,26 @@ impl<P: Protocol> Link<P> {
                     }
                 }
             );
-            frames.and(latest).and(messages).and(bulk)
+            frames.and(latest).and(messages).and(channels).and(bulk)
         };
         // A connection that is closed while it holds unread data is reset, and on some systems the reset
         // overtakes the close on the peer's side. So everything is read until the peer closes.
         let hear = async {
-            let (frames, latest, messages, bulk) =
-                tokio::join!(frames_rx.drain(), latest_rx.drain(), messages_rx.0.drain(), async {
+            let (frames, latest, messages, channels, bulk) = tokio::join!(
+                frames_rx.drain(),
+                latest_rx.drain(),
+                messages_rx.0.drain(),
+                channels_rx.drain(),
+                async {
                     match &mut bulk_rx {
                         Some(bulk) => Some(bulk.0.drain().await),
                         None => None,
                     }
-                });
-            let ends = [Some(frames), Some(latest), Some(messages), bulk];
-            (ends.iter().flatten().any(|end| matches!(end, RecvError::Closed { .. })), latest_rx)
+                }
+            );
+            let lanes = [Some(frames), Some(latest), Some(messages), bulk];
+            let mut ends = lanes.into_iter().flatten().chain(channels);
+            (ends.any(|end| matches!(end, RecvError::Closed { .. })), latest_rx)
         };
         let (mut say, mut hear) = (pin!(say), pin!(hear));
         let soon = || net.now().after(LINGER);
@@ -146,14 +156,20 @@ impl<P: Protocol> Link<P> {
 impl LinkParts {
     /// The link, if its peer speaks `P`, which the handshake has ensured.
     pub(crate) fn into_link<P: Protocol>(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Option<Link<P>> {
-        let Self { lanes, peer, session, address, capabilities, counters, idle_timeout, place, .. } = self;
+        let Self { lanes, channels, peer, session, address, capabilities, counters, .. } = self;
+        let (idle_timeout, place) = (self.idle_timeout, self.place);
+        let fit = channels.len() == P::CHANNELS.len()
+            && channels.iter().zip(P::CHANNELS).all(|(channel, declared)| channel.fits(declared));
+        if !fit {
+            return None;
+        }
         let hello = postcard::from_bytes(&peer.hello).ok()?;
         let local = address == PeerAddress::InProcess;
         let most = if local { u32::MAX } else { config.messages_per_s };
         let batching = peer.batching.unwrap_or(config.batching);
         let stats = counters.handle();
         let shared = Shared { peer: peer.name.clone(), counters, _place: place };
-        let ends = Ends { net, shared, timeout: config.timeout, idle_timeout };
+        let ends = Ends { net: Arc::clone(net), shared, timeout: config.timeout, idle_timeout };
         let (latest, frames, messages, bulk) = match lanes {
             Lanes::Wire(lanes) => (
                 ends.wire(lanes.latest),
@@ -187,39 +203,19 @@ impl LinkParts {
                 rate: Some(rate()),
                 read: |bytes| whole(&bytes).map_err(ProtocolError::Message),
             }),
+            channels: Channels {
+                declared: P::CHANNELS,
+                open: channels.into_iter().map(Some).collect(),
+                ends,
+                batch: batching.size,
+                max_frame,
+                capabilities,
+                messages_per_s: most,
+            },
             bulk: Some(Bulk {
                 tx: BulkSender(bulk.0),
                 rx: BulkReceiver(RecordReceiver { lane: bulk.1, rate: None, read: Ok }),
             }),
         })
-    }
-}
-
-/// The data that the halves of a link share.
-struct Ends<'n> {
-    net: &'n Arc<dyn Net>,
-    shared: Shared,
-    timeout: Duration,
-    idle_timeout: Option<Duration>,
-}
-
-impl Ends<'_> {
-    /// Halves over bytes.
-    fn wire<L, W>(&self, (tx, rx): Duplex<W>) -> (Sender<L, W>, Receiver<L, W>) {
-        self.both(AnyTx::Wire(tx), AnyRx::Wire(rx))
-    }
-
-    /// The same over values within this process.
-    fn local<L, W>(&self, (tx, rx): Duplex<L>) -> (Sender<L, W>, Receiver<L, W>) {
-        self.both(AnyTx::Local(tx), AnyRx::Local(rx))
-    }
-
-    fn both<L, W>(&self, tx: AnyTx<L, W>, rx: AnyRx<L, W>) -> (Sender<L, W>, Receiver<L, W>) {
-        let timeouts = || Timeouts::new(self.net, self.timeout, self.idle_timeout);
-        let (ours, theirs) = (self.shared.clone(), self.shared.clone());
-        (
-            Sender { lane: tx, shared: ours, timeouts: timeouts() },
-            Receiver { lane: rx, shared: theirs, timeouts: timeouts() },
-        )
     }
 }

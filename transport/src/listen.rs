@@ -193,6 +193,8 @@ impl<P: Protocol> Listener<P> {
         for endpoint in endpoints.iter() {
             let failed = |fault| ListenError::new(endpoint, fault);
             let transport = transport_of(endpoint, options).map_err(|e| failed(e.into()))?;
+            let fits = transport.check_channels(&*acceptor.application);
+            fits.map_err(|e| failed(io::Error::other(e).into()))?;
             let address = endpoint.address();
             let Listened { address, guard } = transport.listen(&address, &acceptor).await.map_err(failed)?;
             let local = endpoint.at(&address).map_err(|e| failed(io::Error::other(e).into()))?;

@@ -9,7 +9,7 @@ use bytes::Bytes;
 use trimaran_wire::{FixedBytes, FrameMessage, SessionId};
 
 use crate::handshake::HandshakeError;
-use crate::lanes;
+use crate::lanes::{self, ByteChannel};
 use crate::peer::{Peer, PeerAddress};
 use crate::stats::Counters;
 use crate::transport::Capabilities;
@@ -18,6 +18,7 @@ use crate::transport::Capabilities;
 #[derive(Debug)]
 pub struct LinkParts {
     pub(crate) lanes: Lanes,
+    pub(crate) channels: Vec<ByteChannel>,
     pub(crate) peer: Peer,
     pub(crate) session: SessionId,
     pub(crate) address: PeerAddress,
@@ -52,8 +53,14 @@ impl LinkParts {
         capabilities: Capabilities,
         counters: Arc<Counters>,
     ) -> Self {
-        let (idle_timeout, place, doubt) = (None, None, None);
-        Self { lanes, peer, session, address, capabilities, counters, idle_timeout, place, doubt }
+        let (channels, idle_timeout, place, doubt) = (Vec::new(), None, None, None);
+        Self { lanes, channels, peer, session, address, capabilities, counters, idle_timeout, place, doubt }
+    }
+
+    /// The link has these channels, in the order of [`Format::channels`](crate::Format): one for each.
+    #[must_use]
+    pub fn with_channels(self, channels: Vec<ByteChannel>) -> Self {
+        Self { channels, ..self }
     }
 
     /// The link itself notices that a peer is silent: nothing has come to a receiving half for so long, and a

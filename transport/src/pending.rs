@@ -8,9 +8,6 @@ use tokio::sync::oneshot;
 
 use crate::rates::Origin;
 
-/// The slots of one link: over byte streams each of its connections shakes hands.
-const SLOTS_PER_LINK: usize = 4;
-
 /// A slot for each open handshake. None of their peers is authenticated yet, so a new handshake always gets a
 /// slot.
 ///
@@ -25,6 +22,8 @@ pub(crate) struct Pending {
 
 #[derive(Debug, Default)]
 struct Slots {
+    /// Those of one link: over byte streams each of its connections shakes hands.
+    of_a_link: usize,
     next: u64,
     /// The oldest first.
     taken: Vec<Taken>,
@@ -47,9 +46,10 @@ pub struct Slot {
 }
 
 impl Pending {
-    /// At most so many at once, at least one.
-    pub(crate) fn new(most: usize) -> Self {
-        Self { most: most.max(1), slots: Arc::default() }
+    /// At most `most` at once, at least one; a link takes `of_a_link`.
+    pub(crate) fn new(most: usize, of_a_link: usize) -> Self {
+        let slots = Slots { of_a_link, ..Slots::default() };
+        Self { most: most.max(1), slots: Arc::new(Mutex::new(slots)) }
     }
 
     /// A slot for a handshake of `origin`, and whether another handshake lost its slot for it.
@@ -70,7 +70,7 @@ impl Slots {
     fn evict(&mut self) {
         let excess = |taken: &Taken| {
             let held = self.taken.iter().filter(|other| other.origin == taken.origin).count();
-            held.saturating_sub(SLOTS_PER_LINK)
+            held.saturating_sub(self.of_a_link)
         };
         // Of equals the last one is found, which here is the oldest.
         let victim = self.taken.iter().enumerate().rev().max_by_key(|(_, taken)| excess(taken));
@@ -111,7 +111,7 @@ mod tests {
 
     /// Takes a slot for each of `origins`; returns the indices of those that still have one in the end.
     fn survivors(most: usize, origins: &[u8]) -> Vec<usize> {
-        let pending = Pending::new(most);
+        let pending = Pending::new(most, 4);
         let mut slots: Vec<Slot> = origins.iter().map(|last| pending.take(origin(*last)).0).collect();
         (0..slots.len()).filter(|index| !is_revoked(&mut slots[*index])).collect()
     }
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_slot_is_free_once_it_is_dropped() {
-        let pending = Pending::new(1);
+        let pending = Pending::new(1, 4);
         let (first, evicted) = pending.take(origin(1));
         assert!(!evicted);
         drop(first);
@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn there_is_one_slot_at_least() {
-        let (mut slot, _) = Pending::new(0).take(origin(1));
+        let (mut slot, _) = Pending::new(0, 4).take(origin(1));
         assert!(!is_revoked(&mut slot));
     }
 }

@@ -9,6 +9,7 @@ use tokio::sync::watch;
 use trimaran_wire::Protocol;
 
 use crate::causes::causes;
+use crate::channels::ChannelError;
 use crate::connect::{connect, growing_pauses};
 use crate::error::{RecvError, SendError};
 use crate::{ConnectError, Endpoint, Link, Options};
@@ -32,6 +33,9 @@ pub enum LinkError {
     /// Nothing more can be sent.
     #[error(transparent)]
     Send(#[from] SendError),
+    /// A channel could not be taken out.
+    #[error(transparent)]
+    Channel(#[from] ChannelError),
 }
 
 /// Whether there is a link.

@@ -11,8 +11,8 @@ use trimaran_proto::{
     ViewVersion, Viewport, Walkthrough, items, put_item,
 };
 use trimaran_wire::{
-    Accept, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane, Message,
-    Protocol, ProtocolName, Refusal, SessionId, to_bytes,
+    Accept, ChannelList, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane,
+    Message, Protocol, ProtocolName, Refusal, SessionId, to_bytes,
 };
 
 const WIRE: &str = include_str!("../../WIRE.md");
@@ -151,6 +151,7 @@ fn hello(lane: Lane, identity: Identity) -> Message {
         session: SessionId(5),
         lane,
         idle_timeout: IDLE_TIMEOUT.into(),
+        channels: ChannelList::default(),
         application: postcard(&identity),
     })
 }
@@ -242,7 +243,10 @@ fn the_examples_read_back_as_what_they_stand_for() {
 fn the_tables_of_lengths_and_codes_are_the_crates() {
     let format = Format::of::<Walkthrough>();
     assert_eq!((format.latest, format.header, format.item), (Camera::SIZE, Camera::SIZE, DrawableId::SIZE));
-    for kind in Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::KeepAlive | Kind::End)) {
+    for kind in Kind::ALL
+        .into_iter()
+        .filter(|kind| !matches!(kind, Kind::KeepAlive | Kind::ChannelsHello | Kind::End))
+    {
         let (min, max) = kind.lengths(&format).into_inner();
         let lengths = if min == max { format!("{min}") } else { format!("{min} to {max}") };
         let row = format!("| `{:#04x}` | {kind} | {lengths} |", kind.code());

@@ -38,7 +38,7 @@
 macro_rules! setters {
     ($($with:ident $field:ident: $value:ty),+ $(,)?) => {
         $(
-            #[doc = concat!("The same with this [`", stringify!($field), "`](Self::", stringify!($field), ").")]
+            #[doc = concat!("The same with this `", stringify!($field), "`.")]
             #[must_use]
             pub fn $with(mut self, $field: $value) -> Self {
                 self.$field = $field;

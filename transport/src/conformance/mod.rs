@@ -19,8 +19,9 @@
 //!
 //! ```
 //! use std::sync::Arc;
-//! use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, Robot, block_on, greeting};
-//! use trimaran_transport::{Link, LinkConfig, Net, TokioNet, conformance, inproc};
+//! use std::time::Duration;
+//! use trimaran_transport::conformance::{Overhead, Pairs, block_on, meet};
+//! use trimaran_transport::{ConnectError, Link, LinkConfig, Options, Protocol, conformance};
 //!
 //! struct InProcess;
 //!
@@ -29,8 +30,15 @@
 //!         Overhead { header_bytes: 0, handshake: 0, coded: false }
 //!     }
 //!
-//!     async fn pair(&self, config: LinkConfig) -> (Link<Robot>, Link<Robot>) {
-//!         inproc::pair(&self.net(), greeting(ARM), greeting(PANEL), &config).unwrap()
+//!     async fn join<P: Protocol, Q: Protocol>(
+//!         &self,
+//!         hellos: (P::Hello, Q::Hello),
+//!         link: LinkConfig,
+//!         within: Duration,
+//!     ) -> Result<(Link<P>, Link<Q>), ConnectError> {
+//!         let (net, options) = (self.net(), Options { link, ..Options::default() });
+//!         let at = "inproc:conformance".parse().unwrap();
+//!         meet([&net, &net], &at, [&options, &options], hellos, within, Clone::clone).await
 //!     }
 //! }
 //!
@@ -43,14 +51,16 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | `frames`, `latest`, `records`, `waiting`, `endings`, `publishing` | the cases |
+//! | `frames`, `latest`, `records`, `waiting`, `endings`, `publishing`, `channels` | the cases |
 //! | `robot`, `coding` | their protocol |
+//! | `rover` | one with channels |
 //! | `record_lanes` | messages and blocks, for cases of both |
 //! | `talk`, `pairs` | the messages of its peers, and pairs of links |
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a check that fails panics: that is how a test fails")]
 
 mod blobs;
+mod channels;
 mod coding;
 mod endings;
 mod frames;
@@ -60,17 +70,20 @@ mod publishing;
 mod record_lanes;
 mod records;
 mod robot;
+mod rover;
 mod talk;
 mod waiting;
 
 pub use blobs::*;
+pub use channels::*;
 pub use endings::*;
 pub use frames::*;
 pub use latest::*;
-pub use pairs::{Joined, Overhead, Pairs};
+pub use pairs::{Joined, Overhead, Pairs, meet};
 pub use publishing::*;
 pub use records::*;
 pub use robot::{Command, Greeting, Pose, PoseError, RejectionCode, Robot};
+pub use rover::{Distance, OtherRover, Rover, Ticks};
 pub use talk::{
     ARM, GRIPPER, MAP, PANEL, Received, block, command, finished, greeting, points, pose, receive,
     send_frame, start,
@@ -167,7 +180,15 @@ macro_rules! conformance_cases {
                 frames_in_the_wrong_order_are_refused,
                 both_directions_at_once,
                 every_byte_is_counted,
-                frames_alike_cost_little_when_coded;
+                frames_alike_cost_little_when_coded,
+                channels_of_each_kind_carry_their_own_types,
+                a_channel_that_nobody_reads_holds_up_no_other,
+                an_open_frame_holds_up_no_other_channel,
+                a_channel_is_published_and_its_newest_frames_are_kept,
+                channels_close_with_their_link_or_by_themselves,
+                a_dead_peer_is_lost_on_every_channel,
+                channels_that_differ_are_refused_by_name,
+                a_channel_of_another_name_or_type_is_an_error;
             threads:
                 a_busy_receiver_is_no_dead_peer,
                 polling_without_a_pause_sees_everything;

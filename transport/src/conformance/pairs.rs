@@ -5,17 +5,35 @@ use std::time::Duration;
 
 use super::robot::Robot;
 use super::talk::{ARM, PANEL, greeting};
-use crate::{Endpoint, Link, LinkConfig, Listener, Net, Options, TokioNet, connect};
+use crate::{
+    ConnectError, Endpoint, Link, LinkConfig, ListenError, Listener, Net, Options, Protocol, TokioNet,
+    connect,
+};
 
 /// Makes pairs of joined links over one transport.
 pub trait Pairs {
     /// The bytes and messages that the transport adds.
     fn overhead(&self) -> Overhead;
 
-    /// Two links, each the other's peer: that of [`ARM`] first, which listened, then that of [`PANEL`].
+    /// Two links, each the other's peer: first the one that listened, then the one that connected. Each has
+    /// this configuration, and they buffer less than 64 MiB in flight.
     ///
-    /// They have this configuration. They buffer less than 64 MiB in flight.
-    fn pair(&self, config: LinkConfig) -> impl Future<Output = (Link<Robot>, Link<Robot>)>;
+    /// # Errors
+    /// If there is no link within that time.
+    fn join<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        config: LinkConfig,
+        within: Duration,
+    ) -> impl Future<Output = Result<(Link<P>, Link<Q>), ConnectError>>;
+
+    /// Such links of [`ARM`] and of [`PANEL`].
+    fn pair(&self, config: LinkConfig) -> impl Future<Output = (Link<Robot>, Link<Robot>)> {
+        async move {
+            let hellos = (greeting(ARM), greeting(PANEL));
+            self.join(hellos, config, Duration::from_secs(60)).await.unwrap()
+        }
+    }
 
     /// The network whose time the links use. By default that of the runtime under which this is called.
     fn net(&self) -> Arc<dyn Net> {
@@ -65,13 +83,44 @@ impl Pairs for Joined {
         self.overhead
     }
 
-    async fn pair(&self, link: LinkConfig) -> (Link<Robot>, Link<Robot>) {
+    async fn join<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        link: LinkConfig,
+        within: Duration,
+    ) -> Result<(Link<P>, Link<Q>), ConnectError> {
         let (net, options) = (self.net(), Options { link, ..self.options.clone() });
-        let soon = net.now().after(Duration::from_secs(60));
-        let mut listener = Listener::bind(&net, &self.endpoint, greeting(ARM), &options).await.unwrap();
-        let there = listener.local_endpoint().clone();
-        let (there, here) =
-            tokio::join!(connect(&net, &there, greeting(PANEL), &options, soon), listener.accept(soon),);
-        (here.unwrap(), there.unwrap())
+        meet([&net, &net], &self.endpoint, [&options, &options], hellos, within, Clone::clone).await
     }
+}
+
+/// Listens at `endpoint` and connects to it, for [`Pairs::join`]. `seen` gives the address of the listener as
+/// the other side sees it.
+///
+/// # Errors
+/// If there is no link within that time.
+///
+/// # Panics
+/// If `endpoint` cannot be listened on, although a peer could connect to it.
+pub async fn meet<P: Protocol, Q: Protocol>(
+    [here, there]: [&Arc<dyn Net>; 2],
+    endpoint: &Endpoint,
+    [ours, theirs]: [&Options; 2],
+    hellos: (P::Hello, Q::Hello),
+    within: Duration,
+    seen: impl Fn(&Endpoint) -> Endpoint,
+) -> Result<(Link<P>, Link<Q>), ConnectError> {
+    let by = here.now().after(within);
+    let mut listener = match Listener::<P>::bind(here, endpoint, hellos.0, ours).await {
+        Ok(listener) => listener,
+        // A transport that cannot have such links at all says so on both sides.
+        Err(ListenError::Given { .. }) => {
+            return Err(connect::<Q>(there, endpoint, hellos.1, theirs, by).await.unwrap_err());
+        }
+        Err(other) => panic!("{other:?}"),
+    };
+    let at = seen(listener.local_endpoint());
+    let connects = connect(there, &at, hellos.1, theirs, by);
+    let (connected, accepted) = tokio::join!(connects, listener.accept(by));
+    connected.map(|there| (accepted.unwrap(), there))
 }

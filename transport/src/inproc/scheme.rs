@@ -7,12 +7,13 @@ use std::sync::{Arc, LazyLock, Weak};
 
 use parking_lot::Mutex;
 use trimaran_net::{BoxFuture, Net};
-use trimaran_wire::{Protocol, Refusal, SessionId};
+use trimaran_wire::{MAX_CHANNELS, Protocol, Refusal, SessionId};
 
 use crate::acceptor::Acceptor;
 use crate::application::{Application, Side};
 use crate::handshake::HandshakeError;
 use crate::lane_transport::{Introduction, LaneTransport, Listened};
+use crate::lanes::{ByteChannel, local};
 use crate::link::Link;
 use crate::parts::{Lanes, LinkParts};
 use crate::peer::{Peer, PeerAddress};
@@ -43,6 +44,10 @@ pub(crate) struct Inproc(pub(crate) Name);
 impl LaneTransport for Inproc {
     fn scheme(&self) -> &'static str {
         "inproc"
+    }
+
+    fn channels(&self) -> usize {
+        MAX_CHANNELS
     }
 
     fn connect<'a>(
@@ -85,6 +90,9 @@ async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<LinkPar
     let refused = |refusal| failed(HandshakeError::Refused(refusal));
     if acceptor.application.type_of() != application.type_of() {
         let (listener, connector) = (acceptor.application.protocol(), application.protocol());
+        if listener == connector {
+            acceptor.application.compare(&application.channels()).map_err(refused)?;
+        }
         return Err(refused(Refusal::Protocol { listener, connector }));
     }
     let (ours, place) = acceptor.enter(application.hello()).map_err(refused)?;
@@ -114,16 +122,24 @@ pub fn pair<P: Protocol>(
 }
 
 /// One end of lanes within this process, and its counters.
-type End = (Box<dyn Any + Send>, Arc<Counters>);
+type End = (Box<dyn Any + Send>, Vec<ByteChannel>, Arc<Counters>);
 
 /// Both ends of new lanes.
 fn ends(application: &dyn Application) -> [End; 2] {
     let [here, there] = [Counters::unframed(), Counters::unframed()];
     let [near, far] = application.local_lanes([&here, &there]);
-    [(near, here), (far, there)]
+    let channels = application.format().channels;
+    let (mut near_channels, mut far_channels) = (Vec::new(), Vec::new());
+    for channel in channels {
+        let [near, far] = local::channel(channel, [&here, &there]);
+        near_channels.push(near);
+        far_channels.push(far);
+    }
+    [(near, near_channels, here), (far, far_channels, there)]
 }
 
-fn assemble(peer: Peer, session: SessionId, (lanes, counters): End) -> LinkParts {
+fn assemble(peer: Peer, session: SessionId, (lanes, channels, counters): End) -> LinkParts {
     let lanes = Lanes::Local(lanes);
-    LinkParts::over(lanes, peer, session, PeerAddress::InProcess, CAPABILITIES, counters)
+    let parts = LinkParts::over(lanes, peer, session, PeerAddress::InProcess, CAPABILITIES, counters);
+    parts.with_channels(channels)
 }

@@ -2,16 +2,48 @@
 
 use std::future::poll_fn;
 use std::pin::pin;
+use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
+use std::time::Duration;
 
-use trimaran_net::Instant;
+use trimaran_net::{Instant, Net};
 use trimaran_wire::CloseReason;
 
-use super::half::{Half, LaneTx, Rx, Tx};
+use super::half::{Duplex, Half, LaneTx, Rx, Tx};
 use super::shared::Shared;
 use crate::error::{LaneError, Loss, ProtocolError, RecvError, SendError};
 use crate::rates::Messages;
 use crate::timeouts::Timeouts;
+
+/// Makes the halves of a link.
+#[derive(Debug)]
+pub(crate) struct Ends {
+    pub(crate) net: Arc<dyn Net>,
+    pub(crate) shared: Shared,
+    pub(crate) timeout: Duration,
+    pub(crate) idle_timeout: Option<Duration>,
+}
+
+impl Ends {
+    /// Halves over bytes.
+    pub(crate) fn wire<L, W>(&self, (tx, rx): Duplex<W>) -> (Sender<L, W>, Receiver<L, W>) {
+        self.both(AnyTx::Wire(tx), AnyRx::Wire(rx))
+    }
+
+    /// The same over values within this process.
+    pub(crate) fn local<L, W>(&self, (tx, rx): Duplex<L>) -> (Sender<L, W>, Receiver<L, W>) {
+        self.both(AnyTx::Local(tx), AnyRx::Local(rx))
+    }
+
+    fn both<L, W>(&self, tx: AnyTx<L, W>, rx: AnyRx<L, W>) -> (Sender<L, W>, Receiver<L, W>) {
+        let timeouts = || Timeouts::new(&self.net, self.timeout, self.idle_timeout);
+        let (ours, theirs) = (self.shared.clone(), self.shared.clone());
+        (
+            Sender { lane: tx, shared: ours, timeouts: timeouts() },
+            Receiver { lane: rx, shared: theirs, timeouts: timeouts() },
+        )
+    }
+}
 
 /// A sending half: of values within this process, or of their bytes.
 #[derive(Debug)]
@@ -120,6 +152,15 @@ impl<L, W> Receiver<L, W> {
             AnyRx::Wire(lane) => try_next(&mut **lane, timeouts).map(|came| came.map(Came::Wire)),
         }
         .map_err(|e| e.receiving(&shared.peer))
+    }
+
+    /// Discards everything until the lane ends, and returns how it ended.
+    pub(crate) async fn drain(mut self) -> RecvError {
+        loop {
+            if let Err(end) = self.next(None).await {
+                return end;
+            }
+        }
     }
 
     /// Counts a message against its limit.

@@ -13,6 +13,8 @@ pub(crate) mod records;
 pub(crate) mod shared;
 mod trace;
 
+use trimaran_wire::{Channel, ChannelSizes, FixedBytes, FrameMessage};
+
 use half::Duplex;
 
 /// All lanes of a link: values `V`, messages of frames `F`, messages `M`, and blocks `B`.
@@ -26,4 +28,23 @@ pub struct Lanes<V, F, M, B> {
     pub messages: Duplex<M>,
     /// Blocks, in order and without loss, behind all other lanes.
     pub bulk: Duplex<B>,
+}
+
+/// Both halves of a channel of bytes.
+#[derive(Debug)]
+pub enum ByteChannel {
+    /// Values that replace each other.
+    Latest(Duplex<FixedBytes>),
+    /// Frames.
+    Frames(Duplex<FrameMessage>),
+}
+
+impl ByteChannel {
+    /// Whether it is of the declared kind.
+    pub(crate) const fn fits(&self, channel: &Channel) -> bool {
+        matches!(
+            (self, channel.sizes()),
+            (Self::Latest(_), ChannelSizes::Latest { .. }) | (Self::Frames(_), ChannelSizes::Frames { .. })
+        )
+    }
 }

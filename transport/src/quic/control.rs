@@ -4,12 +4,15 @@ use std::future::poll_fn;
 use std::sync::Arc;
 
 use bytes::BytesMut;
+use futures_util::stream::{self, StreamExt};
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, TransportErrorCode, VarInt, WriteError};
 use trimaran_wire::{
-    Decoder, Format, HEADER_BYTES, Kind, Message, Numbered, ProtocolName, Refusal, SessionId,
+    ChannelNumber, ChannelSizes, Decoder, Format, HEADER_BYTES, Kind, Message, ProtocolName, Refusal,
+    SessionId,
 };
 
 use super::carrier::Carrier;
+use super::datagrams::{self, mark};
 use super::frames::{FrameRx, FrameTx, poll_fill};
 use super::latest::{LatestRx, LatestTx};
 use super::records::{RecordRx, RecordTx};
@@ -17,8 +20,8 @@ use super::tls::Verifier;
 use crate::error::{LaneError, Loss};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Keys;
-use crate::lanes;
 use crate::lanes::records::RecordLane;
+use crate::lanes::{self, ByteChannel};
 use crate::parts::LinkParts;
 use crate::peer::Peer;
 use crate::peer::PeerAddress;
@@ -38,8 +41,14 @@ const NO_APPLICATION_PROTOCOL: u8 = 120;
 /// A stream in both directions.
 pub(crate) type BothWays = (SendStream, RecvStream);
 
-/// The streams beside the control stream: one for messages, and one for blocks.
-pub(crate) type Beside = [BothWays; 2];
+/// The streams beside the control stream.
+#[derive(Debug)]
+pub(crate) struct Beside {
+    pub(crate) messages: BothWays,
+    pub(crate) bulk: BothWays,
+    /// One for each channel, in their order.
+    channels: Vec<BothWays>,
+}
 
 /// The stream on which the two sides introduce themselves.
 #[derive(Debug)]
@@ -71,12 +80,22 @@ impl Control {
 
     /// Opens the streams beside this one, and announces them to the other side.
     pub(crate) async fn open_beside(&self) -> Result<Beside, HandshakeError> {
-        Ok([self.open().await?, self.open().await?])
+        let (messages, bulk) = (self.open().await?, self.open().await?);
+        let mut channels = Vec::new();
+        for _ in self.format.channels {
+            channels.push(self.open().await?);
+        }
+        Ok(Beside { messages, bulk, channels })
     }
 
     /// Waits for the streams of the connecting side. They come in the order in which they were opened.
     pub(super) async fn accept_beside(&self) -> Result<Beside, HandshakeError> {
-        Ok([self.accept().await?, self.accept().await?])
+        let (messages, bulk) = (self.accept().await?, self.accept().await?);
+        let mut channels = Vec::new();
+        for _ in self.format.channels {
+            channels.push(self.accept().await?);
+        }
+        Ok(Beside { messages, bulk, channels })
     }
 
     async fn open(&self) -> Result<BothWays, HandshakeError> {
@@ -96,7 +115,7 @@ impl Control {
         self,
         net: &Arc<dyn Net>,
         peer: Peer,
-        (session, [messages, bulk]): (SessionId, Beside),
+        (session, Beside { messages, bulk, channels }): (SessionId, Beside),
     ) -> LinkParts {
         let Self { connection, send, recv, format, decoder, counters } = self;
         let address = PeerAddress::Quic(connection.remote_address());
@@ -106,17 +125,44 @@ impl Control {
             let tx = RecordTx::new(&carrier, lane, send, counts);
             (Box::new(tx) as _, Box::new(RecordRx::new(&carrier, lane, recv, format, counts)) as _)
         };
-        let latest = LatestRx::new(&carrier, recv, decoder, format, counts);
+        let mut datagrams = datagrams::share(net, &carrier.connection, &format).into_iter();
+        let mut datagrams = move || datagrams.next().unwrap_or_else(|| stream::pending().boxed());
+        let latest = (
+            LatestTx::new(&carrier, send, mark(&format, None), counts),
+            LatestRx::new(&carrier, recv, decoder, (format, datagrams()), counts),
+        );
+        let channels = (0..)
+            .zip(format.channels)
+            .zip(channels)
+            .map(|((number, channel), (send, recv))| {
+                let (own, datagrams) = (Format::of_channel(channel), datagrams());
+                match channel.sizes() {
+                    ChannelSizes::Latest { .. } => {
+                        // Fails only for a stream that is closed.
+                        let _ = send.set_priority(i32::MAX);
+                        let mark = mark(&format, Some(ChannelNumber(number)));
+                        let tx = LatestTx::new(&carrier, send, mark, counts);
+                        let rx = LatestRx::new(&carrier, recv, Decoder::new(own), (own, datagrams), counts);
+                        ByteChannel::Latest((Box::new(tx), Box::new(rx)))
+                    }
+                    ChannelSizes::Frames { .. } => {
+                        let tx = FrameTx::channel(&carrier, send, counts);
+                        let rx = FrameRx::channel(&carrier, recv, own, counts);
+                        ByteChannel::Frames((Box::new(tx), Box::new(rx)))
+                    }
+                }
+            })
+            .collect();
         let lanes = lanes::Lanes {
-            latest: (Box::new(LatestTx::new(&carrier, send, counts)), Box::new(latest)),
+            latest: (Box::new(latest.0), Box::new(latest.1)),
             frames: (
-                Box::new(FrameTx::new(&carrier, counts)),
+                Box::new(FrameTx::new(&carrier, !format.channels.is_empty(), counts)),
                 Box::new(FrameRx::new(&carrier, format, counts)),
             ),
             messages: records(RecordLane::Messages, messages),
             bulk: records(RecordLane::Bulk, bulk),
         };
-        LinkParts::new(lanes, peer, session, address, CAPABILITIES, counters)
+        LinkParts::new(lanes, peer, session, address, CAPABILITIES, counters).with_channels(channels)
     }
 }
 
@@ -147,7 +193,8 @@ impl Handshake for Control {
 
 /// Checks that values of the latest lane fit into datagrams; if not, tells the peer why.
 pub(super) fn check_datagrams(connection: &Connection, format: &Format) -> Result<(), HandshakeError> {
-    let (needed, allowed) = (Numbered::NUMBER_BYTES + format.latest, connection.max_datagram_size());
+    let (needed, allowed) =
+        (datagrams::sizes(format).max().unwrap_or_default(), connection.max_datagram_size());
     if allowed.is_some_and(|bytes| bytes >= needed) {
         return Ok(());
     }

@@ -2,7 +2,8 @@
 //! path.
 //!
 //! The lane is the sequence of its streams, in the order in which they were opened. Each holds one frame, or
-//! the close. Older streams go first where the connection cannot take all.
+//! the close. Older streams go first where the connection cannot take all. With channels all frames have the
+//! same precedence, and each channel of frames has one stream of its own for all of them.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -11,7 +12,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 
 use bytes::{Bytes, BytesMut};
-use futures_util::future::{BoxFuture, FutureExt, join_all};
+use futures_util::future::{BoxFuture, FutureExt, join_all, ready as at_once};
 use futures_util::stream::{self, BoxStream, StreamExt};
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, VarInt};
 use tokio::io::AsyncReadExt;
@@ -41,8 +42,11 @@ pub(crate) struct FrameTx {
     stream: Option<SendStream>,
     /// Finished streams that may not have arrived completely.
     flying: VecDeque<SendStream>,
-    /// Falls with each stream; starts over after two thousand million.
+    /// Falls with each stream; starts over after two thousand million. With channels it stays.
     priority: i32,
+    falls: bool,
+    /// One stream holds all frames.
+    single: bool,
     buffer: BytesMut,
     staged: VecDeque<Part>,
     /// Ends when everything has arrived.
@@ -64,15 +68,34 @@ struct Part {
 }
 
 impl FrameTx {
-    pub(crate) fn new(carrier: &Arc<Carrier>, counters: &Arc<Counters>) -> Self {
+    /// The frames lane of a link, with a stream for each frame. Older ones go first unless there are channels.
+    pub(crate) fn new(carrier: &Arc<Carrier>, has_channels: bool, counters: &Arc<Counters>) -> Self {
         let open = |connection: Connection| async { Some((connection.open_uni().await, connection)) };
+        let open = stream::unfold(carrier.connection.clone(), open).boxed();
+        let mut all = Self::over(carrier, open, counters);
+        all.falls = !has_channels;
+        all
+    }
+
+    /// A channel, all of whose frames are on one stream.
+    pub(crate) fn channel(carrier: &Arc<Carrier>, stream: SendStream, counters: &Arc<Counters>) -> Self {
+        let open = stream::once(at_once(Ok(stream))).boxed();
+        let mut channel = Self::over(carrier, open, counters);
+        channel.single = true;
+        channel
+    }
+
+    /// Without precedence, and a stream for each frame.
+    fn over(carrier: &Arc<Carrier>, open: Streams<SendStream>, counters: &Arc<Counters>) -> Self {
         Self {
             carrier: Arc::clone(carrier),
             counters: Arc::clone(counters),
-            open: stream::unfold(carrier.connection.clone(), open).boxed(),
+            open,
             stream: None,
             flying: VecDeque::new(),
             priority: 0,
+            falls: false,
+            single: false,
             buffer: BytesMut::new(),
             staged: VecDeque::new(),
             arrived: None,
@@ -87,7 +110,11 @@ impl FrameTx {
         let before = self.buffer.len();
         message.encode(&mut self.buffer);
         self.counters.sent.count(message.kind(), self.buffer.len() - before - HEADER_BYTES);
-        let last = matches!(message.kind(), Kind::End | Kind::Close);
+        let last = match message.kind() {
+            Kind::Close => true,
+            Kind::End => !self.single,
+            _ => false,
+        };
         if last || self.buffer.len() >= PART {
             self.cut(last);
         }
@@ -103,7 +130,9 @@ impl FrameTx {
             && let Some(opened) = ready!(self.open.poll_next_unpin(cx))
         {
             let stream = opened.map_err(loss)?;
-            self.priority = self.priority.checked_sub(1).unwrap_or(0);
+            if self.falls {
+                self.priority = self.priority.checked_sub(1).unwrap_or(0);
+            }
             // Fails only for a stream that is closed.
             let _ = stream.set_priority(self.priority);
             self.stream = Some(stream);
@@ -186,6 +215,8 @@ pub(crate) struct FrameRx {
     decoder: Decoder,
     /// Between the beginning and the end of a frame.
     within: bool,
+    /// One stream holds all frames.
+    single: bool,
     closed: Option<CloseReason>,
 }
 
@@ -198,13 +229,36 @@ impl fmt::Debug for FrameRx {
 impl FrameRx {
     pub(crate) fn new(carrier: &Arc<Carrier>, format: Format, counters: &Arc<Counters>) -> Self {
         let accept = |connection: Connection| async { Some((connection.accept_uni().await, connection)) };
+        let accept = stream::unfold(carrier.connection.clone(), accept).boxed();
+        Self::over(carrier, (accept, false), format, counters)
+    }
+
+    /// A channel, all of whose frames are on one stream.
+    pub(crate) fn channel(
+        carrier: &Arc<Carrier>,
+        stream: RecvStream,
+        format: Format,
+        counters: &Arc<Counters>,
+    ) -> Self {
+        let over = stream::repeat_with(|| Err(ConnectionError::LocallyClosed));
+        let accept = stream::once(at_once(Ok(stream))).chain(over).boxed();
+        Self::over(carrier, (accept, true), format, counters)
+    }
+
+    fn over(
+        carrier: &Arc<Carrier>,
+        (accept, single): (Streams<RecvStream>, bool),
+        format: Format,
+        counters: &Arc<Counters>,
+    ) -> Self {
         Self {
             carrier: Arc::clone(carrier),
             counters: Arc::clone(counters),
-            accept: stream::unfold(carrier.connection.clone(), accept).boxed(),
+            accept,
             stream: None,
             decoder: Decoder::new(format),
             within: false,
+            single,
             closed: None,
         }
     }
@@ -242,6 +296,8 @@ impl Rx<FrameMessage> for FrameRx {
                 self.closed = Some(reason.clone());
                 return Poll::Ready(Err(LaneError::Closed(reason)));
             }
+            // The stream of a channel begins with one.
+            Some(Message::KeepAlive) if self.single => return Poll::Ready(Ok(None)),
             Some(other) => return Poll::Ready(Err(misplaced(other.kind(), Lane::Frames))),
             None => {}
         }
@@ -264,6 +320,9 @@ impl Drop for FrameRx {
     /// Tells the peer that its frames are no longer read: later ones are stopped as well.
     fn drop(&mut self) {
         self.stream = None;
+        if self.single {
+            return;
+        }
         let connection = self.carrier.connection.clone();
         let closed = connection.clone();
         self.carrier.net.spawn(Box::pin(async move {

@@ -127,7 +127,7 @@ async fn shake_hands(
             security.judge(key, theirs.role.as_deref())?;
             acceptor.enter(&hello.application).map_err(HandshakeError::Refused)
         }),
-        Lane::Latest | Lane::Messages | Lane::Bulk => {
+        Lane::Latest | Lane::Messages | Lane::Bulk | Lane::Channel(_) => {
             Err(HandshakeError::Refused(Refusal::Session { session, lane }))
         }
     };

@@ -1,13 +1,14 @@
 //! Links over QUIC (RFC 9000): latest values as datagrams, a stream for each frame, TLS 1.3 with both sides'
 //! certificates pinned.
 //!
-//! The connecting peer opens three streams in both directions: one for control, one for messages, one for
-//! blocks. The control stream carries the hello and its answer, then copies of values that no newer one
-//! followed, then the close of the latest lane. See `transport/wire/WIRE.md`.
+//! The connecting peer opens streams in both directions: one for control, one for messages, one for blocks,
+//! and one for each channel. The control stream carries the hello and its answer, then copies of values that no
+//! newer one followed, then the close of the latest lane. See `transport/wire/WIRE.md`.
 
 mod carrier;
 pub(crate) mod connect;
 pub(crate) mod control;
+mod datagrams;
 mod frames;
 mod latest;
 mod listen;

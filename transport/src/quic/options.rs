@@ -5,15 +5,16 @@ use std::time::Duration;
 
 use quinn::congestion::{BbrConfig, CubicConfig, NewRenoConfig};
 use quinn::{IdleTimeout, MtuDiscoveryConfig, TransportConfig, VarInt};
-use trimaran_wire::{Format, Numbered};
+use trimaran_wire::Format;
 
+use super::datagrams;
 use crate::{LinkConfig, UdpSocketOptions};
 
 /// How many values of the latest lane may wait for their reader; the oldest are dropped first.
 const VALUES: usize = 16;
 /// How many lanes may each have a whole window in flight.
 const LANES: u32 = 4;
-/// The streams in both directions: control, messages, bulk.
+/// The streams in both directions beside those of channels: control, messages, bulk.
 const STREAMS: u32 = 3;
 
 /// Options of QUIC connections.
@@ -89,9 +90,10 @@ impl Default for QuicOptions {
 
 impl QuicOptions {
     pub(crate) fn transport(&self, link: &LinkConfig, format: &Format) -> Arc<TransportConfig> {
-        // Room for the one waiting value: the next one replaces it. quinn adds 32 bytes of its own a
+        // Room for the one waiting value of each lane: the next one replaces it. quinn adds 32 bytes of its own a
         // datagram.
-        let datagram = Numbered::NUMBER_BYTES + format.latest + size_of::<bytes::Bytes>();
+        let datagram: usize = datagrams::sizes(format).map(|bytes| bytes + size_of::<bytes::Bytes>()).sum();
+        let channels = format.channels.len() as u32;
         let mut config = TransportConfig::default();
         // A hundred years of silence are long enough.
         let idle = IdleTimeout::try_from(link.idle_timeout).ok();
@@ -101,9 +103,9 @@ impl QuicOptions {
             .initial_rtt(self.initial_rtt)
             .stream_receive_window(VarInt::from_u32(self.window))
             // Unread frames, messages and blocks, or those in flight, leave room for the others.
-            .receive_window(VarInt::from_u32(self.window.saturating_mul(LANES)))
-            .send_window(u64::from(LANES) * u64::from(self.window))
-            .max_concurrent_bidi_streams(VarInt::from_u32(STREAMS))
+            .receive_window(VarInt::from_u32(self.window.saturating_mul(LANES + channels)))
+            .send_window(u64::from(LANES + channels) * u64::from(self.window))
+            .max_concurrent_bidi_streams(VarInt::from_u32(STREAMS + channels))
             .max_concurrent_uni_streams(VarInt::from_u32(self.frames))
             .datagram_send_buffer_size(datagram)
             .datagram_receive_buffer_size(Some(datagram * VALUES))

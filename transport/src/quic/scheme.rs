@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use trimaran_net::{BoxFuture, Net};
+use trimaran_wire::MAX_CHANNELS;
 
 use super::{QuicOptions, connect, listen};
 use crate::HostPort;
@@ -22,6 +23,10 @@ pub(crate) struct Quic {
 impl LaneTransport for Quic {
     fn scheme(&self) -> &'static str {
         "quic"
+    }
+
+    fn channels(&self) -> usize {
+        MAX_CHANNELS
     }
 
     fn connect<'a>(

@@ -181,7 +181,12 @@ impl Direction {
             Kind::End => &self.end,
             Kind::Message => &self.messages,
             Kind::Block => &self.bulk,
-            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Close | Kind::KeepAlive => &self.control,
+            Kind::Hello
+            | Kind::ChannelsHello
+            | Kind::Accept
+            | Kind::Refuse
+            | Kind::Close
+            | Kind::KeepAlive => &self.control,
         };
         tally.messages.fetch_add(1, Ordering::Relaxed);
         tally.bytes.fetch_add(bytes as u64, Ordering::Relaxed);

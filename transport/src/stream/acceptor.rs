@@ -1,7 +1,7 @@
 //! Accepting connections over byte streams, and joining those of a link.
 
 use parking_lot::Mutex;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::task::{Context, Waker};
 use std::time::Duration;
@@ -16,14 +16,14 @@ use crate::handshake::{Handshake, HandshakeError};
 use crate::peer::{Peer, PeerAddress};
 use crate::pending::Slot;
 use crate::stats::Counters;
-use crate::transport::{Capabilities, Transport};
+use crate::transport::Transport;
 use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
 
 /// The pause after a failed accept, for instance for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// A session with so many lanes is completed by the next one.
-const LANES_BEFORE_THE_LAST: usize = 3;
+/// The lanes beside the channels.
+const LANES: usize = 4;
 
 /// Accepts until nobody takes the links any more.
 pub(crate) async fn serve(acceptor: Arc<Acceptor>, socket: Box<dyn Listen>, transport: Arc<dyn Transport>) {
@@ -44,10 +44,7 @@ struct Reception {
 struct Waiting {
     /// The application's hello on each of them.
     application: Bytes,
-    latest: Option<Arrived>,
-    frames: Option<Arrived>,
-    messages: Option<Arrived>,
-    bulk: Option<Arrived>,
+    arrived: BTreeMap<Lane, Arrived>,
 }
 
 /// A connection whose session lacks another lane.
@@ -56,25 +53,6 @@ struct Arrived {
     connection: Connection,
     /// Dropped when the others have come: stops the task that watches the time.
     _joined: oneshot::Sender<()>,
-}
-
-impl Waiting {
-    const fn new(application: Bytes) -> Self {
-        Self { application, latest: None, frames: None, messages: None, bulk: None }
-    }
-
-    const fn of(&mut self, lane: Lane) -> &mut Option<Arrived> {
-        match lane {
-            Lane::Latest => &mut self.latest,
-            Lane::Frames => &mut self.frames,
-            Lane::Messages => &mut self.messages,
-            Lane::Bulk => &mut self.bulk,
-        }
-    }
-
-    fn count(&self) -> usize {
-        [&self.latest, &self.frames, &self.messages, &self.bulk].into_iter().flatten().count()
-    }
 }
 
 /// The outcome of a hello.
@@ -204,8 +182,8 @@ impl Reception {
     fn withdraw(&self, session: SessionId, lane: Lane) -> Option<Connection> {
         let mut sessions = self.waiting.lock();
         let waiting = sessions.get_mut(&session)?;
-        let arrived = waiting.of(lane).take();
-        if waiting.count() == 0 {
+        let arrived = waiting.arrived.remove(&lane);
+        if waiting.arrived.is_empty() {
             sessions.remove(&session);
         }
         arrived.map(|arrived| arrived.connection)
@@ -217,36 +195,27 @@ impl Reception {
         if let Err(refusal) = self.acceptor.admits(&hello) {
             return Entry::Refused(connection, refusal);
         }
+        let channels = self.acceptor.format().channels;
+        let unknown = matches!(lane, Lane::Channel(number) if number.index() >= channels.len());
         let mut sessions = self.waiting.lock();
-        let new = || Waiting::new(hello.application.clone());
+        let new = || Waiting { application: hello.application.clone(), arrived: BTreeMap::new() };
         let waiting = sessions.entry(session).or_insert_with(new);
-        if waiting.of(lane).is_some() || waiting.application != hello.application {
+        if unknown || waiting.arrived.contains_key(&lane) || waiting.application != hello.application {
             return Entry::Refused(connection, Refusal::Session { session, lane });
         }
-        let place = match waiting.count() {
-            LANES_BEFORE_THE_LAST => match self.acceptor.enter(&hello.application) {
-                Ok(entered) => Some(entered),
-                Err(refusal) => return Entry::Refused(connection, refusal),
-            },
-            _ => None,
+        let is_last = waiting.arrived.len() + 1 == LANES + channels.len();
+        let place = match is_last.then(|| self.acceptor.enter(&hello.application)).transpose() {
+            Ok(place) => place,
+            Err(refusal) => return Entry::Refused(connection, refusal),
         };
         let (_joined, watch) = oneshot::channel();
-        *waiting.of(lane) = Some(Arrived { connection, _joined });
+        waiting.arrived.insert(lane, Arrived { connection, _joined });
         let Some((peer, place)) = place else { return Entry::Wait(watch) };
-        match sessions.remove(&session) {
-            Some(Waiting {
-                latest: Some(latest),
-                frames: Some(frames),
-                messages: Some(messages),
-                bulk: Some(bulk),
-                ..
-            }) => {
-                let [latest, frames, messages, bulk] =
-                    [latest, frames, messages, bulk].map(|arrived| arrived.connection);
-                let capabilities = Capabilities::over(&*self.transport);
-                Entry::Complete(Lanes { latest, frames, messages, bulk, capabilities }, peer, place)
-            }
-            _ => Entry::Wait(watch),
+        let all = sessions.remove(&session).map(|waiting| waiting.arrived).unwrap_or_default();
+        let all = all.into_iter().map(|(lane, arrived)| (lane, arrived.connection)).collect();
+        match Lanes::of(all, channels, &*self.transport) {
+            Some(lanes) => Entry::Complete(lanes, peer, place),
+            None => Entry::Wait(watch),
         }
     }
 
@@ -260,10 +229,7 @@ impl Reception {
     ) -> Result<(), HandshakeError> {
         let Acceptor { net, link, .. } = &*self.acceptor;
         let accept = Message::Accept(self.acceptor.answer());
-        lanes.latest.send(&accept).await?;
-        lanes.frames.send(&accept).await?;
-        lanes.messages.send(&accept).await?;
-        lanes.bulk.send(&accept).await?;
+        lanes.accept(&accept).await?;
         let parts = lanes.into_parts(net, link.agreed(idle_timeout), peer, session).holding(place);
         self.acceptor.hand_out(parts).await;
         Ok(())

@@ -1,10 +1,11 @@
 //! One connection of a link over byte streams, during and after the handshake.
 
+use std::collections::BTreeMap;
 use std::future::poll_fn;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-use trimaran_wire::{Format, Hello, Message, Refusal, SessionId};
+use trimaran_wire::{Channel, ChannelNumber, ChannelSizes, Format, Hello, Lane, Message, Refusal, SessionId};
 
 use super::frames::{Outlet, frames as frames_lane};
 use super::latest::{LatestRx, LatestTx};
@@ -13,8 +14,8 @@ use super::records::records;
 use super::source::{Sink, Source};
 use super::writer::Cell;
 use crate::handshake::{Handshake, HandshakeError};
-use crate::lanes::Lanes as AllLanes;
 use crate::lanes::records::RecordLane;
+use crate::lanes::{ByteChannel, Lanes as AllLanes};
 use crate::parts::LinkParts;
 use crate::peer::Peer;
 use crate::peer::PeerAddress;
@@ -65,6 +66,31 @@ impl Connection {
     }
 }
 
+impl Connection {
+    /// The halves of a channel, and its sign of life.
+    fn into_channel(
+        self,
+        net: &Arc<dyn Net>,
+        declared: &Channel,
+        counters: &Arc<Counters>,
+    ) -> (ByteChannel, Weak<dyn Pulse>) {
+        let source = self.source.with_format(Format::of_channel(declared));
+        match declared.sizes() {
+            ChannelSizes::Latest { .. } => {
+                let tx = LatestTx::new(net, self.sink, counters);
+                let pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(tx.cell());
+                let rx = LatestRx::new(source, counters);
+                (ByteChannel::Latest((Box::new(tx), Box::new(rx))), Arc::downgrade(&pulse))
+            }
+            ChannelSizes::Frames { .. } => {
+                let (tx, rx) = frames_lane(self.sink, source, counters);
+                let pulse: Arc<dyn Pulse> = Arc::<Outlet>::clone(tx.outlet());
+                (ByteChannel::Frames((Box::new(tx), Box::new(rx))), Arc::downgrade(&pulse))
+            }
+        }
+    }
+}
+
 impl Handshake for Connection {
     async fn recv(&mut self) -> Result<Message, HandshakeError> {
         loop {
@@ -88,10 +114,42 @@ pub(crate) struct Lanes {
     pub(crate) frames: Connection,
     pub(crate) messages: Connection,
     pub(crate) bulk: Connection,
+    /// Those of the channels, with their declarations.
+    pub(crate) channels: Vec<(Channel, Connection)>,
     pub(crate) capabilities: Capabilities,
 }
 
 impl Lanes {
+    /// The lanes of a link with `channels`, if all of their connections are there.
+    pub(super) fn of(
+        mut connections: BTreeMap<Lane, Connection>,
+        channels: &[Channel],
+        transport: &dyn Transport,
+    ) -> Option<Self> {
+        let mut take = |lane| connections.remove(&lane);
+        Some(Self {
+            latest: take(Lane::Latest)?,
+            frames: take(Lane::Frames)?,
+            messages: take(Lane::Messages)?,
+            bulk: take(Lane::Bulk)?,
+            channels: (0..)
+                .zip(channels)
+                .map(|(number, channel)| Some((*channel, take(Lane::Channel(ChannelNumber(number)))?)))
+                .collect::<Option<_>>()?,
+            capabilities: Capabilities::over(transport),
+        })
+    }
+
+    /// Sends the answer on each connection.
+    pub(super) async fn accept(&mut self, accept: &Message) -> Result<(), HandshakeError> {
+        let Self { latest, frames, messages, bulk, channels, .. } = self;
+        let channels = channels.iter_mut().map(|(_, connection)| connection);
+        for connection in [latest, frames, messages, bulk].into_iter().chain(channels) {
+            connection.send(accept).await?;
+        }
+        Ok(())
+    }
+
     pub(crate) fn into_parts(
         self,
         net: &Arc<dyn Net>,
@@ -99,9 +157,10 @@ impl Lanes {
         peer: Peer,
         session: SessionId,
     ) -> LinkParts {
-        let Self { latest, frames, messages, bulk, capabilities } = self;
+        let Self { latest, frames, messages, bulk, channels, capabilities } = self;
         let (counters, address) = (frames.counters, frames.address);
-        for other in [&latest.counters, &messages.counters, &bulk.counters] {
+        let others = channels.iter().map(|(_, connection)| &connection.counters);
+        for other in [&latest.counters, &messages.counters, &bulk.counters].into_iter().chain(others) {
             if !Arc::ptr_eq(&counters, other) {
                 counters.absorb(other);
             }
@@ -116,7 +175,16 @@ impl Lanes {
         let [messages_pulse, bulk_pulse] =
             [&messages.0, &bulk.0].map(|tx| Arc::<Cell>::clone(tx.cell()) as Arc<dyn Pulse>);
         let lanes = [&latest_pulse, &frames_pulse, &messages_pulse, &bulk_pulse].map(Arc::downgrade);
-        keep_alive(net, idle_timeout / 4, lanes);
+        let mut pulses = Vec::from(lanes);
+        let channels = channels
+            .into_iter()
+            .map(|(declared, connection)| {
+                let (channel, pulse) = connection.into_channel(net, &declared, &counters);
+                pulses.push(pulse);
+                channel
+            })
+            .collect();
+        keep_alive(net, idle_timeout / 4, pulses);
         let latest_rx = LatestRx::new(latest.source, &counters);
         let lanes = AllLanes {
             latest: (Box::new(latest_tx), Box::new(latest_rx)),
@@ -125,6 +193,6 @@ impl Lanes {
             bulk: (Box::new(bulk.0), Box::new(bulk.1)),
         };
         let parts = LinkParts::new(lanes, peer, session, address, capabilities, counters);
-        parts.with_idle_timeout(idle_timeout)
+        parts.with_channels(channels).with_idle_timeout(idle_timeout)
     }
 }

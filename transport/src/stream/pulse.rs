@@ -13,7 +13,7 @@ pub(super) trait Pulse: Send + Sync {
 }
 
 /// Lets each of `lanes` send a keep-alive every `interval` in which it is idle, until all have ended.
-pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dyn Pulse>; 4]) {
+pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: Vec<Weak<dyn Pulse>>) {
     let clock = Arc::clone(net);
     net.spawn(Box::pin(async move {
         loop {

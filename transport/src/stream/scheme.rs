@@ -1,18 +1,19 @@
-//! Links over byte streams of any transport: a connection for each lane, with a hello and an answer.
+//! Links over byte streams of any transport: a connection for each lane and channel, with a hello and an answer.
 
 use std::sync::Arc;
 
 use trimaran_net::{BoxFuture, Net, StreamPeer};
-use trimaran_wire::Lane;
+use trimaran_wire::{ChannelNumber, Lane, MAX_CHANNELS};
 
 use super::acceptor::serve;
 use super::handshake::{Connection, Lanes};
 use crate::acceptor::Acceptor;
+use crate::concurrent::try_all;
 use crate::handshake::{Handshake, HandshakeError};
 use crate::lane_transport::{Introduction, LaneTransport, Listened};
 use crate::parts::LinkParts;
 use crate::stats::Counters;
-use crate::transport::{AttemptError, Capabilities, ListenFault, Listening, Transport};
+use crate::transport::{AttemptError, ListenFault, Listening, Transport};
 
 /// Makes links with a byte stream for each lane.
 #[derive(Debug, Clone)]
@@ -21,6 +22,10 @@ pub(crate) struct Streams(pub(crate) Arc<dyn Transport>);
 impl LaneTransport for Streams {
     fn scheme(&self) -> &'static str {
         self.0.scheme()
+    }
+
+    fn channels(&self) -> usize {
+        MAX_CHANNELS
     }
 
     fn connect<'a>(
@@ -69,28 +74,27 @@ async fn introduce(
         transport.admit(peer).map_err(failed)?;
         Ok::<_, AttemptError>((connection, peer))
     };
-    let (mut frames, peer) = connection(None).await?;
-    let ((mut latest, _), (mut messages, _), (mut bulk, _)) =
-        tokio::try_join!(connection(Some(peer)), connection(Some(peer)), connection(Some(peer)))?;
+    let (frames, peer) = connection(None).await?;
     let address = frames.address.to_string();
     let failed = |cause| AttemptError::Handshake { address, cause };
+    let channels = (0..).zip(format.channels).map(|(number, _)| Lane::Channel(ChannelNumber(number)));
+    let others: Vec<_> = [Lane::Latest, Lane::Messages, Lane::Bulk].into_iter().chain(channels).collect();
+    let beside = try_all(others.iter().map(|_| connection(Some(peer)))).await?;
+    let beside = others.into_iter().zip(beside.into_iter().map(|(connection, _)| connection));
+    let mut all: Vec<_> = [(Lane::Frames, frames)].into_iter().chain(beside).collect();
     let answered = async {
-        frames.greet(introduction.hello(Lane::Frames)).await?;
-        latest.greet(introduction.hello(Lane::Latest)).await?;
-        messages.greet(introduction.hello(Lane::Messages)).await?;
-        bulk.greet(introduction.hello(Lane::Bulk)).await?;
+        for (lane, connection) in &mut all {
+            connection.greet(introduction.hello(*lane)).await?;
+        }
         // The refused lane gets its reason at once, the others only after waiting for it.
-        let (accept, ..) = tokio::try_join!(
-            frames.recv_answer(),
-            latest.recv_answer(),
-            messages.recv_answer(),
-            bulk.recv_answer()
-        )?;
-        Ok((introduction.recognize(&accept.application)?, accept.idle_timeout))
+        let accepts = try_all(all.iter_mut().map(|(_, connection)| connection.recv_answer())).await?;
+        let accept = accepts.first().ok_or(HandshakeError::Closed)?;
+        let theirs = introduction.recognize(&accept.application)?;
+        let lanes = Lanes::of(all.into_iter().collect(), format.channels, transport);
+        Ok((theirs, accept.idle_timeout, lanes.ok_or(HandshakeError::Closed)?))
     }
     .await;
-    let (theirs, idle_timeout) = answered.map_err(failed)?;
+    let (theirs, idle_timeout, lanes) = answered.map_err(failed)?;
     let idle_timeout = introduction.link.agreed(idle_timeout);
-    let lanes = Lanes { latest, frames, messages, bulk, capabilities: Capabilities::over(transport) };
     Ok(lanes.into_parts(net, idle_timeout, theirs, introduction.session))
 }

@@ -46,6 +46,12 @@ impl Source {
         Self { room, ..self }
     }
 
+    /// The messages that follow have values of other sizes.
+    pub(super) fn with_format(mut self, format: Format) -> Self {
+        self.decoder.set_format(format);
+        self
+    }
+
     /// How many bytes have arrived without forming a message yet.
     pub(super) fn pending(&self) -> usize {
         self.decoder.pending()

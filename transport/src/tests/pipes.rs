@@ -42,6 +42,7 @@ fn link(net: &Arc<dyn Net>, [latest, frames, messages, bulk]: [DuplexStream; 4],
         frames: connection(frames),
         messages: connection(messages),
         bulk: connection(bulk),
+        channels: Vec::new(),
         capabilities: Capabilities { reliable: true, ordered: true, encrypted: false, local: false },
     };
     let parts = lanes.into_parts(net, config.idle_timeout, peer, SessionId(1));
@@ -70,7 +71,7 @@ async fn a_peer_with_nothing_to_say_lives() {
             Lane::Frames => here.frames_rx.recv_by(by).await.unwrap_err(),
             Lane::Latest => here.latest_rx.latest_by(by).await.unwrap_err(),
             Lane::Messages => here.messages_rx.recv_by(by).await.unwrap_err(),
-            Lane::Bulk => here.bulk.as_mut().unwrap().rx.recv_by(by).await.unwrap_err(),
+            _ => here.bulk.as_mut().unwrap().rx.recv_by(by).await.unwrap_err(),
         };
         assert!(matches!(quiet, RecvError::Deadline { .. }), "{quiet:?}");
         assert!(net.now() >= by);
@@ -90,7 +91,7 @@ async fn a_peer_that_hangs_is_lost_when_the_idle_timeout_is_over() {
             Lane::Frames => here.frames_rx.recv().await.unwrap_err(),
             Lane::Latest => here.latest_rx.latest().await.unwrap_err(),
             Lane::Messages => here.messages_rx.recv().await.unwrap_err(),
-            Lane::Bulk => here.bulk.as_mut().unwrap().rx.recv().await.unwrap_err(),
+            _ => here.bulk.as_mut().unwrap().rx.recv().await.unwrap_err(),
         };
         assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
         assert_eq!(net.now().since(since).as_secs(), IDLE_TIMEOUT.as_secs());

@@ -111,7 +111,8 @@ async fn a_lie_in_every_length_of_the_handshake_is_named() {
 async fn a_lie_in_every_length_of_a_lane_ends_it() {
     let mut setting = Setting::new().await;
     for (session, kind) in (1..).zip(kinds()) {
-        let (mut link, connection, _control, [mut messages, mut bulk]) = setting.joined(session).await;
+        let (mut link, connection, _control, beside) = setting.joined(session).await;
+        let Beside { mut messages, mut bulk, .. } = beside;
         let mut stream = connection.open_uni().await.unwrap();
         stream.write_all(&header(kind)).await.unwrap();
         let error = link.frames_rx.recv().await.unwrap_err();

@@ -129,7 +129,8 @@ async fn introduce(
         (Some(key), Some(security)) => security.judge(key, theirs.role.as_deref()),
         _ => Ok(()),
     };
-    let parts = super::parts::parts(&port, options.is_encrypted(), theirs, (session, reliable), counters);
+    let link = (session, reliable, format.channels);
+    let parts = super::parts::parts(&port, options.is_encrypted(), theirs, link, counters);
     Ok(LinkParts { doubt: judged.err().map(HandshakeError::from), ..parts })
 }
 

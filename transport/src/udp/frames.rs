@@ -1,4 +1,4 @@
-//! The frames lane over datagrams.
+//! The frames lane over datagrams, and channels of frames.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -14,10 +14,9 @@ use crate::error::{LaneError, Loss};
 use crate::lanes::half::{Half, LaneTx, Rx, Tx};
 use crate::stats::Counters;
 
-const LANE: UnitLane = UnitLane::Frames;
-
 #[derive(Debug)]
 pub(crate) struct FrameTx {
+    of: UnitLane,
     lane: UnitTx,
     counters: Arc<Counters>,
     staged: VecDeque<Staged>,
@@ -33,9 +32,9 @@ enum Staged {
 }
 
 impl FrameTx {
-    pub(crate) fn new(carrier: &Arc<Carrier>, counters: &Arc<Counters>) -> Self {
-        let (lane, counters) = (UnitTx::new(carrier, LANE), Arc::clone(counters));
-        Self { lane, counters, staged: VecDeque::new(), warned: false }
+    pub(crate) fn new(carrier: &Arc<Carrier>, of: UnitLane, counters: &Arc<Counters>) -> Self {
+        let (lane, counters) = (UnitTx::new(carrier, of), Arc::clone(counters));
+        Self { of, lane, counters, staged: VecDeque::new(), warned: false }
     }
 }
 
@@ -43,19 +42,19 @@ impl Half for FrameTx {}
 
 impl LaneTx for FrameTx {
     fn poll_send(&mut self, cx: &mut Context<'_>) -> Poll<Result<bool, Loss>> {
-        let Self { lane, staged, warned, .. } = self;
+        let Self { of, lane, staged, warned, .. } = self;
         if staged.is_empty() {
             return Poll::Ready(Ok(true));
         }
         let mut late = None;
         let put = |state: &mut State| {
             let connection = &mut state.connection;
-            while connection.is_writable(LANE)
+            while connection.is_writable(*of)
                 && let Some(message) = staged.pop_front()
             {
                 match message {
-                    Staged::Frame(message) => connection.send(&message),
-                    Staged::Close(reason) => connection.end_lane(LANE, reason),
+                    Staged::Frame(message) => connection.send_on(*of, &message),
+                    Staged::Close(reason) => connection.end_lane(*of, reason),
                 }
             }
             late = connection.deadline_too_short().filter(|_| !*warned);
@@ -80,7 +79,7 @@ impl LaneTx for FrameTx {
     }
 
     fn confirmed(&self) -> Option<FrameNumber> {
-        self.lane.carrier.lock().connection.confirmed_frame()
+        self.lane.carrier.lock().connection.confirmed_frame(self.of)
     }
 }
 
@@ -96,8 +95,8 @@ impl Tx<FrameMessage> for FrameTx {
 pub(crate) struct FrameRx(UnitRx);
 
 impl FrameRx {
-    pub(crate) fn new(carrier: &Arc<Carrier>, counters: &Arc<Counters>) -> Self {
-        Self(UnitRx::new(carrier, LANE, counters))
+    pub(crate) fn new(carrier: &Arc<Carrier>, lane: UnitLane, counters: &Arc<Counters>) -> Self {
+        Self(UnitRx::new(carrier, lane, counters))
     }
 }
 

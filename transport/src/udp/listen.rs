@@ -249,7 +249,7 @@ async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot:
             return acceptor.failed(&port.remote(), error);
         }
     };
-    let link = (hello.session, reliable);
+    let link = (hello.session, reliable, acceptor.application.format().channels);
     let parts = super::parts::parts(&port, encrypted, peer, link, counters);
     acceptor.hand_out(parts.holding(place)).await;
 }

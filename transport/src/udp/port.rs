@@ -7,6 +7,7 @@ use std::sync::{Arc, Weak};
 use std::task::{Context, Waker};
 
 use trimaran_udp::{Closed, Connection, PathStats, UnitLane};
+use trimaran_wire::ChannelNumber;
 
 use super::socket::{Outgoing, Path};
 use crate::error::{LaneError, Loss, ProtocolError};
@@ -57,21 +58,37 @@ pub(super) struct State {
     pub(super) full: bool,
     /// No half of the link is left.
     pub(super) left: bool,
-    waiting: [Option<Waker>; WAITERS],
+    waiting: Waiting,
 }
 
-/// How many tasks may wait for a connection.
-const WAITERS: usize = 10;
-
 /// A task that waits for a connection.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Waiter {
     Driver,
     Greeter,
     UnitTx(UnitLane),
     UnitRx(UnitLane),
-    LatestTx,
-    LatestRx,
+    /// Of the latest lane, or of a channel.
+    LatestTx(Option<ChannelNumber>),
+    LatestRx(Option<ChannelNumber>),
+}
+
+/// The tasks that wait for a connection. Few wait at a time.
+#[derive(Debug, Default)]
+struct Waiting(Vec<(Waiter, Waker)>);
+
+impl Waiting {
+    fn put(&mut self, who: Waiter, waker: &Waker) {
+        match self.0.iter_mut().find(|(known, _)| *known == who) {
+            Some((_, known)) => known.clone_from(waker),
+            None => self.0.push((who, waker.clone())),
+        }
+    }
+
+    fn take(&mut self, who: Waiter) -> Option<Waker> {
+        let at = self.0.iter().position(|(known, _)| *known == who)?;
+        Some(self.0.swap_remove(at).1)
+    }
 }
 
 impl fmt::Debug for Port {
@@ -95,7 +112,7 @@ impl Port {
             armed: None,
             full: false,
             left: false,
-            waiting: [const { None }; WAITERS],
+            waiting: Waiting::default(),
         };
         Arc::new(Self {
             net: Arc::clone(net),
@@ -172,45 +189,37 @@ impl State {
     }
 
     pub(super) fn wait(&mut self, who: Waiter, cx: &Context<'_>) {
-        let slot = self.slot(who);
-        match slot {
-            Some(waker) => waker.clone_from(cx.waker()),
-            None => *slot = Some(cx.waker().clone()),
-        }
+        self.waiting.put(who, cx.waker());
     }
 
     pub(super) fn forget(&mut self, who: Waiter) {
-        self.slot(who).take();
+        self.waiting.take(who);
     }
 
     pub(super) fn wake(&mut self, who: Waiter) {
-        if let Some(waker) = self.slot(who).take() {
+        if let Some(waker) = self.waiting.take(who) {
             waker.wake();
         }
     }
 
     /// Wakes the halves that can go on.
     pub(super) fn wake_ready(&mut self) {
-        let connection = &self.connection;
+        let Self { connection, waiting, .. } = self;
         let over = connection.closed().is_some();
-        let drained = connection.is_drained();
-        let sends = |lane| connection.is_writable(lane) || connection.is_stopped(lane) || drained;
-        let (frames, messages, bulk) = (UnitLane::Frames, UnitLane::Messages, UnitLane::Bulk);
-        let ready = [
-            (Waiter::Greeter, connection.is_confirmed()),
-            (Waiter::UnitTx(frames), sends(frames)),
-            (Waiter::UnitRx(frames), connection.is_readable(frames)),
-            (Waiter::UnitTx(messages), sends(messages)),
-            (Waiter::UnitRx(messages), connection.is_readable(messages)),
-            (Waiter::UnitTx(bulk), sends(bulk)),
-            (Waiter::UnitRx(bulk), connection.is_readable(bulk)),
-            (Waiter::LatestTx, drained),
-            (Waiter::LatestRx, connection.is_latest_readable()),
-        ];
-        for (who, ready) in ready {
-            if ready || over {
-                self.wake(who);
+        let is_ready = |who: &Waiter| match *who {
+            Waiter::Driver => false,
+            Waiter::Greeter => connection.is_confirmed() || over,
+            Waiter::UnitTx(lane) => {
+                over || connection.is_writable(lane)
+                    || connection.is_stopped(lane)
+                    || connection.is_lane_drained(lane)
             }
+            Waiter::UnitRx(lane) => over || connection.is_readable(lane),
+            Waiter::LatestTx(channel) => over || connection.is_latest_drained(channel),
+            Waiter::LatestRx(channel) => over || connection.is_latest_readable(channel),
+        };
+        for (_, waker) in waiting.0.extract_if(.., |(who, _)| is_ready(who)) {
+            waker.wake();
         }
     }
 
@@ -243,33 +252,6 @@ impl State {
             | Closed::Forged
             | Closed::Exhausted => self.loss().map(LaneError::Lost),
             broken => Some(LaneError::Protocol(ProtocolError::Datagrams(Box::new(broken.clone())))),
-        }
-    }
-
-    fn slot(&mut self, who: Waiter) -> &mut Option<Waker> {
-        let [
-            driver,
-            greeter,
-            frame_tx,
-            frame_rx,
-            message_tx,
-            message_rx,
-            bulk_tx,
-            bulk_rx,
-            latest_tx,
-            latest_rx,
-        ] = &mut self.waiting;
-        match who {
-            Waiter::Driver => driver,
-            Waiter::Greeter => greeter,
-            Waiter::UnitTx(UnitLane::Frames) => frame_tx,
-            Waiter::UnitRx(UnitLane::Frames) => frame_rx,
-            Waiter::UnitTx(UnitLane::Messages) => message_tx,
-            Waiter::UnitRx(UnitLane::Messages) => message_rx,
-            Waiter::UnitTx(UnitLane::Bulk) => bulk_tx,
-            Waiter::UnitRx(UnitLane::Bulk) => bulk_rx,
-            Waiter::LatestTx => latest_tx,
-            Waiter::LatestRx => latest_rx,
         }
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use trimaran_net::{BoxFuture, Net};
+use trimaran_wire::MAX_CHANNELS;
 
 use super::{UdpOptions, connect, listen};
 use crate::acceptor::Acceptor;
@@ -23,6 +24,10 @@ pub(crate) struct Udp {
 impl LaneTransport for Udp {
     fn scheme(&self) -> &'static str {
         "udp"
+    }
+
+    fn channels(&self) -> usize {
+        MAX_CHANNELS
     }
 
     fn connect<'a>(

@@ -1,21 +1,35 @@
 //! Links within one process.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+
 use trimaran_transport::conformance::{
     ARM, Greeting, MAP, Overhead, PANEL, Pairs, Robot, greeting, points, pose, receive, send_frame,
 };
 use trimaran_transport::inproc;
 use trimaran_transport::{
     AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError, Options,
-    PeerAddress,
+    PeerAddress, Protocol,
 };
 
-use crate::common::{Link, Listener, connect, joined, net, other_map, soon};
+use crate::common::{Link, Listener, connect, joined, met, net, other_map, soon};
 
 struct Inproc;
 
 impl Pairs for Inproc {
     fn overhead(&self) -> Overhead {
         Overhead { header_bytes: 0, handshake: 0, coded: false }
+    }
+
+    async fn join<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        link: LinkConfig,
+        within: Duration,
+    ) -> Result<(trimaran_transport::Link<P>, trimaran_transport::Link<Q>), ConnectError> {
+        static NAMES: AtomicU32 = AtomicU32::new(0);
+        let at = format!("inproc:conformance-{}", NAMES.fetch_add(1, Ordering::Relaxed));
+        met(&at, &Options::default().with_link(link), hellos, within).await
     }
 
     async fn pair(&self, config: LinkConfig) -> (Link, Link) {

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_transport::conformance::{ARM, Greeting, Overhead, PANEL, Pairs, greeting, pose};
+use trimaran_transport::conformance::{ARM, Greeting, Overhead, PANEL, Pairs, greeting, meet, pose};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
     AttemptError, ConnectError, Endpoint, HandshakeError, Limits, LinkConfig, ListenError, Net, Options,
-    PeerAddress, until,
+    PeerAddress, Protocol, until,
 };
 
 use crate::common::{Link, Listener, connect, last_failure, net, obstacle, soon};
@@ -19,8 +19,15 @@ impl Pairs for Quic {
         Overhead { header_bytes: 4, handshake: 1, coded: true }
     }
 
-    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        pair("127.0.0.1", &Options::default().with_link(link)).await
+    async fn join<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        link: LinkConfig,
+        within: Duration,
+    ) -> Result<(trimaran_transport::Link<P>, trimaran_transport::Link<Q>), ConnectError> {
+        let (net, endpoint) = (net(), "quic://127.0.0.1:0".parse().unwrap());
+        let (ours, theirs) = acquainted(&Options::default().with_link(link));
+        meet([&net, &net], &endpoint, [&ours, &theirs], hellos, within, Clone::clone).await
     }
 }
 

@@ -11,10 +11,10 @@ use trimaran_transport::conformance::{
 };
 use trimaran_transport::{
     AcceptError, AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError,
-    Net, Options, PeerAddress, Refusal, Rejection, TcpOptions,
+    Net, Options, PeerAddress, Protocol, Refusal, Rejection, TcpOptions,
 };
 
-use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
+use crate::common::{Listener, connect, joined, last_failure, met, net, soon};
 
 struct Tcp;
 
@@ -23,10 +23,15 @@ impl Pairs for Tcp {
         Overhead { header_bytes: 4, handshake: 4, coded: true }
     }
 
-    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
+    async fn join<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        link: LinkConfig,
+        within: Duration,
+    ) -> Result<(trimaran_transport::Link<P>, trimaran_transport::Link<Q>), ConnectError> {
         // Buffers smaller than the tests' amounts.
         let tcp = TcpOptions::default().with_send_buffer(Some(64 * 1024)).with_recv_buffer(Some(64 * 1024));
-        joined("tcp://127.0.0.1:0", &Options::default().with_link(link).with_tcp(tcp)).await
+        met("tcp://127.0.0.1:0", &Options::default().with_link(link).with_tcp(tcp), hellos, within).await
     }
 }
 

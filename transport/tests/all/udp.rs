@@ -10,12 +10,12 @@ use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::Trust;
 use trimaran_transport::{
     AttemptError, BatchSize, Batching, ConnectError, Endpoint, FrameEvent, FrameNumber, FrameOutcome,
-    HandshakeError, LinkConfig, Net, Options, PeerAddress, sleep_until,
+    HandshakeError, LinkConfig, Net, Options, PeerAddress, Protocol, sleep_until,
 };
 
 use crate::common::page::Page;
 use crate::common::udp::{a_panel_gets_in, listener, shared, with};
-use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
+use crate::common::{Listener, connect, joined, last_failure, met, net, soon};
 
 struct Udp;
 
@@ -24,8 +24,13 @@ impl Pairs for Udp {
         Overhead { header_bytes: 0, handshake: 1, coded: true }
     }
 
-    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        joined("udp://127.0.0.1:0", &shared(9).with_link(link)).await
+    async fn join<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        link: LinkConfig,
+        within: Duration,
+    ) -> Result<(trimaran_transport::Link<P>, trimaran_transport::Link<Q>), ConnectError> {
+        met("udp://127.0.0.1:0", &shared(9).with_link(link), hellos, within).await
     }
 }
 

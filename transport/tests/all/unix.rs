@@ -7,16 +7,17 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use tempfile::TempDir;
 use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer, Timer, UdpSocket, UnixSocketOptions};
 use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, greeting};
 use trimaran_transport::{
-    Credentials, Endpoint, ForeignUser, HandshakeError, Instant, LinkConfig, ListenError, Net, Options,
-    PeerAddress, SocketPath, TcpOptions, UdpSocketOptions, UnixOptions,
+    ConnectError, Credentials, Endpoint, ForeignUser, HandshakeError, Instant, LinkConfig, ListenError, Net,
+    Options, PeerAddress, Protocol, SocketPath, TcpOptions, UdpSocketOptions, UnixOptions,
 };
 
-use crate::common::{Link, Listener, connect, joined, last_failure, net, soon};
+use crate::common::{Listener, connect, joined, last_failure, met, net, soon};
 
 struct Unix;
 
@@ -25,9 +26,14 @@ impl Pairs for Unix {
         Overhead { header_bytes: 4, handshake: 4, coded: true }
     }
 
-    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
+    async fn join<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        link: LinkConfig,
+        within: Duration,
+    ) -> Result<(trimaran_transport::Link<P>, trimaran_transport::Link<Q>), ConnectError> {
         let (_folder, endpoint) = socket();
-        joined(&endpoint.to_string(), &Options::default().with_link(link)).await
+        met(&endpoint.to_string(), &Options::default().with_link(link), hellos, within).await
     }
 }
 

@@ -16,12 +16,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
-use trimaran_transport::conformance::{ARM, Greeting, PANEL, Robot, greeting};
+use trimaran_transport::conformance::{ARM, Greeting, PANEL, Robot, greeting, meet};
 use trimaran_transport::{
     AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Instant, Lane, LinkConfig, Net,
     Options, Protocol, ProtocolName, Refusal, Rejection, SessionId, TokioNet,
 };
-use trimaran_wire::{Accept, Format, Hello, Message};
+use trimaran_wire::{Accept, ChannelList, Format, Hello, Message};
 
 pub(crate) type Link = trimaran_transport::Link<Robot>;
 pub(crate) type Listener = trimaran_transport::Listener<Robot>;
@@ -59,7 +59,8 @@ pub(crate) fn hello_bytes(who: &Greeting) -> Bytes {
 pub(crate) fn introduce(who: &Greeting, session: SessionId, lane: Lane) -> Message {
     let protocol = ProtocolName::new(Robot::NAME);
     let (idle_timeout, application) = (LinkConfig::default().idle_timeout.into(), hello_bytes(who));
-    Message::Hello(Hello { protocol, session, lane, idle_timeout, application })
+    let channels = ChannelList::default();
+    Message::Hello(Hello { protocol, session, lane, idle_timeout, channels, application })
 }
 
 /// The answer of the listening peer.
@@ -87,6 +88,17 @@ pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
         listener.accept(soon(&net)),
     );
     (here.unwrap(), there.unwrap())
+}
+
+/// Links of any protocols over the transport of `endpoint`, for the suite.
+pub(crate) async fn met<P: Protocol, Q: Protocol>(
+    endpoint: &str,
+    options: &Options,
+    hellos: (P::Hello, Q::Hello),
+    within: Duration,
+) -> Result<(trimaran_transport::Link<P>, trimaran_transport::Link<Q>), ConnectError> {
+    let (net, endpoint) = (net(), endpoint.parse().unwrap());
+    meet([&net, &net], &endpoint, [options, options], hellos, within, Clone::clone).await
 }
 
 /// The error of a link of `who` to `at` at the connecting side: how its attempts end once the other side has

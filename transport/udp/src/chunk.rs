@@ -1,6 +1,6 @@
 //! The contents of a packet: a sequence of chunks.
 
-use trimaran_wire::{Format, HEADER_BYTES, Kind};
+use trimaran_wire::{ChannelNumber, Format, HEADER_BYTES, Kind};
 
 use crate::packet::CookieBytes;
 use crate::ranges::RangeSet;
@@ -24,10 +24,13 @@ pub enum UnitLane {
     Messages,
     /// A unit is a block. Its bytes are sent only when no other lane has anything to send.
     Bulk,
+    /// A unit is a frame of a channel.
+    Channel(ChannelNumber),
 }
 
 impl UnitLane {
-    /// Every lane, in the order of its priority; frames and messages take turns.
+    /// Every lane beside channels, in the order of its priority; frames, those of channels and messages take
+    /// turns.
     pub const ALL: [Self; 3] = [Self::Frames, Self::Messages, Self::Bulk];
 }
 
@@ -66,11 +69,11 @@ pub(crate) enum Chunk<'a> {
     MaxData { lane: UnitLane, bytes: u64, units: u64 },
     /// The sender has closed the connection.
     Close,
-    /// Value `number` of the latest lane, counted as published.
-    Latest { number: u64, value: &'a [u8] },
+    /// Value `number` of the latest lane or of a channel, counted as published.
+    Latest { channel: Option<ChannelNumber>, number: u64, value: &'a [u8] },
     /// The latest lane ends behind value `number`, 0 if there was none, with the encoded close, or with
     /// none.
-    LastLatest { number: u64, close: &'a [u8] },
+    LastLatest { channel: Option<ChannelNumber>, number: u64, close: &'a [u8] },
     /// The sender reads no more of a lane.
     StopSending { lane: UnitLane },
     /// Asks for the cookie back from the address to which this is sent.
@@ -80,9 +83,9 @@ pub(crate) enum Chunk<'a> {
     /// Bytes of a unit. Those of messages and of blocks have no tails other than more and end.
     Part { lane: UnitLane, unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
     /// The missing bytes of a frame will not come.
-    GiveUp { unit: u64, about: GivenUp, head: &'a [u8] },
+    GiveUp { lane: UnitLane, unit: u64, about: GivenUp, head: &'a [u8] },
     /// A repair shard of a block of a unit; with the frame's hash where the block ends the frame.
-    Repair { unit: u64, block: Block, hash: Option<u64>, index: u8, data: &'a [u8] },
+    Repair { lane: UnitLane, unit: u64, block: Block, hash: Option<u64>, index: u8, data: &'a [u8] },
 }
 
 /// The description of a frame that is given up.
@@ -108,11 +111,28 @@ pub(crate) const fn unit_head(format: &Format, coded: bool) -> usize {
 }
 
 /// The most bytes that a part has beside its data.
-pub(crate) fn part_overhead(unit: u64, offset: u64) -> usize {
-    1 + varint_len(unit) + varint_len(offset) + 2 + 8
+pub(crate) fn part_overhead(lane: UnitLane, unit: u64, offset: u64) -> usize {
+    let channel = if matches!(lane, UnitLane::Channel(_)) { 2 } else { 0 };
+    channel + 1 + varint_len(unit) + varint_len(offset) + 2 + 8
 }
 
 impl Chunk<'_> {
+    /// The channel that it is about.
+    pub(crate) const fn channel(&self) -> Option<ChannelNumber> {
+        match self {
+            Self::Latest { channel, .. } | Self::LastLatest { channel, .. } => *channel,
+            Self::MaxData { lane, .. }
+            | Self::StopSending { lane }
+            | Self::Part { lane, .. }
+            | Self::GiveUp { lane, .. }
+            | Self::Repair { lane, .. } => match lane {
+                UnitLane::Channel(number) => Some(*number),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
     /// The acknowledgement that it asks for.
     pub(crate) const fn asks(&self) -> Asks {
         match self {

@@ -17,6 +17,7 @@ use crate::peer_path::PeerPath;
 use crate::recovery::Recovery;
 use crate::scavenger::Scavenger;
 
+mod channel;
 mod closed;
 mod config;
 mod lanes;
@@ -27,6 +28,7 @@ mod timers;
 mod transmit;
 mod units;
 
+use channel::Channel;
 use units::Units;
 pub(crate) use units::{BULK_WINDOW, MESSAGES_WINDOW};
 
@@ -58,6 +60,7 @@ pub struct Connection {
     bulk: Units,
     latest_out: LatestOut,
     latest_in: LatestIn,
+    channels: Vec<Channel>,
     /// When the peer was answered, if its first packet gives a round-trip time.
     answered: Option<Instant>,
     /// A packet came that only the peer can have sent.
@@ -115,11 +118,12 @@ impl Connection {
             scavenger: Scavenger::new(MIN_DATAGRAM),
             acks: Acks::default(),
             mtu: Mtu::new(now, config.max_datagram),
-            frames: Units::frames(&config),
+            frames: Units::frames(UnitLane::Frames, &config),
             messages: Units::new(UnitLane::Messages, &config, MESSAGES_WINDOW),
             bulk: Units::new(UnitLane::Bulk, &config, BULK_WINDOW),
             latest_out: LatestOut::default(),
             latest_in: LatestIn::new(config.format),
+            channels: Channel::all(&config),
             answered: None,
             confirmed: false,
             pings: 0,
@@ -165,8 +169,9 @@ impl Connection {
     }
 
     /// Delivers items in batches of at most `batch`, from now on.
-    pub const fn set_batch(&mut self, batch: BatchSize) {
+    pub fn set_batch(&mut self, batch: BatchSize) {
         self.frames.inbox.set_batch(batch);
+        self.channels.iter_mut().for_each(|channel| channel.units.inbox.set_batch(batch));
     }
 
     /// Whether batches of frames that begin from now on may be coded.
@@ -198,22 +203,6 @@ impl Connection {
     /// Whether to probe the MTU: the peer is there, and the path carries frames.
     fn may_probe(&self) -> bool {
         self.confirmed && self.recovery.room() >= self.config.max_datagram
-    }
-
-    const fn units(&self, lane: UnitLane) -> &Units {
-        match lane {
-            UnitLane::Frames => &self.frames,
-            UnitLane::Messages => &self.messages,
-            UnitLane::Bulk => &self.bulk,
-        }
-    }
-
-    const fn units_mut(&mut self, lane: UnitLane) -> &mut Units {
-        match lane {
-            UnitLane::Frames => &mut self.frames,
-            UnitLane::Messages => &mut self.messages,
-            UnitLane::Bulk => &mut self.bulk,
-        }
     }
 
     fn end(&mut self, why: Closed) {

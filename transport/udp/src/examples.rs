@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use trimaran_net::Instant;
-use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Message};
+use trimaran_wire::{ChannelNumber, CloseReason, FrameMessage, FrameNumber, Message};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
@@ -24,7 +24,7 @@ use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, VERSION, data_header};
 use crate::ranges::RangeSet;
 use crate::repair::{Block, protect};
 use crate::reset::ResetKey;
-use crate::samples::{FORMAT, encoded, value};
+use crate::samples::{FORMAT, FORMAT_WITH_CHANNELS, encoded, value};
 use crate::wire::Reader;
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -124,20 +124,37 @@ fn every_chunk_has_an_example() {
         ("unread-bulk", Chunk::StopSending { lane: UnitLane::Bulk }),
         ("challenge", Chunk::Challenge { cookie }),
         ("response", Chunk::Response { cookie }),
-        ("last-value", Chunk::LastLatest { number: 1, close: &close }),
-        ("value", Chunk::Latest { number: 1, value: &value }),
+        ("last-value", Chunk::LastLatest { channel: None, number: 1, close: &close }),
+        ("value", Chunk::Latest { channel: None, number: 1, value: &value }),
         ("part", part(0, 0, Tail::More, &unit[..80])),
         ("part-pause", part(0, 80, Tail::Pause, &unit[80..84])),
         ("part-frame", part(0, 84, Tail::Frame(hash), &unit[84..])),
         ("part-close", part(1, 0, Tail::End, &close)),
         ("part-gone", part(2, 0, Tail::End, &[])),
         ("pad", Chunk::Pad),
-        ("give-up", Chunk::GiveUp { unit: 0, about: given_up(hash), head: &[] }),
+        ("give-up", Chunk::GiveUp { lane: UnitLane::Frames, unit: 0, about: given_up(hash), head: &[] }),
         ("part-coded", part(3, 0, Tail::Frame(hash), &coded)),
-        ("give-up-coded", Chunk::GiveUp { unit: 3, about: coded_given_up(hash), head: &unit[..80] }),
-        ("repair", Chunk::Repair { unit: 0, block, hash: Some(hash), index: 0, data: &repair[0] }),
+        (
+            "give-up-coded",
+            Chunk::GiveUp { lane: UnitLane::Frames, unit: 3, about: coded_given_up(hash), head: &unit[..80] },
+        ),
+        (
+            "repair",
+            Chunk::Repair {
+                lane: UnitLane::Frames,
+                unit: 0,
+                block,
+                hash: Some(hash),
+                index: 0,
+                data: &repair[0],
+            },
+        ),
         ("part-message", whole(UnitLane::Messages, &message)),
         ("part-block", whole(UnitLane::Bulk, &block_message)),
+        (
+            "channel",
+            Chunk::MaxData { lane: UnitLane::Channel(ChannelNumber(1)), bytes: 4 << 20, units: 1024 },
+        ),
     ];
     let mut inbox = inbox();
     for (name, chunk) in &chunks {
@@ -146,10 +163,12 @@ fn every_chunk_has_an_example() {
         assert_example(name, &out);
         let written = &examples()[name];
         let mut reader = Reader::new(written);
-        assert_eq!(Chunk::read(&mut reader, &FORMAT).as_ref(), Ok(chunk), "the example {name}");
+        let read = Chunk::read(&mut reader, &FORMAT_WITH_CHANNELS);
+        assert_eq!(read.as_ref(), Ok(chunk), "the example {name}");
         assert!(reader.is_empty());
         for cut in 0..out.len() {
-            assert!(Chunk::read(&mut Reader::new(&out[..cut]), &FORMAT).is_err(), "{cut} bytes of {name}");
+            let read = Chunk::read(&mut Reader::new(&out[..cut]), &FORMAT_WITH_CHANNELS);
+            assert!(read.is_err(), "{cut} bytes of {name}");
         }
         if let Chunk::Part { lane: UnitLane::Frames, unit, offset, tail, data } = *chunk {
             inbox.put(unit, offset, tail, data).unwrap();
@@ -169,10 +188,10 @@ fn the_examples_of_repair_and_of_giving_up_do_what_the_page_says() {
     let read = |name: &str, inbox: &mut Inbox| match Chunk::read(&mut Reader::new(&examples()[name]), &FORMAT)
         .unwrap()
     {
-        Chunk::Repair { unit, block, hash, index, data } => {
+        Chunk::Repair { lane: UnitLane::Frames, unit, block, hash, index, data } => {
             inbox.put_repair(unit, block, hash, index, data).map(|taken| assert!(taken))
         }
-        Chunk::GiveUp { unit, about, head } => inbox.give_up(unit, about, head),
+        Chunk::GiveUp { lane: UnitLane::Frames, unit, about, head } => inbox.give_up(unit, about, head),
         other => panic!("{other:?}"),
     };
     for (lost, name, items) in [(0..44, "repair", 2), (44..88, "repair", 2), (84..88, "give-up", 1)] {
@@ -195,13 +214,13 @@ fn the_examples_of_repair_and_of_giving_up_do_what_the_page_says() {
 #[test]
 fn a_packet_in_the_clear_is_the_example() {
     let mut sender = Connection::plaintext(now(), HERE, THERE, config());
-    sender.publish(value(7));
+    sender.publish(None, value(7));
     let mut out = Vec::new();
     assert!(sender.poll_transmit(now(), &mut out));
     assert_example("data", &out);
     let mut reader = Connection::plaintext(now(), THERE, HERE, config());
     reader.handle(now(), &examples()["data"]);
-    assert_eq!(reader.latest(), Some(value(7)));
+    assert_eq!(reader.latest(None), Some(value(7)));
 }
 
 /// Everything before the zeros that fill an initial packet.
@@ -319,5 +338,5 @@ fn the_page_says_what_the_constants_are() {
     ] {
         assert!(page.contains(&fact), "{fact:?}");
     }
-    assert_eq!(examples().len(), 35, "every example is checked by a test here");
+    assert_eq!(examples().len(), 36, "every example is checked by a test here");
 }

@@ -213,7 +213,7 @@ impl Inbox {
     /// The received item, if it belongs on this lane.
     fn belongs(&self, item: Received) -> Result<Received, LaneViolation> {
         let belongs = match &item {
-            Received::Frame(_) => self.lane == UnitLane::Frames,
+            Received::Frame(_) => matches!(self.lane, UnitLane::Frames | UnitLane::Channel(_)),
             Received::Message(_) => self.lane == UnitLane::Messages,
             Received::Block(_) => self.lane == UnitLane::Bulk,
             Received::Closed(_) | Received::Gone => true,

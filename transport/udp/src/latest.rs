@@ -1,7 +1,7 @@
 //! The latest lane, in both directions: the newest value, and the end of the lane.
 
 use bytes::BytesMut;
-use trimaran_wire::{CloseReason, Decoder, FixedBytes, Format, Message};
+use trimaran_wire::{ChannelNumber, CloseReason, Decoder, FixedBytes, Format, Message};
 
 use crate::chunk::Chunk;
 use crate::recovery::{Content, Contents};
@@ -24,6 +24,8 @@ pub enum LatestEnd {
 /// Sending values: only the newest counts.
 #[derive(Debug, Default)]
 pub(crate) struct LatestOut {
+    /// The channel, unless it is the latest lane.
+    channel: Option<ChannelNumber>,
     /// The number of the newest value, from 1, and its bytes; whether it must be sent; and has arrived.
     newest: Option<(u64, FixedBytes)>,
     due: bool,
@@ -41,6 +43,11 @@ struct End {
 }
 
 impl LatestOut {
+    /// Those of a channel.
+    pub(crate) fn of(channel: ChannelNumber) -> Self {
+        Self { channel: Some(channel), ..Self::default() }
+    }
+
     /// Replaces the value before.
     pub(crate) fn publish(&mut self, value: FixedBytes) {
         self.newest = Some((self.number() + 1, value));
@@ -74,11 +81,12 @@ impl LatestOut {
         if self.due && room >= size + OVERHEAD && self.write_newest(out, contents) {
             self.due = false;
         }
-        let (number, room) = (self.number(), room.saturating_sub(out.len() - before));
+        let (channel, number) = (self.channel, self.number());
+        let room = room.saturating_sub(out.len() - before);
         if let Some(end) = self.end.as_mut().filter(|end| end.due && room >= end.close.len() + OVERHEAD) {
             end.due = false;
-            Chunk::LastLatest { number, close: &end.close }.write(out);
-            contents.push(Content::LastLatest);
+            Chunk::LastLatest { channel, number, close: &end.close }.write(out);
+            contents.push(Content::LastLatest { channel });
         }
     }
 
@@ -87,8 +95,9 @@ impl LatestOut {
     pub(crate) fn write_copy(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Contents) {
         let Some((number, value)) = &self.newest else { return };
         let wanted = self.copies > 0 && !self.due && !self.arrived;
+        let channel = self.channel;
         let fits = room >= value.len() + OVERHEAD;
-        if wanted && fits && !contents.contains(&Content::Latest { number: *number }) {
+        if wanted && fits && !contents.contains(&Content::Latest { channel, number: *number }) {
             self.copies -= 1;
             self.write_newest(out, contents);
         }
@@ -96,8 +105,9 @@ impl LatestOut {
 
     fn write_newest(&self, out: &mut Vec<u8>, contents: &mut Contents) -> bool {
         let Some((number, value)) = &self.newest else { return false };
-        Chunk::Latest { number: *number, value }.write(out);
-        contents.push(Content::Latest { number: *number });
+        let channel = self.channel;
+        Chunk::Latest { channel, number: *number, value }.write(out);
+        contents.push(Content::Latest { channel, number: *number });
         true
     }
 
@@ -201,7 +211,10 @@ mod tests {
         lane.write(1000, &mut out, &mut contents);
         lane.publish(value(1));
         lane.write(1000, &mut out, &mut contents);
-        assert_eq!(contents[..], [Content::Latest { number: 1 }, Content::Latest { number: 2 }]);
+        assert_eq!(
+            contents[..],
+            [Content::Latest { channel: None, number: 1 }, Content::Latest { channel: None, number: 2 }]
+        );
         lane.on_value_lost(1);
         assert!(!lane.is_due());
         lane.on_value_lost(2);
@@ -227,7 +240,7 @@ mod tests {
         let carried: Vec<_> = (0..4).map(|_| packet(&mut lane).len()).collect();
         assert_eq!(carried, [1, 1, 1, 0]);
         lane.publish(value(1));
-        assert_eq!(packet(&mut lane)[..], [Content::Latest { number: 2 }]);
+        assert_eq!(packet(&mut lane)[..], [Content::Latest { channel: None, number: 2 }]);
         lane.on_value_arrived(2);
         assert_eq!(packet(&mut lane)[..], []);
     }
@@ -256,6 +269,9 @@ mod tests {
             assert!(out.len() <= 1172, "{} bytes", out.len());
             packets.extend(contents);
         }
-        assert_eq!(packets, [Content::Latest { number: 1 }, Content::LastLatest]);
+        assert_eq!(
+            packets,
+            [Content::Latest { channel: None, number: 1 }, Content::LastLatest { channel: None }]
+        );
     }
 }

@@ -18,14 +18,14 @@
 //! let mut far = Connection::plaintext(now, there, here, config());
 //!
 //! let value: FixedBytes = [1_u8, 2, 3, 4].into_iter().collect();
-//! near.publish(value.clone());
+//! near.publish(None, value.clone());
 //! let mut datagram = Vec::new();
 //! while near.poll_transmit(now, &mut datagram) {
 //!     now = now.after(std::time::Duration::from_millis(5)); // so long is the path
 //!     far.handle(now, &datagram);
 //!     datagram.clear();
 //! }
-//! assert_eq!(far.latest(), Some(value));
+//! assert_eq!(far.latest(None), Some(value));
 //! ```
 //!
 //! | module | contents |

@@ -81,7 +81,7 @@ fn places_beyond_what_was_allowed_end_the_connection() {
     let repair = |unit, block, hash| {
         let data = vec![0; usize::from(whole.shard)];
         let mut plain = Vec::new();
-        Chunk::Repair { unit, block, hash, index: 0, data: &data }.write(&mut plain);
+        Chunk::Repair { lane: UnitLane::Frames, unit, block, hash, index: 0, data: &data }.write(&mut plain);
         told(&plain)
     };
     for hash in [None, Some(MOST)] {
@@ -97,7 +97,7 @@ fn places_beyond_what_was_allowed_end_the_connection() {
     for coded in [None, Some(MOST)] {
         for (unit, length, sent) in [(0, MOST, 0), (0, MOST, MOST), (MOST, 88, 84), (0, 1 << 40, 1 << 40)] {
             let about = GivenUp { length, sent, hash: 0, coded };
-            let end = lie(&Chunk::GiveUp { unit, about, head: &[] });
+            let end = lie(&Chunk::GiveUp { lane: UnitLane::Frames, unit, about, head: &[] });
             assert!(matches!(end, Some(Closed::Lane(_))), "unit {unit}, length {length}, {coded:?}: {end:?}");
         }
     }
@@ -145,8 +145,8 @@ fn lengths_beyond_the_packet_end_the_connection() {
     };
     let part = Chunk::Part { lane: UnitLane::Frames, unit: 0, offset: 0, tail: Tail::More, data: b"1234" };
     let about = GivenUp { length: 88, sent: 84, hash: 0, coded: None };
-    let give_up = Chunk::GiveUp { unit: 0, about, head: &[] };
-    let last_value = Chunk::LastLatest { number: 1, close: &[] };
+    let give_up = Chunk::GiveUp { lane: UnitLane::Frames, unit: 0, about, head: &[] };
+    let last_value = Chunk::LastLatest { channel: None, number: 1, close: &[] };
     for end in [
         // Behind the code, unit and offset.
         lying(part, 3, &[0xff; 2]),
@@ -162,7 +162,10 @@ fn lengths_beyond_the_packet_end_the_connection() {
 #[test]
 fn generous_max_data_and_high_numbers_of_values_are_taken_as_they_are() {
     assert_eq!(lie(&Chunk::MaxData { lane: UnitLane::Frames, bytes: MOST, units: MOST }), None);
-    assert_eq!(lie(&Chunk::Latest { number: MOST, value: &value(0) }), None);
-    assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[] }), None);
-    assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[0xff; 9] }), Some(Closed::Reason));
+    assert_eq!(lie(&Chunk::Latest { channel: None, number: MOST, value: &value(0) }), None);
+    assert_eq!(lie(&Chunk::LastLatest { channel: None, number: MOST, close: &[] }), None);
+    assert_eq!(
+        lie(&Chunk::LastLatest { channel: None, number: MOST, close: &[0xff; 9] }),
+        Some(Closed::Reason)
+    );
 }

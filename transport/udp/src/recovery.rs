@@ -302,7 +302,7 @@ mod tests {
     }
 
     fn send(recovery: &mut Recovery, ms: u64) -> Content {
-        let content = Content::Latest { number: recovery.next_number() };
+        let content = Content::Latest { channel: None, number: recovery.next_number() };
         let contents = smallvec![content.clone()];
         recovery.on_sent(Some(Sent { at: at(ms), bytes: 1000, contents }));
         content

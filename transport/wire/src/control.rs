@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::{Explanation, ProtocolName, Text};
+use crate::{ChannelFormat, ChannelList, ChannelNumber, Explanation, ProtocolName, Text};
 
 /// The version of the wire format of links. Peers of different versions refuse each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,7 +25,7 @@ impl fmt::Display for WireVersion {
 }
 
 /// The lane of a link that a connection carries.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Lane {
     /// A cell of size one.
     Latest,
@@ -35,6 +35,8 @@ pub enum Lane {
     Messages,
     /// Blocks of bytes in order, behind everything else.
     Bulk,
+    /// A channel: values or frames.
+    Channel(ChannelNumber),
 }
 
 impl fmt::Display for Lane {
@@ -44,6 +46,7 @@ impl fmt::Display for Lane {
             Self::Frames => "frames",
             Self::Messages => "messages",
             Self::Bulk => "bulk",
+            Self::Channel(ChannelNumber(number)) => return write!(f, "channel {number}"),
         })
     }
 }
@@ -99,6 +102,8 @@ pub struct Hello {
     pub lane: Lane,
     /// When the connecting peer takes a silent one for lost.
     pub idle_timeout: IdleTimeout,
+    /// The channels of the connecting peer.
+    pub channels: ChannelList,
     /// The hello of the application's peer: at most [`MAX_HELLO`] bytes.
     pub application: Bytes,
 }
@@ -186,6 +191,23 @@ pub enum Refusal {
         /// The role that its key is known for.
         known: Explanation,
     },
+    /// The channels differ; the first one that does.
+    #[error(
+        "channel {} of the listener is {}, that of the connecting peer {}: install the same release on both",
+        number.0, said(listener.as_ref()), said(connector.as_ref())
+    )]
+    Channel {
+        /// Its number.
+        number: ChannelNumber,
+        /// Of the listening peer, if it has one of that number.
+        listener: Option<ChannelFormat>,
+        /// Of the connecting peer, if it has one of that number.
+        connector: Option<ChannelFormat>,
+    },
+}
+
+fn said(channel: Option<&ChannelFormat>) -> String {
+    channel.map_or_else(|| "missing".to_owned(), ChannelFormat::to_string)
 }
 
 impl Refusal {

@@ -42,6 +42,11 @@ impl Decoder {
         Self { format, buffer: BytesMut::new(), offset: 0, failed: None }
     }
 
+    /// The messages that follow have values of these sizes.
+    pub const fn set_format(&mut self, format: Format) {
+        self.format = format;
+    }
+
     /// The buffer to read into, with room for at least `room` more bytes. Only append to it.
     pub fn buffer(&mut self, room: usize) -> &mut BytesMut {
         self.buffer.reserve(room);

@@ -1,6 +1,7 @@
 //! The sizes of an application's values.
 
-use crate::{BatchSize, Fixed, Item, MAX_FIXED, Protocol, ProtocolName};
+use crate::channel::are_sound;
+use crate::{BatchSize, Channel, ChannelSizes, Fixed, Item, MAX_FIXED, Protocol, ProtocolName};
 
 /// The sizes of an application's values, for the layers that only handle bytes.
 #[derive(Debug, Clone, Copy)]
@@ -13,12 +14,14 @@ pub struct Format {
     pub item: usize,
     /// Reads the number of items that a coded batch claims.
     pub count_coded: fn(&[u8]) -> Option<usize>,
+    /// The channels beside the lanes.
+    pub channels: &'static [Channel],
 }
 
 impl Default for Format {
     /// The sizes of a protocol with empty values.
     fn default() -> Self {
-        Self { latest: 0, header: 0, item: 1, count_coded: |_| None }
+        Self { latest: 0, header: 0, item: 1, count_coded: |_| None, channels: &[] }
     }
 }
 
@@ -30,6 +33,7 @@ impl Format {
             assert!(P::NAME.len() <= ProtocolName::MAX_BYTES, "the name of a protocol has at most 32 bytes");
             assert!(P::Latest::SIZE <= MAX_FIXED, "a value of the latest lane has at most 1024 bytes");
             assert!(P::Header::SIZE <= MAX_FIXED, "the header of a frame has at most 1024 bytes");
+            assert!(are_sound(P::CHANNELS), "there are at most 16 channels, each with a name of its own");
             assert!(P::Item::SIZE > 0 && P::Item::SIZE <= 256, "an item has 1 to 256 bytes");
         }
         Self {
@@ -37,6 +41,18 @@ impl Format {
             header: P::Header::SIZE,
             item: P::Item::SIZE,
             count_coded: P::count_coded,
+            channels: P::CHANNELS,
+        }
+    }
+
+    /// The sizes of a channel, as for a link whose lanes have its types.
+    #[must_use]
+    pub fn of_channel(channel: &Channel) -> Self {
+        match channel.sizes() {
+            ChannelSizes::Latest { value } => Self { latest: value.into(), ..Self::default() },
+            ChannelSizes::Frames { header, item } => {
+                Self { header: header.into(), item: item.into(), ..Self::default() }
+            }
         }
     }
 

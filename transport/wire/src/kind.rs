@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
-use crate::{BatchSize, Format, MAX_HELLO, Numbered};
+use crate::{BatchSize, Format, MAX_CHANNELS, MAX_HELLO, Numbered};
 
 /// The bytes of a message's header: the kind, then the payload's length as 24 bits, little-endian.
 pub const HEADER_BYTES: usize = 4;
@@ -31,6 +31,8 @@ pub enum Kind {
     Close = 0x04,
     /// The sender is idle, but alive.
     KeepAlive = 0x05,
+    /// A hello of a peer whose protocol has channels.
+    ChannelsHello = 0x06,
     /// A value of the latest lane.
     Latest = 0x10,
     /// A value and its number, where the latest lane has no order of its own.
@@ -51,12 +53,13 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
         Self::Close,
         Self::KeepAlive,
+        Self::ChannelsHello,
         Self::Latest,
         Self::Numbered,
         Self::Begin,
@@ -84,6 +87,7 @@ impl Kind {
     pub const fn lengths(self, format: &Format) -> RangeInclusive<usize> {
         match self {
             Self::Hello => 2..=MAX_HELLO + 56,
+            Self::ChannelsHello => 2..=MAX_HELLO + 57 + MAX_CHANNELS * 40,
             Self::Accept => 1..=MAX_HELLO + 5,
             Self::Refuse => 2..=512,
             Self::Close => 1..=256,
@@ -117,6 +121,7 @@ impl fmt::Display for Kind {
             Self::Refuse => "refuse",
             Self::Close => "close",
             Self::KeepAlive => "keep-alive",
+            Self::ChannelsHello => "hello with channels",
             Self::Latest => "latest value",
             Self::Numbered => "numbered value",
             Self::Begin => "begin",
@@ -151,7 +156,7 @@ mod tests {
 
     #[test]
     fn every_length_fits_24_bits_and_survives() {
-        let format = Format { latest: 72, header: 1024, item: 256, count_coded: |_| None };
+        let format = Format { latest: 72, header: 1024, item: 256, ..Format::default() };
         for kind in Kind::ALL {
             for length in [*kind.lengths(&format).start(), *kind.lengths(&format).end()] {
                 assert_eq!(parse_header(kind.header(length)), (kind.code(), length));

@@ -23,6 +23,7 @@
 //! | module | contents |
 //! |---|---|
 //! | `protocol`, `format` | an application's protocol: the one trait it implements |
+//! | `channel`, `channel_types` | further lanes, by name |
 //! | `fixed`, `batch`, `plain` | values and items as bytes |
 //! | `frame`, `event` | frames: written and checked, and as their receiver is told of them |
 //! | `control`, `text` | hello, accept, refusal, close, and the texts in them |
@@ -32,6 +33,8 @@
 #![cfg_attr(docsrs, feature(doc_cfg))] // the documentation says which feature has an item
 
 mod batch;
+mod channel;
+mod channel_types;
 mod control;
 mod decode;
 mod event;
@@ -48,6 +51,10 @@ mod serial;
 mod text;
 
 pub use batch::{Batch, BatchError, BatchSize, BatchSizeError, Item};
+pub use channel::{
+    Channel, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, MAX_CHANNELS,
+};
+pub use channel_types::{FramesOf, LatestOf};
 pub use control::{
     Accept, CloseReason, Hello, IdleTimeout, Lane, MAX_HELLO, Refusal, Rejection, SessionId, WireVersion,
 };

@@ -4,8 +4,8 @@ use bytes::{Buf, BufMut, Bytes, BytesMut};
 use serde::Serialize;
 
 use crate::{
-    Accept, CloseReason, DecodeFault, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber, Hello, Kind,
-    Numbered, Refusal, WireVersion, batch,
+    Accept, ChannelList, CloseReason, DecodeFault, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber,
+    Hello, Kind, Numbered, Refusal, WireVersion, batch,
 };
 
 /// The first bytes of every hello, in every version: they distinguish a peer from a stranger.
@@ -53,6 +53,7 @@ impl Message {
     #[must_use]
     pub const fn kind(&self) -> Kind {
         match self {
+            Self::Hello(hello) if !hello.channels.is_empty() => Kind::ChannelsHello,
             Self::Hello(_) => Kind::Hello,
             Self::Accept(_) => Kind::Accept,
             Self::Refuse(_) => Kind::Refuse,
@@ -73,10 +74,13 @@ impl Message {
 
     fn put_payload(&self, out: &mut BytesMut) {
         match self {
-            Self::Hello(Hello { protocol, session, lane, idle_timeout, application }) => {
+            Self::Hello(Hello { protocol, session, lane, idle_timeout, channels, application }) => {
                 out.put_slice(&MAGIC);
                 out.put_u16_le(WireVersion::CURRENT.0);
                 put_control(out, &(protocol, session, lane, idle_timeout));
+                if !channels.is_empty() {
+                    put_control(out, channels);
+                }
                 out.put_slice(application);
             }
             Self::Accept(Accept { idle_timeout, application }) => {
@@ -100,7 +104,7 @@ impl Message {
     pub(crate) fn parse(kind: Kind, payload: Bytes, format: &Format) -> Result<Self, DecodeFault> {
         let short = DecodeFault::Short { kind };
         match kind {
-            Kind::Hello => parse_hello(payload),
+            Kind::Hello | Kind::ChannelsHello => parse_hello(kind, payload),
             Kind::Accept => {
                 let (idle_timeout, application) = take_control(kind, payload)?;
                 Ok(Self::Accept(Accept { idle_timeout, application }))
@@ -215,8 +219,7 @@ fn parse_control<T: serde::de::DeserializeOwned>(kind: Kind, payload: &[u8]) -> 
     if rest.is_empty() { Ok(value) } else { Err(DecodeFault::Trailing { kind, bytes: rest.len() }) }
 }
 
-fn parse_hello(payload: Bytes) -> Result<Message, DecodeFault> {
-    let kind = Kind::Hello;
+fn parse_hello(kind: Kind, payload: Bytes) -> Result<Message, DecodeFault> {
     let rest = payload.strip_prefix(&MAGIC).ok_or(DecodeFault::NotTrimaran)?;
     let (version, body) = rest.split_first_chunk().ok_or(DecodeFault::Short { kind })?;
     let theirs = WireVersion(u16::from_le_bytes(*version));
@@ -224,8 +227,10 @@ fn parse_hello(payload: Bytes) -> Result<Message, DecodeFault> {
         return Err(DecodeFault::Version { ours: WireVersion::CURRENT, theirs });
     }
     let body = payload.slice_ref(body);
-    let ((protocol, session, lane, idle_timeout), application) = take_control(kind, body)?;
-    Ok(Message::Hello(Hello { protocol, session, lane, idle_timeout, application }))
+    let ((protocol, session, lane, idle_timeout), rest) = take_control(kind, body)?;
+    let (channels, application) =
+        if kind == Kind::ChannelsHello { take_control(kind, rest)? } else { (ChannelList::default(), rest) };
+    Ok(Message::Hello(Hello { protocol, session, lane, idle_timeout, channels, application }))
 }
 
 /// A refusal is for the connecting peer, so its version is the listener's.

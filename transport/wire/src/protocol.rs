@@ -7,7 +7,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-use crate::{Batch, BatchSize, Fixed, FrameEnd, FrameNumber, Item, Rejection};
+use crate::{Batch, BatchSize, Channel, Fixed, FrameEnd, FrameNumber, Item, Rejection};
 
 /// An application's protocol over its links, with its types.
 ///
@@ -60,6 +60,10 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
     /// The protocol's name with its version, as in ALPN (RFC 7301), such as `robot/1`. Peers of different
     /// names refuse each other. At most [`ProtocolName::MAX_BYTES`](crate::ProtocolName::MAX_BYTES).
     const NAME: &'static str;
+
+    /// Further latest lanes and frames lanes, each with a name and types of its own: at most
+    /// [`MAX_CHANNELS`](crate::MAX_CHANNELS). Peers with different ones refuse each other.
+    const CHANNELS: &'static [Channel] = &[];
 
     /// A peer's introduction. At most [`MAX_HELLO`](crate::MAX_HELLO) bytes, encoded by postcard.
     type Hello: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;

@@ -1,7 +1,7 @@
 /** The handshake and the end of a link: hello, accept, refuse and close. */
 
 import { Reader, shownText, WireError, Writer } from "./bytes.ts";
-import { type Of, record, rest, tagged, text, u16, u32, u64, variant, whole } from "./codec.ts";
+import { type Of, option, record, rest, tagged, text, u16, u32, u64, u8, variant, whole } from "./codec.ts";
 
 /** The version of the wire of links. Peers of different versions refuse each other. */
 export const WIRE_VERSION = 4;
@@ -55,6 +55,12 @@ export type Accept = Of<typeof ACCEPT>;
 
 export const { encode: encodeAccept, decode: decodeAccept } = whole(ACCEPT);
 
+/** A channel of a listener; this package has none. */
+const CHANNEL = record({
+  name: NAME,
+  sizes: tagged("kind", { latest: { value: u16 }, frames: { header: u16, item: u16 } }),
+});
+
 /** Why a hello was refused, with both sides' values; in the order of their numbers. */
 const REFUSAL = tagged("reason", {
   versions: { listener: u16, connector: u16 },
@@ -64,6 +70,7 @@ const REFUSAL = tagged("reason", {
   unpaired: { session: u64 },
   busy: {},
   key: { claimed: TEXT, known: TEXT },
+  channels: { number: u8, listener: option(CHANNEL), connector: option(CHANNEL) },
 });
 
 export type Refusal = Of<typeof REFUSAL>;
@@ -135,5 +142,8 @@ ${shownText(refusal.connector)}: ${release}`;
     case "key":
       return `this side claims to be ${shownText(refusal.claimed)}, and the listener knows its key as \
 that of ${shownText(refusal.known)}`;
+    case "channels":
+      return `the listener has a channel ${shownText(refusal.listener?.name ?? "")}, and this package has no \
+channels: connect from a program, or let the listener offer a protocol without them`;
   }
 }

@@ -72,6 +72,7 @@ test("the lengths of each kind are those of the page, to the byte", () => {
     [Kind.refuse, 2, 512],
     [Kind.close, 1, 256],
     [Kind.keepAlive, 0, 0],
+    [Kind.channelsHello, 2, 897],
     [Kind.latestValue, 72, 72],
     [Kind.numberedValue, 76, 76],
     [Kind.begin, 76, 76],
@@ -132,6 +133,12 @@ test("each reason of a refusal reads back", () => {
     { reason: "unpaired", session: 5n },
     { reason: "busy" },
     { reason: "key", claimed: "display", known: "culler" },
+    {
+      reason: "channels",
+      number: 3,
+      listener: { name: "back", sizes: { kind: "frames", header: 8, item: 3 } },
+      connector: undefined,
+    },
   ];
   for (const [number, refusal] of refusals.entries()) {
     const payload = encodeRefuse(refusal);

@@ -97,6 +97,15 @@ testPage(ROBOT, FORMAT, {
   refuse: refused({ reason: "not taken", code: 1, text: "full" }),
   close: closed({ code: 3, text: "no power" }),
   "keep-alive": same(Kind.keepAlive, new Uint8Array(0), asIs, asIs),
+  "hello-channels": {
+    kind: Kind.channelsHello,
+    // This package has no channels: of such a hello it knows the beginning.
+    check(payload) {
+      const reader = new Reader(payload.subarray(6));
+      assert.deepEqual([text().read(reader), reader.varint64()], ["robot/1", 5n]);
+      return undefined;
+    },
+  },
   "latest-value": same(Kind.latestValue, HERE, pose.decode, pose.encode),
   "numbered-value": same(Kind.numberedValue, { number: 5, pose: HERE }, numbered.decode, numbered.encode),
   begin: framed(Kind.begin, new Writer().u32(9).u64(1000n).take()),

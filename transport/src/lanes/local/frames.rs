@@ -1,6 +1,7 @@
 //! The frames lane within this process.
 
 use std::collections::VecDeque;
+use std::fmt;
 use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 
@@ -16,30 +17,38 @@ use crate::stats::Counters;
 /// for items of 4 bytes 32 MiB in all at the largest batch size.
 const QUEUE: usize = 256;
 
-/// The lane in one direction.
-pub(super) fn frames<P: Protocol>([sent, received]: [&Arc<Counters>; 2]) -> (FrameTx<P>, FrameRx<P>) {
+/// The kind and payload size of data if it were encoded.
+type Weight<T> = fn(&T) -> (Kind, usize);
+
+/// The lane of `T` in one direction.
+pub(super) fn frames<T>(
+    [sent, received]: [&Arc<Counters>; 2],
+    weight: Weight<T>,
+) -> (FrameTx<T>, FrameRx<T>) {
     let (sender, receiver) = queue(QUEUE);
-    let tx = FrameTx { queue: sender, staged: VecDeque::new(), counters: Arc::clone(sent) };
-    (tx, FrameRx { queue: receiver, closed: None, counters: Arc::clone(received) })
+    let tx = FrameTx { weight, queue: sender, staged: VecDeque::new(), counters: Arc::clone(sent) };
+    (tx, FrameRx { weight, queue: receiver, closed: None, counters: Arc::clone(received) })
 }
 
 #[derive(Debug)]
-pub(super) struct FrameTx<P: Protocol> {
-    queue: Sender<Said<FrameEvent<P>>>,
-    staged: VecDeque<Said<FrameEvent<P>>>,
+pub(super) struct FrameTx<T> {
+    weight: Weight<T>,
+    queue: Sender<Said<T>>,
+    staged: VecDeque<Said<T>>,
     counters: Arc<Counters>,
 }
 
 #[derive(Debug)]
-pub(super) struct FrameRx<P: Protocol> {
-    queue: Receiver<Said<FrameEvent<P>>>,
+pub(super) struct FrameRx<T> {
+    weight: Weight<T>,
+    queue: Receiver<Said<T>>,
     closed: Option<CloseReason>,
     counters: Arc<Counters>,
 }
 
-impl<P: Protocol> Half for FrameTx<P> {}
+impl<T: fmt::Debug + Send> Half for FrameTx<T> {}
 
-impl<P: Protocol> LaneTx for FrameTx<P> {
+impl<T: fmt::Debug + Send> LaneTx for FrameTx<T> {
     fn poll_send(&mut self, cx: &mut Context<'_>) -> Poll<Result<bool, Loss>> {
         if self.staged.is_empty() {
             return Poll::Ready(Ok(true));
@@ -55,30 +64,30 @@ impl<P: Protocol> LaneTx for FrameTx<P> {
     }
 }
 
-impl<P: Protocol> Tx<FrameEvent<P>> for FrameTx<P> {
-    fn stage(&mut self, event: FrameEvent<P>) -> Result<(), Loss> {
-        let (kind, bytes) = weight(&event);
+impl<T: fmt::Debug + Send> Tx<T> for FrameTx<T> {
+    fn stage(&mut self, data: T) -> Result<(), Loss> {
+        let (kind, bytes) = (self.weight)(&data);
         self.counters.sent.count(kind, bytes);
-        self.staged.push_back(Said::Data(event));
+        self.staged.push_back(Said::Data(data));
         Ok(())
     }
 }
 
-impl<P: Protocol> Half for FrameRx<P> {}
+impl<T: fmt::Debug + Send> Half for FrameRx<T> {}
 
-impl<P: Protocol> Rx<FrameEvent<P>> for FrameRx<P> {
-    fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<FrameEvent<P>>, LaneError>> {
+impl<T: fmt::Debug + Send> Rx<T> for FrameRx<T> {
+    fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<T>, LaneError>> {
         let next = super::poll_next(&mut self.queue, &mut self.closed, &self.counters, cx);
-        next.map_ok(|event| {
-            let (kind, bytes) = weight(&event);
+        next.map_ok(|data| {
+            let (kind, bytes) = (self.weight)(&data);
             self.counters.received.count(kind, bytes);
-            Some(event)
+            Some(data)
         })
     }
 }
 
 /// The kind and payload size of an event if it were encoded.
-fn weight<P: Protocol>(event: &FrameEvent<P>) -> (Kind, usize) {
+pub(super) fn weight<P: Protocol>(event: &FrameEvent<P>) -> (Kind, usize) {
     match event {
         FrameEvent::Begin(_) => (Kind::Begin, Format::of::<P>().begin()),
         FrameEvent::Batch(batch) => (Kind::Batch, batch.as_bytes().len()),

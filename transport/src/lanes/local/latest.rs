@@ -5,17 +5,21 @@ use std::fmt;
 use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
 
-use trimaran_wire::{CloseReason, Fixed, Kind};
+use trimaran_wire::{CloseReason, Kind};
 
 use crate::error::{LaneError, Loss};
 use crate::lanes::half::{Half, LaneTx, Rx, Tx};
 use crate::stats::{Counters, Direction};
 
 /// The lane in one direction.
-pub(super) fn latest<V>([sent, received]: [&Arc<Counters>; 2]) -> (LatestTx<V>, LatestRx<V>) {
+/// `size` is that of a value if it were encoded.
+pub(super) fn latest<V>(
+    [sent, received]: [&Arc<Counters>; 2],
+    size: fn(&V) -> usize,
+) -> (LatestTx<V>, LatestRx<V>) {
     let cell = Arc::new(Mutex::new(Cell { value: None, closed: None, ended: false, reader: None }));
     let (sent, received) = (Arc::clone(sent), Arc::clone(received));
-    (LatestTx { cell: Arc::clone(&cell), counters: sent }, LatestRx { cell, counters: received })
+    (LatestTx { cell: Arc::clone(&cell), size, counters: sent }, LatestRx { cell, size, counters: received })
 }
 
 #[derive(Debug)]
@@ -32,6 +36,7 @@ struct Cell<V> {
 #[derive(Debug)]
 pub(super) struct LatestTx<V> {
     cell: Arc<Mutex<Cell<V>>>,
+    size: fn(&V) -> usize,
     counters: Arc<Counters>,
 }
 
@@ -62,10 +67,10 @@ impl<V: fmt::Debug + Send> LaneTx for LatestTx<V> {
     }
 }
 
-impl<V: Fixed + fmt::Debug> Tx<V> for LatestTx<V> {
+impl<V: fmt::Debug + Send> Tx<V> for LatestTx<V> {
     fn stage(&mut self, value: V) -> Result<(), Loss> {
         self.change(|cell, sent| {
-            sent.count(Kind::Latest, V::SIZE);
+            sent.count(Kind::Latest, (self.size)(&value));
             cell.value = Some(value);
         })
     }
@@ -80,16 +85,17 @@ impl<V> Drop for LatestTx<V> {
 #[derive(Debug)]
 pub(super) struct LatestRx<V> {
     cell: Arc<Mutex<Cell<V>>>,
+    size: fn(&V) -> usize,
     counters: Arc<Counters>,
 }
 
 impl<V: fmt::Debug + Send> Half for LatestRx<V> {}
 
-impl<V: Fixed + fmt::Debug> Rx<V> for LatestRx<V> {
+impl<V: fmt::Debug + Send> Rx<V> for LatestRx<V> {
     fn poll_next(&mut self, cx: &mut Context<'_>) -> Poll<Result<Option<V>, LaneError>> {
         let mut cell = self.cell.lock();
         if let Some(value) = cell.value.take() {
-            self.counters.received.count(Kind::Latest, V::SIZE);
+            self.counters.received.count(Kind::Latest, (self.size)(&value));
             return Poll::Ready(Ok(Some(value)));
         }
         match &cell.closed {

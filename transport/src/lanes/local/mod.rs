@@ -8,11 +8,13 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 
 use bytes::Bytes;
-use trimaran_wire::{CloseReason, FrameEvent, Kind, Protocol};
+use trimaran_wire::{
+    Channel, ChannelSizes, CloseReason, Fixed, FixedBytes, FrameEvent, FrameMessage, Kind, Protocol,
+};
 
-use super::Lanes;
 use super::queue::Receiver;
 use super::records::{Measured, RecordLane};
+use super::{ByteChannel, Lanes};
 use crate::error::{LaneError, Loss};
 use crate::stats::Counters;
 
@@ -24,8 +26,10 @@ pub(crate) type LocalLanes<P> =
 pub(crate) fn pair<P: Protocol>(counters: [&Arc<Counters>; 2]) -> [LocalLanes<P>; 2] {
     let [here, there] = counters;
     let (ways, back) = ([here, there], [there, here]);
-    let ((latest_a, latest_rx_b), (latest_b, latest_rx_a)) = (latest::latest(ways), latest::latest(back));
-    let ((frames_a, frames_rx_b), (frames_b, frames_rx_a)) = (frames::frames(ways), frames::frames(back));
+    let latest = |ways| latest::latest(ways, |_: &P::Latest| P::Latest::SIZE);
+    let frames = |ways| frames::frames(ways, frames::weight::<P>);
+    let ((latest_a, latest_rx_b), (latest_b, latest_rx_a)) = (latest(ways), latest(back));
+    let ((frames_a, frames_rx_b), (frames_b, frames_rx_a)) = (frames(ways), frames(back));
     let [messages_a, messages_b] = records::records(RecordLane::Messages, ways);
     let [bulk_a, bulk_b] = records::records(RecordLane::Bulk, ways);
     [
@@ -42,6 +46,27 @@ pub(crate) fn pair<P: Protocol>(counters: [&Arc<Counters>; 2]) -> [LocalLanes<P>
             bulk: bulk_b,
         },
     ]
+}
+
+/// Both ends of a channel, which count their traffic there. Values and headers are bytes already.
+#[cfg_attr(not(feature = "inproc"), allow(dead_code, reason = "only inproc calls it"))]
+pub(crate) fn channel(declared: &Channel, [here, there]: [&Arc<Counters>; 2]) -> [ByteChannel; 2] {
+    let (ways, back) = ([here, there], [there, here]);
+    match declared.sizes() {
+        ChannelSizes::Latest { .. } => {
+            let of = |ways| latest::latest(ways, |value: &FixedBytes| value.len());
+            let ((near_tx, far_rx), (far_tx, near_rx)) = (of(ways), of(back));
+            [(near_tx, near_rx), (far_tx, far_rx)]
+                .map(|(tx, rx)| ByteChannel::Latest((Box::new(tx), Box::new(rx))))
+        }
+        ChannelSizes::Frames { .. } => {
+            let of =
+                |ways| frames::frames(ways, |message: &FrameMessage| (message.kind(), message.payload()));
+            let ((near_tx, far_rx), (far_tx, near_rx)) = (of(ways), of(back));
+            [(near_tx, near_rx), (far_tx, far_rx)]
+                .map(|(tx, rx)| ByteChannel::Frames((Box::new(tx), Box::new(rx))))
+        }
+    }
 }
 
 /// Entries of a queue.

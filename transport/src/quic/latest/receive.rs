@@ -6,8 +6,8 @@ use std::task::{Context, Poll};
 
 use bytes::Bytes;
 use futures_util::future::{BoxFuture, FutureExt};
-use futures_util::stream::{self, BoxStream, StreamExt};
-use quinn::{Connection, ConnectionError, RecvStream};
+use futures_util::stream::StreamExt;
+use quinn::RecvStream;
 use trimaran_wire::{
     CloseReason, DecodeError, DecodeFault, Decoder, FixedBytes, Format, Kind, Lane, Message, Numbered, Serial,
 };
@@ -15,6 +15,7 @@ use trimaran_wire::{
 use crate::error::{LaneError, Loss, ProtocolError, misplaced};
 use crate::lanes::half::{Half, Rx};
 use crate::quic::carrier::{Carrier, loss};
+use crate::quic::datagrams::Datagrams;
 use crate::quic::frames::poll_fill;
 use crate::stats::Counters;
 
@@ -22,7 +23,7 @@ pub(crate) struct LatestRx {
     carrier: Arc<Carrier>,
     counters: Arc<Counters>,
     format: Format,
-    datagrams: BoxStream<'static, Result<Bytes, ConnectionError>>,
+    datagrams: Datagrams,
     control: RecvStream,
     decoder: Decoder,
     /// The newest number that was seen.
@@ -45,15 +46,14 @@ impl LatestRx {
         carrier: &Arc<Carrier>,
         control: RecvStream,
         decoder: Decoder,
-        format: Format,
+        (format, datagrams): (Format, Datagrams),
         counters: &Arc<Counters>,
     ) -> Self {
-        let read = |connection: Connection| async { Some((connection.read_datagram().await, connection)) };
         Self {
             carrier: Arc::clone(carrier),
             counters: Arc::clone(counters),
             format,
-            datagrams: stream::unfold(carrier.connection.clone(), read).boxed(),
+            datagrams,
             control,
             decoder,
             last: None,
@@ -71,6 +71,8 @@ impl LatestRx {
         loop {
             match self.decoder.next_message() {
                 Ok(Some(Message::Numbered(numbered))) => self.see(numbered),
+                // The stream of a channel begins with one.
+                Ok(Some(Message::KeepAlive)) => {}
                 Ok(Some(Message::Close(reason))) => {
                     self.counters.received.count(Kind::Close, 0);
                     self.closed = Some(reason.clone());

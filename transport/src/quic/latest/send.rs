@@ -29,6 +29,8 @@ pub(crate) struct LatestTx {
     carrier: Arc<Carrier>,
     counters: Arc<Counters>,
     next: Serial,
+    /// The first byte of its datagrams, where there are channels.
+    mark: Option<u8>,
     buffer: BytesMut,
 }
 
@@ -53,7 +55,12 @@ struct State {
 }
 
 impl LatestTx {
-    pub(crate) fn new(carrier: &Arc<Carrier>, control: SendStream, counters: &Arc<Counters>) -> Self {
+    pub(crate) fn new(
+        carrier: &Arc<Carrier>,
+        control: SendStream,
+        mark: Option<u8>,
+        counters: &Arc<Counters>,
+    ) -> Self {
         let (cell, counters) = (Arc::<Cell>::default(), Arc::clone(counters));
         let copier = Copier {
             cell: Arc::clone(&cell),
@@ -63,7 +70,7 @@ impl LatestTx {
         };
         carrier.net.spawn(Box::pin(copier.run()));
         let carrier = Arc::clone(carrier);
-        Self { cell, carrier, counters, next: Serial::default(), buffer: BytesMut::new() }
+        Self { cell, carrier, counters, next: Serial::default(), mark, buffer: BytesMut::new() }
     }
 }
 
@@ -96,10 +103,11 @@ impl Tx<FixedBytes> for LatestTx {
     fn stage(&mut self, value: FixedBytes) -> Result<(), Loss> {
         let bytes = value.len();
         let numbered = Numbered { number: self.next, value };
-        let size = Numbered::NUMBER_BYTES + bytes;
+        let size = Numbered::NUMBER_BYTES + bytes + usize::from(self.mark.is_some());
         if self.buffer.capacity() < size {
             self.buffer.reserve(VALUES * size);
         }
+        self.buffer.extend(self.mark);
         numbered.write(&mut self.buffer);
         self.carrier.connection.send_datagram(self.buffer.split().freeze()).map_err(|e| match e {
             SendDatagramError::ConnectionLost(e) => loss(e),

@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::{HostId, SimNet, Simulation, Topology};
-use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, Robot, greeting};
+use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, Robot, greeting, meet};
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, Host, LinkConfig, Net, Options, connect};
+use trimaran_transport::{ConnectError, Endpoint, Host, LinkConfig, Net, Options, Protocol};
 
 pub(crate) type Link = trimaran_transport::Link<Robot>;
 pub(crate) type Listener = trimaran_transport::Listener<Robot>;
@@ -101,16 +101,21 @@ impl Machines {
 
     /// A pair of links with these configurations: that of `here`, then that of `there`.
     pub(crate) async fn join(&self, configs: [LinkConfig; 2]) -> (Link, Link) {
+        let hellos = (greeting(ARM), greeting(PANEL));
+        self.join_with(hellos, configs, Duration::from_secs(60)).await.unwrap()
+    }
+
+    async fn join_with<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        configs: [LinkConfig; 2],
+        within: Duration,
+    ) -> Result<(trimaran_transport::Link<P>, trimaran_transport::Link<Q>), ConnectError> {
         let [here, there] = self.nets.clone().map(|net| Arc::new(net) as Arc<dyn Net>);
         let [mut ours, mut theirs] = self.options.clone();
         [ours.link, theirs.link] = configs;
         let anywhere = format!("{}://0.0.0.0:0", self.scheme).parse().unwrap();
-        let mut listener = Listener::bind(&here, &anywhere, greeting(ARM), &ours).await.unwrap();
-        let at = seen_from_elsewhere(&listener);
-        let soon = here.now().after(Duration::from_secs(60));
-        let (there, here) =
-            tokio::join!(connect(&there, &at, greeting(PANEL), &theirs, soon), listener.accept(soon));
-        (here.unwrap(), there.unwrap())
+        meet([&here, &there], &anywhere, [&ours, &theirs], hellos, within, from_elsewhere).await
     }
 }
 
@@ -119,8 +124,13 @@ impl Pairs for Machines {
         self.overhead
     }
 
-    async fn pair(&self, config: LinkConfig) -> (Link, Link) {
-        self.join([config; 2]).await
+    async fn join<P: Protocol, Q: Protocol>(
+        &self,
+        hellos: (P::Hello, Q::Hello),
+        config: LinkConfig,
+        within: Duration,
+    ) -> Result<(trimaran_transport::Link<P>, trimaran_transport::Link<Q>), ConnectError> {
+        self.join_with(hellos, [config; 2], within).await
     }
 
     fn net(&self) -> Arc<dyn Net> {
@@ -130,7 +140,11 @@ impl Pairs for Machines {
 
 /// The address of a listener on the machine `here` for other machines.
 pub(crate) fn seen_from_elsewhere(listener: &Listener) -> Endpoint {
-    let mut at = listener.local_endpoint().clone();
+    from_elsewhere(listener.local_endpoint())
+}
+
+fn from_elsewhere(at: &Endpoint) -> Endpoint {
+    let mut at = at.clone();
     match &mut at {
         Endpoint::Tcp(at) | Endpoint::Quic(at) => at.host = here(),
         Endpoint::Udp(at) => at.at.host = here(),

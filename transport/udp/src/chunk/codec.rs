@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use smallvec::SmallVec;
-use trimaran_wire::Format;
+use trimaran_wire::{ChannelNumber, ChannelSizes, Format};
 
 use super::{ACK_RANGES, Chunk, GivenUp, Tail, UnitLane, unit_head};
 use crate::ranges::RangeSet;
@@ -22,6 +22,8 @@ const MESSAGES_MAX_DATA: u8 = 0x08;
 const STOP_MESSAGES: u8 = 0x09;
 const BULK_MAX_DATA: u8 = 0x0a;
 const STOP_BULK: u8 = 0x0b;
+/// Before a chunk about a channel, with its number.
+const CHANNEL: u8 = 0x0c;
 const LATEST: u8 = 0x10;
 const LAST_LATEST: u8 = 0x11;
 const PART: u8 = 0x20;
@@ -39,6 +41,9 @@ impl<'a> Chunk<'a> {
     pub(crate) const FILLING: u8 = PAD;
 
     pub(crate) fn write(&self, out: &mut Vec<u8>) {
+        if let Some(ChannelNumber(number)) = self.channel() {
+            out.extend_from_slice(&[CHANNEL, number]);
+        }
         match self {
             Self::Pad => out.push(PAD),
             Self::Ping => out.push(PING),
@@ -57,7 +62,7 @@ impl<'a> Chunk<'a> {
             }
             Self::MaxData { lane, bytes, units } => {
                 out.push(match lane {
-                    UnitLane::Frames => MAX_DATA,
+                    UnitLane::Frames | UnitLane::Channel(_) => MAX_DATA,
                     UnitLane::Messages => MESSAGES_MAX_DATA,
                     UnitLane::Bulk => BULK_MAX_DATA,
                 });
@@ -66,7 +71,7 @@ impl<'a> Chunk<'a> {
             }
             Self::Close => out.push(CLOSE),
             Self::StopSending { lane } => out.push(match lane {
-                UnitLane::Frames => STOP_SENDING,
+                UnitLane::Frames | UnitLane::Channel(_) => STOP_SENDING,
                 UnitLane::Messages => STOP_MESSAGES,
                 UnitLane::Bulk => STOP_BULK,
             }),
@@ -78,13 +83,13 @@ impl<'a> Chunk<'a> {
                 out.push(RESPONSE);
                 out.extend_from_slice(cookie);
             }
-            Self::LastLatest { number, close } => {
+            Self::LastLatest { number, close, .. } => {
                 out.push(LAST_LATEST);
                 put_varint(out, *number);
                 out.extend_from_slice(&(close.len() as u16).to_le_bytes());
                 out.extend_from_slice(close);
             }
-            Self::Latest { number, value } => {
+            Self::Latest { number, value, .. } => {
                 out.push(LATEST);
                 put_varint(out, *number);
                 out.extend_from_slice(value);
@@ -95,10 +100,10 @@ impl<'a> Chunk<'a> {
                     (UnitLane::Messages, _) => MESSAGE_PART,
                     (UnitLane::Bulk, Tail::End) => BLOCK_PART | END,
                     (UnitLane::Bulk, _) => BLOCK_PART,
-                    (UnitLane::Frames, Tail::More) => PART,
-                    (UnitLane::Frames, Tail::Pause) => PART | 1,
-                    (UnitLane::Frames, Tail::End) => PART | END,
-                    (UnitLane::Frames, Tail::Frame(_)) => PART | 3,
+                    (_, Tail::More) => PART,
+                    (_, Tail::Pause) => PART | 1,
+                    (_, Tail::End) => PART | END,
+                    (_, Tail::Frame(_)) => PART | 3,
                 });
                 put_varint(out, *unit);
                 put_varint(out, *offset);
@@ -108,7 +113,7 @@ impl<'a> Chunk<'a> {
                 }
                 out.extend_from_slice(data);
             }
-            Self::GiveUp { unit, about: GivenUp { length, sent, hash, coded }, head } => {
+            Self::GiveUp { unit, about: GivenUp { length, sent, hash, coded }, head, .. } => {
                 out.push(if coded.is_some() { GIVE_UP_CODED } else { GIVE_UP });
                 put_varint(out, *unit);
                 put_varint(out, *length);
@@ -120,7 +125,7 @@ impl<'a> Chunk<'a> {
                 put_varint(out, head.len() as u64);
                 out.extend_from_slice(head);
             }
-            Self::Repair { unit, block, hash, index, data } => {
+            Self::Repair { unit, block, hash, index, data, .. } => {
                 out.push(if hash.is_some() { LAST_REPAIR } else { REPAIR });
                 put_varint(out, *unit);
                 put_varint(out, block.offset);
@@ -137,27 +142,55 @@ impl<'a> Chunk<'a> {
 
     /// Reads the next chunk.
     pub(crate) fn read(reader: &mut Reader<'a>, format: &Format) -> Result<Self, Malformed> {
-        let code = reader.u8("chunk")?;
+        match reader.u8("chunk")? {
+            CHANNEL => {
+                let number = ChannelNumber(reader.u8("channel")?);
+                let channel = format.channels.get(number.index());
+                let channel = channel.ok_or(Malformed::Range { what: "channel" })?;
+                let code = reader.u8("chunk")?;
+                let belongs = match channel.sizes() {
+                    ChannelSizes::Latest { .. } => matches!(code, LATEST | LAST_LATEST),
+                    ChannelSizes::Frames { .. } => {
+                        matches!(code, MAX_DATA | STOP_SENDING | 0x20..=0x25 | REPAIR | LAST_REPAIR)
+                    }
+                };
+                if !belongs {
+                    return Err(Malformed::UnknownChunk { code });
+                }
+                Self::read_of(reader, code, &Format::of_channel(channel), Some(number))
+            }
+            code => Self::read_of(reader, code, format, None),
+        }
+    }
+
+    /// Reads the rest of a chunk with this code, of a lane with values of these sizes.
+    fn read_of(
+        reader: &mut Reader<'a>,
+        code: u8,
+        format: &Format,
+        channel: Option<ChannelNumber>,
+    ) -> Result<Self, Malformed> {
+        let lane = channel.map_or_else(|| lane_of(code), UnitLane::Channel);
         match code {
             PAD => Ok(Self::Pad),
             PING => Ok(Self::Ping),
             ACK => read_ack(reader),
             MAX_DATA | MESSAGES_MAX_DATA | BULK_MAX_DATA => {
                 let (bytes, units) = (reader.varint("max data")?, reader.varint("max data")?);
-                Ok(Self::MaxData { lane: lane_of(code), bytes, units })
+                Ok(Self::MaxData { lane, bytes, units })
             }
             CLOSE => Ok(Self::Close),
-            STOP_SENDING | STOP_MESSAGES | STOP_BULK => Ok(Self::StopSending { lane: lane_of(code) }),
+            STOP_SENDING | STOP_MESSAGES | STOP_BULK => Ok(Self::StopSending { lane }),
             CHALLENGE => Ok(Self::Challenge { cookie: *reader.array("cookie")? }),
             RESPONSE => Ok(Self::Response { cookie: *reader.array("cookie")? }),
             LATEST => {
                 let number = reader.varint("value number")?;
-                Ok(Self::Latest { number, value: reader.take(format.latest, "value")? })
+                Ok(Self::Latest { channel, number, value: reader.take(format.latest, "value")? })
             }
             LAST_LATEST => {
                 let number = reader.varint("value number")?;
                 let length = usize::from(reader.u16("close length")?);
-                Ok(Self::LastLatest { number, close: reader.take(length, "close")? })
+                Ok(Self::LastLatest { channel, number, close: reader.take(length, "close")? })
             }
             0x20..=0x23 | MESSAGE_PART | 0x42 | BLOCK_PART | 0x52 => {
                 let unit = reader.varint("unit")?;
@@ -169,7 +202,7 @@ impl<'a> Chunk<'a> {
                     2 => Tail::End,
                     _ => Tail::Frame(reader.u64("hash")?),
                 };
-                Ok(Self::Part { lane: lane_of(code), unit, offset, tail, data: reader.take(length, "part")? })
+                Ok(Self::Part { lane, unit, offset, tail, data: reader.take(length, "part")? })
             }
             GIVE_UP | GIVE_UP_CODED => {
                 let unit = reader.varint("unit")?;
@@ -182,7 +215,7 @@ impl<'a> Chunk<'a> {
                     return Err(Malformed::Range { what: "unit length" });
                 }
                 let about = GivenUp { length, sent, hash, coded };
-                Ok(Self::GiveUp { unit, about, head: reader.take(count as usize, "beginning")? })
+                Ok(Self::GiveUp { lane, unit, about, head: reader.take(count as usize, "beginning")? })
             }
             REPAIR | LAST_REPAIR => {
                 let unit = reader.varint("unit")?;
@@ -197,6 +230,7 @@ impl<'a> Chunk<'a> {
                     return Err(Malformed::Range { what: "block" });
                 }
                 Ok(Self::Repair {
+                    lane,
                     unit,
                     block,
                     hash,
@@ -250,7 +284,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::samples::FORMAT;
+    use crate::samples::FORMAT_WITH_CHANNELS as FORMAT;
 
     fn back(chunk: &Chunk<'_>) {
         let mut out = Vec::new();
@@ -267,7 +301,14 @@ mod tests {
     #[test]
     fn chunks_without_an_example_come_back_and_their_parts_do_not() {
         let block = Block { offset: 1136, length: 5, shard: 6, count: 2 };
-        back(&Chunk::Repair { unit: 7, block, hash: None, index: 1, data: b"repair" });
+        back(&Chunk::Repair {
+            lane: UnitLane::Frames,
+            unit: 7,
+            block,
+            hash: None,
+            index: 1,
+            data: b"repair",
+        });
         for lane in [UnitLane::Messages, UnitLane::Bulk] {
             back(&Chunk::Part { lane, unit: 1 << 30, offset: 80, tail: Tail::More, data: b"stop" });
         }
@@ -288,6 +329,24 @@ mod tests {
             let mut reader = Reader::new(&bytes);
             while let Ok(chunk) = Chunk::read(&mut reader, &FORMAT) {
                 back(&chunk);
+            }
+        }
+
+        #[test]
+        fn any_bytes_about_a_channel_are_judged(
+            number in 0u8..3, code in 0u8..0x40, rest in prop::collection::vec(any::<u8>(), 0..60),
+        ) {
+            let bytes = [&[CHANNEL, number, code][..], &rest].concat();
+            match Chunk::read(&mut Reader::new(&bytes), &FORMAT) {
+                Ok(chunk) => {
+                    prop_assert_eq!(chunk.channel(), Some(ChannelNumber(number)));
+                    let is_value = matches!(chunk, Chunk::Latest { .. } | Chunk::LastLatest { .. });
+                    prop_assert_eq!(is_value, number == 0);
+                    back(&chunk);
+                }
+                Err(_) if number == 2 => {}
+                Err(Malformed::UnknownChunk { code: named }) => prop_assert_eq!(named, code),
+                Err(_) => {}
             }
         }
     }

@@ -1,13 +1,13 @@
 //! The lanes as the connection's owner uses them.
 
 use bytes::Bytes;
-use trimaran_wire::{CloseReason, FixedBytes, FrameMessage, FrameNumber, Message};
+use trimaran_wire::{ChannelNumber, CloseReason, FixedBytes, FrameMessage, FrameNumber, Message};
 
 use super::Connection;
 use crate::chunk::UnitLane;
 use crate::inbox::Received;
 use crate::keys::OVERHEAD;
-use crate::latest::LatestEnd;
+use crate::latest::{LatestEnd, LatestOut};
 use crate::repair::{LARGEST, Path};
 
 /// The most bytes of a full packet beside its part or repair shard: the chunk's own fields, and perhaps a
@@ -17,14 +17,16 @@ const BESIDE: usize = 36;
 impl Connection {
     /// Whether the lane takes more to send: data that waits for acknowledgement leaves room.
     #[must_use]
-    pub const fn is_writable(&self, lane: UnitLane) -> bool {
+    pub fn is_writable(&self, lane: UnitLane) -> bool {
         self.units(lane).is_writable()
     }
 
     /// Whether all sent data has arrived.
     #[must_use]
     pub fn is_drained(&self) -> bool {
-        UnitLane::ALL.into_iter().all(|lane| self.is_lane_drained(lane)) && self.latest_out.is_drained()
+        let others = [&self.messages, &self.bulk];
+        self.frame_lanes().chain(others).all(|units| units.outbox.is_empty())
+            && self.values_out().all(LatestOut::is_drained)
     }
 
     /// Whether all data sent on the lane has arrived.
@@ -35,8 +37,8 @@ impl Connection {
 
     /// Whether the newest value has arrived, and the end of the lane if there was one.
     #[must_use]
-    pub fn is_latest_drained(&self) -> bool {
-        self.latest_out.is_drained()
+    pub fn is_latest_drained(&self, channel: Option<ChannelNumber>) -> bool {
+        self.latest_out(channel).is_drained()
     }
 
     /// Whether [`Connection::recv`] would return something.
@@ -47,21 +49,27 @@ impl Connection {
 
     /// Whether the peer no longer reads the lane: data sent on it is discarded.
     #[must_use]
-    pub const fn is_stopped(&self, lane: UnitLane) -> bool {
+    pub fn is_stopped(&self, lane: UnitLane) -> bool {
         self.units(lane).stopped
     }
 
     /// The newest frame sent from here that has arrived completely: later ones may refer to it.
     #[must_use]
-    pub const fn confirmed_frame(&self) -> Option<FrameNumber> {
-        self.frames.outbox.confirmed
+    pub fn confirmed_frame(&self, lane: UnitLane) -> Option<FrameNumber> {
+        self.units(lane).outbox.confirmed
     }
 
     /// Sends a message of the frames lane; a frame writer has put the messages in order. Frames take coded
     /// batches if [`Connection::set_coded`] or [`Config::coded`](super::Config::coded) allowed it before they
     /// began.
     pub fn send(&mut self, message: &FrameMessage) {
-        self.frames.outbox.put(message, self.path());
+        self.send_on(UnitLane::Frames, message);
+    }
+
+    /// As [`Connection::send`], on the frames lane or a channel of frames. Those of channels are not coded.
+    pub fn send_on(&mut self, lane: UnitLane, message: &FrameMessage) {
+        let path = self.path();
+        self.units_mut(lane).outbox.put(message, path);
     }
 
     /// Sends a message of the messages lane, encoded by the application: at most
@@ -98,31 +106,33 @@ impl Connection {
         self.units_mut(lane).stop_reading();
     }
 
-    /// Publishes a value: it replaces the one before, and is sent again until it or a newer one has arrived.
-    pub fn publish(&mut self, value: FixedBytes) {
-        self.latest_out.publish(value);
+    /// Publishes a value on a channel, or on the latest lane: it replaces the one before, and is sent again
+    /// until it or a newer one has arrived.
+    pub fn publish(&mut self, channel: Option<ChannelNumber>, value: FixedBytes) {
+        self.latest_out_mut(channel).publish(value);
     }
 
-    /// Ends the latest lane behind the newest value, with a close or without. The first call counts.
-    pub fn end_latest(&mut self, reason: Option<CloseReason>) {
-        self.latest_out.end(reason);
+    /// Ends a channel of values, or the latest lane, behind the newest value, with a close or without. The
+    /// first call counts.
+    pub fn end_latest(&mut self, channel: Option<ChannelNumber>, reason: Option<CloseReason>) {
+        self.latest_out_mut(channel).end(reason);
     }
 
     /// The newest value of the peer, if it was not read yet.
-    pub fn latest(&mut self) -> Option<FixedBytes> {
-        self.latest_in.take()
+    pub fn latest(&mut self, channel: Option<ChannelNumber>) -> Option<FixedBytes> {
+        self.latest_in_mut(channel).take()
     }
 
     /// How the peer's latest lane ended, once the last value has come.
     #[must_use]
-    pub fn latest_end(&self) -> Option<&LatestEnd> {
-        self.latest_in.end()
+    pub fn latest_end(&self, channel: Option<ChannelNumber>) -> Option<&LatestEnd> {
+        self.latest_in(channel).end()
     }
 
     /// Whether a value or an end of the latest lane can be read.
     #[must_use]
-    pub fn is_latest_readable(&self) -> bool {
-        self.latest_in.is_readable()
+    pub fn is_latest_readable(&self, channel: Option<ChannelNumber>) -> bool {
+        self.latest_in(channel).is_readable()
     }
 
     /// The next item of the lane. Items that arrived before the connection ended are still returned, up to

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 
+use super::units::Units;
 use super::{Closed, Connection};
 use crate::chunk::{Asks, CLOSE, Chunk};
 use crate::packet::{ConnectionId, Packet, ResetToken};
@@ -103,21 +104,23 @@ impl Connection {
                 }
                 Chunk::MaxData { lane, bytes, units } => self.units_mut(lane).outbox.allow(bytes, units),
                 Chunk::Close => return Err(Closed::Peer),
-                Chunk::Latest { number, value } => self.latest_in.put(number, value),
-                Chunk::LastLatest { number, close } => {
-                    self.latest_in.put_end(number, close).map_err(|_| Closed::Reason)?;
+                Chunk::Latest { channel, number, value } => self.latest_in_mut(channel).put(number, value),
+                Chunk::LastLatest { channel, number, close } => {
+                    self.latest_in_mut(channel).put_end(number, close).map_err(|_| Closed::Reason)?;
                 }
                 Chunk::StopSending { lane } => self.units_mut(lane).on_stop(),
                 Chunk::Part { lane, unit, offset, tail, data } => {
                     self.units_mut(lane).inbox.put(unit, offset, tail, data)?;
                 }
-                Chunk::GiveUp { unit, about, head } => self.frames.inbox.give_up(unit, about, head)?,
-                Chunk::Repair { unit, block, hash, index, data } => {
-                    taken &= self.frames.inbox.put_repair(unit, block, hash, index, data)?;
+                Chunk::GiveUp { lane, unit, about, head } => {
+                    self.units_mut(lane).inbox.give_up(unit, about, head)?;
+                }
+                Chunk::Repair { lane, unit, block, hash, index, data } => {
+                    taken &= self.units_mut(lane).inbox.put_repair(unit, block, hash, index, data)?;
                 }
             }
         }
-        self.frames.discard_unread();
+        self.frame_lanes_mut().for_each(Units::discard_unread);
         self.messages.discard_unread();
         self.bulk.discard_unread();
         Ok(taken.then_some(asks))
@@ -129,13 +132,13 @@ impl Connection {
                 Content::Part { lane, unit, range, ended } => {
                     self.units_mut(lane).outbox.on_loss(unit, range, ended);
                 }
-                Content::Latest { number } => self.latest_out.on_value_lost(number),
-                Content::LastLatest => self.latest_out.on_end_lost(),
+                Content::Latest { channel, number } => self.latest_out_mut(channel).on_value_lost(number),
+                Content::LastLatest { channel } => self.latest_out_mut(channel).on_end_lost(),
                 Content::MaxData { lane } => self.units_mut(lane).max_data_due = true,
                 Content::StopSending { lane } => self.units_mut(lane).stop_sending_due = true,
-                Content::GiveUp { unit } => self.frames.outbox.on_give_up_loss(unit),
-                Content::Repair { unit, offset, index } => {
-                    self.frames.outbox.on_repair_loss(unit, offset, index);
+                Content::GiveUp { lane, unit } => self.units_mut(lane).outbox.on_give_up_loss(unit),
+                Content::Repair { lane, unit, offset, index } => {
+                    self.units_mut(lane).outbox.on_repair_loss(unit, offset, index);
                 }
                 Content::Probe { size } => self.mtu.on_lost(now, size),
             }
@@ -145,15 +148,15 @@ impl Connection {
                 Content::Part { lane, unit, range, ended } => {
                     self.units_mut(lane).outbox.on_ack(unit, range, ended);
                 }
-                Content::Latest { number } => self.latest_out.on_value_arrived(number),
-                Content::LastLatest => self.latest_out.on_end_arrived(),
-                Content::GiveUp { unit } => self.frames.outbox.on_give_up_ack(unit),
+                Content::Latest { channel, number } => self.latest_out_mut(channel).on_value_arrived(number),
+                Content::LastLatest { channel } => self.latest_out_mut(channel).on_end_arrived(),
+                Content::GiveUp { lane, unit } => self.units_mut(lane).outbox.on_give_up_ack(unit),
                 Content::Probe { size } => {
                     self.mtu.on_arrived(now, size);
                     self.resize();
                 }
-                Content::Repair { unit, offset, index } => {
-                    self.frames.outbox.on_repair_ack(unit, offset, index);
+                Content::Repair { lane, unit, offset, index } => {
+                    self.units_mut(lane).outbox.on_repair_ack(unit, offset, index);
                 }
                 Content::MaxData { .. } | Content::StopSending { .. } => {}
             }
@@ -165,6 +168,7 @@ impl Connection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::chunk::UnitLane;
     use crate::connection::Config;
     use crate::keys::Keys;
     use crate::packet::data_header;
@@ -221,11 +225,15 @@ mod tests {
         let data = [7; 100];
         for number in 0..257 {
             let block = Block { offset: number * 6400, length: 6400, shard: 100, count: 2 };
-            let chunk = Chunk::Repair { unit: 0, block, hash: None, index: 0, data: &data };
+            let chunk =
+                Chunk::Repair { lane: UnitLane::Frames, unit: 0, block, hash: None, index: 0, data: &data };
             connection.handle(now(), &sealed(number, &chunk));
         }
         let block = Block { offset: 0, length: 6400, shard: 100, count: 2 };
-        let refused = sealed(257, &Chunk::Repair { unit: 0, block, hash: None, index: 1, data: &data });
+        let refused = sealed(
+            257,
+            &Chunk::Repair { lane: UnitLane::Frames, unit: 0, block, hash: None, index: 1, data: &data },
+        );
         connection.handle(now(), &refused);
         assert_eq!((connection.stats().received, connection.acks.is_new(257)), (258, false));
         connection.handle(now().after(Duration::from_secs(1)), &refused);

@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use super::Connection;
+use super::units::Units;
+use crate::outbox::Outbox;
 
 /// Packets and the path as seen by one end: counts since it was made, and the present state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -92,14 +94,19 @@ impl Connection {
     /// look-up. At most [`STEPS_PER_BYTE`] for each byte received and [`STEPS_PER_PACKET`] for each packet
     /// sent or received.
     #[must_use]
-    pub const fn work(&self) -> u64 {
-        self.frames.work() + self.messages.work() + self.bulk.work() + self.recovery.visited
+    pub fn work(&self) -> u64 {
+        self.frame_lanes().map(Units::work).sum::<u64>()
+            + self.messages.work()
+            + self.bulk.work()
+            + self.recovery.visited
     }
 
     /// The counts of packets, and the state of the path.
     #[must_use]
     pub fn stats(&self) -> PathStats {
-        let (recovery, outbox) = (&self.recovery, &self.frames.outbox);
+        let recovery = &self.recovery;
+        let sent =
+            |count: fn(&Outbox) -> u64| self.frame_lanes().map(|lane| count(&lane.outbox)).sum::<u64>();
         PathStats {
             sent: recovery.sent(),
             sent_bytes: self.sent_bytes,
@@ -107,10 +114,12 @@ impl Connection {
             received_bytes: self.received_bytes,
             forged: self.forged,
             lost: recovery.lost_packets,
-            repeated: outbox.repeated + self.messages.outbox.repeated + self.bulk.outbox.repeated,
-            repair_sent: outbox.repair_sent,
-            frames_repaired: self.frames.inbox.frames_repaired,
-            frames_given_up: outbox.frames_given_up,
+            repeated: sent(|frames| frames.repeated)
+                + self.messages.outbox.repeated
+                + self.bulk.outbox.repeated,
+            repair_sent: sent(|frames| frames.repair_sent),
+            frames_repaired: self.frame_lanes().map(|lane| lane.inbox.frames_repaired).sum(),
+            frames_given_up: sent(|frames| frames.frames_given_up),
             probes: recovery.all_probes,
             datagram_size: self.mtu.known(),
             round_trip: recovery.rtt.smoothed(),

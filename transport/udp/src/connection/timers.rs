@@ -32,7 +32,8 @@ impl Connection {
         or_at(self.acks.due());
         or_at(self.paced_until);
         or_at(self.question_due());
-        or_at(self.frames.outbox.deadline().map(|at| {
+        let deadline = self.frame_lanes().filter_map(|lane| lane.outbox.deadline()).min();
+        or_at(deadline.map(|at| {
             let way = self.recovery.rtt.one_way().as_nanos() as u64;
             Instant::from_nanos(at.as_nanos().saturating_sub(way))
         }));
@@ -64,7 +65,7 @@ impl Connection {
                 self.pings = PROBES;
             }
             if probe == Some(Probe::Repeat) {
-                self.frames.outbox.stop_waiting();
+                self.frame_lanes_mut().for_each(|frames| frames.outbox.stop_waiting());
             }
             if self.recovery.probes() >= BLACK_HOLE && self.mtu.known() > MIN_DATAGRAM {
                 self.mtu.on_black_hole(now);

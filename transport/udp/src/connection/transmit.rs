@@ -1,10 +1,13 @@
 //! Filling packets with pending chunks.
 
 use trimaran_net::Instant;
+use trimaran_wire::ChannelNumber;
 
+use super::units::Units;
 use super::{Closed, Connection};
-use crate::chunk::Chunk;
+use crate::chunk::{Chunk, UnitLane};
 use crate::keys::OVERHEAD;
+use crate::latest::LatestOut;
 use crate::packet::{NUMBERS, data_header};
 use crate::recovery::{Content, Contents, Sent, Verdict};
 use crate::rtt::GRANULARITY;
@@ -19,7 +22,8 @@ impl Connection {
     pub fn poll_transmit(&mut self, now: Instant, out: &mut Vec<u8>) -> bool {
         let mut plain = std::mem::take(&mut self.plain);
         plain.clear();
-        self.frames.outbox.expire(now, now.after(self.recovery.rtt.one_way()));
+        let arrival = now.after(self.recovery.rtt.one_way());
+        self.frame_lanes_mut().for_each(|frames| frames.outbox.expire(now, arrival));
         let sent = self.write_chunks(now, &mut plain);
         let made = !plain.is_empty() && self.seal(now, &plain, sent, out);
         self.plain = plain;
@@ -44,7 +48,9 @@ impl Connection {
         {
             ack.write(plain);
             // This packet leaves anyway.
-            self.latest_out.write_copy(all.saturating_sub(plain.len()), plain, &mut contents);
+            for values in self.values_out_mut() {
+                values.write_copy(all.saturating_sub(plain.len()), plain, &mut contents);
+            }
             if !contents.is_empty() {
                 return Some(contents);
             }
@@ -67,14 +73,23 @@ impl Connection {
         self.frames.write_words(plain, &mut contents);
         self.messages.write_words(plain, &mut contents);
         self.bulk.write_words(plain, &mut contents);
-        self.latest_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
-        // In turn: neither of the two waits for all data of the other.
-        let (first, second) = match self.recovery.next_number() % 2 {
-            0 => (&mut self.messages, &mut self.frames),
-            _ => (&mut self.frames, &mut self.messages),
-        };
-        first.write(all, plain, &mut contents);
-        second.write(all, plain, &mut contents);
+        for channel in &mut self.channels {
+            channel.units.write_words(plain, &mut contents);
+        }
+        for values in self.values_out_mut() {
+            values.write(all.saturating_sub(plain.len()), plain, &mut contents);
+        }
+        // In turn: messages, frames and those of channels do not wait for all data of each other.
+        let turns = 2 + self.channels.len() as u64;
+        let first = self.recovery.next_number() % turns;
+        for turn in (first..turns).chain(0..first) {
+            let lane = match turn {
+                0 => UnitLane::Messages,
+                1 => UnitLane::Frames,
+                other => UnitLane::Channel(ChannelNumber((other - 2) as u8)),
+            };
+            self.units_mut(lane).write(all, plain, &mut contents);
+        }
         if self.has_room_for_bulk() {
             self.bulk.write(all, plain, &mut contents);
         }
@@ -128,8 +143,8 @@ impl Connection {
 
     /// Whether anything has priority over blocks.
     fn has_precedence(&self) -> bool {
-        self.latest_out.is_due()
-            || self.frames.has_due()
+        self.values_out().any(LatestOut::is_due)
+            || self.frame_lanes().any(Units::has_due)
             || self.messages.has_due()
             || self.bulk.has_words_due()
     }

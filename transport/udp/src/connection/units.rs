@@ -30,8 +30,9 @@ pub(super) struct Units {
 }
 
 impl Units {
-    pub(super) fn frames(config: &Config) -> Self {
-        let mut frames = Self::new(UnitLane::Frames, config, config.window);
+    /// A lane of frames.
+    pub(super) fn frames(lane: UnitLane, config: &Config) -> Self {
+        let mut frames = Self::new(lane, config, config.window);
         frames.send_buffer = config.send_buffer;
         frames.outbox.frame_deadline = config.frame_deadline;
         frames.outbox.repair = Budget::new(config.repair, config.repair_percent);

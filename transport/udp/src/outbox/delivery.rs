@@ -132,7 +132,10 @@ mod tests {
         outbox.expire(at(45), at(50));
         assert_eq!((outbox.frames_given_up, outbox.kept()), (1, UNIT_COST));
         out.clear();
-        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
+        assert_eq!(
+            outbox.write_next(1172, 1172, &mut out),
+            Some(Content::GiveUp { lane: UnitLane::Frames, unit: 0 })
+        );
         assert!(!outbox.has_due());
         outbox.on_give_up_loss(0);
         assert!(outbox.has_due());
@@ -149,7 +152,10 @@ mod tests {
         outbox.expire(at(50), at(55));
         let mut out = Vec::new();
         for _ in 0..3 {
-            assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
+            assert_eq!(
+                outbox.write_next(1172, 1172, &mut out),
+                Some(Content::GiveUp { lane: UnitLane::Frames, unit: 0 })
+            );
             outbox.on_give_up_loss(0);
         }
         assert!(!outbox.is_empty());
@@ -169,7 +175,10 @@ mod tests {
         outbox.on_ack(0, 0..3, false);
         outbox.expire(at(50), at(55));
         let mut out = Vec::new();
-        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
+        assert_eq!(
+            outbox.write_next(1172, 1172, &mut out),
+            Some(Content::GiveUp { lane: UnitLane::Frames, unit: 0 })
+        );
         let Ok(Chunk::GiveUp { about, head, .. }) = Chunk::read(&mut Reader::new(&out), &format) else {
             panic!("{out:?}")
         };
@@ -222,7 +231,7 @@ mod tests {
     #[test]
     fn what_repair_restores_is_not_sent_again_and_the_frame_is_confirmed() {
         let (mut outbox, sent) = repaired(400);
-        let shard = |index| Content::Repair { unit: 0, offset: 0, index };
+        let shard = |index| Content::Repair { lane: UnitLane::Frames, unit: 0, offset: 0, index };
         assert_eq!(sent[3..], [part(300..400, true), shard(0), shard(1)]);
         outbox.on_ack(0, 0..100, false);
         outbox.on_loss(0, 100..200, false);

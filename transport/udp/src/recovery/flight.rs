@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use smallvec::SmallVec;
 use trimaran_net::Instant;
+use trimaran_wire::ChannelNumber;
 
 use crate::chunk::UnitLane;
 use crate::packet::{MIN_DATAGRAM, PacketNumber};
@@ -24,9 +25,12 @@ pub(crate) enum Content {
         ended: bool,
     },
     Latest {
+        channel: Option<ChannelNumber>,
         number: u64,
     },
-    LastLatest,
+    LastLatest {
+        channel: Option<ChannelNumber>,
+    },
     MaxData {
         lane: UnitLane,
     },
@@ -34,10 +38,12 @@ pub(crate) enum Content {
         lane: UnitLane,
     },
     GiveUp {
+        lane: UnitLane,
         unit: u64,
     },
     /// A repair shard of the block at `offset`: useful while it is fresh, and never retransmitted.
     Repair {
+        lane: UnitLane,
         unit: u64,
         offset: u64,
         index: u8,

@@ -16,7 +16,7 @@ const THERE: ConnectionId = ConnectionId(20);
 const VALUE: &[u8] = b"something to be hidden";
 
 fn config() -> Config {
-    Config::new(Format { latest: VALUE.len(), header: 0, item: 4, count_coded: |_| None })
+    Config::new(Format { latest: VALUE.len(), header: 0, item: 4, ..Format::default() })
 }
 
 fn now() -> Instant {
@@ -82,30 +82,30 @@ fn talk((mut here, mut there): (Connection, Connection)) -> Vec<u8> {
     let value = FixedBytes::from_slice(VALUE);
     let mut packet = Vec::new();
     for (from, to) in [(&mut here, &mut there)] {
-        from.publish(value.clone());
+        from.publish(None, value.clone());
         assert!(from.poll_transmit(now(), &mut packet));
         for at in 0..packet.len() {
             let mut forged = packet.clone();
             forged[at] ^= 4;
             to.handle(now(), &forged);
-            assert_eq!((to.latest(), to.closed()), (None, None), "byte {at}");
+            assert_eq!((to.latest(None), to.closed()), (None, None), "byte {at}");
         }
         to.handle(now(), &packet);
-        assert_eq!(to.latest(), Some(value.clone()));
+        assert_eq!(to.latest(None), Some(value.clone()));
         let (later, mut ack) = (now().after(Duration::from_millis(1)), Vec::new());
         assert!(to.poll_transmit(later, &mut ack), "an acknowledgement is owed");
         to.handle(later, &packet);
-        assert_eq!(to.latest(), None, "a replay");
+        assert_eq!(to.latest(None), None, "a replay");
         assert!(
             !to.poll_transmit(later.after(Duration::from_millis(1)), &mut ack),
             "a replay is not acknowledged"
         );
     }
-    there.publish(value.clone());
+    there.publish(None, value.clone());
     let mut back = Vec::new();
     assert!(there.poll_transmit(now(), &mut back));
     here.handle(now(), &back);
-    assert_eq!(here.latest(), Some(value));
+    assert_eq!(here.latest(None), Some(value));
     packet
 }
 

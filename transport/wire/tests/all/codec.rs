@@ -9,17 +9,17 @@ use std::time::Duration;
 use bytes::{Bytes, BytesMut};
 use proptest::prelude::*;
 use trimaran_wire::{
-    Accept, BatchSize, CloseReason, Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd,
-    FrameMessage, FrameNumber, FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, IdleTimeout,
-    Lane, MAX_BLOCK, MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial,
-    SessionId,
+    Accept, BatchSize, ChannelFormat, ChannelList, ChannelName, ChannelNumber, ChannelSizes, CloseReason,
+    Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd, FrameMessage, FrameNumber,
+    FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, IdleTimeout, Lane, MAX_BLOCK, MAX_CHANNELS,
+    MAX_HELLO, MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId,
 };
 
-use crate::refusals::refusals;
+use crate::refusals::{longest_channel, refusals};
 
 /// The sizes of an application whose values and headers need more than a [`FixedBytes`] has on the stack, and
 /// less.
-const FORMAT: Format = Format { latest: 120, header: 8, item: 4, count_coded: |_| None };
+const FORMAT: Format = Format { latest: 120, header: 8, item: 4, count_coded: |_| None, channels: &[] };
 
 fn bytes(length: impl Into<prop::collection::SizeRange>) -> impl Strategy<Value = Vec<u8>> {
     prop::collection::vec(any::<u8>(), length)
@@ -34,7 +34,20 @@ fn text() -> impl Strategy<Value = Explanation> {
 }
 
 fn lane() -> impl Strategy<Value = Lane> {
-    prop_oneof![Just(Lane::Latest), Just(Lane::Frames), Just(Lane::Messages), Just(Lane::Bulk)]
+    let channel = any::<u8>().prop_map(|number| Lane::Channel(ChannelNumber(number)));
+    prop_oneof![Just(Lane::Latest), Just(Lane::Frames), Just(Lane::Messages), Just(Lane::Bulk), channel]
+}
+
+fn channel() -> impl Strategy<Value = ChannelFormat> {
+    let sizes = prop_oneof![
+        any::<u16>().prop_map(|value| ChannelSizes::Latest { value }),
+        any::<(u16, u16)>().prop_map(|(header, item)| ChannelSizes::Frames { header, item }),
+    ];
+    (any::<String>(), sizes).prop_map(|(name, sizes)| ChannelFormat { name: ChannelName::new(&name), sizes })
+}
+
+fn channels() -> impl Strategy<Value = ChannelList> {
+    prop::collection::vec(channel(), 0..=MAX_CHANNELS).prop_map(|channels| channels.into_iter().collect())
 }
 
 fn idle_timeout() -> impl Strategy<Value = IdleTimeout> {
@@ -42,13 +55,14 @@ fn idle_timeout() -> impl Strategy<Value = IdleTimeout> {
 }
 
 fn hello() -> impl Strategy<Value = Message> {
-    (any::<String>(), any::<u64>(), lane(), idle_timeout(), bytes(0..=MAX_HELLO)).prop_map(
-        |(protocol, session, lane, idle_timeout, application)| {
+    (any::<String>(), any::<u64>(), lane(), idle_timeout(), channels(), bytes(0..=MAX_HELLO)).prop_map(
+        |(protocol, session, lane, idle_timeout, channels, application)| {
             Message::Hello(Hello {
                 protocol: ProtocolName::new(&protocol),
                 session: SessionId(session),
                 lane,
                 idle_timeout,
+                channels,
                 application: application.into(),
             })
         },
@@ -65,6 +79,13 @@ fn refusal() -> impl Strategy<Value = Refusal> {
         session.prop_map(|session| Refusal::Unpaired { session }),
         Just(Refusal::Busy),
         (text(), text()).prop_map(|(claimed, known)| Refusal::Key { claimed, known }),
+        (any::<u8>(), prop::option::of(channel()), prop::option::of(channel())).prop_map(
+            |(number, listener, connector)| Refusal::Channel {
+                number: ChannelNumber(number),
+                listener,
+                connector
+            }
+        ),
     ]
 }
 
@@ -265,7 +286,8 @@ fn the_longest_control_messages_are_taken() {
     let text = Explanation::new(&"x".repeat(1000));
     let name = ProtocolName::new(&"x".repeat(1000));
     assert_eq!((text.as_str().len(), name.as_str().len()), (200, 32));
-    let (session, lane) = (SessionId(u64::MAX), Lane::Frames);
+    let (session, lane) = (SessionId(u64::MAX), Lane::Channel(ChannelNumber(u8::MAX)));
+    let channels: ChannelList = vec![longest_channel(); MAX_CHANNELS].into_iter().collect();
     let idle_timeout = Duration::MAX.into();
     let application = Bytes::from(vec![7; MAX_HELLO]);
     let mut messages = vec![
@@ -274,6 +296,7 @@ fn the_longest_control_messages_are_taken() {
             session,
             lane,
             idle_timeout,
+            channels,
             application: application.clone(),
         }),
         Message::Accept(Accept { idle_timeout, application }),

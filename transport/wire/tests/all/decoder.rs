@@ -2,7 +2,7 @@
 
 use trimaran_wire::{BatchError, DecodeFault, Decoder, Format, Kind, Message, Refusal, WireVersion};
 
-const FORMAT: Format = Format { latest: 12, header: 8, item: 4, count_coded: |_| None };
+const FORMAT: Format = Format { latest: 12, header: 8, item: 4, count_coded: |_| None, channels: &[] };
 
 /// A message of this kind with any payload.
 fn message(kind: Kind, payload: &[u8]) -> Vec<u8> {

@@ -5,9 +5,10 @@ use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_wire::{
-    Accept, BatchSize, CloseReason, Decoder, Explanation, Fixed, Format, FrameEnd, FrameMessage, FrameNumber,
-    FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK, MAX_FIXED, MAX_HELLO, MAX_MESSAGE,
-    Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
+    Accept, BatchSize, Channel, ChannelList, ChannelNumber, CloseReason, Decoder, Explanation, Fixed, Format,
+    FrameEnd, FrameMessage, FrameNumber, FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_BLOCK,
+    MAX_FIXED, MAX_HELLO, MAX_MESSAGE, Message, Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial,
+    SessionId, WireVersion, to_bytes,
 };
 
 use crate::examples::{check, hex};
@@ -37,7 +38,15 @@ fn messages() -> Vec<(&'static str, Message)> {
         session: SessionId(5),
         lane: Lane::Latest,
         idle_timeout: IDLE_TIMEOUT.into(),
+        channels: ChannelList::default(),
         application: hello("arm"),
+    };
+    const CHANNELS: &[Channel] =
+        &[Channel::latest::<Time>("clock"), Channel::frames::<Pose, u32>("back lidar")];
+    let with_channels = Hello {
+        lane: Lane::Channel(ChannelNumber(1)),
+        channels: ChannelList::of(CHANNELS),
+        ..introduced.clone()
     };
     let frames = [
         ("begin", FrameMessage::Begin { frame, header: to_bytes(&Time(1000)) }),
@@ -54,6 +63,7 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("refuse", Message::Refuse(Refusal::Rejected(Rejection::new(1, "full")))),
         ("close", Message::Close(CloseReason::new(3, "no power"))),
         ("keep-alive", Message::KeepAlive),
+        ("hello-channels", Message::Hello(with_channels)),
         ("latest-value", Message::Latest(pose.clone())),
         ("numbered-value", Message::Numbered(Numbered { number: Serial(5), value: pose })),
     ];
@@ -110,7 +120,7 @@ fn the_table_of_codes_and_lengths_is_the_crates() {
         let (lengths, _) = rest.split_once(" |").unwrap();
         let (least, most) = lengths.split_once(" to ").unwrap_or((lengths, lengths));
         for format in
-            [Format::of::<Robot>(), Format { latest: 72, header: 0, item: 256, count_coded: |_| None }]
+            [Format::of::<Robot>(), Format { latest: 72, header: 0, item: 256, ..Format::default() }]
         {
             assert_eq!(length(least, &format)..=length(most, &format), kind.lengths(&format), "{kind}");
         }
@@ -153,6 +163,7 @@ fn the_reasons_have_the_numbers_of_the_page_and_some_pass() {
         ("another lane", true),
         ("too many peers or handshakes", true),
         ("the key of who connects", false),
+        ("the channels differ", false),
     ];
     assert_eq!(rows.len(), reasons.len());
     for (number, ((row, (reason, passing)), refusal)) in

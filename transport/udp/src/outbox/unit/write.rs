@@ -40,20 +40,20 @@ impl Unit {
         out: &mut Vec<u8>,
     ) -> Option<(Content, u64)> {
         if let Some(GivingUp { about, head, due }) = &mut self.given_up {
-            let chunk = Chunk::GiveUp { unit: number, about: *about, head };
+            let chunk = Chunk::GiveUp { lane, unit: number, about: *about, head };
             write_if_fits(&chunk, room, out)?;
             *due = false;
-            return Some((Content::GiveUp { unit: number }, 0));
+            return Some((Content::GiveUp { lane, unit: number }, 0));
         }
         let written = self.written();
-        let overhead = part_overhead(number, written);
+        let overhead = part_overhead(lane, number, written);
         let fresh = (written - self.sent).min(allowed);
         let lost = self.lost.iter().next();
         let wanted = match lost {
             Some(range) => range,
             None if fresh > 0 => self.sent..self.sent + fresh,
             None if self.is_end_due() => self.sent..self.sent,
-            None => return self.write_repair(number, room, out).map(|content| (content, 0)),
+            None => return self.write_repair((lane, number), room, out).map(|content| (content, 0)),
         };
         let shard = self.shard as u64;
         let wanted = wanted.start..wanted.end.min((wanted.start / shard + 1) * shard);
@@ -79,11 +79,16 @@ impl Unit {
         Some((Content::Part { lane, unit: number, range, ended }, first_time))
     }
 
-    fn write_repair(&mut self, number: u64, room: usize, out: &mut Vec<u8>) -> Option<Content> {
+    fn write_repair(
+        &mut self,
+        (lane, number): (UnitLane, u64),
+        room: usize,
+        out: &mut Vec<u8>,
+    ) -> Option<Content> {
         let Repair { block, hash, index, data } = self.repair.front()?;
-        let chunk = Chunk::Repair { unit: number, block: *block, hash: *hash, index: *index, data };
+        let chunk = Chunk::Repair { lane, unit: number, block: *block, hash: *hash, index: *index, data };
         write_if_fits(&chunk, room, out)?;
-        let content = Content::Repair { unit: number, offset: block.offset, index: *index };
+        let content = Content::Repair { lane, unit: number, offset: block.offset, index: *index };
         self.repair.pop_front();
         Some(content)
     }

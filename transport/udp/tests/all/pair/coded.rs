@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use proptest::prelude::*;
-use trimaran_udp::{Config, Connection};
+use trimaran_udp::{Config, Connection, UnitLane};
 use trimaran_wire::{BatchSize, FrameNumber};
 
 use super::network::{CLEAN, Network, Pair, SEALED};
@@ -72,12 +72,12 @@ fn a_frame_is_confirmed_once_all_of_it_was_acknowledged() {
     let (mut sender, mut reader) = (Sender::new(config), Reader::default());
     let items: Vec<u32> = (0..4000).map(|item| item * 1000).collect();
     sender.send(&mut pair.ends[0], 7, &items);
-    assert_eq!(pair.ends[0].confirmed_frame(), None);
+    assert_eq!(pair.ends[0].confirmed_frame(UnitLane::Frames), None);
     while !pair.ends[0].is_drained() {
-        assert_eq!(pair.ends[0].confirmed_frame(), None, "only a part has arrived");
+        assert_eq!(pair.ends[0].confirmed_frame(UnitLane::Frames), None, "only a part has arrived");
         assert!(pair.step(pair.now.after(Duration::from_secs(1))));
     }
-    assert_eq!(pair.ends[0].confirmed_frame(), Some(FrameNumber(7)));
+    assert_eq!(pair.ends[0].confirmed_frame(UnitLane::Frames), Some(FrameNumber(7)));
     let before = pair.bytes[0];
     sender.send(&mut pair.ends[0], 8, &items);
     while !pair.ends[0].is_drained() {
@@ -102,7 +102,10 @@ fn a_frame_that_was_given_up_is_never_confirmed() {
         assert!(pair.step(pair.now.after(Duration::from_secs(10))));
         reader.read(&mut pair.ends[1]);
     }
-    assert_eq!((reader.gaps.as_slice(), pair.ends[0].confirmed_frame()), (&[(0, 1)][..], None));
+    assert_eq!(
+        (reader.gaps.as_slice(), pair.ends[0].confirmed_frame(UnitLane::Frames)),
+        (&[(0, 1)][..], None)
+    );
     assert_eq!(pair.ends.each_ref().map(Connection::closed), [None, None]);
 }
 

@@ -64,11 +64,11 @@ fn more_units_than_may_be_under_way_pass() {
 #[test]
 fn the_last_value_arrives_although_nothing_follows() {
     let mut pair = Pair::new(Network { loss: 500, ..CLEAN }, config());
-    pair.ends[0].publish(value(7));
+    pair.ends[0].publish(None, value(7));
     let end = Instant::from_nanos(0).after(Duration::from_secs(19));
     let mut read = None;
     while read.is_none() && pair.step(end) {
-        read = pair.ends[1].latest();
+        read = pair.ends[1].latest(None);
     }
     assert_eq!(read, Some(value(7)));
 }
@@ -126,7 +126,7 @@ fn a_lost_close_is_told_again_to_who_goes_on() {
         pair.transmit();
         assert_eq!(pair.sent, 1, "two calls, one packet");
         pair.network.loss = 0;
-        pair.ends[1].publish(value(1));
+        pair.ends[1].publish(None, value(1));
         while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
         assert_eq!(pair.ends[1].closed(), Some(&Closed::Peer));
         assert_eq!(pair.sent, 3, "the value and one more close");
@@ -229,7 +229,7 @@ fn values_that_newer_ones_replace_wait_in_their_place_and_fill_no_memory() {
     let mut pair = Pair::new(CLEAN, config);
     pair.deaf = true;
     for number in 0..10_000 {
-        pair.ends[0].publish(value(number));
+        pair.ends[0].publish(None, value(number));
         pair.now = pair.now.after(Duration::from_micros(100));
         pair.transmit();
     }
@@ -239,7 +239,7 @@ fn values_that_newer_ones_replace_wait_in_their_place_and_fill_no_memory() {
     while !pair.ends[0].is_drained() {
         assert!(pair.step(Instant::from_nanos(0).after(Duration::from_secs(19))));
     }
-    assert_eq!(pair.ends[1].latest(), Some(value(9_999)));
+    assert_eq!(pair.ends[1].latest(None), Some(value(9_999)));
 }
 
 #[test]
@@ -268,14 +268,14 @@ fn a_peer_that_acknowledges_nothing_is_given_up_and_costs_no_more() {
     let config = Config { idle_timeout, ..config() };
     let mut pair = Pair::new(CLEAN, config);
     pair.deaf = true;
-    pair.ends[0].publish(value(0));
+    pair.ends[0].publish(None, value(0));
     // It goes on to send, so it is not silent.
     let mut frame = 0;
     while pair.ends[0].closed().is_none()
         && pair.step_until(pair.now.after(Duration::from_millis(100)), Instant::from_nanos(u64::MAX))
     {
         frame += 1;
-        pair.ends[1].publish(value(frame));
+        pair.ends[1].publish(None, value(frame));
         assert!(pair.now < Instant::from_nanos(0).after(idle_timeout * 2));
     }
     assert_eq!(pair.ends[0].closed(), Some(&Closed::Deaf(idle_timeout)));

@@ -43,7 +43,7 @@ impl Travel {
         while self.pair.now < end {
             if talk && self.pair.now >= self.next {
                 self.next = self.pair.now.after(FRAME);
-                self.pair.ends[DISPLAY].publish(value(self.frame));
+                self.pair.ends[DISPLAY].publish(None, value(self.frame));
                 self.reader.begun.push(self.pair.now);
                 self.sender.send(&mut self.pair.ends[MACHINE], self.frame, &items(4000));
                 self.frame += 1;
@@ -68,7 +68,7 @@ impl Travel {
         }
         assert_eq!(self.reader.frames.len(), self.frame as usize);
         assert!(self.reader.frames.iter().all(|frame| *frame == items(4000)));
-        assert_eq!(self.pair.ends[MACHINE].latest(), Some(value(self.frame - 1)));
+        assert_eq!(self.pair.ends[MACHINE].latest(None), Some(value(self.frame - 1)));
         *self.reader.latencies().last().unwrap()
     }
 }
@@ -161,13 +161,13 @@ fn an_old_packet_from_elsewhere_leads_nowhere() {
     travel.talk();
     // A copy of a received packet, and a new packet that is not the newest.
     let mut late = Vec::new();
-    travel.pair.ends[DISPLAY].publish(value(1000));
+    travel.pair.ends[DISPLAY].publish(None, value(1000));
     assert!(travel.pair.ends[DISPLAY].poll_transmit(travel.pair.now, &mut late));
     travel.pair.ends[DISPLAY].ping();
     travel.go_on(Duration::from_millis(20), false);
     travel.pair.launch(elsewhere, machine, ONE_WAY, late.clone());
     travel.go_on(Duration::from_millis(20), false);
-    assert_eq!(travel.pair.ends[MACHINE].latest(), Some(value(1000)), "it counts, wherever it came from");
+    assert_eq!(travel.pair.ends[MACHINE].latest(None), Some(value(1000)), "it counts, wherever it came from");
     travel.pair.launch(elsewhere, machine, ONE_WAY, late.clone());
     travel.go_on(Duration::from_secs(3), false);
     assert_eq!(travel.remote(MACHINE), Some(travel.pair.at[DISPLAY]));

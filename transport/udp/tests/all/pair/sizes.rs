@@ -25,7 +25,7 @@ fn came(network: Network, config: Config, counts: &[u32]) -> Vec<u32> {
     let mut pair = Pair::new(network, config);
     let (header, mut came, mut next) = (FixedBytes::from_elem(3, config.format.header), Vec::new(), 0);
     for (frame, count) in (0..).zip(counts) {
-        pair.ends[0].publish(FixedBytes::from_elem(frame as u8, config.format.latest));
+        pair.ends[0].publish(None, FixedBytes::from_elem(frame as u8, config.format.latest));
         let begin = FrameMessage::Begin { frame: FrameNumber(frame), header: header.clone() };
         pair.ends[0].send(&begin);
         for first in (0..*count).step_by(config.batch.items()) {
@@ -66,7 +66,7 @@ fn came(network: Network, config: Config, counts: &[u32]) -> Vec<u32> {
         }
     }
     assert_eq!(
-        pair.ends[1].latest(),
+        pair.ends[1].latest(None),
         Some(FixedBytes::from_elem(counts.len() as u8 - 1, config.format.latest))
     );
     came

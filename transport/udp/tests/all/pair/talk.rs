@@ -40,7 +40,7 @@ impl Sender {
     pub(crate) fn send(&mut self, end: &mut Connection, frame: u32, items: &[u32]) {
         let Self { writer, changes, reliable } = self;
         let newest = changes.as_ref().and_then(Changes::newest);
-        let reference = if *reliable { newest } else { end.confirmed_frame() };
+        let reference = if *reliable { newest } else { end.confirmed_frame(UnitLane::Frames) };
         let mut send = |message| {
             let coded = match (&changes, &message) {
                 (Some(changes), FrameMessage::Batch(bytes)) => changes.encode(reference, bytes),
@@ -172,7 +172,7 @@ pub(crate) fn converse(
             next = pair.now.after(pause);
             match waiting.next() {
                 Some((frame, items)) => {
-                    pair.ends[0].publish(value(frame));
+                    pair.ends[0].publish(None, value(frame));
                     reader.begun.push(pair.now);
                     sender.send(&mut pair.ends[0], frame, items);
                     if frame as usize + 1 == frames.len() {
@@ -194,7 +194,7 @@ pub(crate) fn converse(
         assert_eq!((pair.ends[0].closed(), pair.ends[1].closed()), (None, None));
         reader.now = pair.now;
         reader.read(&mut pair.ends[1]);
-        newest = pair.ends[1].latest().or(newest);
+        newest = pair.ends[1].latest(None).or(newest);
     }
     assert_eq!(reader.ended, Some(Received::Closed(CloseReason::new(0, "over"))));
     assert_eq!(reader.frames.len(), frames.len());
@@ -238,5 +238,5 @@ pub(crate) const RELIABLE: Config = Config {
     max_datagram: 1452,
     batch: BatchSize::MAX,
     coded: false,
-    format: Format { latest: 72, header: 72, item: 4, count_coded: count },
+    format: Format { latest: 72, header: 72, item: 4, count_coded: count, channels: &[] },
 };
